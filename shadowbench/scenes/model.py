@@ -249,6 +249,13 @@ class View:
         """A name for files: scene, camera, light, size."""
         return f"{self.scene.name}.{self.camera.name}.{self.light.name}.{self.size}"
 
+    @property
+    def near_far(self) -> tuple[float, float]:
+        """The camera's planes; `view_of` gave them numbers."""
+        if self.camera.near is None or self.camera.far is None:
+            raise ValueError("a view is made by view_of, which resolves the camera's planes")
+        return self.camera.near, self.camera.far
+
     def placed(self, coordinates: Coordinates = "relative") -> "tuple[View, Placement]":
         """The view in local coordinates, and how it got there; "absolute" keeps the file's own."""
         placement = self.scene.placement if coordinates == "relative" else AS_FILED
@@ -260,13 +267,14 @@ def view_of(scene: Scene, camera: Camera, light: Light, size: int) -> View:
     """The view with the camera's planes given numbers.
 
     By the scene's bounds: far is the distance to their farthest corner, near the distance to them but at least
-    far/10⁴. Planes that a file gives are clamped to that range, so that no depth range is spent on emptiness.
+    far/10⁴, each a thousandth wider so that a face lying on the bounds is not cut by rounding. Planes that a file
+    gives are clamped to that range, so that no depth range is spent on emptiness.
     """
     low, high = scene.geometry.bounds
     position = np.asarray(camera.position)
     farthest = float(np.linalg.norm(np.maximum(np.abs(low - position), np.abs(high - position))))
     nearest = float(np.linalg.norm(np.maximum(np.maximum(low - position, position - high), 0.0)))
-    nearest = max(nearest, farthest / 1e4)
+    nearest, farthest = max(nearest, farthest / 1e4) * 0.999, farthest * 1.001
     near = nearest if camera.near is None else min(max(camera.near, nearest), farthest)
     far = farthest if camera.far is None else min(max(camera.far, nearest), farthest)
     return View(scene, replace(camera, near=near, far=far), light, size)

@@ -1,0 +1,41 @@
+# Everything runs from .venv, which `setup` keeps ready; nothing needs to be installed before `make`.
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test test-slow lint clean
+
+bin := .venv/bin
+gl_4_1 := MESA_GL_VERSION_OVERRIDE=4.1FC MESA_GLSL_VERSION_OVERRIDE=410
+two_cores := -n 2 --dist loadfile
+
+help:
+	@echo "make demo       three scenes, a table and pictures, into results/latest/"
+	@echo "make test       lint and the fast tests"
+	@echo "make test-slow  the slow tests, and the GL tests once more as OpenGL 4.1"
+	@echo "make lint       format, ruff, mypy, the arrows between the packages"
+	@echo "make setup      what the others do first: system packages and .venv"
+	@echo "make clean      remove .venv, caches and results/latest/"
+
+setup:
+	@sh tools/setup.sh
+
+demo: setup
+	@$(bin)/shadowbench run -s benchmarks/demo.toml -o results/latest
+	@echo "Table:    results/latest/table.csv"
+	@echo "Pictures: results/latest/pictures/"
+
+test: lint
+	$(bin)/pytest -q -m "not slow and not alone" $(two_cores)
+	$(bin)/pytest -q -m "not slow and alone"
+
+test-slow: setup
+	$(bin)/pytest -q -m slow
+	$(gl_4_1) $(bin)/pytest -q -m "not slow and not alone" $(two_cores) tests/gl tests/techniques
+
+lint: setup
+	$(bin)/ruff format --check
+	$(bin)/ruff check
+	$(bin)/mypy --no-error-summary
+	$(bin)/lint-imports --no-cache
+
+clean:
+	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks build dist results/latest
+	find shadowbench tests benchmarks -name __pycache__ -prune -exec rm -rf {} +

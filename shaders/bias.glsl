@@ -1,0 +1,22 @@
+// The chosen bias. A bias file defines what it needs of
+//   BIAS_HAS_MOVE      vec3 bias_move(Receiver r, vec2 texel): how far the receiver moves before it is projected
+//   BIAS_HAS_DEPTH     float bias_depth(Receiver r, MapPoint p): what is subtracted from its depth
+//   BIAS_HAS_GRADIENT  vec2 bias_gradient(Receiver r, MapPoint p): its depth's gradient over uv
+// and the rest is nothing.
+uniform float filter_radius;  // texels
+
+float tan_theta(Receiver r) {
+    return sqrt(max(1.0 - r.cosine * r.cosine, 0.0)) / max(r.cosine, 1e-6);
+}
+
+#include <bias>
+
+#ifndef BIAS_HAS_MOVE
+vec3 bias_move(Receiver r, vec2 texel) { return vec3(0.0); }
+#endif
+#ifndef BIAS_HAS_DEPTH
+float bias_depth(Receiver r, MapPoint p) { return 0.0; }
+#endif
+#ifndef BIAS_HAS_GRADIENT
+vec2 bias_gradient(Receiver r, MapPoint p) { return vec2(0.0); }
+#endif

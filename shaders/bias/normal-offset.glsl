@@ -1,0 +1,13 @@
+// Moves the receiver off its surface by the filter's reach (Holbert 2011), which is also how far a texel's stored
+// depth can lie in front of it.
+#define BIAS_HAS_MOVE
+#define BIAS_HAS_DEPTH
+uniform float bias_scale;
+uniform float bias_ulps;
+
+vec3 bias_move(Receiver r, vec2 texel) {
+    float sine = sqrt(max(1.0 - r.cosine * r.cosine, 0.0));
+    return r.normal * (bias_scale * filter_radius * length(texel) * sine);
+}
+
+float bias_depth(Receiver r, MapPoint p) { return bias_ulps * depth_step; }

@@ -1,0 +1,24 @@
+// Compares every texel with the receiver's plane above that texel's own centre (Isidoro 2006, with the plane taken
+// from the geometric normal instead of screen derivatives, which break where two surfaces meet in a pixel quad).
+#define BIAS_HAS_GRADIENT
+#define BIAS_HAS_DEPTH
+uniform float bias_limit;
+uniform float bias_ulps;
+
+vec2 bias_gradient(Receiver r, MapPoint p) {
+#ifdef BIAS_GRADIENT_DERIVATIVE
+    vec3 dx = dFdx(vec3(p.uv, p.depth));
+    vec3 dy = dFdy(vec3(p.uv, p.depth));
+    float determinant = dx.x * dy.y - dx.y * dy.x;
+    vec2 gradient = vec2(dy.y * dx.z - dx.y * dy.z, dx.x * dy.z - dy.x * dx.z) / determinant;
+    if (determinant == 0.0) gradient = vec2(0.0);
+#else
+    // A plane maps by the inverse transpose of what maps the points.
+    vec4 plane = vec4(r.normal, -dot(r.normal, r.position)) * map_to_world;
+    vec2 gradient = -plane.xy / plane.z;
+    if (plane.z == 0.0) gradient = vec2(0.0);
+#endif
+    return gradient * min(1.0, bias_limit / max(tan_theta(r), 1e-6));
+}
+
+float bias_depth(Receiver r, MapPoint p) { return bias_ulps * depth_step; }

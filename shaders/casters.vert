@@ -1,0 +1,7 @@
+// Casters as a light sees them.
+in vec3 position;
+uniform mat4 world_to_clip;
+
+void main() {
+    gl_Position = world_to_clip * vec4(position, 1.0);
+}

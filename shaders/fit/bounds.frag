@@ -1,0 +1,47 @@
+// One step of a reduction: the box of the visible receivers in light space (Lauritzen, Salvi and Lefohn 2011).
+// FIRST: from the G-buffer; otherwise from the boxes of the step before. REACH² texels become one.
+layout(location = 0) out vec4 low;
+layout(location = 1) out vec4 high;
+const float nothing = 3.0e38;
+
+#ifdef FIRST
+#include "receiver.glsl"
+uniform mat4 world_to_light;
+uniform float perspective;     // 1: x and y are measured at unit distance
+uniform float cos_half_angle;  // of a spot's cone; −1 without one
+
+void read(ivec2 at, out vec3 a, out vec3 b) {
+    Receiver r = receiver_at(at);
+    vec3 p = (world_to_light * vec4(r.position, 1.0)).xyz;
+    p = vec3(perspective > 0.5 ? p.xy / -p.z : p.xy, -p.z);
+    // The third row of the matrix looks back along the light's axis.
+    vec3 back = vec3(world_to_light[0].z, world_to_light[1].z, world_to_light[2].z);
+    bool seen = r.facing && dot(back, r.to_light) >= cos_half_angle;
+    a = seen ? p : vec3(nothing);
+    b = seen ? p : vec3(-nothing);
+}
+#define EXTENT textureSize(surface_position, 0)
+#else
+uniform sampler2D lows;
+uniform sampler2D highs;
+
+void read(ivec2 at, out vec3 a, out vec3 b) {
+    a = texelFetch(lows, at, 0).xyz;
+    b = texelFetch(highs, at, 0).xyz;
+}
+#define EXTENT textureSize(lows, 0)
+#endif
+
+void main() {
+    ivec2 start = ivec2(gl_FragCoord.xy) * REACH;
+    ivec2 stop = min(start + REACH, EXTENT);
+    low = vec4(nothing);
+    high = vec4(-nothing);
+    for (int y = start.y; y < stop.y; ++y)
+        for (int x = start.x; x < stop.x; ++x) {
+            vec3 a, b;
+            read(ivec2(x, y), a, b);
+            low.xyz = min(low.xyz, a);
+            high.xyz = max(high.xyz, b);
+        }
+}

@@ -1,0 +1,18 @@
+in vec3 world;
+in float view_depth;
+uniform sampler2D normals;  // by triangle; w = 1 where it receives
+uniform vec3 eye;
+uniform float far;
+layout(location = 0) out vec4 surface_position;
+layout(location = 1) out vec4 surface_normal;
+layout(location = 2) out int surface_triangle;
+
+void main() {
+    // From the triangle's own data: screen derivatives of the position are wrong at silhouettes.
+    vec4 normal = texelFetch(normals, ivec2(gl_PrimitiveID % 2048, gl_PrimitiveID / 2048), 0);
+    surface_position = vec4(world, 1.0);
+    surface_normal = vec4(dot(normal.xyz, eye - world) < 0.0 ? -normal.xyz : normal.xyz, normal.w);
+    surface_triangle = gl_PrimitiveID;
+    // Linear, because a hyperbolic depth cannot tell apart what lies far away in a deep scene.
+    gl_FragDepth = view_depth / far;
+}

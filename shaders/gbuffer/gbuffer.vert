@@ -1,0 +1,11 @@
+// What the camera sees: position, geometric normal and triangle of every pixel.
+in vec3 position;
+uniform mat4 world_to_clip;
+out vec3 world;
+out float view_depth;
+
+void main() {
+    world = position;
+    gl_Position = world_to_clip * vec4(position, 1.0);
+    view_depth = gl_Position.w;
+}

@@ -1,0 +1,8 @@
+// Reads the G-buffer as every technique does, and answers that all is lit.
+#include "receiver.glsl"
+out float visibility;
+
+void main() {
+    Receiver r = receiver_at(ivec2(gl_FragCoord.xy));
+    visibility = r.facing ? 1.0 : min(1.0, 2.0 + r.cosine);
+}

@@ -1,0 +1,37 @@
+"""Files that are either the old one or the whole new one, also when the program is killed while it writes."""
+
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from shadowbench.errors import InputError
+
+
+@contextmanager
+def replace_file(path: str | Path) -> Iterator[Path]:
+    """Give a file to write in place of `path`; it takes that name when the block ends without an error.
+
+        with replace_file("rows.json") as temporary:
+            temporary.write_text(text)
+
+    The yielded path lies in the same folder (a rename does not cross disks), exists, is empty, and has the
+    suffix of `path`, by which many writers choose their format. When the block raises, it is removed and
+    `path` stays as it was. InputError when the folder cannot be written or `path` is itself a folder.
+    """
+    path = Path(path)
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder; a file name is needed")
+    temporary = path.with_name(f".{path.stem}.{secrets.token_hex(6)}{path.suffix}")
+    try:
+        # Not tempfile: its files are private (0600) and would stay so after the rename.
+        temporary.open("xb").close()
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise InputError(f"{path.parent}: cannot write into this folder ({reason.lower()})") from error
+    try:
+        yield temporary
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)

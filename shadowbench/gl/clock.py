@@ -1,0 +1,117 @@
+"""How long drawing takes, by the clock that is right for the device, and how much work it was.
+
+Software renderers: `finish` on both sides and the wall clock; their timer queries are wrong. Hardware: GL_TIME_ELAPSED,
+which is never nested: whole frames and single passes are measured in different draws.
+"""
+
+import ctypes
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Literal
+
+import moderngl
+
+from shadowbench.gl.device import Device
+
+Changes = Literal["light", "view", "frame"]
+
+# GL_ARB_pipeline_statistics_query
+_STATISTICS = {
+    "vertices": 0x82F0,  # vertex shader invocations
+    "geometry": 0x82F3,  # geometry shader primitives emitted
+    "primitives": 0x82F7,  # clipping output primitives
+    "fragments": 0x82F4,  # fragment shader invocations
+}
+_QUERY_RESULT = 0x8866
+
+
+@dataclass
+class PassTimes:
+    """Milliseconds by pass, and what each pass depends on."""
+
+    ms: dict[str, float] = field(default_factory=dict)
+    changes: dict[str, Changes] = field(default_factory=dict)
+
+    def add(self, name: str, changes: Changes, ms: float) -> None:
+        """Add to a pass; one that is drawn several times a frame sums up."""
+        self.ms[name] = self.ms.get(name, 0.0) + ms
+        self.changes[name] = changes
+
+
+class Clock:
+    """Times frames or their passes. `timed` is what techniques call; outside `passes` it costs nothing."""
+
+    def __init__(self, device: Device) -> None:
+        self._device = device
+        self._passes: PassTimes | None = None
+
+    @property
+    def name(self) -> str:
+        """Which clock, as rows state it."""
+        return "finish+wall" if self._device.software else "gl_time_elapsed"
+
+    def frame(self, draw: Callable[[], object]) -> float:
+        """Milliseconds of one whole draw."""
+        with self._span() as milliseconds:
+            draw()
+        return milliseconds[0]
+
+    def passes(self, draw: Callable[[], object]) -> PassTimes:
+        """Milliseconds of the passes of one draw."""
+        self._passes = times = PassTimes()
+        try:
+            draw()
+        finally:
+            self._passes = None
+        return times
+
+    @contextmanager
+    def timed(self, name: str, changes: Changes = "frame") -> Iterator[None]:
+        """Bracket one pass."""
+        if self._passes is None:
+            yield
+            return
+        with self._span() as milliseconds:
+            yield
+        self._passes.add(name, changes, milliseconds[0])
+
+    @contextmanager
+    def _span(self) -> Iterator[list[float]]:
+        result = [0.0]
+        context = self._device.context
+        if self._device.software:
+            context.finish()
+            start = time.perf_counter()
+            yield result
+            context.finish()
+            result[0] = (time.perf_counter() - start) * 1e3
+            return
+        query: moderngl.Query = context.query(time=True)
+        with query:
+            yield result
+        result[0] = query.elapsed / 1e6
+
+
+def work_of(device: Device, draw: Callable[[], object]) -> dict[str, int]:
+    """Exact counts of one draw: draw calls and, where the driver counts them, shader invocations and primitives."""
+    draws = device.draws
+    if not device.pipeline_statistics:
+        draw()
+        return {"draws": device.draws - draws}
+    raw = device.raw
+    names = (ctypes.c_uint * len(_STATISTICS))()
+    raw("glGenQueries", len(names), names)
+    for name, target in zip(names, _STATISTICS.values(), strict=True):
+        raw("glBeginQuery", target, name)
+    draw()
+    for target in _STATISTICS.values():
+        raw("glEndQuery", target)
+    counts = {"draws": device.draws - draws}
+    for name, counter in zip(names, _STATISTICS, strict=True):
+        value = ctypes.c_uint64()
+        raw("glGetQueryObjectui64v", name, _QUERY_RESULT, ctypes.byref(value))
+        counts[counter] = value.value
+    raw("glDeleteQueries", len(names), names)
+    return counts

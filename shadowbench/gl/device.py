@@ -1,0 +1,98 @@
+"""The one OpenGL context of a process, and what its driver says of itself."""
+
+import sys
+from collections.abc import Hashable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import moderngl
+
+from shadowbench.errors import NoGLError
+from shadowbench.gl.raw import RawGL
+
+_SUBPIXEL_BITS = 0x0D50
+_SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software", "swiftshader", "warp", "basic render")
+
+
+@dataclass(eq=False)
+class Device:
+    """A context (GL 4.1 or newer) with the raw entry points beside it.
+
+    `draws` counts draw calls, `bytes` what textures and buffers hold now.
+    """
+
+    context: moderngl.Context
+    draws: int = 0
+    bytes: int = 0
+    samplers: dict[Hashable, moderngl.Sampler] = field(default_factory=dict)
+
+    @cached_property
+    def raw(self) -> RawGL:
+        """Entry points that moderngl lacks."""
+        return RawGL(self.context)
+
+    @cached_property
+    def renderer(self) -> str:
+        """The driver's name for itself, with its version: rows of different renderers are never mixed."""
+        info = self.context.info
+        return f"{info['GL_RENDERER']}, {info['GL_VERSION']}"
+
+    @cached_property
+    def vendor(self) -> str:
+        """Who made the driver."""
+        return str(self.context.info["GL_VENDOR"])
+
+    @cached_property
+    def software(self) -> bool:
+        """Whether the renderer runs on the CPU, where timer queries say nothing and times are no GPU's."""
+        return any(word in self.renderer.lower() for word in _SOFTWARE)
+
+    @cached_property
+    def version(self) -> int:
+        """410 for OpenGL 4.1."""
+        return int(self.context.version_code)
+
+    @cached_property
+    def max_map_size(self) -> int:
+        """Largest side of a square depth map."""
+        info = self.context.info
+        return min(int(info["GL_MAX_TEXTURE_SIZE"]), *(int(side) for side in info["GL_MAX_VIEWPORT_DIMS"]))
+
+    @cached_property
+    def subpixel_bits(self) -> int:
+        """Bits of the rasteriser's grid: 8 is usual, 4 is all that OpenGL asks for."""
+        return self.raw.integer(_SUBPIXEL_BITS)
+
+    def has(self, extension: str, core: int) -> bool:
+        """Whether the driver has an extension, or a version (450 for 4.5) that contains it."""
+        return self.version >= core or extension in self.context.extensions
+
+    @property
+    def clip_control(self) -> bool:
+        """Whether depth can run from 0 to 1 before the viewport, which reversed z needs."""
+        return self.has("GL_ARB_clip_control", 450)
+
+    @property
+    def pipeline_statistics(self) -> bool:
+        """Whether the driver counts shader invocations and primitives."""
+        return self.has("GL_ARB_pipeline_statistics_query", 460)
+
+    def check(self, what: str) -> None:
+        """Raise RuntimeError when OpenGL has recorded an error since the last check."""
+        error = self.context.error
+        if error != "GL_NO_ERROR":
+            raise RuntimeError(f"OpenGL error {error} in {what}")
+
+
+def open_device() -> Device:
+    """A context without a window; raises NoGLError with what to install."""
+    options = {"backend": "egl"} if sys.platform.startswith("linux") else {}
+    try:
+        context = moderngl.create_context(standalone=True, require=410, **options)
+    except Exception as error:  # moderngl and glcontext raise bare Exceptions of many texts
+        raise NoGLError(
+            f"no OpenGL 4.1 context ({str(error).strip() or type(error).__name__}); on Debian and Ubuntu without a GPU: "
+            "apt-get install libegl1 libgl1-mesa-dri libgl1"
+        ) from error
+    context.gc_mode = "auto"
+    return Device(context)

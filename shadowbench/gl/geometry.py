@@ -1,0 +1,54 @@
+"""A scene's triangles on the device: one vertex buffer, indices of all faces and of those that cast."""
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from shadowbench.gl.device import Device
+from shadowbench.gl.program import Drawable, Program
+from shadowbench.scenes.model import Geometry
+
+_ROW = 2048  # triangles a row of the per-triangle textures
+
+
+class DeviceGeometry:
+    """Uploaded once a scene; techniques draw `casters`, the G-buffer draws `everything`.
+
+    `normals` and `colors` are textures addressed by triangle: texel (id % 2048, id / 2048). The fourth component of a
+    normal is 1 for triangles that receive shadows.
+    """
+
+    def __init__(self, device: Device, geometry: Geometry) -> None:
+        context = device.context
+        self._vertices = context.buffer(geometry.vertices.astype(np.float32).tobytes())
+        self._faces = context.buffer(geometry.faces.astype(np.uint32).tobytes())
+        casters = geometry.caster_faces
+        self.caster_count = len(casters)
+        whole = self.caster_count in (0, len(geometry.faces))
+        self._casters = self._faces if whole else context.buffer(casters.astype(np.uint32).tobytes())
+        self.normals = self._texture(device, np.column_stack([geometry.normals, geometry.receives]))
+        self.colors = self._texture(device, np.column_stack([geometry.colors, np.ones(len(geometry.faces))]))
+
+    @staticmethod
+    def _texture(device: Device, rows: NDArray[np.float64]) -> moderngl.Texture:
+        height = -(-len(rows) // _ROW)
+        texels = np.zeros((height * _ROW, 4), dtype=np.float32)
+        texels[: len(rows)] = rows
+        return device.context.texture((_ROW, height), 4, texels.tobytes(), dtype="f4")
+
+    def everything(self, program: Program) -> Drawable:
+        """All triangles, `gl_PrimitiveID` being the triangle's index."""
+        return self._drawable(program, self._faces)
+
+    def casters(self, program: Program) -> Drawable:
+        """The triangles that cast."""
+        return self._drawable(program, self._casters, count=-1 if self.caster_count else 0)
+
+    def _drawable(self, program: Program, faces: moderngl.Buffer, count: int = -1) -> Drawable:
+        vertices = program.device.context.vertex_array(program.linked, [(self._vertices, "3f", "position")], faces)
+        return Drawable(program, vertices, count=count)
+
+    def release(self) -> None:
+        """Free the buffers and textures."""
+        for held in {self._vertices, self._faces, self._casters, self.normals, self.colors}:
+            held.release()

@@ -1,0 +1,160 @@
+"""Linked programs: uniforms by value, textures by name, and the draw itself with all the state it needs."""
+
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Literal
+
+import glm
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from shadowbench.gl.device import Device
+from shadowbench.gl.shaders import numbered
+
+Value = bool | int | float | tuple[float, ...] | NDArray[np.float64]
+
+_SAMPLER = re.compile(r"^\s*uniform\s+[iu]?sampler\w+\s+(\w+)\s*;", re.MULTILINE)
+_UNIFORM = re.compile(r"^\s*uniform\s+\w+\s+(\w+)", re.MULTILINE)
+_LOWER_LEFT, _NEGATIVE_ONE_TO_ONE, _ZERO_TO_ONE = 0x8CA1, 0x935E, 0x935F
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """How a texture is read. `border` is the value outside, with wrap "border"; `compare` a depth comparison."""
+
+    linear: bool = False
+    wrap: Literal["edge", "repeat", "border"] = "edge"
+    border: float = 1.0
+    compare: Literal["", "<=", ">="] = ""
+
+
+@dataclass(frozen=True)
+class State:
+    """Fixed-function state of one draw; everything is reset after it, so that nothing leaks into the next."""
+
+    depth_test: Literal["", "<", "<=", ">", ">="] = ""
+    cull: Literal["", "front", "back"] = ""
+    polygon_offset: tuple[float, float] = (0.0, 0.0)
+    depth_clamp: bool = False
+    zero_to_one: bool = False
+
+
+class Program:
+    """A linked program. Made by `link`."""
+
+    def __init__(self, device: Device, program: moderngl.Program, text: str) -> None:
+        self.device = device
+        self.linked = program
+        self._known = set(_UNIFORM.findall(text))
+        self._units = {name: unit for unit, name in enumerate(sorted(set(_SAMPLER.findall(text))))}
+        # moderngl ignores some sampler types without a word, so all of them are set here.
+        device.raw("glUseProgram", program.glo)
+        for name, unit in self._units.items():
+            location = device.raw("glGetUniformLocation", program.glo, name.encode())
+            if location >= 0:
+                device.raw("glUniform1i", location, unit)
+
+    def set(self, **values: Value) -> None:
+        """Uniforms by name: numbers, tuples as vectors, (4, 4) arrays (row-major, as written) as matrices.
+
+        A uniform that the compiler dropped is skipped; a name that the text lacks raises KeyError.
+        """
+        for name, value in values.items():
+            if name not in self._known:
+                raise KeyError(f"no uniform {name!r}; the program has {', '.join(sorted(self._known))}")
+            if name not in self.linked:
+                continue
+            if isinstance(value, np.ndarray):
+                self.linked[name].write(_matrix(value).to_bytes())  # type: ignore[union-attr]
+            else:
+                self.linked[name].value = value  # type: ignore[union-attr]
+
+    def has(self, name: str) -> bool:
+        """Whether the text declares a uniform of this name."""
+        return name in self._known
+
+    def bind(self, textures: Mapping[str, tuple[moderngl.Texture, Sampling]]) -> None:
+        """Bind textures to the samplers of their names; a sampler that is left out raises KeyError."""
+        for name, unit in self._units.items():
+            texture, sampling = textures[name]
+            texture.use(unit)
+            sampler_of(self.device, sampling).use(unit)
+
+
+def _matrix(rows: NDArray[np.float64]) -> glm.mat4:
+    return glm.mat4(*rows.T.ravel().tolist())
+
+
+def sampler_of(device: Device, sampling: Sampling) -> moderngl.Sampler:
+    """The sampler object of a way of reading, made once a context."""
+    if sampling not in device.samplers:
+        mode = moderngl.LINEAR if sampling.linear else moderngl.NEAREST
+        sampler = device.context.sampler(
+            filter=(mode, mode), repeat_x=sampling.wrap == "repeat", repeat_y=sampling.wrap == "repeat"
+        )
+        if sampling.wrap == "border":
+            sampler.border_color = (sampling.border,) * 4
+        if sampling.compare:
+            sampler.compare_func = sampling.compare
+        device.samplers[sampling] = sampler
+    return device.samplers[sampling]
+
+
+def link(device: Device, vertex: str, fragment: str, geometry: str | None = None) -> Program:
+    """Compile and link whole shader texts; raises ValueError with the log and the numbered text."""
+    try:
+        program = device.context.program(vertex_shader=vertex, fragment_shader=fragment, geometry_shader=geometry)
+    except moderngl.Error as error:
+        texts = {"vertex": vertex, "geometry": geometry, "fragment": fragment}
+        guilty = [name for name in texts if f"{name}_shader" in str(error)] or list(texts)
+        listing = "\n\n".join(numbered(texts[name] or "") for name in guilty)
+        raise ValueError(f"{str(error).strip()}\n\n{listing}") from None
+    return Program(device, program, "\n".join([vertex, geometry or "", fragment]))
+
+
+@dataclass(frozen=True, eq=False)
+class Drawable:
+    """Vertices bound to a program; `draw` is the one place where anything is drawn, and counted."""
+
+    program: Program
+    vertices: moderngl.VertexArray
+    mode: int = moderngl.TRIANGLES
+    count: int = -1
+
+    def draw(
+        self,
+        target: moderngl.Framebuffer,
+        textures: Mapping[str, tuple[moderngl.Texture, Sampling]] = {},
+        state: State = State(),
+    ) -> None:
+        """Draw into a target with the given textures and state."""
+        device = self.program.device
+        target.use()
+        self.program.bind(textures)
+        with _applied(device, state):
+            self.vertices.render(self.mode, vertices=self.count)
+        device.draws += 1
+
+
+@contextmanager
+def _applied(device: Device, state: State) -> Iterator[None]:
+    context = device.context
+    flags = (moderngl.DEPTH_TEST if state.depth_test else 0) | (moderngl.CULL_FACE if state.cull else 0)
+    context.enable_only(flags)
+    context.depth_func = state.depth_test or "<"
+    context.cull_face = state.cull or "back"
+    context.polygon_offset = state.polygon_offset
+    context.depth_clamp_range = (0.0, 1.0) if state.depth_clamp else None
+    if state.zero_to_one:
+        device.raw("glClipControl", _LOWER_LEFT, _ZERO_TO_ONE)
+    try:
+        yield
+    finally:
+        context.enable_only(moderngl.NOTHING)
+        context.polygon_offset = (0.0, 0.0)
+        context.depth_clamp_range = None
+        if state.zero_to_one:
+            device.raw("glClipControl", _LOWER_LEFT, _NEGATIVE_ONE_TO_ONE)

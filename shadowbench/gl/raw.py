@@ -1,0 +1,53 @@
+"""The OpenGL entry points that moderngl lacks, each loaded when it is first called."""
+
+import ctypes
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import moderngl
+
+_ENUM = _UINT = ctypes.c_uint
+_INT = _SIZE = ctypes.c_int
+_POINTER = ctypes.c_void_p
+
+# name: (result, arguments)
+_SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
+    "glBeginQuery": (None, (_ENUM, _UINT)),
+    "glBindTexture": (None, (_ENUM, _UINT)),
+    "glClipControl": (None, (_ENUM, _ENUM)),
+    "glDeleteQueries": (None, (_SIZE, _POINTER)),
+    "glEndQuery": (None, (_ENUM,)),
+    "glGenQueries": (None, (_SIZE, _POINTER)),
+    "glGetIntegerv": (None, (_ENUM, _POINTER)),
+    "glGetQueryObjectui64v": (None, (_UINT, _ENUM, _POINTER)),
+    "glGetTexLevelParameteriv": (None, (_ENUM, _INT, _ENUM, _POINTER)),
+    "glGetUniformLocation": (_INT, (_UINT, ctypes.c_char_p)),
+    "glTexImage2D": (None, (_ENUM, _INT, _INT, _SIZE, _SIZE, _INT, _ENUM, _ENUM, _POINTER)),
+    "glUniform1i": (None, (_INT, _INT)),
+    "glUseProgram": (None, (_UINT,)),
+}
+_PROTOTYPE = ctypes.CFUNCTYPE if sys.platform != "win32" else ctypes.WINFUNCTYPE
+
+
+class RawGL:
+    """`raw("glUniform1i", location, 0)`; raises NotImplementedError where the driver has no such function."""
+
+    def __init__(self, context: moderngl.Context) -> None:
+        self._load: Callable[[str], int] = context.mglo._context.load
+        self._functions: dict[str, Callable[..., Any]] = {}
+
+    def __call__(self, name: str, *arguments: Any) -> Any:
+        if name not in self._functions:
+            address = self._load(name)
+            if not address:
+                raise NotImplementedError(f"the OpenGL driver has no {name}")
+            result, types = _SIGNATURES[name]
+            self._functions[name] = _PROTOTYPE(result, *types)(address)
+        return self._functions[name](*arguments)
+
+    def integer(self, name: int) -> int:
+        """A driver's limit or state that is one integer."""
+        value = ctypes.c_int()
+        self("glGetIntegerv", name, ctypes.byref(value))
+        return value.value

@@ -1,0 +1,76 @@
+"""What is assumed where a file has no ground, camera or light; each assumption is one line of `Scene.notes`."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from shadowbench.errors import InputError
+from shadowbench.scenes.model import Camera, Floats, Light, Mesh, Vec3, bounds_of, unit, vec3
+
+VIEW_FROM = (1.25, 1.2, 2.7)
+FOV_Y = math.radians(36.0)
+SUN = (0.8, -1.0, -0.6)
+GROUND_SIDE = 4.0
+"""In diagonals of the bounds, like the next."""
+GROUND_THICKNESS = 1e-3
+SMALLEST = 1e-18
+"""A scene whose diagonal is below this many metres is refused: squared areas would leave float64."""
+
+
+def mesh_bounds(meshes: Sequence[Mesh], where: str) -> Floats:
+    """(2, 3) lowest and highest corner of all meshes; an InputError if they span next to nothing."""
+    corners = np.concatenate([bounds_of(mesh.vertices) for mesh in meshes])
+    bounds = bounds_of(corners)
+    diagonal = float(np.linalg.norm(bounds[1] - bounds[0]))
+    if diagonal < SMALLEST:
+        raise InputError(f"{where}: all meshes together span {diagonal:.3g} m; at least {SMALLEST:.0e} m is needed")
+    return bounds
+
+
+def camera_for(bounds: Floats, where: str) -> tuple[Camera, str]:
+    """A camera that sees a sphere around the bounds, and the line that says so."""
+    center, diagonal = bounds.mean(axis=0), float(np.linalg.norm(bounds[1] - bounds[0]))
+    position = center + unit(VIEW_FROM) * (diagonal / 2) / math.sin(FOV_Y / 2)
+    camera = Camera("camera", vec3(position), vec3(center), FOV_Y)
+    seen = f"at {told(camera.position)} looking at {told(camera.target)}, fov_y {math.degrees(FOV_Y):.0f}°"
+    return camera, f"no camera in {where}: assumed {seen}"
+
+
+def sun_for(where: str) -> tuple[Light, str]:
+    """A sun 45° above the horizon, and the line that says so."""
+    height = math.degrees(math.asin(-unit(SUN)[1]))
+    note = f"no light in {where}: assumed a sun travelling along {told(SUN)}, {height:.0f}° above the horizon"
+    return Light("light", "directional", direction=SUN), note
+
+
+def ground_for(meshes: Sequence[Mesh], bounds: Floats, where: str) -> tuple[Mesh, str] | None:
+    """A square under the meshes and the line that says so, or None where they bring a ground of their own."""
+    low, high = bounds
+    diagonal = float(np.linalg.norm(high - low))
+    footprint = float((high[0] - low[0]) * (high[2] - low[2]))
+    if footprint > 0.0 and _floor_area(meshes, low[1], GROUND_THICKNESS * diagonal) >= footprint / 2:
+        return None
+    side = GROUND_SIDE * diagonal
+    center = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
+    corners = center + np.array([[-1, 0, 1], [1, 0, 1], [1, 0, -1], [-1, 0, -1]]) * (side / 2)
+    ground = Mesh("ground", corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32))
+    place = f"at y = {float(low[1]):.6g} around ({center[0]:.6g}, {center[2]:.6g})"
+    return ground, f"no ground in {where}: assumed a square of side {side:.6g} {place}"
+
+
+def _floor_area(meshes: Sequence[Mesh], y: float, thickness: float) -> float:
+    """Area, seen from above, of the triangles that face up within `thickness` of the height `y`."""
+    area = 0.0
+    for mesh in meshes:
+        corners = mesh.vertices[mesh.faces]
+        low = corners[(np.abs(corners[:, :, 1] - y) <= thickness).all(axis=1)]
+        ab, ac = low[:, 1] - low[:, 0], low[:, 2] - low[:, 0]
+        doubled = ab[:, 2] * ac[:, 0] - ab[:, 0] * ac[:, 2]  # the y of their cross product
+        area += float(np.maximum(doubled, 0.0).sum()) / 2
+    return area
+
+
+def told(values: Vec3) -> str:
+    """A point or direction as a line shows it."""
+    return f"({', '.join(f'{value:.6g}' for value in values)})"

@@ -1,0 +1,67 @@
+"""What PLY, OFF and OBJ files declare about themselves, against what was read: trimesh cuts short in silence."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from shadowbench.errors import InputError
+
+
+def check_text(path: Path, where: str) -> None:
+    """Raises InputError for OBJ face indices, and PLY contents, that trimesh would read as something else."""
+    suffix = path.suffix.lower()
+    if suffix == ".ply":
+        header = _ply_header(path)
+        if "tristrips" in header:
+            raise InputError(f"{where}: triangle strips in a PLY cannot be read; save it with faces")
+    if suffix == ".obj":
+        text = path.read_bytes()
+        if re.search(rb"^f[ \t](?:[^\n]*[ \t])?[-+]?0+(?:[/\s]|$)", text, re.MULTILINE):
+            raise InputError(f"{where}: a face uses vertex 0; an OBJ counts from 1")
+        relative = re.search(rb"^f[ \t](?:[^\n]*[ \t])?-\d", text, re.MULTILINE)
+        last = text.rfind(b"\nv ")
+        if relative is not None and relative.start() < last:
+            raise InputError(f"{where}: faces with relative (negative) indices stand between vertices; save it absolute")
+
+
+def check_counts(path: Path, scene: trimesh.Scene, where: str) -> None:
+    """Raises InputError if a PLY or OFF file announces more vertices or faces than it holds."""
+    suffix = path.suffix.lower()
+    read = sum(len(mesh.faces) for mesh in scene.geometry.values() if isinstance(mesh, trimesh.Trimesh))
+    if suffix == ".ply":
+        announced = {name: int(count) for name, count in re.findall(r"^element (\w+) (\d+)", _ply_header(path), re.M)}
+        raw = [mesh.metadata.get("_ply_raw", {}) for mesh in scene.geometry.values()]
+        for elements in raw:
+            for name in ("vertex", "face"):
+                held = _held(elements.get(name, {}).get("data"))
+                if held is not None and held < announced.get(name, 0):
+                    raise InputError(f"{where}: cut short: {held} of {announced[name]} {name} rows")
+        if read < announced.get("face", 0):
+            raise InputError(f"{where}: {announced['face']} faces announced, {read} triangles read")
+    if suffix == ".off":
+        counts = re.search(r"^\s*C?OFF\s+(\d+)\s+(\d+)", re.sub(r"#.*", "", path.read_text(errors="replace")))
+        if counts is not None and read < int(counts[2]):
+            raise InputError(f"{where}: cut short: {counts[2]} faces announced, {read} triangles read")
+
+
+def notes_on(path: Path) -> list[str]:
+    """A line for what an OBJ holds beside faces."""
+    if path.suffix.lower() != ".obj":
+        return []
+    found = re.findall(rb"^(l|p|curv|surf)[ \t]", path.read_bytes(), re.MULTILINE)
+    return [f"{path.name}: {len(found)} point, line or free-form elements left out"] if found else []
+
+
+def _held(data: object) -> int | None:
+    """Rows of an element as trimesh keeps them: an array, or a dictionary of columns."""
+    if isinstance(data, dict):
+        return min((len(column) for column in data.values()), default=0)
+    return len(data) if isinstance(data, np.ndarray | list) else None
+
+
+def _ply_header(path: Path) -> str:
+    """The header of a PLY file as text."""
+    with path.open("rb") as file:
+        return file.read(65536).split(b"end_header")[0].decode("latin-1")

@@ -1,0 +1,28 @@
+"""Content hashes of geometry and views: what a cached truth and a row's key stand for."""
+
+import hashlib
+
+import numpy as np
+
+from shadowbench.scenes.model import Geometry, View
+
+
+def geometry_digest(geometry: Geometry) -> str:
+    """Hex digest of everything about triangles that can move a shadow; colours cannot."""
+    digest = hashlib.sha256()
+    for array in (geometry.vertices, geometry.faces, geometry.casts, geometry.receives):
+        digest.update(repr((array.shape, array.dtype.str)).encode())
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
+
+
+def view_digest(view: View) -> str:
+    """Hex digest of a view: geometry, camera, light and size, but no names."""
+    camera, light = view.camera, view.light
+    parts = (
+        geometry_digest(view.scene.geometry),
+        (camera.position, camera.target, camera.up, camera.fov_y, camera.near, camera.far),
+        (light.kind, light.direction, light.position, light.angle, light.radius),
+        view.size,
+    )
+    return hashlib.sha256(repr(parts).encode()).hexdigest()

@@ -1,0 +1,225 @@
+"""Scene files: TOML to a Scene."""
+
+import math
+import os
+import tomllib
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+from pydantic import Field, ValidationError
+
+from shadowbench.errors import InputError
+from shadowbench.scenes.assumed import camera_for, mesh_bounds, sun_for
+from shadowbench.scenes.meshes import read_meshes
+from shadowbench.scenes.model import Camera, Floats, Light, Mesh, Scene
+from shadowbench.scenes.shapes import build_shape
+from shadowbench.scenes.tables import MOST_COPIES, MeshTable, Name, camera_from_table, light_from_table
+from shadowbench.scenes.triangles import MOST_TRIANGLES, Triangles, checked, transformed, without_zero_area
+from shadowbench.strict import Strict, explain
+
+LONGEST = 10_000_000
+"""Bytes; a scene file is written by hand."""
+
+
+class SceneFile(Strict):
+    """The top of a scene file; its tables are checked one by one."""
+
+    name: Name | None = None
+    about: str = Field("", max_length=200, strict=True)
+    camera: dict[str, object] | list[dict[str, object]] = []
+    light: dict[str, object] | list[dict[str, object]] = []
+    mesh: list[dict[str, object]] = []
+
+
+def read_document(path: Path) -> SceneFile:
+    """The checked top of a scene file; InputError if it cannot be read or is not TOML."""
+    try:
+        if not path.is_file():
+            raise InputError(f"{path}: {'is not a file' if path.exists() else 'no such file'}")
+        if path.stat().st_size > LONGEST:
+            raise InputError(f"{path}: {path.stat().st_size} bytes; a scene file has at most {LONGEST}")
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError, ValueError) as error:
+        raise InputError(f"{path}: cannot be read: {_one_line(error)}") from error
+    try:
+        # tomllib also raises plain ValueError (integers of thousands of digits) and RecursionError (deep nesting).
+        document = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path.name}: not TOML: {_one_line(error)}") from error
+    for key in ("camera", "light", "mesh"):
+        value = document.get(key, [])
+        tables = value if isinstance(value, list) else [value]
+        if not all(isinstance(table, dict) for table in tables) or (key == "mesh" and isinstance(value, dict)):
+            raise InputError(f"{path.name}: {key}: found {value!r:.60}; allowed: tables, written [[{key}]]")
+    try:
+        return SceneFile.model_validate(document)
+    except ValidationError as error:
+        raise explain(path.name, error) from error
+
+
+def read_scene_file(path: Path, assets: Path | None = None) -> Scene:
+    """The scene of a TOML file; `assets` is a second folder in which its mesh files may lie.
+
+    Raises InputError, one line, for whatever is wrong with it. A camera or light that it lacks is assumed.
+    """
+    document = read_document(path)
+    notes: list[str] = []
+    cameras = _cameras(document, path.name)
+    lights = _lights(document, path.name, notes)
+    if not document.mesh:
+        raise InputError(f"{path.name}: mesh: found none; at least one [[mesh]] is needed")
+    meshes: list[Mesh] = []
+    dropped = triangles = copies = 0
+    for number, raw in enumerate(document.mesh, 1):
+        where = f"{path.name}: [[mesh]] {number}"
+        table, parameters = _mesh_table(raw, where)
+        copies += math.prod(row.count for row in table.repeat)
+        if copies > MOST_COPIES:
+            raise InputError(f"{where}: repeat: {copies} copies in all; allowed are at most {MOST_COPIES}")
+        sources, lost = _sources(table, parameters, path, assets, where, notes)
+        triangles += math.prod(row.count for row in table.repeat) * sum(len(mesh.faces) for mesh in sources)
+        if triangles > MOST_TRIANGLES:
+            raise InputError(f"{where}: {triangles} triangles by now; a scene may have {MOST_TRIANGLES}")
+        dropped += lost
+        for mesh in _placed(table, sources, where):
+            kept, lost = without_zero_area(Triangles(mesh.vertices, mesh.faces))
+            dropped += lost
+            if len(kept.faces):
+                meshes.append(replace(mesh, vertices=kept.vertices, faces=kept.faces))
+    if not meshes:
+        raise InputError(f"{path.name}: all {dropped} triangles have zero area; at least one must have some")
+    bounds = mesh_bounds(meshes, path.name)
+    if not cameras:
+        camera, note = camera_for(bounds, path.name)
+        cameras, notes = [camera], [*notes, note]
+    if not lights:
+        light, note = sun_for(path.name)
+        lights, notes = [light], [*notes, note]
+    name = document.name or path.stem
+    return Scene(name, tuple(meshes), tuple(cameras), tuple(lights), tuple(notes), dropped)
+
+
+def _cameras(document: SceneFile, file: str) -> list[Camera]:
+    tables = document.camera if isinstance(document.camera, list) else [document.camera]
+    names = _default_names("camera", len(tables))
+    rows = [
+        camera_from_table(table, f"{file}: {_title('camera', k, len(tables))}", names[k])
+        for k, table in enumerate(tables)
+    ]
+    _check_unique([camera.name for camera in rows], f"{file}: [[camera]]")
+    return rows
+
+
+def _lights(document: SceneFile, file: str, notes: list[str]) -> list[Light]:
+    tables = document.light if isinstance(document.light, list) else [document.light]
+    names = _default_names("light", len(tables))
+    rows = []
+    for k, table in enumerate(tables):
+        light, lines = light_from_table(table, f"{file}: {_title('light', k, len(tables))}", names[k])
+        rows.append(light)
+        notes.extend(lines)
+    _check_unique([light.name for light in rows], f"{file}: [[light]]")
+    return rows
+
+
+def _mesh_table(raw: dict[str, object], where: str) -> tuple[MeshTable, dict[str, object]]:
+    """The table, and the parameters of its shape, which only the shape knows."""
+    own = {key: value for key, value in raw.items() if key in MeshTable.model_fields or "shape" not in raw}
+    try:
+        table = MeshTable.model_validate(own)
+    except ValidationError as error:
+        raise explain(where, error) from error
+    return table, {key: value for key, value in raw.items() if key not in own}
+
+
+def _sources(
+    table: MeshTable, parameters: dict[str, object], path: Path, assets: Path | None, where: str, notes: list[str]
+) -> tuple[list[Mesh], int]:
+    """The meshes of a table before its transform, and the zero-area triangles left out of them."""
+    if table.file is not None:
+        contents = read_meshes(_inside(table.file, path, assets, where), f"{where}: {table.file}")
+        notes.extend(note for note in contents.notes if note not in notes)
+        return list(contents.meshes), contents.dropped
+    shape = str(table.shape)
+    triangles = build_shape(shape, parameters, where)
+    return [Mesh(table.name or shape, triangles.vertices, triangles.faces)], 0
+
+
+def _placed(table: MeshTable, sources: Sequence[Mesh], where: str) -> Iterator[Mesh]:
+    """Every copy of every mesh where the table puts it."""
+    matrix = transform_of(table)
+    shifts = [np.outer(np.arange(row.count), row.step) for row in table.repeat]
+    for indices in product(*(range(len(shift)) for shift in shifts)):
+        moved = matrix.copy()
+        moved[:3, 3] += sum((shift[k] for shift, k in zip(shifts, indices, strict=True)), np.zeros(3))
+        suffix = "".join(f" {k + 1}" for k in indices)
+        for mesh in sources:
+            triangles = checked(transformed(Triangles(mesh.vertices, mesh.faces), moved), where)
+            yield Mesh(
+                name=(mesh.name if table.name is None or len(sources) > 1 else table.name) + suffix,
+                vertices=triangles.vertices,
+                faces=np.ascontiguousarray(triangles.faces),
+                color=table.color or mesh.color,
+                casts=table.casts,
+                receives=table.receives,
+            )
+
+
+def transform_of(table: MeshTable) -> Floats:
+    """(4, 4) float64: scale, then degrees about the fixed x, y and z axes in that order, then translate."""
+    matrix = np.diag([*table.scale, 1.0])
+    for axis, degrees in enumerate(table.rotate):
+        matrix = _rotation(axis, degrees) @ matrix
+    matrix[:3, 3] = table.translate
+    return matrix
+
+
+def _rotation(axis: int, degrees: float) -> Floats:
+    """(4, 4) right-handed turn about a fixed axis; quarter turns are exact, so that boxes stay boxes."""
+    quarter = {0.0: (1.0, 0.0), 90.0: (0.0, 1.0), 180.0: (-1.0, 0.0), 270.0: (0.0, -1.0)}
+    turn = math.fmod(math.fmod(degrees, 360.0) + 360.0, 360.0)
+    cosine, sine = quarter.get(turn, (math.cos(math.radians(turn)), math.sin(math.radians(turn))))
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    matrix = np.eye(4)
+    matrix[[i, j, i, j], [i, j, j, i]] = cosine, cosine, -sine, sine
+    return matrix
+
+
+def _inside(file: str, scene: Path, assets: Path | None, where: str) -> Path:
+    """The mesh file, links followed, if it lies in the scene's folder or in `assets`."""
+    folders = [scene.parent.resolve()] + ([assets.resolve()] if assets is not None else [])
+    try:
+        candidates = [Path(os.path.realpath(folder / file)) for folder in folders]
+        found = [path for path in candidates if path.is_file()]
+    except (OSError, ValueError) as error:  # a null byte, a name too long
+        raise InputError(f"{where}: file: {file!r:.60} cannot be a path: {_one_line(error)}") from error
+    if not found:
+        allowed = f"in {folders[0]}" + (f" or {folders[1]}" if assets is not None else " (or give --assets DIR)")
+        raise InputError(f"{where}: file: {file!r} is not a file {allowed}")
+    for path in found:
+        if any(path.is_relative_to(folder) for folder in folders):
+            return path
+    raise InputError(
+        f"{where}: file: {file!r} leads to {found[0]}, outside {folders[0]}; allowed are that folder and --assets DIR"
+    )
+
+
+def _default_names(kind: str, count: int) -> list[str]:
+    return [kind if k == 0 else f"{kind}-{k + 1}" for k in range(count)]
+
+
+def _title(kind: str, index: int, count: int) -> str:
+    return f"[{kind}]" if count == 1 else f"[[{kind}]] {index + 1}"
+
+
+def _check_unique(names: list[str], where: str) -> None:
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"{where}: name {name!r} is used {names.count(name)} times; names must differ")
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split())[:200] or type(error).__name__

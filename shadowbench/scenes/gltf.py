@@ -1,0 +1,221 @@
+"""What trimesh leaves out of glTF: the node tree, cameras, lights, and a say on what cannot be honoured.
+
+trimesh decodes the primitives (buffers, strips, Draco); the tree is walked here, because trimesh names instances at
+random, keeps one camera of many, and drops whatever hangs below a camera's node.
+"""
+
+import json
+import math
+import re
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from shadowbench.errors import InputError
+from shadowbench.scenes.model import Camera, Floats, Light, unit, vec3
+from shadowbench.scenes.tables import WIDEST_SPOT
+
+Json = dict[str, Any]
+
+# Required extensions that change nothing in the geometry, or that are honoured.
+HONOURED = re.compile(
+    r"KHR_draco_mesh_compression|KHR_mesh_quantization|KHR_lights_punctual"
+    r"|(KHR|EXT|MSFT)_texture_\w+|KHR_materials_\w+|KHR_xmp\w*|EXT_lights_image_based"
+)
+POINTS, TRIANGLES, STRIP, FAN = 0, 4, 5, 6
+LINES = (1, 2, 3)
+DECODED = (POINTS, 1, TRIANGLES, STRIP)  # the modes of which trimesh makes something, in the order of the file
+
+
+class Node(NamedTuple):
+    """A node of the default scene: its JSON and its (4, 4) float64 transform to the world."""
+
+    data: Json
+    matrix: Floats
+
+
+def read_json(path: Path) -> Json:
+    """The JSON of a .gltf, or the first chunk of a .glb. Raises ValueError for what is neither."""
+    data = path.read_bytes()
+    if path.suffix.lower() == ".glb":
+        if len(data) < 20 or data[:4] != b"glTF":
+            raise ValueError("not a GLB: the first four bytes are not glTF")
+        version, length, chunk, kind = struct.unpack("<IIII", data[4:20])
+        if version != 2:
+            raise ValueError(f"glTF version {version}; allowed: 2")
+        if length > len(data) or kind != 0x4E4F534A or 20 + chunk > len(data):
+            raise ValueError(f"cut short: {len(data)} bytes of {length}")
+        data = data[20 : 20 + chunk]
+    document = json.loads(data)
+    if not isinstance(document, dict):
+        raise ValueError("the JSON is not an object")
+    version_text = str(document.get("asset", {}).get("version", ""))
+    if not version_text.startswith("2."):
+        raise ValueError(f"asset.version is {version_text!r:.20}; allowed: 2.x")
+    return document
+
+
+def nodes_of(document: Json) -> Iterator[Node]:
+    """Every node of the default scene, parents before children, in the order of the file."""
+    nodes = document.get("nodes", [])
+    if "scenes" in document:
+        roots = document["scenes"][document.get("scene", 0)].get("nodes", [])
+    else:
+        children = {child for node in nodes for child in node.get("children", [])}
+        roots = [index for index in range(len(nodes)) if index not in children]
+    waiting = [(index, np.eye(4)) for index in reversed(roots)]
+    seen: set[int] = set()
+    while waiting:
+        index, parent = waiting.pop()
+        if index in seen or not 0 <= index < len(nodes):
+            raise ValueError(f"node {index} is missing, has two parents or is its own ancestor")
+        seen.add(index)
+        node = nodes[index]
+        matrix = parent @ _local_matrix(node)
+        waiting.extend((child, matrix) for child in reversed(node.get("children", [])))
+        yield Node(node, matrix)
+
+
+def _local_matrix(node: Json) -> Floats:
+    if "matrix" in node:
+        return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
+    matrix = np.eye(4)
+    x, y, z, w = np.array(node.get("rotation", [0, 0, 0, 1]), dtype=np.float64) / np.linalg.norm(
+        node.get("rotation", [0, 0, 0, 1])
+    )
+    matrix[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    matrix[:3, :3] *= np.array(node.get("scale", [1, 1, 1]), dtype=np.float64).reshape(3)
+    matrix[:3, 3] = np.array(node.get("translation", [0, 0, 0]), dtype=np.float64).reshape(3)
+    return matrix
+
+
+def cameras_of(document: Json, where: str) -> tuple[list[Camera], list[str]]:
+    """The perspective cameras of the scene, and a line if others were left out.
+
+    Raises InputError if a field of view, a plane or a direction makes no sense.
+    """
+    cameras: list[Camera] = []
+    orthographic = 0
+    for node in nodes_of(document):
+        if "camera" not in node.data:
+            continue
+        data = document["cameras"][node.data["camera"]]
+        if data.get("type") != "perspective":
+            orthographic += 1
+            continue
+        lens = data["perspective"]
+        fov, near, far = float(lens["yfov"]), float(lens["znear"]), lens.get("zfar")
+        if not 0.0 < fov < math.pi:
+            raise InputError(f"{where}: camera: yfov is {fov:g} rad; allowed: above 0, below pi")
+        if not 0.0 < near < (math.inf if far is None else float(far)) or math.isinf(near):
+            raise InputError(f"{where}: camera: znear is {near:g} and zfar {far}; allowed: 0 < znear < zfar")
+        position, forward = _pose(node, where, "camera")
+        name = _unique(node.data.get("name") or data.get("name") or "camera", [camera.name for camera in cameras])
+        # A target as far away as the position is from the origin keeps the direction's digits.
+        reach = max(1.0, float(np.linalg.norm(position)))
+        cameras.append(
+            Camera(
+                name=name,
+                position=vec3(position),
+                target=vec3(position + forward * reach),
+                fov_y=fov,
+                up=vec3(unit(node.matrix[:3, 1])),
+                near=near,
+                far=None if far is None else float(far),
+            )
+        )
+    left_out = f"{where}: {orthographic} orthographic camera(s) left out: cameras here are perspective"
+    return cameras, [left_out] if orthographic else []
+
+
+def lights_of(document: Json, where: str) -> tuple[list[Light], list[str]]:
+    """The KHR_lights_punctual lights of the scene, and a line for each cone that had to be narrowed."""
+    lights: list[Light] = []
+    notes = []
+    for node in nodes_of(document):
+        reference = node.data.get("extensions", {}).get("KHR_lights_punctual")
+        if reference is None:
+            continue
+        data = document["extensions"]["KHR_lights_punctual"]["lights"][reference["light"]]
+        kind = data["type"]
+        name = _unique(node.data.get("name") or data.get("name") or "light", [light.name for light in lights])
+        position, direction = _pose(node, where, "light")
+        if kind == "directional":
+            lights.append(Light(name, "directional", direction=vec3(direction)))
+        elif kind == "point":
+            lights.append(Light(name, "point", position=vec3(position)))
+        elif kind == "spot":
+            angle = 2 * float(data.get("spot", {}).get("outerConeAngle", math.pi / 4))
+            if not 0.0 < angle <= math.pi + 1e-6:
+                raise InputError(f"{where}: light {name}: outerConeAngle {angle / 2:g}; allowed: above 0, to pi/2")
+            if angle > math.radians(WIDEST_SPOT):
+                notes.append(f"{where}: light {name}: cone of {math.degrees(angle):.4g}° taken as {WIDEST_SPOT:g}°")
+                angle = math.radians(WIDEST_SPOT)
+            lights.append(Light(name, "spot", direction=vec3(direction), position=vec3(position), angle=angle))
+        else:
+            raise InputError(f"{where}: light {name}: type {kind!r:.40}; allowed: directional, point, spot")
+    return lights, notes
+
+
+def _pose(node: Node, where: str, what: str) -> tuple[Floats, Floats]:
+    """Where a node is, and the unit vector along its −z."""
+    if not np.isfinite(node.matrix).all() or not node.matrix[:3, 2].any() or not node.matrix[:3, 1].any():
+        raise InputError(f"{where}: {what}: its node's transform leaves it no direction")
+    return node.matrix[:3, 3], unit(-node.matrix[:3, 2])
+
+
+def _unique(name: str, taken: list[str]) -> str:
+    """A name fit for file names, with a number when it is taken."""
+    name = re.sub(r"[^\w .+-]", "-", str(name))[:80]
+    number = 2
+    candidate = name
+    while candidate in taken:
+        candidate, number = f"{name}-{number}", number + 1
+    return candidate
+
+
+def check_supported(document: Json, where: str) -> None:
+    """Raises InputError if the file needs what would be drawn wrongly, not just plainly."""
+    for extension in document.get("extensionsRequired", []):
+        if not HONOURED.fullmatch(str(extension)):
+            raise InputError(f"{where}: extensionsRequired: {extension!r:.60} cannot be honoured; save it without")
+    accessors = document.get("accessors", [])
+    for mesh in document.get("meshes", []):
+        for primitive in mesh["primitives"]:
+            mode = primitive.get("mode", TRIANGLES)
+            if mode not in (POINTS, *LINES, TRIANGLES, STRIP):
+                found = "a triangle fan" if mode == FAN else f"mode {mode}"
+                raise InputError(f"{where}: mesh {mesh.get('name', '')!r}: {found}; allowed: triangles and strips")
+            used = [primitive["attributes"].get("POSITION"), primitive.get("indices")]
+            if any("sparse" in accessors[index] for index in used if index is not None):
+                raise InputError(f"{where}: mesh {mesh.get('name', '')!r}: sparse accessors cannot be honoured")
+
+
+def notes_on(document: Json, where: str) -> list[str]:
+    """One line for each kind of thing that is drawn more plainly than the file asks."""
+    primitives = [p for mesh in document.get("meshes", []) for p in mesh["primitives"]]
+    materials = document.get("materials", [])
+    used = [materials[p["material"]] for p in primitives if "material" in p and p["material"] < len(materials)]
+    see_through = sum(
+        material.get("alphaMode", "OPAQUE") != "OPAQUE"
+        or "KHR_materials_transmission" in material.get("extensions", {})
+        for material in {id(material): material for material in used}.values()
+    )
+    lines = sum(p.get("mode", TRIANGLES) in (POINTS, *LINES) for p in primitives)
+    instanced = sum("EXT_mesh_gpu_instancing" in node.get("extensions", {}) for node in document.get("nodes", []))
+    found = [
+        (see_through, "see-through material(s) drawn opaque"),
+        (len(document.get("animations", [])), "animation(s) drawn still, as the nodes stand"),
+        (sum("skin" in node for node in document.get("nodes", [])), "skinned mesh(es) drawn still, undeformed"),
+        (sum("targets" in p for p in primitives), "morphed primitive(s) drawn still, in their base shape"),
+        (lines, "primitive(s) of points or lines left out: they have no surface"),
+        (instanced, "GPU-instanced node(s) drawn once"),
+    ]
+    return [f"{where}: {count} {line}" for count, line in found if count]

@@ -1,0 +1,75 @@
+"""Scenes by reference: a built-in name, a scene file, or a mesh file alone."""
+
+import difflib
+import re
+from pathlib import Path
+
+from shadowbench.data import data_folder
+from shadowbench.errors import InputError
+from shadowbench.scenes.assumed import camera_for, ground_for, mesh_bounds, sun_for
+from shadowbench.scenes.files import read_document, read_scene_file
+from shadowbench.scenes.meshes import MESH_SUFFIXES, read_meshes
+from shadowbench.scenes.model import Scene
+
+
+def load_scene(reference: str | Path, assets: Path | None = None) -> Scene:
+    """The scene that `reference` names: a built-in, a `.toml`, or a mesh file, which gets a ground, camera and sun.
+
+    `assets` is a second folder in which a scene file's meshes may lie. Raises InputError, one line, for anything wrong.
+    """
+    text = str(reference)
+    if text in builtin_names():
+        return read_scene_file(data_folder("scenes") / f"{text}.toml", assets)
+    path = Path(text)
+    suffix = path.suffix.lower()
+    if "\0" in text or not text:
+        raise InputError(f"scene {text!r:.60}: neither a built-in scene nor a path")
+    if assets is not None and not assets.is_dir():
+        raise InputError(f"--assets {assets}: no such folder")
+    if suffix == ".toml":
+        return read_scene_file(path, assets)
+    if suffix in MESH_SUFFIXES:
+        return read_mesh_scene(path)
+    if isinstance(reference, Path) or path.name != text or path.exists():
+        kinds = " ".join((".toml", *MESH_SUFFIXES))
+        raise InputError(f"{text}: unknown kind of file; allowed: a built-in scene's name, or {kinds}")
+    raise InputError(f"{text!r:.60} {_not_builtin(text)}")
+
+
+def read_mesh_scene(path: Path) -> Scene:
+    """A mesh file as a scene: its own cameras and lights if it is a glTF, and what it lacks assumed, noted."""
+    contents = read_meshes(path)
+    meshes, notes = list(contents.meshes), list(contents.notes)
+    bounds = mesh_bounds(meshes, path.name)
+    cameras, lights = contents.cameras, contents.lights
+    ground = ground_for(meshes, bounds, path.name)
+    if ground is not None:
+        meshes.append(ground[0])
+        notes.append(ground[1])
+    if not cameras:
+        camera, note = camera_for(bounds, path.name)
+        cameras, notes = (camera,), [*notes, note]
+    if not lights:
+        light, note = sun_for(path.name)
+        lights, notes = (light,), [*notes, note]
+    name = re.sub(r"[^\w .+-]", "-", path.stem)
+    return Scene(name, tuple(meshes), cameras, lights, tuple(notes), contents.dropped)
+
+
+def builtin_names() -> list[str]:
+    """The names of the scenes that travel with the package, sorted."""
+    return sorted(path.stem for path in data_folder("scenes").glob("*.toml"))
+
+
+def builtin_about(name: str) -> str:
+    """What a built-in scene asks of a technique, in one line."""
+    if name not in builtin_names():
+        raise InputError(f"{name!r:.60} {_not_builtin(name)}")
+    return read_document(data_folder("scenes") / f"{name}.toml").about
+
+
+def _not_builtin(name: str) -> str:
+    names = builtin_names()
+    near = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
+    hint = f"; did you mean {near[0]!r}?" if near else ""
+    return f"is no built-in scene{hint} (built-in: {', '.join(names)}; or give a .toml or mesh file)"

@@ -1,0 +1,215 @@
+"""Mesh files through trimesh: instances placed, welded, without zero-area triangles.
+
+trimesh is lenient: it empties what it cannot decode and logs what it loses. This is the one boundary at which its
+exceptions, warnings and silences become an InputError of one line.
+"""
+
+import logging
+import warnings
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from trimesh.exchange.gltf import load_glb, load_gltf
+from trimesh.resolvers import FilePathResolver
+
+from shadowbench.errors import InputError
+from shadowbench.scenes import declared, gltf
+from shadowbench.scenes.model import Camera, Floats, Light, Mesh, Vec3, vec3
+from shadowbench.scenes.triangles import (
+    MOST_TRIANGLES,
+    Triangles,
+    checked,
+    transformed,
+    welded,
+    without_zero_area,
+)
+
+MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".off")
+GREY: Vec3 = (0.8, 0.8, 0.8)
+HARMLESS = ("image", "face_normals", "vertex_normals", "texture", "material")
+"""Words of trimesh's warnings that lose nothing of a shape."""
+
+
+class Contents(NamedTuple):
+    """What a mesh file holds. `dropped` counts zero-area triangles over all instances."""
+
+    meshes: tuple[Mesh, ...]
+    cameras: tuple[Camera, ...]
+    lights: tuple[Light, ...]
+    notes: tuple[str, ...]
+    dropped: int
+
+
+class Part(NamedTuple):
+    """Triangles as the file has them, where an instance puts them, and its colour."""
+
+    name: str
+    triangles: Triangles
+    matrix: Floats
+    color: Vec3
+
+
+def read_meshes(path: Path, where: str | None = None) -> Contents:
+    """The meshes of a .glb, .gltf, .obj, .ply, .stl or .off file, with a glTF's own cameras and lights.
+
+    `where` begins each error, the file's name if not given. Raises InputError for a file that is missing, unreadable,
+    empty, cut short, of an unknown kind, without triangles, or with coordinates or indices that make no sense.
+    """
+    where = where or path.name
+    if path.suffix.lower() not in MESH_SUFFIXES:
+        raise InputError(f"{where}: unknown kind {path.suffix!r:.20}; allowed: {' '.join(MESH_SUFFIXES)}")
+    if not path.is_file():
+        raise InputError(f"{where}: {'is not a file' if path.exists() else 'no such file'}")
+    try:
+        if path.stat().st_size == 0:
+            raise InputError(f"{where}: the file is empty")
+        with _strictly(where), np.errstate(all="ignore"):
+            if path.suffix.lower() in (".glb", ".gltf"):
+                parts, cameras, lights, notes = _gltf(path, where)
+            else:
+                parts, cameras, lights, notes = _plain(path, where), [], [], declared.notes_on(path)
+            return _assembled(parts, cameras, lights, notes, where)
+    except InputError:
+        raise
+    except (Exception, RecursionError) as error:  # a corrupt file makes the readers raise nearly anything
+        reason = " ".join(str(error).split())[:160]
+        told = f"{type(error).__name__}: {reason}" if reason else type(error).__name__
+        raise InputError(f"{where}: cannot be read as {path.suffix.lower()}: {told}") from error
+
+
+def _assembled(parts: list[Part], cameras: list[Camera], lights: list[Light], notes: list[str], where: str) -> Contents:
+    """The parts as world-space meshes; InputError if nothing remains."""
+    total = sum(len(part.triangles.faces) for part in parts)
+    if total == 0:
+        raise InputError(f"{where}: holds no triangles; at least one is needed")
+    if total > MOST_TRIANGLES:
+        raise InputError(f"{where}: {total} triangles; a scene may have {MOST_TRIANGLES}")
+    meshes, dropped = [], 0
+    for part in parts:
+        placed = checked(transformed(part.triangles, part.matrix), where)
+        placed, lost = without_zero_area(placed)
+        dropped += lost
+        if len(placed.faces):
+            placed = _compact(placed)
+            meshes.append(Mesh(part.name, placed.vertices, placed.faces, part.color))
+    if not meshes:
+        raise InputError(f"{where}: all {total} triangles have zero area; at least one must have some")
+    return Contents(tuple(meshes), tuple(cameras), tuple(lights), tuple(notes), dropped)
+
+
+def _compact(triangles: Triangles) -> Triangles:
+    """The triangles without vertices that none of them uses."""
+    used, faces = np.unique(triangles.faces, return_inverse=True)
+    return Triangles(triangles.vertices[used], faces.reshape(-1, 3).astype(np.int32))
+
+
+def _plain(path: Path, where: str) -> list[Part]:
+    """An OBJ, PLY, STL or OFF file: a part for each object or solid that it names."""
+    declared.check_text(path, where)
+    options: dict[str, Any] = {}
+    if path.suffix.lower() == ".obj":
+        # By object, not by material: a body that wears two materials is still one closed body.
+        options = {"split_objects": True, "group_material": False}
+    scene = trimesh.load_scene(path, process=False, skip_materials=True, **options)
+    parts = []
+    for name, geometry in scene.geometry.items():
+        if isinstance(geometry, trimesh.Trimesh) and len(geometry.faces):
+            triangles = _triangles(geometry.vertices, geometry.faces, where)
+            parts.append(Part(path.stem if name == path.name else str(name), triangles, np.eye(4), GREY))
+    declared.check_counts(path, scene, where)
+    return parts
+
+
+def _gltf(path: Path, where: str) -> tuple[list[Part], list[Camera], list[Light], list[str]]:
+    """A glTF's instances in the order of its nodes, its cameras and its lights."""
+    document = gltf.read_json(path)
+    gltf.check_supported(document, where)
+    load = load_glb if path.suffix.lower() == ".glb" else load_gltf
+    with path.open("rb") as file:
+        loaded = load(file, resolver=FilePathResolver(str(path)), skip_materials=True)
+    # trimesh keeps the primitives that it decodes in the order of the file, under names of its own.
+    decoded = iter(loaded["geometry"].values())
+    sources: list[list[tuple[Triangles, Vec3]]] = []
+    for mesh in document.get("meshes", []):
+        rows = []
+        for primitive in mesh["primitives"]:
+            mode = primitive.get("mode", gltf.TRIANGLES)
+            arrays = next(decoded) if mode in gltf.DECODED else None
+            if arrays is not None and mode in (gltf.TRIANGLES, gltf.STRIP):
+                positions = _dequantized(arrays["vertices"], document, primitive)
+                color = _base_color(document, primitive)
+                rows.append((_triangles(positions, arrays["faces"], where), color))
+        sources.append(rows)
+    parts = []
+    for node in gltf.nodes_of(document):
+        if "mesh" in node.data:
+            rows = sources[node.data["mesh"]]
+            name = str(node.data.get("name") or document["meshes"][node.data["mesh"]].get("name") or "mesh")
+            for k, (triangles, color) in enumerate(rows, 1):
+                parts.append(Part(name if len(rows) == 1 else f"{name} {k}", triangles, node.matrix, color))
+    cameras, camera_notes = gltf.cameras_of(document, where)
+    lights, light_notes = gltf.lights_of(document, where)
+    return parts, cameras, lights, [*gltf.notes_on(document, where), *camera_notes, *light_notes]
+
+
+def _dequantized(positions: NDArray[Any], document: gltf.Json, primitive: gltf.Json) -> Floats:
+    """KHR_mesh_quantization's normalised integers as the fractions that they stand for; trimesh keeps the integers."""
+    accessor = document["accessors"][primitive["attributes"]["POSITION"]]
+    fractions = positions.astype(np.float64)
+    if accessor.get("normalized") and np.issubdtype(positions.dtype, np.integer):
+        return np.maximum(fractions / np.iinfo(positions.dtype).max, -1.0)
+    return fractions
+
+
+def _base_color(document: gltf.Json, primitive: gltf.Json) -> Vec3:
+    """The material's base colour factor, linear already; grey where a texture would give it."""
+    if "material" not in primitive:
+        return GREY
+    surface = document["materials"][primitive["material"]].get("pbrMetallicRoughness", {})
+    if "baseColorFactor" not in surface:
+        return GREY
+    return vec3(np.clip(np.nan_to_num(np.array(surface["baseColorFactor"][:3], dtype=np.float64)), 0.0, 1.0))
+
+
+def _triangles(vertices: NDArray[Any], faces: NDArray[Any], where: str) -> Triangles:
+    """Welded float64 triangles, once vertices and indices are known to be sound."""
+    vertices = np.asarray(vertices, dtype=np.float64).reshape(-1, 3)
+    indices = np.asarray(faces, dtype=np.int64).reshape(-1, 3)
+    if len(indices) == 0:
+        return Triangles(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32))
+    low, high = int(indices.min()), int(indices.max())
+    if low < 0 or high >= len(vertices):
+        wrong = low if low < 0 else high
+        raise InputError(f"{where}: a triangle uses vertex {wrong}; the mesh has {len(vertices)}, counted from 0")
+    return welded(checked(Triangles(vertices, np.zeros((0, 3), dtype=np.int32)), where).vertices, indices)
+
+
+@contextmanager
+def _strictly(where: str) -> Iterator[None]:
+    """Whatever trimesh or NumPy says they lost while reading becomes an InputError."""
+    lost: Counter[str] = Counter()
+
+    class Listener(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            message = record.getMessage()
+            if not any(word in message for word in HARMLESS):
+                lost[" ".join(message.split())[:160]] += 1
+
+    log, listener = logging.getLogger("trimesh"), Listener(logging.WARNING)
+    log.addHandler(listener)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            # A number that NumPy cannot parse ends the text for it, and with it all that follows.
+            warnings.filterwarnings("error", message=".*(could not be read to its end|unmatched data).*")
+            yield
+    finally:
+        log.removeHandler(listener)
+    if lost:
+        raise InputError(f"{where}: would load incompletely: {next(iter(lost))}")

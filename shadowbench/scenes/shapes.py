@@ -1,0 +1,121 @@
+"""Shapes that a scene file names instead of a mesh file, centred on the origin, faces outward.
+
+plane 1×1 in xz, normal +y; box 1³; sphere radius ½; torus radii ½ and ⅙, around y; cylinder and cone radius ½ and
+height 1 along y; capsule radius ½ with a straight part of height 1 along y, so 2 in all (a total of 1 would be a
+sphere). Larger generators are in `generators`.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+import trimesh
+from pydantic import Field, ValidationError
+from trimesh import creation
+
+from shadowbench.errors import InputError
+from shadowbench.scenes import generators
+from shadowbench.scenes.triangles import Triangles, welded, without_zero_area
+from shadowbench.strict import Strict, explain
+
+
+class NoParameters(Strict):
+    """A shape without parameters of its own."""
+
+
+class SphereParameters(Strict):
+    """An icosahedron whose triangles are quartered `subdivisions` times."""
+
+    subdivisions: int = Field(4, ge=0, le=7, strict=True)
+
+
+class RoundParameters(Strict):
+    """`sections` around the axis."""
+
+    sections: int = Field(64, ge=3, le=1024, strict=True)
+
+
+class Shape(NamedTuple):
+    """A row of the table: the model of a shape's own parameters, and what builds it from them."""
+
+    parameters: type[Strict]
+    build: Callable[[Any], Triangles]
+
+
+def plane(_: NoParameters) -> Triangles:
+    """Two triangles."""
+    corners = np.array([[-0.5, 0.0, 0.5], [0.5, 0.0, 0.5], [0.5, 0.0, -0.5], [-0.5, 0.0, -0.5]])
+    return Triangles(corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32))
+
+
+def box(_: NoParameters) -> Triangles:
+    """Twelve triangles over eight vertices."""
+    return _of(creation.box())
+
+
+def sphere(parameters: SphereParameters) -> Triangles:
+    """An icosphere: triangles of nearly one size everywhere, none thin at a pole."""
+    return _of(creation.icosphere(subdivisions=parameters.subdivisions, radius=0.5))
+
+
+def torus(parameters: RoundParameters) -> Triangles:
+    """A ring lying flat, half as many sections around the tube as around the axis."""
+    around = max(3, parameters.sections // 2)
+    return _upright(creation.torus(0.5, 1 / 6, major_sections=parameters.sections, minor_sections=around))
+
+
+def cylinder(parameters: RoundParameters) -> Triangles:
+    """A closed cylinder."""
+    return _upright(creation.cylinder(radius=0.5, height=1.0, sections=parameters.sections))
+
+
+def cone(parameters: RoundParameters) -> Triangles:
+    """A closed cone, the tip up, the middle of its height at the origin."""
+    triangles = _upright(creation.cone(radius=0.5, height=1.0, sections=parameters.sections))
+    return Triangles(triangles.vertices - [0.0, 0.5, 0.0], triangles.faces)
+
+
+def capsule(parameters: RoundParameters) -> Triangles:
+    """A cylinder of height 1 between two half spheres."""
+    count = (max(4, parameters.sections // 2), parameters.sections)
+    triangles = _upright(creation.capsule(height=1.0, radius=0.5, count=count))
+    low, high = triangles.vertices[:, 1].min(), triangles.vertices[:, 1].max()
+    return Triangles(triangles.vertices - [0.0, (low + high) / 2, 0.0], triangles.faces)
+
+
+def _of(mesh: trimesh.Trimesh) -> Triangles:
+    """Arrays of a trimesh, welded, without the zero-area triangles that revolving leaves at poles."""
+    return without_zero_area(welded(np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces)))[0]
+
+
+def _upright(mesh: trimesh.Trimesh) -> Triangles:
+    """trimesh builds along z; a quarter turn about x brings that to y."""
+    triangles = _of(mesh)
+    return Triangles(triangles.vertices[:, [0, 2, 1]] * [1.0, 1.0, -1.0], triangles.faces)
+
+
+SHAPES: dict[str, Shape] = {
+    "plane": Shape(NoParameters, plane),
+    "box": Shape(NoParameters, box),
+    "sphere": Shape(SphereParameters, sphere),
+    "torus": Shape(RoundParameters, torus),
+    "cylinder": Shape(RoundParameters, cylinder),
+    "cone": Shape(RoundParameters, cone),
+    "capsule": Shape(RoundParameters, capsule),
+    "stairs": Shape(generators.StairsParameters, generators.stairs),
+    "terrain": Shape(generators.TerrainParameters, generators.terrain),
+    "leaves": Shape(generators.LeavesParameters, generators.leaves),
+    "statue": Shape(generators.StatueParameters, generators.statue),
+}
+
+
+def build_shape(name: str, parameters: dict[str, object], where: str) -> Triangles:
+    """The triangles of a shape with its own parameters; an InputError that begins with `where` otherwise."""
+    if name not in SHAPES:
+        raise InputError(f"{where}: shape: unknown {name!r:.60}; allowed: {', '.join(SHAPES)}")
+    shape = SHAPES[name]
+    try:
+        validated = shape.parameters.model_validate(parameters)
+    except ValidationError as error:
+        raise explain(f"{where} ({name})", error) from error
+    return cast(Triangles, shape.build(validated))

@@ -1,0 +1,186 @@
+"""The tables of a scene file: what a camera, a light and a mesh may say, checked field by field."""
+
+import math
+from typing import Annotated, Literal, Self
+
+from pydantic import BeforeValidator, Field, ValidationError, model_validator
+
+from shadowbench.errors import InputError
+from shadowbench.scenes.model import Camera, Light, Vec3, vec3
+from shadowbench.scenes.triangles import LARGEST
+from shadowbench.strict import Strict, explain
+
+MOST_COPIES = 100_000
+WIDEST_SPOT = 170.0
+NAME = r"^[\w][\w .+-]{0,79}$"
+"""Names become file names and columns."""
+
+
+def _number(value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ValueError(f"should be a number, not {value!r:.60}")
+    if not abs(value) <= LARGEST:
+        raise ValueError(f"should be a number of at most {LARGEST:.0e} either way, not {value!r:.60}")
+    return float(value)
+
+
+def _three(value: object) -> Vec3:
+    if not isinstance(value, list | tuple) or len(value) != 3:
+        raise ValueError(f"should be three numbers, not {value!r:.60}")
+    return vec3([_number(part) for part in value])
+
+
+def _direction(value: object) -> Vec3:
+    direction = _three(value)
+    if not any(direction):
+        raise ValueError("should be a direction, not three zeros")
+    return direction
+
+
+def _scale(value: object) -> Vec3:
+    scale = _three(value) if isinstance(value, list | tuple) else vec3([_number(value)] * 3)
+    if not all(scale):
+        raise ValueError(f"should be a number or three, none of them 0, not {value!r:.60}")
+    return scale
+
+
+def _color(value: object) -> Vec3:
+    color = _three(value)
+    if not all(0.0 <= channel <= 1.0 for channel in color):
+        raise ValueError(f"should be linear red, green, blue, each from 0 to 1, not {value!r:.60}")
+    return color
+
+
+Number = Annotated[float, BeforeValidator(_number)]
+Three = Annotated[Vec3, BeforeValidator(_three)]
+Direction = Annotated[Vec3, BeforeValidator(_direction)]
+Scale = Annotated[Vec3, BeforeValidator(_scale)]
+Color = Annotated[Vec3, BeforeValidator(_color)]
+Name = Annotated[str, Field(pattern=NAME, strict=True)]
+Flag = Annotated[bool, Field(strict=True)]
+
+
+class CameraTable(Strict):
+    """A `[camera]`: degrees and metres."""
+
+    name: Name | None = None
+    position: Three
+    target: Three
+    fov_y: Number = Field(36.0, gt=0.0, lt=180.0)
+    up: Direction = (0.0, 1.0, 0.0)
+    near: Number | None = Field(None, gt=0.0)
+    far: Number | None = Field(None, gt=0.0)
+
+    @model_validator(mode="after")
+    def _sees_something(self) -> Self:
+        if self.position == self.target:
+            raise ValueError(f"position and target are both {list(self.position)}; they must differ")
+        if self.near is not None and self.far is not None and self.near >= self.far:
+            raise ValueError(f"near is {self.near:g} and far {self.far:g}; near must be less")
+        return self
+
+
+class DirectionalTable(Strict):
+    """A sun; `angular_radius` in degrees."""
+
+    name: Name | None = None
+    kind: Literal["directional"]
+    direction: Direction
+    angular_radius: Number = Field(0.0, ge=0.0, le=90.0)
+
+
+class SpotTable(Strict):
+    """A lamp with a cone of `angle` degrees in all; `radius` in metres."""
+
+    name: Name | None = None
+    kind: Literal["spot"]
+    position: Three
+    direction: Direction
+    angle: Number = Field(gt=0.0, le=WIDEST_SPOT)
+    radius: Number = Field(0.0, ge=0.0)
+
+
+class PointTable(Strict):
+    """A bare bulb; `radius` in metres."""
+
+    name: Name | None = None
+    kind: Literal["point"]
+    position: Three
+    radius: Number = Field(0.0, ge=0.0)
+
+
+LIGHT_TABLES: dict[str, type[DirectionalTable] | type[SpotTable] | type[PointTable]] = {
+    "directional": DirectionalTable,
+    "spot": SpotTable,
+    "point": PointTable,
+}
+
+
+class RepeatTable(Strict):
+    """`count` copies, the original among them, each shifted by a further `step`."""
+
+    count: int = Field(ge=1, le=MOST_COPIES, strict=True)
+    step: Three
+
+
+class MeshTable(Strict):
+    """A `[[mesh]]` without the parameters that belong to its shape."""
+
+    name: Name | None = None
+    file: str | None = Field(None, min_length=1, strict=True)
+    shape: str | None = Field(None, min_length=1, strict=True)
+    scale: Scale = (1.0, 1.0, 1.0)
+    rotate: Three = (0.0, 0.0, 0.0)
+    translate: Three = (0.0, 0.0, 0.0)
+    repeat: Annotated[list[RepeatTable], BeforeValidator(lambda v: [v] if isinstance(v, dict) else v)] = Field(
+        [], max_length=2
+    )
+    color: Color | None = None
+    casts: Flag = True
+    receives: Flag = True
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        if (self.file is None) == (self.shape is None):
+            raise ValueError(f"needs file or shape, {'not both' if self.file is not None else 'found neither'}")
+        return self
+
+
+def camera_from_table(table: object, where: str, default_name: str = "camera") -> Camera:
+    """A camera from a table of a scene or study file; errors begin with `where`."""
+    try:
+        row = CameraTable.model_validate(table)
+    except ValidationError as error:
+        raise explain(where, error) from error
+    return Camera(
+        name=row.name or default_name,
+        position=row.position,
+        target=row.target,
+        fov_y=math.radians(row.fov_y),
+        up=row.up,
+        near=row.near,
+        far=row.far,
+    )
+
+
+def light_from_table(table: object, where: str, default_name: str = "light") -> tuple[Light, list[str]]:
+    """A hard light from a table of a scene or study file, and a line if its size was taken as 0."""
+    kind = table.get("kind") if isinstance(table, dict) else None
+    if not isinstance(kind, str) or kind not in LIGHT_TABLES:
+        found = "none" if kind is None else f"{kind!r:.60}"
+        raise InputError(f"{where}: kind: found {found}; allowed: {', '.join(LIGHT_TABLES)}")
+    try:
+        row = LIGHT_TABLES[kind].model_validate(table)
+    except ValidationError as error:
+        raise explain(where, error) from error
+    name = row.name or default_name
+    if isinstance(row, DirectionalTable):
+        light, size = Light(name, "directional", direction=row.direction), f"angular_radius {row.angular_radius:g}°"
+        sized = row.angular_radius > 0.0
+    else:
+        light, size = Light(name, row.kind, position=row.position), f"radius {row.radius:g} m"
+        sized = row.radius > 0.0
+        if isinstance(row, SpotTable):
+            angle = math.radians(row.angle)
+            light = Light(name, "spot", direction=row.direction, position=row.position, angle=angle)
+    return light, [f"{where}: {size} taken as 0: lights have no size yet"] if sized else []

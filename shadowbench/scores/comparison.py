@@ -1,0 +1,74 @@
+"""One mask beside its truth: what several metrics need of the mask, found once."""
+
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from shadowbench.scores.edges import edge_pixels, squared_distance
+from shadowbench.scores.masks import quantise
+from shadowbench.scores.reference import Reference
+from shadowbench.scores.ssim import ssim_map
+
+
+class Comparison:
+    """A mask and the truth of its view; the one argument of a metric.
+
+    visibility: (H, W) in [0, 1], quantised here, so that scoring what was stored gives the same numbers; ValueError
+    as `quantise` raises it, or if its shape is not that of `reference`. Its values outside `reference.valid` are in
+    no set and no sum.
+    """
+
+    def __init__(self, visibility: ArrayLike, reference: Reference) -> None:
+        self.visibility: NDArray[np.float32] = quantise(visibility)
+        self.reference = reference
+        if self.visibility.shape != reference.shape:
+            raise ValueError(f"visibility has shape {self.visibility.shape}; allowed: the truth's {reference.shape}")
+
+    @cached_property
+    def shadow(self) -> NDArray[np.bool_]:
+        """Valid pixels with visibility < ½."""
+        return self.reference.valid & (self.visibility < 0.5)
+
+    @cached_property
+    def lit(self) -> NDArray[np.bool_]:
+        """Valid pixels with visibility ≥ ½."""
+        return self.reference.valid & ~self.shadow
+
+    @cached_property
+    def edge(self) -> NDArray[np.bool_]:
+        """The shadow's outermost pixels (see `edge_pixels`)."""
+        return edge_pixels(self.shadow, self.lit)
+
+    @cached_property
+    def squared_edge_distance(self) -> NDArray[np.int32]:
+        """Squared distance to `edge`, in pixels; NOWHERE if there is no edge."""
+        return squared_distance(self.edge)
+
+    @cached_property
+    def edge_distances(self) -> NDArray[np.float64] | None:
+        """Distance in pixels from each edge pixel of either mask to the other's edge; None if neither has one.
+
+        If only one of them has an edge: the image's diagonal, once.
+        """
+        reference = self.reference
+        mask_to_truth = reference.squared_edge_distance[self.edge]
+        truth_to_mask = self.squared_edge_distance[reference.edge]
+        if mask_to_truth.size == 0 and truth_to_mask.size == 0:
+            return None
+        if mask_to_truth.size == 0 or truth_to_mask.size == 0:
+            return np.array([reference.image_diagonal])
+        pooled: NDArray[np.float64] = np.sqrt(np.concatenate([mask_to_truth, truth_to_mask]), dtype=np.float64)
+        return pooled
+
+    @cached_property
+    def error(self) -> NDArray[np.float32]:
+        """Absolute difference to the truth's visibility; meant for valid pixels."""
+        error: NDArray[np.float32] = np.abs(self.visibility - self.reference.visibility)
+        return error
+
+    @cached_property
+    def ssim_map(self) -> NDArray[np.float32]:
+        """SSIM at the centres that have a whole window (see `ssim`)."""
+        reference = self.reference
+        return ssim_map(self.visibility, reference.visibility, reference.valid, reference.ssim_moments)

@@ -1,0 +1,86 @@
+"""Visibility as 16-bit levels: what is scored, what is stored, and that the two are the same numbers."""
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from PIL import Image
+
+from shadowbench.errors import InputError
+from shadowbench.files import replace_file
+
+LEVELS = 65535
+OVERSHOOT = 1e-6  # rounding in a shader may leave [0, 1] by this much; more is a wrong mask
+
+# A 16-bit grey PNG opens as "I;16", in older Pillow as "I".
+_FULL_SCALE = {"L": 255, "I;16": LEVELS, "I": LEVELS}
+
+
+def quantise(visibility: ArrayLike) -> NDArray[np.float32]:
+    """Round to the nearest of the 65536 levels k/65535 that a 16-bit PNG can hold; idempotent.
+
+    visibility: (H, W), any real dtype, 1 lit and 0 in shadow; up to 1e-6 outside [0, 1] is clipped.
+    Returns (H, W) float32 in [0, 1]. ValueError (one line, with the count of pixels) for NaN, infinity and
+    values further outside, or when the array is no (H, W) image.
+    """
+    return _from_levels(_levels(visibility), LEVELS)
+
+
+def write_mask(path: str | Path, visibility: ArrayLike) -> None:
+    """Store visibility (H, W) in [0, 1] as a linear 16-bit grey PNG, row 0 at the top.
+
+    The file appears whole or not at all. Raises as `quantise` does; InputError if the folder cannot be written.
+    """
+    image = Image.fromarray(_levels(visibility))
+    with replace_file(path) as temporary:
+        image.save(temporary, format="PNG")
+
+
+def read_mask(path: str | Path) -> NDArray[np.float32]:
+    """Visibility (H, W) float32 in [0, 1] of a linear grey PNG of 8 or 16 bits, full = lit, row 0 at the top.
+
+    What `write_mask` stored comes back as `quantise` gave it, bit for bit. InputError for any other file.
+    """
+    allowed = "allowed: a grey PNG of 8 or 16 bits"
+    try:
+        with Image.open(path, formats=["PNG"]) as image:
+            if image.mode not in _FULL_SCALE:
+                raise InputError(f"{path}: found a PNG of mode {image.mode}; {allowed}")
+            return _from_levels(np.asarray(image), _FULL_SCALE[image.mode])
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file; {allowed}") from error
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        raise InputError(f"{path}: cannot be read as an image; {allowed}") from error
+
+
+def mask_sha256(visibility: ArrayLike) -> str:
+    """SHA-256, in hex, of the 16-bit levels of visibility (H, W): row-major, little-endian, no header."""
+    return hashlib.sha256(_levels(visibility).astype("<u2").tobytes()).hexdigest()
+
+
+def _levels(visibility: ArrayLike) -> NDArray[np.uint16]:
+    values = np.asarray(visibility)
+    if values.ndim != 2 or values.size == 0:
+        raise ValueError(f"visibility has shape {values.shape}; allowed: (height, width), neither of them 0")
+    if values.dtype not in (np.float32, np.float64):
+        values = values.astype(np.float32)
+    low, high = values.min(), values.max()
+    if not (low >= -OVERSHOOT and high <= 1 + OVERSHOOT):  # written so that NaN fails too
+        broken = values.size - np.count_nonzero(np.isfinite(values))
+        if broken:
+            raise ValueError(f"visibility is NaN or infinite in {broken} of {values.size} pixels")
+        outside = np.count_nonzero((values < -OVERSHOOT) | (values > 1 + OVERSHOOT))
+        raise ValueError(
+            f"visibility is outside [0, 1] in {outside} of {values.size} pixels (found {low:.6g} to {high:.6g})"
+        )
+    scaled = values * values.dtype.type(LEVELS)
+    np.rint(scaled, out=scaled)
+    levels: NDArray[np.uint16] = np.clip(scaled, 0, LEVELS, out=scaled).astype(np.uint16)
+    return levels
+
+
+def _from_levels(levels: NDArray[np.integer], full: int) -> NDArray[np.float32]:
+    # 255 divides 65535, so an 8-bit mask lies on the 16-bit levels and quantising it changes nothing.
+    visibility: NDArray[np.float32] = np.divide(levels, np.float32(full), dtype=np.float32)
+    return visibility

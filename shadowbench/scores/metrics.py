@@ -1,0 +1,230 @@
+"""The table of metrics: each a function of a Comparison and a row.
+
+A metric returns a number, or None where it has nothing to divide by: never 0 or 1 for "there was nothing".
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from shadowbench.scores.comparison import Comparison
+from shadowbench.scores.reference import Reference
+from shadowbench.scores.ssim import INSIDE
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A row of the table. `kind`: the shadows that it judges fairly, hard-edged, soft, or both."""
+
+    name: str
+    function: Callable[[Comparison], float | None]
+    better: Literal["higher", "lower"]
+    kind: Literal["hard", "soft", "both"]
+    help: str
+
+
+def score(visibility: ArrayLike, reference: Reference) -> dict[str, float | None]:
+    """Every metric of the table, by name, in its order.
+
+    visibility: (H, W) in [0, 1], 1 lit and 0 in shadow, quantised before it is scored; its values at pixels that are
+    not valid never matter, but must be numbers. ValueError for NaN, infinity, values out of range, or another shape.
+    """
+    comparison = Comparison(visibility, reference)
+    return {metric.name: metric.function(comparison) for metric in METRICS.values()}
+
+
+def iou(comparison: Comparison) -> float | None:
+    """Intersection over union of the shadows (visibility < ½); Jaccard 1901."""
+    return _overlap(comparison.shadow, comparison.reference.shadow)
+
+
+def iou_soft(comparison: Comparison) -> float | None:
+    """Sum of the lesser over sum of the greater darkness (1 − visibility); Ruzicka 1958."""
+    mask, truth = comparison.visibility, comparison.reference.visibility
+    greater = _sum(1 - np.minimum(mask, truth), comparison.reference.valid)
+    lesser = _sum(1 - np.maximum(mask, truth), comparison.reference.valid)
+    return _ratio(lesser, greater)
+
+
+def boundary_iou(comparison: Comparison) -> float | None:
+    """IoU of the strips inside the two shadows' edges; Cheng et al. 2021, "Boundary IoU".
+
+    The strip is Euclidean where their code erodes with a square: the same for edges along rows and columns.
+    """
+    reference = comparison.reference
+    boundary = comparison.shadow & (comparison.squared_edge_distance < reference.boundary_width**2)
+    return _overlap(boundary, reference.boundary)
+
+
+def ssim(comparison: Comparison) -> float | None:
+    """Mean SSIM over valid pixels with a whole window inside the image; Wang et al. 2004."""
+    return _mean(comparison.ssim_map, comparison.reference.valid[INSIDE])
+
+
+def ssim_edge(comparison: Comparison) -> float | None:
+    """Mean SSIM over valid pixels within 8 px of a true edge, with a whole window inside the image."""
+    return _mean(comparison.ssim_map, comparison.reference.edge_zone[INSIDE])
+
+
+def mae(comparison: Comparison) -> float | None:
+    """Mean absolute error against the truth at the pixel's centre."""
+    return _ratio(_sum(comparison.error, comparison.reference.valid), comparison.reference.pixels)
+
+
+def mae_area(comparison: Comparison) -> float | None:
+    """Mean absolute error against the truth averaged over the pixel."""
+    reference = comparison.reference
+    return _ratio(_sum(np.abs(comparison.visibility - reference.area), reference.valid), reference.pixels)
+
+
+def mae_lit(comparison: Comparison) -> float | None:
+    """Mean absolute error weighted by N·L."""
+    reference = comparison.reference
+    return _ratio(_sum(comparison.error * reference.cosine, reference.valid), reference.cosine_sum)
+
+
+def acne(comparison: Comparison) -> float | None:
+    """Share of the lit interior that is in shadow."""
+    return _share(comparison.shadow, comparison.reference.lit_interior)
+
+
+def leak(comparison: Comparison) -> float | None:
+    """Share of the shadow's interior that is lit."""
+    return _share(comparison.lit, comparison.reference.shadow_interior)
+
+
+def contact(comparison: Comparison) -> float | None:
+    """Share of the shadow next to its occluder that is lit."""
+    return _share(comparison.lit, comparison.reference.contact)
+
+
+def edge_px(comparison: Comparison) -> float | None:
+    """Mean distance between the two masks' edges, both ways pooled, in pixels."""
+    distances = comparison.edge_distances
+    return None if distances is None else float(distances.mean())
+
+
+def edge_p95(comparison: Comparison) -> float | None:
+    """95th percentile of the distances between the two masks' edges, both ways pooled, in pixels."""
+    distances = comparison.edge_distances
+    return None if distances is None else float(np.percentile(distances, 95))
+
+
+METRICS: dict[str, Metric] = {
+    metric.name: metric
+    for metric in (
+        Metric(
+            "iou",
+            iou,
+            "higher",
+            "hard",
+            "Intersection over union of the shadows, visibility < 0.5. The error to sort by is 1 - iou.",
+        ),
+        Metric(
+            "iou_soft",
+            iou_soft,
+            "higher",
+            "soft",
+            "Intersection over union where a pixel counts by its darkness, so that a half-shadow is half in it.",
+        ),
+        Metric(
+            "boundary_iou",
+            boundary_iou,
+            "higher",
+            "hard",
+            "Intersection over union of the strips inside the shadows' edges, 2% of the image's diagonal wide. "
+            "Comparable across shadow sizes.",
+        ),
+        Metric(
+            "ssim",
+            ssim,
+            "higher",
+            "both",
+            "Structural similarity, sigma 1.5, over scored pixels only. It is diluted by lit ground and prefers a "
+            "displaced edge to a smooth one: read it beside ssim_edge and edge_px.",
+        ),
+        Metric(
+            "ssim_edge",
+            ssim_edge,
+            "higher",
+            "both",
+            "Structural similarity within 8 px of a true edge: the same whether the ground is large or small.",
+        ),
+        Metric("mae", mae, "lower", "both", "Mean absolute error of visibility, against the truth at pixel centres."),
+        Metric(
+            "mae_area",
+            mae_area,
+            "lower",
+            "both",
+            "Mean absolute error against the truth averaged over each pixel: a correct filter is not punished for "
+            "smoothing.",
+        ),
+        Metric(
+            "mae_lit",
+            mae_lit,
+            "lower",
+            "both",
+            "Mean absolute error weighted by the cosine of the light's incidence: what the picture shows.",
+        ),
+        Metric(
+            "acne",
+            acne,
+            "lower",
+            "both",
+            "Share of the lit interior, at least 4 px from shadow and undecided pixels, that is in shadow.",
+        ),
+        Metric(
+            "leak",
+            leak,
+            "lower",
+            "both",
+            "Share of the shadow's interior, at least 4 px from light and undecided pixels, that is lit.",
+        ),
+        Metric(
+            "contact",
+            contact,
+            "lower",
+            "both",
+            "Share of shadow whose occluder is nearer than 2% of the scene's diagonal that is lit: peter-panning.",
+        ),
+        Metric(
+            "edge_px",
+            edge_px,
+            "lower",
+            "hard",
+            "Mean distance between the masks' edges in pixels, both ways; the image's diagonal if one has none.",
+        ),
+        Metric(
+            "edge_p95",
+            edge_p95,
+            "lower",
+            "hard",
+            "95th percentile of the distances between the masks' edges in pixels: how bad the worst stretches are.",
+        ),
+    )
+}
+"""The metrics by name, in the order of the columns."""
+
+
+def _overlap(mask: NDArray[np.bool_], truth: NDArray[np.bool_]) -> float | None:
+    return _ratio(int(np.count_nonzero(mask & truth)), int(np.count_nonzero(mask | truth)))
+
+
+def _share(wrong: NDArray[np.bool_], region: NDArray[np.bool_]) -> float | None:
+    return _ratio(int(np.count_nonzero(wrong & region)), int(np.count_nonzero(region)))
+
+
+def _mean(values: NDArray[np.float32], where: NDArray[np.bool_]) -> float | None:
+    return _ratio(_sum(values, where), int(np.count_nonzero(where)))
+
+
+def _sum(values: NDArray[np.float32], where: NDArray[np.bool_]) -> float:
+    # In float64: the order of a float32 sum, and with it the last digits, would depend on the processor.
+    return float(values.sum(where=where, dtype=np.float64))
+
+
+def _ratio(part: float, whole: float) -> float | None:
+    return float(part / whole) if whole > 0 else None

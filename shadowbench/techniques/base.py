@@ -1,0 +1,109 @@
+"""The contract of a technique.
+
+`build` sees geometry, device and parameters, never a pose; whatever depends on where camera or light are is in `draw`,
+and is timed. A whole technique is one file: parameters, `unsupported`, `build`, `draw`, and shaders beside it.
+"""
+
+from abc import ABC, abstractmethod
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from typing import ClassVar
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from shadowbench.gl.clock import Changes, Clock
+from shadowbench.gl.device import Device
+from shadowbench.gl.gbuffer import GBuffer
+from shadowbench.scenes.model import Camera, Light, View
+from shadowbench.techniques.params import TechniqueParams, param
+from shadowbench.techniques.stage import Stage
+
+
+@dataclass(frozen=True)
+class Phase:
+    """Where a map's grid lies against the scene; phase 0 is where the fit puts it."""
+
+    index: int = 0
+
+    @property
+    def shift(self) -> tuple[float, float]:
+        """The index-th Halton (2, 3) point, in texels."""
+        return _radical_inverse(self.index, 2), _radical_inverse(self.index, 3)
+
+
+def _radical_inverse(index: int, base: int) -> float:
+    result, digit = 0.0, 1.0
+    while index:
+        digit /= base
+        result += digit * (index % base)
+        index //= base
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """All that may differ between two draws. `index` 0 says that history is void."""
+
+    view: View
+    phase: Phase
+    index: int
+    surface: GBuffer
+    clock: Clock
+
+    @property
+    def camera(self) -> Camera:
+        """The camera, in local coordinates."""
+        return self.view.camera
+
+    @property
+    def light(self) -> Light:
+        """The light, in local coordinates."""
+        return self.view.light
+
+    @property
+    def light_uniform(self) -> tuple[float, float, float, float]:
+        """`light` of receiver.glsl: the unit vector towards a directional light with w = 0, or a position with w = 1."""
+        xyz, w = self.light.homogeneous
+        return (*xyz, w)
+
+    def timed(self, name: str, changes: Changes = "frame") -> AbstractContextManager[None]:
+        """Bracket a pass; `changes` says when it must be redrawn: light moves; camera or light moves; always."""
+        return self.clock.timed(name, changes)
+
+
+class Technique(ABC):
+    """One way of computing visibility. Registered by its `name`; the docstring is its documentation."""
+
+    name: ClassVar[str]
+    Params: ClassVar[type[TechniqueParams]] = TechniqueParams
+    presets: ClassVar[dict[str, str]] = {}  # name: the items that it stands for, as a spec writes them
+    phased: ClassVar[bool] = False  # whether it has a grid that a phase can shift
+
+    def __init__(self, params: TechniqueParams) -> None:
+        self.params = params
+
+    @classmethod
+    def unsupported(cls, params: TechniqueParams, view: View, device: Device) -> str | None:
+        """Why these parameters cannot answer this view on this device, in words; None when they can."""
+        return None
+
+    @abstractmethod
+    def build(self, stage: Stage) -> None:
+        """Make programs, textures and buffers; nothing here may depend on a pose."""
+
+    @abstractmethod
+    def draw(self, frame: Frame) -> moderngl.Texture:
+        """Visibility of every pixel: one float component, size × size, 1 where nothing receives."""
+
+    def map_image(self) -> NDArray[np.float32] | None:
+        """The map of the last draw as (H, W) linear depth in [0, 1], row 0 at the top; None without a map."""
+        return None
+
+    def facts(self) -> dict[str, float]:
+        """Numbers about the last draw that explain its row, such as a bias in metres."""
+        return {}
+
+
+__all__ = ["Changes", "Frame", "Phase", "Stage", "Technique", "TechniqueParams", "param"]

@@ -1,0 +1,113 @@
+"""Biases: what keeps a surface from shadowing itself. A row and, where it needs one, a shader file in `bias/`."""
+
+from typing import ClassVar, Literal
+
+from shadowbench.techniques.params import Row, param
+
+MapKind = Literal["2d", "array", "cube"]
+
+
+class Bias(Row):
+    """Family of biases. `maps` names the map kinds that a row serves."""
+
+    maps: ClassVar[frozenset[MapKind]] = frozenset({"2d", "array"})
+    shader = "bias/none.glsl"
+
+    @property
+    def polygon_offset(self) -> tuple[float, float]:
+        """(factor, units) of the depth pass."""
+        return (0.0, 0.0)
+
+    @property
+    def cull(self) -> Literal["", "front"]:
+        """Which faces the depth pass leaves out."""
+        return ""
+
+    @property
+    def depth_units(self) -> float | None:
+        """A bias that is fixed in [0, 1] depth, at its least; None for one that is not."""
+        return None
+
+
+class NoBias(Bias):
+    """No bias: shows what acne costs."""
+
+    name = "none"
+    maps = frozenset({"2d", "array", "cube"})
+
+
+class Constant(Bias):
+    """The same depth everywhere: in metres it changes with the fit."""
+
+    name = "constant"
+    shader = "bias/constant.glsl"
+    units: float = param(0.005, "depth in [0, 1] that is subtracted from the receiver's", ge=0, le=1)
+
+    @property
+    def depth_units(self) -> float | None:
+        return self.units
+
+
+class Slope(Bias):
+    """max · (1 − N·L), but at least min: as course notes publish it."""
+
+    name = "slope"
+    shader = "bias/slope.glsl"
+    max: float = param(0.05, "depth at grazing light", ge=0, le=1)
+    min: float = param(0.005, "depth at steep light", ge=0, le=1)
+
+    @property
+    def depth_units(self) -> float | None:
+        return self.min
+
+
+class PolygonOffset(Bias):
+    """glPolygonOffset in the depth pass: by the polygon's own slope, plus units of the smallest step of the format."""
+
+    name = "polygon-offset"
+    factor: float = param(2.0, "times the polygon's steepest depth slope a texel", ge=-100, le=100)
+    units: float = param(4.0, "times the smallest step of the depth format", ge=-1e6, le=1e6)
+
+    @property
+    def polygon_offset(self) -> tuple[float, float]:
+        return (self.factor, self.units)
+
+
+class FrontCull(Bias):
+    """The depth pass draws back faces only: for closed casters; thin ones and contact leak."""
+
+    name = "front-cull"
+    maps = frozenset({"2d", "array", "cube"})
+
+    @property
+    def cull(self) -> Literal["", "front"]:
+        return "front"
+
+
+class NormalOffset(Bias):
+    """Moves the receiver along its normal by scale · radius texel diagonals · sin θ (Holbert 2011)."""
+
+    name = "normal-offset"
+    shader = "bias/normal-offset.glsl"
+    scale: float = param(1.0, "times the filter's reach", ge=0, le=100)
+    ulps: float = param(4.0, "steps of the depth format on top", ge=0, le=1e6)
+
+
+class ReceiverPlane(Bias):
+    """Every texel is compared with the receiver's own plane above its centre (after Isidoro 2006)."""
+
+    name = "receiver-plane"
+    shader = "bias/receiver-plane.glsl"
+    gradient: Literal["plane", "derivative"] = param("plane", "from the geometric normal, or by screen derivatives")
+    limit: float = param(10.0, "tan θ that the gradient is limited to", gt=0, le=1e6)
+    ulps: float = param(4.0, "steps of the depth format on top", ge=0, le=1e6)
+
+
+class Texel(Bias):
+    """Filter radius · texel diagonal · tan θ as a length along the ray: follows size, fit and filter."""
+
+    name = "texel"
+    shader = "bias/texel.glsl"
+    scale: float = param(1.0, "times the depth that the slope makes of the filter's reach", ge=0, le=100)
+    limit: float = param(8.0, "most, in filter radii · texel widths", gt=0, le=1e6)
+    ulps: float = param(4.0, "steps of the depth format on top", ge=0, le=1e6)

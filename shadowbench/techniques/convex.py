@@ -1,0 +1,55 @@
+"""Convex regions as half-spaces, and the corners of their intersection."""
+
+from functools import cache
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+from shadowbench.scenes.model import Floats, bounds_of
+
+# A plane is (n, d), unit n: inside where n·x + d ≥ 0.
+
+
+def box_planes(bounds: Floats) -> Floats:
+    """(6, 4) planes of a (2, 3) box."""
+    low, high = bounds
+    return np.vstack([np.column_stack([np.eye(3), -low]), np.column_stack([-np.eye(3), high])])
+
+
+def frustum_planes(eye: Floats, basis: Floats, slope: float, near: float, far: float) -> Floats:
+    """(6, 4) planes of a square pyramid between two depths; basis rows right, up, back; slope is tan of half its angle."""
+    right, up, back = basis
+    sides = [slope * -back + sign * axis for axis in (right, up) for sign in (1, -1)]
+    normals = np.array([*(side / np.linalg.norm(side) for side in sides), -back, back])
+    points = np.array([eye, eye, eye, eye, eye - near * back, eye - far * back])
+    return np.column_stack([normals, -np.einsum("ij,ij->i", normals, points)])
+
+
+@cache
+def _triples(count: int) -> NDArray[np.intp]:
+    return np.array(list(combinations(range(count), 3))).T
+
+
+def corners(planes: Floats, extent: float) -> Floats:
+    """(N, 3) corners of the region inside all (P, 4) planes, empty when there is none.
+
+    Every three planes meet in a point; those inside all others are the corners. `extent` is the region's scale, that
+    rounding is judged by.
+    """
+    a, b, c = planes[_triples(len(planes))]
+    bc, ca, ab = np.cross(b[:, :3], c[:, :3]), np.cross(c[:, :3], a[:, :3]), np.cross(a[:, :3], b[:, :3])
+    determinant = np.einsum("ij,ij->i", a[:, :3], bc)
+    meets = np.abs(determinant) > 1e-12
+    points = -(a[:, 3:] * bc + b[:, 3:] * ca + c[:, 3:] * ab)[meets] / determinant[meets, None]
+    inside = (points @ planes[:, :3].T + planes[:, 3] >= -1e-9 * extent).all(axis=1)
+    return points[inside]
+
+
+def hull_points(points: Floats) -> Floats:
+    """(H, 3) points with the same bounds in every direction: the hull's, or the box's corners where all is flat."""
+    try:
+        return points[ConvexHull(points).vertices]
+    except QhullError:
+        return corners(box_planes(bounds_of(points)), float(np.abs(points).max()))

@@ -1,0 +1,123 @@
+"""How a light sees: its space, and the window of it that a map shows."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from shadowbench.scenes.model import Floats, Light, perpendicular_basis, unit
+
+
+@dataclass(frozen=True, eq=False)
+class Box:
+    """Bounds in light space: (x, y, distance along the axis); x and y at unit distance for a perspective light."""
+
+    low: Floats
+    high: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class LightSpace:
+    """A basis made from the light alone, so that nothing but the light can turn the map.
+
+    basis: (3, 3) rows right, up, back, the light travelling along −back; origin: (3,); half: half side of a spot's
+    base window at unit distance, inf without one.
+    """
+
+    basis: Floats
+    origin: Floats
+    perspective: bool
+    half: float
+
+    @cached_property
+    def matrix(self) -> Floats:
+        """(4, 4) world to light space."""
+        matrix = np.eye(4)
+        matrix[:3, :3] = self.basis
+        matrix[:3, 3] = -self.basis @ self.origin
+        return matrix
+
+    def box(self, points: Floats) -> Box:
+        """Bounds of (N, 3) points, which for a perspective light must lie in front of it."""
+        x, y, back = ((points - self.origin) @ self.basis.T).T
+        flat = np.column_stack([x, y]) / (-back[:, None] if self.perspective else 1.0)
+        bounds = np.column_stack([flat, -back])
+        return Box(bounds.min(axis=0), bounds.max(axis=0))
+
+
+def light_space(light: Light) -> LightSpace:
+    """The space of a directional light or a spot."""
+    perspective = light.kind == "spot"
+    basis = perpendicular_basis(-unit(light.direction), (0.0, 1.0, 0.0))
+    origin = np.array(light.position if perspective else (0.0, 0.0, 0.0))
+    return LightSpace(basis, origin, perspective, float(np.tan(light.angle / 2)) if perspective else float("inf"))
+
+
+@dataclass(frozen=True, eq=False)
+class LightView:
+    """The part of a light's space that a map of size² texels shows, near and far along the light's axis."""
+
+    space: LightSpace
+    box: Box
+    size: int
+
+    @property
+    def near(self) -> float:
+        """Distance along the axis that has depth 0."""
+        return float(self.box.low[2])
+
+    @property
+    def far(self) -> float:
+        """Distance along the axis that has depth 1."""
+        return float(self.box.high[2])
+
+    @property
+    def texel(self) -> tuple[float, float]:
+        """Width and height of a texel in local lengths; for a perspective light at unit distance."""
+        width, height = (self.box.high - self.box.low)[:2] / self.size
+        return float(width), float(height)
+
+    @property
+    def depth_scale(self) -> float:
+        """Depth per length: 1/(far − near), or f·n/(f − n) over the squared distance for a perspective light."""
+        span = self.far - self.near
+        return self.far * self.near / span if self.space.perspective else 1 / span
+
+    def _unit_depth(self, reversed_depth: bool) -> Floats:
+        """(4, 4) world to x, y in [−1, 1] and depth in [0, 1], before the division by w."""
+        (left, bottom, near), (right, top, far) = self.box.low, self.box.high
+        matrix = np.zeros((4, 4))
+        shift = [-(right + left) / (right - left), -(top + bottom) / (top - bottom)]
+        matrix[0, 0], matrix[1, 1] = 2 / (right - left), 2 / (top - bottom)
+        if self.space.perspective:
+            matrix[:2, 2] = -np.array(shift)
+            matrix[2, 2:] = -far / (far - near), -far * near / (far - near)
+            matrix[3, 2] = -1
+        else:
+            matrix[:2, 3] = shift
+            matrix[2, 2:] = -1 / (far - near), -near / (far - near)
+            matrix[3, 3] = 1
+        if reversed_depth:
+            matrix[2] = matrix[3] - matrix[2]
+        return matrix @ self.space.matrix
+
+    def to_map(self, reversed_depth: bool = False) -> Floats:
+        """(4, 4) world to map: after the division x, y and depth are in [0, 1]."""
+        matrix = self._unit_depth(reversed_depth)
+        matrix[:2] = (matrix[:2] + matrix[3]) / 2
+        return matrix
+
+    def to_clip(self, reversed_depth: bool = False) -> Floats:
+        """(4, 4) world to clip space: depth −1 to 1, or with reversed depth 1 to 0 for a zero-to-one clip control."""
+        matrix = self._unit_depth(reversed_depth)
+        if not reversed_depth:
+            matrix[2] = 2 * matrix[2] - matrix[3]
+        return matrix
+
+    def linear(self, depths: Floats, reversed_depth: bool = False) -> Floats:
+        """Stored depths as distances along the axis, 0 at near and 1 at far."""
+        depths = 1 - depths if reversed_depth else depths
+        if not self.space.perspective:
+            return depths
+        distance = self.far * self.near / (self.far - depths * (self.far - self.near))
+        return (distance - self.near) / (self.far - self.near)

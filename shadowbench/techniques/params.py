@@ -1,0 +1,66 @@
+"""Parameters of techniques: one pydantic field feeds spec, shader, help, docs and row columns.
+
+A `Row` is a registered value with its own parameters (a bias, a filter, a fit): a class that names itself is in its
+family's table, and every technique with a field of that family has it.
+"""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+
+from pydantic import BeforeValidator, Field
+
+from shadowbench.strict import Strict
+
+if TYPE_CHECKING:
+    from shadowbench.techniques.spec import Call
+
+
+def param(default: Any, help: str, *, metres: bool = False, **limits: Any) -> Any:
+    """A knob: its default, one line of help, and pydantic limits (ge, gt, le, lt).
+
+    `metres` marks a length in file units; it becomes a local one where its uniform is set.
+    """
+    return Field(default, description=help, json_schema_extra={"metres": metres}, **limits)
+
+
+class TechniqueParams(Strict):
+    """Base of every technique's parameters."""
+
+
+class Row(Strict):
+    """Base of a family of registered values; a subclass that sets `name` joins the table of its family."""
+
+    name: ClassVar[str]
+    shader: ClassVar[str] = ""  # the file that fills the include slot of the row's field
+    table: ClassVar[dict[str, type[Self]]]
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
+        super().__pydantic_init_subclass__(**kwargs)
+        if Row in cls.__bases__:
+            cls.table = {}
+        elif "name" in cls.__dict__:
+            cls.table[cls.name] = cls
+
+    @classmethod
+    def chosen(cls, value: "Row | str | Call") -> Self:
+        """The row that a spec's value names; raises ValueError with the names that are allowed."""
+        from shadowbench.techniques.spec import Call, parse_value
+
+        if isinstance(value, cls):
+            return value
+        if isinstance(value, str):
+            value = parse_value(value)
+        call = value if isinstance(value, Call) else Call(str(value), ())
+        if call.name not in cls.table:
+            raise ValueError(f"unknown {cls.__name__.lower()} {call.name!r}; allowed: {', '.join(cls.table)}")
+        row = cls.table[call.name]
+        return row(**call.keywords(list(row.model_fields)))
+
+
+def one_of(family: type[Row]) -> Callable[[Any], Any]:
+    """The validator of a field whose value is a row of `family`: `bias: Annotated[Bias, one_of(Bias)]`."""
+    return BeforeValidator(family.chosen)  # type: ignore[return-value]  # pydantic calls it a validator, not a callable
+
+
+__all__ = ["Annotated", "Row", "TechniqueParams", "one_of", "param"]

@@ -1,0 +1,56 @@
+"""Embree from the G-buffer's points. The one technique that may use what the truth uses."""
+
+import moderngl
+import numpy as np
+
+from shadowbench.gl.gbuffer import download
+from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
+from shadowbench.truth.embree import NEVER, Tracer, over_slices
+
+
+class RayTraced(Technique):
+    """One shadow ray a pixel on the CPU, timed with its transfers: a reference, where the speed axis ends.
+
+    Exact but for the G-buffer's float32 positions, which move contact and grazing shadows.
+    """
+
+    name = "ray-traced"
+
+    class Params(TechniqueParams):
+        """Parameters of ray-traced."""
+
+        offset: float = param(2e-6, "height of a ray's origin above its surface, as a share of the scene", ge=0, le=1)
+
+    params: Params
+
+    def build(self, stage: Stage) -> None:
+        geometry = stage.scene.geometry
+        self.tracer = Tracer(geometry.vertices, geometry.caster_faces)
+        low, high = geometry.bounds
+        self.offset = self.params.offset * float(np.linalg.norm(high - low))
+        self.visibility = stage.texture()
+
+    def draw(self, frame: Frame) -> moderngl.Texture:
+        with frame.timed("download", changes="view"):
+            position, normal = (
+                download(texture).reshape(-1, 4) for texture in (frame.surface.position, frame.surface.normal)
+            )
+        with frame.timed("trace", changes="view"):
+            visibility = np.concatenate(list(over_slices(lambda part: self._trace(frame, position[part], normal[part]), len(position))))
+        with frame.timed("upload", changes="view"):
+            self.visibility.write(np.flipud(visibility.reshape(self.visibility.size)).tobytes())
+        return self.visibility
+
+    def _trace(self, frame: Frame, position: np.ndarray, normal: np.ndarray) -> np.ndarray:
+        light, w = (np.asarray(part) for part in frame.light.homogeneous)
+        to_light = light - w * position[:, :3].astype(np.float64)
+        distance = np.linalg.norm(to_light, axis=1)
+        to_light = to_light / np.maximum(distance, np.finfo(float).tiny)[:, None]
+        cosine = np.einsum("ij,ij->i", normal[:, :3], to_light)
+        receiver = np.flatnonzero((position[:, 3] * normal[:, 3] > 0.5) & (cosine > 0))
+        ahead = self.offset / cosine[receiver]
+        origin = position[receiver, :3] + to_light[receiver] * ahead[:, None]
+        reach = np.maximum(distance[receiver] - ahead, 0.0) if w else np.full(len(receiver), NEVER)
+        visibility = np.ones(len(position), dtype=np.float32)
+        visibility[receiver] = ~self.tracer.occluded(origin, to_light[receiver], reach)
+        return visibility

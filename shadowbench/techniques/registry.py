@@ -1,0 +1,82 @@
+"""Which techniques there are: our own, those of installed packages, and single files named by --plugin."""
+
+import importlib.util
+import inspect
+import sys
+from collections.abc import Mapping, Sequence
+from importlib.metadata import entry_points
+from pathlib import Path
+
+from shadowbench.errors import InputError
+from shadowbench.techniques.base import Technique
+from shadowbench.techniques.ray_traced import RayTraced
+from shadowbench.techniques.shadow_map import ShadowMap
+from shadowbench.techniques.unshadowed import Unshadowed
+
+GROUP = "shadowbench.techniques"
+OWN: tuple[type[Technique], ...] = (Unshadowed, ShadowMap, RayTraced)
+
+
+def techniques(plugins: Sequence[Path] = ()) -> Mapping[str, type[Technique]]:
+    """All techniques by name; raises InputError for a plug-in that cannot be loaded or takes a name twice."""
+    found: dict[str, type[Technique]] = {}
+    for technique in [*OWN, *_installed(), *(one for plugin in plugins for one in _from_file(plugin))]:
+        if technique.name in found and found[technique.name] is not technique:
+            raise InputError(f"two techniques are called {technique.name!r}: {_origin(found[technique.name])} and {_origin(technique)}")
+        found[technique.name] = technique
+    return found
+
+
+def shader_folder(technique: type[Technique]) -> Path | None:
+    """Where a technique's own shader files are: beside its file, or None for ours."""
+    return None if technique in OWN else source_file(technique).parent
+
+
+def source_file(technique: type[Technique]) -> Path:
+    """The file that defines a technique."""
+    return Path(inspect.getfile(technique))
+
+
+def _installed() -> list[type[Technique]]:
+    loaded = []
+    for point in entry_points(group=GROUP):
+        try:
+            loaded.append(_checked(point.load(), f"entry point {point.name!r}"))
+        except ImportError as error:
+            raise InputError(f"entry point {point.name!r} of {GROUP} cannot be imported: {error}") from error
+    return loaded
+
+
+def _from_file(file: Path) -> list[type[Technique]]:
+    if not file.is_file():
+        raise InputError(f"--plugin {file}: no such file")
+    name = f"shadowbench_plugin_{file.stem}"
+    spec = importlib.util.spec_from_file_location(name, file)
+    if spec is None or spec.loader is None:
+        raise InputError(f"--plugin {file}: not a Python file (.py)")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # so that pydantic and inspect find what the file defines
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:  # whatever somebody's file raises
+        raise InputError(f"--plugin {file}: {type(error).__name__}: {error}") from error
+    own = [
+        thing
+        for thing in vars(module).values()
+        if inspect.isclass(thing) and issubclass(thing, Technique) and thing.__module__ == name
+    ]
+    if not own:
+        raise InputError(f"--plugin {file}: defines no subclass of shadowbench.techniques.base.Technique")
+    return [_checked(technique, f"--plugin {file}") for technique in own]
+
+
+def _checked(technique: object, where: str) -> type[Technique]:
+    if not (inspect.isclass(technique) and issubclass(technique, Technique)):
+        raise InputError(f"{where}: {technique!r} is no subclass of Technique")
+    if not isinstance(getattr(technique, "name", None), str):
+        raise InputError(f"{where}: {technique.__name__} has no name")
+    return technique
+
+
+def _origin(technique: type[Technique]) -> str:
+    return str(source_file(technique))

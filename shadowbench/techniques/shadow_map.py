@@ -1,0 +1,139 @@
+"""Shadow mapping with one 2-D map (Williams 1978; filtering: Reeves, Salesin and Cook 1987)."""
+
+from typing import Annotated, Literal
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from shadowbench.gl.device import Device
+from shadowbench.gl.gbuffer import download
+from shadowbench.gl.program import Sampling, State
+from shadowbench.gl.targets import DepthFormat
+from shadowbench.scenes.model import View
+from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
+from shadowbench.techniques.biases import Bias, Texel
+from shadowbench.techniques.filters import Filter, Hardware
+from shadowbench.techniques.fits import CasterHull, Fit, Sight, Visible
+from shadowbench.techniques.lights import LightView
+from shadowbench.techniques.params import one_of
+from shadowbench.techniques.reduction import VisibleBounds
+
+
+class ShadowMap(Technique):
+    """One depth map from the light, compared with every pixel of the view.
+
+    Orthographic for a directional light, perspective for a spot. Fails where a texel covers more than a pixel
+    (stairs), where a bias is too small (acne) or too large (leaks, peter-panning), and outside what the map shows.
+    """
+
+    name = "shadow-map"
+    phased = True
+    presets = {
+        "course": "fit=scene,bias=slope,filter=pcf(taps=3)",
+        "constant": "fit=scene,bias=constant(0.005),filter=hard",
+        "webgl": "fit=scene,bias=constant(0.001),filter=hard,size=512",
+        "offset": "fit=scene,bias=polygon-offset(2,4),filter=hardware",
+        "dither": "fit=scene,bias=polygon-offset(2,4),filter=dither-4",
+        "fixed": "fit=fixed,bias=slope,filter=pcf(taps=3)",
+    }
+
+    class Params(TechniqueParams):
+        """Parameters of shadow-map."""
+
+        fit: Annotated[Fit, one_of(Fit)] = param(Visible(), "which part of the scene the map shows")
+        size: int = param(1024, "texels along a side of the map", ge=1, le=65536)
+        depth: DepthFormat = param("d32f", "depth format")
+        reversed: bool = param(False, "depth 1 at near and 0 at far; needs clip control")
+        bias: Annotated[Bias, one_of(Bias)] = param(Texel(), "what keeps a surface from shadowing itself")
+        filter: Annotated[Filter, one_of(Filter)] = param(Hardware(), "how texels are compared and weighted")
+        wrap: Literal["border", "edge", "repeat"] = param("border", "what lies outside the map; border is lit")
+        far_rule: Literal["lit", "none"] = param("lit", "what lies beyond the map's far plane; none is in shadow")
+
+    params: Params
+
+    @classmethod
+    def unsupported(cls, params: TechniqueParams, view: View, device: Device) -> str | None:
+        assert isinstance(params, cls.Params)
+        if view.light.kind == "point":
+            return "a point light shines all round, one 2-D map sees less than half of it"
+        for row in (params.bias, params.filter):
+            if "2d" not in row.maps:
+                return f"{row.name} has no meaning for a 2-D map"
+        if params.reversed and not device.clip_control:
+            return "reversed depth needs clip control (OpenGL 4.5)"
+        return None
+
+    def build(self, stage: Stage) -> None:
+        params = self.params
+        self.stage = stage
+        self.hull = CasterHull(stage.scene)
+        self.bounds = VisibleBounds(stage)
+        self.map = stage.depth_target(params.size, params.depth)
+        self.depth_program = stage.program("casters.vert", "depth.frag")
+        self.resolve_program = stage.program("fullscreen.vert", "shadow-map/resolve.frag", params=params)
+        self.radius = params.filter.radius(params.size)
+        self.resolve_program.set(filter_radius=self.radius, depth_step=self.map.step)
+        self.casters = stage.casters(self.depth_program)
+        self.fullscreen = stage.fullscreen(self.resolve_program)
+        self.visibility = stage.texture()
+        self.target = stage.target(self.visibility)
+
+    def draw(self, frame: Frame) -> moderngl.Texture:
+        params = self.params
+        moves_with = "light" if params.fit.moves_with == "light" else "view"
+        with frame.timed("fit", changes=moves_with):
+            sight = Sight(frame.view, self.stage.placement, self.hull, lambda space: self.bounds(frame, space))
+            self.seen = params.fit.light_view(sight, params.size, self.radius + 1, frame.phase.shift)
+        with frame.timed("depth", changes=moves_with):
+            self._draw_map(self.seen)
+        with frame.timed("resolve", changes="view"):
+            self._resolve(frame, self.seen)
+        return self.visibility
+
+    def _draw_map(self, seen: LightView) -> None:
+        params = self.params
+        sign = -1 if params.reversed else 1
+        factor, units = params.bias.polygon_offset
+        self.depth_program.set(world_to_clip=seen.to_clip(params.reversed))
+        self.map.target.clear(depth=0.0 if params.reversed else 1.0)
+        state = State(
+            depth_test=">=" if params.reversed else "<=",
+            cull=params.bias.cull,
+            polygon_offset=(sign * factor, sign * units),
+            depth_clamp=True,
+            zero_to_one=params.reversed,
+        )
+        self.casters.draw(self.map.target, state=state)
+
+    def _resolve(self, frame: Frame, seen: LightView) -> None:
+        params = self.params
+        to_map = seen.to_map(params.reversed)
+        self.resolve_program.set(
+            light=frame.light_uniform,
+            world_to_map=to_map,
+            map_to_world=np.linalg.inv(to_map),
+            texel_width=seen.texel,
+            depth_scale=seen.depth_scale,
+        )
+        border = 0.0 if params.reversed else 1.0
+        compared = Sampling(
+            linear=True, wrap=params.wrap, border=border, compare=">=" if params.reversed else "<="
+        )
+        textures = {
+            "map_depths": (self.map.texture, Sampling(wrap=params.wrap, border=border)),
+            "map_compare": (self.map.texture, compared),
+        }
+        self.fullscreen.draw(self.target, frame.surface.inputs | textures)
+
+    def map_image(self) -> NDArray[np.float32] | None:
+        depths = download(self.map.texture)[..., 0].astype(np.float64)
+        return self.seen.linear(depths, self.params.reversed).astype(np.float32)
+
+    def facts(self) -> dict[str, float]:
+        scale = self.stage.placement.scale
+        facts = {"texel_m": max(self.seen.texel) / scale, "depth_range_m": (self.seen.far - self.seen.near) / scale}
+        units = self.params.bias.depth_units
+        if units is not None and not self.seen.space.perspective:
+            facts["bias_m"] = units * facts["depth_range_m"]
+        return facts

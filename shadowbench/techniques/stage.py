@@ -1,0 +1,137 @@
+"""The stage: what a technique builds on. It is fixed between build and release, and frees all that was made on it."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from shadowbench.data import data_folder
+from shadowbench.gl.device import Device
+from shadowbench.gl.geometry import DeviceGeometry
+from shadowbench.gl.program import Drawable, Program, link
+from shadowbench.gl.shaders import compose
+from shadowbench.gl.targets import DepthFormat, DepthTarget, depth_target
+from shadowbench.scenes.model import Placement, Scene
+from shadowbench.techniques.params import Row, TechniqueParams
+
+_WIDTHS = {"f1": 1, "f2": 2, "f4": 4, "i4": 4, "u4": 4}
+
+
+class Stage:
+    """Scene (local coordinates), device and image size, and the makers of programs, textures and targets.
+
+    `shaders` is the folder where the technique's own shader files are looked up before the shared ones.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        device: Device,
+        size: tuple[int, int],
+        geometry: DeviceGeometry,
+        placement: Placement,
+        shaders: Path | None = None,
+    ) -> None:
+        self.scene, self.device, self.size, self.placement = scene, device, size, placement
+        self.bytes = 0
+        self._geometry = geometry
+        self._roots = [*([shaders] if shaders else []), data_folder("shaders")]
+        self._held: list[Any] = []
+
+    def program(
+        self,
+        vertex: Path | str,
+        fragment: Path | str,
+        geometry: Path | str | None = None,
+        *,
+        params: TechniqueParams | None = None,
+        defines: Mapping[str, int | str] = {},
+    ) -> Program:
+        """A program from files or inline texts, with the parameters in it.
+
+        Ints, bools and choices of `params` become #defines (SIZE 1024, REVERSED 0, WRAP_BORDER 1), a row fills the
+        include slot of its field (`#include <bias>`), and its own parameters follow the same rule (FILTER_TAPS 3);
+        floats become uniforms (`bias_max`), lengths in metres being local by then.
+        """
+        names, slots, uniforms = _shader_values(params, self.placement) if params else ({}, {}, {})
+        names |= {name: str(value) for name, value in defines.items()}
+        texts = [compose(text, self._roots, names, slots) for text in (vertex, fragment, geometry) if text is not None]
+        program = link(self.device, *texts)
+        self._held.append(program.linked)
+        program.set(**{name: value for name, value in uniforms.items() if program.has(name)})
+        return program
+
+    def texture(self, size: tuple[int, int] | None = None, components: int = 1, dtype: str = "f4") -> moderngl.Texture:
+        """A colour texture, of the image's size unless told otherwise."""
+        size = size or self.size
+        texture = self.device.context.texture(size, components, dtype=dtype)
+        self._hold(texture, size[0] * size[1] * components * _WIDTHS[dtype])
+        return texture
+
+    def target(self, *textures: moderngl.Texture) -> moderngl.Framebuffer:
+        """A framebuffer that draws into textures."""
+        framebuffer = self.device.context.framebuffer(list(textures))
+        self._held.append(framebuffer)
+        return framebuffer
+
+    def depth_target(self, size: int, depth: DepthFormat) -> DepthTarget:
+        """A square depth map to draw into and read."""
+        target = depth_target(self.device, size, depth)
+        self._hold(target, target.bytes)
+        return target
+
+    def buffer(self, values: NDArray[np.generic]) -> moderngl.Buffer:
+        """A buffer with these values."""
+        buffer = self.device.context.buffer(np.ascontiguousarray(values).tobytes())
+        self._hold(buffer, values.nbytes)
+        return buffer
+
+    def casters(self, program: Program) -> Drawable:
+        """The scene's casters, with `in vec3 position`."""
+        return self._drawable(self._geometry.casters(program))
+
+    def fullscreen(self, program: Program) -> Drawable:
+        """One triangle over the target, for a program whose vertex shader is `fullscreen.vert`."""
+        return self._drawable(Drawable(program, self.device.context.vertex_array(program.linked, []), count=3))
+
+    def _drawable(self, drawable: Drawable) -> Drawable:
+        self._held.append(drawable.vertices)
+        return drawable
+
+    def _hold(self, thing: Any, size: int) -> None:
+        self._held.append(thing)
+        self.bytes += size
+
+    def release(self) -> None:
+        """Free everything that was made here."""
+        while self._held:
+            self._held.pop().release()
+
+
+def _shader_values(
+    params: TechniqueParams | Row, placement: Placement, prefix: str = ""
+) -> tuple[dict[str, str], dict[str, str], dict[str, float]]:
+    """(defines, include slots, uniforms) of parameters, rows within them too."""
+    defines: dict[str, str] = {}
+    slots: dict[str, str] = {}
+    uniforms: dict[str, float] = {}
+    for key, field in type(params).model_fields.items():
+        value, name = getattr(params, key), prefix + key.replace("-", "_")
+        if isinstance(value, Row):
+            inner = _shader_values(value, placement, f"{name}_")
+            for ours, theirs in zip((defines, slots, uniforms), inner, strict=True):
+                ours.update(theirs)  # type: ignore[arg-type]  # each pair has one type
+            if value.shader:
+                slots[name] = value.shader
+        elif isinstance(value, bool | int):
+            defines[name.upper()] = str(int(value))
+        elif isinstance(value, float):
+            extra = field.json_schema_extra
+            metres = isinstance(extra, dict) and extra.get("metres")
+            uniforms[name] = placement.length(value) if metres else value
+        else:
+            defines[f"{name}_{value}".upper().replace("-", "_")] = "1"
+    return defines, slots, uniforms

@@ -1,0 +1,76 @@
+"""Truths kept on disk, by a hash of the view and of the sources that trace it: a second run traces nothing."""
+
+import hashlib
+import os
+import zipfile
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+import platformdirs
+
+from shadowbench.data import source_digest
+from shadowbench.files import replace_file
+from shadowbench.scenes import model
+from shadowbench.scenes.digest import view_digest
+from shadowbench.scenes.model import View
+from shadowbench.truth.trace import Truth, trace
+
+KEPT_BYTES = 4 << 30  # the oldest truths go when the folder grows past this
+
+
+def cached_truth(view: View, pixel_samples: int = 4, light_samples: int = 1) -> Truth:
+    """`trace`, or what it answered before for the same view and sources."""
+    file = cache_folder() / f"{_key(view, pixel_samples, light_samples)}.npz"
+    kept = read_truth(file)
+    if kept is not None:
+        file.touch()
+        return kept
+    truth = trace(view, pixel_samples, light_samples)
+    write_truth(file, truth)
+    _forget_oldest(file.parent)
+    return truth
+
+
+def cache_folder() -> Path:
+    """Where truths are kept: $SHADOWBENCH_CACHE, or the platform's folder for caches."""
+    chosen = os.environ.get("SHADOWBENCH_CACHE")
+    folder = Path(chosen) if chosen else Path(platformdirs.user_cache_dir("shadowbench")) / "truth"
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def write_truth(file: Path, truth: Truth) -> None:
+    """All arrays of a truth as one compressed .npz."""
+    with replace_file(file) as beside, beside.open("wb") as stream:
+        np.savez_compressed(stream, **truth.arrays())  # type: ignore[arg-type]  # the stub types allow_pickle alone
+
+
+def read_truth(file: Path) -> Truth | None:
+    """The truth in a file, None when it is missing or cut short."""
+    try:
+        with np.load(file) as arrays:
+            values = {name: arrays[name] for name in arrays.files}
+    except (FileNotFoundError, zipfile.BadZipFile, EOFError, ValueError):
+        return None
+    return Truth(**{**values, "diagonal": float(values["diagonal"])})
+
+
+@cache
+def _sources() -> str:
+    return source_digest(Path(__file__).parent, Path(model.__file__)) + version("embreex")
+
+
+def _key(view: View, pixel_samples: int, light_samples: int) -> str:
+    parts = (view_digest(view), pixel_samples, light_samples, _sources())
+    return hashlib.sha256(repr(parts).encode()).hexdigest()[:32]
+
+
+def _forget_oldest(folder: Path) -> None:
+    files = sorted(folder.glob("*.npz"), key=lambda file: file.stat().st_mtime, reverse=True)
+    total = 0
+    for file in files:
+        total += file.stat().st_size
+        if total > KEPT_BYTES:
+            file.unlink(missing_ok=True)

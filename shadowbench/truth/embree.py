@@ -1,0 +1,70 @@
+"""Embree behind three questions: which triangle is hit, how far is it, is anything in the way.
+
+Embree works in float32, so callers hand it local coordinates (a diagonal of about 1) and refine what they need.
+Its arrays are not bounds-checked; here is the one place that makes them what it expects.
+"""
+
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+import numpy as np
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+from numpy.typing import NDArray
+
+from shadowbench.scenes.model import Floats
+
+Result = TypeVar("Result")
+
+RAYS_A_SLICE = 1 << 15  # float64 temporaries of a slice stay in the cache of a core
+NEVER = 1e30  # a ray length that no local scene reaches
+
+
+class Tracer:
+    """An Embree scene of one indexed triangle list.
+
+    vertices: (V, 3) float64, local; faces: (F, 3) int32. Rays: origins and directions (N, 3) float64, directions of
+    any length; distances are in lengths of their direction.
+    """
+
+    def __init__(self, vertices: Floats, faces: NDArray[np.int32]) -> None:
+        self._scene = EmbreeScene(robust=True)
+        if len(faces):
+            TriangleMesh(self._scene, vertices.astype(np.float32), np.ascontiguousarray(faces, dtype=np.int32))
+        # The first run builds the tree, which must not happen in several threads at once.
+        self.nearest(np.zeros((1, 3)), np.ones((1, 3)), np.ones(1))
+
+    def nearest(self, origins: Floats, directions: Floats, reach: Floats) -> NDArray[np.int32]:
+        """(N,) int32 index of the nearest triangle within reach, −1 for none."""
+        return self._run(origins, directions, reach, "INTERSECT").astype(np.int32, copy=False)
+
+    def distance(self, origins: Floats, directions: Floats, reach: Floats) -> NDArray[np.float32]:
+        """(N,) float32 distance to the nearest triangle; `reach` or more for none."""
+        return self._run(origins, directions, reach, "DISTANCE")
+
+    def occluded(self, origins: Floats, directions: Floats, reach: Floats) -> NDArray[np.bool_]:
+        """(N,) bool: whether any triangle lies within reach."""
+        blocked: NDArray[np.bool_] = self._run(origins, directions, reach, "OCCLUDED") == 0
+        return blocked
+
+    def _run(self, origins: Floats, directions: Floats, reach: Floats, query: str) -> NDArray[np.float32]:
+        if len(origins) == 0:
+            return np.empty(0, dtype=np.float32)
+        if not len(origins) == len(directions) == len(reach):
+            raise ValueError(f"{len(origins)} origins, {len(directions)} directions, {len(reach)} lengths")
+        answer: NDArray[np.float32] = self._scene.run(
+            np.ascontiguousarray(origins, dtype=np.float32),
+            np.ascontiguousarray(directions, dtype=np.float32),
+            dists=np.array(reach, dtype=np.float32),  # a copy: Embree writes into it
+            query=query,
+        )
+        return answer
+
+
+def over_slices(work: Callable[[slice], Result], count: int, size: int = RAYS_A_SLICE) -> Iterator[Result]:
+    """`work` on slices of `count` things, in order, one thread a core: Embree and NumPy both let go of the GIL."""
+    slices = [slice(start, min(start + size, count)) for start in range(0, count, size)]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        yield from pool.map(work, slices)

@@ -1,0 +1,124 @@
+import hashlib
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from PIL import Image
+
+from shadowbench.errors import InputError
+from shadowbench.scores import mask_sha256, quantise, read_mask, score, write_mask
+
+images = arrays(np.float32, (5, 7), elements=st.floats(0, 1, width=32))
+
+
+@given(images)
+def test_quantising_moves_by_at_most_half_a_level(visibility):
+    assert np.abs(quantise(visibility).astype(float) - visibility).max() <= 0.5 / 65535 + 1e-7
+
+
+@given(images)
+def test_quantising_twice_changes_nothing(visibility):
+    once = quantise(visibility)
+    assert once.dtype == np.float32
+    np.testing.assert_array_equal(quantise(once), once)
+
+
+def test_every_level_survives_both_precisions():
+    levels = np.arange(65536).reshape(256, 256)
+    for dtype in (np.float32, np.float64):
+        quantised = quantise((levels / 65535).astype(dtype))
+        np.testing.assert_array_equal(np.rint(quantised.astype(float) * 65535), levels)
+
+
+def test_the_levels_of_half_floats_and_booleans_are_kept():
+    np.testing.assert_array_equal(quantise(np.array([[0, 0.5, 1]], np.float16)), quantise([[0, 0.5, 1]]))
+    np.testing.assert_array_equal(quantise([[False, True]]), [[0, 1]])
+
+
+def test_rounding_beyond_the_range_is_clipped():
+    np.testing.assert_array_equal(quantise([[-1e-7, 1 + 5e-7]]), [[0, 1]])
+
+
+@pytest.mark.parametrize(
+    ("bad", "message"),
+    [
+        ([[0.5, np.nan, np.inf, -np.inf]], "NaN or infinite in 3 of 4 pixels"),
+        ([[0.5, 1.01, -0.25, 0]], r"outside \[0, 1\] in 2 of 4 pixels \(found -0.25 to 1.01\)"),
+        ([[0, 255]], r"outside \[0, 1\] in 1 of 2"),
+        ([0.5], r"shape \(1,\)"),
+        ([[[0.5]]], r"shape \(1, 1, 1\)"),
+        (np.ones((0, 4)), r"shape \(0, 4\)"),
+    ],
+)
+def test_what_is_no_mask_is_told_in_one_line(bad, message):
+    with pytest.raises(ValueError, match=message) as caught:
+        quantise(bad)
+    assert "\n" not in str(caught.value)
+
+
+@given(images)
+def test_a_stored_mask_comes_back_bit_for_bit(tmp_path_factory, visibility):
+    path = tmp_path_factory.getbasetemp() / "mask.png"
+    write_mask(path, visibility)
+    again = read_mask(path)
+    assert again.dtype == np.float32
+    np.testing.assert_array_equal(again, quantise(visibility))
+    assert mask_sha256(again) == mask_sha256(visibility)
+
+
+def test_a_stored_mask_scores_the_same_numbers(tmp_path, truth, disc):
+    rng = np.random.default_rng(3)
+    mask = np.clip(disc(30, right=1) + rng.normal(0, 0.1, (128, 128)), 0, 1)
+    reference = truth(disc(30), area=np.clip(disc(30) * 0.9, 0, 1), cosine=rng.random((128, 128)))
+    write_mask(tmp_path / "mask.png", mask)
+    assert score(read_mask(tmp_path / "mask.png"), reference) == score(mask, reference)
+
+
+def test_the_file_is_16_bit_grey_and_alone_in_its_folder(tmp_path):
+    write_mask(tmp_path / "mask.png", [[0, 1], [0.25, 0.5]])
+    header = (tmp_path / "mask.png").read_bytes()[:26]
+    assert (header[24], header[25]) == (16, 0)  # bits, colour type
+    assert [entry.name for entry in tmp_path.iterdir()] == ["mask.png"]
+
+
+def test_a_mask_that_cannot_be_written_leaves_nothing(tmp_path):
+    with pytest.raises(ValueError, match="NaN"):
+        write_mask(tmp_path / "mask.png", [[np.nan]])
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(InputError, match="nowhere"):
+        write_mask(tmp_path / "nowhere" / "mask.png", [[1.0]])
+
+
+def test_an_8_bit_mask_is_full_at_255_and_lies_on_the_levels(tmp_path):
+    levels = np.arange(256, dtype=np.uint8).reshape(16, 16)
+    Image.fromarray(levels).save(tmp_path / "mask.png")
+    visibility = read_mask(tmp_path / "mask.png")
+    np.testing.assert_allclose(visibility, levels / 255, atol=1e-7)
+    np.testing.assert_array_equal(quantise(visibility), visibility)
+
+
+@pytest.mark.parametrize("mode", ["RGB", "RGBA", "LA", "P", "1"])
+def test_a_mask_in_colour_is_refused_by_name(tmp_path, mode):
+    Image.new(mode, (4, 4)).save(tmp_path / "colour.png")
+    with pytest.raises(InputError, match=rf"colour\.png: found a PNG of mode {mode}; allowed: a grey PNG"):
+        read_mask(tmp_path / "colour.png")
+
+
+def test_what_is_no_png_is_refused_by_name(tmp_path):
+    path = tmp_path / "mask.png"
+    with pytest.raises(InputError, match=r"mask\.png: no such file"):
+        read_mask(path)
+    path.write_text("not an image")
+    with pytest.raises(InputError, match=r"mask\.png: cannot be read"):
+        read_mask(path)
+    write_mask(path, np.random.default_rng(0).random((32, 32)))
+    path.write_bytes(path.read_bytes()[:500])
+    with pytest.raises(InputError, match=r"mask\.png: cannot be read"):
+        read_mask(path)
+
+
+def test_the_checksum_is_that_of_the_levels():
+    assert mask_sha256([[0, 1]]) == hashlib.sha256(b"\x00\x00\xff\xff").hexdigest()
+    assert mask_sha256([[0.5]]) != mask_sha256([[0.5001]])

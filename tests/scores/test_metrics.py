@@ -1,0 +1,326 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shadowbench.scores import METRICS, score
+
+seeds = st.integers(0, 2**32 - 1)
+SIZE = 40
+
+
+def random_view(rng):
+    """A shadow of random blobs with holes in the receivers, undecided pixels, and a noisy mask of it."""
+    y, x = np.mgrid[:SIZE, :SIZE]
+    centres, radii = rng.uniform(0, SIZE, (3, 2)), rng.uniform(4, 15, 3)
+    shadow = np.any([(y - cy) ** 2 + (x - cx) ** 2 < r**2 for (cy, cx), r in zip(centres, radii, strict=True)], axis=0)
+    view = {
+        "visibility": 1.0 - shadow,
+        "receivers": (y > rng.integers(0, 10)) & (rng.random((SIZE, SIZE)) < 0.97),
+        "undecided": rng.random((SIZE, SIZE)) < 0.003,
+        "area": np.clip(1.0 - shadow + rng.normal(0, 0.1, (SIZE, SIZE)), 0, 1),
+        "blocker": np.where(shadow, rng.uniform(0, 0.5, (SIZE, SIZE)), np.inf),
+        "cosine": rng.random((SIZE, SIZE)),
+    }
+    mask = np.clip(np.roll(1.0 - shadow, rng.integers(-2, 3), 1) + rng.normal(0, 0.2, (SIZE, SIZE)), 0, 1)
+    return mask, view
+
+
+# The table
+
+
+def test_every_metric_has_a_row_that_explains_it():
+    assert list(METRICS) == [
+        *("iou", "iou_soft", "boundary_iou", "ssim", "ssim_edge", "mae", "mae_area", "mae_lit"),
+        *("acne", "leak", "contact", "edge_px", "edge_p95"),
+    ]
+    for name, metric in METRICS.items():
+        assert metric.name == name
+        assert metric.better in ("higher", "lower")
+        assert metric.kind in ("hard", "soft", "both")
+        assert metric.help.endswith(".")
+        assert metric.function.__doc__
+    assert "diluted by lit ground" in METRICS["ssim"].help
+    assert "prefers a displaced edge to a smooth one" in METRICS["ssim"].help
+
+
+def test_scores_are_plain_floats_in_the_tables_order(truth, disc):
+    scores = score(disc(29), truth(disc(30), blocker=np.zeros((128, 128))))
+    assert list(scores) == list(METRICS)
+    assert {type(value) for value in scores.values()} == {float}
+
+
+# What is best, what is worst
+
+
+def test_the_truth_itself_gets_the_best_value_of_every_metric(truth, disc):
+    scores = score(disc(30), truth(disc(30), blocker=np.zeros((128, 128))))
+    for name, metric in METRICS.items():
+        assert scores[name] == (1 if metric.better == "higher" else 0), name
+
+
+@given(seeds)
+def test_no_mask_is_better_than_the_truth(truth, seed):
+    mask, view = random_view(np.random.default_rng(seed))
+    reference = truth(**view | {"area": view["visibility"]})
+    scores, best = score(mask, reference), score(reference.visibility, reference)
+    for name, metric in METRICS.items():
+        if scores[name] is not None and best[name] is not None:
+            worse = scores[name] - best[name]
+            assert (worse <= 1e-9) if metric.better == "higher" else (worse >= -1e-9), name
+
+
+@pytest.mark.parametrize("name", METRICS)
+def test_a_worse_mask_never_scores_better(truth, half_plane, name):
+    """The shadow retreats from its occluder, and acne of the same area spreads over the lit side."""
+    reference = truth(half_plane(64), blocker=np.where(half_plane(64) < 0.5, 0.1, np.inf))
+    noise = np.random.default_rng(5).random((128, 128))
+
+    def mask(amount):
+        return np.where((half_plane(64) == 1) & (noise < amount / 200), 0, half_plane(64 - amount))
+
+    values = [score(mask(amount), reference)[name] for amount in (0, 1, 2, 4, 8, 16)]
+    towards_worse = values[::-1] if METRICS[name].better == "higher" else values
+    assert towards_worse == sorted(towards_worse)
+    assert values[-1] != values[0]
+
+
+def test_a_mask_without_any_shadow_leaks_everywhere(truth, disc):
+    scores = score(np.ones((128, 128)), truth(disc(30), blocker=np.zeros((128, 128))))
+    assert scores["iou"] == scores["iou_soft"] == scores["boundary_iou"] == 0
+    assert scores["leak"] == scores["contact"] == 1
+    assert scores["acne"] == 0
+    assert scores["edge_px"] == scores["edge_p95"] == math.hypot(128, 128)
+    assert scores["mae"] == np.mean(disc(30) == 0)
+
+
+def test_a_mask_wholly_in_shadow_is_all_acne(truth, disc):
+    scores = score(np.zeros((128, 128)), truth(disc(30)))
+    assert scores["acne"] == 1
+    assert scores["leak"] == 0
+    assert scores["iou"] == np.mean(disc(30) == 0)
+
+
+def test_an_inverted_mask_is_wholly_wrong(truth, disc):
+    scores = score(1 - disc(30), truth(disc(30)))
+    assert scores["iou"] == scores["iou_soft"] == scores["boundary_iou"] == 0
+    assert scores["mae"] == scores["mae_area"] == scores["mae_lit"] == scores["acne"] == scores["leak"] == 1
+    assert scores["ssim_edge"] < 0
+
+
+# Closed forms
+
+
+@pytest.mark.parametrize("k", [-20, -3, -1, 0, 1, 2, 7, 30])
+def test_a_straight_edge_that_moved_by_k_pixels(truth, half_plane, k):
+    scores = score(half_plane(64 + k), truth(half_plane(64)))
+    assert scores["edge_px"] == scores["edge_p95"] == abs(k)
+    assert scores["iou"] == scores["iou_soft"] == (64 + min(k, 0)) / (64 + max(k, 0))
+    assert scores["mae"] == abs(k) / 128
+    width = 4  # 2% of 128 √2 is 3.6
+    assert scores["boundary_iou"] == max(width - abs(k), 0) / min(width + abs(k), 2 * width)
+
+
+@pytest.mark.parametrize("k", [1, 5])
+def test_the_distance_is_the_same_along_rows(truth, half_plane, k):
+    scores = score(half_plane(64 + k).T, truth(half_plane(64).T))
+    assert scores["edge_px"] == scores["edge_p95"] == k
+
+
+def test_a_disc_in_a_larger_disc(truth, disc):
+    scores = score(disc(50), truth(disc(40)))
+    assert scores["iou"] == pytest.approx((40 / 50) ** 2, rel=0.01)
+    assert scores["edge_px"] == pytest.approx(10, abs=0.2)
+    assert scores["mae"] == pytest.approx(math.pi * (50**2 - 40**2) / 128**2, rel=0.01)
+
+
+def test_a_disc_beside_its_place(truth, disc):
+    radius, moved = 40, 20
+    lens = 2 * radius**2 * math.acos(moved / (2 * radius)) - moved / 2 * math.sqrt(4 * radius**2 - moved**2)
+    scores = score(disc(radius, right=moved), truth(disc(radius)))
+    assert scores["iou"] == pytest.approx(lens / (2 * math.pi * radius**2 - lens), rel=0.01)
+
+
+def test_boundary_iou_does_not_forgive_a_large_shadow(truth, disc):
+    """One pixel off: IoU hardly sees it on a large shadow, boundary IoU does (Cheng et al. 2021)."""
+    small, large = (score(disc(r - 1, 256), truth(disc(r, 256))) for r in (20, 100))
+    assert large["iou"] - small["iou"] > 0.07
+    assert abs(large["boundary_iou"] - small["boundary_iou"]) < 0.1
+
+
+def test_acne_is_the_share_of_dark_pixels_in_the_lit_interior(truth, half_plane):
+    mask, reference = half_plane(64), truth(half_plane(64))
+    speckled = np.random.default_rng(2).random(mask.shape) < 0.05
+    mask[speckled] = 0
+    interior = reference.lit_interior
+    assert score(mask, reference)["acne"] == speckled[interior].mean()
+    assert score(mask, reference)["leak"] == 0
+
+
+def test_partial_acne_shows_in_mae_only(truth, half_plane):
+    mask = np.where(half_plane(64) == 1, 0.6, 0)
+    scores = score(mask, truth(half_plane(64)))
+    assert scores["acne"] == 0
+    assert scores["iou"] == 1
+    assert scores["mae"] == pytest.approx(0.2, abs=1e-5)
+    assert scores["iou_soft"] == pytest.approx(64 / (64 + 64 * 0.4), abs=1e-5)
+
+
+def test_errors_beside_an_edge_are_neither_acne_nor_leak(truth, half_plane):
+    for k in (-3, 3):
+        scores = score(half_plane(64 + k), truth(half_plane(64)))
+        assert scores["acne"] == scores["leak"] == 0
+    assert score(half_plane(68), truth(half_plane(64)))["acne"] == 1 / 61
+    assert score(half_plane(60), truth(half_plane(64)))["leak"] == 1 / 61
+
+
+def test_peter_panning_is_light_where_the_occluder_touches(truth, half_plane):
+    blocker = np.where(half_plane(64) < 0.5, np.arange(128) * 0.01, np.inf)  # nearer than 0.2: columns 0 to 19
+    mask = half_plane(64)
+    mask[:, :5] = 1
+    assert score(mask, truth(half_plane(64), blocker=blocker))["contact"] == 5 / 20
+
+
+def test_a_correct_filter_is_not_punished_by_mae_area(truth, half_plane):
+    area = half_plane(64)
+    area[:, 63:65] = [0.25, 0.75]
+    scores = score(area, truth(half_plane(64), area=area))
+    assert scores["mae_area"] == 0
+    assert scores["mae"] > 0
+    assert score(half_plane(64), truth(half_plane(64), area=area))["mae_area"] == pytest.approx(0.5 / 128, rel=1e-4)
+
+
+def test_mae_lit_counts_by_the_cosine(truth, half_plane):
+    cosine = np.where(np.arange(128) < 64, 0.25, 0.75) * np.ones((128, 1))
+    mask = half_plane(64)
+    mask[:, :32] = 1
+    assert score(mask, truth(half_plane(64), cosine=cosine))["mae_lit"] == pytest.approx(32 * 0.25 / 64)
+
+
+def test_the_95th_percentile_sees_the_worst_stretch(truth, half_plane):
+    mask = half_plane(64)
+    mask[:20] = half_plane(84)[:20]
+    scores = score(mask, truth(half_plane(64)))
+    assert 1 < scores["edge_px"] < 5
+    assert scores["edge_p95"] > 10
+
+
+# Laws
+
+
+@given(seeds)
+def test_excluded_pixels_never_matter(truth, seed):
+    rng = np.random.default_rng(seed)
+    mask, view = random_view(rng)
+    reference = truth(**view)
+    changed = np.where(reference.valid, mask, rng.random(mask.shape))
+    assert score(changed, reference) == score(mask, reference)
+
+
+@given(seeds)
+def test_what_the_truth_holds_at_excluded_pixels_never_matters(truth, seed):
+    rng = np.random.default_rng(seed)
+    mask, view = random_view(rng)
+    valid = truth(**view).valid
+    changed = {
+        name: np.where(valid, view[name], rng.random(mask.shape))
+        for name in ("visibility", "area", "cosine", "blocker")
+    }
+    assert score(mask, truth(**view | changed)) == score(mask, truth(**view))
+
+
+@pytest.mark.parametrize("turn", [np.flipud, np.fliplr, np.transpose, np.rot90])
+@given(seed=seeds)
+def test_turning_both_images_changes_no_score(truth, turn, seed):
+    mask, view = random_view(np.random.default_rng(seed))
+    turned = {name: turn(array) for name, array in view.items()}
+    before, after = score(mask, truth(**view)), score(turn(mask), truth(**turned))
+    for name in METRICS:
+        assert after[name] == (None if before[name] is None else pytest.approx(before[name], abs=1e-6)), name
+
+
+@given(seed=seeds, few=st.integers(0, 300), more=st.integers(0, 300))
+def test_flipping_more_pixels_never_helps(truth, seed, few, more):
+    rng = np.random.default_rng(seed)
+    _, view = random_view(rng)
+    reference = truth(**view)
+    order = rng.permutation(SIZE * SIZE)
+
+    def flipped(count):
+        mask = reference.visibility.copy()
+        mask.flat[order[:count]] = 1 - mask.flat[order[:count]]
+        return score(mask, reference)
+
+    better, worse = flipped(few), flipped(few + more)
+    assert worse["mae"] >= better["mae"]
+    assert worse["acne"] is None or worse["acne"] >= better["acne"]
+    assert better["iou"] is None or worse["iou"] <= better["iou"]
+
+
+@given(seeds)
+def test_which_of_two_hard_masks_is_the_truth_is_all_one_to_the_symmetric_metrics(truth, seed):
+    mask, view = random_view(np.random.default_rng(seed))
+    mask = np.rint(mask)
+    there, back = score(mask, truth(**view)), score(view["visibility"], truth(**view | {"visibility": mask}))
+    for name in ("iou", "iou_soft", "boundary_iou", "ssim", "mae", "mae_lit", "edge_px", "edge_p95"):
+        assert there[name] == (None if back[name] is None else pytest.approx(back[name], abs=1e-6)), name
+
+
+# Nothing to divide by
+
+
+def nulls(scores):
+    return {name for name, value in scores.items() if value is None}
+
+
+OF_SHADOWS = {"iou", "iou_soft", "boundary_iou", "ssim_edge", "leak", "contact", "edge_px", "edge_p95"}
+
+
+def test_without_a_shadow_in_either_mask_there_is_no_overlap(truth):
+    assert nulls(score(np.ones((32, 32)), truth(np.ones((32, 32))))) == OF_SHADOWS
+
+
+def test_a_shadow_where_there_is_none_is_wrong_not_null(truth, disc):
+    scores = score(disc(20), truth(np.ones((128, 128))))
+    assert nulls(scores) == {"ssim_edge", "leak", "contact"}
+    assert scores["iou"] == scores["boundary_iou"] == 0
+    assert scores["edge_px"] == math.hypot(128, 128)
+
+
+def test_without_light_there_is_no_acne_and_no_edge(truth):
+    scores = score(np.zeros((32, 32)), truth(np.zeros((32, 32))))
+    assert nulls(scores) == {"boundary_iou", "ssim_edge", "acne", "contact", "edge_px", "edge_p95"}
+    assert scores["iou"] == 1
+
+
+def test_without_receivers_nothing_is_known(truth):
+    assert nulls(score(np.ones((32, 32)), truth(np.zeros((32, 32)), receivers=np.zeros((32, 32), bool)))) == set(
+        METRICS
+    )
+
+
+def test_a_shadow_too_thin_for_an_interior_does_not_leak(truth, half_plane):
+    assert score(half_plane(3), truth(half_plane(3)))["leak"] is None
+
+
+def test_an_image_smaller_than_a_window_has_no_ssim(truth, half_plane):
+    scores = score(half_plane(4, 10, 10), truth(half_plane(4, 10, 10)))
+    assert scores["ssim"] is None
+    assert scores["ssim_edge"] is None
+    assert scores["edge_px"] == 0
+
+
+# Input
+
+
+def test_a_mask_of_another_size_is_refused(truth):
+    with pytest.raises(ValueError, match=r"shape \(4, 5\); allowed: the truth's \(4, 4\)"):
+        score(np.ones((4, 5)), truth(np.ones((4, 4))))
+
+
+def test_nan_is_refused_even_where_it_is_not_scored(truth):
+    """It tells of a broken shader, wherever it stands."""
+    with pytest.raises(ValueError, match="NaN or infinite in 1"):
+        score([[1, np.nan]], truth([[1, 1]], receivers=np.array([[True, False]])))

@@ -1,0 +1,84 @@
+import numpy as np
+import pytest
+
+
+def test_undecided_pixels_and_non_receivers_are_in_no_set(truth, half_plane):
+    rng = np.random.default_rng(0)
+    receivers, undecided = rng.random((2, 128, 128)) < [[[0.9]], [[0.01]]]
+    reference = truth(half_plane(64), receivers=receivers, undecided=undecided)
+    np.testing.assert_array_equal(reference.valid, receivers & ~undecided)
+    for name in ("shadow", "lit", "edge", "boundary", "edge_zone", "lit_interior", "shadow_interior", "contact"):
+        assert not (getattr(reference, name) & ~reference.valid).any(), name
+
+
+def test_a_valid_pixel_is_in_shadow_or_lit(truth):
+    reference = truth([[0, 0.49], [0.51, 1]])
+    np.testing.assert_array_equal(reference.shadow, [[True, True], [False, False]])
+    np.testing.assert_array_equal(reference.lit, ~reference.shadow)
+
+
+def test_interiors_keep_four_pixels_from_the_other_class(truth, half_plane):
+    reference = truth(half_plane(64))
+    assert np.flatnonzero(reference.lit_interior[10]).tolist() == list(range(67, 128))  # pixel 63 is in shadow
+    assert np.flatnonzero(reference.shadow_interior[10]).tolist() == list(range(61))
+
+
+def test_interiors_keep_four_pixels_from_an_undecided_one(truth):
+    undecided = np.zeros((31, 31), bool)
+    undecided[15, 15] = True
+    y, x = np.mgrid[:31, :31] - 15
+    lit = truth(np.ones((31, 31)), undecided=undecided)
+    np.testing.assert_array_equal(lit.lit_interior, y**2 + x**2 >= 16)
+    shadowed = truth(np.zeros((31, 31)), undecided=undecided)
+    np.testing.assert_array_equal(shadowed.shadow_interior, y**2 + x**2 >= 16)
+
+
+def test_all_of_a_wholly_lit_view_is_interior(truth):
+    assert truth(np.ones((16, 16))).lit_interior.all()
+
+
+def test_the_edge_zone_is_eight_pixels_on_both_sides(truth, half_plane):
+    reference = truth(half_plane(64))
+    assert np.flatnonzero(reference.edge_zone[10]).tolist() == list(range(56, 72))
+
+
+def test_a_gap_of_invalid_pixels_is_no_edge(truth, half_plane):
+    receivers = np.ones((128, 128), bool)
+    receivers[:, 64] = False
+    reference = truth(half_plane(64), receivers=receivers)
+    assert not reference.edge.any()
+    assert not reference.boundary.any()
+    assert not reference.edge_zone.any()
+
+
+def test_the_border_of_the_image_is_no_edge(truth):
+    assert not truth(np.zeros((16, 16))).edge.any()
+
+
+def test_contact_is_shadow_with_a_near_blocker(truth, half_plane):
+    blocker = np.full((128, 128), np.inf)
+    blocker[:, :10] = 0.19  # 2% of a diagonal of 10 is 0.2
+    blocker[:, 10:64] = 0.21
+    reference = truth(half_plane(64), blocker=blocker)
+    assert np.flatnonzero(reference.contact[0]).tolist() == list(range(10))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"area": np.ones((4, 5))}, r"area has shape \(4, 5\), visibility \(4, 4\)"),
+        ({"receivers": np.ones((4, 1), bool), "undecided": np.zeros((4, 1), bool)}, "undecided has shape"),
+        ({"diagonal": 0.0}, "diagonal is 0.0"),
+        ({"diagonal": np.nan}, "diagonal is nan"),
+        ({"cosine": np.full((4, 4), np.nan)}, "cosine is negative, NaN or infinite in 16"),
+        ({"visibility": np.full((4, 4), 2.0)}, "outside"),
+    ],
+)
+def test_a_truth_that_contradicts_itself_is_refused(truth, wrong, message):
+    with pytest.raises(ValueError, match=message):
+        truth(**({"visibility": np.ones((4, 4))} | wrong))
+
+
+def test_normals_matter_only_where_there_is_a_receiver(truth):
+    receivers = np.array([[True, False]])
+    truth([[0, 1]], receivers=receivers, cosine=np.array([[0.5, np.nan]]))

@@ -1,0 +1,75 @@
+#!/bin/sh
+# Makes .venv ready. What Debian has to give (Python, an OpenGL driver) is installed when root runs this; anyone else
+# is told the line to run. The Python packages are installed again only when pyproject.toml or constraints.txt changed.
+set -eu
+cd "$(dirname "$0")/.."
+
+python_packages="python3 python3-venv"
+gl_packages="libegl1 libgl1-mesa-dri libgl1"
+stamp=.venv/installed
+
+stop() {
+    printf '%s\n' "$@" >&2
+    exit 1
+}
+
+new_enough() {
+    "$1" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null
+}
+
+# The first Python on the path that is new enough and can make a virtual environment; nothing if there is none.
+find_python() {
+    for candidate in python3 python3.14 python3.13 python3.12 python3.11; do
+        if new_enough "$candidate" && "$candidate" -c 'import ensurepip, venv' 2>/dev/null; then
+            command -v "$candidate"
+            return
+        fi
+    done
+}
+
+# Whether the dynamic linker knows libEGL and libGL. Only Linux needs them: macOS brings its own OpenGL.
+has_gl() {
+    [ "$(uname -s)" = Linux ] || return 0
+    known=$(PATH="$PATH:/sbin:/usr/sbin" ldconfig -p) || return 1
+    case $known in *libEGL.so.1\ *) ;; *) return 1 ;; esac
+    case $known in *libGL.so.1\ *) ;; *) return 1 ;; esac
+}
+
+install_packages() {
+    if ! command -v apt-get >/dev/null; then
+        stop "Missing on this machine: $*" \
+            "These are Debian's names. Install what your system calls them, then run make again."
+    fi
+    if [ "$(id -u)" -ne 0 ]; then
+        stop "Missing on this machine: $*" \
+            "Run this line, then make again:" \
+            "    sudo apt-get update && sudo apt-get install --yes $*"
+    fi
+    echo "Installing $*"
+    export DEBIAN_FRONTEND=noninteractive
+    # The lists of a fresh machine are empty or old: fetch them when, and only when, they do not serve.
+    apt-get install --yes --no-install-recommends "$@" >/dev/null 2>&1 || {
+        apt-get update >/dev/null
+        apt-get install --yes --no-install-recommends "$@" >/dev/null
+    }
+}
+
+missing=""
+if ! new_enough .venv/bin/python && [ -z "$(find_python)" ]; then missing=$python_packages; fi
+if ! has_gl; then missing="$missing $gl_packages"; fi
+# shellcheck disable=SC2086  # one word a package
+if [ -n "$missing" ]; then install_packages $missing; fi
+
+if ! new_enough .venv/bin/python; then
+    python=$(find_python)
+    [ -n "$python" ] || stop "Python 3.11 or newer is needed, with its venv module; python3 here is $(python3 -V 2>&1)."
+    echo "Making .venv with $("$python" -V)"
+    "$python" -m venv --clear .venv
+fi
+
+wanted=$(cat pyproject.toml constraints.txt | cksum)
+if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ]; then
+    echo "Installing the Python packages of constraints.txt into .venv"
+    .venv/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test]'
+    echo "$wanted" >"$stamp"
+fi
