@@ -1,6 +1,7 @@
 // Visibility of every pixel by one 2-D depth map (Williams 1978).
 #include "map_2d.glsl"
 #include "bias.glsl"
+#include "compare_2d.glsl"
 #include <filter>
 out float visibility;
 

@@ -1,9 +1,10 @@
 """The one OpenGL context of a process, and what its driver says of itself."""
 
 import sys
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Protocol
 
 import moderngl
 
@@ -12,6 +13,13 @@ from shadowbench.gl.raw import RawGL
 
 _SUBPIXEL_BITS = 0x0D50
 _SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software", "swiftshader", "warp", "basic render")
+
+
+class Freeable(Protocol):
+    """Anything that holds device memory."""
+
+    def release(self) -> object:
+        """Free it."""
 
 
 @dataclass(eq=False)
@@ -76,6 +84,16 @@ class Device:
     def pipeline_statistics(self) -> bool:
         """Whether the driver counts shader invocations and primitives."""
         return self.has("GL_ARB_pipeline_statistics_query", 460)
+
+    @cached_property
+    def _home(self) -> moderngl.Framebuffer:
+        return self.context.simple_framebuffer((1, 1))
+
+    def free(self, held: Iterable[Freeable]) -> None:
+        """Release things, none of them bound: moderngl binds its last framebuffer again, even a deleted one."""
+        self._home.use()
+        for thing in held:
+            thing.release()
 
     def check(self, what: str) -> None:
         """Raise RuntimeError when OpenGL has recorded an error since the last check."""

@@ -28,6 +28,7 @@ class GBuffer:
     triangle: moderngl.Texture
     depth: moderngl.Texture
     target: moderngl.Framebuffer
+    device: Device
 
     @property
     def inputs(self) -> dict[str, tuple[moderngl.Texture, Sampling]]:
@@ -40,8 +41,7 @@ class GBuffer:
 
     def release(self) -> None:
         """Free the textures."""
-        for held in (self.target, self.position, self.normal, self.triangle, self.depth):
-            held.release()
+        self.device.free((self.target, self.position, self.normal, self.triangle, self.depth))
 
 
 def download(texture: moderngl.Texture, dtype: str = "f4") -> NDArray[np.generic]:
@@ -75,4 +75,4 @@ class SurfacePass:
         state = State(depth_test="<", depth_clamp=False)
         self.drawable.draw(target, {"normals": (self.geometry.normals, Sampling())}, state)
         self.device.check("the G-buffer")
-        return GBuffer(position, normal, triangle, depth, target)
+        return GBuffer(position, normal, triangle, depth, target, self.device)

@@ -49,13 +49,14 @@ class Program:
         self.device = device
         self.linked = program
         self._known = set(_UNIFORM.findall(text))
-        self._units = {name: unit for unit, name in enumerate(sorted(set(_SAMPLER.findall(text))))}
+        self._units: dict[str, int] = {}
         # moderngl ignores some sampler types without a word, so all of them are set here.
         device.raw("glUseProgram", program.glo)
-        for name, unit in self._units.items():
+        for name in sorted(set(_SAMPLER.findall(text))):
             location = device.raw("glGetUniformLocation", program.glo, name.encode())
-            if location >= 0:
-                device.raw("glUniform1i", location, unit)
+            if location >= 0:  # the compiler drops what a variant does not use
+                self._units[name] = len(self._units)
+                device.raw("glUniform1i", location, self._units[name])
 
     def set(self, **values: Value) -> None:
         """Uniforms by name: numbers, tuples as vectors, (4, 4) arrays (row-major, as written) as matrices.
@@ -77,7 +78,7 @@ class Program:
         return name in self._known
 
     def bind(self, textures: Mapping[str, tuple[moderngl.Texture, Sampling]]) -> None:
-        """Bind textures to the samplers of their names; a sampler that is left out raises KeyError."""
+        """Bind textures to the samplers of their names; a sampler in use that is left out raises KeyError."""
         for name, unit in self._units.items():
             texture, sampling = textures[name]
             texture.use(unit)

@@ -23,7 +23,9 @@ def check_text(path: Path, where: str) -> None:
         relative = re.search(rb"^f[ \t](?:[^\n]*[ \t])?-\d", text, re.MULTILINE)
         last = text.rfind(b"\nv ")
         if relative is not None and relative.start() < last:
-            raise InputError(f"{where}: faces with relative (negative) indices stand between vertices; save it absolute")
+            raise InputError(
+                f"{where}: faces with relative (negative) indices stand between vertices; save it absolute"
+            )
 
 
 def check_counts(path: Path, scene: trimesh.Scene, where: str) -> None:
@@ -31,7 +33,9 @@ def check_counts(path: Path, scene: trimesh.Scene, where: str) -> None:
     suffix = path.suffix.lower()
     read = sum(len(mesh.faces) for mesh in scene.geometry.values() if isinstance(mesh, trimesh.Trimesh))
     if suffix == ".ply":
-        announced = {name: int(count) for name, count in re.findall(r"^element (\w+) (\d+)", _ply_header(path), re.M)}
+        announced = {
+            name: int(count) for name, count in re.findall(r"^element (\w+) (\d+)", _ply_header(path), re.MULTILINE)
+        }
         raw = [mesh.metadata.get("_ply_raw", {}) for mesh in scene.geometry.values()]
         for elements in raw:
             for name in ("vertex", "face"):

@@ -29,9 +29,9 @@ class SceneFile(Strict):
 
     name: Name | None = None
     about: str = Field("", max_length=200, strict=True)
-    camera: dict[str, object] | list[dict[str, object]] = []
-    light: dict[str, object] | list[dict[str, object]] = []
-    mesh: list[dict[str, object]] = []
+    camera: dict[str, object] | list[dict[str, object]] = Field([])
+    light: dict[str, object] | list[dict[str, object]] = Field([])
+    mesh: list[dict[str, object]] = Field([])
 
 
 def read_document(path: Path) -> SceneFile:

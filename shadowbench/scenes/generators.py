@@ -112,7 +112,7 @@ def leaves(parameters: LeavesParameters) -> Triangles:
 
 
 def statue(parameters: StatueParameters) -> Triangles:
-    """A draped figure of height 1, closed and smooth, that shadows itself: folds, a waist, shoulders, a neck, a head."""
+    """A draped figure of height 1, closed and smooth, that shadows itself with folds, shoulders and head."""
     rings, sectors = parameters.rings, parameters.sectors
     t = np.linspace(0.0, 1.0, rings + 1)
     u = np.linspace(0.0, 2 * np.pi, sectors, endpoint=False)

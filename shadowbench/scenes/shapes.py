@@ -6,7 +6,7 @@ sphere). Larger generators are in `generators`.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 import trimesh
@@ -89,7 +89,7 @@ def _of(mesh: trimesh.Trimesh) -> Triangles:
 
 
 def _upright(mesh: trimesh.Trimesh) -> Triangles:
-    """trimesh builds along z; a quarter turn about x brings that to y."""
+    """A quarter turn about x, as trimesh builds along z."""
     triangles = _of(mesh)
     return Triangles(triangles.vertices[:, [0, 2, 1]] * [1.0, 1.0, -1.0], triangles.faces)
 
@@ -118,4 +118,4 @@ def build_shape(name: str, parameters: dict[str, object], where: str) -> Triangl
         validated = shape.parameters.model_validate(parameters)
     except ValidationError as error:
         raise explain(f"{where} ({name})", error) from error
-    return cast(Triangles, shape.build(validated))
+    return shape.build(validated)

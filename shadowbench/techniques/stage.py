@@ -2,14 +2,13 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.data import data_folder
-from shadowbench.gl.device import Device
+from shadowbench.gl.device import Device, Freeable
 from shadowbench.gl.geometry import DeviceGeometry
 from shadowbench.gl.program import Drawable, Program, link
 from shadowbench.gl.shaders import compose
@@ -39,7 +38,7 @@ class Stage:
         self.bytes = 0
         self._geometry = geometry
         self._roots = [*([shaders] if shaders else []), data_folder("shaders")]
-        self._held: list[Any] = []
+        self._held: list[Freeable] = []
 
     def program(
         self,
@@ -101,14 +100,14 @@ class Stage:
         self._held.append(drawable.vertices)
         return drawable
 
-    def _hold(self, thing: Any, size: int) -> None:
+    def _hold(self, thing: Freeable, size: int) -> None:
         self._held.append(thing)
         self.bytes += size
 
     def release(self) -> None:
         """Free everything that was made here."""
-        while self._held:
-            self._held.pop().release()
+        self.device.free(reversed(self._held))
+        self._held.clear()
 
 
 def _shader_values(

@@ -1,0 +1,31 @@
+// The two ways of comparing a receiver with a 2-D map; after the bias, which may bring a depth of its own to each texel.
+uniform sampler2D map_depths;         // the depths themselves
+uniform sampler2DShadow map_compare;  // the same map, compared and blended 2×2 by the hardware
+
+// Lit where the receiver, on its own plane above the texel's centre, is not behind the stored depth.
+float lit_by(float stored, vec2 texel, MapPoint p) {
+    float depth = p.depth + dot(p.gradient, (texel + 0.5) / map_size - p.uv);
+    return depth_sign * (depth - stored) <= p.bias ? 1.0 : 0.0;
+}
+
+// The one texel that holds uv, moved by an offset in texels.
+float compare_nearest(MapPoint p, vec2 offset) {
+    vec2 texel = floor(p.uv * map_size + offset);
+    return lit_by(textureLod(map_depths, (texel + 0.5) / map_size, 0.0).r, texel, p);
+}
+
+// Four texels around uv, weighted as a linear filter would.
+float compare_linear(MapPoint p, vec2 offset) {
+#ifdef BIAS_HAS_GRADIENT
+    // Each texel has its own depth to compare with, which the hardware's comparison cannot know.
+    vec2 at = p.uv * map_size + offset - 0.5;
+    vec2 corner = floor(at);
+    vec2 weight = at - corner;
+    vec4 stored = textureGather(map_depths, (corner + 1.0) / map_size);
+    float below = mix(lit_by(stored.w, corner, p), lit_by(stored.z, corner + vec2(1.0, 0.0), p), weight.x);
+    float above = mix(lit_by(stored.x, corner + vec2(0.0, 1.0), p), lit_by(stored.y, corner + 1.0, p), weight.x);
+    return mix(below, above, weight.y);
+#else
+    return texture(map_compare, vec3(p.uv + offset / map_size, p.depth - depth_sign * p.bias));
+#endif
+}
