@@ -3,6 +3,7 @@
 #define BIAS_HAS_GRADIENT
 #define BIAS_HAS_DEPTH
 uniform float bias_limit;
+uniform float bias_slack;
 uniform float bias_ulps;
 
 vec2 bias_gradient(Receiver r, MapPoint p) {
@@ -21,4 +22,7 @@ vec2 bias_gradient(Receiver r, MapPoint p) {
     return gradient * min(1.0, bias_limit / max(tan_theta(r), 1e-6));
 }
 
-float bias_depth(Receiver r, MapPoint p) { return bias_ulps * depth_step; }
+float bias_depth(Receiver r, MapPoint p) {
+    // The texel's centre may lie on a neighbouring triangle, which leans towards the light.
+    return bias_slack * max(p.texel.x, p.texel.y) * p.depth_per_length + bias_ulps * depth_step;
+}

@@ -100,6 +100,7 @@ class ReceiverPlane(Bias):
     shader = "bias/receiver-plane.glsl"
     gradient: Literal["plane", "derivative"] = param("plane", "from the geometric normal, or by screen derivatives")
     limit: float = param(10.0, "tan θ that the gradient is limited to", gt=0, le=1e6)
+    slack: float = param(1.5, "texel widths along the ray, for surfaces that bend within a texel", ge=0, le=1e6)
     ulps: float = param(4.0, "steps of the depth format on top", ge=0, le=1e6)
 
 
