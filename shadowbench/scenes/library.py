@@ -12,6 +12,9 @@ from shadowbench.scenes.meshes import MESH_SUFFIXES, read_meshes
 from shadowbench.scenes.model import Scene
 
 
+LONGEST_PATH = 4096
+
+
 def load_scene(reference: str | Path, assets: Path | None = None) -> Scene:
     """The scene that `reference` names: a built-in, a `.toml`, or a mesh file, which gets a ground, camera and sun.
 
@@ -22,7 +25,7 @@ def load_scene(reference: str | Path, assets: Path | None = None) -> Scene:
         return read_scene_file(data_folder("scenes") / f"{text}.toml", assets)
     path = Path(text)
     suffix = path.suffix.lower()
-    if "\0" in text or not text:
+    if "\0" in text or not text or len(text) > LONGEST_PATH:
         raise InputError(f"scene {text!r:.60}: neither a built-in scene nor a path")
     if assets is not None and not assets.is_dir():
         raise InputError(f"--assets {assets}: no such folder")

@@ -6,7 +6,6 @@ exceptions, warnings and silences become an InputError of one line.
 
 import logging
 import warnings
-from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -64,16 +63,17 @@ def read_meshes(path: Path, where: str | None = None) -> Contents:
     where = where or path.name
     if path.suffix.lower() not in MESH_SUFFIXES:
         raise InputError(f"{where}: unknown kind {path.suffix!r:.20}; allowed: {' '.join(MESH_SUFFIXES)}")
-    if not path.is_file():
-        raise InputError(f"{where}: {'is not a file' if path.exists() else 'no such file'}")
     try:
+        if not path.is_file():
+            raise InputError(f"{where}: {'is not a file' if path.exists() else 'no such file'}")
         if path.stat().st_size == 0:
             raise InputError(f"{where}: the file is empty")
-        with _strictly(where), np.errstate(all="ignore"):
-            if path.suffix.lower() in (".glb", ".gltf"):
-                parts, cameras, lights, notes = _gltf(path, where)
-            else:
-                parts, cameras, lights, notes = _plain(path, where), [], [], declared.notes_on(path)
+        with np.errstate(all="ignore"):
+            with _strictly(where):
+                if path.suffix.lower() in (".glb", ".gltf"):
+                    parts, cameras, lights, notes = _gltf(path, where)
+                else:
+                    parts, cameras, lights, notes = _plain(path, where), [], [], declared.notes_on(path)
             return _assembled(parts, cameras, lights, notes, where)
     except InputError:
         raise
@@ -193,13 +193,13 @@ def _triangles(vertices: NDArray[Any], faces: NDArray[Any], where: str) -> Trian
 @contextmanager
 def _strictly(where: str) -> Iterator[None]:
     """Whatever trimesh or NumPy says they lost while reading becomes an InputError."""
-    lost: Counter[str] = Counter()
+    lost: list[str] = []
 
     class Listener(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
             message = record.getMessage()
             if not any(word in message for word in HARMLESS):
-                lost[" ".join(message.split())[:160]] += 1
+                lost.append(" ".join(message.split())[:160])
 
     log, listener = logging.getLogger("trimesh"), Listener(logging.WARNING)
     log.addHandler(listener)
@@ -212,4 +212,4 @@ def _strictly(where: str) -> Iterator[None]:
     finally:
         log.removeHandler(listener)
     if lost:
-        raise InputError(f"{where}: would load incompletely: {next(iter(lost))}")
+        raise InputError(f"{where}: would load incompletely: {lost[0]}")

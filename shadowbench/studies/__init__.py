@@ -1,0 +1,1 @@
+"""Which cells to run, and running them: study files, the worker, rows, tables."""

@@ -1,0 +1,27 @@
+// Blinn-Phong (Blinn 1977) with the visibility that a technique computed; ambient light is never shadowed.
+#include "receiver.glsl"
+uniform isampler2D surface_triangle;
+uniform sampler2D colors;  // by triangle
+uniform sampler2D visibility;
+uniform vec3 eye;
+uniform vec3 cone_axis;
+uniform float cos_half_angle;
+out vec4 color;
+
+void main() {
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    Receiver r = receiver_at(pixel);
+    int triangle = texelFetch(surface_triangle, pixel, 0).r;
+    if (triangle < 0) {
+        color = vec4(0.35, 0.45, 0.6, 1.0);
+        return;
+    }
+    vec3 albedo = texelFetch(colors, ivec2(triangle % 2048, triangle / 2048), 0).rgb;
+    vec3 to_eye = normalize(eye - r.position);
+    float lit = r.cosine > 0.0 && dot(-r.to_light, normalize(cone_axis)) >= cos_half_angle ? texelFetch(visibility, pixel, 0).r : 0.0;
+    float diffuse = 0.85 * max(r.cosine, 0.0);
+    float specular = 0.12 * pow(max(dot(r.normal, normalize(r.to_light + to_eye)), 0.0), 32.0);
+    // A little more from above than from below keeps unlit shapes readable.
+    vec3 ambient = albedo * (0.12 + 0.06 * r.normal.y);
+    color = vec4(ambient + lit * (albedo * diffuse + specular), 1.0);
+}

@@ -1,0 +1,231 @@
+"""What the worker does, as plain calls: hold the GL context, draw cells, time them.
+
+The worker process serves these over a pipe; benchmarks call them in their own process.
+"""
+
+import gc
+import platform
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shadowbench.gl.clock import Changes, Clock, work_of
+from shadowbench.gl.device import Device, open_device
+from shadowbench.gl.gbuffer import GBuffer, SurfacePass, download
+from shadowbench.gl.geometry import DeviceGeometry
+from shadowbench.gl.picture import shade
+from shadowbench.scenes.model import Camera, Coordinates, Light, Placement, Scene, View, view_of
+from shadowbench.scores.masks import quantise
+from shadowbench.techniques.base import Frame, Phase, Stage, Technique
+from shadowbench.techniques.registry import shader_folder, techniques
+from shadowbench.techniques.spec import Spec, parse_spec
+
+WARM_UP = 2  # draws of a cell that are thrown away
+
+
+@dataclass(frozen=True)
+class DeviceInfo:
+    """What the parent needs to know of the worker's device."""
+
+    renderer: str
+    vendor: str
+    version: int
+    software: bool
+    clock: str
+    max_map_size: int
+    subpixel_bits: int
+    pipeline_statistics: bool
+    clip_control: bool
+    machine: str
+
+
+@dataclass(frozen=True)
+class CellRequest:
+    """A cell as it crosses the pipe: its full spec as text, and the phase."""
+
+    spec: str
+    phase: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """One draw of a cell. visibility: (N, N) float32 quantised to 16 bits, row 0 at the top."""
+
+    visibility: NDArray[np.float32]
+    gpu_bytes: int
+    work: dict[str, int]
+    facts: dict[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Timed:
+    """Milliseconds of a cell, a value a round. Frames and passes come from different rounds."""
+
+    frames: list[float]
+    passes: dict[str, list[float]]
+    changes: dict[str, Changes]
+    prepare_ms: float
+
+
+@dataclass(frozen=True, eq=False)
+class Pictures:
+    """Images of one cell, row 0 at the top: shaded (N, N, 3) float32 linear colour, the mask, the map if it has one."""
+
+    shaded: NDArray[np.float32]
+    visibility: NDArray[np.float32]
+    map: NDArray[np.float32] | None
+
+
+class Unsupported(Exception):
+    """A technique cannot answer a view; the text says why."""
+
+
+class Session:
+    """One device, one scene on it, one view of that scene."""
+
+    def __init__(self, plugins: Sequence[Path] = ()) -> None:
+        self.techniques = techniques(plugins)
+        self.device: Device = open_device()
+        self.clock = Clock(self.device)
+        self._scene: Scene | None = None
+        self._geometry: DeviceGeometry | None = None
+        self._surface: GBuffer | None = None
+
+    def info(self) -> DeviceInfo:
+        """The device and the clock that times it."""
+        device = self.device
+        return DeviceInfo(
+            renderer=device.renderer,
+            vendor=device.vendor,
+            version=device.version,
+            software=device.software,
+            clock=self.clock.name,
+            max_map_size=device.max_map_size,
+            subpixel_bits=device.subpixel_bits,
+            pipeline_statistics=device.pipeline_statistics,
+            clip_control=device.clip_control,
+            machine=f"{platform.system()} {platform.machine()}, {platform.processor() or 'unknown processor'}",
+        )
+
+    def load(self, scene: Scene, coordinates: Coordinates = "relative") -> None:
+        """Put a scene (file coordinates) on the device in place of the last."""
+        self.unload()
+        placement = scene.placement if coordinates == "relative" else Placement((0.0, 0.0, 0.0), 1.0)
+        self._scene, self._placement = placement.scene(scene), placement
+        self._geometry = DeviceGeometry(self.device, self._scene.geometry)
+        self._surface_pass = SurfacePass(self.device, self._geometry)
+        self._bounds_scene = scene
+
+    def open(self, camera: Camera, light: Light, size: int) -> NDArray[np.int32]:
+        """Draw the G-buffer of a view of the loaded scene; its (N, N) triangle ids, row 0 at the top."""
+        assert self._scene is not None
+        if self._surface is not None:
+            self._surface.release()
+        view = view_of(self._bounds_scene, camera, light, size)
+        place = self._placement
+        self.view = View(self._scene, place.camera(view.camera), place.light(view.light), size)
+        self._surface = self._surface_pass.draw(self.view)
+        return self._surface.triangles()
+
+    def unload(self) -> None:
+        """Free the view and the scene."""
+        if self._surface is not None:
+            self._surface.release()
+            self._surface = None
+        if self._geometry is not None:
+            self._geometry.release()
+            self._geometry = None
+
+    def unsupported(self, request: CellRequest) -> str | None:
+        """Why a cell has no answer for the open view, or None."""
+        spec = self._spec(request)
+        return spec.technique.unsupported(spec.params, self.view, self.device)
+
+    def draw(self, request: CellRequest) -> Drawn:
+        """Build, draw once, read back, release. Raises Unsupported, or whatever the technique raises."""
+        with self._built(request) as (technique, stage, frame):
+            texture = technique.draw(frame)
+            self.device.check(f"drawing {request.spec}")
+            visibility = self._read(request, download(texture)[..., 0])
+            work = work_of(self.device, lambda: technique.draw(frame))
+            return Drawn(visibility, stage.bytes, work, technique.facts())
+
+    def time(self, requests: Sequence[CellRequest], rounds: int) -> list[Timed]:
+        """Build all, then time them interleaved, round by round; a third of as many rounds for single passes."""
+        held: list[tuple[Technique, Stage, Frame, float]] = []
+        try:
+            for request in requests:
+                start = time.perf_counter()
+                built = self._build(request)
+                self.device.context.finish()
+                held.append((*built, (time.perf_counter() - start) * 1e3))
+            times = [Timed([], {}, {}, prepare) for *_, prepare in held]
+            for technique, _, frame, _ in held:
+                for _ in range(WARM_UP):
+                    technique.draw(frame)
+            gc.collect()
+            gc.disable()
+            for _ in range(rounds):
+                for (technique, _, frame, _), timed in zip(held, times, strict=True):
+                    timed.frames.append(self.clock.frame(lambda t=technique, f=frame: t.draw(f)))  # type: ignore[misc]
+            for _ in range(max(rounds // 3, 1)):
+                for (technique, _, frame, _), timed in zip(held, times, strict=True):
+                    passes = self.clock.passes(lambda t=technique, f=frame: t.draw(f))  # type: ignore[misc]
+                    timed.changes.update(passes.changes)
+                    for name, ms in passes.ms.items():
+                        timed.passes.setdefault(name, []).append(ms)
+            self.device.check("timing")
+            return times
+        finally:
+            gc.enable()
+            for _, stage, _, _ in held:
+                stage.release()
+
+    def picture(self, request: CellRequest) -> Pictures:
+        """The shaded picture of a cell, its mask and its map."""
+        with self._built(request) as (technique, _, frame):
+            texture = technique.draw(frame)
+            assert self._geometry is not None
+            shaded = shade(self.device, self._geometry, frame.surface, self.view, texture)
+            visibility = self._read(request, download(texture)[..., 0])
+            return Pictures(shaded, visibility, technique.map_image())
+
+    def _spec(self, request: CellRequest) -> Spec:
+        return parse_spec(request.spec, self.techniques)
+
+    def _read(self, request: CellRequest, raw: NDArray[np.generic]) -> NDArray[np.float32]:
+        try:
+            return quantise(raw)
+        except ValueError as error:
+            raise ValueError(f"{request.spec} drew {error}") from error
+
+    @contextmanager
+    def _built(self, request: CellRequest) -> Iterator[tuple[Technique, Stage, Frame]]:
+        technique, stage, frame = self._build(request)
+        try:
+            yield technique, stage, frame
+        finally:
+            stage.release()
+
+    def _build(self, request: CellRequest) -> tuple[Technique, Stage, Frame]:
+        spec = self._spec(request)
+        reason = spec.technique.unsupported(spec.params, self.view, self.device)
+        if reason is not None:
+            raise Unsupported(reason)
+        assert self._scene is not None and self._geometry is not None and self._surface is not None
+        size = (self.view.size, self.view.size)
+        folder = shader_folder(spec.technique)
+        stage = Stage(self._scene, self.device, size, self._geometry, self._placement, folder)
+        technique = spec.technique(spec.params)
+        try:
+            technique.build(stage)
+            self.device.check(f"building {request.spec}")
+        except BaseException:
+            stage.release()
+            raise
+        return technique, stage, Frame(self.view, Phase(request.phase), 0, self._surface, self.clock)

@@ -1,0 +1,144 @@
+"""The worker process: it alone owns a GL context, under a time and a memory limit, and is replaced when it dies."""
+
+import multiprocessing
+import os
+import signal
+import time
+import traceback
+from collections.abc import Sequence
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+from shadowbench.errors import ShadowbenchError
+from shadowbench.studies.session import Session, Unsupported
+
+_POLL_S = 0.05
+_START_S = 60.0
+
+
+class CellFailed(Exception):
+    """A call that the worker did not answer: it raised, crashed, hung or ate memory; the text says which."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Of one call: seconds, and bytes of resident memory of the worker."""
+
+    seconds: float = 120.0
+    bytes: int = 8 << 30
+
+
+class Worker:
+    """A handle on the worker. `call` names a method of Session; after a failure the next call finds a fresh process.
+
+    Use as a context manager. The caller loads scene and view again after `generation` has changed.
+    """
+
+    def __init__(self, plugins: Sequence[Path] = (), limits: Limits = Limits()) -> None:
+        self.limits = limits
+        self.generation = 0
+        self._plugins = [Path(plugin).resolve() for plugin in plugins]
+        self._process: multiprocessing.process.BaseProcess | None = None
+        self._pipe: Connection | None = None
+
+    def __enter__(self) -> "Worker":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def call(self, method: str, *arguments: Any, seconds: float | None = None) -> Any:
+        """The answer of Session.method(*arguments). Raises Unsupported, CellFailed, or a ShadowbenchError of the start."""
+        if self._process is None or not self._process.is_alive():
+            self._start()
+        assert self._pipe is not None
+        try:
+            self._pipe.send((method, arguments))
+            return self._answer(seconds or self.limits.seconds)
+        except (BrokenPipeError, ConnectionResetError, EOFError):
+            raise CellFailed(self._obituary()) from None
+
+    def _start(self) -> None:
+        # Spawned, not forked: a GL context or Embree's threads do not survive a fork.
+        context = multiprocessing.get_context("spawn")
+        self._pipe, theirs = context.Pipe()
+        self._process = context.Process(target=_serve, args=(theirs, self._plugins), daemon=True)
+        self._process.start()
+        theirs.close()
+        self.generation += 1
+        try:
+            self._answer(_START_S)
+        except (EOFError, ConnectionResetError):
+            raise CellFailed(self._obituary()) from None
+
+    def _answer(self, seconds: float) -> Any:
+        assert self._process is not None and self._pipe is not None
+        watched = psutil.Process(self._process.pid)
+        end = time.monotonic() + seconds
+        while not self._pipe.poll(_POLL_S):
+            if time.monotonic() > end:
+                self.stop()
+                raise CellFailed(f"hung: no answer within {seconds:g} s")
+            self._check_memory(watched)
+        kind, value = self._pipe.recv()
+        if kind == "error":
+            raise value
+        return value
+
+    def _check_memory(self, watched: psutil.Process) -> None:
+        try:
+            held = watched.memory_info().rss
+        except psutil.NoSuchProcess:
+            return  # it died; the pipe says so next
+        if held > self.limits.bytes:
+            self.stop()
+            raise CellFailed(f"ate memory: {held / 2**30:.1f} GiB, allowed are {self.limits.bytes / 2**30:g}")
+
+    def _obituary(self) -> str:
+        assert self._process is not None
+        self._process.join(5)
+        code = self._process.exitcode
+        self.stop()
+        if code is not None and code < 0:
+            return f"crashed: {signal.Signals(-code).name}"
+        return f"crashed: the worker ended with code {code}"
+
+    def stop(self) -> None:
+        """End the worker, by force."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.join()
+        if self._pipe is not None:
+            self._pipe.close()
+        self._process = self._pipe = None
+
+
+def _serve(pipe: Connection, plugins: list[Path]) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
+    try:
+        session = Session(plugins)
+    except ShadowbenchError as error:
+        pipe.send(("error", error))
+        return
+    pipe.send(("ready", None))
+    while True:
+        try:
+            method, arguments = pipe.recv()
+        except EOFError:
+            return
+        try:
+            answer = ("answer", getattr(session, method)(*arguments))
+        except Unsupported as reason:
+            answer = ("error", reason)
+        except MemoryError:
+            answer = ("error", CellFailed("ate memory: an allocation failed"))
+        except Exception as error:  # whatever a technique raises costs its own cell only
+            last = traceback.extract_tb(error.__traceback__)[-1]
+            first_line = (str(error).splitlines() or [""])[0]
+            place = f"{os.path.basename(last.filename)}:{last.lineno}"
+            answer = ("error", CellFailed(f"{type(error).__name__}: {first_line} ({place})"))
+        pipe.send(answer)

@@ -1,0 +1,86 @@
+"""What is assumed for a mesh file given alone."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from shadowbench.errors import InputError
+from shadowbench.scenes.library import load_scene
+from shadowbench.scenes.model import bounds_of
+
+
+@pytest.fixture
+def box(tmp_path: Path) -> Path:
+    path = tmp_path / "box.obj"
+    trimesh.creation.box(extents=(2, 4, 1), transform=trimesh.transformations.translation_matrix((5, 3, -2))).export(
+        path
+    )
+    return path
+
+
+def test_a_box_alone_gets_a_ground_a_camera_and_a_sun(box: Path) -> None:
+    scene = load_scene(box)
+    diagonal, center = math.sqrt(4 + 16 + 1), np.array([5.0, 3.0, -2.0])
+    assert [mesh.name for mesh in scene.meshes] == ["box", "ground"]
+    ground = scene.meshes[1]
+    assert bounds_of(ground.vertices) == pytest.approx(
+        np.array([[5 - 2 * diagonal, 1, -2 - 2 * diagonal], [5 + 2 * diagonal, 1, -2 + 2 * diagonal]])
+    )
+    assert ground.casts
+    assert ground.receives
+    assert not ground.closed
+    assert scene.geometry.normals[-2:] == pytest.approx(np.array([[0, 1, 0], [0, 1, 0]]))
+
+    (camera,) = scene.cameras
+    assert camera.target == pytest.approx(center)
+    assert math.degrees(camera.fov_y) == pytest.approx(36)
+    away = np.subtract(camera.position, center)
+    assert np.linalg.norm(away) == pytest.approx(diagonal / 2 / math.sin(math.radians(18)))
+    assert away / np.linalg.norm(away) == pytest.approx(np.array([1.25, 1.2, 2.7]) / math.hypot(1.25, 1.2, 2.7))
+
+    (light,) = scene.lights
+    assert (light.kind, light.direction) == ("directional", (0.8, -1.0, -0.6))
+    assert [note.split(" in ")[0] for note in scene.notes] == ["no ground", "no camera", "no light"]
+    assert all("box.obj: assumed" in note for note in scene.notes)
+
+
+@pytest.mark.parametrize(("floor", "added"), [(1.0, False), (0.75, False), (0.5, True), (0.0, True)])
+def test_a_file_with_a_floor_gets_no_ground(tmp_path: Path, floor: float, added: bool) -> None:
+    box = trimesh.creation.box(extents=(2, 1, 2), transform=trimesh.transformations.translation_matrix((0, 0.6, 0)))
+    corners = np.array([[-1, 0, 1], [1, 0, 1], [1, 0, -1], [-1, 0, -1]]) * [floor, 1, floor]
+    plane = trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]])
+    path = tmp_path / "room.obj"
+    trimesh.util.concatenate([box, plane] if floor else [box]).export(path)
+    assert ("ground" in [mesh.name for mesh in load_scene(path).meshes]) == added
+
+
+def test_a_floor_that_faces_down_is_no_ground(tmp_path: Path) -> None:
+    path = tmp_path / "ceiling.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 1 0 1\nv 0 0 1\nv 0 1 0\nf 1 2 3 4\nf 1 2 5\n")
+    assert load_scene(path).meshes[-1].name == "ground"
+
+
+def test_a_scene_file_is_never_given_a_ground(scene_file: Callable[..., Path]) -> None:
+    scene = load_scene(scene_file('[[mesh]]\nshape = "box"\n'))
+    assert [mesh.name for mesh in scene.meshes] == ["box"]
+    assert [note.split(" in ")[0] for note in scene.notes] == ["no camera", "no light"]
+
+
+def test_a_speck_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "speck.obj"
+    path.write_text("v 0 0 0\nv 1e-30 0 0\nv 0 1e-30 0\nf 1 2 3\n")
+    with pytest.raises(InputError, match=r"speck\.obj: all meshes together span"):
+        load_scene(path)
+
+
+@pytest.mark.parametrize("file", ["armadillo.obj", "retroufo.gltf", "2CylinderEngine.glb", "bgfx_tree.obj"])
+def test_a_real_mesh_becomes_a_whole_scene(shared_scenes: Path, file: str) -> None:
+    scene = load_scene(shared_scenes / file)
+    assert scene.name == Path(file).stem
+    assert scene.meshes[-1].name == "ground"
+    assert np.isfinite(scene.geometry.normals).all()
+    assert len(scene.cameras) == len(scene.lights) == 1

@@ -1,0 +1,305 @@
+"""Scene files: what they may say, and one line for what they may not."""
+
+import math
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shadowbench.errors import InputError
+from shadowbench.scenes.files import transform_of
+from shadowbench.scenes.library import load_scene
+from shadowbench.scenes.model import Camera, Light, Mesh, Scene, view_of
+from shadowbench.scenes.shapes import build_shape
+from shadowbench.scenes.tables import MeshTable, camera_from_table, light_from_table
+
+SceneFile = Callable[..., Path]
+BOX = '[[mesh]]\nshape = "box"\n'
+
+
+def test_degrees_become_radians_and_names_have_defaults(scene_file: SceneFile) -> None:
+    scene = load_scene(
+        scene_file(
+            "[[camera]]\nposition = [0, 1, 5]\ntarget = [0, 0, 0]\nfov_y = 60\nnear = 0.5\nfar = 20\n"
+            "[[camera]]\nposition = [5, 1, 0]\ntarget = [0, 0, 0]\n"
+            '[[camera]]\nname = "low"\nposition = [5, 1, 0]\ntarget = [0, 0, 0]\n'
+            '[[light]]\nkind = "directional"\ndirection = [0, -1, 0]\n'
+            '[[light]]\nkind = "spot"\nposition = [0, 3, 0]\ndirection = [0, -1, 0]\nangle = 90\n'
+            '[[light]]\nname = "bulb"\nkind = "point"\nposition = [0, 3, 0]\n' + BOX
+        )
+    )
+    assert [camera.name for camera in scene.cameras] == ["camera", "camera-2", "low"]
+    assert [light.name for light in scene.lights] == ["light", "light-2", "bulb"]
+    assert scene.cameras[0].fov_y == pytest.approx(math.pi / 3)
+    assert (scene.cameras[0].near, scene.cameras[0].far) == (0.5, 20)
+    assert scene.cameras[1].up == (0, 1, 0)
+    assert scene.lights[1].angle == pytest.approx(math.pi / 2)
+    assert scene.name == "scene"
+    assert scene.notes == ()
+
+
+def test_a_light_with_a_size_is_taken_as_hard_and_said(scene_file: SceneFile) -> None:
+    text = (
+        '[[light]]\nkind = "directional"\ndirection = [0, -1, 0]\nangular_radius = 0.25\n'
+        '[[light]]\nkind = "point"\nposition = [0, 3, 0]\nradius = 0.1\n'
+        "[camera]\nposition = [0, 1, 5]\ntarget = [0, 0, 0]\n"
+    )
+    scene = load_scene(scene_file(text + BOX))
+    assert [light.radius for light in scene.lights] == [0, 0]
+    assert ["angular_radius 0.25°" in scene.notes[0], "radius 0.1 m" in scene.notes[1]] == [True, True]
+
+
+def test_scale_then_turn_then_move(scene_file: SceneFile) -> None:
+    text = '[[mesh]]\nshape = "box"\nscale = [2, 4, 6]\nrotate = [90, 0, 0]\ntranslate = [10, 0, 0]\n'
+    low, high = load_scene(scene_file(text)).geometry.bounds
+    assert low == pytest.approx([9, -3, -2])
+    assert high == pytest.approx([11, 3, 2])
+
+
+def test_turns_are_about_the_fixed_axes_x_then_y_then_z() -> None:
+    matrix = transform_of(MeshTable.model_validate({"shape": "box", "rotate": [90, 90, 0]}))
+    # y goes to z by the turn about x, and on to x by the turn about the fixed y.
+    assert matrix[:3, :3] @ [0, 1, 0] == pytest.approx([1, 0, 0])
+    assert matrix[:3, :3] @ [0, 0, 1] == pytest.approx([0, -1, 0])
+
+
+angles = st.floats(-720, 720)
+lengths = st.floats(-50, 50)
+factors = st.floats(0.01, 100) | st.floats(-100, -0.01)
+
+
+@given(
+    rotate=st.tuples(angles, angles, angles),
+    scale=st.tuples(factors, factors, factors),
+    translate=st.tuples(lengths, lengths, lengths),
+)
+def test_the_transform_is_translate_rz_ry_rx_scale(
+    rotate: tuple[float, ...], scale: tuple[float, ...], translate: tuple[float, ...]
+) -> None:
+    table = MeshTable.model_validate({"shape": "box", "rotate": rotate, "scale": scale, "translate": translate})
+    (cx, cy, cz), (sx, sy, sz) = np.cos(np.radians(rotate)), np.sin(np.radians(rotate))
+    about_x = np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
+    about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
+    about_z = np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]])
+    point = np.array([0.3, -0.7, 1.1])
+    expected = about_z @ about_y @ about_x @ (point * scale) + translate
+    assert transform_of(table) @ [*point, 1.0] == pytest.approx([*expected, 1.0], abs=1e-9)
+
+
+@pytest.mark.parametrize("scale", ["-1", "[-1, 1, 1]", "[1, -2, 3]", "[-1, -1, 1]"])
+def test_a_mirrored_mesh_keeps_its_outside_out(scene_file: SceneFile, scale: str) -> None:
+    (mesh,) = load_scene(scene_file(f'[[mesh]]\nshape = "cone"\nscale = {scale}\n')).meshes
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    assert np.einsum("ij,ij->", a, np.cross(b, c)) > 0
+
+
+def test_copies_step_on(scene_file: SceneFile) -> None:
+    text = BOX + "repeat = [{ count = 3, step = [2, 0, 0] }, { count = 2, step = [0, 0, -5] }]\n"
+    scene = load_scene(scene_file(text))
+    centers = [tuple(mesh.vertices.mean(axis=0).round(9) + 0.0) for mesh in scene.meshes]
+    assert centers == [(x, 0, z) for x in (0, 2, 4) for z in (0, -5)]
+    assert len({mesh.name for mesh in scene.meshes}) == 6
+    single = load_scene(scene_file(BOX + "repeat = { count = 24, step = [0.25, 0, 0] }\n"))
+    assert len(single.meshes) == 24
+
+
+def test_a_mesh_says_what_it_does_and_its_colour(scene_file: SceneFile) -> None:
+    text = BOX + 'name = "crate"\ncolor = [0.1, 0.5, 1]\ncasts = false\nreceives = false\n'
+    (mesh,) = load_scene(scene_file(text)).meshes
+    assert (mesh.name, mesh.color, mesh.casts, mesh.receives) == ("crate", (0.1, 0.5, 1.0), False, False)
+
+
+def mesh_beside(path: Path) -> None:
+    path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\n")
+
+
+def test_a_file_lies_beside_the_scene_or_in_assets(scene_file: SceneFile, tmp_path: Path) -> None:
+    (tmp_path / "assets").mkdir()
+    (tmp_path / "home").mkdir()
+    mesh_beside(tmp_path / "assets" / "far.obj")
+    mesh_beside(tmp_path / "home" / "near.obj")
+    text = '[[mesh]]\nfile = "near.obj"\n[[mesh]]\nfile = "far.obj"\nscale = 2\n'
+    path = scene_file(text, name="home/scene.toml")
+    scene = load_scene(path, assets=tmp_path / "assets")
+    assert [mesh.name for mesh in scene.meshes] == ["near", "far"]
+    with pytest.raises(InputError, match=r"far\.obj.*--assets"):
+        load_scene(path)
+
+
+def test_a_link_may_not_lead_outside(scene_file: SceneFile, tmp_path: Path) -> None:
+    (tmp_path / "home").mkdir()
+    mesh_beside(tmp_path / "secret.obj")
+    link = tmp_path / "home" / "link.obj"
+    try:
+        os.symlink(tmp_path / "secret.obj", link)
+    except OSError:
+        pytest.skip("no symbolic links here")
+    path = scene_file('[[mesh]]\nfile = "link.obj"\n', name="home/scene.toml")
+    with pytest.raises(InputError, match="outside"):
+        load_scene(path)
+    assert load_scene(path, assets=tmp_path).meshes[0].name == "secret"
+    dotted = scene_file('[[mesh]]\nfile = "../secret.obj"\n', name="home/dotted.toml")
+    with pytest.raises(InputError, match="outside"):
+        load_scene(dotted)
+
+
+def test_a_files_zero_area_triangles_are_counted(scene_file: SceneFile, tmp_path: Path) -> None:
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 1 2\n")
+    scene = load_scene(scene_file('[[mesh]]\nfile = "a.obj"\n'))
+    assert (scene.dropped, len(scene.geometry.faces)) == (1, 1)
+
+
+CAMERA = "[camera]\nposition = [0, 1, 5]\ntarget = [0, 0, 0]\n"
+SUN = '[light]\nkind = "directional"\ndirection = [0, -1, 0]\n'
+HUGE = "9" * 400
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[[mesh]\n", ["not TOML"]),
+        ("", ["mesh", "none"]),
+        (CAMERA, ["mesh", "none"]),
+        ("mesh = 3\n", ["mesh", "3"]),
+        ('[mesh]\nshape = "box"\n', ["[[mesh]]"]),
+        ("camera = 1\n" + BOX, ["camera"]),
+        ("light = [1]\n" + BOX, ["light"]),
+        ('nam = "x"\n' + BOX, ["unknown field 'nam'", "name"]),
+        ('name = "a/b"\n' + BOX, ["name", "a/b"]),
+        ("name = 3\n" + BOX, ["name"]),
+        (BOX + "colour = [1, 1, 1]\n", ["colour"]),
+        (BOX + "scale = 0\n", ["scale", "0"]),
+        (BOX + "scale = [1, 0, 1]\n", ["scale"]),
+        (BOX + "scale = [1, 1]\n", ["scale"]),
+        (BOX + 'scale = "big"\n', ["scale", "big"]),
+        (BOX + "scale = true\n", ["scale", "True"]),
+        (BOX + "scale = nan\n", ["scale", "nan"]),
+        (BOX + "translate = [inf, 0, 0]\n", ["translate", "inf"]),
+        (BOX + f"translate = [{HUGE}, 0, 0]\n", ["translate"]),
+        (BOX + "scale = 1e18\ntranslate = [1e18, 0, 0]\n", ["coordinate"]),
+        (BOX + f"x = {'9' * 5000}\n", ["scene.toml"]),
+        (BOX + "x = " + "[" * 5000 + "]" * 5000 + "\n", ["scene.toml"]),
+        (BOX + f"scale = 0x{'f' * 5000}\n", ["scene.toml"]),
+        ('[[mesh]]\nshape = "sphere"\n' + f"subdivisions = 0x{'f' * 5000}\n", ["scene.toml"]),
+        (BOX + f"name = 0x{'f' * 5000}\n", ["scene.toml"]),
+        (f"camera = 0x{'f' * 5000}\n" + BOX, ["scene.toml"]),
+        (BOX + "color = [2, 0, 0]\n", ["color", "2"]),
+        (BOX + "color = 0.5\n", ["color"]),
+        (BOX + "casts = 1\n", ["casts"]),
+        (BOX + 'file = "a.obj"\n', ["not both"]),
+        ("[[mesh]]\nscale = 1\n", ["neither"]),
+        ("[[mesh]]\nscale = 1\nsubdivisions = 3\n", ["subdivisions"]),
+        ('[[mesh]]\nshape = "cubus"\n', ["cubus", "box", "terrain"]),
+        ('[[mesh]]\nshape = ""\n', ["shape"]),
+        ("[[mesh]]\nshape = 3\n", ["shape"]),
+        (BOX + "subdivisions = 3\n", ["subdivisions", "none at all"]),
+        ('[[mesh]]\nshape = "sphere"\nsubdivisions = 99\n', ["subdivisions", "99"]),
+        ('[[mesh]]\nshape = "sphere"\nsubdivisions = 1.5\n', ["subdivisions", "1.5"]),
+        ('[[mesh]]\nshape = "leaves"\ncount = -1\n', ["count", "-1"]),
+        ('[[mesh]]\nfile = "nothing.obj"\n', ["nothing.obj", "--assets"]),
+        ('[[mesh]]\nfile = "."\n', ["file"]),
+        ('[[mesh]]\nfile = "a\\u0000b.obj"\n', ["file"]),
+        (f'[[mesh]]\nfile = "{"a" * 5000}.obj"\n', ["file"]),
+        ('[[mesh]]\nfile = "scene.toml"\n', ["scene.toml", ".glb"]),
+        (BOX + "repeat = { count = 0, step = [1, 0, 0] }\n", ["count", "0"]),
+        (BOX + "repeat = { count = 100001, step = [1, 0, 0] }\n", ["count"]),
+        (BOX + "repeat = { count = 5 }\n", ["step"]),
+        (BOX + "repeat = [{ count = 1000, step = [1, 0, 0] }, { count = 101, step = [1, 0, 0] }]\n", ["101000"]),
+        (BOX + "repeat = 5\n", ["repeat"]),
+        (
+            '[[mesh]]\nshape = "sphere"\nsubdivisions = 7\nrepeat = { count = 99999, step = [1, 0, 0] }\n',
+            ["triangles"],
+        ),
+        ("[camera]\nposition = [0, 0, 0]\ntarget = [0, 0, 0]\n" + BOX, ["position", "target"]),
+        ("[camera]\nposition = [0, 0, 0]\n" + BOX, ["target"]),
+        (CAMERA + "fov_y = 180\n" + BOX, ["fov_y", "180"]),
+        (CAMERA + "fov_y = 0\n" + BOX, ["fov_y"]),
+        (CAMERA + "fov_y = -20\n" + BOX, ["fov_y"]),
+        (CAMERA + 'fov_y = "36"\n' + BOX, ["fov_y"]),
+        (CAMERA + "up = [0, 0, 0]\n" + BOX, ["up"]),
+        (CAMERA + "near = 0\n" + BOX, ["near"]),
+        (CAMERA + "near = 5\nfar = 2\n" + BOX, ["near", "5"]),
+        (CAMERA + "lens = 50\n" + BOX, ["lens", "fov_y"]),
+        (2 * "[[camera]]\nname = 'a'\nposition = [0, 1, 5]\ntarget = [0, 0, 0]\n" + BOX, ["'a'", "differ"]),
+        ("[light]\ndirection = [0, -1, 0]\n" + BOX, ["kind", "spot"]),
+        ('[light]\nkind = "area"\n' + BOX, ["kind", "area", "point"]),
+        ("[light]\nkind = 1\n" + BOX, ["kind"]),
+        (SUN.replace("-1", "0") + BOX, ["direction"]),
+        (SUN + "position = [0, 1, 0]\n" + BOX, ["position", "direction"]),
+        (SUN + "angular_radius = -1\n" + BOX, ["angular_radius"]),
+        ('[light]\nkind = "point"\n' + BOX, ["position"]),
+        ('[light]\nkind = "spot"\nposition = [0, 3, 0]\ndirection = [0, -1, 0]\nangle = 171\n' + BOX, ["angle", "171"]),
+        ('[light]\nkind = "spot"\nposition = [0, 3, 0]\ndirection = [0, -1, 0]\nangle = 0\n' + BOX, ["angle"]),
+        ('[light]\nkind = "spot"\nposition = [0, 3, 0]\ndirection = [0, -1, 0]\n' + BOX, ["angle"]),
+    ],
+)
+def test_a_bad_scene_file_is_one_line(scene_file: SceneFile, text: str, words: list[str]) -> None:
+    with pytest.raises(InputError) as error:
+        load_scene(scene_file(text))
+    message = str(error.value)
+    assert "\n" not in message
+    assert len(message) < 1000
+    assert "scene.toml" in message
+    for word in words:
+        assert word in message
+
+
+def test_unreadable_bytes_and_missing_files_are_one_line(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such file"):
+        load_scene(tmp_path / "none.toml")
+    (tmp_path / "latin.toml").write_bytes(b'name = "\xe9"\n')
+    with pytest.raises(InputError, match="cannot be read"):
+        load_scene(tmp_path / "latin.toml")
+    (tmp_path / "folder.toml").mkdir()
+    with pytest.raises(InputError, match="not a file"):
+        load_scene(tmp_path / "folder.toml")
+
+
+def test_tables_serve_study_files_too() -> None:
+    camera = camera_from_table({"name": "low", "position": [0, 1, 5], "target": [0, 0, 0]}, "study.toml: views 2")
+    assert (camera.name, math.degrees(camera.fov_y)) == ("low", pytest.approx(36))
+    light, notes = light_from_table({"kind": "directional", "direction": [0, -1, 0]}, "study.toml: lights 1", "noon")
+    assert (light.name, notes) == ("noon", [])
+    with pytest.raises(InputError, match=r"study\.toml: views 2: target"):
+        camera_from_table({"position": [0, 1, 5]}, "study.toml: views 2")
+
+
+def two_bodies(shift: tuple[float, float, float], scale: float = 1.0) -> Scene:
+    box, cone = build_shape("box", {}, "test"), build_shape("cone", {}, "test")
+    meshes = (
+        Mesh("box", box.vertices * scale + shift, box.faces),
+        Mesh("cone", (cone.vertices + np.array([2, 1, 0])) * scale + shift, cone.faces),
+    )
+    position, target = (tuple(np.array(p) * scale + shift) for p in ([3.0, 3.0, 6.0], [0.5, 0.5, 0.0]))
+    return Scene(
+        "two", meshes, (Camera("camera", position, target, 0.7),), (Light("bulb", "point", position=position),)
+    )
+
+
+whole = st.integers(-(2**20), 2**20).map(float)
+
+
+@given(shift=st.tuples(whole, whole, whole))
+def test_a_moved_scene_is_placed_alike(shift: tuple[float, float, float]) -> None:
+    """Whole metres, so that moving itself rounds nothing but the last bits of the cone."""
+    still, moved = two_bodies((0.0, 0.0, 0.0)), two_bodies(shift)
+    views = [view_of(scene, scene.cameras[0], scene.lights[0], 64).placed()[0] for scene in (still, moved)]
+    for here, there in zip(views[0].scene.meshes, views[1].scene.meshes, strict=True):
+        assert there.vertices == pytest.approx(here.vertices, abs=1e-9)
+    assert views[1].camera.position == pytest.approx(views[0].camera.position, abs=1e-9)
+
+
+@given(shift=st.tuples(whole, whole, whole), power=st.integers(-20, 20))
+def test_placing_can_be_undone(shift: tuple[float, float, float], power: int) -> None:
+    scene = two_bodies(shift, 2.0**power)
+    placed = scene.placement.scene(scene)
+    for here, there in zip(scene.meshes, placed.meshes, strict=True):
+        back = there.vertices / scene.placement.scale + scene.placement.center
+        assert back == pytest.approx(here.vertices, rel=1e-12, abs=1e-9)
+    low, high = placed.geometry.bounds
+    assert low == pytest.approx(-high, abs=1e-6)
+    assert 0.7 <= np.linalg.norm(high - low) <= 1.5

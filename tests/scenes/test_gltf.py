@@ -1,0 +1,179 @@
+"""A glTF's cameras, lights and limits."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shadowbench.errors import InputError
+from shadowbench.scenes.library import load_scene
+from shadowbench.scenes.meshes import read_meshes
+
+Gltf = Callable[..., Path]
+LENS = {"yfov": 0.7, "znear": 0.25, "zfar": 40.0, "aspectRatio": 1.5}
+QUARTER_ABOUT_X = [-math.sin(math.pi / 4), 0.0, 0.0, math.cos(math.pi / 4)]  # −z turns to −y
+
+
+def with_light(light: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "nodes": [
+            {"mesh": 0},
+            {
+                "rotation": QUARTER_ABOUT_X,
+                "translation": [1, 2, 3],
+                "extensions": {"KHR_lights_punctual": {"light": 0}},
+            },
+        ],
+        "scenes": [{"nodes": [0, 1]}],
+        "extensions": {"KHR_lights_punctual": {"lights": [light]}},
+        "extensionsRequired": ["KHR_lights_punctual"],
+    }
+
+
+@pytest.mark.parametrize("name", ["a.gltf", "a.glb"])
+def test_a_camera_looks_along_minus_z_of_its_node(gltf_file: Gltf, name: str) -> None:
+    path = gltf_file(
+        name,
+        nodes=[
+            {"mesh": 0},
+            {"translation": [10, 0, 0], "children": [2, 3]},
+            {"camera": 0, "translation": [0, 5, 0], "rotation": QUARTER_ABOUT_X},
+            {"camera": 0, "scale": [3, 3, 3]},
+        ],
+        scenes=[{"nodes": [0, 1]}],
+        cameras=[{"type": "perspective", "perspective": LENS}],
+    )
+    down, ahead = read_meshes(path).cameras
+    assert (down.name, ahead.name) == ("camera", "camera-2")
+    assert down.position == pytest.approx((10, 5, 0))
+    assert down.basis()[2] == pytest.approx([0, 1, 0], abs=1e-12)
+    assert down.basis()[1] == pytest.approx([0, 0, -1], abs=1e-12)
+    assert (down.fov_y, down.near, down.far) == (0.7, 0.25, 40.0)
+    assert ahead.basis() == pytest.approx(np.eye(3))
+    assert load_scene(path).cameras == (down, ahead)
+
+
+def test_an_orthographic_camera_is_a_note(gltf_file: Gltf) -> None:
+    lens = {"xmag": 1, "ymag": 1, "znear": 0.1, "zfar": 10}
+    path = gltf_file(
+        nodes=[{"mesh": 0, "camera": 0}], cameras=[{"type": "orthographic", "orthographic": lens}], scene=0
+    )
+    scene = load_scene(path)
+    assert any("orthographic" in note for note in scene.notes)
+    assert any("no camera in" in note for note in scene.notes)
+
+
+@pytest.mark.parametrize(
+    ("lens", "word"),
+    [
+        ({"yfov": 0.0, "znear": 0.1}, "yfov"),
+        ({"yfov": 4.0, "znear": 0.1}, "yfov"),
+        ({"yfov": 1.0, "znear": 0.0}, "znear"),
+        ({"yfov": 1.0, "znear": 2.0, "zfar": 1.0}, "znear"),
+        ({"znear": 1.0}, "yfov"),
+    ],
+)
+def test_a_senseless_camera_is_one_line(gltf_file: Gltf, lens: dict[str, float], word: str) -> None:
+    path = gltf_file(nodes=[{"mesh": 0, "camera": 0}], cameras=[{"type": "perspective", "perspective": lens}])
+    with pytest.raises(InputError, match=word):
+        read_meshes(path)
+
+
+def test_a_sun_travels_along_minus_z_of_its_node(gltf_file: Gltf) -> None:
+    (light,) = load_scene(gltf_file(**with_light({"type": "directional"}))).lights
+    assert light.kind == "directional"
+    assert light.direction == pytest.approx((0, -1, 0))
+
+
+def test_a_spot_has_twice_its_outer_cone_angle(gltf_file: Gltf) -> None:
+    lamp = {"type": "spot", "name": "desk/lamp", "spot": {"outerConeAngle": 0.4}}
+    (light,) = load_scene(gltf_file(**with_light(lamp))).lights
+    assert (light.kind, light.name) == ("spot", "desk-lamp")
+    assert light.angle == pytest.approx(0.8)
+    assert light.position == (1, 2, 3)
+
+
+def test_a_spot_without_an_angle_and_one_too_wide(gltf_file: Gltf) -> None:
+    (light,) = load_scene(gltf_file(**with_light({"type": "spot"}))).lights
+    assert light.angle == pytest.approx(math.pi / 2)
+    wide = load_scene(gltf_file(**with_light({"type": "spot", "spot": {"outerConeAngle": math.pi / 2}})))
+    assert math.degrees(wide.lights[0].angle) == pytest.approx(170)
+    assert any("170" in note for note in wide.notes)
+
+
+def test_a_point_light_has_a_position(gltf_file: Gltf) -> None:
+    (light,) = load_scene(gltf_file(**with_light({"type": "point"}))).lights
+    assert (light.kind, light.position) == ("point", (1, 2, 3))
+
+
+@pytest.mark.parametrize("light", [{"type": "area"}, {}, {"type": "spot", "spot": {"outerConeAngle": -1}}])
+def test_a_senseless_light_is_one_line(gltf_file: Gltf, light: dict[str, Any]) -> None:
+    with pytest.raises(InputError) as error:
+        load_scene(gltf_file(**with_light(light)))
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("parts", "words"),
+    [
+        ({"extensionsRequired": ["EXT_meshopt_compression"]}, "EXT_meshopt_compression"),
+        ({"extensionsRequired": ["VENDOR_unheard"]}, "VENDOR_unheard"),
+        ({"primitive": {"mode": 6}}, "fan"),
+        ({"accessor": {"sparse": {"count": 1}}}, "sparse"),
+        ({"nodes": [{"mesh": 0, "children": [0]}]}, "ancestor"),
+        ({"nodes": [{"mesh": 7}]}, "cannot be read"),
+        ({"nodes": [{"mesh": 0, "matrix": [1, 2]}]}, "cannot be read"),
+        ({"nodes": [{"mesh": 0, "scale": [0, 0, 0]}]}, "zero area"),
+        ({"nodes": [{"mesh": 0, "scale": [1e30, 1, 1]}]}, "1e\\+30"),
+        ({"nodes": []}, "cannot be read|no triangles"),
+        ({"indices": np.array([0, 1, 9])}, "vertex 9"),
+        ({"indices": np.array([0, 1])}, "cannot be read"),
+        ({"buffers": [{"byteLength": 48, "uri": "missing.bin"}]}, "cannot be read"),
+        ({"buffers": [{"byteLength": 48, "uri": "https://example.org/x.bin"}]}, "cannot be read"),
+        ({"primitive": {"attributes": {}}}, "cannot be read"),
+    ],
+)
+def test_what_cannot_be_honoured_is_one_line(gltf_file: Gltf, parts: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=words) as error:
+        read_meshes(gltf_file(**parts))
+    assert "\n" not in str(error.value)
+
+
+def test_what_is_drawn_more_plainly_is_a_note(gltf_file: Gltf) -> None:
+    path = gltf_file(
+        primitive={"material": 0, "targets": [{}]},
+        materials=[{"alphaMode": "MASK", "pbrMetallicRoughness": {"baseColorFactor": [0.1, 0.2, 0.3, 1.0]}}],
+        nodes=[{"mesh": 0, "skin": 0}],
+        skins=[{"joints": [0]}],
+        animations=[{"channels": [], "samplers": []}],
+    )
+    contents = read_meshes(path)
+    assert contents.meshes[0].color == (0.1, 0.2, 0.3)
+    for word in ("opaque", "animation", "skinned", "morphed"):
+        assert sum(word in note for note in contents.notes) == 1
+
+
+def test_lines_are_left_out_and_triangles_beside_them_kept(gltf_file: Gltf) -> None:
+    line = {"attributes": {"POSITION": 0}, "mode": 1}
+    loop = {"attributes": {"POSITION": 0}, "mode": 2}
+    face = {"attributes": {"POSITION": 0}, "indices": 1}
+    contents = read_meshes(gltf_file(meshes=[{"primitives": [line, loop, face]}]))
+    assert sum(len(mesh.faces) for mesh in contents.meshes) == 1
+    assert any("2 primitive(s) of points or lines" in note for note in contents.notes)
+
+
+def test_a_strip_turns_every_other_triangle(gltf_file: Gltf) -> None:
+    square = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], dtype=np.float32)
+    (mesh,) = read_meshes(gltf_file(positions=square, primitive={"mode": 5})).meshes
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    assert np.cross(b - a, c - a)[:, 2] == pytest.approx([1.0, 1.0])
+
+
+def test_quantised_positions_are_fractions(gltf_file: Gltf) -> None:
+    quantised = np.array([[0, 0, 0], [65535, 0, 0], [0, 65535, 0]], dtype=np.uint16)
+    required = {"extensionsRequired": ["KHR_mesh_quantization"]}
+    (mesh,) = read_meshes(gltf_file(positions=quantised, accessor={"normalized": True}, **required)).meshes
+    assert mesh.vertices.max() == pytest.approx(1.0)

@@ -1,0 +1,91 @@
+"""The built-in scenes, and how a scene is named."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from shadowbench.data import data_folder
+from shadowbench.errors import InputError
+from shadowbench.scenes.library import builtin_about, builtin_names, load_scene
+from shadowbench.scenes.model import view_of
+
+
+def test_there_are_at_least_twelve_and_each_says_what_it_asks() -> None:
+    names = builtin_names()
+    assert len(names) >= 12
+    assert names == sorted(names)
+    abouts = [builtin_about(name) for name in names]
+    assert all(abouts)
+    assert len(set(abouts)) == len(names)
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_a_built_in_scene_is_whole(name: str) -> None:
+    scene = load_scene(name)
+    assert scene.name == name
+    assert scene.notes == ()
+    assert scene.dropped == 0
+    assert 10 <= len(scene.geometry.faces) <= 100_000
+    assert len({mesh.name for mesh in scene.meshes}) == len(scene.meshes)
+    assert np.isfinite(scene.geometry.normals).all()
+    for camera in scene.cameras:
+        near, far = view_of(scene, camera, scene.lights[0], 64).near_far
+        assert 0 < near < far
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_no_large_face_lies_along_the_light(name: str) -> None:
+    """N·L of 0 leaves the truth to rounding."""
+    scene = load_scene(name)
+    geometry = scene.geometry
+    a, b, c = (geometry.vertices[geometry.faces[:, k]] for k in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    large = area > 0.01 * area.sum()
+    for light in scene.lights:
+        xyz, w = light.homogeneous
+        towards = np.array(xyz) - ((a + b + c) / 3 if w else 0.0)
+        towards = np.broadcast_to(towards, a.shape) / np.linalg.norm(towards, axis=-1, keepdims=True)
+        slope = np.abs(np.einsum("ij,ij->i", geometry.normals, towards))
+        assert slope[large].min(initial=1.0) > 0.02
+
+
+def test_the_kinds_of_light_are_all_there() -> None:
+    assert {light.kind for name in builtin_names() for light in load_scene(name).lights} == {
+        "directional",
+        "spot",
+        "point",
+    }
+
+
+def test_a_built_in_scene_is_also_a_file() -> None:
+    path = data_folder("scenes") / "cube-on-plane.toml"
+    assert load_scene(path).name == load_scene(str(path)).name == load_scene("cube-on-plane").name
+
+
+def test_the_cube_touches_its_plane() -> None:
+    scene = load_scene("cube-on-plane")
+    plane, cube = scene.meshes
+    assert cube.vertices[:, 1].min() == plane.vertices[:, 1].max() == 0
+
+
+@pytest.mark.parametrize("reference", ["cube-on-plan", "cubeonplane", "Cube-On-Plane"])
+def test_a_near_miss_is_named(reference: str) -> None:
+    with pytest.raises(InputError, match=r"did you mean 'cube-on-plane'\?.*canopy"):
+        load_scene(reference)
+
+
+@pytest.mark.parametrize(
+    "reference", ["", "zzz", "a.fbx", "no/such", "no/such.toml", "gone.obj", "a\0b", "..", "x" * 5000]
+)
+def test_what_is_no_scene_is_one_line(reference: str) -> None:
+    with pytest.raises(InputError) as error:
+        load_scene(reference)
+    assert "\n" not in str(error.value)
+
+
+def test_assets_must_be_a_folder(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="--assets"):
+        load_scene(tmp_path / "a.toml", assets=tmp_path / "none")
+    with pytest.raises(InputError, match="no built-in scene"):
+        builtin_about("none")

@@ -1,0 +1,220 @@
+"""What mesh files hold is loaded whole, or refused in one line."""
+
+import logging
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from shadowbench.errors import InputError
+from shadowbench.scenes.meshes import read_meshes
+
+OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
+MeshFile = Callable[[str, str | bytes], Path]
+Gltf = Callable[..., Path]
+
+
+def one_line(error: pytest.ExceptionInfo[InputError], *words: str) -> None:
+    message = str(error.value)
+    assert "\n" not in message
+    for word in words:
+        assert word in message
+
+
+@pytest.mark.parametrize(
+    ("file", "triangles", "dropped", "instances", "closed"),
+    [
+        ("armadillo.obj", 86_482, 0, 1, 1),
+        ("retroufo.gltf", 16_428, 64, 77, 9),
+        ("2CylinderEngine.glb", 121_496, 11_160, 115, None),
+        ("bgfx_tree.obj", 6_392, 684, 1, 0),
+    ],
+)
+def test_a_real_mesh_keeps_every_triangle_that_has_an_area(
+    shared_scenes: Path, file: str, triangles: int, dropped: int, instances: int, closed: int | None
+) -> None:
+    contents = read_meshes(shared_scenes / file)
+    assert contents.dropped == dropped
+    assert sum(len(mesh.faces) for mesh in contents.meshes) + dropped == triangles
+    assert len(contents.meshes) == instances
+    if closed is not None:
+        assert sum(mesh.closed for mesh in contents.meshes) == closed
+    for mesh in contents.meshes:
+        assert mesh.vertices.dtype == np.float64
+        assert mesh.faces.dtype == np.int32
+        assert np.isfinite(mesh.vertices).all()
+
+
+def test_the_engine_loads_alike_twice_and_brings_its_camera(shared_scenes: Path) -> None:
+    first, second = (read_meshes(shared_scenes / "2CylinderEngine.glb") for _ in range(2))
+    assert [mesh.name for mesh in first.meshes] == [mesh.name for mesh in second.meshes]
+    assert len({mesh.name for mesh in first.meshes}) == 34
+    (camera,) = first.cameras
+    bounds = np.concatenate([mesh.vertices for mesh in first.meshes])
+    sight = np.subtract(camera.target, camera.position)
+    center = (bounds.min(axis=0) + bounds.max(axis=0)) / 2
+    to_center = center - camera.position
+    assert sight @ to_center > 0.95 * np.linalg.norm(sight) * np.linalg.norm(to_center)
+
+
+@pytest.mark.parametrize("file", ["retroufo.gltf", "2CylinderEngine.glb"])
+def test_instances_stand_where_trimesh_puts_them(shared_scenes: Path, file: str) -> None:
+    ours = np.concatenate([mesh.vertices for mesh in read_meshes(shared_scenes / file).meshes])
+    theirs = trimesh.load_scene(shared_scenes / file, process=False).bounds
+    assert np.allclose([ours.min(axis=0), ours.max(axis=0)], theirs, rtol=1e-6, atol=1e-6 * np.ptp(ours))
+
+
+@pytest.mark.parametrize("suffix", ["obj", "ply", "stl", "off", "glb"])
+def test_a_torus_comes_back_closed_from_every_kind_of_file(tmp_path: Path, suffix: str) -> None:
+    torus = trimesh.creation.torus(1.0, 0.25)
+    path = tmp_path / f"torus.{suffix}"
+    torus.export(path)
+    (mesh,) = read_meshes(path).meshes
+    assert len(mesh.faces) == len(torus.faces)
+    assert mesh.closed
+    assert trimesh.Trimesh(mesh.vertices, mesh.faces).volume == pytest.approx(torus.volume, rel=1e-4)
+
+
+def test_identical_positions_become_one_vertex(mesh_file: MeshFile) -> None:
+    text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 0 0\nv -0 1 -0\nv 1 1 0\nf 1 2 3\nf 4 6 5\n"
+    (mesh,) = read_meshes(mesh_file("a.obj", text)).meshes
+    assert len(mesh.vertices) == 4
+
+
+def test_objects_of_an_obj_are_meshes_and_materials_do_not_split_them(mesh_file: MeshFile) -> None:
+    text = "o one\n" + OBJ + "usemtl a\nf 1 2 3\nusemtl b\nf 1 2 4\no two\nf 2 3 4\n"
+    contents = read_meshes(mesh_file("a.obj", text))
+    assert sorted((mesh.name, len(mesh.faces)) for mesh in contents.meshes) == [("one", 2), ("two", 1)]
+
+
+def test_polygons_become_fans(mesh_file: MeshFile) -> None:
+    text = "OFF\n5 1 0\n0 0 0\n1 0 0\n2 1 0\n1 2 0\n0 1 0\n5 0 1 2 3 4\n"
+    assert sum(len(mesh.faces) for mesh in read_meshes(mesh_file("a.off", text)).meshes) == 3
+
+
+def test_lines_in_an_obj_are_a_note(mesh_file: MeshFile) -> None:
+    (note,) = read_meshes(mesh_file("a.obj", OBJ + "f 1 2 3\nl 1 2\n")).notes
+    assert "left out" in note
+
+
+PLY = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+PLY_FACES = "element face {}\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n"
+TRISTRIP = PLY + "element tristrips 1\nproperty list int int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "words"),
+    [
+        ("a.fbx", "x", ["unknown kind", ".fbx", ".glb .gltf .obj .ply .stl .off"]),
+        ("a.obj", "", ["empty"]),
+        ("a.obj", "hello\n", ["no triangles"]),
+        ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n", ["no triangles"]),
+        ("a.obj", OBJ + "f 1 2 9\n", ["a.obj"]),
+        ("a.obj", OBJ + "f 1 2 -9\n", ["a.obj"]),
+        ("a.obj", OBJ + "f 0 1 2\n", ["vertex 0"]),
+        ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\nv 0 0 1\nf -1 -2 -3\n", ["relative"]),
+        ("a.obj", OBJ + "f 1 2 3\nf 1 2 x\n", ["a.obj"]),
+        ("a.obj", "v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", ["NaN"]),
+        ("a.obj", "v inf 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", ["infinite"]),
+        ("a.obj", "v 1e300 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", ["1e+300"]),
+        ("a.obj", OBJ + "f 1 1 2\nf 2 2 2\n", ["all 2 triangles have zero area"]),
+        ("a.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", ["zero area"]),
+        ("a.ply", TRISTRIP, ["strips"]),
+        ("a.ply", PLY + PLY_FACES.format(2) + "3 0 1 2\n", ["a.ply"]),
+        ("a.ply", PLY + PLY_FACES.format(1) + "3 0 1 7\n", ["vertex 7"]),
+        ("a.ply", PLY + PLY_FACES.format(0), ["no triangles"]),
+        ("a.ply", "ply\nnonsense", ["a.ply"]),
+        ("a.ply", b"\x00\xff\xfe" * 50, ["a.ply"]),
+        ("a.off", "OFF\n3 2 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", ["cut short"]),
+        ("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n", ["a.off"]),
+        ("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 5\n", ["a.off"]),
+        ("a.stl", b"\0" * 80 + struct.pack("<I", 5) + b"\0" * 50, ["a.stl"]),
+        ("a.stl", "solid x\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\n", ["a.stl"]),
+        ("a.gltf", "{", ["a.gltf"]),
+        ("a.gltf", "[]", ["a.gltf"]),
+        ("a.gltf", '{"asset": {"version": "1.0"}}', ["version"]),
+        ("a.gltf", '{"asset": {"version": "2.0"}, "meshes": [{}]}', ["a.gltf"]),
+        ("a.gltf", '{"asset": {"version": "2.0"}}', ["no triangles"]),
+        ("a.gltf", "[" * 100_000, ["a.gltf"]),
+        ("a.glb", b"glTF\x02\0\0\0", ["a.glb"]),
+        ("a.glb", b"PK\x03\x04" + b"\0" * 40, ["not a GLB"]),
+    ],
+)
+def test_a_bad_mesh_file_is_one_line(mesh_file: MeshFile, name: str, data: str | bytes, words: list[str]) -> None:
+    path = mesh_file(name, data)
+    with pytest.raises(InputError) as error:
+        read_meshes(path)
+    one_line(error, name, *words)
+
+
+def test_a_missing_file_and_a_folder_are_one_line(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as error:
+        read_meshes(tmp_path / "nothing.obj")
+    one_line(error, "nothing.obj", "no such file")
+    (tmp_path / "folder.obj").mkdir()
+    with pytest.raises(InputError) as error:
+        read_meshes(tmp_path / "folder.obj")
+    one_line(error, "not a file")
+
+
+@pytest.mark.parametrize("kept", [0.1, 0.5, 0.9, 0.99])
+@pytest.mark.parametrize("suffix", ["glb", "stl", "ply", "off"])
+def test_a_file_cut_short_is_one_line(tmp_path: Path, suffix: str, kept: float) -> None:
+    path = tmp_path / f"ball.{suffix}"
+    trimesh.creation.icosphere(subdivisions=2).export(path)
+    data = path.read_bytes()
+    path.write_bytes(data[: int(len(data) * kept)])
+    with pytest.raises(InputError) as error:
+        read_meshes(path)
+    one_line(error, f"ball.{suffix}")
+
+
+def test_nodes_apply_and_a_mirrored_one_keeps_its_outside_out(tmp_path: Path) -> None:
+    box = trimesh.creation.box()
+    scene = trimesh.Scene()
+    scene.add_geometry(box, node_name="plain")
+    scene.add_geometry(box, node_name="mirrored", transform=np.diag([-2.0, 1.0, 1.0, 1.0]))
+    path = tmp_path / "boxes.glb"
+    scene.export(path)
+    meshes = {mesh.name: mesh for mesh in read_meshes(path).meshes}
+    assert set(meshes) >= {"plain", "mirrored"}
+    for name, volume in (("plain", 1.0), ("mirrored", 2.0)):
+        assert trimesh.Trimesh(meshes[name].vertices, meshes[name].faces).volume == pytest.approx(volume)
+
+
+def test_a_node_below_a_camera_is_kept(gltf_file: Gltf) -> None:
+    lens = {"yfov": 1.0, "znear": 0.1}
+    path = gltf_file(
+        nodes=[{"camera": 0, "children": [1], "translation": [0, 0, 5]}, {"mesh": 0, "name": "child"}],
+        cameras=[{"type": "perspective", "perspective": lens}],
+    )
+    (mesh,) = read_meshes(path).meshes
+    assert mesh.vertices[:, 2] == pytest.approx(5.0)
+
+
+def test_a_draco_file_decodes(tmp_path: Path) -> None:
+    ball = trimesh.creation.icosphere(subdivisions=2)
+    path = tmp_path / "ball.glb"
+    path.write_bytes(trimesh.exchange.gltf.export_glb(trimesh.Scene(ball), extension_draco=True))
+    (mesh,) = read_meshes(path).meshes
+    assert len(mesh.faces) == len(ball.faces)
+    assert np.linalg.norm(mesh.vertices, axis=1) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_broken_draco_file_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "ball.glb"
+    scene = trimesh.Scene(trimesh.creation.icosphere(subdivisions=2))
+    path.write_bytes(trimesh.exchange.gltf.export_glb(scene, extension_draco=True))
+    monkeypatch.setattr("DracoPy.decode", lambda *_: (_ for _ in ()).throw(ImportError("no decoder")))
+    with pytest.raises(InputError) as error:
+        read_meshes(path)
+    one_line(error, "ball.glb", "KHR_draco_mesh_compression")
+
+
+def test_listening_to_trimesh_ends_with_the_file(mesh_file: MeshFile) -> None:
+    before = list(logging.getLogger("trimesh").handlers)
+    read_meshes(mesh_file("a.obj", OBJ + "f 1 2 3\n"))
+    assert logging.getLogger("trimesh").handlers == before
