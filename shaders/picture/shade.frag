@@ -8,12 +8,16 @@ uniform vec3 cone_axis;
 uniform float cos_half_angle;
 out vec4 color;
 
+vec3 srgb(vec3 linear) {
+    return mix(1.055 * pow(linear, vec3(1.0 / 2.4)) - 0.055, 12.92 * linear, lessThan(linear, vec3(0.0031308)));
+}
+
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     Receiver r = receiver_at(pixel);
     int triangle = texelFetch(surface_triangle, pixel, 0).r;
     if (triangle < 0) {
-        color = vec4(0.35, 0.45, 0.6, 1.0);
+        color = vec4(srgb(vec3(0.35, 0.45, 0.6)), 1.0);
         return;
     }
     vec3 albedo = texelFetch(colors, ivec2(triangle % 2048, triangle / 2048), 0).rgb;
@@ -23,5 +27,5 @@ void main() {
     float specular = 0.12 * pow(max(dot(r.normal, normalize(r.to_light + to_eye)), 0.0), 32.0);
     // A little more from above than from below keeps unlit shapes readable.
     vec3 ambient = albedo * (0.12 + 0.06 * r.normal.y);
-    color = vec4(ambient + lit * (albedo * diffuse + specular), 1.0);
+    color = vec4(srgb(clamp(ambient + lit * (albedo * diffuse + specular), 0.0, 1.0)), 1.0);
 }

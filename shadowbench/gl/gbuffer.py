@@ -76,3 +76,7 @@ class SurfacePass:
         self.drawable.draw(target, {"normals": (self.geometry.normals, Sampling())}, state)
         self.device.check("the G-buffer")
         return GBuffer(position, normal, triangle, depth, target, self.device)
+
+    def release(self) -> None:
+        """Free the program."""
+        self.device.free((self.drawable.vertices, self.program.linked))

@@ -13,29 +13,37 @@ from shadowbench.gl.shaders import compose
 from shadowbench.scenes.model import View
 
 
-def shade(
-    device: Device, geometry: DeviceGeometry, surface: GBuffer, view: View, visibility: moderngl.Texture
-) -> NDArray[np.float32]:
-    """(N, N, 3) float32 linear colour in [0, 1], row 0 at the top: ambient + visibility · (diffuse + specular)."""
-    roots = [data_folder("shaders")]
-    program = link(device, compose("fullscreen.vert", roots), compose("picture/shade.frag", roots))
-    xyz, w = view.light.homogeneous
-    program.set(
-        light=(*xyz, w),
-        eye=view.camera.position,
-        cone_axis=view.light.direction,
-        cos_half_angle=view.light.cos_half_angle,
-    )
-    color = device.context.texture((view.size, view.size), 4, dtype="f4")
-    target = device.context.framebuffer([color])
-    triangle = Drawable(program, device.context.vertex_array(program.linked, []), count=3)
-    inputs = {
-        **surface.inputs,
-        "surface_triangle": (surface.triangle, Sampling()),
-        "colors": (geometry.colors, Sampling()),
-        "visibility": (visibility, Sampling()),
-    }
-    triangle.draw(target, inputs)
-    picture = download(color)[..., :3].astype(np.float32)
-    device.free((triangle.vertices, target, color, program.linked))
-    return np.clip(picture, 0.0, 1.0)
+class PicturePass:
+    """Shades any view of one geometry with any visibility."""
+
+    def __init__(self, device: Device, geometry: DeviceGeometry) -> None:
+        roots = [data_folder("shaders")]
+        self._device, self._geometry = device, geometry
+        self._program = link(device, compose("fullscreen.vert", roots), compose("picture/shade.frag", roots))
+        self._triangle = Drawable(self._program, device.context.vertex_array(self._program.linked, []), count=3)
+
+    def draw(self, surface: GBuffer, view: View, visibility: moderngl.Texture) -> NDArray[np.uint8]:
+        """(N, N, 3) uint8 sRGB, row 0 at the top: ambient + visibility · (diffuse + specular)."""
+        xyz, w = view.light.homogeneous
+        self._program.set(
+            light=(*xyz, w),
+            eye=view.camera.position,
+            cone_axis=view.light.direction,
+            cos_half_angle=view.light.cos_half_angle,
+        )
+        color = self._device.context.texture((view.size, view.size), 4, dtype="f1")
+        target = self._device.context.framebuffer([color])
+        inputs = {
+            **surface.inputs,
+            "surface_triangle": (surface.triangle, Sampling()),
+            "colors": (self._geometry.colors, Sampling()),
+            "visibility": (visibility, Sampling()),
+        }
+        self._triangle.draw(target, inputs)
+        picture = download(color, "u1")[..., :3].astype(np.uint8)
+        self._device.free((target, color))
+        return picture
+
+    def release(self) -> None:
+        """Free the program."""
+        self._device.free((self._triangle.vertices, self._program.linked))

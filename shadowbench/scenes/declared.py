@@ -10,12 +10,14 @@ from shadowbench.errors import InputError
 
 
 def check_text(path: Path, where: str) -> None:
-    """Raises InputError for OBJ face indices, and PLY contents, that trimesh would read as something else."""
+    """Raises InputError for contents that trimesh would read as something else, or in part."""
     suffix = path.suffix.lower()
     if suffix == ".ply":
         header = _ply_header(path)
         if "tristrips" in header:
             raise InputError(f"{where}: triangle strips in a PLY cannot be read; save it with faces")
+    if suffix == ".stl":
+        _check_stl(path.read_bytes(), where)
     if suffix == ".obj":
         text = path.read_bytes()
         if re.search(rb"^f[ \t](?:[^\n]*[ \t])?[-+]?0+(?:[/\s]|$)", text, re.MULTILINE):
@@ -26,6 +28,18 @@ def check_text(path: Path, where: str) -> None:
             raise InputError(
                 f"{where}: faces with relative (negative) indices stand between vertices; save it absolute"
             )
+
+
+def _check_stl(data: bytes, where: str) -> None:
+    """A binary STL is as long as its count says; a text one ends what it begins."""
+    count = int.from_bytes(data[80:84], "little")
+    if len(data) == 84 + 50 * count:
+        return
+    text = data.lower()
+    if not text.lstrip().startswith(b"solid"):
+        raise InputError(f"{where}: cut short: {count} triangles announced, room for {max(len(data) - 84, 0) // 50}")
+    if text.rfind(b"vertex") > text.rfind(b"endsolid"):
+        raise InputError(f"{where}: cut short: a solid without its endsolid")
 
 
 def check_counts(path: Path, scene: trimesh.Scene, where: str) -> None:

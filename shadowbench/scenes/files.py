@@ -15,7 +15,7 @@ from shadowbench.errors import InputError
 from shadowbench.scenes.assumed import camera_for, mesh_bounds, sun_for
 from shadowbench.scenes.meshes import read_meshes
 from shadowbench.scenes.model import Camera, Floats, Light, Mesh, Scene
-from shadowbench.scenes.shapes import build_shape
+from shadowbench.scenes.shapes import SHAPES, build_shape
 from shadowbench.scenes.tables import MOST_COPIES, MeshTable, Name, camera_from_table, light_from_table
 from shadowbench.scenes.triangles import MOST_TRIANGLES, Triangles, checked, transformed, without_zero_area
 from shadowbench.strict import Strict, explain
@@ -49,6 +49,8 @@ def read_document(path: Path) -> SceneFile:
         document = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path.name}: not TOML: {_one_line(error)}") from error
+    if (huge := _huge_integer(document)) is not None:
+        raise InputError(f"{path.name}: {huge}: found an integer beyond 64 bits; TOML allows up to 2^63 - 1")
     for key in ("camera", "light", "mesh"):
         value = document.get(key, [])
         tables = value if isinstance(value, list) else [value]
@@ -144,6 +146,11 @@ def _sources(
         notes.extend(note for note in contents.notes if note not in notes)
         return list(contents.meshes), contents.dropped
     shape = str(table.shape)
+    if shape in SHAPES:
+        allowed = [*MeshTable.model_fields, *SHAPES[shape].parameters.model_fields]
+        for key in parameters:
+            if key not in allowed:
+                raise InputError(f"{where}: unknown field {key!r:.60}; allowed with {shape}: {', '.join(allowed)}")
     triangles = build_shape(shape, parameters, where)
     return [Mesh(table.name or shape, triangles.vertices, triangles.faces)], 0
 
@@ -219,6 +226,15 @@ def _check_unique(names: list[str], where: str) -> None:
     for name in names:
         if names.count(name) > 1:
             raise InputError(f"{where}: name {name!r} is used {names.count(name)} times; names must differ")
+
+
+def _huge_integer(value: object, key: str = "") -> str | None:
+    """The key of an integer that TOML does not allow; Python reads it, and cannot always print it."""
+    if isinstance(value, dict | list):
+        items = value.items() if isinstance(value, dict) else enumerate(value, 1)
+        found = (_huge_integer(part, f"{key}.{name}" if key else str(name)) for name, part in items)
+        return next((name for name in found if name is not None), None)
+    return key if isinstance(value, int) and not -(2**63) <= value < 2**63 else None
 
 
 def _one_line(error: BaseException) -> str:

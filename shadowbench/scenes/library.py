@@ -11,7 +11,6 @@ from shadowbench.scenes.files import read_document, read_scene_file
 from shadowbench.scenes.meshes import MESH_SUFFIXES, read_meshes
 from shadowbench.scenes.model import Scene
 
-
 LONGEST_PATH = 4096
 
 

@@ -256,9 +256,9 @@ class View:
             raise ValueError("a view is made by view_of, which resolves the camera's planes")
         return self.camera.near, self.camera.far
 
-    def placed(self, coordinates: Coordinates = "relative") -> "tuple[View, Placement]":
-        """The view in local coordinates, and how it got there; "absolute" keeps the file's own."""
-        placement = self.scene.placement if coordinates == "relative" else AS_FILED
+    def placed(self) -> "tuple[View, Placement]":
+        """The view in local coordinates, and how it got there."""
+        placement = self.scene.placement
         scene = placement.scene(self.scene)
         return View(scene, placement.camera(self.camera), placement.light(self.light), self.size), placement
 

@@ -16,6 +16,11 @@ NAME = r"^[\w][\w .+-]{0,79}$"
 """Names become file names and columns."""
 
 
+def _not(value: object) -> str:
+    """What was found, where `explain` does not add it: it shows no lists."""
+    return f", not {value!r:.60}" if isinstance(value, list | tuple | dict) else ""
+
+
 def _number(value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise ValueError(f"should be a number, not {value!r:.60}")
@@ -26,7 +31,7 @@ def _number(value: object) -> float:
 
 def _three(value: object) -> Vec3:
     if not isinstance(value, list | tuple) or len(value) != 3:
-        raise ValueError(f"should be three numbers, not {value!r:.60}")
+        raise ValueError(f"should be three numbers{_not(value)}")
     return vec3([_number(part) for part in value])
 
 
@@ -40,14 +45,14 @@ def _direction(value: object) -> Vec3:
 def _scale(value: object) -> Vec3:
     scale = _three(value) if isinstance(value, list | tuple) else vec3([_number(value)] * 3)
     if not all(scale):
-        raise ValueError(f"should be a number or three, none of them 0, not {value!r:.60}")
+        raise ValueError(f"should be a number or three, none of them 0{_not(value)}")
     return scale
 
 
 def _color(value: object) -> Vec3:
     color = _three(value)
     if not all(0.0 <= channel <= 1.0 for channel in color):
-        raise ValueError(f"should be linear red, green, blue, each from 0 to 1, not {value!r:.60}")
+        raise ValueError(f"should be linear red, green, blue, each from 0 to 1{_not(value)}")
     return color
 
 

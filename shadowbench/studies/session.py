@@ -4,7 +4,6 @@ The worker process serves these over a pipe; benchmarks call them in their own p
 """
 
 import gc
-import platform
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -18,8 +17,8 @@ from shadowbench.gl.clock import Changes, Clock, work_of
 from shadowbench.gl.device import Device, open_device
 from shadowbench.gl.gbuffer import GBuffer, SurfacePass, download
 from shadowbench.gl.geometry import DeviceGeometry
-from shadowbench.gl.picture import shade
-from shadowbench.scenes.model import Camera, Coordinates, Light, Placement, Scene, View, view_of
+from shadowbench.gl.picture import PicturePass
+from shadowbench.scenes.model import AS_FILED, Camera, Coordinates, Light, Scene, View
 from shadowbench.scores.masks import quantise
 from shadowbench.techniques.base import Frame, Phase, Stage, Technique
 from shadowbench.techniques.registry import shader_folder, techniques
@@ -41,7 +40,6 @@ class DeviceInfo:
     subpixel_bits: int
     pipeline_statistics: bool
     clip_control: bool
-    machine: str
 
 
 @dataclass(frozen=True)
@@ -54,9 +52,15 @@ class CellRequest:
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """One draw of a cell. visibility: (N, N) float32 quantised to 16 bits, row 0 at the top."""
+    """One draw of a cell, images with row 0 at the top.
+
+    visibility: (N, N) float32 quantised to 16 bits; picture: (N, N, 3) uint8 sRGB, shaded with it; map: (H, W) float32
+    linear depth, where it was asked for and the technique has one.
+    """
 
     visibility: NDArray[np.float32]
+    picture: NDArray[np.uint8]
+    map: NDArray[np.float32] | None
     gpu_bytes: int
     work: dict[str, int]
     facts: dict[str, float]
@@ -70,15 +74,6 @@ class Timed:
     passes: dict[str, list[float]]
     changes: dict[str, Changes]
     prepare_ms: float
-
-
-@dataclass(frozen=True, eq=False)
-class Pictures:
-    """Images of one cell, row 0 at the top: shaded (N, N, 3) float32 linear colour, the mask, the map if it has one."""
-
-    shaded: NDArray[np.float32]
-    visibility: NDArray[np.float32]
-    map: NDArray[np.float32] | None
 
 
 class Unsupported(Exception):
@@ -109,26 +104,26 @@ class Session:
             subpixel_bits=device.subpixel_bits,
             pipeline_statistics=device.pipeline_statistics,
             clip_control=device.clip_control,
-            machine=f"{platform.system()} {platform.machine()}, {platform.processor() or 'unknown processor'}",
         )
 
     def load(self, scene: Scene, coordinates: Coordinates = "relative") -> None:
         """Put a scene (file coordinates) on the device in place of the last."""
         self.unload()
-        placement = scene.placement if coordinates == "relative" else Placement((0.0, 0.0, 0.0), 1.0)
-        self._scene, self._placement = placement.scene(scene), placement
+        self._placement = scene.placement if coordinates == "relative" else AS_FILED
+        self._scene = self._placement.scene(scene)
         self._geometry = DeviceGeometry(self.device, self._scene.geometry)
         self._surface_pass = SurfacePass(self.device, self._geometry)
-        self._bounds_scene = scene
+        self._picture_pass = PicturePass(self.device, self._geometry)
 
     def open(self, camera: Camera, light: Light, size: int) -> NDArray[np.int32]:
-        """Draw the G-buffer of a view of the loaded scene; its (N, N) triangle ids, row 0 at the top."""
+        """Draw the G-buffer of a view of the loaded scene; its (N, N) triangle ids, row 0 at the top.
+
+        Camera and light are a view's, in file coordinates, the camera's planes known.
+        """
         assert self._scene is not None
         if self._surface is not None:
             self._surface.release()
-        view = view_of(self._bounds_scene, camera, light, size)
-        place = self._placement
-        self.view = View(self._scene, place.camera(view.camera), place.light(view.light), size)
+        self.view = View(self._scene, self._placement.camera(camera), self._placement.light(light), size)
         self._surface = self._surface_pass.draw(self.view)
         return self._surface.triangles()
 
@@ -138,6 +133,8 @@ class Session:
             self._surface.release()
             self._surface = None
         if self._geometry is not None:
+            self._picture_pass.release()
+            self._surface_pass.release()
             self._geometry.release()
             self._geometry = None
 
@@ -146,14 +143,16 @@ class Session:
         spec = self._spec(request)
         return spec.technique.unsupported(spec.params, self.view, self.device)
 
-    def draw(self, request: CellRequest) -> Drawn:
+    def draw(self, request: CellRequest, with_map: bool = False) -> Drawn:
         """Build, draw once, read back, release. Raises Unsupported, or whatever the technique raises."""
         with self._built(request) as (technique, stage, frame):
             texture = technique.draw(frame)
             self.device.check(f"drawing {request.spec}")
             visibility = self._read(request, download(texture)[..., 0])
+            picture = self._picture_pass.draw(frame.surface, self.view, texture)
+            depths = technique.map_image() if with_map else None
             work = work_of(self.device, lambda: technique.draw(frame))
-            return Drawn(visibility, stage.bytes, work, technique.facts())
+            return Drawn(visibility, picture, depths, stage.bytes, work, technique.facts())
 
     def time(self, requests: Sequence[CellRequest], rounds: int) -> list[Timed]:
         """Build all, then time them interleaved, round by round; a third of as many rounds for single passes."""
@@ -185,15 +184,6 @@ class Session:
             gc.enable()
             for _, stage, _, _ in held:
                 stage.release()
-
-    def picture(self, request: CellRequest) -> Pictures:
-        """The shaded picture of a cell, its mask and its map."""
-        with self._built(request) as (technique, _, frame):
-            texture = technique.draw(frame)
-            assert self._geometry is not None
-            shaded = shade(self.device, self._geometry, frame.surface, self.view, texture)
-            visibility = self._read(request, download(texture)[..., 0])
-            return Pictures(shaded, visibility, technique.map_image())
 
     def _spec(self, request: CellRequest) -> Spec:
         return parse_spec(request.spec, self.techniques)

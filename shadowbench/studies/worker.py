@@ -35,7 +35,7 @@ class Limits:
 class Worker:
     """A handle on the worker. `call` names a method of Session; after a failure the next call finds a fresh process.
 
-    Use as a context manager. The caller loads scene and view again after `generation` has changed.
+    Use as a context manager. After `generation` has changed, scene and view must be loaded again.
     """
 
     def __init__(self, plugins: Sequence[Path] = (), limits: Limits = Limits()) -> None:
@@ -53,14 +53,18 @@ class Worker:
 
     def call(self, method: str, *arguments: Any, seconds: float | None = None) -> Any:
         """The answer of Session.method(*arguments). Raises Unsupported, CellFailed, or a ShadowbenchError of the start."""
-        if self._process is None or not self._process.is_alive():
-            self._start()
+        self.ready()
         assert self._pipe is not None
         try:
             self._pipe.send((method, arguments))
             return self._answer(seconds or self.limits.seconds)
         except (BrokenPipeError, ConnectionResetError, EOFError):
             raise CellFailed(self._obituary()) from None
+
+    def ready(self) -> None:
+        """Start the process where there is none; `generation` counts the starts."""
+        if self._process is None or not self._process.is_alive():
+            self._start()
 
     def _start(self) -> None:
         # Spawned, not forked: a GL context or Embree's threads do not survive a fork.

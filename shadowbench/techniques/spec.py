@@ -9,7 +9,7 @@ uses a preset, and `parse_spec(format_spec(s)) == s`.
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
@@ -50,10 +50,11 @@ class Call:
 
 @dataclass(frozen=True)
 class Spec:
-    """A technique and its parameters."""
+    """A technique and its parameters; `named` are the keys that somebody wrote, by a preset too."""
 
     technique: "type[Technique]"
     params: TechniqueParams
+    named: frozenset[str] = field(default=frozenset(), compare=False)
 
     @property
     def map_size(self) -> int | None:
@@ -63,7 +64,13 @@ class Spec:
     def with_(self, **changes: Any) -> "Spec":
         """The same with other values, validated again; raises InputError."""
         values = {key: getattr(self.params, key) for key in type(self.params).model_fields} | changes
-        return replace(self, params=_validated(self.technique, values, self.technique.name))
+        params = _validated(self.technique, values, self.technique.name)
+        return replace(self, params=params, named=self.named | set(changes))
+
+    @property
+    def has_size(self) -> bool:
+        """Whether the technique has a map whose size can be chosen."""
+        return "size" in self.technique.Params.model_fields
 
 
 class _Reader:
@@ -158,7 +165,7 @@ def spec_of(technique: "type[Technique]", items: tuple[tuple[str | None, Any], .
             values.update({str(k): v for k, v in reader.items(named=True)})
         else:
             values[key] = value
-    return Spec(technique, _validated(technique, values, f"spec {where!r}"))
+    return Spec(technique, _validated(technique, values, f"spec {where!r}"), frozenset(values))
 
 
 def _validated(technique: "type[Technique]", values: dict[str, Any], where: str) -> TechniqueParams:

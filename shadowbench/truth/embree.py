@@ -17,16 +17,18 @@ from numpy.typing import NDArray
 from shadowbench.scenes.model import Floats
 
 Result = TypeVar("Result")
+Vectors = Floats | NDArray[np.float32]
 
-RAYS_A_SLICE = 1 << 15  # float64 temporaries of a slice stay in the cache of a core
+RAYS_A_SLICE = 1 << 14  # float64 temporaries of a slice stay in the cache of a core
 NEVER = 1e30  # a ray length that no local scene reaches
 
 
 class Tracer:
     """An Embree scene of one indexed triangle list.
 
-    vertices: (V, 3) float64, local; faces: (F, 3) int32. Rays: origins and directions (N, 3) float64, directions of
-    any length; distances are in lengths of their direction.
+    vertices: (V, 3) float64, local; faces: (F, 3) int32. Rays: origins and directions (N, 3) float64 or, without a
+    copy, float32; directions of any length, or (1, 3) where all are one; reach (N,) or a number, in lengths of the
+    direction, as all distances.
     """
 
     def __init__(self, vertices: Floats, faces: NDArray[np.int32]) -> None:
@@ -34,30 +36,31 @@ class Tracer:
         if len(faces):
             TriangleMesh(self._scene, vertices.astype(np.float32), np.ascontiguousarray(faces, dtype=np.int32))
         # The first run builds the tree, which must not happen in several threads at once.
-        self.nearest(np.zeros((1, 3)), np.ones((1, 3)), np.ones(1))
+        self.nearest(np.zeros((1, 3)), np.ones((1, 3)), 1.0)
 
-    def nearest(self, origins: Floats, directions: Floats, reach: Floats) -> NDArray[np.int32]:
+    def nearest(self, origins: Vectors, directions: Vectors, reach: Floats | float) -> NDArray[np.int32]:
         """(N,) int32 index of the nearest triangle within reach, −1 for none."""
         return self._run(origins, directions, reach, "INTERSECT").astype(np.int32, copy=False)
 
-    def distance(self, origins: Floats, directions: Floats, reach: Floats) -> NDArray[np.float32]:
+    def distance(self, origins: Vectors, directions: Vectors, reach: Floats | float) -> NDArray[np.float32]:
         """(N,) float32 distance to the nearest triangle; `reach` or more for none."""
         return self._run(origins, directions, reach, "DISTANCE")
 
-    def occluded(self, origins: Floats, directions: Floats, reach: Floats) -> NDArray[np.bool_]:
+    def occluded(self, origins: Vectors, directions: Vectors, reach: Floats | float) -> NDArray[np.bool_]:
         """(N,) bool: whether any triangle lies within reach."""
         blocked: NDArray[np.bool_] = self._run(origins, directions, reach, "OCCLUDED") == 0
         return blocked
 
-    def _run(self, origins: Floats, directions: Floats, reach: Floats, query: str) -> NDArray[np.float32]:
+    def _run(self, origins: Vectors, directions: Vectors, reach: Floats | float, query: str) -> NDArray[np.float32]:
         if len(origins) == 0:
             return np.empty(0, dtype=np.float32)
-        if not len(origins) == len(directions) == len(reach):
-            raise ValueError(f"{len(origins)} origins, {len(directions)} directions, {len(reach)} lengths")
+        lengths = np.full(len(origins), reach, dtype=np.float32)  # a copy: Embree writes into it
+        if origins.shape[1:] != (3,) or directions.shape not in (origins.shape, (1, 3)):
+            raise ValueError(f"origins of shape {origins.shape}, directions of shape {directions.shape}")
         answer: NDArray[np.float32] = self._scene.run(
             np.ascontiguousarray(origins, dtype=np.float32),
             np.ascontiguousarray(directions, dtype=np.float32),
-            dists=np.array(reach, dtype=np.float32),  # a copy: Embree writes into it
+            dists=lengths,
             query=query,
         )
         return answer

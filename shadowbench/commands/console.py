@@ -1,0 +1,62 @@
+"""How we speak to people: notes and progress on stderr, results on stdout."""
+
+import json
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+out = Console(highlight=False)
+err = Console(stderr=True, highlight=False)
+
+
+class ConsoleReporter:
+    """Notes and a progress bar for each stage of a run; silent when told so. A context manager."""
+
+    def __init__(self, quiet: bool) -> None:
+        self._quiet = quiet
+        self._noted: set[str] = set()
+        self._task: TaskID | None = None
+        columns = (
+            TextColumn("{task.description:<24.24}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(),
+            TextColumn("{task.fields[what]}"),
+        )
+        self._progress = Progress(*columns, console=err, disable=quiet or not err.is_terminal, transient=True)
+
+    def __enter__(self) -> "ConsoleReporter":
+        self._progress.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._progress.stop()
+
+    def note(self, line: str) -> None:
+        """Print a line once."""
+        if not self._quiet and line not in self._noted:
+            self._noted.add(line)
+            err.print(f"note: {line}", markup=False, soft_wrap=True)
+
+    def stage(self, name: str, total: int) -> None:
+        """Begin a bar in place of the last."""
+        if self._task is not None:
+            self._progress.remove_task(self._task)
+        self._task = self._progress.add_task(name, total=total, what="")
+
+    def step(self, what: str) -> None:
+        """Advance the bar."""
+        if self._task is not None:
+            self._progress.update(self._task, advance=1, what=what)
+
+
+def print_json(value: Any) -> None:
+    """One JSON document on stdout."""
+    print(json.dumps(value, indent=2, allow_nan=False))
+
+
+def number(value: float) -> str:
+    """Four significant digits, without an exponent where it can be."""
+    return f"{value:.4g}" if value == 0 or abs(value) >= 1e-4 else f"{value:.2e}"

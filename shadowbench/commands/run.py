@@ -1,0 +1,157 @@
+"""`run`: a study from options, the run, its table."""
+
+import dataclasses
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from rich.table import Table
+
+from shadowbench.commands.console import ConsoleReporter, err, number, out, print_json
+from shadowbench.errors import InputError
+from shadowbench.studies.machine import write_run_file
+from shadowbench.studies.runner import Profile, Runner
+from shadowbench.studies.study import Study, find_study, read_study
+from shadowbench.studies.tables import Slope, SummaryRow, cells_frame, slopes, summary, write_table
+from shadowbench.studies.worker import Limits, Worker
+from shadowbench.techniques.registry import techniques
+from shadowbench.techniques.spec import parse_spec
+
+_COLUMNS = {  # heading: (value, or "error" for 1 − IoU)
+    "1 − IoU": "error",
+    "SSIM": "ssim",
+    "edge px": "edge_px",
+    "acne": "acne",
+    "leak": "leak",
+    "contact": "contact",
+    "ms": "frame_ms",
+    "× ref": "ratio",
+}
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """What the command line says of a study; None and empty leave it to the study file."""
+
+    scenes: tuple[str, ...]
+    study: str | None
+    specs: tuple[str, ...]
+    map_size: str | None
+    view_size: int | None
+    rounds: int | None
+    phases: int | None
+    view: str | None
+    light: str | None
+    plugins: tuple[Path, ...]
+    assets: Path | None
+
+
+def run_command(options: RunOptions, folder: Path, *, profile: bool, as_json: bool, quiet: bool) -> int:
+    """Run, write `table.csv` and `run.json`, print a table per scene; 3 when a cell failed, else 0."""
+    study = study_from(options)
+    limits = Limits(study.time_limit, int(study.memory_limit * 2**30))
+    start = time.perf_counter()
+    with ConsoleReporter(quiet) as reporter, Worker(options.plugins, limits) as worker:
+        if not options.scenes and not options.study:
+            reporter.note(_estimate(study))
+        runner = Runner(study, folder, worker, reporter)
+        results = runner.run()
+        notes = runner.notes
+    frame = cells_frame(results)
+    write_table(folder / "table.csv", frame)
+    write_run_file(folder / "run.json", runner.info, notes, study)
+    tables, fits = summary(frame), slopes(frame)
+    if as_json:
+        print_json({scene: [dataclasses.asdict(row) for row in rows] for scene, rows in tables.items()})
+    else:
+        for scene, rows in tables.items():
+            _print_scene(scene, rows, [fit for fit in fits if fit.scene == scene], runner.info.software)
+        if not quiet:
+            out.print(f"{folder / 'table.csv'}: {len(frame)} cells; masks/ and pictures/ beside it", soft_wrap=True)
+    if profile:
+        _print_profile(runner.profile, time.perf_counter() - start)
+    failed = [status for status in frame["status"] if status.startswith("failed")]
+    if failed:
+        err.print(f"shadowbench: {len(failed)} cells {failed[0]}", markup=False, soft_wrap=True)
+    return 3 if failed else 0
+
+
+def study_from(options: RunOptions) -> Study:
+    """The study that the options make; raises InputError for what they get wrong."""
+    known = techniques(options.plugins)
+    study = read_study(find_study(options.study or "default"), known)
+    if options.specs and not (options.study or options.map_size):
+        study = replace(study, map_sizes=())  # specs alone mean what they say
+    changes = {
+        "scenes": options.scenes,
+        "specs": tuple(parse_spec(text, known) for text in options.specs),
+        "map_sizes": _map_sizes(options.map_size),
+        "view_size": options.view_size,
+        "rounds": options.rounds,
+        "phases": options.phases,
+        "views": (options.view,) if options.view else None,
+        "lights": (options.light,) if options.light else None,
+        "assets": options.assets,
+    }
+    return replace(study, **{key: value for key, value in changes.items() if value not in (None, ())})  # type: ignore[arg-type]
+
+
+def _map_sizes(text: str | None) -> tuple[int, ...]:
+    if text is None:
+        return ()
+    try:
+        sizes = [int(part) for part in text.split(",")]
+    except ValueError:
+        sizes = []
+    if not sizes or min(sizes) < 1:
+        raise InputError(f"--map-size: found {text!r}; allowed: whole numbers from 1, separated by commas")
+    return tuple(sizes)
+
+
+def _estimate(study: Study) -> str:
+    """Rough, from a machine of two cores without a GPU; a GPU takes less."""
+    cells = study.cells()
+    pixels = sum(study.view_size**2 + (cell.spec.map_size or 0) ** 2 for cell in cells) * len(study.scenes)
+    seconds = pixels * 1e-9 * 12 * (study.rounds * 4 / 3 + 4)
+    count = len(cells) * len(study.scenes)
+    return f"{count} cells on {len(study.scenes)} scenes: about {max(seconds, 5):.0f} s on two cores without a GPU"
+
+
+def _print_scene(scene: str, rows: list[SummaryRow], fits: list[Slope], software: bool) -> None:
+    renderer = "times of a software renderer, not of a GPU" if software else "times of this GPU"
+    table = Table(title=f"{scene}, best first; {renderer}", title_justify="left", box=None, pad_edge=False)
+    table.add_column("spec", overflow="fold")
+    table.add_column("map", justify="right")
+    for heading in _COLUMNS:
+        table.add_column(heading, justify="right")
+    for row in rows:
+        size = str(row.map_size or "")
+        if row.status != "ok":
+            table.add_row(row.spec, size, row.status)
+            continue
+        table.add_row(row.spec, size, *(_cell(row, key) for key in _COLUMNS.values()))
+    out.print(table)
+    for fit in fits:
+        sizes = f"{fit.sizes[0]} to {fit.sizes[-1]}"
+        out.print(f"  slope of log(1 − IoU) over log(size), {sizes}: {fit.slope.text(_signed)}  {fit.spec}", markup=False)
+    out.print()
+
+
+def _cell(row: SummaryRow, key: str) -> str:
+    value = row.values["iou" if key == "error" else key]
+    if value is None:
+        return "–"
+    if key == "error":
+        flipped = [None if end is None else 1 - end for end in (value.median, value.high, value.low)]
+        value = type(value)(flipped[0] or 0.0, flipped[1], flipped[2])
+    return value.text(number)
+
+
+def _signed(value: float) -> str:
+    return f"{value:+.2f}"
+
+
+def _print_profile(profile: Profile, total: float) -> None:
+    for activity, seconds in sorted(profile.seconds.items(), key=lambda item: -item[1]):
+        err.print(f"{activity:<8} {seconds:7.2f} s  {seconds / total:5.1%}")
+    err.print(f"{'other':<8} {total - sum(profile.seconds.values()):7.2f} s of {total:.2f} s")

@@ -1,0 +1,94 @@
+"""`truth` and `render`: one view, one answer."""
+
+from pathlib import Path
+
+import numpy as np
+
+from shadowbench.commands.console import ConsoleReporter, out
+from shadowbench.errors import InputError
+from shadowbench.scenes.library import load_scene
+from shadowbench.scenes.model import View, view_of
+from shadowbench.scores.masks import write_mask
+from shadowbench.studies.runner import write_picture
+from shadowbench.studies.session import Drawn, Unsupported
+from shadowbench.studies.study import Cell, named
+from shadowbench.studies.timing import request_of
+from shadowbench.studies.worker import Worker
+from shadowbench.techniques.registry import techniques
+from shadowbench.techniques.spec import parse_spec
+from shadowbench.truth.cache import cached_truth, write_truth
+
+
+def truth_command(
+    scene: str,
+    output: Path,
+    view_size: int,
+    pixel_samples: int,
+    view: str | None,
+    light: str | None,
+    assets: Path | None,
+    quiet: bool,
+) -> None:
+    """Trace a view and write its arrays."""
+    chosen = _view(scene, view, light, view_size, assets, quiet)
+    truth = cached_truth(chosen, pixel_samples)
+    write_truth(output, truth)
+    if not quiet:
+        receivers = int(truth.receivers.sum())
+        shadowed = int((truth.visibility < 0.5).sum())
+        undecided = int((truth.receivers & truth.undecided).sum())
+        out.print(
+            f"{output}: {receivers} receivers of {truth.receivers.size} pixels, {shadowed} in shadow, "
+            f"{undecided} undecided",
+            soft_wrap=True,
+        )
+
+
+def render_command(
+    scene: str,
+    technique: str,
+    output: Path,
+    mask: Path | None,
+    map_file: Path | None,
+    view_size: int,
+    view: str | None,
+    light: str | None,
+    plugins: tuple[Path, ...],
+    assets: Path | None,
+    quiet: bool,
+) -> None:
+    """Draw a view with one technique and write the pictures that were asked for."""
+    chosen = _view(scene, view, light, view_size, assets, quiet)
+    spec = parse_spec(technique, techniques(plugins))
+    with Worker(plugins) as worker:
+        largest = worker.call("info").max_map_size
+        if (spec.map_size or 0) > largest:
+            raise InputError(f"map size {spec.map_size}: this device allows 1 to {largest}")
+        try:
+            worker.call("load", chosen.scene)
+            worker.call("open", chosen.camera, chosen.light, chosen.size)
+            drawn: Drawn = worker.call("draw", request_of(Cell(spec, 0)), map_file is not None)
+        except Unsupported as reason:
+            raise InputError(f"{technique} does not go with {chosen.scene.name}: {reason}") from None
+    if map_file is not None and drawn.map is None:
+        raise InputError(f"--map {map_file}: {spec.technique.name} has no map")
+    write_picture(output, drawn.picture)
+    if mask is not None:
+        write_mask(mask, drawn.visibility)
+    if map_file is not None and drawn.map is not None:
+        write_picture(map_file, np.round(np.clip(drawn.map, 0, 1) * 255).astype(np.uint8))
+    if not quiet:
+        out.print(f"{output}: {technique} on {chosen.scene.name}", markup=False, soft_wrap=True)
+
+
+def _view(scene: str, view: str | None, light: str | None, size: int, assets: Path | None, quiet: bool) -> View:
+    """The view of a scene that the options name, its assumptions printed."""
+    loaded = load_scene(scene, assets)
+    with ConsoleReporter(quiet) as reporter:
+        for note in loaded.notes:
+            reporter.note(note)
+    camera = named(loaded.cameras, view, "--view") if view else loaded.cameras[0]
+    lamp = named(loaded.lights, light, "--light") if light else loaded.lights[0]
+    return view_of(loaded, camera, lamp, size)
+
+

@@ -1,0 +1,76 @@
+"""Which machine, which versions, which command: what a run folder says of how it was made."""
+
+import dataclasses
+import datetime
+import json
+import os
+import platform
+import shlex
+import sys
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+from shadowbench import __version__
+from shadowbench.files import replace_file
+from shadowbench.studies.session import DeviceInfo
+from shadowbench.studies.study import Study
+from shadowbench.techniques.spec import format_spec
+
+_LIBRARIES = ("moderngl", "pyglm", "numpy", "embreex", "scikit-image", "scipy", "pandas", "trimesh", "pydantic")
+
+
+def machine() -> dict[str, Any]:
+    """Processor, cores, memory, system."""
+    return {
+        "processor": _processor(),
+        "cores": os.cpu_count(),
+        "memory_gib": round(psutil.virtual_memory().total / 2**30, 1),
+        "system": f"{platform.system()} {platform.release()} {platform.machine()}",
+    }
+
+
+def versions() -> dict[str, str]:
+    """Of shadowbench, Python and the libraries that results rest on."""
+    return {
+        "shadowbench": __version__,
+        "python": platform.python_version(),
+        **{name: version(name) for name in _LIBRARIES},
+    }
+
+
+def write_run_file(file: Path, info: DeviceInfo, notes: Sequence[str], study: Study) -> None:
+    """`run.json`: command, versions, machine, clock, assumptions."""
+    text = {
+        "schema": 1,
+        "command": shlex.join(["shadowbench", *sys.argv[1:]]),
+        "finished": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "versions": versions(),
+        "machine": machine(),
+        "device": dataclasses.asdict(info),
+        "clock": info.clock,
+        "assumptions": list(notes),
+        "study": {
+            "scenes": list(study.scenes),
+            "specs": [format_spec(spec) for spec in study.specs],
+            "reference": format_spec(study.reference),
+            "view_size": study.view_size,
+            "rounds": study.rounds,
+            "phases": study.phases,
+            "coordinates": study.coordinates,
+        },
+    }
+    with replace_file(file) as beside:
+        beside.write_text(json.dumps(text, indent=2) + "\n", encoding="utf-8")
+
+
+def _processor() -> str:
+    cpuinfo = Path("/proc/cpuinfo")
+    if cpuinfo.exists():  # platform.processor() says nothing on Linux
+        for line in cpuinfo.read_text().splitlines():
+            if line.startswith("model name"):
+                return line.split(":", 1)[1].strip()
+    return platform.processor() or "unknown"

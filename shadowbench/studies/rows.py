@@ -1,0 +1,63 @@
+"""Rows on disk: one JSON object a line, flushed as it is written, so that a killed run goes on where it stopped."""
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from shadowbench.errors import InputError
+
+SCHEMA = 1
+
+Record = Mapping[str, Any]
+
+
+class RowStore:
+    """`rows.jsonl` of a run folder. The last record of a key and kind counts."""
+
+    def __init__(self, folder: Path) -> None:
+        self.file = folder / "rows.jsonl"
+        self.scores: dict[str, Record] = {}
+        self.times: dict[str, Record] = {}
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            for record in self._read():
+                self._keep(record)
+            self._stream = self.file.open("a", encoding="utf-8")
+        except OSError as error:
+            raise InputError(f"{folder}: cannot be written ({error.strerror or error})") from None
+
+    def _read(self) -> list[Record]:
+        if not self.file.exists():
+            return []
+        text = self.file.read_bytes()
+        whole = text[: text.rfind(b"\n") + 1]
+        records = []
+        for number, line in enumerate(whole.splitlines(), start=1):
+            try:
+                record = json.loads(line)
+                known = record["schema"] == SCHEMA and record["kind"] in ("score", "time") and record["key"]
+            except (ValueError, KeyError, TypeError):
+                known = False
+            if not known:
+                raise InputError(f"{self.file} line {number}: not a row of schema {SCHEMA}; move the file away")
+            records.append(record)
+        if len(whole) < len(text):  # killed in the middle of a line: that row was never finished
+            with self.file.open("r+b") as stream:
+                stream.truncate(len(whole))
+        return records
+
+    def _keep(self, record: Record) -> None:
+        (self.scores if record["kind"] == "score" else self.times)[record["key"]] = record
+
+    def append(self, record: Record) -> None:
+        """Keep a record, on disk before this returns."""
+        self._stream.write(json.dumps({"schema": SCHEMA, **record}, allow_nan=False) + "\n")
+        self._stream.flush()
+        os.fsync(self._stream.fileno())
+        self._keep(record)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._stream.close()

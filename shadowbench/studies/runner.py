@@ -1,0 +1,221 @@
+"""Runs a study: truths first, then every cell drawn and scored alone, then those that held timed together.
+
+Rows go to disk as they are made; a call that finds rows of the same key does nothing again.
+"""
+
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from shadowbench.errors import InputError
+from shadowbench.files import replace_file
+from shadowbench.scenes.digest import view_digest
+from shadowbench.scenes.model import View
+from shadowbench.scores.masks import mask_sha256, write_mask
+from shadowbench.scores.metrics import score
+from shadowbench.scores.reference import Reference
+from shadowbench.studies.keys import cell_key
+from shadowbench.studies.rows import Record, RowStore
+from shadowbench.studies.session import DeviceInfo, Drawn, Unsupported
+from shadowbench.studies.study import Block, Cell, Study, scenes_of
+from shadowbench.studies.timing import BlockStage, Untimed, request_of, time_cells
+from shadowbench.studies.worker import CellFailed, Worker
+from shadowbench.techniques.spec import format_spec
+from shadowbench.truth.cache import cached_truth
+from shadowbench.truth.trace import Truth
+
+
+class Reporter(Protocol):
+    """Who is told how a run goes."""
+
+    def note(self, line: str) -> None:
+        """One line that the user should read."""
+
+    def stage(self, name: str, total: int) -> None:
+        """A stage of so many steps begins."""
+
+    def step(self, what: str) -> None:
+        """One step of the stage is done."""
+
+
+@dataclass
+class Profile:
+    """Seconds by activity."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def of(self, activity: str) -> Iterator[None]:
+        """Add the time of a block to an activity."""
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[activity] = self.seconds.get(activity, 0.0) + time.perf_counter() - start
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """A cell's rows: its score record, and its time record where it has one."""
+
+    score: Record
+    time: Record | None
+
+
+class Runner:
+    """Runs one study into one folder."""
+
+    def __init__(self, study: Study, folder: Path, worker: Worker, reporter: Reporter) -> None:
+        self.study, self.folder, self.worker, self.reporter = study, folder, worker, reporter
+        self.profile = Profile()
+        self.info: DeviceInfo = worker.call("info")
+        self.notes: list[str] = []
+        self._stage = BlockStage(worker, study)
+
+    def run(self) -> list[Result]:
+        """All cells of the study, measured now or before; raises InputError before anything is written."""
+        self._check_map_sizes()
+        blocks = list(self.study.blocks())
+        self.notes = [*self.study.notes, *(note for scene in scenes_of(blocks) for note in scene.notes)]
+        for note in self.notes:
+            self.reporter.note(note)
+        self.reporter.stage("truth", len(blocks))
+        for block in blocks:
+            with self.profile.of("truth"):
+                cached_truth(block.view)
+            self.reporter.step(block.view.name)
+        store = RowStore(self.folder)
+        try:
+            self.reporter.stage("cells", sum(len(block.cells) for block in blocks))
+            return [result for block in blocks for result in self._run_block(block, store)]
+        finally:
+            store.close()
+
+    def _check_map_sizes(self) -> None:
+        largest = max(self.study.reference.map_size or 0, *(cell.spec.map_size or 0 for cell in self.study.cells()))
+        if largest > self.info.max_map_size:
+            raise InputError(f"map size {largest}: {self.info.renderer} allows 1 to {self.info.max_map_size}")
+
+    def _run_block(self, block: Block, store: RowStore) -> list[Result]:
+        digest = view_digest(block.view)
+        keys = {cell: cell_key(cell, digest, self.study.coordinates, self.info.renderer) for cell in block.cells}
+        missing = [cell for cell, key in keys.items() if not _is_done(store.scores.get(key))]
+        if missing:
+            with self.profile.of("truth"):
+                truth = cached_truth(block.view)
+            self._write_truth(block.view, truth)
+            reference = reference_of(truth)
+            for cell in missing:
+                store.append(self._score(block, cell, keys[cell], truth, reference))
+                self.reporter.step(f"{block.scene.name} {format_spec(cell.spec)}")
+        for _ in range(len(keys) - len(missing)):
+            self.reporter.step(f"{block.scene.name}: measured before")
+        if self.study.rounds:
+            self._time_block(block, keys, store)
+        return [Result(store.scores[key], store.times.get(key)) for key in keys.values()]
+
+    def _score(self, block: Block, cell: Cell, key: str, truth: Truth, reference: Reference) -> dict[str, Any]:
+        row = {"kind": "score", "key": key, **identity(self.study, block, cell), "renderer": self.info.renderer}
+        try:
+            with self.profile.of("draw"):
+                surface = self._stage.open(block)
+                drawn: Drawn = self.worker.call("draw", request_of(cell))
+        except Unsupported as reason:
+            return row | {"status": f"unsupported: {reason}"}
+        except CellFailed as reason:
+            return row | {"status": f"failed: {reason}"}
+        with self.profile.of("score"):
+            metrics = score(drawn.visibility, reference)
+        with self.profile.of("files"):
+            write_mask(self._made("masks") / f"{key}.png", drawn.visibility)
+            write_picture(self._made("pictures") / f"{key}.png", drawn.picture)
+            sha256 = mask_sha256(drawn.visibility)
+        return row | {
+            "status": "ok",
+            "metrics": metrics,
+            "receivers": int(truth.receivers.sum()),
+            "undecided": int((truth.receivers & truth.undecided).sum()),
+            "surface_mismatch": int((truth.receivers & ~truth.undecided & (surface != truth.triangle)).sum()),
+            "mask_sha256": sha256,
+            "gpu_bytes": drawn.gpu_bytes,
+            "work": drawn.work,
+            "facts": drawn.facts,
+        }
+
+    def _time_block(self, block: Block, keys: dict[Cell, str], store: RowStore) -> None:
+        """Time what held and has no time yet, phase by phase: a phase is a block of its own."""
+        for phase in range(self.study.phases):
+            cells = [
+                cell
+                for cell, key in keys.items()
+                if cell.phase == phase and store.scores[key]["status"] == "ok" and key not in store.times
+            ]
+            if not cells:
+                continue
+            self.reporter.stage(f"timing {block.scene.name}", len(cells))
+            sizes = {cell: int(store.scores[keys[cell]]["gpu_bytes"]) for cell in cells}
+            with self.profile.of("time"):
+                for timing in time_cells(self._stage, block, sizes):
+                    if isinstance(timing, Untimed):
+                        self.reporter.note(f"{block.scene.name} {format_spec(timing.cell.spec)}: no time: {timing.reason}")
+                    else:
+                        store.append({"kind": "time", "key": keys[timing.cell], **timing.record(self.info.clock)})
+                    self.reporter.step(format_spec(timing.cell.spec))
+
+    def _write_truth(self, view: View, truth: Truth) -> None:
+        with self.profile.of("files"):
+            folder = self._made("truth")
+            write_mask(folder / f"{view.name}.png", truth.visibility)
+            write_mask(folder / f"{view.name}.undecided.png", truth.undecided.astype(np.float32))
+
+    def _made(self, name: str) -> Path:
+        folder = self.folder / name
+        folder.mkdir(exist_ok=True)
+        return folder
+
+
+def identity(study: Study, block: Block, cell: Cell) -> dict[str, Any]:
+    """What names a cell for people and for `check`, whatever its sources."""
+    return {
+        "scene": block.scene.name,
+        "view": block.view.camera.name,
+        "light": block.view.light.name,
+        "phase": cell.phase,
+        "technique": cell.spec.technique.name,
+        "spec": format_spec(cell.spec, size=False),
+        "full_spec": format_spec(cell.spec, full=True),
+        "map_size": cell.spec.map_size,
+        "view_size": study.view_size,
+        "coordinates": study.coordinates,
+    }
+
+
+def reference_of(truth: Truth) -> Reference:
+    """A truth as scores see it."""
+    return Reference(
+        visibility=truth.visibility,
+        receivers=truth.receivers,
+        undecided=truth.undecided,
+        area=truth.area,
+        blocker=truth.blocker,
+        cosine=truth.cosine,
+        diagonal=truth.diagonal,
+    )
+
+
+def write_picture(file: Path, picture: NDArray[np.uint8]) -> None:
+    """A (H, W, 3) sRGB or (H, W) grey image as a PNG."""
+    with replace_file(file) as beside:
+        Image.fromarray(picture).save(beside, format="PNG", compress_level=1)
+
+
+def _is_done(row: Record | None) -> bool:
+    """A cell that failed is tried again: what killed it may have been the machine."""
+    return row is not None and not row["status"].startswith("failed")

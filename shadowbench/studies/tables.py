@@ -1,0 +1,134 @@
+"""Rows joined into tables: `table.csv`, a line a cell, and the summary that is printed."""
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from shadowbench.files import replace_file
+from shadowbench.scores.metrics import METRICS
+from shadowbench.studies.runner import Result
+
+_IDENTITY = ["scene", "view", "light", "phase", "technique", "spec", "map_size", "view_size", "renderer", "status"]
+_TIMES = ["frame_ms", "frame_iqr_ms", "added_ms", "ratio", "n", "clock"]
+_BOOTSTRAPS = 2000
+
+
+def cells_frame(results: Sequence[Result]) -> pd.DataFrame:
+    """A line a cell with the columns of `table.csv`, in their promised order, ours after them."""
+    rows = [_cell(result) for result in results]
+    passes = sorted({key for row in rows for key in row if key.startswith("pass_")})
+    work = sorted({key for row in rows for key in row if key.startswith("work_")})
+    promised = [*_IDENTITY, *METRICS, *_TIMES, *passes, *work, "gpu_bytes", "prepare_ms"]
+    ours = ["receivers", "undecided", "surface_mismatch", "coordinates", "full_spec", "mask_sha256", "key"]
+    frame = pd.DataFrame(rows, columns=[*promised, *ours])
+    whole = [*work, "map_size", "n", "gpu_bytes", "receivers", "undecided", "surface_mismatch"]
+    return frame.astype({column: "Int64" for column in whole})
+
+
+def write_table(file: Path, frame: pd.DataFrame) -> None:
+    """`table.csv`; empty where there is no value."""
+    with replace_file(file) as beside:
+        frame.to_csv(beside, index=False)
+
+
+def _cell(result: Result) -> dict[str, Any]:
+    score, timed = result.score, result.time or {}
+    row = {key: value for key, value in score.items() if not isinstance(value, dict)}
+    row |= score.get("metrics", {})
+    row |= {f"work_{name}": count for name, count in score.get("work", {}).items()}
+    row |= {key: timed.get(key) for key in [*_TIMES, "prepare_ms"]}
+    return row | {f"pass_{name}_ms": value["ms"] for name, value in timed.get("passes", {}).items()}
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A median over views, lights and phases, with its 95% bootstrap interval; both ends None for a single value."""
+
+    median: float
+    low: float | None = None
+    high: float | None = None
+
+    def text(self, digits: Callable[[float], str]) -> str:
+        """As people read it: `0.0123 [0.0110, 0.0140]`."""
+        if self.low is None or self.high is None:
+            return digits(self.median)
+        return f"{digits(self.median)} [{digits(self.low)}, {digits(self.high)}]"
+
+
+@dataclass(frozen=True)
+class SummaryRow:
+    """A technique's cells in a scene at one map size. `status` stands for the values where nothing held."""
+
+    spec: str
+    map_size: int | None
+    cells: int
+    status: str
+    values: dict[str, Interval | None]
+
+
+def interval(values: Sequence[float]) -> Interval | None:
+    """Median and bootstrap interval of the values that are there; None for none. Its random numbers are always the same."""
+    array = np.array([value for value in values if value is not None and not np.isnan(value)])
+    if not len(array):
+        return None
+    if len(array) == 1:
+        return Interval(float(array[0]))
+    draws = np.random.default_rng(0).choice(array, (_BOOTSTRAPS, len(array)))
+    low, high = np.percentile(np.median(draws, axis=1), [2.5, 97.5])
+    return Interval(float(np.median(array)), float(low), float(high))
+
+
+def summary(frame: pd.DataFrame) -> dict[str, list[SummaryRow]]:
+    """By scene, best first: the median of every metric and time over views, lights and phases."""
+    tables: dict[str, list[SummaryRow]] = {}
+    for scene, of_scene in frame.groupby("scene", sort=False):
+        rows = []
+        for (spec, size), group in of_scene.groupby(["spec", "map_size"], sort=False, dropna=False):
+            held = group[group["status"] == "ok"]
+            values = {name: interval(held[name].tolist()) for name in [*METRICS, *_TIMES[:4]]}
+            statuses = group.loc[group["status"] != "ok", "status"]
+            status = "ok" if len(held) else str(statuses.iloc[0])
+            rows.append(SummaryRow(str(spec), None if pd.isna(size) else int(size), len(held), status, values))
+        tables[str(scene)] = sorted(rows, key=_error)
+    return tables
+
+
+def _error(row: SummaryRow) -> tuple[bool, float, str, int]:
+    iou = row.values["iou"]
+    return (row.status != "ok" or iou is None, -iou.median if iou else 0.0, row.spec, row.map_size or 0)
+
+
+@dataclass(frozen=True)
+class Slope:
+    """How the error of a spec falls with its map: d log(1 − IoU) / d log(size)."""
+
+    scene: str
+    spec: str
+    sizes: tuple[int, ...]
+    slope: Interval
+
+
+def slopes(frame: pd.DataFrame) -> list[Slope]:
+    """The slope of every spec with two map sizes or more, fitted for each view, light and phase alone.
+
+    A cell without any error has no logarithm and is left out.
+    """
+    sized = frame[(frame["status"] == "ok") & frame["map_size"].notna() & (frame["iou"] < 1)]
+    found = []
+    for (scene, spec), group in sized.groupby(["scene", "spec"], sort=False):
+        fits = []
+        for _, one in group.groupby(["view", "light", "phase"]):
+            sizes = one["map_size"].astype(float)
+            if sizes.nunique() > 1:
+                fits.append(float(np.polyfit(np.log(sizes), np.log(1 - one["iou"].astype(float)), 1)[0]))
+        slope = interval(fits)
+        if slope is not None:
+            found.append(Slope(str(scene), str(spec), tuple(sorted({int(s) for s in group["map_size"]})), slope))
+    return found
+
+

@@ -1,0 +1,137 @@
+"""Timing a block: groups of cells that fit the memory, each with its own reference and floor, and the statistics."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shadowbench.studies.session import CellRequest, Timed, Unsupported
+from shadowbench.studies.study import Block, Cell, Study
+from shadowbench.studies.worker import CellFailed, Worker
+from shadowbench.techniques.spec import Spec, format_spec
+from shadowbench.techniques.unshadowed import Unshadowed
+
+_SHARE = 0.5  # of the memory limit that the cells of a group may take together
+
+
+def request_of(cell: Cell) -> CellRequest:
+    """A cell as the worker takes it."""
+    return CellRequest(format_spec(cell.spec, full=True), cell.phase)
+
+
+class BlockStage:
+    """Keeps the worker at a block's view, also after it was replaced."""
+
+    def __init__(self, worker: Worker, study: Study) -> None:
+        self.worker, self.study = worker, study
+        self._scene: tuple[int, object] | None = None
+        self._view: tuple[int, object] | None = None
+        self._surface: NDArray[np.int32] | None = None
+
+    def open(self, block: Block) -> NDArray[np.int32]:
+        """The G-buffer's triangle ids of the block's view, (N, N), row 0 at the top."""
+        self.worker.ready()
+        generation, view = self.worker.generation, block.view
+        if self._scene != (generation, view.scene):
+            self.worker.call("load", view.scene, self.study.coordinates)
+            self._scene, self._view = (generation, view.scene), None
+        if self._view != (generation, view) or self._surface is None:
+            self._surface = self.worker.call("open", view.camera, view.light, view.size)
+            self._view = (generation, view)
+        return self._surface
+
+
+@dataclass(frozen=True, eq=False)
+class Timing:
+    """What a cell took, beside the reference and the floor of its own group."""
+
+    cell: Cell
+    times: Timed
+    reference: str
+    reference_times: Timed | None
+    floor: Timed
+
+    def record(self, clock: str) -> dict[str, Any]:
+        """The time record: milliseconds as medians with their IQR; ratios are medians over rounds of one group."""
+        frames = np.array(self.times.frames)
+        frame_ms, frame_iqr = _median_iqr(frames)
+        record: dict[str, Any] = {
+            "clock": clock,
+            "n": len(frames),
+            "frame_ms": frame_ms,
+            "frame_iqr_ms": frame_iqr,
+            "added_ms": float(np.median(frames - np.array(self.floor.frames))),
+            "reference": self.reference,
+            "ratio": None,
+            "ratio_iqr": None,
+            "prepare_ms": self.times.prepare_ms,
+            "passes": {
+                name: dict(zip(("ms", "iqr_ms"), _median_iqr(np.array(ms)), strict=True))
+                | {"n": len(ms), "changes": self.times.changes[name]}
+                for name, ms in self.times.passes.items()
+            },
+        }
+        if self.reference_times is not None:
+            ratios = frames / np.array(self.reference_times.frames)
+            record["ratio"], record["ratio_iqr"] = _median_iqr(ratios)
+        return record
+
+
+@dataclass(frozen=True, eq=False)
+class Untimed:
+    """A cell that could not be timed, and why."""
+
+    cell: Cell
+    reason: str
+
+
+def time_cells(stage: BlockStage, block: Block, sizes: Mapping[Cell, int]) -> Iterator[Timing | Untimed]:
+    """Time cells of one block and phase; `sizes` are their GPU bytes."""
+    limit = _SHARE * stage.worker.limits.bytes
+    group: list[Cell] = []
+    held = 0
+    for cell, size in sizes.items():
+        if group and held + size > limit:
+            yield from _time_group(stage, block, group)
+            group, held = [], 0
+        group.append(cell)
+        held += size
+    yield from _time_group(stage, block, group)
+
+
+def _time_group(stage: BlockStage, block: Block, group: list[Cell]) -> Iterator[Timing | Untimed]:
+    """One group, all at once; when it fails, its halves, until what fails stands alone."""
+    phase = group[0].phase
+    floor = Cell(Spec(Unshadowed, Unshadowed.Params()), 0)
+    spec = stage.study.reference
+    reference: Cell | None = Cell(spec, phase if spec.technique.phased else 0)
+    try:
+        stage.open(block)
+        assert reference is not None
+        if stage.worker.call("unsupported", request_of(reference)) is not None:
+            reference = None
+        cells = list(dict.fromkeys([floor, *([reference] if reference else []), *group]))
+        seconds = stage.worker.limits.seconds * len(cells)
+        requests = [request_of(cell) for cell in cells]
+        answers: list[Timed] = stage.worker.call("time", requests, stage.study.rounds, seconds=seconds)
+    except (CellFailed, Unsupported) as reason:
+        if len(group) == 1:
+            yield Untimed(group[0], str(reason))
+            return
+        middle = len(group) // 2
+        yield from _time_group(stage, block, group[:middle])
+        yield from _time_group(stage, block, group[middle:])
+        return
+    times = dict(zip(cells, answers, strict=True))
+    name = format_spec(spec)
+    for cell in group:
+        yield Timing(cell, times[cell], name, times[reference] if reference else None, times[floor])
+
+
+def _median_iqr(values: NDArray[np.float64]) -> tuple[float, float]:
+    low, middle, high = np.percentile(values, [25, 50, 75])
+    return float(middle), float(high - low)
+
+

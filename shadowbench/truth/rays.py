@@ -1,0 +1,181 @@
+"""A view's rays: what a point of each pixel sees, and the shadow ray from there to the light.
+
+All in float64 and local coordinates; Embree's float32 only chooses triangles. Vectors are (3, N), a row a component:
+NumPy takes a fraction of the time that it takes on (N, 3).
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shadowbench.scenes.model import Floats, View
+from shadowbench.truth.embree import NEVER, Tracer
+
+Mask = NDArray[np.bool_]
+Indices = NDArray[np.intp]
+
+EDGE_ON = 1e-6  # |N·ray| below which a hit cannot be refined
+
+
+class ShadowRays(NamedTuple):
+    """Rays from points near surfaces to the light: `ahead` is the way already gone, `reach` what is left of it.
+
+    origins: (3, N); directions: (3, N), or (3, 1) where all are one; ahead, reach: (N,) or a number.
+    """
+
+    origins: Floats
+    directions: Floats
+    ahead: Floats | float
+    reach: Floats | float
+
+    def only(self, chosen: Mask) -> "ShadowRays":
+        """The chosen among them."""
+        return ShadowRays(*(part if np.ndim(part) == 0 or np.shape(part)[-1] == 1 else part[..., chosen] for part in self))
+
+
+@dataclass(frozen=True, eq=False)
+class Receivers:
+    """The hits that face both camera and light.
+
+    rays: (R,) index of each in the rays that were asked for; point, normal: (3, R), the normal turned to the camera;
+    to_light: (3, R) unit, or (3, 1) for a directional light; distance: (R,) or a number; cosine: (R,) N·L.
+    """
+
+    rays: Indices
+    point: Floats
+    normal: Floats
+    to_light: Floats
+    distance: Floats | float
+    cosine: Floats
+
+
+class ViewRays:
+    """The rays of a view that is in local coordinates."""
+
+    def __init__(self, view: View) -> None:
+        self._size = view.size
+        self._near, self._far = view.near_far
+        geometry = view.scene.geometry
+        self._all = Tracer(geometry.vertices, geometry.faces)
+        whole = len(geometry.caster_faces) == len(geometry.faces)
+        self._casters = self._all if whole else Tracer(geometry.vertices, geometry.caster_faces)
+
+        camera = view.camera
+        right, up, back = camera.basis()[:, :, None]
+        slope = np.tan(camera.fov_y / 2)
+        self._right, self._up, self._ahead = right * slope, up * slope, -back
+        self._eye = np.array(camera.position)[:, None]
+        low, high = geometry.bounds
+        self._gap = float(np.linalg.norm((low + high) / 2 - self._eye[:, 0]) - np.linalg.norm(high - low) / 2)
+
+        light, self._light_w = view.light.homogeneous
+        self._light = np.array(light)[:, None]
+        self._axis = np.array(view.light.direction)[:, None] / np.linalg.norm(view.light.direction)
+        self._cos_half_angle = view.light.cos_half_angle
+
+        self._normals = np.ascontiguousarray(geometry.normals.T)
+        corners = geometry.vertices[geometry.faces[:, 0]].T
+        self._eye_height = dot(self._normals, corners) - dot(self._normals, self._eye)  # of each plane over the eye
+        self._receives = None if bool(geometry.receives.all()) else geometry.receives
+
+    def directions(self, rows: slice, across: float = 0.5, down: float = 0.5) -> Floats:
+        """(3, N) through a point of each pixel of some rows, of length 1 along the view's axis: t is the view depth."""
+        x = (np.arange(self._size) + across) * (2 / self._size) - 1
+        y = 1 - (np.arange(rows.start, rows.stop) + down) * (2 / self._size)
+        row = self._ahead + x * self._right
+        return (row[:, None, :] + (y * self._up)[:, :, None]).reshape(3, -1)
+
+    def nearest(self, directions: Floats) -> Indices:
+        """(N,) the triangle that each ray from the eye meets between the camera's planes, −1 for none."""
+        # Starting near the scene keeps the float32 origin exact for cameras far away.
+        start: Floats | float = self._near
+        if self._gap > self._near:
+            start = np.maximum(self._near, self._gap / np.sqrt(dot(directions, directions)))
+        triangle = self._all.nearest(single(self._eye + directions * start), single(directions), self._far - start)
+        return triangle.astype(np.intp)
+
+    def edge_on(self, directions: Floats, triangle: Indices) -> Mask:
+        """(N,) whether a ray meets its triangle so flatly that the hit cannot be refined."""
+        flat: Mask = np.abs(dot(self._normals.take(triangle, axis=1), directions)) < EDGE_ON
+        return flat & (triangle >= 0)
+
+    def points(self, directions: Floats, triangle: Indices) -> Floats:
+        """(3, N) where the true rays meet the planes of their triangles."""
+        return self._points(directions, triangle, dot(self._normals.take(triangle, axis=1), directions))
+
+    def receivers(self, directions: Floats, triangle: Indices) -> Receivers:
+        """The receivers among what rays meet; a `triangle` of −1 is none."""
+        # A miss takes the last triangle's numbers along: cheaper than leaving misses out of every array.
+        normal = self._normals.take(triangle, axis=1)
+        toward = dot(normal, directions)
+        normal *= -np.sign(toward)
+        receives = triangle >= 0
+        if self._receives is not None:
+            receives &= self._receives[triangle]
+        if self._light_w == 0:
+            cosine = dot(normal, self._light)
+            rays = np.flatnonzero(receives & (cosine > 0))
+            point = self._points(directions.take(rays, axis=1), triangle[rays], toward[rays])
+            return Receivers(rays, point, normal.take(rays, axis=1), self._light, NEVER, cosine[rays])
+        point = self._points(directions, triangle, toward)
+        to_light, distance = self._toward_light(point)
+        cosine = dot(normal, to_light)
+        receives &= cosine > 0
+        if self._cos_half_angle > -1:
+            receives &= -dot(to_light, self._axis) >= self._cos_half_angle
+        rays = np.flatnonzero(receives)
+        point, normal, to_light = (vector.take(rays, axis=1) for vector in (point, normal, to_light))
+        return Receivers(rays, point, normal, to_light, distance[rays], cosine[rays])
+
+    def shadow_rays(self, receivers: Receivers, delta: float) -> ShadowRays:
+        """From δ above the surfaces, on the true rays: an offset along N slides a shadow by δ/tan(elevation)."""
+        ahead = delta / receivers.cosine
+        origins = receivers.point + receivers.to_light * ahead
+        # Nothing needs to be left of a way that ends before it begins.
+        reach = NEVER if self._light_w == 0 else np.maximum(receivers.distance - ahead, 0.0)
+        return ShadowRays(origins, receivers.to_light, ahead, reach)
+
+    def raised_rays(self, receivers: Receivers, delta: float) -> ShadowRays:
+        """From δ above the surfaces, along N, to the light."""
+        origins = receivers.point + receivers.normal * delta
+        if self._light_w == 0:
+            return ShadowRays(origins, self._light, 0.0, NEVER)
+        to_light, distance = self._toward_light(origins)
+        return ShadowRays(origins, to_light, 0.0, distance)
+
+    def blocked(self, rays: ShadowRays) -> Mask:
+        """(N,) whether a caster stands in the way."""
+        return self._casters.occluded(single(rays.origins), single(rays.directions), rays.reach)
+
+    def blockers(self, rays: ShadowRays) -> Floats:
+        """(N,) distance along L from the surface to the nearest caster."""
+        return rays.ahead + self._casters.distance(single(rays.origins), single(rays.directions), rays.reach)
+
+    def _points(self, directions: Floats, triangle: Indices, toward: Floats) -> Floats:
+        flat = np.abs(toward) < EDGE_ON
+        if flat.any():
+            toward = np.where(flat, EDGE_ON, toward)
+        depth = self._eye_height.take(triangle) / toward
+        return self._eye + directions * np.clip(depth, self._near, self._far)
+
+    def _toward_light(self, points: Floats) -> tuple[Floats, Floats]:
+        to_light = self._light - points
+        distance = np.sqrt(dot(to_light, to_light))
+        to_light /= np.maximum(distance, np.finfo(float).tiny)
+        return to_light, distance
+
+
+def dot(a: Floats, b: Floats) -> Floats:
+    """(N,) of two (3, N); either may be (3, 1)."""
+    product: Floats = np.einsum("ij,ij->j", a, b)
+    return product
+
+
+def single(vectors: Floats) -> NDArray[np.float32]:
+    """(3, N) float64 as the (N, 3) float32 that Embree reads."""
+    packed = np.empty(vectors.shape[::-1], dtype=np.float32)
+    for column, component in zip(packed.T, vectors, strict=True):
+        column[:] = component
+    return packed
