@@ -2,7 +2,7 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import Annotated
 
 import click
 import typer
@@ -22,11 +22,11 @@ app = typer.Typer(
 
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print results and errors only.")]
 Json = Annotated[bool, typer.Option("--json", help="Print tables as JSON.")]
-Plugins = Annotated[Optional[list[Path]], typer.Option("--plugin", help="A Python file that defines techniques.")]
-Assets = Annotated[Optional[Path], typer.Option(help="A second folder that a scene file's meshes may lie in.")]
-ViewSize = Annotated[Optional[int], typer.Option(min=1, max=16384, help="Pixels along a side of the view  [512].")]
-ViewName = Annotated[Optional[str], typer.Option("--view", help="A camera of the scene, by name  [its first].")]
-LightName = Annotated[Optional[str], typer.Option("--light", help="A light of the scene, by name  [its first].")]
+Plugins = Annotated[list[Path] | None, typer.Option("--plugin", help="A Python file that defines techniques.")]
+Assets = Annotated[Path | None, typer.Option(help="A second folder that a scene file's meshes may lie in.")]
+ViewSize = Annotated[int | None, typer.Option(min=1, max=16384, help="Pixels along a side of the view  [512].")]
+ViewName = Annotated[str | None, typer.Option("--view", help="A camera of the scene, by name  [its first].")]
+LightName = Annotated[str | None, typer.Option("--light", help="A light of the scene, by name  [its first].")]
 SceneArgument = Annotated[str, typer.Argument(metavar="SCENE", help="Built-in name, .toml, or mesh file.")]
 OneSpec = Annotated[str, typer.Option("-t", "--technique", metavar="SPEC", help="Technique and parameters.")]
 
@@ -43,13 +43,28 @@ def version_option(
 
 @app.command()
 def run(
-    scenes: Annotated[Optional[list[str]], typer.Argument(metavar="[SCENE]...", help="Scenes; without any, the study's.")] = None,
-    study: Annotated[Optional[str], typer.Option("-s", "--study", metavar="STUDY", help="A study file, or one of ours by name.")] = None,
-    techniques: Annotated[Optional[list[str]], typer.Option("-t", "--technique", metavar="SPEC", help="A technique, such as shadow-map:size=2048,filter=pcf(taps=5); repeatable.")] = None,
-    map_size: Annotated[Optional[str], typer.Option(metavar="N,N,...", help="Map sizes  [512,1024,2048,4096].")] = None,
+    scenes: Annotated[
+        list[str] | None, typer.Argument(metavar="[SCENE]...", help="Scenes; without any, the study's.")
+    ] = None,
+    study: Annotated[
+        str | None, typer.Option("-s", "--study", metavar="STUDY", help="A study file, or one of ours by name.")
+    ] = None,
+    techniques: Annotated[
+        list[str] | None,
+        typer.Option(
+            "-t",
+            "--technique",
+            metavar="SPEC",
+            help="A technique, such as shadow-map:size=2048,filter=pcf(taps=5); repeatable.",
+        ),
+    ] = None,
+    map_size: Annotated[str | None, typer.Option(metavar="N,N,...", help="Map sizes  [512,1024,2048,4096].")] = None,
     view_size: ViewSize = None,
-    rounds: Annotated[Optional[int], typer.Option(min=0, max=10000, help="Timed rounds; 0 times nothing  [9].")] = None,
-    phases: Annotated[Optional[int], typer.Option(min=1, max=10000, help="Positions of the map's grid; more than one give intervals  [1].")] = None,
+    rounds: Annotated[int | None, typer.Option(min=0, max=10000, help="Timed rounds; 0 times nothing  [9].")] = None,
+    phases: Annotated[
+        int | None,
+        typer.Option(min=1, max=10000, help="Positions of the map's grid; more than one give intervals  [1]."),
+    ] = None,
     view: ViewName = None,
     light: LightName = None,
     plugin: Plugins = None,
@@ -95,8 +110,8 @@ def render(
     scene: SceneArgument,
     technique: OneSpec,
     output: Annotated[Path, typer.Option("-o", "--output", metavar="PICTURE.png", help="The shaded picture.")],
-    mask: Annotated[Optional[Path], typer.Option(metavar="MASK.png", help="Visibility, 16-bit grey.")] = None,
-    map: Annotated[Optional[Path], typer.Option(metavar="MAP.png", help="The depth map, linear, near is dark.")] = None,
+    mask: Annotated[Path | None, typer.Option(metavar="MASK.png", help="Visibility, 16-bit grey.")] = None,
+    map: Annotated[Path | None, typer.Option(metavar="MAP.png", help="The depth map, linear, near is dark.")] = None,
     view_size: ViewSize = None,
     view: ViewName = None,
     light: LightName = None,

@@ -52,10 +52,9 @@ def _parameters(model: type[TechniqueParams] | type[Row]) -> list[dict[str, Any]
     for name, info in model.model_fields.items():
         entry: dict[str, Any] = {"name": name, "default": format_value(info.default), "help": info.description}
         if isinstance(info.default, Row):
-            family = type(info.default).__mro__[1]
             entry["values"] = [
                 {"name": row.name, "help": " ".join((row.__doc__ or "").split()), "parameters": _parameters(row)}
-                for row in family.table.values()
+                for row in info.default.family().table.values()
             ]
         found.append(entry)
     return found
@@ -73,9 +72,7 @@ def _metrics() -> list[dict[str, Any]]:
 
 
 def _studies(plugins: tuple[Path, ...]) -> list[dict[str, Any]]:
-    return [
-        {"name": name, "about": read_study(find_study(name), techniques(plugins)).about} for name in study_names()
-    ]
+    return [{"name": name, "about": read_study(find_study(name), techniques(plugins)).about} for name in study_names()]
 
 
 def _print_table(name: str, rows: list[dict[str, Any]]) -> None:

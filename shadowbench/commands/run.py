@@ -5,6 +5,7 @@ import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from rich.markup import escape
 from rich.table import Table
 
 from shadowbench.commands.console import ConsoleReporter, err, number, out, print_json
@@ -12,7 +13,7 @@ from shadowbench.errors import InputError
 from shadowbench.studies.machine import write_run_file
 from shadowbench.studies.runner import Profile, Runner
 from shadowbench.studies.study import Study, find_study, read_study
-from shadowbench.studies.tables import Slope, SummaryRow, cells_frame, slopes, summary, write_table
+from shadowbench.studies.tables import Slope, SummaryRow, cells_frame, over_scenes, slopes, summary, write_table
 from shadowbench.studies.worker import Limits, Worker
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
@@ -64,8 +65,11 @@ def run_command(options: RunOptions, folder: Path, *, profile: bool, as_json: bo
     if as_json:
         print_json({scene: [dataclasses.asdict(row) for row in rows] for scene, rows in tables.items()})
     else:
+        times = "times of a software renderer, not of a GPU" if runner.info.software else "times of this GPU"
         for scene, rows in tables.items():
-            _print_scene(scene, rows, [fit for fit in fits if fit.scene == scene], runner.info.software)
+            _print_scene(f"{scene}, best first; {times}", rows, [fit for fit in fits if fit.scene == scene])
+        if len(tables) > 1:
+            _print_scene(f"mean of {len(tables)} scenes", over_scenes(tables), [])
         if not quiet:
             out.print(f"{folder / 'table.csv'}: {len(frame)} cells; masks/ and pictures/ beside it", soft_wrap=True)
     if profile:
@@ -117,34 +121,34 @@ def _estimate(study: Study) -> str:
     return f"{count} cells on {len(study.scenes)} scenes: about {max(seconds, 5):.0f} s on two cores without a GPU"
 
 
-def _print_scene(scene: str, rows: list[SummaryRow], fits: list[Slope], software: bool) -> None:
-    renderer = "times of a software renderer, not of a GPU" if software else "times of this GPU"
-    table = Table(title=f"{scene}, best first; {renderer}", title_justify="left", box=None, pad_edge=False)
+def _print_scene(title: str, rows: list[SummaryRow], fits: list[Slope]) -> None:
+    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
     table.add_column("spec", overflow="fold")
-    table.add_column("map", justify="right")
+    table.add_column("map", justify="right", no_wrap=True)
     for heading in _COLUMNS:
-        table.add_column(heading, justify="right")
+        table.add_column(heading, justify="right", no_wrap=True)
+    refused = [row for row in rows if row.status != "ok"]
     for row in rows:
-        size = str(row.map_size or "")
-        if row.status != "ok":
-            table.add_row(row.spec, size, row.status)
-            continue
-        table.add_row(row.spec, size, *(_cell(row, key) for key in _COLUMNS.values()))
+        if row.status == "ok":
+            size = str(row.map_size or "")
+            table.add_row(escape(row.spec), size, *(_cell(row, key) for key in _COLUMNS.values()))
     out.print(table)
+    for row in refused:
+        out.print(f"  {row.spec} {row.map_size or ''}: {row.status}", markup=False)
     for fit in fits:
         sizes = f"{fit.sizes[0]} to {fit.sizes[-1]}"
-        out.print(f"  slope of log(1 − IoU) over log(size), {sizes}: {fit.slope.text(_signed)}  {fit.spec}", markup=False)
+        out.print(
+            f"  slope of log(1 − IoU) over log(size), {sizes}: {fit.slope.text(_signed)}  {fit.spec}", markup=False
+        )
     out.print()
 
 
 def _cell(row: SummaryRow, key: str) -> str:
-    value = row.values["iou" if key == "error" else key]
+    """The error with its interval, the median alone of all else."""
+    value = row.values.get("iou" if key == "error" else key)
     if value is None:
         return "–"
-    if key == "error":
-        flipped = [None if end is None else 1 - end for end in (value.median, value.high, value.low)]
-        value = type(value)(flipped[0] or 0.0, flipped[1], flipped[2])
-    return value.text(number)
+    return value.complement().text(number) if key == "error" else number(value.median)
 
 
 def _signed(value: float) -> str:

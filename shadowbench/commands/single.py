@@ -90,5 +90,3 @@ def _view(scene: str, view: str | None, light: str | None, size: int, assets: Pa
     camera = named(loaded.cameras, view, "--view") if view else loaded.cameras[0]
     lamp = named(loaded.lights, light, "--light") if light else loaded.lights[0]
     return view_of(loaded, camera, lamp, size)
-
-

@@ -4,7 +4,7 @@ import sys
 from collections.abc import Hashable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol
 
 import moderngl
 
@@ -104,13 +104,13 @@ class Device:
 
 def open_device() -> Device:
     """A context without a window; raises NoGLError with what to install."""
-    options = {"backend": "egl"} if sys.platform.startswith("linux") else {}
+    options: dict[str, Any] = {"backend": "egl"} if sys.platform.startswith("linux") else {}
     try:
         context = moderngl.create_context(standalone=True, require=410, **options)
     except Exception as error:  # moderngl and glcontext raise bare Exceptions of many texts
         raise NoGLError(
-            f"no OpenGL 4.1 context ({str(error).strip() or type(error).__name__}); on Debian and Ubuntu without a GPU: "
-            "apt-get install libegl1 libgl1-mesa-dri libgl1"
+            f"no OpenGL 4.1 context ({str(error).strip() or type(error).__name__}); "
+            "on Debian and Ubuntu without a GPU: apt-get install libegl1 libgl1-mesa-dri libgl1"
         ) from error
     context.gc_mode = "auto"
     return Device(context)

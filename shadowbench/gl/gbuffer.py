@@ -58,7 +58,9 @@ class SurfacePass:
         roots = [data_folder("shaders")]
         self.device = device
         self.geometry = geometry
-        self.program: Program = link(device, compose("gbuffer/gbuffer.vert", roots), compose("gbuffer/gbuffer.frag", roots))
+        self.program: Program = link(
+            device, compose("gbuffer/gbuffer.vert", roots), compose("gbuffer/gbuffer.frag", roots)
+        )
         self.drawable = geometry.everything(self.program)
 
     def draw(self, view: View) -> GBuffer:
@@ -70,10 +72,9 @@ class SurfacePass:
         target = context.framebuffer([position, normal, triangle], depth)
         target.clear(depth=1.0)
         triangle.write(np.full(size, -1, dtype=np.int32).tobytes())  # a clear would write floats
-        near, far = view.near_far
+        far = view.near_far[1]
         self.program.set(world_to_clip=view_projection(view), eye=view.camera.position, far=far)
-        state = State(depth_test="<", depth_clamp=False)
-        self.drawable.draw(target, {"normals": (self.geometry.normals, Sampling())}, state)
+        self.drawable.draw(target, {"normals": (self.geometry.normals, Sampling())}, State(depth_test="<"))
         self.device.check("the G-buffer")
         return GBuffer(position, normal, triangle, depth, target, self.device)
 

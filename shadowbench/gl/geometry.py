@@ -19,7 +19,7 @@ class DeviceGeometry:
     """
 
     def __init__(self, device: Device, geometry: Geometry) -> None:
-        context = device.context
+        self._device, context = device, device.context
         self._vertices = context.buffer(geometry.vertices.astype(np.float32).tobytes())
         self._faces = context.buffer(geometry.faces.astype(np.uint32).tobytes())
         casters = geometry.caster_faces
@@ -50,5 +50,5 @@ class DeviceGeometry:
 
     def release(self) -> None:
         """Free the buffers and textures."""
-        for held in {self._vertices, self._faces, self._casters, self.normals, self.colors}:
-            held.release()
+        buffers = {self._vertices, self._faces, self._casters}
+        self._device.free((*buffers, self.normals, self.colors))

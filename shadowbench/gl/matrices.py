@@ -9,7 +9,7 @@ from shadowbench.scenes.model import Floats, View
 def view_projection(view: View) -> Floats:
     """(4, 4) float64, world to clip space of a view's camera, as written (multiply from the left)."""
     camera = view.camera
-    right, up, back = camera.basis()
+    _, up, back = camera.basis()
     eye = glm.dvec3(camera.position)
     looking = np.array(glm.lookAt(eye, eye - glm.dvec3(back), glm.dvec3(up)))
     near, far = view.near_far

@@ -1,7 +1,6 @@
 """The OpenGL entry points that moderngl lacks, each loaded when it is first called."""
 
 import ctypes
-import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -27,7 +26,7 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "glUniform1i": (None, (_INT, _INT)),
     "glUseProgram": (None, (_UINT,)),
 }
-_PROTOTYPE = ctypes.CFUNCTYPE if sys.platform != "win32" else ctypes.WINFUNCTYPE
+_PROTOTYPE = getattr(ctypes, "WINFUNCTYPE", ctypes.CFUNCTYPE)  # Windows calls OpenGL by its own convention
 
 
 class RawGL:
@@ -38,6 +37,7 @@ class RawGL:
         self._functions: dict[str, Callable[..., Any]] = {}
 
     def __call__(self, name: str, *arguments: Any) -> Any:
+        """The entry point's result."""
         if name not in self._functions:
             address = self._load(name)
             if not address:

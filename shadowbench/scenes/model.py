@@ -133,7 +133,8 @@ class Geometry:
         """(F, 3) float64 unit normals; counter-clockwise triangles face their normal."""
         a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
         normals = np.cross(b - a, c - a)
-        return normals / np.linalg.norm(normals, axis=1, keepdims=True)
+        unit_normals: Floats = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+        return unit_normals
 
     @cached_property
     def bounds(self) -> Floats:

@@ -1,4 +1,4 @@
-"""Keys of rows: everything that a result rests on, hashed, so that a changed default or shader never mixes with old rows."""
+"""Keys of rows: everything that a result rests on, hashed: a changed default or shader never mixes with old rows."""
 
 import hashlib
 import json

@@ -4,7 +4,7 @@ Rows go to disk as they are made; a call that finds rows of the same key does no
 """
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -164,7 +164,9 @@ class Runner:
             with self.profile.of("time"):
                 for timing in time_cells(self._stage, block, sizes):
                     if isinstance(timing, Untimed):
-                        self.reporter.note(f"{block.scene.name} {format_spec(timing.cell.spec)}: no time: {timing.reason}")
+                        self.reporter.note(
+                            f"{block.scene.name} {format_spec(timing.cell.spec)}: no time: {timing.reason}"
+                        )
                     else:
                         store.append({"kind": "time", "key": keys[timing.cell], **timing.record(self.info.clock)})
                     self.reporter.step(format_spec(timing.cell.spec))

@@ -23,7 +23,7 @@ Techniques = Mapping[str, type[Technique]]
 Named = TypeVar("Named", Camera, Light)
 
 
-def _listed(value: object) -> object:
+def _listed(value: object) -> list[Any]:
     return value if isinstance(value, list) else [value]
 
 
@@ -229,8 +229,8 @@ def _crossed(table: dict[str, Any], techniques: Techniques, where: str, notes: l
             allowed = ", ".join(base.technique.Params.model_fields) or "none"
             raise InputError(f"{where}: unknown parameter {key!r}; parameters of {base.technique.name}: {allowed}")
     made, dropped = [], []
-    for values in itertools.product(*lists.values()):  # type: ignore[arg-type]  # _listed gives lists
-        for factor in _listed(sweep):  # type: ignore[attr-defined]
+    for values in itertools.product(*lists.values()):
+        for factor in _listed(sweep):
             try:
                 made.append(_swept(base.with_(**dict(zip(lists, values, strict=True))), factor))
             except InputError as error:
@@ -253,5 +253,3 @@ def _swept(spec: Spec, factor: float | None) -> Spec:
     except (ValidationError, TypeError) as error:
         raise InputError(f"bias_sweep: {factor!r} is no factor ({type(error).__name__})") from None
     return spec.with_(bias=row)
-
-

@@ -1,6 +1,5 @@
 """Rows joined into tables: `table.csv`, a line a cell, and the summary that is printed."""
 
-import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,7 +26,7 @@ def cells_frame(results: Sequence[Result]) -> pd.DataFrame:
     ours = ["receivers", "undecided", "surface_mismatch", "coordinates", "full_spec", "mask_sha256", "key"]
     frame = pd.DataFrame(rows, columns=[*promised, *ours])
     whole = [*work, "map_size", "n", "gpu_bytes", "receivers", "undecided", "surface_mismatch"]
-    return frame.astype({column: "Int64" for column in whole})
+    return frame.astype(dict.fromkeys(whole, "Int64"))
 
 
 def write_table(file: Path, frame: pd.DataFrame) -> None:
@@ -53,6 +52,11 @@ class Interval:
     low: float | None = None
     high: float | None = None
 
+    def complement(self) -> "Interval":
+        """One minus it: an error from an agreement."""
+        low, high = (None if end is None else 1 - end for end in (self.high, self.low))
+        return Interval(1 - self.median, low, high)
+
     def text(self, digits: Callable[[float], str]) -> str:
         """As people read it: `0.0123 [0.0110, 0.0140]`."""
         if self.low is None or self.high is None:
@@ -72,7 +76,7 @@ class SummaryRow:
 
 
 def interval(values: Sequence[float]) -> Interval | None:
-    """Median and bootstrap interval of the values that are there; None for none. Its random numbers are always the same."""
+    """Median and bootstrap interval (with a fixed seed) of the values that are there; None for none."""
     array = np.array([value for value in values if value is not None and not np.isnan(value)])
     if not len(array):
         return None
@@ -88,14 +92,34 @@ def summary(frame: pd.DataFrame) -> dict[str, list[SummaryRow]]:
     tables: dict[str, list[SummaryRow]] = {}
     for scene, of_scene in frame.groupby("scene", sort=False):
         rows = []
-        for (spec, size), group in of_scene.groupby(["spec", "map_size"], sort=False, dropna=False):
+        for _, group in of_scene.groupby(["spec", "map_size"], sort=False, dropna=False):
+            spec, size = str(group["spec"].iloc[0]), group["map_size"].iloc[0]
             held = group[group["status"] == "ok"]
             values = {name: interval(held[name].tolist()) for name in [*METRICS, *_TIMES[:4]]}
             statuses = group.loc[group["status"] != "ok", "status"]
             status = "ok" if len(held) else str(statuses.iloc[0])
-            rows.append(SummaryRow(str(spec), None if pd.isna(size) else int(size), len(held), status, values))
+            rows.append(SummaryRow(spec, None if pd.isna(size) else int(size), len(held), status, values))
         tables[str(scene)] = sorted(rows, key=_error)
     return tables
+
+
+def over_scenes(tables: dict[str, list[SummaryRow]]) -> list[SummaryRow]:
+    """The mean over scenes of each spec and map size that held in all of them, best first; times are left out."""
+    found: dict[tuple[str, int | None], list[SummaryRow]] = {}
+    for rows in tables.values():
+        for row in rows:
+            found.setdefault((row.spec, row.map_size), []).append(row)
+    means = []
+    for (spec, size), rows in found.items():
+        if len(rows) == len(tables) and all(row.status == "ok" for row in rows):
+            values = {name: _mean([row.values[name] for row in rows]) for name in METRICS}
+            means.append(SummaryRow(spec, size, sum(row.cells for row in rows), "ok", values))
+    return sorted(means, key=_error)
+
+
+def _mean(values: Sequence[Interval | None]) -> Interval | None:
+    medians = [value.median for value in values if value is not None]
+    return Interval(float(np.mean(medians))) if medians else None
 
 
 def _error(row: SummaryRow) -> tuple[bool, float, str, int]:
@@ -130,5 +154,3 @@ def slopes(frame: pd.DataFrame) -> list[Slope]:
         if slope is not None:
             found.append(Slope(str(scene), str(spec), tuple(sorted({int(s) for s in group["map_size"]})), slope))
     return found
-
-

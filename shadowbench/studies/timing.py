@@ -133,5 +133,3 @@ def _time_group(stage: BlockStage, block: Block, group: list[Cell]) -> Iterator[
 def _median_iqr(values: NDArray[np.float64]) -> tuple[float, float]:
     low, middle, high = np.percentile(values, [25, 50, 75])
     return float(middle), float(high - low)
-
-

@@ -52,7 +52,7 @@ class Worker:
         self.stop()
 
     def call(self, method: str, *arguments: Any, seconds: float | None = None) -> Any:
-        """The answer of Session.method(*arguments). Raises Unsupported, CellFailed, or a ShadowbenchError of the start."""
+        """The answer of Session.method(*arguments); raises Unsupported, CellFailed, or the start's ShadowbenchError."""
         self.ready()
         assert self._pipe is not None
         try:

@@ -19,7 +19,7 @@ def box_planes(bounds: Floats) -> Floats:
 
 
 def frustum_planes(eye: Floats, basis: Floats, slope: float, near: float, far: float) -> Floats:
-    """(6, 4) planes of a square pyramid between two depths; basis rows right, up, back; slope is tan of half its angle."""
+    """(6, 4) planes of a square pyramid between two depths; rows right, up, back; slope: tan of half its angle."""
     right, up, back = basis
     sides = [slope * -back + sign * axis for axis in (right, up) for sign in (1, -1)]
     normals = np.array([*(side / np.linalg.norm(side) for side in sides), -back, back])
@@ -44,7 +44,8 @@ def corners(planes: Floats, extent: float) -> Floats:
     meets = np.abs(determinant) > 1e-12
     points = -(a[:, 3:] * bc + b[:, 3:] * ca + c[:, 3:] * ab)[meets] / determinant[meets, None]
     inside = (points @ planes[:, :3].T + planes[:, 3] >= -1e-9 * extent).all(axis=1)
-    return points[inside]
+    found: Floats = points[inside]
+    return found
 
 
 def hull_points(points: Floats) -> Floats:

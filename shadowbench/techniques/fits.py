@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from shadowbench.gl.clock import Changes
 from shadowbench.scenes.model import Floats, Placement, Scene, View
 from shadowbench.techniques.convex import box_planes, corners, frustum_planes, hull_points
 from shadowbench.techniques.lights import Box, LightSpace, LightView, light_space
@@ -40,7 +41,7 @@ class Fit(Row):
     """Family of fits."""
 
     @property
-    def moves_with(self) -> str:
+    def moves_with(self) -> Changes:
         """What makes the map stale: "light", or "view" where the camera does too."""
         return "view"
 
@@ -76,7 +77,7 @@ class Fixed(Fit):
         return LightView(space, Box(low + step, high + step), size)
 
     @property
-    def moves_with(self) -> str:
+    def moves_with(self) -> Changes:
         return "light"
 
 
@@ -91,7 +92,7 @@ class SceneFit(Fit):
         return _region(space, sight, [])
 
     @property
-    def moves_with(self) -> str:
+    def moves_with(self) -> Changes:
         return "light"
 
 
@@ -143,5 +144,3 @@ def _window(box: Box, space: LightSpace, size: int, padding: float, shift: tuple
     if space.perspective:
         low[2] = max(low[2], high[2] / 1e4)
     return Box(low, high)
-
-

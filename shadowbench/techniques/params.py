@@ -40,7 +40,12 @@ class Row(Strict):
         if Row in cls.__bases__:
             cls.table = {}
         elif "name" in cls.__dict__:
-            cls.table[cls.name] = cls
+            cls.table[cls.name] = cls  # type: ignore[assignment]  # Self is a subclass of the family here
+
+    @classmethod
+    def family(cls) -> "type[Row]":
+        """The family that a row belongs to."""
+        return next(base for base in cls.__mro__ if Row in base.__bases__)
 
     @classmethod
     def chosen(cls, value: "Row | str | Call") -> Self:

@@ -36,7 +36,9 @@ class RayTraced(Technique):
                 download(texture).reshape(-1, 4) for texture in (frame.surface.position, frame.surface.normal)
             )
         with frame.timed("trace", changes="view"):
-            visibility = np.concatenate(list(over_slices(lambda part: self._trace(frame, position[part], normal[part]), len(position))))
+            visibility = np.concatenate(
+                list(over_slices(lambda part: self._trace(frame, position[part], normal[part]), len(position)))
+            )
         with frame.timed("upload", changes="view"):
             self.visibility.write(np.flipud(visibility.reshape(self.visibility.size)).tobytes())
         return self.visibility

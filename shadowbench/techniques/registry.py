@@ -22,7 +22,8 @@ def techniques(plugins: Sequence[Path] = ()) -> Mapping[str, type[Technique]]:
     found: dict[str, type[Technique]] = {}
     for technique in [*OWN, *_installed(), *(one for plugin in plugins for one in _from_file(plugin))]:
         if technique.name in found and found[technique.name] is not technique:
-            raise InputError(f"two techniques are called {technique.name!r}: {_origin(found[technique.name])} and {_origin(technique)}")
+            files = " and ".join(str(source_file(one)) for one in (found[technique.name], technique))
+            raise InputError(f"two techniques are called {technique.name!r}: {files}")
         found[technique.name] = technique
     return found
 
@@ -76,7 +77,3 @@ def _checked(technique: object, where: str) -> type[Technique]:
     if not isinstance(getattr(technique, "name", None), str):
         raise InputError(f"{where}: {technique.__name__} has no name")
     return technique
-
-
-def _origin(technique: type[Technique]) -> str:
-    return str(source_file(technique))

@@ -81,11 +81,10 @@ class ShadowMap(Technique):
 
     def draw(self, frame: Frame) -> moderngl.Texture:
         params = self.params
-        moves_with = "light" if params.fit.moves_with == "light" else "view"
-        with frame.timed("fit", changes=moves_with):
+        with frame.timed("fit", changes=params.fit.moves_with):
             sight = Sight(frame.view, self.stage.placement, self.hull, lambda space: self.bounds(frame, space))
             self.seen = params.fit.light_view(sight, params.size, self.radius + 1, frame.phase.shift)
-        with frame.timed("depth", changes=moves_with):
+        with frame.timed("depth", changes=params.fit.moves_with):
             self._draw_map(self.seen)
         with frame.timed("resolve", changes="view"):
             self._resolve(frame, self.seen)
@@ -112,14 +111,12 @@ class ShadowMap(Technique):
         self.resolve_program.set(
             light=frame.light_uniform,
             world_to_map=to_map,
-            map_to_world=np.linalg.inv(to_map),
+            map_to_world=np.linalg.inv(to_map).astype(np.float64),
             texel_width=seen.texel,
             depth_scale=seen.depth_scale,
         )
         border = 0.0 if params.reversed else 1.0
-        compared = Sampling(
-            linear=True, wrap=params.wrap, border=border, compare=">=" if params.reversed else "<="
-        )
+        compared = Sampling(linear=True, wrap=params.wrap, border=border, compare=">=" if params.reversed else "<=")
         textures = {
             "map_depths": (self.map.texture, Sampling(wrap=params.wrap, border=border)),
             "map_compare": (self.map.texture, compared),

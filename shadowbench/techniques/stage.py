@@ -120,9 +120,10 @@ def _shader_values(
     for key, field in type(params).model_fields.items():
         value, name = getattr(params, key), prefix + key.replace("-", "_")
         if isinstance(value, Row):
-            inner = _shader_values(value, placement, f"{name}_")
-            for ours, theirs in zip((defines, slots, uniforms), inner, strict=True):
-                ours.update(theirs)  # type: ignore[arg-type]  # each pair has one type
+            inner_defines, inner_slots, inner_uniforms = _shader_values(value, placement, f"{name}_")
+            defines |= inner_defines
+            slots |= inner_slots
+            uniforms |= inner_uniforms
             if value.shader:
                 slots[name] = value.shader
         elif isinstance(value, bool | int):

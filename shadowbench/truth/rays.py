@@ -32,7 +32,9 @@ class ShadowRays(NamedTuple):
 
     def only(self, chosen: Mask) -> "ShadowRays":
         """The chosen among them."""
-        return ShadowRays(*(part if np.ndim(part) == 0 or np.shape(part)[-1] == 1 else part[..., chosen] for part in self))
+        return ShadowRays(
+            *(part if np.ndim(part) == 0 or np.shape(part)[-1] == 1 else part[..., chosen] for part in self)
+        )
 
 
 @dataclass(frozen=True, eq=False)
