@@ -110,5 +110,5 @@ class Texel(Bias):
     name = "texel"
     shader = "bias/texel.glsl"
     scale: float = param(1.0, "times the depth that the slope makes of the filter's reach", ge=0, le=100)
-    limit: float = param(8.0, "most, in filter radii · texel widths", gt=0, le=1e6)
+    limit: float = param(16.0, "most, in filter radii · texel widths", gt=0, le=1e6)
     ulps: float = param(4.0, "steps of the depth format on top", ge=0, le=1e6)

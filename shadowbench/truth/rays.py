@@ -41,13 +41,13 @@ class ShadowRays(NamedTuple):
 class Receivers:
     """The hits that face both camera and light.
 
-    rays: (R,) index of each in the rays that were asked for; point, normal: (3, R), the normal turned to the camera;
-    to_light: (3, R) unit, or (3, 1) for a directional light; distance: (R,) or a number; cosine: (R,) N·L.
+    rays: (R,) index of each in the rays that were asked for; triangle: (R,); point: (3, R); to_light: (3, R) unit, or
+    (3, 1) for a directional light; distance: (R,) or a number; cosine: (R,) N·L.
     """
 
     rays: Indices
+    triangle: Indices
     point: Floats
-    normal: Floats
     to_light: Floats
     distance: Floats | float
     cosine: Floats
@@ -77,10 +77,15 @@ class ViewRays:
         self._axis = np.array(view.light.direction)[:, None] / np.linalg.norm(view.light.direction)
         self._cos_half_angle = view.light.cos_half_angle
 
-        self._normals = np.ascontiguousarray(geometry.normals.T)
-        corners = geometry.vertices[geometry.faces[:, 0]].T
-        self._eye_height = dot(self._normals, corners) - dot(self._normals, self._eye)  # of each plane over the eye
-        self._receives = None if bool(geometry.receives.all()) else geometry.receives
+        # A plane shows one side to a point, so normals are turned to the camera once and not for each hit.
+        normals, corners = geometry.normals.T, geometry.vertices[geometry.faces[:, 0]].T
+        below = dot(normals, corners) - dot(normals, self._eye)
+        self._below = -np.abs(below)  # of each plane, from the eye along its normal
+        self._normals = np.ascontiguousarray(normals * -np.sign(below))
+        self._receives = np.append(geometry.receives, False)  # the last for a triangle of −1
+        if self._light_w == 0:
+            self._cosines = dot(self._normals, self._light)
+            self._receives[:-1] &= self._cosines > 0
 
     def directions(self, rows: slice, across: float = 0.5, down: float = 0.5) -> Floats:
         """(3, N) through a point of each pixel of some rows, of length 1 along the view's axis: t is the view depth."""
@@ -100,36 +105,35 @@ class ViewRays:
 
     def edge_on(self, directions: Floats, triangle: Indices) -> Mask:
         """(N,) whether a ray meets its triangle so flatly that the hit cannot be refined."""
-        flat: Mask = np.abs(dot(self._normals.take(triangle, axis=1), directions)) < EDGE_ON
+        flat: Mask = dot(self._normals.take(triangle, axis=1), directions) > -EDGE_ON
         return flat & (triangle >= 0)
 
     def points(self, directions: Floats, triangle: Indices) -> Floats:
         """(3, N) where the true rays meet the planes of their triangles."""
-        return self._points(directions, triangle, dot(self._normals.take(triangle, axis=1), directions))
+        return self._points(directions, triangle, self._normals.take(triangle, axis=1))
 
     def receivers(self, directions: Floats, triangle: Indices) -> Receivers:
         """The receivers among what rays meet; a `triangle` of −1 is none."""
-        # A miss takes the last triangle's numbers along: cheaper than leaving misses out of every array.
+        rays = np.flatnonzero(self._receives.take(triangle))
+        triangle = triangle.take(rays)
         normal = self._normals.take(triangle, axis=1)
-        toward = dot(normal, directions)
-        normal *= -np.sign(toward)
-        receives = triangle >= 0
-        if self._receives is not None:
-            receives &= self._receives[triangle]
+        point = self._points(directions.take(rays, axis=1), triangle, normal)
         if self._light_w == 0:
-            cosine = dot(normal, self._light)
-            rays = np.flatnonzero(receives & (cosine > 0))
-            point = self._points(directions.take(rays, axis=1), triangle[rays], toward[rays])
-            return Receivers(rays, point, normal.take(rays, axis=1), self._light, NEVER, cosine[rays])
-        point = self._points(directions, triangle, toward)
+            return Receivers(rays, triangle, point, self._light, NEVER, self._cosines.take(triangle))
         to_light, distance = self._toward_light(point)
         cosine = dot(normal, to_light)
-        receives &= cosine > 0
+        facing = cosine > 0
         if self._cos_half_angle > -1:
-            receives &= -dot(to_light, self._axis) >= self._cos_half_angle
-        rays = np.flatnonzero(receives)
-        point, normal, to_light = (vector.take(rays, axis=1) for vector in (point, normal, to_light))
-        return Receivers(rays, point, normal, to_light, distance[rays], cosine[rays])
+            facing &= -dot(to_light, self._axis) >= self._cos_half_angle
+        chosen = np.flatnonzero(facing)
+        return Receivers(
+            rays=rays.take(chosen),
+            triangle=triangle.take(chosen),
+            point=point.take(chosen, axis=1),
+            to_light=to_light.take(chosen, axis=1),
+            distance=distance.take(chosen),
+            cosine=cosine.take(chosen),
+        )
 
     def shadow_rays(self, receivers: Receivers, delta: float) -> ShadowRays:
         """From δ above the surfaces, on the true rays: an offset along N slides a shadow by δ/tan(elevation)."""
@@ -141,7 +145,7 @@ class ViewRays:
 
     def raised_rays(self, receivers: Receivers, delta: float) -> ShadowRays:
         """From δ above the surfaces, along N, to the light."""
-        origins = receivers.point + receivers.normal * delta
+        origins = receivers.point + self._normals.take(receivers.triangle, axis=1) * delta
         if self._light_w == 0:
             return ShadowRays(origins, self._light, 0.0, NEVER)
         to_light, distance = self._toward_light(origins)
@@ -155,11 +159,9 @@ class ViewRays:
         """(N,) distance along L from the surface to the nearest caster."""
         return rays.ahead + self._casters.distance(single(rays.origins), single(rays.directions), rays.reach)
 
-    def _points(self, directions: Floats, triangle: Indices, toward: Floats) -> Floats:
-        flat = np.abs(toward) < EDGE_ON
-        if flat.any():
-            toward = np.where(flat, EDGE_ON, toward)
-        depth = self._eye_height.take(triangle) / toward
+    def _points(self, directions: Floats, triangle: Indices, normal: Floats) -> Floats:
+        toward = np.minimum(dot(normal, directions), -EDGE_ON)
+        depth = self._below.take(triangle) / toward
         return self._eye + directions * np.clip(depth, self._near, self._far)
 
     def _toward_light(self, points: Floats) -> tuple[Floats, Floats]:

@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 from shadowbench.errors import InputError
 from shadowbench.scenes.model import Floats, View
 from shadowbench.truth.embree import RAYS_A_SLICE, over_slices
-from shadowbench.truth.rays import Indices, Mask, ViewRays
+from shadowbench.truth.rays import Indices, Mask, Receivers, ViewRays
 
 Single = NDArray[np.float32]
 
 OFFSET = 1e-6  # δ, as a share of the diagonal of casters and visible receivers
 GRAZING = 1e-4  # N·L up to which a receiver is undecided
+NO_RECEIVER, SHADOWED, LIT = range(3)
 SUBPIXEL = 1 / 256  # the rasteriser's grid, as common as it is
 
 
@@ -112,19 +113,19 @@ def _decide(
     ):
         unsure |= rays.blocked(others) != blocked
 
-    receivers, visible = _at(here.rays, blocked, len(triangle))
+    code = _coded(here, blocked, len(triangle))
     undecided = rays.edge_on(directions, triangle)
     undecided[here.rays] |= unsure
     for across, down in product((0.5 - SUBPIXEL, 0.5 + SUBPIXEL), repeat=2):
-        moved_receiver, moved_visible = _sample(rays, rows, across, down, delta)
-        undecided |= (moved_receiver != receivers) | (moved_visible != visible)
+        undecided |= _sample(rays, rows, across, down, delta) != code
 
     counted, seen = np.zeros((2, len(triangle)), dtype=np.int32)
     steps = (np.arange(pixel_samples) + 0.5) / pixel_samples
     for across, down in product(steps, repeat=2):
-        sample_receiver, sample_visible = _sample(rays, rows, float(across), float(down), delta)
-        counted += sample_receiver
-        seen += sample_receiver & sample_visible
+        sample = _sample(rays, rows, float(across), float(down), delta)
+        counted += sample != NO_RECEIVER
+        seen += sample == LIT
+    receivers, visible = code != NO_RECEIVER, code != SHADOWED
     area = np.where(receivers & (counted > 0), seen / np.maximum(counted, 1), visible)
 
     blocker = np.full(len(triangle), np.inf)
@@ -141,16 +142,15 @@ def _decide(
     }
 
 
-def _sample(rays: ViewRays, rows: slice, across: float, down: float, delta: float) -> tuple[Mask, Mask]:
-    """(receiver, visible) at one point of each pixel of some rows, flat."""
+def _sample(rays: ViewRays, rows: slice, across: float, down: float, delta: float) -> NDArray[np.uint8]:
+    """What one point of each pixel of some rows is, flat."""
     directions = rays.directions(rows, across, down)
     receivers = rays.receivers(directions, rays.nearest(directions))
-    return _at(receivers.rays, rays.blocked(rays.shadow_rays(receivers, delta)), directions.shape[1])
+    return _coded(receivers, rays.blocked(rays.shadow_rays(receivers, delta)), directions.shape[1])
 
 
-def _at(rays: Indices, blocked: Mask, count: int) -> tuple[Mask, Mask]:
-    """(receiver, visible) of all rays, from the rays that met receivers and whether something blocks them."""
-    receiver, visible = np.zeros(count, dtype=bool), np.ones(count, dtype=bool)
-    receiver[rays] = True
-    visible[rays] = ~blocked
-    return receiver, visible
+def _coded(receivers: Receivers, blocked: Mask, count: int) -> NDArray[np.uint8]:
+    """(count,) NO_RECEIVER, SHADOWED or LIT."""
+    code = np.full(count, NO_RECEIVER, dtype=np.uint8)
+    code[receivers.rays] = np.where(blocked, np.uint8(SHADOWED), np.uint8(LIT))
+    return code
