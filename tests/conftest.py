@@ -1,10 +1,23 @@
-"""What all tests share: larger scenes, and a truth cache of their own."""
+"""What all tests share: larger scenes, a truth cache of their own, and the command line."""
 
 import os
-from collections.abc import Iterator
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+
+from shadowbench.cli import main
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a command answered."""
+
+    code: int
+    out: str
+    err: str
 
 
 @pytest.fixture(scope="session")
@@ -24,3 +37,19 @@ def truth_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         if "SHADOWBENCH_CACHE" not in os.environ:
             patch.setenv("SHADOWBENCH_CACHE", str(tmp_path_factory.mktemp("truth-cache")))
         yield
+
+
+@pytest.fixture
+def shadowbench(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Callable[..., Answer]:
+    """Calls the command line in this process; a worker's output is caught too."""
+
+    def call(*arguments: str | Path) -> Answer:
+        monkeypatch.setattr(sys, "argv", ["shadowbench", *map(str, arguments)])
+        capfd.readouterr()
+        with pytest.raises(SystemExit) as stop:
+            main()
+        code = stop.value.code
+        assert isinstance(code, int) or code is None
+        return Answer(code or 0, *capfd.readouterr())
+
+    return call

@@ -1,13 +1,13 @@
 """How long drawing takes, by the clock that is right for the device, and how much work it was.
 
 Software renderers: `finish` on both sides and the wall clock; their timer queries are wrong. Hardware: GL_TIME_ELAPSED,
-which is never nested: whole frames and single passes are measured in different draws.
+checked against the wall, and never nested: whole frames and single passes are measured in different draws.
 """
 
 import ctypes
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -45,12 +45,13 @@ class Clock:
 
     def __init__(self, device: Device) -> None:
         self._device = device
+        self._queries = not device.software
         self._passes: PassTimes | None = None
 
     @property
     def name(self) -> str:
         """Which clock, as rows state it."""
-        return "finish+wall" if self._device.software else "gl_time_elapsed"
+        return "gl_time_elapsed" if self._queries else "finish+wall"
 
     def frame(self, draw: Callable[[], object]) -> float:
         """Milliseconds of one whole draw."""
@@ -81,17 +82,21 @@ class Clock:
     def _span(self) -> Iterator[list[float]]:
         result = [0.0]
         context = self._device.context
-        if self._device.software:
-            context.finish()
-            start = time.perf_counter()
+        query: moderngl.Query | None = context.query(time=True) if self._queries else None
+        context.finish()
+        start = time.perf_counter()
+        with query or nullcontext():
             yield result
-            context.finish()
-            result[0] = (time.perf_counter() - start) * 1e3
-            return
-        query: moderngl.Query = context.query(time=True)
-        with query:
-            yield result
-        result[0] = query.elapsed / 1e6
+        context.finish()
+        wall = (time.perf_counter() - start) * 1e3
+        result[0] = wall if query is None else self._plausible(query.elapsed / 1e6, wall)
+
+    def _plausible(self, elapsed: float, wall: float) -> float:
+        """The query's answer, unless the wall clock shows it to be impossible: then queries are given up for good."""
+        if 0.0 < elapsed <= wall:
+            return elapsed
+        self._queries = False
+        return wall
 
 
 def work_of(device: Device, draw: Callable[[], object]) -> dict[str, int]:

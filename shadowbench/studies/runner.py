@@ -168,7 +168,7 @@ class Runner:
                             f"{block.scene.name} {format_spec(timing.cell.spec)}: no time: {timing.reason}"
                         )
                     else:
-                        store.append({"kind": "time", "key": keys[timing.cell], **timing.record(self.info.clock)})
+                        store.append({"kind": "time", "key": keys[timing.cell], **timing.record()})
                     self.reporter.step(format_spec(timing.cell.spec))
 
     def _write_truth(self, view: View, truth: Truth) -> None:

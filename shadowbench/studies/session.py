@@ -8,12 +8,13 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.gl.clock import Changes, Clock, work_of
+from shadowbench.gl.clock import Clock, PassTimes, work_of
 from shadowbench.gl.device import Device, open_device
 from shadowbench.gl.gbuffer import GBuffer, SurfacePass, download
 from shadowbench.gl.geometry import DeviceGeometry
@@ -71,9 +72,9 @@ class Timed:
     """Milliseconds of a cell, a value a round. Frames and passes come from different rounds."""
 
     frames: list[float]
-    passes: dict[str, list[float]]
-    changes: dict[str, Changes]
+    passes: list[PassTimes]
     prepare_ms: float
+    clock: str
 
 
 class Unsupported(Exception):
@@ -163,23 +164,24 @@ class Session:
                 built = self._build(request)
                 self.device.context.finish()
                 held.append((*built, (time.perf_counter() - start) * 1e3))
-            times = [Timed([], {}, {}, prepare) for *_, prepare in held]
             for technique, _, frame, _ in held:
                 for _ in range(WARM_UP):
                     technique.draw(frame)
+            frames: list[list[float]] = [[] for _ in held]
+            passes: list[list[PassTimes]] = [[] for _ in held]
             gc.collect()
             gc.disable()
             for _ in range(rounds):
-                for (technique, _, frame, _), timed in zip(held, times, strict=True):
-                    timed.frames.append(self.clock.frame(lambda t=technique, f=frame: t.draw(f)))  # type: ignore[misc]
+                for (technique, _, frame, _), ms in zip(held, frames, strict=True):
+                    ms.append(self.clock.frame(partial(technique.draw, frame)))
             for _ in range(max(rounds // 3, 1)):
-                for (technique, _, frame, _), timed in zip(held, times, strict=True):
-                    passes = self.clock.passes(lambda t=technique, f=frame: t.draw(f))  # type: ignore[misc]
-                    timed.changes.update(passes.changes)
-                    for name, ms in passes.ms.items():
-                        timed.passes.setdefault(name, []).append(ms)
+                for (technique, _, frame, _), drawn in zip(held, passes, strict=True):
+                    drawn.append(self.clock.passes(partial(technique.draw, frame)))
             self.device.check("timing")
-            return times
+            return [
+                Timed(ms, drawn, built[-1], self.clock.name)
+                for built, ms, drawn in zip(held, frames, passes, strict=True)
+            ]
         finally:
             gc.enable()
             for _, stage, _, _ in held:

@@ -53,12 +53,12 @@ class Timing:
     reference_times: Timed | None
     floor: Timed
 
-    def record(self, clock: str) -> dict[str, Any]:
+    def record(self) -> dict[str, Any]:
         """The time record: milliseconds as medians with their IQR; ratios are medians over rounds of one group."""
         frames = np.array(self.times.frames)
         frame_ms, frame_iqr = _median_iqr(frames)
         record: dict[str, Any] = {
-            "clock": clock,
+            "clock": self.times.clock,
             "n": len(frames),
             "frame_ms": frame_ms,
             "frame_iqr_ms": frame_iqr,
@@ -67,16 +67,20 @@ class Timing:
             "ratio": None,
             "ratio_iqr": None,
             "prepare_ms": self.times.prepare_ms,
-            "passes": {
-                name: dict(zip(("ms", "iqr_ms"), _median_iqr(np.array(ms)), strict=True))
-                | {"n": len(ms), "changes": self.times.changes[name]}
-                for name, ms in self.times.passes.items()
-            },
+            "passes": self._passes(),
         }
         if self.reference_times is not None:
             ratios = frames / np.array(self.reference_times.frames)
             record["ratio"], record["ratio_iqr"] = _median_iqr(ratios)
         return record
+
+    def _passes(self) -> dict[str, dict[str, Any]]:
+        rounds = self.times.passes
+        found = {}
+        for name, changes in rounds[0].changes.items():
+            ms, iqr_ms = _median_iqr(np.array([passes.ms[name] for passes in rounds]))
+            found[name] = {"ms": ms, "iqr_ms": iqr_ms, "n": len(rounds), "changes": changes}
+        return found
 
 
 @dataclass(frozen=True, eq=False)

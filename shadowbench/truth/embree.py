@@ -19,7 +19,7 @@ from shadowbench.scenes.model import Floats
 Result = TypeVar("Result")
 Vectors = Floats | NDArray[np.float32]
 
-RAYS_A_SLICE = 1 << 14  # float64 temporaries of a slice stay in the cache of a core
+RAYS_A_SLICE = 1 << 15  # float64 temporaries of a slice stay in the cache of a core
 NEVER = 1e30  # a ray length that no local scene reaches
 
 

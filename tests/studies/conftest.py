@@ -1,0 +1,276 @@
+"""Studies written for one test, plug-ins that behave and misbehave, and runs of both."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+from shadowbench.studies.runner import Result, Runner
+from shadowbench.studies.study import Study, read_study
+from shadowbench.studies.worker import Limits, Worker
+from shadowbench.techniques.registry import techniques
+
+HALF = '''
+"""A technique in one file, its shader inline."""
+
+from shadowbench.techniques.base import Technique, TechniqueParams, param
+
+SHADER = """
+uniform float level;
+out float visibility;
+void main() { visibility = level; }
+"""
+
+
+class Half(Technique):
+    """The same half-light everywhere."""
+
+    name = "half"
+
+    class Params(TechniqueParams):
+        """Parameters of half."""
+
+        level: float = param(0.5, "visibility of every pixel", ge=0, le=1)
+
+    def build(self, stage):
+        self.program = stage.program("fullscreen.vert", SHADER)
+        self.program.set(level=self.params.level)
+        self.fullscreen = stage.fullscreen(self.program)
+        self.visibility = stage.texture()
+        self.target = stage.target(self.visibility)
+
+    def draw(self, frame):
+        with frame.timed("fill"):
+            self.fullscreen.draw(self.target, frame.surface.inputs)
+        return self.visibility
+'''
+
+WILD = (
+    HALF.replace("Half", "Wild").replace('"half"', '"wild"')
+    + '''
+import ctypes
+import os
+import sys
+import time
+
+import numpy as np
+
+
+class Does(Wild):
+    """Half-light, and whatever a plug-in can do wrong, after so many draws that went well."""
+
+    name = "does"
+
+    class Params(Wild.Params):
+        """Parameters of does."""
+
+        what: str = param("nothing", "the misdeed")
+        after: int = param(0, "draws that go well")
+
+    def draw(self, frame):
+        self.draws = getattr(self, "draws", 0) + 1
+        texture = super().draw(frame)
+        if self.draws <= self.params.after:
+            return texture
+        return getattr(self, "do_" + self.params.what.replace("-", "_"))(texture) or texture
+
+    def do_nothing(self, texture):
+        return texture
+
+    def do_abort(self, texture):
+        os.abort()
+
+    def do_segv(self, texture):
+        ctypes.string_at(0)
+
+    def do_exit(self, texture):
+        sys.exit(0)
+
+    def do_hang(self, texture):
+        while True:
+            pass
+
+    def do_eat(self, texture):
+        held = [np.ones(8 << 20) for _ in range(48)]
+        while held:
+            pass
+
+    def do_raise(self, texture):
+        raise ZeroDivisionError("as planned\\non two lines")
+
+    def do_nan(self, texture):
+        texture.write(np.full(texture.size, np.nan, dtype=np.float32))
+
+    def do_bright(self, texture):
+        texture.write(np.full(texture.size, 2.0, dtype=np.float32))
+
+    def do_small(self, texture):
+        return texture.ctx.texture((8, 8), 1, data=bytes(256), dtype="f4")
+
+    def do_none(self, texture):
+        self.draw = lambda frame: None
+        return self.draw(None)
+
+    def do_gl_error(self, texture):
+        self.fullscreen.program.device.raw("glEnable", 0xDEAD)
+
+    def do_print(self, texture):
+        print("loud")
+        os.write(1, b"louder\\n")
+
+    def facts(self):
+        return {"odd": float("nan") if self.params.what == "odd-facts" else 1.0}
+
+    def do_odd_facts(self, texture):
+        return texture
+
+    def do_gate(self, texture):
+        while not os.path.exists(os.environ["GATE"]):
+            time.sleep(0.01)
+
+    def do_hold(self, texture):
+        # A call into C that never returns, and keeps Python's lock all the time.
+        ctypes.PyDLL(None).sleep(600)
+'''
+)
+
+
+@dataclass
+class Notebook:
+    """A reporter that keeps what it is told."""
+
+    notes: list[str] = field(default_factory=list)
+    steps: list[str] = field(default_factory=list)
+
+    def note(self, line: str) -> None:
+        self.notes.append(line)
+
+    def stage(self, name: str, total: int) -> None:
+        pass
+
+    def step(self, what: str) -> None:
+        self.steps.append(what)
+
+
+@dataclass
+class Bench:
+    """A worker with plug-ins, and studies run on it in this process."""
+
+    worker: Worker
+    plugins: Sequence[Path]
+    calls: list[str] = field(default_factory=list)
+
+    def study(self, folder: Path, text: str) -> Study:
+        folder.mkdir(parents=True, exist_ok=True)
+        file = folder / "study.toml"
+        file.write_text(text, encoding="utf-8")
+        return read_study(file, techniques(self.plugins))
+
+    def run(self, study: Study, folder: Path) -> list[Result]:
+        """The results; `calls` are then those that the worker got."""
+        self.worker.limits = Limits(study.time_limit, int(study.memory_limit * 2**30))
+        self.calls.clear()
+        self.notebook = Notebook()
+        runner = Runner(study, folder, self.worker, self.notebook)
+        return runner.run()
+
+
+@pytest.fixture(scope="session")
+def plugin_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("plugins")
+    (folder / "half.py").write_text(HALF)
+    (folder / "wild.py").write_text(WILD)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def half(plugin_folder: Path) -> Path:
+    """A file that defines one technique, `half`."""
+    return plugin_folder / "half.py"
+
+
+@pytest.fixture(scope="session")
+def wild(plugin_folder: Path) -> Path:
+    """A file that defines `does:what=…`, which misbehaves."""
+    return plugin_folder / "wild.py"
+
+
+@pytest.fixture(scope="module")
+def bench(half: Path, wild: Path) -> Iterator[Bench]:
+    """One worker for all tests of a file."""
+    plugins = (half, wild)
+    with Worker(plugins) as worker:
+        bench = Bench(worker, plugins)
+        call = worker.call
+
+        def noted(method: str, *arguments: Any, **options: Any) -> Any:
+            bench.calls.append(method)
+            return call(method, *arguments, **options)
+
+        worker.call = noted  # type: ignore[method-assign]
+        yield bench
+
+
+@dataclass
+class Started:
+    """A `shadowbench` of its own, in a session of its own, so that Ctrl-C reaches it and its worker alone."""
+
+    process: subprocess.Popen[str]
+
+    def family(self) -> list[psutil.Process]:
+        return psutil.Process(self.process.pid).children(recursive=True)
+
+    def until(self, reached: Callable[[], bool]) -> None:
+        """Wait for a condition that will come true, or for the end of the process, which is wrong."""
+        while not reached():
+            assert self.process.poll() is None, self.process.communicate()
+            time.sleep(0.005)
+
+    def end(self) -> tuple[int, str, str]:
+        out, err = self.process.communicate(timeout=120)
+        return self.process.returncode, out, err
+
+
+@pytest.fixture
+def start() -> Iterator[Callable[..., Started]]:
+    """Starts `shadowbench …`; what is still there at the end of the test is killed."""
+    started: list[Started] = []
+
+    def begin(*arguments: str | Path, **environment: str | Path) -> Started:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "shadowbench.cli", *map(str, arguments)],
+            env=os.environ | {name: str(value) for name, value in environment.items()},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+        started.append(Started(process))
+        return started[-1]
+
+    yield begin
+    for one in started:
+        if one.process.poll() is None:
+            for process in [*one.family(), psutil.Process(one.process.pid)]:
+                process.kill()
+            one.process.communicate()
+
+
+@pytest.fixture(scope="session")
+def records() -> Callable[..., list[dict[str, Any]]]:
+    """The records of a run folder in the order of the file, of one kind if asked."""
+
+    def read(folder: Path, kind: str | None = None) -> list[dict[str, Any]]:
+        file = folder / "rows.jsonl"
+        lines = file.read_text(encoding="utf-8").split("\n")[:-1] if file.exists() else []
+        return [record for record in map(json.loads, lines) if kind in (None, record["kind"])]
+
+    return read
