@@ -5,8 +5,17 @@
 // and the rest is nothing.
 uniform float filter_radius;  // texels
 
-float tan_theta(Receiver r) {
-    return sqrt(max(1.0 - r.cosine * r.cosine, 0.0)) / max(r.cosine, 1e-6);
+// Of the angle between the surface and the map's plane. For a directional light that is θ, the angle between N and L;
+// for a spot it differs from θ off the axis, where even a surface that faces the light changes its depth in the map.
+float sin_slope(Receiver r) {
+    float along = dot(r.normal, light_axis);
+    return sqrt(max(1.0 - along * along, 0.0));
+}
+
+// Depth along the axis that the surface gains for each length across the map: on the plane N·P = c seen in direction
+// d (d·axis = 1) the depth is c/(N·d), and its gradient is |N across the axis| · depth/(N·d).
+float tan_slope(Receiver r, MapPoint p) {
+    return sin_slope(r) * p.axis_distance / (r.distance * max(r.cosine, 1e-6));
 }
 
 #include <bias>

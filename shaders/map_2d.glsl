@@ -4,6 +4,7 @@
 uniform mat4 world_to_map;
 uniform mat4 map_to_world;
 uniform vec2 texel_width;  // local lengths of a texel; for a spot at unit distance along its axis
+uniform vec3 light_axis;   // unit vector from the map's plane back towards the light
 uniform float depth_scale; // depth per local length along the axis: 1/(far − near); for a spot f·n/(f − n)
 uniform float depth_step;  // spacing of stored depths near 1
 
@@ -14,19 +15,19 @@ struct MapPoint {
     vec2 uv;
     float depth;
     float axis_distance;     // along the light's axis; 1 for a directional light
-    float depth_per_length;  // towards the light, in local lengths
+    float depth_per_length;  // along the light's axis, in local lengths
     vec2 texel;              // local lengths of a texel at the receiver
     float bias;              // subtracted from the depth, in depth units
     vec2 gradient;           // of the receiver's depth over uv
 };
 
-MapPoint map_point(vec3 position, float light_distance) {
+MapPoint map_point(vec3 position) {
     MapPoint p;
     vec4 projected = world_to_map * vec4(position, 1.0);
     p.uv = projected.xy / projected.w;
     p.depth = projected.z / projected.w;
     p.axis_distance = projected.w;
-    p.depth_per_length = depth_scale / (projected.w * light_distance);
+    p.depth_per_length = depth_scale / (projected.w * projected.w);
     p.texel = texel_width * projected.w;
     p.bias = 0.0;
     p.gradient = vec2(0.0);

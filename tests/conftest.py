@@ -53,3 +53,18 @@ def shadowbench(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[st
         return Answer(code or 0, *capfd.readouterr())
 
     return call
+
+
+@pytest.fixture(scope="session")
+def only_device() -> Device:
+    """The context of this process. Tests take `device`, which sees to it that it is current."""
+    return open_device()
+
+
+@pytest.fixture
+def device(only_device: Device) -> Iterator[Device]:
+    """The GL device, without an error before the test and after it."""
+    with only_device.context:
+        only_device.check("whatever ran before this test")
+        yield only_device
+        only_device.check("this test")

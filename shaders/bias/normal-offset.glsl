@@ -6,8 +6,7 @@ uniform float bias_scale;
 uniform float bias_ulps;
 
 vec3 bias_move(Receiver r, vec2 texel) {
-    float sine = sqrt(max(1.0 - r.cosine * r.cosine, 0.0));
-    return r.normal * (bias_scale * filter_radius * length(texel) * sine);
+    return r.normal * (bias_scale * filter_radius * length(texel) * sin_slope(r));
 }
 
 float bias_depth(Receiver r, MapPoint p) { return bias_ulps * depth_step; }

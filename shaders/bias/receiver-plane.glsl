@@ -19,7 +19,7 @@ vec2 bias_gradient(Receiver r, MapPoint p) {
     vec2 gradient = -plane.xy / plane.z;
     if (plane.z == 0.0) gradient = vec2(0.0);
 #endif
-    return gradient * min(1.0, bias_limit / max(tan_theta(r), 1e-6));
+    return gradient * min(1.0, bias_limit / max(tan_slope(r, p), 1e-6));
 }
 
 float bias_depth(Receiver r, MapPoint p) {

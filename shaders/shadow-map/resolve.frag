@@ -7,8 +7,8 @@ out float visibility;
 
 void main() {
     Receiver r = receiver_at(ivec2(gl_FragCoord.xy));
-    MapPoint p = map_point(r.position, r.distance);
-    p = map_point(r.position + bias_move(r, p.texel), r.distance);
+    MapPoint p = map_point(r.position);
+    p = map_point(r.position + bias_move(r, p.texel));
     p.bias = bias_depth(r, p);
     p.gradient = bias_gradient(r, p);  // before any branch: screen derivatives need all four pixels of a quad
     visibility = 1.0;

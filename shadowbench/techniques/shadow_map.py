@@ -10,7 +10,7 @@ from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import download
 from shadowbench.gl.program import Sampling, State
 from shadowbench.gl.targets import DepthFormat
-from shadowbench.scenes.model import View
+from shadowbench.scenes.model import View, vec3
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.biases import Bias, Texel
 from shadowbench.techniques.filters import Filter, Hardware
@@ -113,6 +113,7 @@ class ShadowMap(Technique):
             world_to_map=to_map,
             map_to_world=np.linalg.inv(to_map).astype(np.float64),
             texel_width=seen.texel,
+            light_axis=vec3(seen.space.basis[2]),
             depth_scale=seen.depth_scale,
         )
         border = 0.0 if params.reversed else 1.0

@@ -3,6 +3,7 @@
 import hashlib
 import os
 import zipfile
+import zlib
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -48,13 +49,14 @@ def write_truth(file: Path, truth: Truth) -> None:
 
 
 def read_truth(file: Path) -> Truth | None:
-    """The truth in a file, None when it is missing or cut short."""
+    """The truth in a file, None when it is missing, cut short, damaged or something else."""
     try:
-        with np.load(file) as arrays:
+        # np.load leaves a file that it cannot read open, unless it is given one.
+        with file.open("rb") as stream, np.load(stream) as arrays:
             values = {name: arrays[name] for name in arrays.files}
-    except (FileNotFoundError, zipfile.BadZipFile, EOFError, ValueError):
+        return Truth(**{**values, "diagonal": float(values["diagonal"])})
+    except (FileNotFoundError, zipfile.BadZipFile, zlib.error, EOFError, ValueError, KeyError, TypeError):
         return None
-    return Truth(**{**values, "diagonal": float(values["diagonal"])})
 
 
 @cache

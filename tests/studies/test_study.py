@@ -1,0 +1,288 @@
+"""Study files: what is crossed with what, and one line for what may not stand there."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from shadowbench.data import data_folder
+from shadowbench.errors import InputError
+from shadowbench.studies.study import Block, Study, find_study, read_study, study_names
+from shadowbench.techniques.registry import techniques
+from shadowbench.techniques.spec import format_spec
+
+SCENE = 'scenes = ["cube-on-plane"]\n'
+KNOWN = techniques()
+ReadStudy = Callable[[str], Study]
+
+TWO_OF_EACH = """
+name = "pair"
+[[camera]]
+position = [2, 2, 3]
+target = [0, 0.5, 0]
+[[camera]]
+name = "low"
+position = [0, 0.4, 4]
+target = [0, 0.5, 0]
+[[light]]
+kind = "directional"
+direction = [1, -1, -1]
+[[light]]
+name = "noon"
+kind = "directional"
+direction = [0, -1, 0]
+[[mesh]]
+shape = "box"
+"""
+
+
+@pytest.fixture
+def read(tmp_path: Path) -> ReadStudy:
+    def reader(text: str) -> Study:
+        file = tmp_path / "study.toml"
+        file.write_text(text, encoding="utf-8")
+        return read_study(file, KNOWN)
+
+    return reader
+
+
+@pytest.fixture
+def pair(tmp_path: Path) -> str:
+    """A study's line for a scene of two cameras and two lights beside it."""
+    (tmp_path / "pair.toml").write_text(TWO_OF_EACH)
+    return 'scenes = ["pair.toml"]\ntechnique = [{ spec = "unshadowed" }]\n'
+
+
+def specs(study: Study) -> list[str]:
+    return [format_spec(cell.spec) for cell in study.cells()]
+
+
+def named(blocks: list[Block]) -> list[tuple[str, str]]:
+    return [(block.view.camera.name, block.view.light.name) for block in blocks]
+
+
+def test_what_a_study_leaves_out_has_the_promised_defaults(read: ReadStudy) -> None:
+    study = read(SCENE)
+    assert [spec.technique.name for spec in study.specs] == list(KNOWN)
+    assert study.map_sizes == ()
+    assert (study.view_size, study.rounds, study.phases) == (512, 9, 1)
+    assert (study.time_limit, study.memory_limit) == (120, 8)
+    assert study.coordinates == "relative"
+    assert format_spec(study.reference, full=True).startswith("shadow-map:")
+    assert study.reference.map_size == 1024
+    assert (study.views, study.lights) == (("file",), ("file",))
+    assert study.notes == ()
+
+
+@pytest.mark.parametrize("name", study_names())
+def test_the_studies_that_travel_along_are_whole(name: str) -> None:
+    study = read_study(find_study(name), KNOWN)
+    assert study.about
+    assert study.cells()
+    assert study.notes == ()
+    assert all(block.cells for block in study.blocks())
+
+
+def test_there_are_studies() -> None:
+    assert {"default", "demo"} <= set(study_names())
+    assert find_study("demo") == data_folder("benchmarks") / "demo.toml"
+
+
+def test_lists_are_crossed(read: ReadStudy) -> None:
+    study = read(
+        SCENE + '[[technique]]\nspec = "shadow-map:size=64"\nbias = ["none", "slope(max=0.05,min=0.005)"]\n'
+        'filter = ["hard", "pcf(taps=5)"]\n'
+    )
+    assert specs(study) == [
+        "shadow-map:size=64,bias=none,filter=hard",
+        "shadow-map:size=64,bias=none,filter=pcf(taps=5)",
+        "shadow-map:size=64,bias=slope,filter=hard",
+        "shadow-map:size=64,bias=slope,filter=pcf(taps=5)",
+    ]
+
+
+def test_a_single_value_needs_no_list(read: ReadStudy) -> None:
+    assert specs(read(SCENE + '[[technique]]\nspec = "shadow-map"\nsize = 64\n')) == ["shadow-map:size=64"]
+
+
+def test_what_comes_twice_runs_once(read: ReadStudy) -> None:
+    study = read(
+        'scenes = ["cube-on-plane", "cube-on-plane"]\nviews = ["file", "camera"]\nlights = ["file", "light"]\n'
+        'map_size = [64, 64]\n[[technique]]\nspec = "shadow-map"\n[[technique]]\nspec = "shadow-map"\nsize = [64, 32]\n'
+        '[[technique]]\nspec = "shadow-map:bias=texel"\n'
+    )
+    assert specs(study) == ["shadow-map:size=64", "shadow-map:size=32"]
+    assert named(list(study.blocks())) == [("camera", "light")]
+
+
+def test_a_map_size_goes_where_there_is_a_map_and_no_size_of_its_own(read: ReadStudy) -> None:
+    study = read(
+        SCENE + "map_size = [64, 128]\n"
+        '[[technique]]\nspec = "unshadowed"\n'
+        '[[technique]]\nspec = "shadow-map"\n'
+        '[[technique]]\nspec = "shadow-map:size=256"\n'
+        '[[technique]]\nspec = "shadow-map:preset=webgl"\n'
+        '[[technique]]\nspec = "shadow-map:bias=none"\nsize = 32\n'
+    )
+    assert [(cell.spec.technique.name, cell.spec.map_size) for cell in study.cells()] == [
+        ("unshadowed", None),
+        ("shadow-map", 64),
+        ("shadow-map", 128),
+        ("shadow-map", 256),
+        ("shadow-map", 512),
+        ("shadow-map", 32),
+    ]
+
+
+def test_one_map_size_needs_no_list_and_none_leaves_the_default(read: ReadStudy) -> None:
+    one = '[[technique]]\nspec = "shadow-map"\n'
+    assert specs(read(SCENE + "map_size = 64\n" + one)) == ["shadow-map:size=64"]
+    assert [cell.spec.map_size for cell in read(SCENE + one).cells()] == [1024]
+
+
+def test_only_techniques_with_a_grid_have_phases(read: ReadStudy) -> None:
+    study = read(SCENE + 'phases = 3\ntechnique = [{ spec = "unshadowed" }, { spec = "shadow-map" }]\n')
+    assert [(cell.spec.technique.name, cell.phase) for cell in study.cells()] == [
+        ("unshadowed", 0),
+        ("shadow-map", 0),
+        ("shadow-map", 1),
+        ("shadow-map", 2),
+    ]
+
+
+def test_a_sweep_multiplies_the_computed_bias(read: ReadStudy) -> None:
+    study = read(SCENE + '[[technique]]\nspec = "shadow-map:bias=texel(scale=2)"\nbias_sweep = [0.25, 1, 4]\n')
+    assert [spec.params.bias.scale for spec in study.specs] == [0.5, 2, 8]  # type: ignore[attr-defined]
+
+
+def test_a_combination_that_means_nothing_is_dropped_and_said(read: ReadStudy) -> None:
+    study = read(
+        SCENE + '[[technique]]\nspec = "shadow-map"\nbias = ["texel", "none"]\nbias_sweep = [0.5, 2]\n',
+    )
+    assert [format_spec(spec) for spec in study.specs] == [
+        "shadow-map:bias=texel(scale=0.5)",
+        "shadow-map:bias=texel(scale=2.0)",
+    ]
+    (note,) = study.notes
+    assert "technique 1: dropped" in note
+    assert "bias=none" in note
+
+
+def test_file_is_the_first_camera_and_every_light(read: ReadStudy, pair: str) -> None:
+    assert named(list(read(pair).blocks())) == [("camera", "light"), ("camera", "noon")]
+
+
+def test_cameras_and_lights_are_chosen_by_name(read: ReadStudy, pair: str) -> None:
+    study = read(pair.replace("technique", 'views = ["low", "file"]\nlights = ["noon"]\ntechnique', 1))
+    assert named(list(study.blocks())) == [("low", "noon"), ("camera", "noon")]
+
+
+def test_cameras_and_lights_are_written_as_tables(read: ReadStudy, pair: str) -> None:
+    study = read(
+        'views = ["file", { position = [0, 1, 5], target = [0, 0, 0], fov_y = 90 }, '
+        '{ name = "near", position = [0, 1, 2], target = [0, 0, 0] }]\n'
+        'lights = [{ name = "lamp", kind = "point", position = [0, 3, 0], radius = 0.5 }]\n' + pair
+    )
+    blocks = list(study.blocks())
+    assert named(blocks) == [("camera", "lamp"), ("view-2", "lamp"), ("near", "lamp")]
+    assert blocks[1].view.camera.fov_y == pytest.approx(math.pi / 2)
+    assert blocks[1].view.camera.near is not None
+    assert ["radius 0.5 m taken as 0" in note for note in study.notes] == [True]
+
+
+def test_scenes_are_names_or_lie_beside_the_study(read: ReadStudy, tmp_path: Path, pair: str) -> None:
+    (tmp_path / "below").mkdir()
+    (tmp_path / "below" / "other.toml").write_text(TWO_OF_EACH.replace("pair", "other"))
+    study = read('scenes = ["pair.toml", "below/other.toml", "cube-on-plane"]\n')
+    assert list(dict.fromkeys(block.scene.name for block in study.blocks())) == ["pair", "other", "cube-on-plane"]
+
+
+def test_absolute_coordinates_and_limits_are_taken(read: ReadStudy) -> None:
+    study = read(SCENE + 'coordinates = "absolute"\ntime_limit = 1.5\nmemory_limit = 0.5\nabout = "why"\n')
+    assert (study.coordinates, study.time_limit, study.memory_limit, study.about) == ("absolute", 1.5, 0.5, "why")
+
+
+ONE = '[[technique]]\nspec = "shadow-map"\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("scenes = [", ["not TOML"]),
+        ("", ["scenes"]),
+        ("scenes = []\n", ["scenes"]),
+        ("scenes = [1]\n", ["scenes"]),
+        (SCENE + "size = 3\n", ["unknown field 'size'", "map_size"]),
+        (SCENE + "map_size = 0\n", ["map_size", "0"]),
+        (SCENE + "map_size = [512, 1.5]\n", ["map_size", "1.5"]),
+        (SCENE + "map_size = []\n", ["map_size"]),
+        (SCENE + "map_size = 65537\n", ["map_size", "65537"]),
+        (SCENE + 'map_size = "512"\n', ["map_size", "'512'"]),
+        (SCENE + "view_size = 0\n", ["view_size", "0"]),
+        (SCENE + "view_size = true\n", ["view_size", "True"]),
+        (SCENE + "rounds = -1\n", ["rounds", "-1"]),
+        (SCENE + "phases = 0\n", ["phases", "0"]),
+        (SCENE + 'coordinates = "polar"\n', ["coordinates", "relative", "absolute", "'polar'"]),
+        (SCENE + "time_limit = 0\n", ["time_limit", "0"]),
+        (SCENE + "time_limit = nan\n", ["time_limit", "nan"]),
+        (SCENE + "memory_limit = -1\n", ["memory_limit", "-1"]),
+        (SCENE + 'reference = "no-map"\n', ["reference", "no-map", "shadow-map"]),
+        (SCENE + "views = []\n", ["views"]),
+        (SCENE + "views = [{ position = [0, 1, 5] }]\n", ["views 1", "target"]),
+        (SCENE + "views = [3]\n", ["views"]),
+        (SCENE + 'lights = [{ kind = "moon" }]\n', ["lights 1", "kind", "'moon'", "directional"]),
+        (SCENE + "lights = []\n", ["lights"]),
+        (SCENE + "technique = []\n", ["technique"]),
+        (SCENE + "[[technique]]\nsize = 64\n", ["technique 1", "spec"]),
+        (SCENE + '[[technique]]\nspec = "no-map"\n', ["technique 1", "no-map", "shadow-map"]),
+        (SCENE + '[[technique]]\nspec = "shadow-map:taps=3"\n', ["technique 1", "'taps'", "filter"]),
+        (SCENE + '[[technique]]\nspec = "shadow-map:preset=nice"\n', ["technique 1", "'nice'", "course"]),
+        (SCENE + ONE + "taps = 3\n", ["technique 1", "'taps'", "filter"]),
+        (SCENE + ONE + ONE + "size = [64, 0]\n", ["technique 2", "size", "0"]),
+        (SCENE + ONE + 'bias = ["texel", "velvet"]\n', ["technique 1", "'velvet'", "slope"]),
+        (SCENE + ONE + "bias = []\n", ["technique 1", "bias"]),
+        (SCENE + ONE + 'bias_sweep = [1, "two"]\n', ["technique 1", "bias_sweep", "'two'"]),
+        (SCENE + ONE + "bias_sweep = [-1]\n", ["technique 1", "bias_sweep", "-1"]),
+        (SCENE + ONE + "bias_sweep = []\n", ["technique 1", "bias_sweep"]),
+        (SCENE + '[[technique]]\nspec = "unshadowed"\nbias_sweep = [2]\n', ["technique 1", "bias_sweep", "unshadowed"]),
+    ],
+)
+def test_a_wrong_field_is_one_line(read: ReadStudy, text: str, words: list[str]) -> None:
+    with pytest.raises(InputError) as error:
+        read(text)
+    line = str(error.value)
+    assert "\n" not in line
+    assert line.partition(":")[0].endswith("study.toml")
+    assert [word for word in words if word not in line] == []
+
+
+def test_a_missing_study_a_folder_and_unreadable_bytes_are_one_line(tmp_path: Path) -> None:
+    (tmp_path / "latin.toml").write_bytes(b'about = "\xe9"\n')
+    for file, word in [("none.toml", "no such"), (".", "cannot be read"), ("latin.toml", "cannot be read")]:
+        with pytest.raises(InputError, match=word) as error:
+            read_study(tmp_path / file, KNOWN)
+        assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(("field", "word"), [("views", "camera, low"), ("lights", "light, noon")])
+def test_an_unknown_camera_or_light_lists_the_known(read: ReadStudy, pair: str, field: str, word: str) -> None:
+    study = read(f'{field} = ["dusk"]\n' + pair)
+    with pytest.raises(InputError, match=f"{field} of pair: found 'dusk'; allowed: {word}"):
+        list(study.blocks())
+
+
+def test_a_misspelt_built_in_scene_is_told_its_name(read: ReadStudy) -> None:
+    with pytest.raises(InputError, match="did you mean 'cube-on-plane'"):
+        list(read('scenes = ["cube-on-plain"]\n').blocks())
+
+
+def test_different_scenes_views_or_lights_of_one_name_are_refused(read: ReadStudy, pair: str, tmp_path: Path) -> None:
+    (tmp_path / "twin.toml").write_text(TWO_OF_EACH)
+    with pytest.raises(InputError, match=r"two scenes .*'pair'.*pair\.toml.*twin\.toml"):
+        list(read('scenes = ["pair.toml", "twin.toml"]\n').blocks())
+    other = '{ name = "low", position = [0, 1, 5], target = [0, 0, 0] }'
+    with pytest.raises(InputError, match="views of pair: two are called 'low'"):
+        list(read(f'views = ["low", {other}]\n' + pair).blocks())
+    with pytest.raises(InputError, match="lights of pair: two are called 'noon'"):
+        list(read('lights = ["file", { name = "noon", kind = "point", position = [0, 3, 0] }]\n' + pair).blocks())

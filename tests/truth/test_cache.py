@@ -1,0 +1,155 @@
+"""A truth is traced once for what it depends on."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from shadowbench.scenes.model import Light, Mesh, View
+from shadowbench.truth import cache
+from shadowbench.truth.cache import cache_folder, cached_truth, read_truth
+from shadowbench.truth.trace import Truth, trace
+
+
+class TracedAgainError(Exception):
+    """Tracing was not to happen."""
+
+
+@pytest.fixture(autouse=True)
+def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("SHADOWBENCH_CACHE", str(tmp_path))
+    return tmp_path
+
+
+@pytest.fixture
+def view(shape: Callable[..., Mesh], looking: Callable[..., View]) -> View:
+    sun = Light("sun", "directional", (0.5, -1.0, -0.3))
+    return looking([shape("plane", 8.0), shape("box", at=(0, 0.5, 0))], sun, size=32)
+
+
+@pytest.fixture
+def no_tracing(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
+    def forbid() -> None:
+        def refuse(*_: object) -> Truth:
+            raise TracedAgainError
+
+        monkeypatch.setattr(cache, "trace", refuse)
+
+    return forbid
+
+
+def assert_equal(first: Truth, second: Truth) -> None:
+    assert first.arrays().keys() == second.arrays().keys()
+    for name, array in first.arrays().items():
+        assert second.arrays()[name].dtype == array.dtype
+        assert np.array_equal(second.arrays()[name], array), name
+
+
+def test_second_time_nothing_is_traced(view: View, no_tracing: Callable[[], None]) -> None:
+    first = cached_truth(view)
+    assert_equal(first, trace(view))
+    no_tracing()
+    assert_equal(cached_truth(view), first)
+
+
+def test_names_are_not_part_of_the_key(view: View, no_tracing: Callable[[], None]) -> None:
+    cached_truth(view)
+    no_tracing()
+    scene = replace(view.scene, name="another name")
+    cached_truth(replace(view, scene=scene, camera=replace(view.camera, name="c"), light=replace(view.light, name="l")))
+
+
+def moved_vertex(view: View) -> View:
+    ground, box = view.scene.meshes
+    vertices = box.vertices.copy()
+    vertices[0, 0] = np.nextafter(vertices[0, 0], np.inf)
+    return replace(view, scene=replace(view.scene, meshes=(ground, replace(box, vertices=vertices))))
+
+
+def without_casting(view: View) -> View:
+    ground, box = view.scene.meshes
+    return replace(view, scene=replace(view.scene, meshes=(ground, replace(box, casts=False))))
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        lambda view: replace(view, camera=replace(view.camera, position=(2.3, 4.0, 3.4000001))),
+        lambda view: replace(view, camera=replace(view.camera, far=99.0)),
+        lambda view: replace(view, light=replace(view.light, direction=(0.5, -1.0, -0.30001))),
+        lambda view: replace(view, size=33),
+        moved_vertex,
+        without_casting,
+    ],
+    ids=["camera", "far", "light", "size", "vertex", "casts"],
+)
+def test_another_view_is_traced(
+    other: Callable[[View], View], view: View, no_tracing: Callable[[], None]
+) -> None:
+    cached_truth(view)
+    no_tracing()
+    with pytest.raises(TracedAgainError):
+        cached_truth(other(view))
+
+
+def test_other_numbers_of_samples_are_traced(view: View, no_tracing: Callable[[], None]) -> None:
+    cached_truth(view)
+    no_tracing()
+    with pytest.raises(TracedAgainError):
+        cached_truth(view, pixel_samples=5)
+    with pytest.raises(TracedAgainError):
+        cached_truth(view, light_samples=2)
+
+
+def test_other_sources_are_traced(
+    view: View, no_tracing: Callable[[], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cached_truth(view)
+    no_tracing()
+    monkeypatch.setattr(cache, "_sources", lambda: "a changed tracer")
+    with pytest.raises(TracedAgainError):
+        cached_truth(view)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.01, 0.5, 0.999])
+def test_file_cut_short_is_traced_again(share: float, view: View, empty_folder: Path) -> None:
+    first = cached_truth(view)
+    (file,) = empty_folder.iterdir()
+    content = file.read_bytes()
+    file.write_bytes(content[: int(len(content) * share)])
+    assert_equal(cached_truth(view), first)
+    kept = read_truth(file)
+    assert kept is not None
+    assert_equal(kept, first)
+
+
+@pytest.mark.parametrize("place", [40, 100, 200, 400, 800])
+def test_damaged_file_is_traced_again(place: int, view: View, empty_folder: Path) -> None:
+    first = cached_truth(view)
+    (file,) = empty_folder.iterdir()
+    content = bytearray(file.read_bytes())
+    content[place : place + 16] = b"\xff" * 16
+    file.write_bytes(content)
+    assert_equal(cached_truth(view), first)
+
+
+def test_file_of_something_else_is_no_truth(tmp_path: Path) -> None:
+    np.savez(tmp_path / "other.npz", visibility=np.zeros(3))
+    assert read_truth(tmp_path / "other.npz") is None
+
+
+def test_oldest_truths_go_first(view: View, empty_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    cached_truth(view)
+    (oldest,) = empty_folder.iterdir()
+    monkeypatch.setattr(cache, "KEPT_BYTES", int(1.5 * oldest.stat().st_size))
+    cached_truth(replace(view, light=replace(view.light, direction=(0.4, -1.0, -0.3))))
+    assert len(list(empty_folder.iterdir())) == 1
+    assert not oldest.exists()
+
+
+def test_folder_is_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SHADOWBENCH_CACHE", str(tmp_path / "a" / "b"))
+    assert cache_folder() == tmp_path / "a" / "b"
+    assert cache_folder().is_dir()
