@@ -1,23 +1,20 @@
-"""What all tests share: larger scenes, a truth cache of their own, and the command line."""
+"""What all tests share: larger scenes, a truth cache of their own, the GL device and views on it."""
 
 import os
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from shadowbench.cli import main
-
-
-@dataclass(frozen=True)
-class Answer:
-    """What a command answered."""
-
-    code: int
-    out: str
-    err: str
+from shadowbench.gl.device import Device, Freeable, open_device
+from shadowbench.gl.gbuffer import GBuffer, SurfacePass, download
+from shadowbench.gl.geometry import DeviceGeometry
+from shadowbench.scenes.library import load_scene
+from shadowbench.scenes.model import Placement, Scene, View, view_of
+from shadowbench.truth.trace import Truth, trace
 
 
 @pytest.fixture(scope="session")
@@ -39,22 +36,6 @@ def truth_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         yield
 
 
-@pytest.fixture
-def shadowbench(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Callable[..., Answer]:
-    """Calls the command line in this process; a worker's output is caught too."""
-
-    def call(*arguments: str | Path) -> Answer:
-        monkeypatch.setattr(sys, "argv", ["shadowbench", *map(str, arguments)])
-        capfd.readouterr()
-        with pytest.raises(SystemExit) as stop:
-            main()
-        code = stop.value.code
-        assert isinstance(code, int) or code is None
-        return Answer(code or 0, *capfd.readouterr())
-
-    return call
-
-
 @pytest.fixture(scope="session")
 def only_device() -> Device:
     """The context of this process. Tests take `device`, which sees to it that it is current."""
@@ -68,3 +49,79 @@ def device(only_device: Device) -> Iterator[Device]:
         only_device.check("whatever ran before this test")
         yield only_device
         only_device.check("this test")
+
+
+@dataclass(eq=False)
+class Shot:
+    """A view on the device. `view` is in local coordinates, `filed` in the file's; images have row 0 at the top."""
+
+    filed: View
+    view: View
+    placement: Placement
+    geometry: DeviceGeometry
+    surface: GBuffer
+
+    @cached_property
+    def position(self) -> np.ndarray:
+        return download(self.surface.position).astype(np.float64)
+
+    @cached_property
+    def normal(self) -> np.ndarray:
+        return download(self.surface.normal).astype(np.float64)
+
+    @cached_property
+    def triangle(self) -> np.ndarray:
+        return self.surface.triangles()
+
+
+class Studio:
+    """Puts views on the device; what it made is freed after the test."""
+
+    def __init__(self, device: Device) -> None:
+        self.device = device
+        self._scenes: dict[Scene, tuple[Scene, DeviceGeometry, SurfacePass]] = {}
+        self._held: list[Freeable] = []
+
+    def shot(self, filed: View) -> Shot:
+        """The G-buffer of a view in file coordinates; views of one scene share its geometry."""
+        placement = filed.scene.placement
+        if filed.scene not in self._scenes:
+            scene = placement.scene(filed.scene)
+            geometry = DeviceGeometry(self.device, scene.geometry)
+            self._scenes[filed.scene] = scene, geometry, SurfacePass(self.device, geometry)
+            self._held[:0] = [self._scenes[filed.scene][2], geometry]
+        scene, geometry, surface_pass = self._scenes[filed.scene]
+        view = View(scene, placement.camera(filed.camera), placement.light(filed.light), filed.size)
+        surface = surface_pass.draw(view)
+        self._held.insert(0, surface)
+        return Shot(filed, view, placement, geometry, surface)
+
+    def release(self) -> None:
+        for thing in self._held:
+            thing.release()
+
+
+@pytest.fixture
+def studio(device: Device) -> Iterator[Studio]:
+    """Where views are put on the device."""
+    studio = Studio(device)
+    yield studio
+    studio.release()
+
+
+@pytest.fixture(scope="session")
+def builtin() -> Callable[..., View]:
+    """The first view of a built-in scene, each scene loaded once."""
+    load = lru_cache(load_scene)
+
+    def view(name: str, size: int = 256) -> View:
+        scene = load(name)
+        return view_of(scene, scene.cameras[0], scene.lights[0], size)
+
+    return view
+
+
+@pytest.fixture(scope="session")
+def truth_of(builtin: Callable[..., View]) -> Callable[..., Truth]:
+    """The truth of the first view of a built-in scene, traced once."""
+    return lru_cache(lambda name, size=256: trace(builtin(name, size), pixel_samples=1))

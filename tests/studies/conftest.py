@@ -13,6 +13,7 @@ from typing import Any
 import psutil
 import pytest
 
+from shadowbench.cli import main
 from shadowbench.studies.runner import Result, Runner
 from shadowbench.studies.study import Study, read_study
 from shadowbench.studies.worker import Limits, Worker
@@ -274,3 +275,28 @@ def records() -> Callable[..., list[dict[str, Any]]]:
         return [record for record in map(json.loads, lines) if kind in (None, record["kind"])]
 
     return read
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a command answered."""
+
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def shadowbench(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Callable[..., Answer]:
+    """Calls the command line in this process; a worker's output is caught too."""
+
+    def call(*arguments: str | Path) -> Answer:
+        monkeypatch.setattr(sys, "argv", ["shadowbench", *map(str, arguments)])
+        capfd.readouterr()
+        with pytest.raises(SystemExit) as stop:
+            main()
+        code = stop.value.code
+        assert isinstance(code, int) or code is None
+        return Answer(code or 0, *capfd.readouterr())
+
+    return call

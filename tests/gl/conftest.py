@@ -1,0 +1,45 @@
+"""Programs of a few lines of GLSL, and targets to draw them into."""
+
+from collections.abc import Callable, Iterator
+
+import moderngl
+import numpy as np
+import pytest
+
+from shadowbench.data import data_folder
+from shadowbench.gl.device import Device
+from shadowbench.gl.program import Drawable, Program, State, link
+from shadowbench.gl.shaders import VERSION, compose
+
+FULLSCREEN = "fullscreen.vert"
+
+
+@pytest.fixture
+def program(device: Device) -> Iterator[Callable[..., Program]]:
+    """A program of a fragment shader's text, over the whole target unless a vertex shader is given."""
+    programs: list[Program] = []
+
+    def make(fragment: str, vertex: str | None = None) -> Program:
+        vertex = compose(FULLSCREEN, [data_folder("shaders")]) if vertex is None else f"{VERSION}\n{vertex}"
+        programs.append(link(device, vertex, f"{VERSION}\n{fragment}"))
+        return programs[-1]
+
+    yield make
+    device.free(one.linked for one in programs)
+
+
+@pytest.fixture
+def paint(device: Device) -> Callable[..., np.ndarray]:
+    """What a program writes into a float image, one component, row 0 at the bottom; 0 where nothing is drawn."""
+
+    def draw(program: Program, textures=None, side: int = 4, mode: int = moderngl.TRIANGLES, count: int = 3):
+        image = device.context.texture((side, side), 1, dtype="f4")
+        target = device.context.framebuffer([image])
+        target.clear()
+        vertices = device.context.vertex_array(program.linked, [])
+        Drawable(program, vertices, mode, count).draw(target, textures or {}, State())
+        values = np.frombuffer(image.read(), dtype=np.float32).reshape(side, side)
+        device.free((vertices, target, image))
+        return values
+
+    return draw

@@ -1,0 +1,92 @@
+"""The context, what the driver says of itself, and the entry points that moderngl lacks."""
+
+import gc
+import re
+
+import psutil
+import pytest
+
+from shadowbench.errors import NoGLError
+from shadowbench.gl import device as device_module
+from shadowbench.gl.device import Device, open_device
+from shadowbench.gl.raw import _SIGNATURES
+
+MAJOR_VERSION, MINOR_VERSION = 0x821B, 0x821C
+
+
+def test_context_is_at_least_4_1_and_core(device: Device) -> None:
+    assert device.version >= 410
+    major, minor = device.raw.integer(MAJOR_VERSION), device.raw.integer(MINOR_VERSION)
+    assert device.version == 100 * major + 10 * minor
+
+
+def test_device_says_what_it_is(device: Device) -> None:
+    assert re.search(r"\d+\.\d+", device.renderer), "rows of different drivers must not mix"
+    assert device.vendor
+    assert device.max_map_size >= 4096
+    assert 4 <= device.subpixel_bits <= 16
+
+
+def test_llvmpipe_is_known_as_software(device: Device) -> None:
+    assert device.software == ("llvmpipe" in device.renderer or "softpipe" in device.renderer)
+
+
+@pytest.mark.parametrize("renderer", ["NVIDIA H200", "Apple M2", "AMD Radeon RX 7800", "Mesa Intel(R) Graphics"])
+def test_a_gpu_is_not_software(renderer: str) -> None:
+    device = Device(None)
+    device.renderer = f"{renderer}, 4.6.0"
+    assert not device.software
+
+
+def test_an_extension_is_there_by_name_or_by_version(device: Device) -> None:
+    assert device.has("GL_nobody_has_this", device.version)
+    assert not device.has("GL_nobody_has_this", device.version + 10)
+    some = min(device.context.extensions)
+    assert device.has(some, device.version + 10)
+
+
+def test_every_declared_entry_point_that_4_1_promises_can_be_loaded(device: Device) -> None:
+    newer = {"glClipControl"}
+    for name in _SIGNATURES.keys() - newer:
+        assert device.context.mglo._context.load(name), name
+
+
+def test_a_missing_entry_point_is_named(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(device.raw, "_load", lambda name: 0)
+    with pytest.raises(NotImplementedError, match="the OpenGL driver has no glSlowDown"):
+        device.raw("glSlowDown", 1)
+
+
+def test_an_error_names_what_was_being_done(device: Device) -> None:
+    device.raw("glBeginQuery", 0xFFFF, 1)
+    with pytest.raises(RuntimeError, match="GL_INVALID_ENUM in a test"):
+        device.check("a test")
+    device.check("a test")  # told once
+
+
+def test_no_context_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(**_: object) -> None:
+        raise Exception("libEGL.so not loaded")
+
+    monkeypatch.setattr(device_module.moderngl, "create_context", fail)
+    with pytest.raises(NoGLError, match=r"libEGL\.so not loaded.*apt-get install libegl1"):
+        open_device()
+
+
+@pytest.mark.slow
+def test_memory_does_not_grow_over_views_of_a_scene(device: Device, studio, builtin) -> None:
+    def cycle() -> None:
+        shot = studio.shot(builtin("cube-on-plane", 256))
+        shot.triangle.sum()
+        studio.release()
+        studio.__init__(device)
+
+    for _ in range(10):
+        cycle()
+    gc.collect()
+    before = psutil.Process().memory_info().rss
+    for _ in range(50):
+        cycle()
+    gc.collect()
+    grown = psutil.Process().memory_info().rss - before
+    assert grown < 50 * 256 * 256 * 4, "less than the smallest texture of a view, each time"

@@ -1,0 +1,184 @@
+"""Uniforms, samplers and fixed-function state as shaders meet them."""
+
+import moderngl
+import numpy as np
+import pytest
+
+from shadowbench.gl.device import Device
+from shadowbench.gl.program import Drawable, Program, Sampling, State, link
+from shadowbench.gl.shaders import VERSION
+
+POLYGON_OFFSET_FACTOR, POLYGON_OFFSET_UNITS, POLYGON_OFFSET_FILL = 0x8038, 0x2A00, 0x8037
+CULL_FACE, DEPTH_TEST, DEPTH_CLAMP, CLIP_DEPTH_MODE, NEGATIVE_ONE_TO_ONE = 0x0B44, 0x0B71, 0x864F, 0x935D, 0x935E
+
+TWO = "uniform float used; uniform float dropped; out float value; void main() { value = used; }"
+POINT = "uniform mat4 place; void main() { gl_Position = place * vec4(0.0, 0.0, 0.0, 1.0); }"
+WHITE = "out float value; void main() { value = 1.0; }"
+
+
+def test_a_uniform_reaches_the_shader(program, paint) -> None:
+    two = program(TWO)
+    two.set(used=0.25)
+    assert (paint(two) == 0.25).all()
+
+
+def test_a_misspelt_uniform_is_an_error_that_names_what_there_is(program) -> None:
+    with pytest.raises(KeyError, match="no uniform 'usd'; the program has dropped, used"):
+        program(TWO).set(usd=1.0)
+
+
+def test_a_uniform_that_the_compiler_dropped_is_skipped(program, paint) -> None:
+    two = program(TWO)
+    two.set(dropped=1.0, used=0.5)
+    assert (paint(two) == 0.5).all()
+
+
+def test_has_is_about_the_text(program) -> None:
+    two = program(TWO)
+    assert two.has("dropped") and not two.has("usd")
+
+
+def test_uniforms_of_all_kinds_of_value(program, paint) -> None:
+    kinds = program(
+        "uniform float f; uniform int i; uniform vec3 v; uniform vec4 w; out float value;"
+        "void main() { value = f + float(i) + v.x + 10.0 * v.y + 100.0 * v.z + w.w; }"
+    )
+    kinds.set(f=0.5, i=2, v=(1.0, 2.0, 3.0), w=(0.0, 0.0, 0.0, 4.0))
+    assert (paint(kinds) == 0.5 + 2 + 321 + 4).all()
+
+
+def test_a_matrix_that_moves_a_point_right_and_up_moves_it_right_and_up(program, paint) -> None:
+    one = program(WHITE, POINT)
+    moved = np.eye(4)
+    moved[:2, 3] = 0.75, -0.25  # of a 4×4 target: column 3, row 1 from below
+    one.set(place=moved)
+    image = paint(one, mode=moderngl.POINTS, count=1)
+    assert np.argwhere(image).tolist() == [[1, 3]]
+
+
+def test_sampling_of_each_wrap(device: Device, program, paint) -> None:
+    texture = device.context.texture((2, 1), 1, np.array([0.25, 0.5], np.float32).tobytes(), dtype="f4")
+    beyond = program("uniform sampler2D s; out float value; void main() { value = texture(s, vec2(1.25, 0.5)).r; }")
+    assert (paint(beyond, {"s": (texture, Sampling(wrap="edge"))}) == 0.5).all()
+    assert (paint(beyond, {"s": (texture, Sampling(wrap="repeat"))}) == 0.25).all()
+    assert (paint(beyond, {"s": (texture, Sampling(wrap="border", border=0.75))}) == 0.75).all()
+    assert (paint(beyond, {"s": (texture, Sampling(wrap="border", border=0.0))}) == 0.0).all()
+    device.free([texture])
+
+
+def test_every_kind_of_2d_sampler_reads_its_own_texture(device: Device, program, paint) -> None:
+    context = device.context
+    decoy = context.texture((1, 1), 1, np.array([99], np.float32).tobytes(), dtype="f4")
+    plain = context.texture((1, 1), 1, np.array([0.5], np.float32).tobytes(), dtype="f4")
+    signed = context.texture((1, 1), 1, np.array([-3], np.int32).tobytes(), dtype="i4")
+    unsigned = context.texture((1, 1), 1, np.array([7], np.uint32).tobytes(), dtype="u4")
+    depth = context.depth_texture((1, 1))
+    context.framebuffer(depth_attachment=depth).clear(depth=0.5)
+    mixed = program(
+        "uniform sampler2D decoy; uniform sampler2D plain; uniform isampler2D whole; uniform usampler2D natural;"
+        "uniform sampler2DShadow compared; uniform sampler2D depths; out float value; void main() { vec2 at = vec2(0.5);"
+        "value = 1e6 * float(texture(decoy, at).r == 99.0) + texture(plain, at).r + 10.0 * float(texture(whole, at).r)"
+        " + 100.0 * float(texture(natural, at).r) + 1000.0 * texture(compared, vec3(at, 0.25))"
+        " + 2000.0 * texture(compared, vec3(at, 0.75)) + 10000.0 * texture(depths, at).r; }"
+    )
+    depth.compare_func = ""
+    image = paint(
+        mixed,
+        {
+            "decoy": (decoy, Sampling()),
+            "plain": (plain, Sampling()),
+            "whole": (signed, Sampling()),
+            "natural": (unsigned, Sampling()),
+            "compared": (depth, Sampling(linear=True, compare="<=")),
+            "depths": (depth, Sampling()),
+        },
+    )
+    assert image == pytest.approx(1e6 + 0.5 - 30 + 700 + 1000 + 5000, abs=0.1)
+    device.free([decoy, plain, signed, unsigned, depth])
+
+
+@pytest.mark.parametrize("kind", ["sampler2DArray", "sampler2DArrayShadow", "samplerCube", "samplerCubeShadow"])
+def test_samplers_that_moderngl_ignores_get_a_unit_of_their_own(device: Device, program, kind: str) -> None:
+    shadow = kind.endswith("Shadow")
+    read = "texture(s, vec4(0.5))" + ("" if shadow else ".r") if shadow else "texture(s, vec3(0.5)).r"
+    two = program(
+        f"uniform sampler2D first; uniform {kind} s; out float value;"
+        f"void main() {{ value = texture(first, vec2(0.5)).r + {read}; }}"
+    )
+    location = device.raw("glGetUniformLocation", two.linked.glo, b"s")
+    value = np.zeros(1, np.int32)
+    device.raw("glGetUniformiv", two.linked.glo, location, value.ctypes.data)
+    assert value[0] == two._units["s"] != two._units["first"]
+
+
+def test_a_texture_that_is_left_out_is_an_error(program, paint) -> None:
+    reads = program("uniform sampler2D map; out float value; void main() { value = texture(map, vec2(0.5)).r; }")
+    with pytest.raises(KeyError, match="map"):
+        paint(reads)
+
+
+def test_a_shader_that_does_not_compile_shows_the_log_and_its_own_numbered_text(device: Device) -> None:
+    with pytest.raises(ValueError, match="nowhere") as caught:
+        link(device, f"{VERSION}\n{POINT}", f"{VERSION}\nout float value;\nvoid main() {{ value = nowhere; }}")
+    text = str(caught.value)
+    assert "   3  void main() { value = nowhere; }" in text
+    assert POINT not in text, "the vertex shader is not to blame"
+
+
+STATES = {
+    "all at once": State("<=", "front", (2.0, 4.0), depth_clamp=True),
+    "nothing": State(),
+}
+
+
+def state_of(device: Device) -> dict[str, int]:
+    names = {"factor": POLYGON_OFFSET_FACTOR, "units": POLYGON_OFFSET_UNITS, "offset": POLYGON_OFFSET_FILL}
+    names |= {"cull": CULL_FACE, "test": DEPTH_TEST, "clamp": DEPTH_CLAMP}
+    if device.clip_control:
+        names["clip"] = CLIP_DEPTH_MODE
+    return {name: device.raw.integer(value) for name, value in names.items()}
+
+
+def clean(device: Device) -> dict[str, int]:
+    zero = dict.fromkeys(("factor", "units", "offset", "cull", "test", "clamp"), 0)
+    return zero | ({"clip": NEGATIVE_ONE_TO_ONE} if device.clip_control else {})
+
+
+def drawable(device: Device, one: Program) -> Drawable:
+    return Drawable(one, device.context.vertex_array(one.linked, []), count=3)
+
+
+@pytest.mark.parametrize("name", STATES)
+def test_nothing_of_a_draw_leaks_into_the_next(device: Device, program, name: str) -> None:
+    state = State(**(vars(STATES[name]) | {"zero_to_one": device.clip_control and name != "nothing"}))
+    target = device.context.simple_framebuffer((4, 4))
+    drawable(device, program(WHITE)).draw(target, state=state)
+    assert state_of(device) == clean(device)
+    device.free([target])
+
+
+def test_nothing_leaks_when_the_draw_itself_fails(device: Device, program, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: dict[str, int] = {}
+
+    def fail(*_: object, **__: object) -> None:
+        seen.update(state_of(device))
+        raise RuntimeError("out of luck")
+
+    one = drawable(device, program(WHITE))
+    monkeypatch.setattr(moderngl.VertexArray, "render", fail)
+    target = device.context.simple_framebuffer((4, 4))
+    draws = device.draws
+    state = State("<=", "front", (2.0, 4.0), depth_clamp=True, zero_to_one=device.clip_control)
+    with pytest.raises(RuntimeError, match="out of luck"):
+        one.draw(target, state=state)
+    assert all(seen[name] != value for name, value in clean(device).items()), "the state was there to leak"
+    assert state_of(device) == clean(device)
+    assert device.draws == draws, "only what was drawn is counted"
+    device.free([target])
+
+
+def test_draws_are_counted(device: Device, program, paint) -> None:
+    draws, one = device.draws, program(WHITE)
+    paint(one)
+    paint(one)
+    assert device.draws == draws + 2

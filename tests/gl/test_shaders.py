@@ -1,0 +1,95 @@
+"""Shader texts composed from includes, slots and defines."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from shadowbench.gl.shaders import VERSION, compose, numbered
+
+
+def write(folder: Path, **files: str) -> None:
+    folder.mkdir(exist_ok=True)
+    for name, text in files.items():
+        (folder / f"{name}.glsl").write_text(text, encoding="utf-8")
+
+
+def test_version_comes_first_then_defines_then_text(tmp_path: Path) -> None:
+    text = compose("void main() {}\n", [tmp_path], {"SIZE": "1024", "REVERSED": "0"})
+    assert text.splitlines() == [VERSION, "#define SIZE 1024", "#define REVERSED 0", "void main() {}"]
+
+
+def test_includes_nest(tmp_path: Path) -> None:
+    write(tmp_path, a='#include "b.glsl"\nfrom a', b='#include "c.glsl"\nfrom b', c="from c")
+    assert compose('#include "a.glsl"\nend', [tmp_path]).splitlines() == [VERSION, "from c", "from b", "from a", "end"]
+
+
+def test_a_file_is_taken_once_where_it_is_asked_for_first(tmp_path: Path) -> None:
+    write(tmp_path, a='#include "c.glsl"\nfrom a', b='#include "c.glsl"\nfrom b', c="from c")
+    lines = compose('#include "a.glsl"\n#include "b.glsl"\n#include "c.glsl"\n', [tmp_path]).split()
+    assert lines.count("c") == 1
+    assert lines.index("c") < lines.index("a") < lines.index("b")
+
+
+def test_files_that_include_each_other_end(tmp_path: Path) -> None:
+    write(tmp_path, a='#include "b.glsl"\nfrom a', b='#include "a.glsl"\nfrom b')
+    assert compose("a.glsl", [tmp_path]).split() == [*VERSION.split(), "from", "b", "from", "a"]
+
+
+def test_a_text_without_lines_is_a_file(tmp_path: Path) -> None:
+    write(tmp_path, a="from a")
+    assert compose("a.glsl", [tmp_path]) == compose(Path("a.glsl"), [tmp_path]) == f"{VERSION}\nfrom a"
+
+
+def test_a_slot_takes_the_file_that_was_put_into_it(tmp_path: Path) -> None:
+    write(tmp_path, slope="slope", none="none")
+    text = "#include <bias>\n"
+    assert "slope" in compose(text, [tmp_path], slots={"bias": "slope.glsl"})
+    assert "none" in compose(text, [tmp_path], slots={"bias": "none.glsl"})
+
+
+def test_an_empty_slot_is_named(tmp_path: Path) -> None:
+    with pytest.raises(KeyError, match="bias"):
+        compose("#include <bias>\n", [tmp_path])
+
+
+def test_a_missing_include_is_named_with_where_it_was_looked_for(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match=r"no shader file 'a/b\.glsl' in .*" + tmp_path.name):
+        compose('#include "a/b.glsl"\n', [tmp_path])
+
+
+def test_the_first_root_wins(tmp_path: Path) -> None:
+    own, shared = tmp_path / "own", tmp_path / "shared"
+    write(own, a="own")
+    write(shared, a="shared", b="shared b")
+    text = compose('#include "a.glsl"\n#include "b.glsl"\n', [own, shared]).splitlines()
+    assert text[1:] == ["own", "shared b"]
+
+
+def test_what_only_looks_like_an_include_stays(tmp_path: Path) -> None:
+    text = '// #include "nothing.glsl"\nint a; // see #include <b>\n'
+    assert compose(text, [tmp_path]).endswith(text)
+
+
+@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@given(st.lists(st.sets(st.integers(0, 7)), min_size=8, max_size=8), st.lists(st.integers(0, 7), min_size=1))
+def test_any_web_of_includes_takes_each_reachable_file_once(
+    tmp_path: Path, web: list[set[int]], start: list[int]
+) -> None:
+    for name, wanted in enumerate(web):
+        includes = "".join(f'#include "{other}.glsl"\n' for other in sorted(wanted))
+        (tmp_path / f"{name}.glsl").write_text(f"{includes}int file{name};", encoding="utf-8")
+    reachable, ahead = set(), set(start)
+    while ahead:
+        reachable |= ahead
+        ahead = set().union(*(web[name] for name in ahead)) - reachable
+    text = compose("".join(f'#include "{name}.glsl"\n' for name in start) + "\n", [tmp_path])
+    assert sorted(line for line in text.splitlines() if line.startswith("int")) == [
+        f"int file{name};" for name in sorted(reachable)
+    ]
+    assert "#include" not in text
+
+
+def test_lines_are_numbered_as_the_driver_counts_them() -> None:
+    assert numbered("a\nb").splitlines() == ["   1  a", "   2  b"]

@@ -1,0 +1,143 @@
+"""Techniques built and drawn by hand, and small scenes whose shadows are known."""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from shadowbench.gl.clock import Clock
+from shadowbench.gl.device import Device
+from shadowbench.gl.gbuffer import download
+from shadowbench.scenes.model import Camera, Light, Mesh, Scene, Vec3, View, unit, view_of
+from shadowbench.scenes.shapes import build_shape
+from shadowbench.scores import Reference, score
+from shadowbench.techniques.base import Frame, Phase, Stage, Technique
+from shadowbench.techniques.registry import shader_folder, techniques
+from shadowbench.techniques.spec import parse_spec
+
+
+@dataclass(eq=False)
+class Built:
+    """A technique on its stage, from build to release."""
+
+    technique: Technique
+    stage: Stage
+    clock: Clock
+    frames: int = field(default=0)
+
+    def draw(self, shot, phase: int = 0) -> np.ndarray:
+        """Visibility of a view of the same scene as float32, row 0 at the top."""
+        texture = self.technique.draw(Frame(shot.view, Phase(phase), self.frames, shot.surface, self.clock))
+        self.frames += 1
+        self.stage.device.check(f"drawing {self.technique.name}")
+        return download(texture)[..., 0].astype(np.float32)
+
+
+@pytest.fixture
+def build(device: Device, studio) -> Iterator[Callable[..., Built]]:
+    """A spec built for a view's scene and size; released after the test."""
+    stages: list[Stage] = []
+
+    def make(spec: str, shot) -> Built:
+        parsed = parse_spec(spec, techniques())
+        size = (shot.view.size, shot.view.size)
+        stage = Stage(shot.view.scene, device, size, shot.geometry, shot.placement, shader_folder(parsed.technique))
+        stages.append(stage)
+        technique = parsed.technique(parsed.params)
+        technique.build(stage)
+        device.check(f"building {spec}")
+        return Built(technique, stage, Clock(device))
+
+    yield make
+    for stage in stages:
+        stage.release()
+
+
+@pytest.fixture
+def mask(build, studio) -> Callable[..., np.ndarray]:
+    """Visibility by a spec of one view."""
+
+    def draw(spec: str, view: View, phase: int = 0) -> np.ndarray:
+        shot = studio.shot(view)
+        built = build(spec, shot)
+        visibility = built.draw(shot, phase)
+        built.stage.release()
+        return visibility
+
+    return draw
+
+
+@pytest.fixture(scope="session")
+def scored() -> Callable[..., dict[str, float | None]]:
+    """All scores of a mask against a truth."""
+    names = ("visibility", "receivers", "undecided", "area", "blocker", "cosine", "diagonal")
+
+    @lru_cache
+    def reference(truth) -> Reference:
+        return Reference(**{name: getattr(truth, name) for name in names})
+
+    return lambda visibility, truth: score(visibility, reference(truth))
+
+
+@pytest.fixture(scope="session")
+def shape() -> Callable[..., Mesh]:
+    """A named shape, scaled, then moved."""
+
+    def make(
+        kind: str,
+        scale: float | Sequence[float] = 1.0,
+        at: Sequence[float] = (0.0, 0.0, 0.0),
+        casts: bool = True,
+        receives: bool = True,
+        **parameters: int,
+    ) -> Mesh:
+        triangles = build_shape(kind, parameters, "test")
+        vertices = triangles.vertices * np.asarray(scale, dtype=np.float64) + np.asarray(at, dtype=np.float64)
+        return Mesh(kind, vertices, triangles.faces, casts=casts, receives=receives)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def looking() -> Callable[..., View]:
+    """A view of some meshes or of a whole scene; fov in degrees."""
+
+    def make(
+        meshes: Sequence[Mesh] | Scene,
+        light: Light,
+        size: int = 128,
+        eye: Vec3 = (2.3, 4.0, 3.4),
+        target: Vec3 = (0.0, 0.0, 0.0),
+        fov: float = 50.0,
+        **planes: float,
+    ) -> View:
+        camera = Camera("camera", eye, target, math.radians(fov), **planes)
+        scene = meshes if isinstance(meshes, Scene) else Scene("test", tuple(meshes), (camera,), (light,))
+        return view_of(scene, camera, light, size)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def sun() -> Callable[..., Light]:
+    """A directional light at an elevation and azimuth in degrees."""
+
+    def make(elevation: float = 45.0, azimuth: float = 23.0) -> Light:
+        e, a = math.radians(elevation), math.radians(azimuth)
+        return Light("sun", "directional", (-math.cos(e) * math.cos(a), -math.sin(e), -math.cos(e) * math.sin(a)))
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def spot() -> Callable[..., Light]:
+    """A spot at a place that shines at another; the cone's full angle in degrees."""
+
+    def make(position: Vec3, target: Vec3 = (0.0, 0.0, 0.0), angle: float = 60.0) -> Light:
+        direction = unit(np.subtract(target, position))
+        return Light("spot", "spot", tuple(map(float, direction)), position, math.radians(angle))
+
+    return make

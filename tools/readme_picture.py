@@ -1,0 +1,61 @@
+"""Makes docs/shadows.png: a published setting, the default and the ray-traced truth, with their errors in colour."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from shadowbench.scenes.library import load_scene
+from shadowbench.scenes.model import view_of
+from shadowbench.scores.metrics import score
+from shadowbench.studies.runner import reference_of
+from shadowbench.studies.session import CellRequest, Drawn
+from shadowbench.studies.worker import Worker
+from shadowbench.truth.cache import cached_truth
+
+SCENES = ("sphere-and-torus", "stairs")
+SPECS = ("shadow-map:preset=course", "shadow-map", "ray-traced")
+SIZE = 420
+FALSE_SHADOW, FALSE_LIGHT = (213, 94, 0), (0, 114, 178)  # told apart by most colour-blind readers
+
+
+def main() -> None:
+    """Draw every spec on every scene, mark wrong pixels, and put all into one sheet."""
+    rows = [_row(worker, name) for name in SCENES for worker in [Worker()]]
+    sheet = Image.fromarray(np.vstack(rows))
+    file = Path(__file__).resolve().parent.parent / "docs" / "shadows.png"
+    file.parent.mkdir(exist_ok=True)
+    sheet.save(file, optimize=True)
+    print(file)
+
+
+def _row(worker: Worker, name: str) -> NDArray[np.uint8]:
+    scene = load_scene(name)
+    view = view_of(scene, scene.cameras[0], scene.lights[0], SIZE)
+    truth = cached_truth(view)
+    reference = reference_of(truth)
+    tiles = []
+    with worker:
+        worker.call("load", scene)
+        worker.call("open", view.camera, view.light, SIZE)
+        for spec in SPECS:
+            drawn: Drawn = worker.call("draw", CellRequest(spec))
+            tile = drawn.picture.copy()
+            shadow, decided = drawn.visibility < 0.5, truth.receivers & ~truth.undecided
+            tile[decided & shadow & (truth.visibility > 0.5)] = FALSE_SHADOW
+            tile[decided & ~shadow & (truth.visibility < 0.5)] = FALSE_LIGHT
+            tiles.append(_labelled(tile, f"{spec}   IoU {score(drawn.visibility, reference)['iou']:.3f}"))
+    return np.hstack(tiles)
+
+
+def _labelled(tile: NDArray[np.uint8], text: str) -> NDArray[np.uint8]:
+    image = Image.fromarray(tile)
+    draw = ImageDraw.Draw(image)
+    draw.rectangle((0, 0, SIZE, 22), fill=(255, 255, 255))
+    draw.text((6, 4), text, fill=(0, 0, 0), font=ImageFont.load_default(13))
+    return np.asarray(image)
+
+
+if __name__ == "__main__":
+    main()
