@@ -267,15 +267,17 @@ class View:
 def view_of(scene: Scene, camera: Camera, light: Light, size: int) -> View:
     """The view with the camera's planes given numbers.
 
-    By the scene's bounds: far is the distance to their farthest corner, near the distance to them but at least
-    far/10⁴, each a thousandth wider so that a face lying on the bounds is not cut by rounding. Planes that a file
-    gives are clamped to that range, so that no depth range is spent on emptiness.
+    By the scene's bounds: far is the distance to their farthest corner, near the depth that a point at their nearest
+    distance has in the picture's corner, but at least far/10⁴; each a thousandth wider, so that a face lying on the
+    bounds is not cut by rounding. Planes that a file gives are clamped to that range, so that no depth range is spent
+    on emptiness.
     """
     low, high = scene.geometry.bounds
     position = np.asarray(camera.position)
     farthest = float(np.linalg.norm(np.maximum(np.abs(low - position), np.abs(high - position))))
     nearest = float(np.linalg.norm(np.maximum(np.maximum(low - position, position - high), 0.0)))
-    nearest, farthest = max(nearest, farthest / 1e4) * 0.999, farthest * 1.001
+    nearest /= np.sqrt(1 + 2 * np.tan(camera.fov_y / 2) ** 2)
+    nearest, farthest = float(max(nearest, farthest / 1e4)) * 0.999, farthest * 1.001
     near = nearest if camera.near is None else min(max(camera.near, nearest), farthest)
     far = farthest if camera.far is None else min(max(camera.far, nearest), farthest)
     return View(scene, replace(camera, near=near, far=far), light, size)

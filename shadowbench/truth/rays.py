@@ -22,18 +22,21 @@ EDGE_ON = 1e-6  # |N·ray| below which a hit cannot be refined
 class ShadowRays(NamedTuple):
     """Rays from points near surfaces to the light: `ahead` is the way already gone, `reach` what is left of it.
 
-    origins: (3, N); directions: (3, N), or (3, 1) where all are one; ahead, reach: (N,) or a number.
+    origins: (3, N); directions: (3, N), or (3, 1) where all are one; ahead: (N,); reach: (N,) or a number.
     """
 
     origins: Floats
     directions: Floats
-    ahead: Floats | float
+    ahead: Floats
     reach: Floats | float
 
     def only(self, chosen: Mask) -> "ShadowRays":
         """The chosen among them."""
         return ShadowRays(
-            *(part if np.ndim(part) == 0 or np.shape(part)[-1] == 1 else part[..., chosen] for part in self)
+            self.origins[:, chosen],
+            self.directions if self.directions.shape[1] == 1 else self.directions[:, chosen],
+            self.ahead[chosen],
+            self.reach if isinstance(self.reach, float) else self.reach[chosen],
         )
 
 
@@ -92,7 +95,8 @@ class ViewRays:
         x = (np.arange(self._size) + across) * (2 / self._size) - 1
         y = 1 - (np.arange(rows.start, rows.stop) + down) * (2 / self._size)
         row = self._ahead + x * self._right
-        return (row[:, None, :] + (y * self._up)[:, :, None]).reshape(3, -1)
+        grid: Floats = row[:, None, :] + (y * self._up)[:, :, None]
+        return grid.reshape(3, -1)
 
     def nearest(self, directions: Floats) -> Indices:
         """(N,) the triangle that each ray from the eye meets between the camera's planes, −1 for none."""
@@ -146,10 +150,11 @@ class ViewRays:
     def raised_rays(self, receivers: Receivers, delta: float) -> ShadowRays:
         """From δ above the surfaces, along N, to the light."""
         origins = receivers.point + self._normals.take(receivers.triangle, axis=1) * delta
+        ahead = np.zeros(len(receivers.rays))
         if self._light_w == 0:
-            return ShadowRays(origins, self._light, 0.0, NEVER)
+            return ShadowRays(origins, self._light, ahead, NEVER)
         to_light, distance = self._toward_light(origins)
-        return ShadowRays(origins, to_light, 0.0, distance)
+        return ShadowRays(origins, to_light, ahead, distance)
 
     def blocked(self, rays: ShadowRays) -> Mask:
         """(N,) whether a caster stands in the way."""
@@ -157,7 +162,8 @@ class ViewRays:
 
     def blockers(self, rays: ShadowRays) -> Floats:
         """(N,) distance along L from the surface to the nearest caster."""
-        return rays.ahead + self._casters.distance(single(rays.origins), single(rays.directions), rays.reach)
+        way = self._casters.distance(single(rays.origins), single(rays.directions), rays.reach)
+        return rays.ahead + way.astype(np.float64)
 
     def _points(self, directions: Floats, triangle: Indices, normal: Floats) -> Floats:
         toward = np.minimum(dot(normal, directions), -EDGE_ON)

@@ -83,7 +83,7 @@ def trace(view: View, pixel_samples: int = 4, light_samples: int = 1) -> Truth:
     arrays = {name: np.concatenate([part[name] for part in parts]).reshape(shape) for name in parts[0]}
     arrays["blocker"] = (arrays["blocker"] / placement.scale).astype(np.float32)
     arrays["triangle"] = triangle.astype(np.int32).reshape(shape)
-    return Truth(diagonal=diagonal / placement.scale, **arrays)  # type: ignore[arg-type]
+    return Truth(diagonal=diagonal / placement.scale, **arrays)
 
 
 def _diagonal(view: View, visible: Floats) -> float:

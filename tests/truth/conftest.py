@@ -12,6 +12,22 @@ from shadowbench.scenes.shapes import build_shape
 
 Place = tuple[float, float, float]
 
+SUN = Light("sun", "directional", (0.5, -1.0, -0.3))
+SPOT = Light("spot", "spot", (-0.5, -1.0, 0.2), (2.0, 4.0, -0.8), math.radians(60.0))
+LAMP = Light("lamp", "point", position=(1.5, 3.0, -1.0))
+
+
+@pytest.fixture(scope="session")
+def sun() -> Light:
+    return SUN
+
+
+@pytest.fixture(scope="session", params=[SUN, SPOT, LAMP], ids=lambda light: light.kind)
+def light(request: pytest.FixtureRequest) -> Light:
+    """One light of each kind, all from above a scene of a few metres."""
+    chosen: Light = request.param
+    return chosen
+
 
 @pytest.fixture(scope="session")
 def shape() -> Callable[..., Mesh]:
@@ -47,13 +63,16 @@ def looking() -> Callable[..., View]:
         far: float | None = None,
     ) -> View:
         camera = Camera("camera", eye, target, math.radians(fov), near=near, far=far)
-        return view_of(Scene("test", tuple(meshes), (camera,), (light,)), camera, light, size)
+        view = view_of(Scene("test", tuple(meshes), (camera,), (light,)), camera, light, size)
+        if near is None:  # nearer than any view depth, which is up to √3 less than the distance from the bounds
+            view = replace(view, camera=replace(view.camera, near=view.near_far[0] / 2))
+        return view
 
     return make
 
 
 @pytest.fixture(scope="session")
-def pixel_rays() -> Callable[..., tuple[Floats, Floats]]:
+def pixel_rays() -> Callable[[View], tuple[Floats, Floats]]:
     """The eye, and (size², 3) directions through pixel centres, worked out anew from the camera's definition."""
 
     def make(view: View) -> tuple[Floats, Floats]:
@@ -69,6 +88,30 @@ def pixel_rays() -> Callable[..., tuple[Floats, Floats]]:
         down, across = np.meshgrid(steps, steps, indexing="ij")
         directions = ahead + half * (across[..., None] * right - down[..., None] * above)
         return eye, directions.reshape(-1, 3)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def on_ground(pixel_rays: Callable[[View], tuple[Floats, Floats]]) -> Callable[[View], Floats]:
+    """(size, size, 3) where pixels' rays meet y = 0."""
+
+    def make(view: View) -> Floats:
+        eye, directions = pixel_rays(view)
+        return (eye - directions * (eye[1] / directions[:, 1:2])).reshape(view.size, view.size, 3)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def toward() -> Callable[[Light, Floats], Floats]:
+    """(…, 3) unit vectors from points to a light."""
+
+    def make(light: Light, points: Floats) -> Floats:
+        position, w = light.homogeneous
+        ways = position - w * points
+        unit: Floats = ways / np.linalg.norm(ways, axis=-1, keepdims=True)
+        return unit
 
     return make
 

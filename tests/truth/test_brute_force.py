@@ -37,8 +37,7 @@ def crossings(origins: Floats, directions: Floats, geometry: Geometry, faces: np
     for start in range(0, len(faces), TRIANGLES_AT_ONCE):
         corners = [geometry.vertices[faces[start : start + TRIANGLES_AT_ONCE, k]] for k in range(3)]
         sides = [
-            rays @ np.hstack([np.cross(a, b), b - a]).T
-            for a, b in zip(corners, corners[1:] + corners[:1], strict=True)
+            rays @ np.hstack([np.cross(a, b), b - a]).T for a, b in zip(corners, corners[1:] + corners[:1], strict=True)
         ]
         low = np.minimum(np.minimum(sides[0], sides[1]), sides[2])
         high = np.maximum(np.maximum(sides[0], sides[1]), sides[2])

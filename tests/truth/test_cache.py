@@ -85,9 +85,7 @@ def without_casting(view: View) -> View:
     ],
     ids=["camera", "far", "light", "size", "vertex", "casts"],
 )
-def test_another_view_is_traced(
-    other: Callable[[View], View], view: View, no_tracing: Callable[[], None]
-) -> None:
+def test_another_view_is_traced(other: Callable[[View], View], view: View, no_tracing: Callable[[], None]) -> None:
     cached_truth(view)
     no_tracing()
     with pytest.raises(TracedAgainError):
@@ -103,9 +101,7 @@ def test_other_numbers_of_samples_are_traced(view: View, no_tracing: Callable[[]
         cached_truth(view, light_samples=2)
 
 
-def test_other_sources_are_traced(
-    view: View, no_tracing: Callable[[], None], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_other_sources_are_traced(view: View, no_tracing: Callable[[], None], monkeypatch: pytest.MonkeyPatch) -> None:
     cached_truth(view)
     no_tracing()
     monkeypatch.setattr(cache, "_sources", lambda: "a changed tracer")

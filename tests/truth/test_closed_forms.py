@@ -49,10 +49,8 @@ def light_of(kind: str, mesh: Mesh, side: float, elevation: float) -> Light:
 
 def projected(points: Floats, light: Light) -> Floats:
     """(N, 2) x and z where the lines from the light through points meet the ground."""
-    if light.kind == "directional":
-        travel = np.broadcast_to(light.direction, points.shape)
-    else:
-        travel = points - light.position
+    position, w = light.homogeneous
+    travel = w * points - position
     return (points - travel * (points[:, 1:2] / travel[:, 1:2]))[:, [0, 2]]
 
 

@@ -1,0 +1,87 @@
+"""Which pixels are receivers, and which meshes cast."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from shadowbench.scenes.model import Floats, Light, Mesh, View
+from shadowbench.truth.trace import trace
+
+Shape = Callable[..., Mesh]
+Looking = Callable[..., View]
+OnGround = Callable[[View], Floats]
+Toward = Callable[[Light, Floats], Floats]
+
+
+def test_receivers_face_the_light(light: Light, shape: Shape, looking: Looking) -> None:
+    """A plane faces a light with all its points or none."""
+    view = looking([shape("plane", 3.0), shape("box", at=(0, 0.5, 0))], light, size=96)
+    truth, geometry = trace(view), view.scene.geometry
+    position, w = light.homogeneous
+    corners = geometry.vertices[geometry.faces[:, 0]]
+    facing = (geometry.normals * (position - w * corners)).sum(axis=1) > 0  # all are wound outward, seen from outside
+    hit = truth.triangle >= 0
+    expected = hit & facing[truth.triangle]
+    assert (hit & ~expected).any()
+    if light.kind == "spot":  # its cone leaves out some more
+        assert not (truth.receivers & ~expected).any()
+    else:
+        assert (truth.receivers == expected).all()
+
+
+def test_cosine_is_of_the_angle_between_normal_and_light(
+    light: Light, shape: Shape, looking: Looking, on_ground: OnGround, toward: Toward
+) -> None:
+    view = looking([shape("plane", 8.0)], light, size=96)
+    truth = trace(view)
+    ways = np.broadcast_to(toward(light, on_ground(view)), (96, 96, 3))
+    assert truth.cosine[truth.receivers] == pytest.approx(ways[truth.receivers][:, 1], rel=1e-6)
+
+
+def test_receivers_lie_inside_a_spots_cone(shape: Shape, looking: Looking, on_ground: OnGround, toward: Toward) -> None:
+    spot = Light("spot", "spot", (-0.5, -1.0, 0.2), (1.0, 2.0, -0.4), math.radians(40.0))
+    view = looking([shape("plane", 8.0)], spot, size=256)
+    truth = trace(view)
+    ways = toward(spot, on_ground(view))
+    axis = np.asarray(spot.direction) / np.linalg.norm(spot.direction)
+    inside = (-ways @ axis >= math.cos(math.radians(20.0))) & (truth.triangle >= 0)
+    assert 0.02 < inside.mean() < 0.9
+    assert (truth.receivers == inside)[~truth.undecided].all()
+    assert (truth.receivers != inside).sum() == 0
+
+
+def test_ground_seen_from_below_is_no_receiver_of_a_light_above(shape: Shape, looking: Looking, sun: Light) -> None:
+    truth = trace(looking([shape("plane", 8.0)], sun, eye=(1.0, -3.0, 2.0)))
+    assert (truth.triangle >= 0).any()
+    assert not truth.receivers.any()
+
+
+def test_ground_wound_downward_is_a_receiver_all_the_same(shape: Shape, looking: Looking, sun: Light) -> None:
+    ground = shape("plane", 8.0)
+    truth = trace(looking([replace(ground, faces=np.ascontiguousarray(ground.faces[:, ::-1]))], sun))
+    assert (truth.receivers == (truth.triangle >= 0)).all()
+
+
+def test_mesh_that_does_not_receive_has_no_receivers(shape: Shape, looking: Looking, sun: Light) -> None:
+    box = shape("box", at=(0, 0.5, 0))
+    view = looking([shape("plane", 8.0, receives=False), box], sun, size=96)
+    truth = trace(view)
+    ground = (truth.triangle == 0) | (truth.triangle == 1)
+    assert ground.any()
+    assert not truth.receivers[ground].any()
+    assert truth.receivers[~ground].any()
+
+
+def test_mesh_that_does_not_cast_casts_nothing(light: Light, shape: Shape, looking: Looking) -> None:
+    ground, box = shape("plane", 8.0), shape("box", at=(0, 1.0, 0))
+    casting = trace(looking([ground, box], light, size=96))
+    silent = trace(looking([ground, replace(box, casts=False)], light, size=96))
+    assert (casting.visibility == 0).any()
+    assert (silent.visibility == 1).all()
+    assert np.isinf(silent.blocker).all()
+    assert (silent.triangle == casting.triangle).all()
+    nothing_casts = [replace(mesh, casts=False) for mesh in (ground, box)]
+    assert (trace(looking(nothing_casts, light, size=96)).visibility == 1).all()
