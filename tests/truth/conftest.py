@@ -63,10 +63,7 @@ def looking() -> Callable[..., View]:
         far: float | None = None,
     ) -> View:
         camera = Camera("camera", eye, target, math.radians(fov), near=near, far=far)
-        view = view_of(Scene("test", tuple(meshes), (camera,), (light,)), camera, light, size)
-        if near is None:  # nearer than any view depth, which is up to √3 less than the distance from the bounds
-            view = replace(view, camera=replace(view.camera, near=view.near_far[0] / 2))
-        return view
+        return view_of(Scene("test", tuple(meshes), (camera,), (light,)), camera, light, size)
 
     return make
 

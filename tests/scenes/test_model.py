@@ -1,0 +1,34 @@
+"""Views: what the camera's planes may and may not cut."""
+
+import math
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from shadowbench.scenes.model import Camera, Light, Mesh, Scene, view_of
+
+FLOOR = Mesh(
+    "floor",
+    np.array([[-4.0, 0.0, -4.0], [-4.0, 0.0, 4.0], [4.0, 0.0, 4.0], [4.0, 0.0, -4.0]]),
+    np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32),
+)
+SUN = Light("sun", "directional", (0.3, -1.0, 0.2))
+
+
+@settings(max_examples=50, deadline=None)
+@given(height=st.floats(0.5, 50), x=st.floats(-3, 3), z=st.floats(-3, 3), fov=st.floats(5, 150))
+def test_planes_from_bounds_cut_nothing_that_the_picture_shows(height: float, x: float, z: float, fov: float) -> None:
+    """A floor seen from above has less view depth in the picture's corners than its distance from the camera."""
+    camera = Camera("camera", (x, height, z), (0.0, 0.0, 0.0), math.radians(fov))
+    view = view_of(Scene("floor", (FLOOR,), (camera,), (SUN,)), camera, SUN, 64)
+    near, far = view.near_far
+    right, up, back = camera.basis()
+    slope = math.tan(camera.fov_y / 2)
+    for across in (-1, 1):
+        for down in (-1, 1):
+            ray = -back + slope * (across * right + down * up)  # length 1 along the view's axis
+            depth = -height / ray[1]
+            hit = np.array(camera.position) + depth * ray
+            if depth > 0 and (np.abs(hit[[0, 2]]) <= 4).all():
+                assert near < depth < far
