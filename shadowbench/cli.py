@@ -1,20 +1,23 @@
 """The command line: sits on top, prints, and computes nothing."""
 
 import sys
+import traceback
 from pathlib import Path
 from typing import Annotated
 
-import click
 import typer
 
 from shadowbench import __version__
+
+_STOPPED = 130
+# Typer brought its own copy of click in 2025; either way this is what it raises for a wrong command line.
+_UsageError: type[Exception] = next(base for base in typer.BadParameter.__mro__ if base.__name__ == "ClickException")
 
 app = typer.Typer(
     name="shadowbench",
     help="Real-time shadow techniques, scored against ray tracing.\n\n"
     "SCENE is a built-in name (see `shadowbench list scenes`), a .toml scene file, or any mesh file "
     "(.glb .gltf .obj .ply .stl .off); what a file lacks is assumed, and said.",
-    no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -33,12 +36,15 @@ OneSpec = Annotated[str, typer.Option("-t", "--technique", metavar="SPEC", help=
 
 @app.callback(invoke_without_command=True)
 def version_option(
+    context: typer.Context,
     version: Annotated[bool, typer.Option("--version", help="Print the version and stop.")] = False,
 ) -> None:
-    """Print the version when asked for it."""
+    """Print the version when asked for it, and the help when asked for nothing."""
     if version:
         typer.echo(__version__)
         raise typer.Exit
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
 
 
 @app.command()
@@ -153,16 +159,26 @@ def main() -> None:
     from shadowbench.errors import ShadowbenchError
 
     try:
-        sys.exit(app(standalone_mode=False))
-    except click.ClickException as error:
-        typer.echo(f"shadowbench: {error.format_message()}", err=True)
-        sys.exit(2)
+        code = app(standalone_mode=False) or 0
+    except _UsageError as error:
+        _complain(f"{error.format_message().rstrip('.')}; --help lists what is allowed")  # type: ignore[attr-defined]
+        code = 2
     except ShadowbenchError as error:
-        typer.echo(f"shadowbench: {' '.join(str(error).split())}", err=True)
-        sys.exit(error.exit_code)
-    except (KeyboardInterrupt, click.Abort):
-        typer.echo("shadowbench: stopped; the same command goes on from here", err=True)
-        sys.exit(130)
+        _complain(str(error))
+        code = error.exit_code
+    except (KeyboardInterrupt, typer.Abort):
+        code = _STOPPED
+    except Exception:
+        traceback.print_exc()
+        _complain("an internal error; please report it with the lines above")
+        code = 3
+    if code == _STOPPED:  # Typer answers Ctrl-C with this code, and prints nothing
+        _complain("stopped; the same command goes on from here")
+    sys.exit(code)
+
+
+def _complain(text: str) -> None:
+    typer.echo(f"shadowbench: {' '.join(text.split())}", err=True)
 
 
 if __name__ == "__main__":

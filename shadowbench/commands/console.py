@@ -2,6 +2,9 @@
 
 import json
 import sys
+from collections.abc import Mapping, Sequence
+from contextlib import redirect_stdout
+from pathlib import Path
 from typing import Any
 
 from rich.console import Console
@@ -14,6 +17,11 @@ from rich.progress import (
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
+
+from shadowbench.errors import InputError
+from shadowbench.files import replace_file
+from shadowbench.techniques.base import Technique
+from shadowbench.techniques.registry import techniques
 
 # A pipe has no width; tables there are as wide as they like to be.
 out = Console(highlight=False, width=None if sys.stdout.isatty() else 160)
@@ -60,6 +68,29 @@ class ConsoleReporter:
         """Advance the bar."""
         if self._task is not None:
             self._progress.update(self._task, advance=1, what=what)
+
+
+def techniques_with(plugins: Sequence[Path]) -> Mapping[str, type[Technique]]:
+    """All techniques by name; what a plug-in prints while it is loaded does not get between the results."""
+    with redirect_stdout(sys.stderr):
+        return techniques(plugins)
+
+
+def check_outputs(*files: Path | None) -> None:
+    """Raise, before any work is done, the InputError that writing one of the files would end in."""
+
+    class Probed(Exception):
+        """The file could be written."""
+
+    named = [file for file in files if file is not None]
+    for file in named:
+        if [other.resolve() for other in named].count(file.resolve()) > 1:
+            raise InputError(f"{file}: is named twice; each output needs a file of its own")
+        try:
+            with replace_file(file):
+                raise Probed
+        except Probed:
+            pass
 
 
 def print_json(value: Any) -> None:

@@ -7,7 +7,7 @@ from shadowbench.commands.console import out, print_json
 from shadowbench.errors import ShadowbenchError
 from shadowbench.studies.machine import machine, versions
 from shadowbench.studies.session import DeviceInfo
-from shadowbench.studies.worker import CellFailed, Worker
+from shadowbench.studies.worker import Worker
 from shadowbench.truth.cache import KEPT_BYTES, cache_folder
 
 
@@ -19,7 +19,7 @@ def doctor_command(as_json: bool) -> int:
         with Worker() as worker:
             info: DeviceInfo = worker.call("info")
         found["opengl"] = dataclasses.asdict(info) | {"why_this_clock": _why(info)}
-    except (ShadowbenchError, CellFailed) as error:
+    except ShadowbenchError as error:
         problem = str(error)
         found["opengl"] = {"missing": problem}
     cache = cache_folder()

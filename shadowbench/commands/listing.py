@@ -6,13 +6,12 @@ from typing import Any
 
 from rich.table import Table
 
-from shadowbench.commands.console import out, print_json
+from shadowbench.commands.console import out, print_json, techniques_with
 from shadowbench.errors import InputError
 from shadowbench.scenes.library import builtin_about, builtin_names
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.study import find_study, read_study, study_names
 from shadowbench.techniques.params import Row, TechniqueParams
-from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import format_value
 
 
@@ -42,7 +41,7 @@ def _techniques(plugins: tuple[Path, ...]) -> list[dict[str, Any]]:
             "parameters": _parameters(technique.Params),
             "presets": technique.presets,
         }
-        for technique in techniques(plugins).values()
+        for technique in techniques_with(plugins).values()
     ]
 
 
@@ -72,7 +71,9 @@ def _metrics() -> list[dict[str, Any]]:
 
 
 def _studies(plugins: tuple[Path, ...]) -> list[dict[str, Any]]:
-    return [{"name": name, "about": read_study(find_study(name), techniques(plugins)).about} for name in study_names()]
+    return [
+        {"name": name, "about": read_study(find_study(name), techniques_with(plugins)).about} for name in study_names()
+    ]
 
 
 def _print_table(name: str, rows: list[dict[str, Any]]) -> None:

@@ -8,14 +8,13 @@ from pathlib import Path
 from rich.markup import escape
 from rich.table import Table
 
-from shadowbench.commands.console import ConsoleReporter, err, number, out, print_json
+from shadowbench.commands.console import ConsoleReporter, err, number, out, print_json, techniques_with
 from shadowbench.errors import InputError
 from shadowbench.studies.machine import write_run_file
 from shadowbench.studies.runner import Profile, Runner
 from shadowbench.studies.study import Study, find_study, read_study
 from shadowbench.studies.tables import Slope, SummaryRow, cells_frame, over_scenes, slopes, summary, write_table
 from shadowbench.studies.worker import Limits, Worker
-from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
 
 _COLUMNS = {  # heading: (value, or "error" for 1 − IoU)
@@ -65,9 +64,10 @@ def run_command(options: RunOptions, folder: Path, *, profile: bool, as_json: bo
     if as_json:
         print_json({scene: [dataclasses.asdict(row) for row in rows] for scene, rows in tables.items()})
     else:
-        times = "times of a software renderer, not of a GPU" if runner.info.software else "times of this GPU"
+        times = "; times of a software renderer, not of a GPU" if runner.info.software else "; times of this GPU"
+        times = times if study.rounds else ""
         for scene, rows in tables.items():
-            _print_scene(f"{scene}, best first; {times}", rows, [fit for fit in fits if fit.scene == scene])
+            _print_scene(f"{scene}, best first{times}", rows, [fit for fit in fits if fit.scene == scene])
         if len(tables) > 1:
             _print_scene(f"mean of {len(tables)} scenes", over_scenes(tables), [])
         if not quiet:
@@ -76,13 +76,15 @@ def run_command(options: RunOptions, folder: Path, *, profile: bool, as_json: bo
         _print_profile(runner.profile, time.perf_counter() - start)
     failed = [status for status in frame["status"] if status.startswith("failed")]
     if failed:
-        err.print(f"shadowbench: {len(failed)} cells {failed[0]}", markup=False, soft_wrap=True)
+        first = failed[0].removeprefix("failed: ")
+        line = f"shadowbench: {len(failed)} of {len(frame)} cells failed; the first: {first}"
+        err.print(line, markup=False, soft_wrap=True)
     return 3 if failed else 0
 
 
 def study_from(options: RunOptions) -> Study:
     """The study that the options make; raises InputError for what they get wrong."""
-    known = techniques(options.plugins)
+    known = techniques_with(options.plugins)
     study = read_study(find_study(options.study or "default"), known)
     if options.specs and not (options.study or options.map_size):
         study = replace(study, map_sizes=())  # specs alone mean what they say
@@ -107,8 +109,8 @@ def _map_sizes(text: str | None) -> tuple[int, ...]:
         sizes = [int(part) for part in text.split(",")]
     except ValueError:
         sizes = []
-    if not sizes or min(sizes) < 1:
-        raise InputError(f"--map-size: found {text!r}; allowed: whole numbers from 1, separated by commas")
+    if not sizes or min(sizes) < 1 or max(sizes) > 65536:
+        raise InputError(f"--map-size: found {text!r:.60}; allowed: whole numbers from 1 to 65536, separated by commas")
     return tuple(sizes)
 
 
@@ -125,13 +127,15 @@ def _print_scene(title: str, rows: list[SummaryRow], fits: list[Slope]) -> None:
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
     table.add_column("spec", overflow="fold")
     table.add_column("map", justify="right", no_wrap=True)
-    for heading in _COLUMNS:
+    timed = any(row.values.get("frame_ms") is not None for row in rows)
+    columns = {heading: key for heading, key in _COLUMNS.items() if timed or key not in ("frame_ms", "ratio")}
+    for heading in columns:
         table.add_column(heading, justify="right", no_wrap=True)
     refused = [row for row in rows if row.status != "ok"]
     for row in rows:
         if row.status == "ok":
             size = str(row.map_size or "")
-            table.add_row(escape(row.spec), size, *(_cell(row, key) for key in _COLUMNS.values()))
+            table.add_row(escape(row.spec), size, *(_cell(row, key) for key in columns.values()))
     out.print(table)
     for row in refused:
         out.print(f"  {row.spec} {row.map_size or ''}: {row.status}", markup=False)

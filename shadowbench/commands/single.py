@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from shadowbench.commands.console import ConsoleReporter, out
-from shadowbench.errors import InputError
+from shadowbench.commands.console import ConsoleReporter, check_outputs, out, techniques_with
+from shadowbench.errors import InputError, ShadowbenchError
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import View, view_of
 from shadowbench.scores.masks import write_mask
@@ -13,8 +13,7 @@ from shadowbench.studies.runner import write_picture
 from shadowbench.studies.session import Drawn, Unsupported
 from shadowbench.studies.study import Cell, named
 from shadowbench.studies.timing import request_of
-from shadowbench.studies.worker import Worker
-from shadowbench.techniques.registry import techniques
+from shadowbench.studies.worker import CellFailed, Worker
 from shadowbench.techniques.spec import parse_spec
 from shadowbench.truth.cache import cached_truth, write_truth
 
@@ -30,6 +29,7 @@ def truth_command(
     quiet: bool,
 ) -> None:
     """Trace a view and write its arrays."""
+    check_outputs(output)
     chosen = _view(scene, view, light, view_size, assets, quiet)
     truth = cached_truth(chosen, pixel_samples)
     write_truth(output, truth)
@@ -58,8 +58,9 @@ def render_command(
     quiet: bool,
 ) -> None:
     """Draw a view with one technique and write the pictures that were asked for."""
+    check_outputs(output, mask, map_file)
+    spec = parse_spec(technique, techniques_with(plugins))
     chosen = _view(scene, view, light, view_size, assets, quiet)
-    spec = parse_spec(technique, techniques(plugins))
     with Worker(plugins) as worker:
         largest = worker.call("info").max_map_size
         if (spec.map_size or 0) > largest:
@@ -70,6 +71,8 @@ def render_command(
             drawn: Drawn = worker.call("draw", request_of(Cell(spec, 0)), map_file is not None)
         except Unsupported as reason:
             raise InputError(f"{technique} does not go with {chosen.scene.name}: {reason}") from None
+        except CellFailed as reason:
+            raise ShadowbenchError(f"{technique} on {chosen.scene.name} failed: {reason}") from None
     if map_file is not None and drawn.map is None:
         raise InputError(f"--map {map_file}: {spec.technique.name} has no map")
     write_picture(output, drawn.picture)

@@ -110,13 +110,18 @@ def work_of(device: Device, draw: Callable[[], object]) -> dict[str, int]:
     raw("glGenQueries", len(names), names)
     for name, target in zip(names, _STATISTICS.values(), strict=True):
         raw("glBeginQuery", target, name)
-    draw()
-    for target in _STATISTICS.values():
-        raw("glEndQuery", target)
-    counts = {"draws": device.draws - draws}
-    for name, counter in zip(names, _STATISTICS, strict=True):
-        value = ctypes.c_uint64()
-        raw("glGetQueryObjectui64v", name, _QUERY_RESULT, ctypes.byref(value))
-        counts[counter] = value.value
-    raw("glDeleteQueries", len(names), names)
+    counts = {}
+    try:
+        try:
+            draw()
+        finally:
+            for target in _STATISTICS.values():
+                raw("glEndQuery", target)
+        counts["draws"] = device.draws - draws
+        for name, counter in zip(names, _STATISTICS, strict=True):
+            value = ctypes.c_uint64()
+            raw("glGetQueryObjectui64v", name, _QUERY_RESULT, ctypes.byref(value))
+            counts[counter] = value.value
+    finally:
+        raw("glDeleteQueries", len(names), names)
     return counts

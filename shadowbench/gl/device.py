@@ -24,14 +24,10 @@ class Freeable(Protocol):
 
 @dataclass(eq=False)
 class Device:
-    """A context (GL 4.1 or newer) with the raw entry points beside it.
-
-    `draws` counts draw calls, `bytes` what textures and buffers hold now.
-    """
+    """A context (GL 4.1 or newer) with the raw entry points beside it. `draws` counts draw calls."""
 
     context: moderngl.Context
     draws: int = 0
-    bytes: int = 0
     samplers: dict[Hashable, moderngl.Sampler] = field(default_factory=dict)
 
     @cached_property

@@ -1,7 +1,7 @@
 """Camera matrices, in doubles until a uniform makes floats of them."""
 
-import glm
 import numpy as np
+from pyglm import glm
 
 from shadowbench.scenes.model import Floats, View
 

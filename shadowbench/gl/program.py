@@ -6,18 +6,18 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Literal
 
-import glm
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
+from pyglm import glm
 
 from shadowbench.gl.device import Device
 from shadowbench.gl.shaders import numbered
 
 Value = bool | int | float | tuple[float, ...] | NDArray[np.float64]
 
-_SAMPLER = re.compile(r"^\s*uniform\s+[iu]?sampler\w+\s+(\w+)\s*;", re.MULTILINE)
-_UNIFORM = re.compile(r"^\s*uniform\s+\w+\s+(\w+)", re.MULTILINE)
+_COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
+_UNIFORM = re.compile(r"\buniform\s+(?:(?:low|medium|high)p\s+)?(\w+)\s+(\w[^;{]*);")
 _LOWER_LEFT, _NEGATIVE_ONE_TO_ONE, _ZERO_TO_ONE = 0x8CA1, 0x935E, 0x935F
 
 
@@ -48,11 +48,12 @@ class Program:
     def __init__(self, device: Device, program: moderngl.Program, text: str) -> None:
         self.device = device
         self.linked = program
-        self._known = set(_UNIFORM.findall(text))
+        types = _uniforms(text)
+        self._known = set(types)
         self._units: dict[str, int] = {}
         # moderngl ignores some sampler types without a word, so all of them are set here.
         device.raw("glUseProgram", program.glo)
-        for name in sorted(set(_SAMPLER.findall(text))):
+        for name in sorted(name for name, kind in types.items() if "sampler" in kind):
             location = device.raw("glGetUniformLocation", program.glo, name.encode())
             if location >= 0:  # the compiler drops what a variant does not use
                 self._units[name] = len(self._units)
@@ -83,6 +84,15 @@ class Program:
             texture, sampling = textures[name]
             texture.use(unit)
             sampler_of(self.device, sampling).use(unit)
+
+
+def _uniforms(text: str) -> dict[str, str]:
+    """The type of each uniform that a text declares, whether or not the compiler keeps it."""
+    types = {}
+    for kind, names in _UNIFORM.findall(_COMMENT.sub("", text)):
+        for name in names.split(","):
+            types[re.split(r"\W", name.strip())[0]] = kind
+    return types
 
 
 def _matrix(rows: NDArray[np.float64]) -> glm.mat4:

@@ -47,6 +47,4 @@ def depth_target(device: Device, size: int, depth: DepthFormat) -> DepthTarget:
     if given.value != bits:
         raise RuntimeError(f"asked the driver for a {bits}-bit depth map, got {given.value} bits")
     texture.compare_func = ""
-    return DepthTarget(
-        texture, device.context.framebuffer(depth_attachment=texture), step, size * size * (bits + 7) // 8
-    )
+    return DepthTarget(texture, device.context.framebuffer(depth_attachment=texture), step, size * size * (bits // 8))

@@ -9,6 +9,7 @@ from typing import Any
 from shadowbench.errors import InputError
 
 SCHEMA = 1
+_HEAD = json.dumps({"schema": SCHEMA})[:-1].encode()  # how every line begins, also one that was cut short
 
 Record = Mapping[str, Any]
 
@@ -37,16 +38,23 @@ class RowStore:
         for number, line in enumerate(whole.splitlines(), start=1):
             try:
                 record = json.loads(line)
-                known = record["schema"] == SCHEMA and record["kind"] in ("score", "time") and record["key"]
+                known = record["schema"] == SCHEMA and record["kind"] in ("score", "time")
+                known = known and isinstance(record["key"], str)
             except (ValueError, KeyError, TypeError):
                 known = False
             if not known:
-                raise InputError(f"{self.file} line {number}: not a row of schema {SCHEMA}; move the file away")
+                raise self._foreign(number)
             records.append(record)
-        if len(whole) < len(text):  # killed in the middle of a line: that row was never finished
+        torn = text[len(whole) :]
+        if not (torn.startswith(_HEAD) or _HEAD.startswith(torn)):
+            raise self._foreign(len(records) + 1)
+        if torn:  # killed in the middle of a line: that row was never finished
             with self.file.open("r+b") as stream:
                 stream.truncate(len(whole))
         return records
+
+    def _foreign(self, number: int) -> InputError:
+        return InputError(f"{self.file} line {number}: not a row of schema {SCHEMA}; move the file away")
 
     def _keep(self, record: Record) -> None:
         (self.scores if record["kind"] == "score" else self.times)[record["key"]] = record

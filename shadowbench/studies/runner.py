@@ -63,10 +63,16 @@ class Profile:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """A cell's rows: its score record, and its time record where it has one."""
+    """A cell's rows: its score record, and its time record where it has one; `untimed` says why timing it failed."""
 
     score: Record
     time: Record | None
+    untimed: str | None = None
+
+    @property
+    def status(self) -> str:
+        """`ok`, `unsupported: …` or `failed: …`, also for a cell that fails only while it is timed."""
+        return str(self.score["status"]) if self.untimed is None else f"failed: while timed: {self.untimed}"
 
 
 class Runner:
@@ -117,9 +123,8 @@ class Runner:
                 self.reporter.step(f"{block.scene.name} {format_spec(cell.spec)}")
         for _ in range(len(keys) - len(missing)):
             self.reporter.step(f"{block.scene.name}: measured before")
-        if self.study.rounds:
-            self._time_block(block, keys, store)
-        return [Result(store.scores[key], store.times.get(key)) for key in keys.values()]
+        untimed = self._time_block(block, keys, store) if self.study.rounds else {}
+        return [Result(store.scores[key], store.times.get(key), untimed.get(cell)) for cell, key in keys.items()]
 
     def _score(self, block: Block, cell: Cell, key: str, truth: Truth, reference: Reference) -> dict[str, Any]:
         row = {"kind": "score", "key": key, **identity(self.study, block, cell), "renderer": self.info.renderer}
@@ -149,8 +154,9 @@ class Runner:
             "facts": drawn.facts,
         }
 
-    def _time_block(self, block: Block, keys: dict[Cell, str], store: RowStore) -> None:
-        """Time what held and has no time yet, phase by phase: a phase is a block of its own."""
+    def _time_block(self, block: Block, keys: dict[Cell, str], store: RowStore) -> dict[Cell, str]:
+        """Time what held and has no time yet, phase by phase: a phase is a block of its own. Says what failed."""
+        untimed: dict[Cell, str] = {}
         for phase in range(self.study.phases):
             cells = [
                 cell
@@ -164,12 +170,15 @@ class Runner:
             with self.profile.of("time"):
                 for timing in time_cells(self._stage, block, sizes):
                     if isinstance(timing, Untimed):
-                        self.reporter.note(
-                            f"{block.scene.name} {format_spec(timing.cell.spec)}: no time: {timing.reason}"
-                        )
+                        lost = "no time" if timing.cell in cells else "no ratios to this reference"
+                        spec = format_spec(timing.cell.spec)
+                        self.reporter.note(f"{block.scene.name} {spec}: {lost}: {timing.reason}")
+                        if timing.cell in cells:
+                            untimed[timing.cell] = timing.reason
                     else:
                         store.append({"kind": "time", "key": keys[timing.cell], **timing.record()})
                     self.reporter.step(format_spec(timing.cell.spec))
+        return untimed
 
     def _write_truth(self, view: View, truth: Truth) -> None:
         with self.profile.of("files"):

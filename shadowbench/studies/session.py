@@ -4,13 +4,15 @@ The worker process serves these over a pipe; benchmarks call them in their own p
 """
 
 import gc
+import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
@@ -125,6 +127,7 @@ class Session:
         if self._surface is not None:
             self._surface.release()
         self.view = View(self._scene, self._placement.camera(camera), self._placement.light(light), size)
+        self._tidy()
         self._surface = self._surface_pass.draw(self.view)
         return self._surface.triangles()
 
@@ -147,13 +150,16 @@ class Session:
     def draw(self, request: CellRequest, with_map: bool = False) -> Drawn:
         """Build, draw once, read back, release. Raises Unsupported, or whatever the technique raises."""
         with self._built(request) as (technique, stage, frame):
+            self._tidy()
             texture = technique.draw(frame)
+            self._tidy()
             self.device.check(f"drawing {request.spec}")
+            self._check(request, texture)
             visibility = self._read(request, download(texture)[..., 0])
             picture = self._picture_pass.draw(frame.surface, self.view, texture)
             depths = technique.map_image() if with_map else None
             work = work_of(self.device, lambda: technique.draw(frame))
-            return Drawn(visibility, picture, depths, stage.bytes, work, technique.facts())
+            return Drawn(visibility, picture, depths, stage.bytes, work, _numbers(request, technique.facts()))
 
     def time(self, requests: Sequence[CellRequest], rounds: int) -> list[Timed]:
         """Build all, then time them interleaved, round by round; a third of as many rounds for single passes."""
@@ -166,6 +172,7 @@ class Session:
                 held.append((*built, (time.perf_counter() - start) * 1e3))
             for technique, _, frame, _ in held:
                 for _ in range(WARM_UP):
+                    self._tidy()
                     technique.draw(frame)
             frames: list[list[float]] = [[] for _ in held]
             passes: list[list[PassTimes]] = [[] for _ in held]
@@ -173,9 +180,11 @@ class Session:
             gc.disable()
             for _ in range(rounds):
                 for (technique, _, frame, _), ms in zip(held, frames, strict=True):
+                    self._tidy()
                     ms.append(self.clock.frame(partial(technique.draw, frame)))
             for _ in range(max(rounds // 3, 1)):
                 for (technique, _, frame, _), drawn in zip(held, passes, strict=True):
+                    self._tidy()
                     drawn.append(self.clock.passes(partial(technique.draw, frame)))
             self.device.check("timing")
             return [
@@ -189,6 +198,21 @@ class Session:
 
     def _spec(self, request: CellRequest) -> Spec:
         return parse_spec(request.spec, self.techniques)
+
+    def _tidy(self) -> None:
+        """Put back what a technique's raw calls may have left, so that it costs no other cell its values."""
+        self.device.context.enable_only(moderngl.NOTHING)
+        self.device.context.wireframe = False
+
+    def _check(self, request: CellRequest, texture: object) -> None:
+        """Raise TypeError or ValueError for what is no texture of the view's size."""
+        if not isinstance(texture, moderngl.Texture):
+            raise TypeError(f"{request.spec} drew {type(texture).__name__}; allowed: a texture")
+        if texture.size != (self.view.size, self.view.size):
+            width, height = texture.size
+            raise ValueError(
+                f"{request.spec} drew {width} × {height} pixels; allowed: {self.view.size} × {self.view.size}"
+            )
 
     def _read(self, request: CellRequest, raw: NDArray[np.generic]) -> NDArray[np.float32]:
         try:
@@ -221,3 +245,11 @@ class Session:
             stage.release()
             raise
         return technique, stage, Frame(self.view, Phase(request.phase), 0, self._surface, self.clock)
+
+
+def _numbers(request: CellRequest, facts: Mapping[str, float]) -> dict[str, float]:
+    """Facts as a row can hold them; raises ValueError for one that is not finite."""
+    for name, value in facts.items():
+        if not math.isfinite(value):
+            raise ValueError(f"{request.spec}: fact {name!r} is {value}; allowed: finite numbers")
+    return {name: float(value) for name, value in facts.items()}

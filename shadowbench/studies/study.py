@@ -1,6 +1,7 @@
 """Study files: what is crossed with what, and the cells that come of it."""
 
 import itertools
+import math
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,7 +18,7 @@ from shadowbench.scenes.tables import camera_from_table, light_from_table
 from shadowbench.strict import Strict, explain
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.params import Row
-from shadowbench.techniques.spec import Spec, parse_spec
+from shadowbench.techniques.spec import Spec, format_value, parse_spec
 
 Techniques = Mapping[str, type[Technique]]
 Named = TypeVar("Named", Camera, Light)
@@ -85,8 +86,8 @@ class Study:
     coordinates: Coordinates = "relative"
     time_limit: float = 120.0
     memory_limit: float = 8.0
-    views: tuple[str | dict[str, Any], ...] = ("file",)
-    lights: tuple[str | dict[str, Any], ...] = ("file",)
+    views: tuple[str | Camera, ...] = ("file",)
+    lights: tuple[str | Light, ...] = ("file",)
     assets: Path | None = None
     about: str = ""
     notes: tuple[str, ...] = field(default=())
@@ -102,34 +103,40 @@ class Study:
 
     def blocks(self) -> Iterator[Block]:
         """All blocks, scene by scene; raises InputError for a scene that cannot be read."""
-        for reference in self.scenes:
+        files: dict[str, str] = {}
+        for reference in dict.fromkeys(self.scenes):
             scene = load_scene(reference, self.assets)
+            first = files.setdefault(scene.name, reference)
+            if first != reference:
+                raise InputError(f"two scenes are called {scene.name!r}: {first} and {reference}; names must differ")
             for camera, light in itertools.product(self.cameras(scene), self.lights_of(scene)):
                 yield Block(view_of(scene, camera, light, self.view_size), self.cells())
 
     def cameras(self, scene: Scene) -> list[Camera]:
         """The study's cameras in a scene; "file" is the first that its file has."""
-        cameras = []
-        for number, entry in enumerate(self.views, start=1):
-            if isinstance(entry, dict):
-                cameras.append(camera_from_table(entry, f"views {number}", f"view-{number}"))
-            elif entry == "file":
-                cameras.append(scene.cameras[0])
-            else:
-                cameras.append(named(scene.cameras, entry, f"views of {scene.name}"))
-        return cameras
+        return _chosen(self.views, scene.cameras, scene.cameras[:1], f"views of {scene.name}")
 
     def lights_of(self, scene: Scene) -> list[Light]:
         """The study's lights in a scene; "file" is all that its file has."""
-        lights: list[Light] = []
-        for number, entry in enumerate(self.lights, start=1):
-            if isinstance(entry, dict):
-                lights.append(light_from_table(entry, f"lights {number}", f"light-{number}")[0])
-            elif entry == "file":
-                lights.extend(scene.lights)
-            else:
-                lights.append(named(scene.lights, entry, f"lights of {scene.name}"))
-        return lights
+        return _chosen(self.lights, scene.lights, scene.lights, f"lights of {scene.name}")
+
+
+def _chosen(
+    entries: Sequence[str | Named], known: Sequence[Named], of_file: Sequence[Named], where: str
+) -> list[Named]:
+    """What entries name, each once: "file" stands for `of_file`, another word for one of `known`."""
+    found: list[Named] = []
+    for entry in entries:
+        if not isinstance(entry, str):
+            found.append(entry)
+        else:
+            found.extend(of_file if entry == "file" else [named(known, entry, where)])
+    found = list(dict.fromkeys(found))
+    names = [thing.name for thing in found]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"{where}: two are called {name!r}; names must differ")
+    return found
 
 
 def scenes_of(blocks: Sequence[Block]) -> list[Scene]:
@@ -165,18 +172,30 @@ def read_study(file: Path, techniques: Techniques) -> Study:
 def resolve(text: StudyFile, techniques: Techniques, where: str, folder: Path) -> Study:
     """A study from its text: specs crossed and validated, scenes relative to `folder`."""
     notes: list[str] = []
+    cameras: list[str | Camera] = []
+    for number, view in enumerate(text.views, start=1):
+        table = f"{where}: views {number}"
+        cameras.append(view if isinstance(view, str) else camera_from_table(view, table, f"view-{number}"))
+    lights: list[str | Light] = []
+    for number, entry in enumerate(text.lights, start=1):
+        if isinstance(entry, str):
+            lights.append(entry)
+        else:
+            light, lines = light_from_table(entry, f"{where}: lights {number}", f"light-{number}")
+            lights.append(light)
+            notes.extend(lines)
     if text.technique is None:
         specs = [parse_spec(name, techniques) for name in techniques]
     else:
         specs = [
             spec
-            for number, table in enumerate(text.technique, start=1)
-            for spec in _crossed(table, techniques, f"{where}: technique {number}", notes)
+            for number, lists in enumerate(text.technique, start=1)
+            for spec in _crossed(lists, techniques, f"{where}: technique {number}", notes)
         ]
     return Study(
         scenes=tuple(_scene_reference(scene, folder) for scene in text.scenes),
         specs=tuple(specs),
-        reference=parse_spec(text.reference, techniques),
+        reference=_parsed(text.reference, techniques, f"{where}: reference"),
         map_sizes=tuple(text.map_size or ()),
         view_size=text.view_size,
         rounds=text.rounds,
@@ -184,8 +203,8 @@ def resolve(text: StudyFile, techniques: Techniques, where: str, folder: Path) -
         coordinates=text.coordinates,
         time_limit=text.time_limit,
         memory_limit=text.memory_limit,
-        views=tuple(text.views),
-        lights=tuple(text.lights),
+        views=tuple(cameras),
+        lights=tuple(lights),
         about=text.about,
         notes=tuple(notes),
     )
@@ -205,7 +224,7 @@ def find_study(name: str) -> Path:
     """A study file by path, or one of ours by name."""
     path = Path(name)
     ours = data_folder("benchmarks") / f"{name}.toml"
-    return ours if not path.exists() and ours.is_file() else path
+    return ours if not path.is_file() and ours.is_file() else path
 
 
 def study_names() -> list[str]:
@@ -214,31 +233,71 @@ def study_names() -> list[str]:
 
 
 def _scene_reference(reference: str, folder: Path) -> str:
-    return reference if reference in builtin_names() else str(folder / reference)
+    # A word that names no file here is a built-in name misspelt, which `load_scene` knows how to tell.
+    bare = not Path(reference).suffix and Path(reference).name == reference and not (folder / reference).exists()
+    return reference if bare or reference in builtin_names() else str(folder / reference)
+
+
+def _parsed(text: str, techniques: Techniques, where: str) -> Spec:
+    try:
+        return parse_spec(text, techniques)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
 
 
 def _crossed(table: dict[str, Any], techniques: Techniques, where: str, notes: list[str]) -> list[Spec]:
-    """The specs of one [[technique]]: every combination of its lists; those that fail are dropped, and said."""
+    """The specs of one [[technique]]: every combination of its lists.
+
+    Combinations that mean nothing are dropped, and said; a value that no combination takes is an InputError.
+    """
     if not isinstance(table.get("spec"), str):
         raise InputError(f"{where}: spec: found {table.get('spec')!r}; allowed: a technique's spec, as text")
-    base = parse_spec(table["spec"], techniques)
-    sweep = table.get("bias_sweep", [None])
+    base = _parsed(table["spec"], techniques, where)
     lists = {key: _listed(value) for key, value in table.items() if key not in ("spec", "bias_sweep")}
-    for key in lists:
+    factors = _factors(table, where)
+    for key, choices in lists.items():
         if key not in base.technique.Params.model_fields:
             allowed = ", ".join(base.technique.Params.model_fields) or "none"
             raise InputError(f"{where}: unknown parameter {key!r}; parameters of {base.technique.name}: {allowed}")
-    made, dropped = [], []
-    for values in itertools.product(*lists.values()):
-        for factor in _listed(sweep):
+        if not choices:
+            raise InputError(f"{where}: {key}: found an empty list; allowed: one value or more")
+    made: list[Spec] = []
+    dropped: list[InputError] = []
+    taken: set[tuple[str, str]] = set()
+    refused: dict[tuple[str, str], InputError] = {}
+    for row in itertools.product(*lists.values()):
+        chosen = {(key, repr(value)) for key, value in zip(lists, row, strict=True)}
+        try:
+            crossed = base.with_(**dict(zip(lists, row, strict=True)))
+        except InputError as error:
+            dropped.append(error)
+            refused |= dict.fromkeys(chosen - refused.keys(), error)
+            continue
+        taken |= chosen
+        for factor in factors:
             try:
-                made.append(_swept(base.with_(**dict(zip(lists, values, strict=True))), factor))
+                made.append(_swept(crossed, factor))
             except InputError as error:
-                dropped.append(f"{where}: dropped: {error}")
+                dropped.append(error)
+    for choice, reason in refused.items():
+        if choice not in taken:
+            raise InputError(f"{where}: {reason}")
     if not made:
-        raise InputError(dropped[0].replace("dropped: ", "") if dropped else f"{where}: an empty list leaves no spec")
-    notes.extend(dropped)
+        raise InputError(f"{where}: {dropped[0]}")
+    notes.extend(dict.fromkeys(f"{where}: dropped: {error}" for error in dropped))
     return made
+
+
+def _factors(table: dict[str, Any], where: str) -> list[float | None]:
+    """The factors of `bias_sweep`, or one None without it."""
+    if "bias_sweep" not in table:
+        return [None]
+    factors = _listed(table["bias_sweep"])
+    for factor in factors or [None]:
+        if isinstance(factor, bool) or not isinstance(factor, int | float) or not 0 < factor < math.inf:
+            found = "an empty list" if factor is None else repr(factor)
+            raise InputError(f"{where}: bias_sweep: found {found}; allowed: numbers above 0")
+    return factors
 
 
 def _swept(spec: Spec, factor: float | None) -> Spec:
@@ -247,9 +306,10 @@ def _swept(spec: Spec, factor: float | None) -> Spec:
         return spec
     bias = getattr(spec.params, "bias", None)
     if not isinstance(bias, Row) or "scale" not in type(bias).model_fields:
-        raise InputError(f"bias_sweep: {spec.technique.name} has no computed bias here, found {bias!r:.60}")
+        found = f", found bias={format_value(bias)}" if isinstance(bias, Row) else ""
+        raise InputError(f"bias_sweep: {spec.technique.name} has no computed bias here{found}")
     try:
         row = type(bias)(**{**dict(bias), "scale": bias.scale * factor})  # type: ignore[attr-defined]
-    except (ValidationError, TypeError) as error:
-        raise InputError(f"bias_sweep: {factor!r} is no factor ({type(error).__name__})") from None
+    except ValidationError as error:
+        raise explain(f"bias_sweep {factor:g}: {format_value(bias)}", error) from None
     return spec.with_(bias=row)

@@ -37,7 +37,7 @@ def write_table(file: Path, frame: pd.DataFrame) -> None:
 
 def _cell(result: Result) -> dict[str, Any]:
     score, timed = result.score, result.time or {}
-    row = {key: value for key, value in score.items() if not isinstance(value, dict)}
+    row = {key: value for key, value in score.items() if not isinstance(value, dict)} | {"status": result.status}
     row |= score.get("metrics", {})
     row |= {f"work_{name}": count for name, count in score.get("work", {}).items()}
     row |= {key: timed.get(key) for key in [*_TIMES, "prepare_ms"]}

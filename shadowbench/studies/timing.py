@@ -92,30 +92,40 @@ class Untimed:
 
 
 def time_cells(stage: BlockStage, block: Block, sizes: Mapping[Cell, int]) -> Iterator[Timing | Untimed]:
-    """Time cells of one block and phase; `sizes` are their GPU bytes."""
+    """Time cells of one block and phase; `sizes` are their GPU bytes.
+
+    An Untimed that is none of them is the reference: it fails, and the cells have no ratios.
+    """
+    phase = next(iter(sizes)).phase
+    spec = stage.study.reference
+    reference: Cell | None = Cell(spec, phase if spec.technique.phased else 0)
+    if reference not in sizes:
+        assert reference is not None
+        try:  # one that fails must not take every group with it
+            stage.open(block)
+            stage.worker.call("draw", request_of(reference))
+        except (CellFailed, Unsupported) as reason:
+            yield Untimed(reference, str(reason))
+            reference = None
     limit = _SHARE * stage.worker.limits.bytes
     group: list[Cell] = []
     held = 0
     for cell, size in sizes.items():
         if group and held + size > limit:
-            yield from _time_group(stage, block, group)
+            yield from _time_group(stage, block, group, reference)
             group, held = [], 0
         group.append(cell)
         held += size
-    yield from _time_group(stage, block, group)
+    yield from _time_group(stage, block, group, reference)
 
 
-def _time_group(stage: BlockStage, block: Block, group: list[Cell]) -> Iterator[Timing | Untimed]:
+def _time_group(
+    stage: BlockStage, block: Block, group: list[Cell], reference: Cell | None
+) -> Iterator[Timing | Untimed]:
     """One group, all at once; when it fails, its halves, until what fails stands alone."""
-    phase = group[0].phase
     floor = Cell(Spec(Unshadowed, Unshadowed.Params()), 0)
-    spec = stage.study.reference
-    reference: Cell | None = Cell(spec, phase if spec.technique.phased else 0)
     try:
         stage.open(block)
-        assert reference is not None
-        if stage.worker.call("unsupported", request_of(reference)) is not None:
-            reference = None
         cells = list(dict.fromkeys([floor, *([reference] if reference else []), *group]))
         seconds = stage.worker.limits.seconds * len(cells)
         requests = [request_of(cell) for cell in cells]
@@ -125,11 +135,11 @@ def _time_group(stage: BlockStage, block: Block, group: list[Cell]) -> Iterator[
             yield Untimed(group[0], str(reason))
             return
         middle = len(group) // 2
-        yield from _time_group(stage, block, group[:middle])
-        yield from _time_group(stage, block, group[middle:])
+        yield from _time_group(stage, block, group[:middle], reference)
+        yield from _time_group(stage, block, group[middle:], reference)
         return
     times = dict(zip(cells, answers, strict=True))
-    name = format_spec(spec)
+    name = format_spec(stage.study.reference)
     for cell in group:
         yield Timing(cell, times[cell], name, times[reference] if reference else None, times[floor])
 

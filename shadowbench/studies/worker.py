@@ -1,12 +1,17 @@
 """The worker process: it alone owns a GL context, under a time and a memory limit, and is replaced when it dies."""
 
+import ctypes
 import multiprocessing
 import os
 import signal
+import sys
+import threading
 import time
 import traceback
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -18,9 +23,10 @@ from shadowbench.studies.session import Session, Unsupported
 
 _POLL_S = 0.05
 _START_S = 60.0
+_PR_SET_PDEATHSIG = 1
 
 
-class CellFailed(Exception):
+class CellFailed(ShadowbenchError):
     """A call that the worker did not answer: it raised, crashed, hung or ate memory; the text says which."""
 
 
@@ -71,7 +77,8 @@ class Worker:
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(target=_serve, args=(theirs, self._plugins), daemon=True)
-        self._process.start()
+        with _deaf_to_ctrl_c():
+            self._process.start()
         theirs.close()
         self.generation += 1
         try:
@@ -100,7 +107,7 @@ class Worker:
             return  # it died; the pipe says so next
         if held > self.limits.bytes:
             self.stop()
-            raise CellFailed(f"ate memory: {held / 2**30:.1f} GiB, allowed are {self.limits.bytes / 2**30:g}")
+            raise CellFailed(f"ate memory: {held / 2**30:.2f} GiB, allowed are {self.limits.bytes / 2**30:g}")
 
     def _obituary(self) -> str:
         assert self._process is not None
@@ -113,7 +120,7 @@ class Worker:
 
     def stop(self) -> None:
         """End the worker, by force."""
-        if self._process is not None:
+        if self._process is not None and self._process.pid is not None:
             self._process.kill()
             self._process.join()
         if self._pipe is not None:
@@ -121,8 +128,37 @@ class Worker:
         self._process = self._pipe = None
 
 
+@contextmanager
+def _deaf_to_ctrl_c() -> Iterator[None]:
+    """A process started within never hears Ctrl-C, not even while it imports; this one hears it afterwards."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows: the worker says so itself, a little later
+        yield
+        return
+    resource_tracker.ensure_running()  # starting it unblocks the signal
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _die_with_parent() -> None:
+    """End this process when its parent is killed: while a technique hangs, nobody reads the closed pipe."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    if sys.platform == "linux":
+        # The kernel does it even when a driver's call never gives Python's lock back.
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+        if os.getppid() != parent.pid:  # it was killed before the kernel knew
+            os._exit(1)
+    else:
+        threading.Thread(target=lambda: (parent.join(), os._exit(1)), daemon=True).start()
+
+
 def _serve(pipe: Connection, plugins: list[Path]) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _die_with_parent()
+    os.dup2(2, 1)  # what a plug-in prints must not get between the parent's results
     try:
         session = Session(plugins)
     except ShadowbenchError as error:

@@ -22,7 +22,7 @@ class VisibleBounds:
         self._draw_first, self._draw_next = (stage.fullscreen(program) for program in programs)
         self._steps: list[tuple[moderngl.Texture, moderngl.Texture, moderngl.Framebuffer]] = []
         side = max(stage.size)
-        while side > 1:
+        while side > 1 or not self._steps:
             side = -(-side // _REACH)
             low, high = (stage.texture((side, side), 4) for _ in range(2))
             self._steps.append((low, high, stage.target(low, high)))

@@ -1,7 +1,9 @@
 """Which techniques there are: our own, those of installed packages, and single files named by --plugin."""
 
+import hashlib
 import importlib.util
 import inspect
+import re
 import sys
 from collections.abc import Mapping, Sequence
 from importlib.metadata import entry_points
@@ -11,6 +13,7 @@ from shadowbench.errors import InputError
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.ray_traced import RayTraced
 from shadowbench.techniques.shadow_map import ShadowMap
+from shadowbench.techniques.spec import WORD
 from shadowbench.techniques.unshadowed import Unshadowed
 
 GROUP = "shadowbench.techniques"
@@ -20,10 +23,11 @@ OWN: tuple[type[Technique], ...] = (Unshadowed, ShadowMap, RayTraced)
 def techniques(plugins: Sequence[Path] = ()) -> Mapping[str, type[Technique]]:
     """All techniques by name; raises InputError for a plug-in that cannot be loaded or takes a name twice."""
     found: dict[str, type[Technique]] = {}
-    for technique in [*OWN, *_installed(), *(one for plugin in plugins for one in _from_file(plugin))]:
+    files = dict.fromkeys(Path(plugin).resolve() for plugin in plugins)
+    for technique in [*OWN, *_installed(), *(one for file in files for one in _from_file(file))]:
         if technique.name in found and found[technique.name] is not technique:
-            files = " and ".join(str(source_file(one)) for one in (found[technique.name], technique))
-            raise InputError(f"two techniques are called {technique.name!r}: {files}")
+            places = " and ".join(str(source_file(one)) for one in (found[technique.name], technique))
+            raise InputError(f"two techniques are called {technique.name!r}: {places}")
         found[technique.name] = technique
     return found
 
@@ -42,16 +46,18 @@ def _installed() -> list[type[Technique]]:
     loaded = []
     for point in entry_points(group=GROUP):
         try:
-            loaded.append(_checked(point.load(), f"entry point {point.name!r}"))
-        except ImportError as error:
-            raise InputError(f"entry point {point.name!r} of {GROUP} cannot be imported: {error}") from error
+            technique = point.load()
+        except (Exception, SystemExit) as error:  # whatever somebody's package raises
+            raise InputError(f"entry point {point.name!r} of {GROUP} cannot be imported: {_told(error)}") from error
+        loaded.append(_checked(technique, f"entry point {point.name!r}"))
     return loaded
 
 
 def _from_file(file: Path) -> list[type[Technique]]:
     if not file.is_file():
         raise InputError(f"--plugin {file}: no such file")
-    name = f"shadowbench_plugin_{file.stem}"
+    # Two files of one name in different folders are two modules.
+    name = f"shadowbench_plugin_{file.stem}_{hashlib.sha256(str(file).encode()).hexdigest()[:8]}"
     spec = importlib.util.spec_from_file_location(name, file)
     if spec is None or spec.loader is None:
         raise InputError(f"--plugin {file}: not a Python file (.py)")
@@ -59,8 +65,8 @@ def _from_file(file: Path) -> list[type[Technique]]:
     sys.modules[name] = module  # so that pydantic and inspect find what the file defines
     try:
         spec.loader.exec_module(module)
-    except Exception as error:  # whatever somebody's file raises
-        raise InputError(f"--plugin {file}: {type(error).__name__}: {error}") from error
+    except (Exception, SystemExit) as error:  # whatever somebody's file raises
+        raise InputError(f"--plugin {file}: {_told(error)}") from error
     own = [
         thing
         for thing in vars(module).values()
@@ -68,12 +74,26 @@ def _from_file(file: Path) -> list[type[Technique]]:
     ]
     if not own:
         raise InputError(f"--plugin {file}: defines no subclass of shadowbench.techniques.base.Technique")
-    return [_checked(technique, f"--plugin {file}") for technique in own]
+    bases = {base for technique in own for base in technique.__mro__[1:]}
+    return [_checked(technique, f"--plugin {file}") for technique in own if technique not in bases or _named(technique)]
 
 
 def _checked(technique: object, where: str) -> type[Technique]:
     if not (inspect.isclass(technique) and issubclass(technique, Technique)):
         raise InputError(f"{where}: {technique!r} is no subclass of Technique")
-    if not isinstance(getattr(technique, "name", None), str):
+    if not _named(technique):
         raise InputError(f"{where}: {technique.__name__} has no name")
+    if not re.fullmatch(WORD, technique.name):
+        raise InputError(f"{where}: the name {technique.name!r} is no word; allowed: letters, digits, _ and -")
+    missing = sorted(technique.__abstractmethods__)
+    if missing:
+        raise InputError(f"{where}: {technique.__name__} lacks {', '.join(missing)}")
     return technique
+
+
+def _named(technique: type[Technique]) -> bool:
+    return isinstance(getattr(technique, "name", None), str)
+
+
+def _told(error: BaseException) -> str:
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"

@@ -23,8 +23,10 @@ if TYPE_CHECKING:
 
 Value = "bool | int | float | str | Call"
 
+WORD = r"[A-Za-z0-9][\w-]*"
 _TOKEN = re.compile(
-    r"\s*(?:(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w-]))|(?P<word>[A-Za-z0-9][\w-]*)|(?P<mark>[=(),:]))"
+    r"\s*(?:(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w-]))"
+    rf"|(?P<word>{WORD})|(?P<mark>[=(),:]))"
 )
 
 

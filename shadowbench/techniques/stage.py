@@ -22,7 +22,8 @@ _WIDTHS = {"f1": 1, "f2": 2, "f4": 4, "i4": 4, "u4": 4}
 class Stage:
     """Scene (local coordinates), device and image size, and the makers of programs, textures and targets.
 
-    `shaders` is the folder where the technique's own shader files are looked up before the shared ones.
+    `bytes` is what its textures and buffers hold. `shaders` is the folder where the technique's own shader files are
+    looked up before the shared ones.
     """
 
     def __init__(
@@ -108,6 +109,7 @@ class Stage:
         """Free everything that was made here."""
         self.device.free(reversed(self._held))
         self._held.clear()
+        self.bytes = 0
 
 
 def _shader_values(

@@ -1,11 +1,14 @@
 """Uniforms, samplers and fixed-function state as shaders meet them."""
 
+import ctypes
+
 import moderngl
 import numpy as np
 import pytest
 
 from shadowbench.gl.device import Device
 from shadowbench.gl.program import Drawable, Program, Sampling, State, link
+from shadowbench.gl.raw import _SIGNATURES
 from shadowbench.gl.shaders import VERSION
 
 POLYGON_OFFSET_FACTOR, POLYGON_OFFSET_UNITS, POLYGON_OFFSET_FILL = 0x8038, 0x2A00, 0x8037
@@ -31,6 +34,17 @@ def test_a_uniform_that_the_compiler_dropped_is_skipped(program, paint) -> None:
     two = program(TWO)
     two.set(dropped=1.0, used=0.5)
     assert (paint(two) == 0.5).all()
+
+
+def test_uniforms_are_found_however_they_are_declared(program, paint) -> None:
+    styles = program(
+        "/* uniform float old; */ uniform float a, b; // uniform float gone;\n"
+        "uniform highp float c; uniform vec2 list[3];\n uniform\n float d;"
+        "out float value; void main() { value = a + b + c + d + list[1].y; }"
+    )
+    styles.set(a=1.0, b=2.0, c=3.0, d=4.0)
+    assert (paint(styles) == 10).all()
+    assert styles.has("list") and not styles.has("old") and not styles.has("gone")
 
 
 def test_has_is_about_the_text(program) -> None:
@@ -76,7 +90,8 @@ def test_every_kind_of_2d_sampler_reads_its_own_texture(device: Device, program,
     context.framebuffer(depth_attachment=depth).clear(depth=0.5)
     mixed = program(
         "uniform sampler2D decoy; uniform sampler2D plain; uniform isampler2D whole; uniform usampler2D natural;"
-        "uniform sampler2DShadow compared; uniform sampler2D depths; out float value; void main() { vec2 at = vec2(0.5);"
+        "uniform sampler2DShadow compared; uniform sampler2D depths; out float value;"
+        "void main() { vec2 at = vec2(0.5);"
         "value = 1e6 * float(texture(decoy, at).r == 99.0) + texture(plain, at).r + 10.0 * float(texture(whole, at).r)"
         " + 100.0 * float(texture(natural, at).r) + 1000.0 * texture(compared, vec3(at, 0.25))"
         " + 2000.0 * texture(compared, vec3(at, 0.75)) + 10000.0 * texture(depths, at).r; }"
@@ -98,9 +113,11 @@ def test_every_kind_of_2d_sampler_reads_its_own_texture(device: Device, program,
 
 
 @pytest.mark.parametrize("kind", ["sampler2DArray", "sampler2DArrayShadow", "samplerCube", "samplerCubeShadow"])
-def test_samplers_that_moderngl_ignores_get_a_unit_of_their_own(device: Device, program, kind: str) -> None:
-    shadow = kind.endswith("Shadow")
-    read = "texture(s, vec4(0.5))" + ("" if shadow else ".r") if shadow else "texture(s, vec3(0.5)).r"
+def test_samplers_that_moderngl_ignores_get_a_unit_of_their_own(
+    device: Device, program, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(_SIGNATURES, "glGetUniformiv", (None, (ctypes.c_uint, ctypes.c_int, ctypes.c_void_p)))
+    read = "texture(s, vec4(0.5))" if kind.endswith("Shadow") else "texture(s, vec3(0.5)).r"
     two = program(
         f"uniform sampler2D first; uniform {kind} s; out float value;"
         f"void main() {{ value = texture(first, vec2(0.5)).r + {read}; }}"

@@ -5,8 +5,9 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from shadowbench.cli import main
 from shadowbench.studies.runner import Result, Runner
 from shadowbench.studies.study import Study, read_study
 from shadowbench.studies.worker import Limits, Worker
+from shadowbench.techniques.base import Technique
 from shadowbench.techniques.registry import techniques
 
 HALF = '''
@@ -81,7 +83,8 @@ class Does(Wild):
         texture = super().draw(frame)
         if self.draws <= self.params.after:
             return texture
-        return getattr(self, "do_" + self.params.what.replace("-", "_"))(texture) or texture
+        returned = getattr(self, "do_" + self.params.what.replace("-", "_"))(texture)
+        return texture if returned is None else returned
 
     def do_nothing(self, texture):
         return texture
@@ -117,11 +120,23 @@ class Does(Wild):
         return texture.ctx.texture((8, 8), 1, data=bytes(256), dtype="f4")
 
     def do_none(self, texture):
-        self.draw = lambda frame: None
-        return self.draw(None)
+        return "not a texture"
 
     def do_gl_error(self, texture):
-        self.fullscreen.program.device.raw("glEnable", 0xDEAD)
+        self.fullscreen.program.device.raw("glUniform1i", 12345, 0)
+
+    def do_litter(self, texture):
+        # State that OpenGL keeps: the next to draw must not inherit it.
+        context = texture.ctx
+        context.enable(context.BLEND | context.CULL_FACE | context.DEPTH_TEST | context.RASTERIZER_DISCARD)
+        context.blend_func = context.ZERO, context.ZERO
+        context.depth_func = ">"
+        context.front_face = "cw"
+        context.viewport = context.scissor = (0, 0, 3, 3)
+        context.polygon_offset = 100.0, 100.0
+        context.wireframe = True
+        self.target.color_mask = False, False, False, False
+        self.target.depth_mask = False
 
     def do_print(self, texture):
         print("loud")
@@ -169,11 +184,15 @@ class Bench:
     plugins: Sequence[Path]
     calls: list[str] = field(default_factory=list)
 
+    @cached_property
+    def techniques(self) -> Mapping[str, type[Technique]]:
+        return techniques(self.plugins)
+
     def study(self, folder: Path, text: str) -> Study:
         folder.mkdir(parents=True, exist_ok=True)
         file = folder / "study.toml"
         file.write_text(text, encoding="utf-8")
-        return read_study(file, techniques(self.plugins))
+        return read_study(file, self.techniques)
 
     def run(self, study: Study, folder: Path) -> list[Result]:
         """The results; `calls` are then those that the worker got."""

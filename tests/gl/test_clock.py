@@ -1,0 +1,139 @@
+"""Times are taken where they are asked for, and work is counted exactly."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from shadowbench.gl.clock import Clock, work_of
+from shadowbench.gl.device import Device
+from shadowbench.gl.program import Drawable, Program
+
+SIDE = 256
+BUSY = """
+out float value;
+void main() {
+    value = 0.0;
+    for (int k = 0; k < 200; ++k) value += sin(value + gl_FragCoord.x);
+}
+"""
+
+
+@pytest.fixture
+def busy(device: Device, program):
+    """Draws a fullscreen triangle that takes milliseconds."""
+    one: Program = program(BUSY)
+    vertices = device.context.vertex_array(one.linked, [])
+    target = device.context.simple_framebuffer((SIDE, SIDE), 1, dtype="f4")
+    yield lambda: Drawable(one, vertices, count=3).draw(target)
+    device.free((vertices, target))
+
+
+def test_a_frame_takes_time_and_passes_too(device: Device, busy) -> None:
+    clock = Clock(device)
+
+    def frame() -> None:
+        with clock.timed("map", "light"):
+            busy()
+        with clock.timed("resolve", "view"):
+            busy()
+
+    assert clock.frame(frame) > 0
+    passes = clock.passes(frame)
+    assert set(passes.ms) == {"map", "resolve"}
+    assert all(ms > 0 for ms in passes.ms.values())
+    assert passes.changes == {"map": "light", "resolve": "view"}
+
+
+def test_passes_are_timed_only_when_asked_for(device: Device, busy, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = Clock(device)
+    clock.passes(lambda: None)
+    monkeypatch.setattr(clock, "_span", None)  # would fail if a timer were started
+    with clock.timed("map", "light"):
+        busy()
+
+
+def test_a_pass_that_is_drawn_twice_adds_up(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = Clock(SimpleNamespace(software=True, context=SimpleNamespace(finish=lambda: None)))
+    ticks = iter([0.0, 1.0, 5.0, 7.0])
+    monkeypatch.setattr("shadowbench.gl.clock.time.perf_counter", lambda: next(ticks))
+
+    def frame() -> None:
+        for _ in range(2):
+            with clock.timed("face", "light"):
+                pass
+
+    assert clock.passes(frame).ms == {"face": 3000.0}
+
+
+def test_a_technique_that_fails_leaves_the_clock_clean(device: Device) -> None:
+    clock = Clock(device)
+
+    def fail() -> None:
+        with clock.timed("map"):
+            raise RuntimeError("out of luck")
+
+    with pytest.raises(RuntimeError, match="out of luck"):
+        clock.passes(fail)
+    assert clock.passes(lambda: None).ms == {}
+
+
+def test_software_is_timed_by_the_wall_and_a_gpu_by_its_own_queries(device: Device) -> None:
+    assert Clock(SimpleNamespace(software=True)).name == "finish+wall"
+    assert Clock(SimpleNamespace(software=False)).name == "gl_time_elapsed"
+    assert Clock(device).name == ("finish+wall" if device.software else "gl_time_elapsed")
+
+
+@pytest.mark.alone
+def test_the_passes_add_up_to_the_frame(device: Device, busy) -> None:
+    clock = Clock(device)
+
+    def frame() -> None:
+        for name in ("map", "resolve"):
+            with clock.timed(name):
+                busy()
+
+    frame()
+    rounds = [(clock.frame(frame), sum(clock.passes(frame).ms.values())) for _ in range(15)]
+    frames, passes = map(min, zip(*rounds, strict=True))
+    assert passes == pytest.approx(frames, rel=0.3)
+
+
+@pytest.mark.alone
+def test_twice_the_work_takes_about_twice_the_time(device: Device, busy) -> None:
+    clock = Clock(device)
+    busy()
+    rounds = [(clock.frame(busy), clock.frame(lambda: (busy(), busy()))) for _ in range(15)]
+    once, twice = map(min, zip(*rounds, strict=True))
+    assert 1.4 * once < twice < 3 * once
+
+
+def test_work_of_a_fullscreen_triangle(device: Device, busy) -> None:
+    work = work_of(device, busy)
+    assert work["draws"] == 1
+    if device.pipeline_statistics:
+        assert work["vertices"] == 3
+        assert work["geometry"] == 0
+        assert 1 <= work["primitives"] <= 3  # a triangle larger than the target may be clipped into a few
+        assert SIDE**2 <= work["fragments"] <= 1.1 * SIDE**2
+
+
+def test_work_adds_up_and_repeats_exactly(device: Device, busy) -> None:
+    once = work_of(device, busy)
+    assert work_of(device, busy) == once
+    twice = work_of(device, lambda: (busy(), busy()))
+    assert twice == {name: 2 * count for name, count in once.items()}
+
+
+def test_without_statistics_only_draws_are_counted(device: Device, busy, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Device, "pipeline_statistics", False)
+    assert work_of(device, busy) == {"draws": 1}
+
+
+def test_queries_are_over_when_drawing_fails(device: Device, busy) -> None:
+    def fail() -> None:
+        raise RuntimeError("out of luck")
+
+    with pytest.raises(RuntimeError, match="out of luck"):
+        work_of(device, fail)
+    work_of(device, busy)
+    device.check("counting again")

@@ -1,0 +1,99 @@
+"""Depth targets have the precision they are named after."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from shadowbench.gl import targets
+from shadowbench.gl.device import Device
+from shadowbench.gl.gbuffer import download
+from shadowbench.gl.program import Drawable, State
+from shadowbench.gl.targets import depth_target
+
+AT_DEPTH = """
+uniform float depth;
+void main() {
+    vec2 corner = vec2((gl_VertexID << 1) & 2, gl_VertexID & 2);
+    gl_Position = vec4(corner * 2.0 - 1.0, depth * 2.0 - 1.0, 1.0);
+}
+"""
+BITS = {"d16": 16, "d24": 24}
+FLOAT_ROUNDING = 2.0**-23  # of depth · 2 − 1, and of the way back, in the pipeline's float32
+
+
+@pytest.fixture
+def stored(device: Device, program) -> Callable[..., np.ndarray]:
+    """What a target of a format keeps of a depth drawn over all of it."""
+    flat = program("void main() {}", AT_DEPTH)
+    vertices = device.context.vertex_array(flat.linked, [])
+
+    def draw(depth: float, kind: str, side: int = 2) -> np.ndarray:
+        target = depth_target(device, side, kind)
+        target.target.clear(depth=1.0)
+        flat.set(depth=depth)
+        Drawable(flat, vertices, count=3).draw(target.target, state=State(depth_test="<="))
+        values = download(target.texture)[..., 0].astype(np.float64)
+        device.free([target])
+        return values
+
+    return draw
+
+
+@pytest.mark.parametrize("kind", BITS)
+@given(depth=st.floats(0.0, 1.0, width=32))
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_a_fixed_point_target_keeps_the_nearest_step(stored, kind: str, depth: float) -> None:
+    levels = 2 ** BITS[kind] - 1
+    values = stored(depth, kind)
+    assert (values == values[0, 0]).all()
+    assert abs(values[0, 0] - depth) <= 0.5 / levels + FLOAT_ROUNDING
+    level = values[0, 0] * levels
+    assert abs(level - round(level)) <= levels * 2.0**-24, "a level, as exact as the float32 that it is read as"
+
+
+def test_16_bits_cannot_tell_apart_what_24_and_floats_can(stored) -> None:
+    level = 40_000 / 65_535
+    near, far = level - 2.0**-19, level + 2.0**-19
+    assert stored(near, "d16")[0, 0] == stored(far, "d16")[0, 0]
+    for kind in ("d24", "d32f"):
+        assert stored(near, kind)[0, 0] < stored(far, kind)[0, 0]
+
+
+@pytest.mark.parametrize("kind", ["d16", "d24", "d32f"])
+def test_step_is_what_separates_values_near_1(device: Device, stored, kind: str) -> None:
+    target = depth_target(device, 1, kind)
+    step = target.step
+    device.free([target])
+    # The pipeline's own float32 blurs by a step of 2⁻²⁴, so two steps are told apart and a quarter is not.
+    assert stored(1 - 4 * step, kind)[0, 0] < stored(1 - 2 * step, kind)[0, 0] < 1
+    assert stored(1 - step / 8, kind)[0, 0] == 1
+
+
+@pytest.mark.parametrize("kind", ["d16", "d24", "d32f"])
+def test_0_and_1_are_kept_exactly(stored, kind: str) -> None:
+    assert (stored(0.0, kind) == 0).all()
+    assert (stored(1.0, kind) == 1).all()
+
+
+@pytest.mark.parametrize(("kind", "size"), [("d16", 2), ("d24", 3), ("d32f", 4)])
+def test_bytes_are_counted(device: Device, kind: str, size: int) -> None:
+    target = depth_target(device, 64, kind)
+    assert target.bytes == 64 * 64 * size
+    assert target.texture.size == (64, 64)
+    device.free([target])
+
+
+def test_another_precision_than_asked_for_is_an_error(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    lies = {"d16": (*targets._FORMATS["d24"][:2], 16, 2.0**-16)}
+    monkeypatch.setattr(targets, "_FORMATS", lies)
+    with pytest.raises(RuntimeError, match="asked the driver for a 16-bit depth map, got 24 bits"):
+        depth_target(device, 8, "d16")
+
+
+def test_too_large_a_target_is_an_error_and_not_a_wrong_map(device: Device) -> None:
+    with pytest.raises(Exception, match=r"GL_|target|size|texture|allowed"):
+        depth_target(device, 4 * device.max_map_size, "d16")
+    assert device.context.error in ("GL_NO_ERROR", "GL_INVALID_VALUE")

@@ -1,0 +1,304 @@
+"""The commands: what they print, write and answer."""
+
+import csv
+import json
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from shadowbench import __version__
+from shadowbench.scenes.library import builtin_names, load_scene
+from shadowbench.scenes.model import view_of
+from shadowbench.scores.masks import read_mask
+from shadowbench.scores.metrics import METRICS
+from shadowbench.truth.trace import trace
+
+Shadowbench = Callable[..., Any]
+SMALL = ["--view-size", "64", "--rounds", "1"]
+CUBE = ["run", "cube-on-plane", "-t", "unshadowed", "-t", "shadow-map:size=64", *SMALL]
+NO_GL = "__EGL_VENDOR_LIBRARY_FILENAMES"
+
+
+def test_run_prints_a_table_and_writes_a_folder(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    answer = shadowbench("run", "cube-on-plane", "-t", "shadow-map", "--map-size", "64,128", *SMALL, "-o", tmp_path)
+    assert answer.code == 0, answer.err
+    lines = answer.out.splitlines()
+    assert lines[0].startswith("cube-on-plane, best first")
+    assert lines[1].split()[:3] == ["spec", "map", "1"]
+    assert [line.split()[:2] for line in lines[2:4]] == [["shadow-map", "128"], ["shadow-map", "64"]]
+    assert lines[4].startswith("  slope of log(1 − IoU) over log(size), 64 to 128: -")
+    assert "2 cells" in answer.out
+    assert answer.err == ""
+    assert {file.name for file in tmp_path.iterdir()} == {
+        "rows.jsonl", "table.csv", "run.json", "masks", "pictures", "truth",
+    }  # fmt: skip
+    run = json.loads((tmp_path / "run.json").read_text())
+    assert run["command"].startswith("shadowbench run cube-on-plane -t shadow-map --map-size 64,128")
+    assert run["assumptions"] == []
+
+
+def test_specs_without_map_sizes_mean_what_they_say(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    answer = shadowbench(*CUBE, "-t", "shadow-map", "--json", "-o", tmp_path)
+    sizes = {row["map_size"] for row in json.loads(answer.out)["cube-on-plane"]}
+    assert sizes == {None, 64, 1024}
+
+
+def test_json_is_alone_on_stdout(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    answer = shadowbench("run", "room-with-lamp", *CUBE[1:], "--json", "-o", tmp_path)
+    assert answer.code == 0
+    tables = json.loads(answer.out)
+    assert list(tables) == ["room-with-lamp", "cube-on-plane"]
+    statuses = {row["spec"]: row["status"].partition(":")[0] for row in tables["room-with-lamp"]}
+    assert statuses == {"unshadowed": "ok", "shadow-map": "unsupported"}
+    best = tables["cube-on-plane"][0]
+    assert best["spec"] == "shadow-map"
+    assert set(METRICS) <= set(best["values"])
+    assert 0 < best["values"]["iou"]["median"] < 1
+
+
+def test_quiet_prints_the_table_alone(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    mesh = tmp_path / "box.obj"
+    mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
+    loud = shadowbench("run", mesh, *CUBE[2:], "-o", tmp_path / "loud")
+    quiet = shadowbench("run", mesh, *CUBE[2:], "--quiet", "-o", tmp_path / "quiet")
+    assert (loud.code, quiet.code) == (0, 0)
+    assert re.findall("^note: ", loud.err, re.MULTILINE) != []
+    assert "table.csv" in loud.out
+    assert quiet.err == ""
+    assert quiet.out.splitlines()[0].startswith("box, best first")
+    assert "table.csv" not in quiet.out
+    assert json.loads((tmp_path / "quiet" / "run.json").read_text())["assumptions"] != []
+
+
+def test_without_rounds_there_are_no_times(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    arguments = [*CUBE[:-1], "0", "--json", "-o", tmp_path]
+    rows = json.loads(shadowbench(*arguments).out)["cube-on-plane"]
+    assert {row["values"]["frame_ms"] for row in rows} == {None}
+    with (tmp_path / "table.csv").open(newline="") as stream:
+        cells = list(csv.DictReader(stream))
+    assert {cell[name] for cell in cells for name in ("frame_ms", "ratio", "n", "clock", "prepare_ms")} == {""}
+
+
+def test_a_view_and_a_light_are_chosen_by_name(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    scene = tmp_path / "pair.toml"
+    light = '[[light]]\nname = "{}"\nkind = "directional"\ndirection = [{}, -1, -1]\n'
+    camera = '[[camera]]\nname = "{}"\nposition = [{}, 2, 3]\ntarget = [0, 0.5, 0]\n'
+    text = light.format("east", -1) + light.format("west", 1) + camera.format("left", -2) + camera.format("right", 2)
+    scene.write_text(text + '[[mesh]]\nshape = "box"\n')
+
+    def views(*flags: str) -> set[tuple[str, str]]:
+        out = tmp_path / "-".join(("out", *flags))
+        assert shadowbench("run", scene, "-t", "unshadowed", "--view-size", "16", *flags, "-o", out).code == 0
+        with (out / "table.csv").open(newline="") as stream:
+            return {(cell["view"], cell["light"]) for cell in csv.DictReader(stream)}
+
+    assert views() == {("left", "east"), ("left", "west")}
+    assert views("--view", "right", "--light", "west") == {("right", "west")}
+
+
+def test_cells_that_fail_are_exit_3_and_named(shadowbench: Shadowbench, wild: Path, tmp_path: Path) -> None:
+    arguments = [*CUBE, "-t", "does:what=raise", "--plugin", wild, "-o", tmp_path]
+    answer = shadowbench(*arguments)
+    assert answer.code == 3
+    assert "does:what=raise : failed: ZeroDivisionError: as planned (wild.py:" in answer.out
+    assert "1 of 3 cells failed; the first: ZeroDivisionError: as planned" in answer.err
+    late = shadowbench(*CUBE, "-t", "does:what=raise,after=2", "--plugin", wild, "-o", tmp_path)
+    assert late.code == 3
+    assert "while timed: ZeroDivisionError" in late.out
+
+
+def test_what_a_plug_in_prints_stays_off_stdout(shadowbench: Shadowbench, wild: Path, tmp_path: Path) -> None:
+    loud = tmp_path / "loud.py"
+    loud.write_text("print('loading')\n" + wild.read_text())
+    answer = shadowbench(*CUBE, "-t", "does:what=print", "--plugin", loud, "--json", "-o", tmp_path / "out")
+    assert answer.code == 0
+    assert {row["status"] for row in json.loads(answer.out)["cube-on-plane"]} == {"ok"}
+    assert {"loading", "loud", "louder"} <= set(answer.err.split())
+
+
+def test_a_package_s_entry_point_adds_a_technique(half: Path, tmp_path: Path) -> None:
+    (tmp_path / "half_shadow.py").write_text(half.read_text())
+    information = tmp_path / "half_shadow-1.0.dist-info"
+    information.mkdir()
+    (information / "METADATA").write_text("Metadata-Version: 2.1\nName: half-shadow\nVersion: 1.0\n")
+    (information / "entry_points.txt").write_text("[shadowbench.techniques]\nhalf = half_shadow:Half\n")
+    done = subprocess.run(
+        [sys.executable, "-m", "shadowbench.cli", *CUBE, "-t", "half:level=0.25", "--json", "-o", tmp_path / "out"],
+        env=os.environ | {"PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    rows = {row["spec"]: row for row in json.loads(done.stdout)["cube-on-plane"]}
+    assert rows["half:level=0.25"]["status"] == "ok"
+    assert rows["half:level=0.25"]["values"]["frame_ms"]["median"] > 0
+
+
+def test_an_entry_point_that_cannot_be_imported_is_one_line(tmp_path: Path) -> None:
+    information = tmp_path / "gone-1.0.dist-info"
+    information.mkdir()
+    (information / "METADATA").write_text("Metadata-Version: 2.1\nName: gone\nVersion: 1.0\n")
+    (information / "entry_points.txt").write_text("[shadowbench.techniques]\ngone = gone_away:Gone\n")
+    done = subprocess.run(
+        [sys.executable, "-m", "shadowbench.cli", "list", "techniques"],
+        env=os.environ | {"PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)
+    assert "'gone'" in done.stderr
+
+
+def test_render_writes_picture_mask_and_map(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    picture, mask, depths = (tmp_path / f"{name}.png" for name in ("picture", "mask", "map"))
+    answer = shadowbench(
+        "render", "cube-on-plane", "-t", "shadow-map:size=128", "--view-size", "96",
+        "-o", picture, "--mask", mask, "--map", depths,
+    )  # fmt: skip
+    assert answer.code == 0, answer.err
+    assert answer.out == f"{picture}: shadow-map:size=128 on cube-on-plane\n"
+    with Image.open(picture) as image:
+        assert (image.format, image.mode, image.size) == ("PNG", "RGB", (96, 96))
+    visibility = read_mask(mask)
+    assert visibility.shape == (96, 96)
+    assert (visibility.min(), visibility.max()) == (0, 1)
+    with Image.open(depths) as image:
+        assert (image.mode, image.size) == ("L", (128, 128))
+        assert np.asarray(image).std() > 0
+    assert sorted(tmp_path.iterdir()) == sorted([picture, mask, depths])
+
+
+def test_a_rendered_mask_is_that_of_a_run(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    shadowbench(*CUBE, "-o", tmp_path / "run")
+    shadowbench(
+        "render", "cube-on-plane", "-t", "shadow-map:size=64", "--view-size", "64",
+        "-o", tmp_path / "p.png", "--mask", tmp_path / "m.png", "-q",
+    )  # fmt: skip
+    masks = [read_mask(file) for file in (tmp_path / "run" / "masks").iterdir()]
+    assert [np.array_equal(mask, read_mask(tmp_path / "m.png")) for mask in masks].count(True) == 1
+
+
+@pytest.mark.parametrize(("what", "word"), [("abort", "crashed: SIGABRT"), ("raise", "ZeroDivisionError: as planned")])
+def test_a_picture_that_fails_is_exit_3(
+    shadowbench: Shadowbench, wild: Path, tmp_path: Path, what: str, word: str
+) -> None:
+    answer = shadowbench(
+        "render", "cube-on-plane", "-t", f"does:what={what}", "--plugin", wild, "--view-size", "16",
+        "-o", tmp_path / "p.png",
+    )  # fmt: skip
+    assert answer.code == 3
+    last = answer.err.splitlines()[-1]
+    assert last.startswith(f"shadowbench: does:what={what} on cube-on-plane failed: {word}")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_truth_writes_the_promised_arrays(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    file = tmp_path / "truth.npz"
+    answer = shadowbench("truth", "cube-on-plane", "-o", file, "--view-size", "48", "--pixel-samples", "2")
+    assert answer.code == 0, answer.err
+    scene = load_scene("cube-on-plane")
+    truth = trace(view_of(scene, scene.cameras[0], scene.lights[0], 48), pixel_samples=2)
+    with np.load(file) as arrays:
+        for name in ("visibility", "receivers", "undecided", "area", "blocker", "triangle"):
+            assert arrays[name].shape == (48, 48)
+            assert np.array_equal(arrays[name], truth.arrays()[name])
+        assert [arrays[name].dtype for name in ("visibility", "receivers", "undecided", "triangle")] == [
+            np.float32, bool, bool, np.int32,
+        ]  # fmt: skip
+        counted = re.search(r"(\d+) receivers of (\d+) pixels, (\d+) in shadow, (\d+) undecided", answer.out)
+        assert counted is not None
+        receivers, undecided = arrays["receivers"], arrays["undecided"]
+        shadowed = (arrays["visibility"] < 0.5).sum()
+        assert [int(number) for number in counted.groups()] == [
+            receivers.sum(), 48 * 48, shadowed, (receivers & undecided).sum(),
+        ]  # fmt: skip
+    assert shadowbench("truth", "cube-on-plane", "-o", file, "--view-size", "48", "-q").out == ""
+
+
+@pytest.mark.parametrize(
+    ("what", "keys"),
+    [
+        ("techniques", {"name", "help", "parameters", "presets"}),
+        ("scenes", {"name", "about"}),
+        ("metrics", {"name", "better", "for", "help"}),
+        ("studies", {"name", "about"}),
+    ],
+)
+def test_list_names_each_kind(shadowbench: Shadowbench, what: str, keys: set[str]) -> None:
+    listed = json.loads(shadowbench("list", what, "--json").out)
+    assert all(set(row) == keys and row["name"] for row in listed)
+    printed = shadowbench("list", what)
+    assert printed.code == 0
+    assert [row["name"] for row in listed if row["name"] not in printed.out] == []
+    assert json.loads(shadowbench("list", "--json").out)[what] == listed
+
+
+def test_list_tells_parameters_presets_and_plug_ins(shadowbench: Shadowbench, half: Path) -> None:
+    listed = {row["name"]: row for row in json.loads(shadowbench("list", "techniques", "--json", "--plugin", half).out)}
+    assert {"unshadowed", "shadow-map", "ray-traced", "half"} <= set(listed)
+    (level,) = listed["half"]["parameters"]
+    assert level == {"name": "level", "default": "0.5", "help": "visibility of every pixel"}
+    parameters = {row["name"]: row for row in listed["shadow-map"]["parameters"]}
+    assert {"none", "constant", "slope", "texel"} <= {row["name"] for row in parameters["bias"]["values"]}
+    assert "course" in listed["shadow-map"]["presets"]
+    assert set(builtin_names()) == {row["name"] for row in json.loads(shadowbench("list", "scenes", "--json").out)}
+
+
+def test_doctor_names_the_device_and_the_clock(shadowbench: Shadowbench) -> None:
+    found = json.loads(shadowbench("doctor", "--json").out)
+    assert {"machine", "versions", "opengl", "truth_cache"} == set(found)
+    assert {"renderer", "version", "clock", "max_map_size", "why_this_clock"} <= set(found["opengl"])
+    assert found["versions"]["shadowbench"] == __version__
+    printed = shadowbench("doctor")
+    assert printed.code == 0
+    assert found["opengl"]["renderer"] in printed.out
+    assert printed.out.splitlines()[-1] == "all is here"
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["run", "cube-on-plane", "-t", "unshadowed"], ["render", "cube-on-plane", "-t", "unshadowed"]],
+)
+def test_without_gl_drawing_is_exit_3_with_what_to_install(
+    shadowbench: Shadowbench, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, arguments: list[str]
+) -> None:
+    monkeypatch.setenv(NO_GL, str(tmp_path / "none.json"))
+    answer = shadowbench(*arguments, "-o", tmp_path / "out")
+    assert (answer.code, answer.out) == (3, "")
+    (line,) = answer.err.splitlines()
+    assert line.startswith("shadowbench: no OpenGL 4.1 context")
+    assert "apt-get install" in line
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_gl_doctor_says_so_and_truth_works(
+    shadowbench: Shadowbench, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv(NO_GL, str(tmp_path / "none.json"))
+    answer = shadowbench("doctor", "--json")
+    assert answer.code == 3
+    assert "apt-get install" in json.loads(answer.out)["opengl"]["missing"]
+    assert shadowbench("truth", "cube-on-plane", "-o", tmp_path / "t.npz", "--view-size", "16").code == 0
+    assert shadowbench("list").code == 0
+
+
+def test_help_and_version(shadowbench: Shadowbench) -> None:
+    assert shadowbench("--version").out == f"{__version__}\n"
+    nothing = shadowbench()
+    assert (nothing.code, nothing.err) == (0, "")
+    assert nothing.out == shadowbench("--help").out
+    for command in ("run", "truth", "render", "list", "doctor"):
+        assert command in nothing.out
+        answer = shadowbench(command, "--help")
+        assert answer.code == 0
+        assert f"shadowbench {command}" in answer.out

@@ -1,0 +1,231 @@
+"""What a user can get wrong at the command line: exit 2, one line that says what, where and what is allowed."""
+
+import base64
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytestmark = pytest.mark.filterwarnings("error")
+
+SCENE = '[light]\nkind = "directional"\ndirection = [0.5, -1, 0.2]\n[[mesh]]\nshape = "box"\n'
+CAMERA = "[camera]\nposition = [0, 1, 5]\ntarget = [0, 0, 0]\n"
+PLY = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+
+
+def gltf(primitive: dict[str, Any], data: bytes = b"", **parts: Any) -> str:
+    uri = "data:application/octet-stream;base64," + base64.b64encode(data).decode()
+    return json.dumps(
+        {
+            "asset": {"version": "2.0"},
+            "scenes": [{"nodes": [0]}],
+            "nodes": [{"mesh": 0}],
+            "meshes": [{"primitives": [primitive]}],
+            "buffers": [{"byteLength": len(data), "uri": uri}],
+            "bufferViews": [{"buffer": 0, "byteOffset": 0, "byteLength": len(data)}],
+            "accessors": [{"componentType": 5126, "count": 3, "type": "VEC3"}],
+            **parts,
+        }
+    )
+
+
+DRACO = gltf(
+    {
+        "attributes": {"POSITION": 0},
+        "extensions": {"KHR_draco_mesh_compression": {"bufferView": 0, "attributes": {"POSITION": 0}}},
+    },
+    b"no Draco at all",
+    extensionsRequired=["KHR_draco_mesh_compression"],
+    extensionsUsed=["KHR_draco_mesh_compression"],
+)
+
+FILES = {
+    "broken.toml": "[camera\n",
+    "unknown.toml": CAMERA + SCENE + "colour = 3\n",
+    "away.toml": CAMERA.replace("target = [0, 0, 0]", "target = [0, 1, 9]") + SCENE,
+    "range.toml": CAMERA + "fov_y = 180\n" + SCENE,
+    "good.toml": CAMERA + SCENE,
+    "points.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\n",
+    "nan.obj": "v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n",
+    "beyond.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 7\n",
+    "strip.ply": PLY
+    + "element tristrips 1\nproperty list int int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
+    "beyond.ply": PLY
+    + "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n",
+    "empty.glb": "",
+    "broken.glb": "glTF and then nothing",
+    "broken.gltf": "{",
+    "nothing.gltf": json.dumps({"asset": {"version": "2.0"}}),
+    "draco.gltf": DRACO,
+    "empty.py": "",
+    "broken.py": "def technique(:\n",
+    "raises.py": "raise RuntimeError('no')\n",
+    "nameless.py": "from shadowbench.techniques.base import Technique\n\nclass Nameless(Technique):\n    pass\n",
+    "study.toml": 'scenes = ["cube-on-plane"]\nround = 3\n',
+    "broken-study.toml": "scenes = \n",
+    "size.toml": 'scenes = ["cube-on-plane"]\n[[technique]]\nspec = "shadow-map"\nsize = 0\n',
+}
+
+RUN = ["run", "cube-on-plane", "-t", "unshadowed", "-o", "{out}"]
+CASES: dict[str, tuple[list[str], list[str]]] = {
+    "a missing scene file": (["run", "{in}/none.toml", "-o", "{out}"], ["none.toml", "no such file"]),
+    "a missing mesh": (["truth", "{in}/none.obj", "-o", "{out}.npz"], ["none.obj", "no such file"]),
+    "a misspelt scene": (["run", "cube-on-plain", "-o", "{out}"], ["cube-on-plain", "did you mean 'cube-on-plane'"]),
+    "no kind of scene": (["truth", "{in}/empty.py", "-o", "{out}.npz"], ["empty.py", ".toml", ".glb"]),
+    "broken TOML": (["run", "{in}/broken.toml", "-o", "{out}"], ["broken.toml", "not TOML", "line 1"]),
+    "an unknown field": (["run", "{in}/unknown.toml", "-o", "{out}"], ["unknown.toml", "'colour'", "color"]),
+    "a value out of range": (["run", "{in}/range.toml", "-o", "{out}"], ["range.toml", "fov_y", "180"]),
+    "no triangles": (["run", "{in}/points.obj", "-o", "{out}"], ["points.obj", "no triangles"]),
+    "a NaN vertex": (["run", "{in}/nan.obj", "-o", "{out}"], ["nan.obj", "NaN"]),
+    "an index too high": (["run", "{in}/beyond.obj", "-o", "{out}"], ["beyond.obj"]),
+    "an index too high in a PLY": (["run", "{in}/beyond.ply", "-o", "{out}"], ["beyond.ply", "vertex 7"]),
+    "triangle strips": (["run", "{in}/strip.ply", "-o", "{out}"], ["strip.ply", "strips"]),
+    "an empty glTF": (["run", "{in}/empty.glb", "-o", "{out}"], ["empty.glb", "empty"]),
+    "a broken GLB": (["run", "{in}/broken.glb", "-o", "{out}"], ["broken.glb"]),
+    "a broken glTF": (["run", "{in}/broken.gltf", "-o", "{out}"], ["broken.gltf"]),
+    "a glTF of nothing": (["run", "{in}/nothing.gltf", "-o", "{out}"], ["nothing.gltf", "no triangles"]),
+    "Draco that fails": (["truth", "{in}/draco.gltf", "-o", "{out}.npz"], ["draco.gltf"]),
+    "a camera that looks at nothing": (
+        ["run", "{in}/away.toml", "-t", "unshadowed", "--view-size", "16", "-o", "{out}"],
+        ["camera 'camera'", "away", "looks at nothing"],
+    ),
+    "a truth of nothing": (
+        ["truth", "{in}/away.toml", "--view-size", "16", "-o", "{out}.npz"],
+        ["camera 'camera'", "away", "looks at nothing"],
+    ),
+    "an unknown technique": ([*RUN, "-t", "no-map"], ["no-map", "shadow-map", "unshadowed"]),
+    "an unknown parameter": ([*RUN, "-t", "shadow-map:taps=3"], ["taps", "filter"]),
+    "an unknown row": ([*RUN, "-t", "shadow-map:filter=velvet"], ["velvet", "pcf"]),
+    "an unknown preset": ([*RUN, "-t", "shadow-map:preset=nice"], ["nice", "course"]),
+    "a broken spec": ([*RUN, "-t", "shadow-map:filter=pcf("], ["shadow-map:filter=pcf("]),
+    "an empty spec": ([*RUN, "-t", ""], ["technique"]),
+    "a parameter out of range": ([*RUN, "-t", "shadow-map:bias=texel(scale=-1)"], ["scale", "-1"]),
+    "map size 0 in a spec": ([*RUN, "-t", "shadow-map:size=0"], ["size", "found 0"]),
+    "map size 0": ([*RUN, "--map-size", "0"], ["--map-size", "'0'", "from 1"]),
+    "a map size of words": ([*RUN, "--map-size", "512,big"], ["--map-size", "'512,big'", "whole numbers"]),
+    "an empty map size": ([*RUN, "--map-size", ""], ["--map-size"]),
+    "a map size beyond all": ([*RUN, "--map-size", "99999999"], ["--map-size", "99999999", "65536"]),
+    "a map beyond the driver": ([*RUN, "-t", "shadow-map", "--map-size", "65536"], ["map size 65536", "allows 1 to"]),
+    "a map beyond the driver in a spec": ([*RUN, "-t", "shadow-map:size=65536"], ["map size 65536", "allows 1 to"]),
+    "a picture beyond the driver": (
+        ["render", "cube-on-plane", "-t", "shadow-map:size=65536", "-o", "{out}.png"],
+        ["map size 65536", "allows 1 to"],
+    ),
+    "view size 0": ([*RUN, "--view-size", "0"], ["--view-size", "1"]),
+    "rounds below 0": ([*RUN, "--rounds", "-1"], ["--rounds"]),
+    "an unknown option": ([*RUN, "--fast"], ["--fast"]),
+    "an unknown command": (["rum"], ["rum"]),
+    "no scene": (["truth", "-o", "{out}.npz"], ["SCENE"]),
+    "no technique": (["render", "cube-on-plane", "-o", "{out}.png"], ["--technique"]),
+    "an unknown view": ([*RUN, "--view", "low"], ["'low'", "camera"]),
+    "an unknown light": ([*RUN, "--light", "moon"], ["'moon'", "allowed: light"]),
+    "an unknown view of a truth": (["truth", "cube-on-plane", "--view", "low", "-o", "{out}.npz"], ["'low'", "camera"]),
+    "an unknown light of a picture": (
+        ["render", "cube-on-plane", "-t", "unshadowed", "--light", "moon", "-o", "{out}.png"],
+        ["--light", "'moon'", "allowed: light"],
+    ),
+    "a missing study": (["run", "-s", "{in}/none.toml", "-o", "{out}"], ["none.toml", "no such study"]),
+    "a broken study": (["run", "-s", "{in}/broken-study.toml", "-o", "{out}"], ["broken-study.toml", "not TOML"]),
+    "an unknown field of a study": (
+        ["run", "-s", "{in}/study.toml", "-o", "{out}"],
+        ["study.toml", "'round'", "rounds"],
+    ),
+    "map size 0 in a study": (
+        ["run", "-s", "{in}/size.toml", "-o", "{out}"],
+        ["size.toml", "technique 1", "size", "0"],
+    ),
+    "a missing plug-in": ([*RUN, "--plugin", "{in}/none.py"], ["--plugin", "none.py", "no such file"]),
+    "an empty plug-in": ([*RUN, "--plugin", "{in}/empty.py"], ["--plugin", "empty.py", "Technique"]),
+    "a broken plug-in": ([*RUN, "--plugin", "{in}/broken.py"], ["--plugin", "broken.py", "SyntaxError"]),
+    "a plug-in that raises": ([*RUN, "--plugin", "{in}/raises.py"], ["--plugin", "raises.py", "RuntimeError: no"]),
+    "a plug-in without a name": ([*RUN, "--plugin", "{in}/nameless.py"], ["--plugin", "Nameless", "name"]),
+    "a plug-in that is no Python": ([*RUN, "--plugin", "{in}/nan.obj"], ["--plugin", "nan.obj", ".py"]),
+    "an output that is a file": (
+        ["run", "cube-on-plane", "-t", "unshadowed", "--view-size", "16", "-o", "{in}/good.toml"],
+        ["good.toml", "cannot be written"],
+    ),
+    "an output that nobody may write": (
+        ["run", "cube-on-plane", "-t", "unshadowed", "--view-size", "16", "-o", "/proc/shadowbench"],
+        ["/proc/shadowbench", "cannot be written"],
+    ),
+    "a truth into nowhere": (["truth", "cube-on-plane", "-o", "{out}/none/t.npz"], ["none", "cannot write"]),
+    "a truth onto a folder": (["truth", "cube-on-plane", "-o", "{in}"], ["is a folder"]),
+    "a picture into nowhere": (
+        ["render", "cube-on-plane", "-t", "unshadowed", "-o", "{out}/none/p.png"],
+        ["none", "cannot write"],
+    ),
+    "a mask into nowhere": (
+        ["render", "cube-on-plane", "-t", "unshadowed", "-o", "{out}.png", "--mask", "{out}/none/m.png"],
+        ["none", "cannot write"],
+    ),
+    "a picture and a mask in one file": (
+        ["render", "cube-on-plane", "-t", "unshadowed", "-o", "{out}.png", "--mask", "{out}.png"],
+        ["out.png", "twice"],
+    ),
+    "a map of what has none": (
+        ["render", "cube-on-plane", "-t", "unshadowed", "--view-size", "16", "-o", "{out}.png", "--map", "{out}.m.png"],
+        ["--map", "unshadowed has no map"],
+    ),
+    "a picture that is unsupported": (
+        ["render", "room-with-lamp", "-t", "shadow-map", "--view-size", "16", "-o", "{out}.png"],
+        ["shadow-map", "room-with-lamp", "point light"],
+    ),
+    "a missing assets folder": ([*RUN[:1], "{in}/good.toml", "--assets", "{in}/none", "-o", "{out}"], ["--assets"]),
+    "an unknown list": (["list", "shaders"], ["'shaders'", "techniques, scenes, metrics, studies"]),
+}  # fmt: skip
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Path:
+    folder = tmp_path / "in"
+    folder.mkdir()
+    for name, text in FILES.items():
+        (folder / name).write_text(text)
+    return folder
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_bad_input_is_one_line_and_exit_2(
+    shadowbench: Callable[..., Any], files: Path, tmp_path: Path, case: str
+) -> None:
+    arguments, words = CASES[case]
+    before = sorted(tmp_path.rglob("*"))
+    answer = shadowbench(
+        *(text.replace("{in}", str(files)).replace("{out}", str(tmp_path / "out")) for text in arguments)
+    )
+    assert answer.code == 2
+    complaints = [line for line in answer.err.splitlines() if not line.startswith("note: ")]
+    assert len(complaints) == 1
+    assert complaints[0].startswith("shadowbench: ")
+    assert [word for word in words if word not in complaints[0]] == []
+    assert answer.out == ""
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_rows_of_somebody_else_are_left_alone(shadowbench: Callable[..., Any], tmp_path: Path) -> None:
+    (tmp_path / "rows.jsonl").write_text("mine")
+    answer = shadowbench("run", "cube-on-plane", "-t", "unshadowed", "--view-size", "16", "-o", tmp_path)
+    assert answer.code == 2
+    assert "rows.jsonl line 1" in answer.err
+    assert [(file.name, file.read_text()) for file in tmp_path.iterdir()] == [("rows.jsonl", "mine")]
+
+
+def test_two_techniques_of_one_name_are_refused(shadowbench: Callable[..., Any], half: Path, tmp_path: Path) -> None:
+    twin = tmp_path / "twin.py"
+    twin.write_text(half.read_text())
+    answer = shadowbench("list", "techniques", "--plugin", half, "--plugin", twin)
+    assert answer.code == 2
+    assert ["'half'" in answer.err, str(half) in answer.err, str(twin) in answer.err] == [True] * 3
+
+
+def test_an_internal_error_is_exit_3(shadowbench: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object) -> None:
+        raise LookupError("a bug")
+
+    monkeypatch.setattr("shadowbench.commands.listing.list_command", broken)
+    answer = shadowbench("list")
+    assert answer.code == 3
+    assert answer.err.splitlines()[-1].startswith("shadowbench: an internal error")
+    assert "LookupError: a bug" in answer.err

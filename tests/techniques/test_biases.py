@@ -1,0 +1,130 @@
+"""Biases: what keeps a plane from shadowing itself, by closed forms; and what too little or too much of one costs.
+
+On a lone inclined plane everything is lit, so every pixel in shadow is acne. Parameters are given in full: a tuned
+default must not change what a formula promises. A receiver's float32 position is off by half a step of a depth near 1,
+along the light by 1/cos θ as much: up to four steps at 75°, and as many again for the way through matrices.
+"""
+
+import math
+
+import numpy as np
+import pytest
+
+from shadowbench.scenes.model import Light, Mesh, unit
+
+SIZE = 160
+TILTS = [5.0, 30.0, 60.0, 75.0]  # degrees between the plane's normal and the light
+FILTERS = ["hard", "hardware", "pcf(7)"]
+EXACT = {
+    "receiver-plane": "receiver-plane(gradient=plane,limit=10,slack=0,ulps=12)",
+    "texel": "texel(scale=1,limit=8,ulps=4)",
+    "normal-offset": "normal-offset(scale=1,ulps=4)",
+}
+
+
+@pytest.fixture
+def incline(looking):
+    """A square plane, turned away by an angle from a light of either kind, seen from the light's side."""
+
+    def make(kind: str, tilt: float, size: int = SIZE):
+        normal = unit((0.2, 1.0, 0.35))
+        axis = unit(np.cross(normal, (0.9, 0.1, 0.4)))
+        other = np.cross(normal, axis)
+        corners = 1.5 * np.array([-axis - other, axis - other, axis + other, -axis + other])
+        corners = (
+            corners[::-1] if np.dot(np.cross(corners[1] - corners[0], corners[2] - corners[0]), normal) < 0 else corners
+        )
+        toward = math.cos(math.radians(tilt)) * normal + math.sin(math.radians(tilt)) * unit(axis + 0.37 * other)
+        place = toward * 6.0
+        light = Light(kind, kind, tuple((-toward).tolist()), tuple(place.tolist()), math.radians(45))
+        mesh = Mesh("plane", corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32))
+        eye = tuple((normal * 3.2 + axis * 0.4).tolist())
+        return looking([mesh], light, size, eye=eye, fov=60)
+
+    return make
+
+
+@pytest.mark.parametrize("filter_", FILTERS)
+@pytest.mark.parametrize("bias", EXACT)
+@pytest.mark.parametrize("tilt", TILTS)
+@pytest.mark.parametrize("kind", ["directional", "spot"])
+def test_an_inclined_plane_has_no_acne(incline, mask, kind: str, tilt: float, bias: str, filter_: str) -> None:
+    for size in (61, 256):
+        visibility = mask(f"shadow-map:fit=scene,bias={EXACT[bias]},filter={filter_},size={size}", incline(kind, tilt))
+        assert (visibility == 1).all(), f"{(visibility < 1).sum()} pixels at {size}"
+
+
+@pytest.mark.parametrize("kind", ["directional", "spot"])
+@pytest.mark.parametrize("tilt", TILTS[1:])
+def test_without_a_bias_half_of_an_inclined_plane_is_acne(incline, studio, build, kind: str, tilt: float) -> None:
+    shot = studio.shot(incline(kind, tilt))
+    visibility = build("shadow-map:fit=scene,bias=none,filter=hard,size=256", shot).draw(shot)
+    assert 0.45 < (visibility[shot.triangle >= 0] < 0.5).mean() < 0.55
+
+
+@pytest.mark.parametrize("kind", ["directional", "spot"])
+def test_a_fifth_of_the_exact_bias_is_too_little(incline, mask, kind: str) -> None:
+    for bias in ("texel(scale=0.2,limit=8,ulps=4)", "normal-offset(scale=0.2,ulps=4)"):
+        visibility = mask(f"shadow-map:fit=scene,bias={bias},filter=hard,size=256", incline(kind, 60))
+        assert (visibility < 0.5).mean() > 0.05, bias
+
+
+def test_receiver_planes_without_their_gradient_are_acne(incline, mask) -> None:
+    bias = "receiver-plane(gradient=plane,limit=1e-9,slack=0,ulps=4)"
+    assert (mask(f"shadow-map:fit=scene,bias={bias},filter=hard", incline("directional", 60)) < 0.5).mean() > 0.2
+
+
+def test_screen_derivatives_agree_with_the_plane_where_there_is_one(incline, mask) -> None:
+    bias = "receiver-plane(gradient=derivative,limit=10,slack=0.1,ulps=4)"
+    for kind in ("directional", "spot"):
+        visibility = mask(f"shadow-map:fit=scene,bias={bias},filter=pcf(5),size=256", incline(kind, 60))
+        inner = visibility[40:-40, 40:-40]
+        assert (inner == 1).mean() > 0.999
+
+
+@pytest.mark.parametrize("filter_", ["hard", "hardware"])
+@pytest.mark.parametrize("tilt", TILTS)
+def test_the_published_polygon_offset_is_enough_for_four_texels(incline, mask, tilt: float, filter_: str) -> None:
+    spec = f"shadow-map:fit=scene,bias=polygon-offset(2,4),filter={filter_},size=256"
+    assert (mask(spec, incline("directional", tilt)) == 1).all()
+
+
+def test_the_published_polygon_offset_is_too_little_for_nine(incline, mask) -> None:
+    """Slope times two texels, of a box that reaches 1.5 texels in both directions; 3.5 for 7×7."""
+    spec = "shadow-map:fit=scene,bias=polygon-offset(2,4),filter=pcf(7),size=256"
+    visibility = mask(spec, incline("directional", 60))
+    assert (visibility < 1).mean() > 0.2
+
+
+def test_front_faces_left_out_cast_by_their_backs(shape, looking, sun, mask) -> None:
+    """No surface shadows itself; an open plane that shows the light its face casts nothing at all."""
+    sheet = shape("plane", 1.0, (0.0, 1.0, 0.0))
+    box = shape("box", 1.0, (0.0, 0.5, 0.0))
+    ground = shape("plane", 6.0)
+    view = looking([ground, box], sun(azimuth=150.0), SIZE)
+    lit = looking([ground, sheet], sun(azimuth=150.0), SIZE)
+    spec = "shadow-map:fit=scene,bias=front-cull,filter=hard,size=512"
+    assert (mask(spec, view) < 0.5).sum() > 200
+    assert (mask(spec, lit) == 1).all()
+    assert (mask("shadow-map:fit=scene,filter=hard,size=512", lit) < 0.5).sum() > 200
+
+
+def test_no_bias_is_acne_and_the_defaults_are_not(builtin, truth_of, mask, scored) -> None:
+    view, truth = builtin("sphere-and-torus", 256), truth_of("sphere-and-torus", 256)
+    without = scored(mask("shadow-map:bias=none,filter=hard", view), truth)
+    default = scored(mask("shadow-map:filter=hard", view), truth)
+    assert without["acne"] > 0.2 and without["iou"] < 0.5
+    assert default["acne"] < 1e-3 < 0.9 < default["iou"]
+
+
+def test_a_large_constant_bias_leaks_at_contact(builtin, truth_of, mask, scored) -> None:
+    """A twentieth of the depth range is more than a pebble is thick, so what it shadows lies too near behind it.
+
+    (A thick caster hides the fault: a map stores its lit side, a metre before the contact.)
+    """
+    view, truth = builtin("pebbles", 256), truth_of("pebbles", 256)
+    large = scored(mask("shadow-map:fit=scene,bias=constant(0.05),filter=hard,size=2048", view), truth)
+    small = scored(mask("shadow-map:fit=scene,bias=constant(0.002),filter=hard,size=2048", view), truth)
+    assert large["contact"] > 0.9 and large["leak"] > 0.7
+    assert small["contact"] < 0.05 and small["leak"] < 0.01
+    assert large["iou"] < 0.2 < 0.9 < small["iou"]

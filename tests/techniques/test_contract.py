@@ -1,0 +1,234 @@
+"""What every registered technique must keep, whatever it computes."""
+
+import ctypes
+import gc
+from dataclasses import replace
+
+import moderngl
+import numpy as np
+import psutil
+import pytest
+
+from shadowbench.gl.raw import _SIGNATURES
+from shadowbench.scenes.model import Camera, Light, View, view_of
+from shadowbench.techniques.registry import techniques
+from shadowbench.techniques.spec import format_spec, parse_spec
+
+ALL = sorted(techniques())
+PRESETS = [f"{name}:preset={preset}" for name in ALL for preset in techniques()[name].presets]
+SIZE = 96
+
+LIGHTS = {
+    "directional": Light("sun", "directional", (0.5, -1.0, -0.3)),
+    "spot": Light("spot", "spot", (1.7, -3.0, -1.5), (-1.7, 3.2, 1.3), 1.0),
+    "point": Light("point", "point", position=(-1.0, 2.2, 0.8)),
+}
+# Each pose moves the camera, the light, or both; the third looks from inside a shadow, up at the light.
+CAMERAS = [
+    ((2.0, 2.6, 3.7), (0.1, 0.45, -0.45)),
+    ((-2.4, 0.8, 2.0), (0.4, 0.3, 0.0)),
+    ((0.6, 0.05, -0.9), (-0.5, 1.0, 0.5)),
+    ((2.0, 2.6, 3.7), (0.1, 0.45, -0.45)),
+]
+
+
+def moved(light: Light, pose: int) -> Light:
+    turn = np.array([0.2, 0.1, -0.1]) * pose
+    return replace(
+        light,
+        direction=tuple((np.asarray(light.direction) + turn).tolist()),
+        position=tuple((np.asarray(light.position) + turn).tolist()),
+    )
+
+
+@pytest.fixture
+def poses(builtin):
+    """Views of one scene under one kind of light: camera and light move from each to the next."""
+
+    def make(kind: str, size: int = SIZE) -> list[View]:
+        scene = builtin("spot-lamp").scene
+        return [
+            view_of(scene, Camera("camera", eye, target, 0.9), moved(LIGHTS[kind], pose), size)
+            for pose, (eye, target) in enumerate(CAMERAS)
+        ]
+
+    return make
+
+
+@pytest.fixture
+def answers(device, studio):
+    """Skips the test where a technique has no answer, having looked at the reason it gives."""
+
+    def ask(spec: str, view: View) -> None:
+        parsed = parse_spec(spec, techniques())
+        reason = parsed.technique.unsupported(parsed.params, studio.shot(view).view, device)
+        if reason is not None:
+            assert reason and "\n" not in reason and len(reason) > 10
+            pytest.skip(reason)
+
+    return ask
+
+
+@pytest.mark.parametrize("kind", LIGHTS)
+@pytest.mark.parametrize("spec", [*ALL, *PRESETS])
+def test_a_moved_camera_and_light_draw_what_a_fresh_build_draws(spec, kind, poses, answers, studio, build) -> None:
+    views = poses(kind)
+    answers(spec, views[0])
+    shots = [studio.shot(view) for view in views]
+    once = build(spec, shots[0])
+    masks = []
+    for shot in shots:
+        masks.append(once.draw(shot))
+        fresh = build(spec, shot)
+        assert np.array_equal(masks[-1], fresh.draw(shot))
+        fresh.stage.release()
+    if spec != "unshadowed":
+        assert not np.array_equal(masks[0], masks[3]), "the same camera under another light"
+    assert np.array_equal(once.draw(shots[0]), masks[0]), "back where it began"
+
+
+@pytest.mark.parametrize("kind", LIGHTS)
+@pytest.mark.parametrize("spec", ALL)
+def test_every_phase_too_draws_what_a_fresh_build_draws(spec, kind, poses, answers, studio, build) -> None:
+    view = poses(kind)[0]
+    answers(spec, view)
+    shot = studio.shot(view)
+    once = build(spec, shot)
+    plain = once.draw(shot)
+    shifted = once.draw(shot, phase=3)
+    assert np.array_equal(shifted, build(spec, shot).draw(shot, phase=3))
+    assert np.array_equal(shifted, plain) == (not once.technique.phased)
+
+
+@pytest.mark.parametrize("kind", LIGHTS)
+@pytest.mark.parametrize("spec", ALL)
+def test_visibility_is_in_0_to_1_and_1_where_nothing_receives(spec, kind, poses, answers, studio, build) -> None:
+    views = poses(kind)
+    answers(spec, views[0])
+    for view in views:
+        shot = studio.shot(view)
+        mask = build(spec, shot).draw(shot)
+        assert mask.shape == (SIZE, SIZE) and np.isfinite(mask).all()
+        assert mask.min() >= 0 and mask.max() <= 1
+        light, w = shot.view.light.homogeneous
+        cosine = np.einsum("ijk,ijk->ij", shot.normal[..., :3], np.asarray(light) - w * shot.position[..., :3])
+        away = (shot.triangle < 0) | (cosine < -1e-6)
+        assert away.any()
+        assert (mask[away] == 1).all()
+
+
+@pytest.mark.parametrize("spec", ALL)
+def test_drawing_twice_gives_the_same_bits(spec, studio, build, builtin, answers) -> None:
+    view = builtin("cube-on-plane", SIZE)
+    answers(spec, view)
+    shot = studio.shot(view)
+    one = build(spec, shot)
+    assert np.array_equal(one.draw(shot), one.draw(shot))
+
+
+@pytest.mark.parametrize("spec", ALL)
+def test_what_does_not_receive_stays_lit_and_what_does_not_cast_casts_nothing(
+    spec, studio, build, shape, looking, sun, answers
+) -> None:
+    silent = [shape("plane", 6.0, receives=False), shape("box", 1.0, (0.0, 0.5, 0.0), receives=False)]
+    view = looking(silent, sun(), SIZE)
+    answers(spec, view)
+    shot = studio.shot(view)
+    assert (build(spec, shot).draw(shot) == 1).all()
+    for casts in (True, False):
+        ghost = [shape("plane", 6.0), shape("box", 1.0, (0.0, 0.5, 0.0), casts=casts, receives=False)]
+        shot = studio.shot(looking(ghost, sun(azimuth=150.0), SIZE))
+        shadowed = (build(spec, shot).draw(shot) < 0.5).sum()
+        assert shadowed > 200 if casts and spec != "unshadowed" else shadowed == 0
+
+
+@pytest.mark.parametrize("spec", ALL)
+def test_a_scene_without_casters_is_lit(spec, studio, build, shape, looking, sun, answers) -> None:
+    view = looking([shape("plane", 6.0, casts=False), shape("sphere", 1.0, (0, 1, 0), casts=False)], sun(), SIZE)
+    answers(spec, view)
+    shot = studio.shot(view)
+    assert (build(spec, shot).draw(shot) == 1).all()
+
+
+@pytest.mark.parametrize("spec", ALL)
+def test_a_view_without_receivers_is_all_1(spec, studio, build, shape, looking, sun, answers) -> None:
+    """Seen from below, the light above: nothing in view is turned to it."""
+    view = looking([shape("plane", 6.0)], sun(), SIZE, eye=(1.0, -3.0, 1.0))
+    answers(spec, view)
+    shot = studio.shot(view)
+    assert (shot.triangle >= 0).any()
+    assert (build(spec, shot).draw(shot) == 1).all()
+
+
+@pytest.mark.parametrize("kind", ["directional", "spot"])
+@pytest.mark.parametrize("spec", ALL)
+def test_a_light_along_up_or_from_below_shadows_what_a_ray_says(spec, kind, studio, build, shape, looking, answers):
+    """Straight above a sphere its shadow is below it; straight below, above it."""
+    planes = [shape("plane", [4.0, 1.0, 4.0], (0.0, y, 0.0), casts=False) for y in (-1.5, 1.5)]
+    for sign, place in ((-1.0, 2.9), (1.0, -2.9)):
+        light = Light(kind, kind, (0.0, sign, 0.0), (0.0, place, 0.0), 1.0)
+        view = looking([*planes, shape("sphere", 1.0)], light, SIZE, (0.6, sign * 0.7, 3.5), (0.0, sign * 1.2, 0.0), 60)
+        answers(spec, view)
+        shot = studio.shot(view)
+        shadow = build(spec, shot).draw(shot) < 0.5
+        if spec == "unshadowed":
+            assert not shadow.any()
+            continue
+        on_plane = (shot.triangle >= 0) & (shot.triangle < 4)
+        x, _, z = np.moveaxis(shot.position[..., :3] / shot.placement.scale + shot.placement.center, -1, 0)
+        # The sphere's outline is its radius for the sun, the tangent cone's for a lamp 4.4 m away.
+        radius = 0.5 if kind == "directional" else 4.4 * np.tan(np.arcsin(0.5 / 2.9))
+        distance = np.hypot(x, z)
+        assert shadow[on_plane & (distance < radius * 0.93)].all()
+        assert not shadow[on_plane & (distance > radius * 1.07)].any()
+        assert (on_plane & (distance < radius * 0.93)).sum() > 50
+
+
+@pytest.mark.parametrize("spec", ALL)
+def test_a_point_light_is_answered_or_declined_in_words(spec, device, studio, builtin) -> None:
+    parsed = parse_spec(spec, techniques())
+    reason = parsed.technique.unsupported(parsed.params, studio.shot(builtin("room-with-lamp", 32)).view, device)
+    assert reason is None or ("point light" in reason and "\n" not in reason)
+
+
+@pytest.mark.parametrize("spec", ALL)
+def test_bytes_are_counted_and_freed(spec, device, studio, build, builtin, answers, monkeypatch) -> None:
+    view = builtin("cube-on-plane", SIZE)
+    answers(spec, view)
+    shot = studio.shot(view)
+    one = build(spec, shot)
+    assert one.stage.bytes >= SIZE * SIZE * 4, "the mask at least"
+    if "size" in one.technique.Params.model_fields:
+        half = build(format_spec(parse_spec(f"{spec}:size={one.technique.params.size // 2}", techniques())), shot)
+        assert half.stage.bytes < one.stage.bytes
+    monkeypatch.setitem(_SIGNATURES, "glIsTexture", (ctypes.c_ubyte, (ctypes.c_uint,)))
+    textures = [thing for thing in vars(one.technique).values() if isinstance(thing, moderngl.Texture)]
+    assert textures and all(device.raw("glIsTexture", texture.glo) for texture in textures)
+    one.draw(shot)
+    one.stage.release()
+    assert not any(device.raw("glIsTexture", texture.glo) for texture in textures)
+    assert one.stage.bytes == 0
+    device.check("releasing")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("spec", ALL)
+def test_memory_does_not_grow_over_builds_and_releases(spec, device, studio, build, builtin, answers) -> None:
+    view = builtin("cube-on-plane", 256)
+    answers(spec, view)
+    shot = studio.shot(view)
+
+    def cycle() -> None:
+        one = build(spec, shot)
+        one.draw(shot)
+        one.stage.release()
+
+    for _ in range(10):
+        cycle()
+    gc.collect()
+    before = psutil.Process().memory_info().rss
+    for _ in range(50):
+        cycle()
+    gc.collect()
+    grown = psutil.Process().memory_info().rss - before
+    assert grown < 50 * 256 * 256 * 4, "less than one mask a cycle"

@@ -1,0 +1,192 @@
+"""The lookup in a 2-D map, against NumPy: the map's texels as read back, and the G-buffer's positions.
+
+Nothing of the shader is used. Pixels are left out whose answer hangs on float32: where a texel's edge or a depth's tie
+is nearer than rounding can tell.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from shadowbench.gl.gbuffer import download
+
+SIZE = 192
+EDGE = 2e-3  # texels
+TIE = 2e-6  # of depth in [0, 1]
+SCENES = {"directional": "sphere-and-torus", "spot": "spot-lamp"}
+# Bias and window are the same for all filters, so that one can be compared with another.
+FIXED = {
+    "directional": "fit=fixed(half=4,near=0.5,far=20,distance=10)",
+    "spot": "fit=fixed(near=0.5,far=9,fov=58)",
+}
+
+
+class MapLookup:
+    """Where the receivers of a shot lie in a technique's map, in texels and depth."""
+
+    def __init__(self, technique, shot, bias: float, wrap: str = "border") -> None:
+        seen, size = technique.seen, technique.params.size
+        space = seen.space
+        x, y, axial = np.moveaxis((shot.position[..., :3] - space.origin) @ space.basis.T * [1, 1, -1], -1, 0)
+        near, far = seen.near, seen.far
+        with np.errstate(all="ignore"):
+            if space.perspective:
+                x, y = x / axial, y / axial
+                self.depth = far * (axial - near) / (axial * (far - near))
+            else:
+                self.depth = (axial - near) / (far - near)
+        low, high = seen.box.low, seen.box.high
+        self.u, self.v = (x - low[0]) / (high[0] - low[0]) * size, (y - low[1]) / (high[1] - low[1]) * size
+        light, w = shot.view.light.homogeneous
+        to_light = np.asarray(light) - w * shot.position[..., :3]
+        to_light /= np.linalg.norm(to_light, axis=-1, keepdims=True)
+        self.cosine = np.einsum("ijk,ijk->ij", shot.normal[..., :3], to_light)
+        facing = (shot.position[..., 3] > 0) & (self.cosine > 1e-4) & (axial > 0) & (self.depth < 1 - TIE)
+        self.usable = facing & np.isfinite(self.u) & (np.abs(self.u) < 1e4) & (np.abs(self.v) < 1e4)
+        self.map = download(technique.map.texture)[::-1, :, 0].astype(np.float64)  # row 0 where v is 0
+        self.size, self.bias, self.wrap = size, bias, wrap
+        self.sure = self.usable.copy()
+
+    def stored(self, column: np.ndarray, row: np.ndarray) -> np.ndarray:
+        inside = (column >= 0) & (column < self.size) & (row >= 0) & (row < self.size)
+        if self.wrap == "repeat":
+            return self.map[row % self.size, column % self.size]
+        clamped = self.map[np.clip(row, 0, self.size - 1), np.clip(column, 0, self.size - 1)]
+        return clamped if self.wrap == "edge" else np.where(inside, clamped, 1.0)
+
+    def lit(self, column: np.ndarray, row: np.ndarray) -> np.ndarray:
+        stored = self.stored(column, row)
+        self.sure &= np.abs(self.depth - self.bias - stored) > TIE
+        return (self.depth - self.bias <= stored).astype(float)
+
+    def nearest(self, across: float = 0.0, up: float = 0.0) -> np.ndarray:
+        u, v = np.where(self.usable, self.u + across, 0.5), np.where(self.usable, self.v + up, 0.5)
+        for value in (u, v):
+            self.sure &= np.abs(value - np.round(value)) > EDGE
+        return self.lit(np.floor(u).astype(int), np.floor(v).astype(int))
+
+    def linear(self, across=0.0, up=0.0) -> np.ndarray:
+        u, v = (np.where(self.usable, one, 0.5) for one in (self.u + across - 0.5, self.v + up - 0.5))
+        column, row = np.floor(u).astype(int), np.floor(v).astype(int)
+        a, b = u - column, v - row
+        below = self.lit(column, row) * (1 - a) + self.lit(column + 1, row) * a
+        above = self.lit(column, row + 1) * (1 - a) + self.lit(column + 1, row + 1) * a
+        return below * (1 - b) + above * b
+
+    def box(self, taps: int) -> np.ndarray:
+        reach = range(-(taps // 2), taps // 2 + 1)
+        return np.mean([self.nearest(x, y) for x in reach for y in reach], axis=0)
+
+    def dithered(self, width: float) -> np.ndarray:
+        down, across = np.indices(self.u.shape)
+        column, row = across, len(down) - 1 - down  # OpenGL counts rows from below
+        ox, oy = column % 2 * width, row % 2 * width
+        taps = [(x * width + ox, y * width - oy) for x in (-1.5, 0.5) for y in (1.5, -0.5)]
+        return np.mean([self.linear(x, y) for x, y in taps], axis=0)
+
+
+@pytest.fixture
+def looked_up(build, studio, builtin) -> Callable[..., tuple[np.ndarray, MapLookup]]:
+    """The mask of a shadow-map spec, and the lookup that should give it."""
+
+    def make(kind: str, items: str, bias: float, wrap: str = "border", view=None) -> tuple[np.ndarray, MapLookup]:
+        shot = studio.shot(view or builtin(SCENES[kind], SIZE))
+        one = build(f"shadow-map:size=256,{FIXED[kind]},wrap={wrap},{items}", shot)
+        mask = one.draw(shot)
+        return mask, MapLookup(one.technique, shot, bias, wrap)
+
+    return make
+
+
+def check(mask: np.ndarray, expected: np.ndarray, lookup: MapLookup, tolerance: float) -> None:
+    sure = lookup.sure
+    assert sure.sum() > 0.7 * lookup.usable.sum(), "most of the picture is compared"
+    shadowed = (expected[sure] < 0.5).mean()
+    assert 0.02 < shadowed < 0.98, "there is something to see"
+    assert np.abs(mask - expected)[sure].max() <= tolerance
+
+
+ROUNDING = 1e-6
+WEIGHTS = 4e-3  # samplers may weight in steps of 1/256
+
+
+@pytest.mark.parametrize("wrap", ["border", "edge", "repeat"])
+@pytest.mark.parametrize("kind", SCENES)
+def test_hard_is_the_one_texel_that_holds_the_point(looked_up, kind: str, wrap: str) -> None:
+    mask, lookup = looked_up(kind, "filter=hard,bias=constant(0.01)", 0.01, wrap)
+    check(mask, lookup.nearest(), lookup, ROUNDING)
+
+
+@pytest.mark.parametrize("taps", [3, 5, 7])
+@pytest.mark.parametrize("kind", SCENES)
+def test_pcf_is_the_mean_over_texels_around_the_one(looked_up, kind: str, taps: int) -> None:
+    mask, lookup = looked_up(kind, f"filter=pcf({taps}),bias=constant(0.01)", 0.01)
+    check(mask, lookup.box(taps), lookup, ROUNDING)
+
+
+@pytest.mark.parametrize("wrap", ["border", "edge", "repeat"])
+@pytest.mark.parametrize("kind", SCENES)
+def test_hardware_weights_four_comparisons(looked_up, kind: str, wrap: str) -> None:
+    mask, lookup = looked_up(kind, "filter=hardware,bias=constant(0.01)", 0.01, wrap)
+    check(mask, lookup.linear(), lookup, WEIGHTS)
+
+
+@pytest.mark.parametrize("kind", SCENES)
+def test_gathered_texels_are_weighted_as_the_hardware_does(looked_up, kind: str) -> None:
+    """Receiver planes limited to nothing, their slack off: the texels' own comparisons, weighted by the shader."""
+    mask, lookup = looked_up(kind, "filter=hardware,bias=receiver-plane(limit=1e-9,slack=0,ulps=0)", 0.0)
+    check(mask, lookup.linear(), lookup, 1e-3)
+
+
+@pytest.mark.parametrize(("width", "unit", "texels"), [(2.5, "texel", 2.5), (4.0, "texel", 4.0), (10, "map", 2.56)])
+@pytest.mark.parametrize("kind", SCENES)
+def test_dither_takes_four_taps_by_the_parity_of_the_pixel(looked_up, kind, width, unit, texels) -> None:
+    mask, lookup = looked_up(kind, f"filter=dither-4(width={width},unit={unit}),bias=constant(0.01)", 0.01)
+    check(mask, lookup.dithered(texels), lookup, WEIGHTS)
+
+
+@pytest.mark.parametrize("kind", SCENES)
+def test_slope_bias_as_published(looked_up, kind: str) -> None:
+    mask, lookup = looked_up(kind, "filter=hard,bias=slope(max=0.05,min=0.005)", 0.0)
+    lookup.bias = np.maximum(0.05 * (1 - lookup.cosine), 0.005)
+    check(mask, lookup.nearest(), lookup, ROUNDING)
+
+
+@pytest.mark.parametrize("kind", SCENES)
+@pytest.mark.parametrize("depth", ["d16", "d24", "d32f"])
+def test_the_lookup_is_the_same_in_every_format(looked_up, kind: str, depth: str) -> None:
+    mask, lookup = looked_up(kind, f"filter=hard,bias=constant(0.01),depth={depth}", 0.01)
+    check(mask, lookup.nearest(), lookup, ROUNDING)
+
+
+@pytest.mark.parametrize("kind", SCENES)
+def test_more_taps_change_nothing_where_all_of_them_agree(build, studio, builtin, kind: str) -> None:
+    shot = studio.shot(builtin(SCENES[kind], SIZE))
+    masks = {
+        name: build(f"shadow-map:size=256,{FIXED[kind]},bias=constant(0.01),filter={name}", shot).draw(shot)
+        for name in ("hard", "hardware", "pcf(3)", "pcf(5)", "pcf(7)")
+    }
+    agree = (masks["pcf(7)"] == 0) | (masks["pcf(7)"] == 1)
+    assert 0.5 < agree.mean() < 1
+    for name in ("hard", "hardware", "pcf(3)", "pcf(5)"):
+        assert (masks[name] == masks["pcf(7)"])[agree].all(), name
+    # The wider box blurs more, but keeps the amount of shadow.
+    blurred = [((one > 0) & (one < 1)).sum() for one in masks.values()]
+    assert blurred == sorted(blurred) and blurred[0] == 0
+    assert masks["pcf(7)"].mean() == pytest.approx(masks["hard"].mean(), abs=0.01)
+
+
+@pytest.mark.parametrize("kind", SCENES)
+def test_the_map_image_is_linear_depth_with_row_0_at_the_top(build, studio, builtin, kind: str) -> None:
+    shot = studio.shot(builtin(SCENES[kind], 64))
+    one = build(f"shadow-map:size=128,{FIXED[kind]}", shot)
+    one.draw(shot)
+    image, seen = one.technique.map_image(), one.technique.seen
+    lookup = MapLookup(one.technique, shot, 0.0)
+    n, f = seen.near, seen.far
+    z = 2 * lookup.map[::-1] - 1
+    distance = 2 * n * f / (f + n - z * (f - n)) if kind == "spot" else n + (z + 1) / 2 * (f - n)
+    assert image.shape == (128, 128)
+    assert image == pytest.approx((distance - n) / (f - n), abs=1e-6)
+    assert 0 <= image.min() < image.max() <= 1

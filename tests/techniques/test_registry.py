@@ -1,0 +1,191 @@
+"""Techniques come by name from three places, and a broken one is named."""
+
+import textwrap
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import pytest
+
+from shadowbench.errors import InputError
+from shadowbench.techniques import registry
+from shadowbench.techniques.registry import OWN, shader_folder, source_file, techniques
+from shadowbench.techniques.shadow_map import ShadowMap
+
+PLUGIN = """
+from shadowbench.techniques.base import Technique, TechniqueParams, param
+
+class Dusk(Technique):
+    name = "{name}"
+    class Params(TechniqueParams):
+        level: float = param(0.25, "visibility everywhere", ge=0, le=1)
+    def build(self, stage):
+        self.program = stage.program("fullscreen.vert", "dusk.frag", params=self.params)
+        self.fullscreen = stage.fullscreen(self.program)
+        self.visibility = stage.texture()
+        self.target = stage.target(self.visibility)
+    def draw(self, frame):
+        self.program.set(light=frame.light_uniform)
+        self.fullscreen.draw(self.target, frame.surface.inputs)
+        return self.visibility
+"""
+SHADER = """
+#include "receiver.glsl"
+uniform float level;
+out float visibility;
+void main() { visibility = receiver_at(ivec2(gl_FragCoord.xy)).facing ? level : 1.0; }
+"""
+
+
+def plugin(folder: Path, text: str, file: str = "dusk.py") -> Path:
+    path = folder / file
+    path.write_text(textwrap.dedent(text), encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def entry_point(monkeypatch: pytest.MonkeyPatch):
+    """Pretends that a package is installed whose entry point has this value."""
+
+    def install(value: str) -> None:
+        point = EntryPoint("theirs", value, registry.GROUP)
+        monkeypatch.setattr(registry, "entry_points", lambda group: [point] if group == registry.GROUP else [])
+
+    return install
+
+
+def test_our_own_are_there_by_name() -> None:
+    assert {"unshadowed", "shadow-map", "ray-traced"} <= set(techniques())
+    assert all(techniques()[one.name] is one for one in OWN)
+
+
+@pytest.mark.parametrize("technique", OWN)
+def test_each_technique_says_what_it_is(technique) -> None:
+    assert technique.__doc__
+    assert source_file(technique).is_file()
+    assert shader_folder(technique) is None, "ours read the shared folder"
+
+
+def test_a_file_brings_its_technique_and_the_shaders_beside_it(tmp_path: Path) -> None:
+    found = techniques([plugin(tmp_path, PLUGIN.format(name="dusk"))])
+    assert shader_folder(found["dusk"]) == tmp_path
+    assert source_file(found["dusk"]) == tmp_path / "dusk.py"
+    assert set(found) == {*techniques(), "dusk"}, "and only for those who asked for it"
+
+
+def test_a_plugin_draws(tmp_path: Path, studio, builtin) -> None:
+    from shadowbench.gl.clock import Clock
+    from shadowbench.gl.gbuffer import download
+    from shadowbench.techniques.base import Frame, Phase, Stage
+    from shadowbench.techniques.spec import parse_spec
+
+    (tmp_path / "dusk.frag").write_text(SHADER, encoding="utf-8")
+    found = techniques([plugin(tmp_path, PLUGIN.format(name="dusk"))])
+    spec = parse_spec("dusk:level=0.75", found)
+    shot = studio.shot(builtin("cube-on-plane", 64))
+    folder = shader_folder(spec.technique)
+    stage = Stage(shot.view.scene, studio.device, (64, 64), shot.geometry, shot.placement, folder)
+    technique = spec.technique(spec.params)
+    technique.build(stage)
+    clock = Clock(studio.device)
+    values = download(technique.draw(Frame(shot.view, Phase(), 0, shot.surface, clock)))
+    assert set(values.ravel().tolist()) == {0.75, 1.0}
+    stage.release()
+
+
+def test_one_file_may_bring_several(tmp_path: Path) -> None:
+    two = PLUGIN.format(name="dusk") + "\nclass Dawn(Dusk):\n    name = 'dawn'\n"
+    assert {"dusk", "dawn"} <= set(techniques([plugin(tmp_path, two)]))
+
+
+def test_an_abstract_base_in_a_plugin_is_no_technique(tmp_path: Path) -> None:
+    text = """
+    from abc import abstractmethod
+    from shadowbench.techniques.base import Technique
+    class Base(Technique):
+        def build(self, stage): pass
+        @abstractmethod
+        def shade(self): ...
+    class Night(Base):
+        name = "night"
+        def draw(self, frame): pass
+        def shade(self): pass
+    """
+    found = techniques([plugin(tmp_path, text)])
+    assert set(found) == {*techniques(), "night"}
+
+
+def test_the_same_file_twice_is_not_a_clash(tmp_path: Path) -> None:
+    file = plugin(tmp_path, PLUGIN.format(name="dusk"))
+    assert "dusk" in techniques([file, file])
+
+
+def test_two_files_of_one_stem_both_count(tmp_path: Path) -> None:
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    one = plugin(tmp_path / "a", PLUGIN.format(name="dusk"))
+    two = plugin(tmp_path / "b", PLUGIN.format(name="dawn"))
+    found = techniques([one, two])
+    assert source_file(found["dusk"]) == one and source_file(found["dawn"]) == two
+    assert shader_folder(found["dusk"]) == tmp_path / "a"
+
+
+def test_an_installed_package_brings_its_technique(entry_point) -> None:
+    entry_point("shadowbench.techniques.shadow_map:ShadowMap")
+    assert techniques()["shadow-map"] is ShadowMap, "ours again is no clash"
+
+
+def test_a_name_that_is_taken_is_an_error_that_names_both_files(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"two techniques are called 'shadow-map': .*shadow_map\.py and .*dusk\.py"):
+        techniques([plugin(tmp_path, PLUGIN.format(name="shadow-map"))])
+
+
+BROKEN = {
+    "syntax": ("def (", "SyntaxError"),
+    "raises": ("raise OSError('no such thing')", "OSError: no such thing"),
+    "imports": ("import nothing_of_this_name", "ModuleNotFoundError"),
+    "quits": ("raise SystemExit(3)", "SystemExit"),
+    "empty": ("x = 1", "defines no subclass"),
+    "only imports the base": ("from shadowbench.techniques.base import Technique", "defines no subclass"),
+    "nameless": (
+        "from shadowbench.techniques.base import Technique\nclass A(Technique):\n"
+        "    def build(self, stage): pass\n    def draw(self, frame): pass",
+        "A has no name",
+    ),
+    "misnamed": (PLUGIN.format(name="no such name!"), "name"),
+    "incomplete": (
+        "from shadowbench.techniques.base import Technique\nclass A(Technique):\n    name = 'a'\n",
+        "A lacks build, draw",
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", BROKEN)
+def test_a_broken_plugin_is_one_line_that_names_the_file(tmp_path: Path, kind: str) -> None:
+    text, wanted = BROKEN[kind]
+    file = plugin(tmp_path, text)
+    with pytest.raises(InputError, match=wanted) as caught:
+        techniques([file])
+    assert str(file) in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_a_plugin_that_is_not_there_or_no_python(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such file"):
+        techniques([tmp_path / "none.py"])
+    with pytest.raises(InputError, match="not a Python file"):
+        techniques([plugin(tmp_path, "", "notes.txt")])
+
+
+@pytest.mark.parametrize(
+    ("value", "wanted"),
+    [
+        ("nothing_of_this_name:A", "cannot be imported"),
+        ("shadowbench.techniques.shadow_map:Nobody", "cannot be imported"),
+        ("shadowbench.techniques.shadow_map:np", "no subclass of Technique"),
+        ("shadowbench.techniques.base:Technique", "has no name"),
+    ],
+)
+def test_a_broken_entry_point_is_named(entry_point, value: str, wanted: str) -> None:
+    entry_point(value)
+    with pytest.raises(InputError, match=wanted) as caught:
+        techniques()
+    assert "entry point 'theirs'" in str(caught.value)

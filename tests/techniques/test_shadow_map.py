@@ -1,0 +1,170 @@
+"""The shadow map's settings, good and bad: each does what it is there to show."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from shadowbench.techniques.biases import Bias
+from shadowbench.techniques.filters import Filter
+from shadowbench.techniques.fits import Fit
+from shadowbench.techniques.registry import techniques
+from shadowbench.techniques.spec import parse_spec
+from shadowbench.truth.trace import trace
+
+SIZE = 96
+SCENES = {"directional": "sphere-and-torus", "spot": "spot-lamp"}
+CHOICES = {
+    "fit": sorted(Fit.table),
+    "bias": sorted(Bias.table),
+    "filter": sorted(Filter.table),
+    "wrap": ["border", "edge", "repeat"],
+    "far_rule": ["lit", "none"],
+    "depth": ["d16", "d24", "d32f"],
+    "reversed": ["false", "true"],
+}
+
+
+def pairwise(choices: dict[str, list[str]]) -> list[dict[str, str]]:
+    """Few combinations in which every two values of different keys meet, chosen greedily and always alike."""
+    keys = list(choices)
+    missing = {
+        frozenset([(a, x), (b, y)])
+        for i, a in enumerate(keys)
+        for b in keys[i + 1 :]
+        for x, y in product(choices[a], choices[b])
+    }
+    found = []
+    while missing:
+        cell = dict(min(missing, key=sorted))
+        for key in keys:
+            if key not in cell:
+                gain = {x: sum(frozenset([(key, x), item]) in missing for item in cell.items()) for x in choices[key]}
+                cell[key] = max(choices[key], key=gain.get)
+        pairs = {frozenset(pair) for pair in product(cell.items(), repeat=2) if len(set(pair)) == 2}
+        missing -= pairs
+        found.append({key: cell[key] for key in keys})
+    return found
+
+
+CELLS = pairwise(CHOICES)
+
+
+def test_pairs_are_all_met() -> None:
+    for a, b in product(CHOICES, repeat=2):
+        if a != b:
+            assert {(cell[a], cell[b]) for cell in CELLS} == set(product(CHOICES[a], CHOICES[b]))
+
+
+@pytest.mark.parametrize("kind", SCENES)
+@pytest.mark.parametrize("cell", CELLS, ids=lambda cell: "-".join(cell.values()))
+def test_every_two_settings_together_draw_a_mask(cell, kind, studio, build, builtin, device) -> None:
+    if cell["reversed"] == "true" and not device.clip_control:
+        pytest.skip("no clip control")
+    shot = studio.shot(builtin(SCENES[kind], SIZE))
+    mask = build("shadow-map:size=64," + ",".join(f"{key}={value}" for key, value in cell.items()), shot).draw(shot)
+    assert np.isfinite(mask).all() and mask.min() >= 0 and mask.max() <= 1
+    assert (mask[shot.triangle < 0] == 1).all()
+    assert (mask == 1).any()
+
+
+def test_reversed_needs_clip_control_and_says_so(studio, builtin, device, monkeypatch: pytest.MonkeyPatch) -> None:
+    spec = parse_spec("shadow-map:reversed=true", techniques())
+    view = studio.shot(builtin("cube-on-plane", 32)).view
+    monkeypatch.setattr(type(device), "clip_control", False)
+    assert spec.technique.unsupported(spec.params, view, device) == "reversed depth needs clip control (OpenGL 4.5)"
+    monkeypatch.setattr(type(device), "clip_control", True)
+    assert spec.technique.unsupported(spec.params, view, device) is None
+
+
+@pytest.mark.parametrize("filter_", ["hard", "hardware", "pcf(5)", "dither-4"])
+@pytest.mark.parametrize("bias", ["constant(0.005)", "polygon-offset", "texel", "receiver-plane"])
+@pytest.mark.parametrize("kind", SCENES)
+def test_reversed_depth_shadows_what_forward_depth_does(kind, bias, filter_, builtin, mask, device) -> None:
+    if not device.clip_control:
+        pytest.skip("no clip control")
+    view = builtin(SCENES[kind], SIZE)
+    forward, backward = (
+        mask(f"shadow-map:fit=scene,size=256,bias={bias},filter={filter_},reversed={way}", view)
+        for way in ("false", "true")
+    )
+    assert (forward < 0.5).mean() > 0.02
+    assert (np.abs(forward - backward) > 0.01).mean() < 1e-3
+
+
+@pytest.mark.parametrize("filter_", ["hard", "hardware", "pcf(3)"])
+def test_repeat_shadows_what_the_map_never_saw_and_border_does_not(shape, looking, sun, mask, studio, filter_) -> None:
+    """A map of 1.6 m around a box of 1 m on a ground of 12 m: its repeats fall all over the ground."""
+    view = looking([shape("plane", 12.0), shape("box", 0.5, (0.0, 0.25, 0.0))], sun(60, 150), 128, eye=(4.0, 6.0, 5.0))
+    shot = studio.shot(view)
+    outside = np.linalg.norm(shot.position[..., :3] / shot.placement.scale + shot.placement.center, axis=-1) > 2.0
+    spec = f"shadow-map:fit=fixed(half=0.8,near=1,far=20,distance=10),size=128,bias=constant(0.002),filter={filter_}"
+    border, edge, repeat = (mask(f"{spec},wrap={wrap}", view) for wrap in ("border", "edge", "repeat"))
+    assert (border[outside] == 1).all()
+    assert (edge[outside] == 1).mean() > 0.5
+    assert (repeat[outside] < 0.5).mean() > 0.05
+    inside = ~outside & (shot.triangle >= 0)
+    assert (border[inside] < 0.5).sum() > 10
+
+
+@pytest.mark.parametrize("filter_", ["hard", "hardware", "pcf(3)"])
+@pytest.mark.parametrize("depth", ["d16", "d24", "d32f"])
+@pytest.mark.parametrize("reversed_", ["false", "true"])
+def test_without_a_far_rule_all_beyond_the_far_plane_is_in_shadow(
+    reversed_, depth, filter_, shape, looking, sun, mask, studio, device
+) -> None:
+    """A ground seen by a light 10 m away whose far plane lies at 10 m: half of the ground is beyond it."""
+    if reversed_ == "true" and not device.clip_control:
+        pytest.skip("no clip control")
+    light = sun(40)
+    view = looking([shape("plane", 6.0)], light, SIZE, eye=(1.0, 5.0, 1.0))
+    shot = studio.shot(view)
+    position = shot.position[..., :3] / shot.placement.scale + shot.placement.center
+    beyond = position @ np.asarray(light.direction)  # metres past the plane through the origin
+    spec = f"shadow-map:fit=fixed(half=6,near=1,far=10,distance=10),size=256,bias=constant(0.02),depth={depth}"
+    spec += f",filter={filter_},reversed={reversed_}"
+    none, lit = (mask(f"{spec},far_rule={rule}", view) for rule in ("none", "lit"))
+    hit, margin = shot.triangle >= 0, 0.3
+    assert (hit & (beyond > margin)).sum() > 500 and (hit & (beyond < -margin)).sum() > 500
+    assert (none[hit & (beyond > margin)] == 0).all()
+    assert (none[beyond < -margin] == 1).all() and (lit[beyond < -margin] == 1).all()
+    assert (lit[hit & (beyond > margin)] == 1).all()
+
+
+def test_16_bits_are_too_few_for_a_deep_perspective_map(shape, looking, spot, studio, build, scored) -> None:
+    """A mote a millimetre before a lamp that shines 8 m far pulls near to far/10⁴.
+
+    A step of 16 bits is then 8 m · 10⁴ / 2¹⁶ = 1.2 m at the ground, more than the ball on it is high; of 24 bits 5 mm.
+    """
+    lamp = spot((0.2, 8.0, 0.3), angle=40)
+    mote = shape("plane", 1e-5, (0.2, 7.999, 0.3))
+    view = looking([shape("plane", 5.0), shape("sphere", 1.0, (0.0, 0.5, 0.0)), mote], lamp, 256)
+    shot, truth = studio.shot(view), trace(view, pixel_samples=1)
+    iou = {}
+    for depth in ("d16", "d24", "d32f"):
+        one = build(f"shadow-map:fit=scene,bias=texel(scale=1,limit=8,ulps=4),size=1024,depth={depth}", shot)
+        iou[depth] = scored(one.draw(shot), truth)["iou"]
+    assert one.technique.seen.far / one.technique.seen.near == pytest.approx(1e4)
+    assert iou["d16"] < 0.1
+    assert iou["d24"] > 0.95 and iou["d32f"] > 0.95
+
+
+@pytest.mark.parametrize("name", ["cube-on-plane", "spot-lamp"])
+def test_the_error_falls_as_the_map_grows(name, studio, build, builtin, truth_of, scored) -> None:
+    shot, truth = studio.shot(builtin(name, 256)), truth_of(name, 256)
+    errors = []
+    for size in (128, 256, 512, 1024):
+        one = build(f"shadow-map:size={size}", shot)
+        errors.append(np.median([1 - scored(one.draw(shot, phase), truth)["iou"] for phase in range(4)]))
+    assert errors == sorted(errors, reverse=True)
+    assert errors[3] < errors[0] / 4
+
+
+def test_mapped_bytes_follow_size_and_format(studio, build, builtin) -> None:
+    shot = studio.shot(builtin("cube-on-plane", 32))
+    held = {
+        items: build(f"shadow-map:{items}", shot).stage.bytes
+        for items in ("size=256", "size=512", "size=512,depth=d16")
+    }
+    assert held["size=512"] - held["size=256"] == (512**2 - 256**2) * 4
+    assert held["size=512"] - held["size=512,depth=d16"] == 512**2 * 2

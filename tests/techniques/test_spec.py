@@ -1,0 +1,209 @@
+"""Specs: what is written is what is read, and every mistake is told in one line."""
+
+from typing import Any, Literal, get_args, get_origin
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shadowbench.errors import InputError
+from shadowbench.techniques.base import Technique
+from shadowbench.techniques.biases import Bias, Constant, PolygonOffset, Slope
+from shadowbench.techniques.filters import PCF, Filter, Hardware
+from shadowbench.techniques.fits import Fit, SceneFit
+from shadowbench.techniques.params import Row
+from shadowbench.techniques.registry import techniques
+from shadowbench.techniques.spec import Spec, format_spec, format_value, parse_spec, parse_value
+
+ALL = techniques()
+
+
+def values_of(field: Any) -> st.SearchStrategy[Any]:
+    """Values that a field of a parameter model allows."""
+    if isinstance(field.default, Row):
+        return st.one_of([rows(row) for row in field.default.family().table.values()])
+    if get_origin(field.annotation) is Literal:
+        return st.sampled_from(get_args(field.annotation))
+    if field.annotation is bool:
+        return st.booleans()
+    limits = {
+        name: getattr(one, name) for one in field.metadata for name in ("ge", "gt", "le", "lt") if hasattr(one, name)
+    }
+    if field.annotation is int:
+        return st.integers(limits["ge"], limits["le"])
+    assert field.annotation is float, "a new kind of parameter: say here what it allows"
+    low, high = limits.get("ge", limits.get("gt")), limits.get("le", limits.get("lt"))
+    return st.floats(
+        low, high, exclude_min="gt" in limits, exclude_max="lt" in limits, allow_nan=False, allow_infinity=False
+    )
+
+
+def rows(row: type[Row]) -> st.SearchStrategy[Row]:
+    return st.builds(row, **{key: values_of(field) for key, field in row.model_fields.items()})
+
+
+def specs(technique: type[Technique]) -> st.SearchStrategy[Spec]:
+    fields = {key: values_of(field) for key, field in technique.Params.model_fields.items()}
+    return st.builds(technique.Params, **fields).map(lambda params: Spec(technique, params))
+
+
+@pytest.mark.parametrize("name", sorted(ALL))
+@given(data=st.data())
+def test_what_is_written_is_what_is_read(name: str, data: st.DataObject) -> None:
+    spec = data.draw(specs(ALL[name]))
+    for full in (False, True):
+        text = format_spec(spec, full=full)
+        assert parse_spec(text, ALL) == spec
+        assert format_spec(parse_spec(text, ALL), full=full) == text, "writing has one form"
+
+
+@pytest.mark.parametrize("family", [Bias, Filter, Fit])
+@given(data=st.data())
+def test_every_row_is_read_as_it_is_written(family: type[Row], data: st.DataObject) -> None:
+    row = data.draw(st.one_of([rows(one) for one in family.table.values()]))
+    assert family.chosen(format_value(row)) == family.chosen(format_value(row, full=True)) == row
+
+
+@pytest.mark.parametrize("name", sorted(ALL))
+def test_a_technique_alone_is_its_defaults(name: str) -> None:
+    spec = parse_spec(name, ALL)
+    assert spec.params == ALL[name].Params()
+    assert format_spec(spec) == name
+    assert parse_spec(format_spec(spec, full=True), ALL) == spec
+
+
+def test_full_writes_every_parameter_of_rows_too() -> None:
+    text = format_spec(parse_spec("shadow-map:bias=slope,filter=pcf", ALL), full=True)
+    assert "bias=slope(max=0.05,min=0.005)" in text and "filter=pcf(taps=3)" in text and "reversed=false" in text
+
+
+def test_the_size_is_left_to_its_column() -> None:
+    assert format_spec(parse_spec("shadow-map:size=512,wrap=edge", ALL), size=False) == "shadow-map:wrap=edge"
+
+
+def test_arguments_by_place_and_by_name_are_the_same() -> None:
+    by_name = parse_spec("shadow-map:bias=slope(max=0.1,min=0.01)", ALL)
+    assert parse_spec("shadow-map:bias=slope(0.1,0.01)", ALL) == by_name
+    assert parse_spec("shadow-map:bias=slope(0.1,min=0.01)", ALL) == by_name
+    assert by_name.params.bias == Slope(max=0.1, min=0.01)
+
+
+def test_spaces_change_nothing() -> None:
+    assert parse_spec(" shadow-map : bias = slope ( 0.1 , min = 0.01 ) , size = 512 ", ALL) == parse_spec(
+        "shadow-map:bias=slope(0.1,min=0.01),size=512", ALL
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "value"), [("-2.5e-3", -0.0025), (".5", 0.5), ("7", 7), ("true", True), ("d16", "d16")]
+)
+def test_values(text: str, value: object) -> None:
+    assert parse_value(text) == value and type(parse_value(text)) is type(value)
+
+
+PRESETS = [(name, preset) for name, technique in ALL.items() for preset in technique.presets]
+
+
+@pytest.mark.parametrize(("name", "preset"), PRESETS)
+def test_a_preset_stands_for_its_items(name: str, preset: str) -> None:
+    items = ALL[name].presets[preset]
+    spec = parse_spec(f"{name}:preset={preset}", ALL)
+    assert spec == parse_spec(f"{name}:{items}", ALL)
+    assert "preset" not in format_spec(spec) and "preset" not in format_spec(spec, full=True)
+    assert parse_spec(format_spec(spec), ALL) == spec
+
+
+def test_the_published_presets() -> None:
+    course = parse_spec("shadow-map:preset=course", ALL).params
+    assert (course.fit, course.bias, course.filter) == (SceneFit(), Slope(max=0.05, min=0.005), PCF(taps=3))
+    webgl = parse_spec("shadow-map:preset=webgl", ALL).params
+    assert (webgl.bias, webgl.size) == (Constant(units=0.001), 512)
+    offset = parse_spec("shadow-map:preset=offset", ALL).params
+    assert (offset.bias, offset.filter) == (PolygonOffset(factor=2.0, units=4.0), Hardware())
+
+
+def test_later_keys_override_a_preset_and_a_preset_overrides_earlier_keys() -> None:
+    after = parse_spec("shadow-map:preset=webgl,size=2048", ALL)
+    assert after.params.size == 2048 and after.params.bias == Constant(units=0.001)
+    assert parse_spec("shadow-map:size=2048,preset=webgl", ALL).params.size == 512
+
+
+def test_named_are_the_keys_that_somebody_wrote() -> None:
+    assert parse_spec("shadow-map:preset=webgl,wrap=edge", ALL).named == {"fit", "bias", "filter", "size", "wrap"}
+
+
+def test_with_changes_one_value_and_validates_it() -> None:
+    spec = parse_spec("shadow-map:wrap=edge", ALL)
+    assert spec.with_(size=2048) == parse_spec("shadow-map:wrap=edge,size=2048", ALL)
+    with pytest.raises(InputError, match="size"):
+        spec.with_(size=0)
+
+
+MISTAKES = {
+    "": "expected a technique's name",
+    "shadow-mop": "unknown technique 'shadow-mop'; allowed: .*shadow-map",
+    "shadow-map:": "expected key=value",
+    "shadow-map:size": "expected key=value",
+    "shadow-map:size=": "expected a number or a word, found its end",
+    "shadow-map:size=512,": "expected key=value",
+    "shadow-map:size=512;wrap=edge": "expected a comma or the end, found ';wrap=edge'",
+    "shadow-map:size=512 wrap=edge": "expected a comma or the end",
+    "shadow-map size=512": "expected a comma or the end",
+    "shadow-map:bias=slope(0.1": r"expected '\)'",
+    "shadow-map:bias=slope(0.1,)": "expected a number or a word",
+    "shadow-map:bias=slope(max=)": "expected a number or a word",
+    "shadow-map:=512": "expected key=value",
+    "shadow-map:siz=512": "unknown field 'siz'; allowed: fit, size",
+    "shadow-map:size=512,size=1024": "size is given twice",
+    "shadow-map:preset=webgl,preset=course": "preset is given twice",
+    "shadow-map:preset=nobody": "unknown preset 'nobody'; presets of shadow-map: course",
+    "unshadowed:preset=nobody": "presets of unshadowed: none",
+    "unshadowed:size=512": "unknown field 'size'; allowed: none at all",
+    "shadow-map:size=0": "size: .*greater than or equal to 1",
+    "shadow-map:size=1.5": "size: ",
+    "shadow-map:size=big": "size: ",
+    "shadow-map:depth=d8": "depth: .*'d16', 'd24' or 'd32f'",
+    "shadow-map:bias=heavy": "bias: unknown bias 'heavy'; allowed: none, constant",
+    "shadow-map:bias=3": "bias: unknown bias '3'",
+    "shadow-map:bias=constant(2)": "units: .*less than or equal to 1",
+    "shadow-map:bias=constant(-0.1)": "units: .*greater than or equal to 0",
+    "shadow-map:bias=constant(0.1,0.2)": "constant takes at most 1 parameters: units",
+    "shadow-map:bias=none(1)": "none takes at most 0 parameters: none",
+    "shadow-map:bias=slope(0.1,max=0.2)": "slope: max is given twice",
+    "shadow-map:bias=slope(heavy=1)": "unknown field 'heavy'; allowed: max, min",
+    "shadow-map:filter=pcf(taps=4)": "taps: .*3, 5 or 7",
+    "shadow-map:filter=hard(taps=3)": "unknown field 'taps'; allowed: none at all",
+    "shadow-map:fit=fixed(fov=180)": "fov: .*less than or equal to 170",
+    "shadow-map:bias=constant(units=nan)": "units: ",
+    "shadow-map:bias=constant(units=1e999)": "units: ",
+    "shadow-map:preset=slope(1)": "unknown preset",
+    "shadow-map(size=512)": "expected a comma or the end",
+}
+
+
+@pytest.mark.parametrize("text", MISTAKES)
+def test_a_mistake_is_one_line_that_names_the_spec(text: str) -> None:
+    with pytest.raises(InputError, match=MISTAKES[text]) as caught:
+        parse_spec(text, ALL)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert repr(text) in message or "unknown technique" in message
+
+
+@given(st.text(alphabet="abd=,():0123.-_ eslopthwmxin\n", max_size=40))
+def test_no_text_raises_anything_but_one_line(text: str) -> None:
+    for spec in (text, f"shadow-map:{text}", f"shadow-map:bias={text}"):
+        message = ""
+        try:
+            parse_spec(spec, ALL)
+        except InputError as error:
+            message = str(error)
+        assert "\n" not in message
+
+
+@pytest.mark.parametrize("name", sorted(ALL))
+def test_every_parameter_has_one_line_of_help(name: str) -> None:
+    models = [ALL[name].Params, *Bias.table.values(), *Filter.table.values(), *Fit.table.values()]
+    for model in models:
+        for key, field in model.model_fields.items():
+            assert field.description and "\n" not in field.description, f"{model.__name__}.{key}"
