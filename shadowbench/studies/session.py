@@ -6,7 +6,7 @@ The worker process serves these over a pipe; benchmarks call them in their own p
 import gc
 import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -69,16 +69,6 @@ class Drawn:
     facts: dict[str, float]
 
 
-@dataclass(frozen=True, eq=False)
-class Timed:
-    """Milliseconds of a cell, a value a round. Frames and passes come from different rounds."""
-
-    frames: list[float]
-    passes: list[PassTimes]
-    prepare_ms: float
-    clock: str
-
-
 class Unsupported(Exception):
     """A technique cannot answer a view; the text says why."""
 
@@ -93,6 +83,7 @@ class Session:
         self._scene: Scene | None = None
         self._geometry: DeviceGeometry | None = None
         self._surface: GBuffer | None = None
+        self._held: list[tuple[Technique, Stage, Frame]] = []
 
     def info(self) -> DeviceInfo:
         """The device and the clock that times it."""
@@ -161,40 +152,46 @@ class Session:
             work = work_of(self.device, lambda: technique.draw(frame))
             return Drawn(visibility, picture, depths, stage.bytes, work, _numbers(request, technique.facts()))
 
-    def time(self, requests: Sequence[CellRequest], rounds: int) -> list[Timed]:
-        """Build all, then time them interleaved, round by round; a third of as many rounds for single passes."""
-        held: list[tuple[Technique, Stage, Frame, float]] = []
+    def hold(self, request: CellRequest) -> float:
+        """Build a cell and keep it for timing, warmed up; the milliseconds of building it."""
+        start = time.perf_counter()
+        technique, stage, frame = self._build(request)
+        self.device.context.finish()
+        prepare_ms = (time.perf_counter() - start) * 1e3
+        self._held.append((technique, stage, frame))
+        for _ in range(WARM_UP):
+            self._tidy()
+            technique.draw(frame)
+        self.device.check(f"warming up {request.spec}")
+        return prepare_ms
+
+    def time_frame(self, held: int) -> float:
+        """Milliseconds of a whole frame of the cell that was held as number `held`, from 0."""
+        with self._undisturbed(held) as draw:
+            return self.clock.frame(draw)
+
+    def time_passes(self, held: int) -> PassTimes:
+        """Milliseconds of the passes of one frame of a held cell."""
+        with self._undisturbed(held) as draw:
+            return self.clock.passes(draw)
+
+    def let_go(self) -> str:
+        """Release what is held; the name of the clock that timed it."""
+        while self._held:
+            self._held.pop()[1].release()
+        return self.clock.name
+
+    @contextmanager
+    def _undisturbed(self, held: int) -> Iterator[Callable[[], object]]:
+        """The draw of a held cell, without the garbage collector and without another cell's state."""
+        technique, _, frame = self._held[held]
+        self._tidy()
+        gc.disable()
         try:
-            for request in requests:
-                start = time.perf_counter()
-                built = self._build(request)
-                self.device.context.finish()
-                held.append((*built, (time.perf_counter() - start) * 1e3))
-            for technique, _, frame, _ in held:
-                for _ in range(WARM_UP):
-                    self._tidy()
-                    technique.draw(frame)
-            frames: list[list[float]] = [[] for _ in held]
-            passes: list[list[PassTimes]] = [[] for _ in held]
-            gc.collect()
-            gc.disable()
-            for _ in range(rounds):
-                for (technique, _, frame, _), ms in zip(held, frames, strict=True):
-                    self._tidy()
-                    ms.append(self.clock.frame(partial(technique.draw, frame)))
-            for _ in range(max(rounds // 3, 1)):
-                for (technique, _, frame, _), drawn in zip(held, passes, strict=True):
-                    self._tidy()
-                    drawn.append(self.clock.passes(partial(technique.draw, frame)))
-            self.device.check("timing")
-            return [
-                Timed(ms, drawn, built[-1], self.clock.name)
-                for built, ms, drawn in zip(held, frames, passes, strict=True)
-            ]
+            yield partial(technique.draw, frame)
         finally:
             gc.enable()
-            for _, stage, _, _ in held:
-                stage.release()
+        self.device.check("timing")
 
     def _spec(self, request: CellRequest) -> Spec:
         return parse_spec(request.spec, self.techniques)

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.studies.session import CellRequest, Timed, Unsupported
+from shadowbench.gl.clock import PassTimes
+from shadowbench.studies.session import CellRequest, Unsupported
 from shadowbench.studies.study import Block, Cell, Study
-from shadowbench.studies.worker import CellFailed, Worker
+from shadowbench.studies.worker import AteMemory, CellFailed, Worker
 from shadowbench.techniques.spec import Spec, format_spec
 from shadowbench.techniques.unshadowed import Unshadowed
 
@@ -44,14 +45,24 @@ class BlockStage:
 
 
 @dataclass(frozen=True, eq=False)
+class Times:
+    """Milliseconds of a cell, a value a round. Frames and passes come from different rounds."""
+
+    frames: list[float]
+    passes: list[PassTimes]
+    prepare_ms: float
+    clock: str
+
+
+@dataclass(frozen=True, eq=False)
 class Timing:
     """What a cell took, beside the reference and the floor of its own group."""
 
     cell: Cell
-    times: Timed
+    times: Times
     reference: str
-    reference_times: Timed | None
-    floor: Timed
+    reference_times: Times | None
+    floor: Times
 
     def record(self) -> dict[str, Any]:
         """The time record: milliseconds as medians with their IQR; ratios are medians over rounds of one group."""
@@ -119,29 +130,63 @@ def time_cells(stage: BlockStage, block: Block, sizes: Mapping[Cell, int]) -> It
     yield from _time_group(stage, block, group, reference)
 
 
+class _Culprit(Exception):
+    """The cell at which timing a group ended."""
+
+    def __init__(self, cell: Cell, reason: Exception) -> None:
+        super().__init__(str(reason))
+        self.cell = cell
+        self.reason = reason
+
+
 def _time_group(
     stage: BlockStage, block: Block, group: list[Cell], reference: Cell | None
 ) -> Iterator[Timing | Untimed]:
-    """One group, all at once; when it fails, its halves, until what fails stands alone."""
+    """One group, all at once; what fails is left out, and the rest is timed again without it."""
     floor = Cell(Spec(Unshadowed, Unshadowed.Params()), 0)
-    try:
-        stage.open(block)
-        cells = list(dict.fromkeys([floor, *([reference] if reference else []), *group]))
-        seconds = stage.worker.limits.seconds * len(cells)
-        requests = [request_of(cell) for cell in cells]
-        answers: list[Timed] = stage.worker.call("time", requests, stage.study.rounds, seconds=seconds)
-    except (CellFailed, Unsupported) as reason:
-        if len(group) == 1:
-            yield Untimed(group[0], str(reason))
-            return
-        middle = len(group) // 2
-        yield from _time_group(stage, block, group[:middle], reference)
-        yield from _time_group(stage, block, group[middle:], reference)
-        return
-    times = dict(zip(cells, answers, strict=True))
     name = format_spec(stage.study.reference)
-    for cell in group:
-        yield Timing(cell, times[cell], name, times[reference] if reference else None, times[floor])
+    while group:
+        cells = list(dict.fromkeys([floor, *([reference] if reference else []), *group]))
+        try:
+            times = _measure(stage, block, cells)
+        except _Culprit as culprit:
+            stage.worker.call("let_go")
+            if isinstance(culprit.reason, AteMemory) and len(group) > 1:  # together, which says nothing of this one
+                middle = len(group) // 2
+                yield from _time_group(stage, block, group[:middle], reference)
+                yield from _time_group(stage, block, group[middle:], reference)
+                return
+            if culprit.cell not in (*group, reference):
+                raise culprit.reason from None  # the floor is ours: without it nothing can be timed
+            yield Untimed(culprit.cell, str(culprit))
+            group = [cell for cell in group if cell != culprit.cell]
+            reference = None if reference == culprit.cell else reference
+            continue
+        for cell in group:
+            yield Timing(cell, times[cell], name, times[reference] if reference else None, times[floor])
+        return
+
+
+def _measure(stage: BlockStage, block: Block, cells: list[Cell]) -> dict[Cell, Times]:
+    """Hold all cells, then time them interleaved, round by round; a third of as many rounds for single passes."""
+    rounds = stage.study.rounds
+
+    def ask(method: str, number: int, argument: object) -> Any:
+        try:
+            return stage.worker.call(method, argument)
+        except (CellFailed, Unsupported) as reason:
+            raise _Culprit(cells[number], reason) from None
+
+    stage.open(block)
+    numbers = range(len(cells))
+    prepare_ms: list[float] = [ask("hold", number, request_of(cells[number])) for number in numbers]
+    frames: list[list[float]] = [[ask("time_frame", n, n) for n in numbers] for _ in range(rounds)]
+    passes: list[list[PassTimes]] = [[ask("time_passes", n, n) for n in numbers] for _ in range(max(rounds // 3, 1))]
+    clock: str = stage.worker.call("let_go")
+    return {
+        cell: Times([of[n] for of in frames], [of[n] for of in passes], prepare_ms[n], clock)
+        for n, cell in enumerate(cells)
+    }
 
 
 def _median_iqr(values: NDArray[np.float64]) -> tuple[float, float]:

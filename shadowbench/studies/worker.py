@@ -30,6 +30,10 @@ class CellFailed(ShadowbenchError):
     """A call that the worker did not answer: it raised, crashed, hung or ate memory; the text says which."""
 
 
+class AteMemory(CellFailed):
+    """The worker grew past its limit."""
+
+
 @dataclass(frozen=True)
 class Limits:
     """Of one call: seconds, and bytes of resident memory of the worker."""
@@ -57,13 +61,13 @@ class Worker:
     def __exit__(self, *_: object) -> None:
         self.stop()
 
-    def call(self, method: str, *arguments: Any, seconds: float | None = None) -> Any:
+    def call(self, method: str, *arguments: Any) -> Any:
         """The answer of Session.method(*arguments); raises Unsupported, CellFailed, or the start's ShadowbenchError."""
         self.ready()
         assert self._pipe is not None
         try:
             self._pipe.send((method, arguments))
-            return self._answer(seconds or self.limits.seconds)
+            return self._answer(self.limits.seconds)
         except (BrokenPipeError, ConnectionResetError, EOFError):
             raise CellFailed(self._obituary()) from None
 
@@ -107,7 +111,7 @@ class Worker:
             return  # it died; the pipe says so next
         if held > self.limits.bytes:
             self.stop()
-            raise CellFailed(f"ate memory: {held / 2**30:.2f} GiB, allowed are {self.limits.bytes / 2**30:g}")
+            raise AteMemory(f"ate memory: {held / 2**30:.2f} GiB, allowed are {self.limits.bytes / 2**30:g}")
 
     def _obituary(self) -> str:
         assert self._process is not None
@@ -175,7 +179,7 @@ def _serve(pipe: Connection, plugins: list[Path]) -> None:
         except Unsupported as reason:
             answer = ("error", reason)
         except MemoryError:
-            answer = ("error", CellFailed("ate memory: an allocation failed"))
+            answer = ("error", AteMemory("ate memory: an allocation failed"))
         except Exception as error:  # whatever a technique raises costs its own cell only
             last = traceback.extract_tb(error.__traceback__)[-1]
             first_line = (str(error).splitlines() or [""])[0]
