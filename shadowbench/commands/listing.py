@@ -11,7 +11,7 @@ from shadowbench.errors import InputError
 from shadowbench.scenes.library import builtin_about, builtin_names
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.study import find_study, read_study, study_names
-from shadowbench.techniques.params import Row, TechniqueParams
+from shadowbench.techniques.params import Row, TechniqueParams, allowed
 from shadowbench.techniques.spec import format_value
 
 
@@ -49,7 +49,12 @@ def _parameters(model: type[TechniqueParams] | type[Row]) -> list[dict[str, Any]
     """Name, default, help and values of every field; a row's field lists its rows, each with its own parameters."""
     found = []
     for name, info in model.model_fields.items():
-        entry: dict[str, Any] = {"name": name, "default": format_value(info.default), "help": info.description}
+        entry: dict[str, Any] = {
+            "name": name,
+            "default": format_value(info.default),
+            "allowed": allowed(info),
+            "help": info.description,
+        }
         if isinstance(info.default, Row):
             entry["values"] = [
                 {"name": row.name, "help": " ".join((row.__doc__ or "").split()), "parameters": _parameters(row)}
@@ -97,7 +102,8 @@ def _print_techniques(rows: list[dict[str, Any]]) -> None:
 
 def _print_parameters(parameters: list[dict[str, Any]], indent: str) -> None:
     for parameter in parameters:
-        out.print(f"{indent}{parameter['name']} = {parameter['default']}: {parameter['help']}", markup=False)
+        limits = f" ({parameter['allowed']})" if parameter["allowed"] else ""
+        out.print(f"{indent}{parameter['name']} = {parameter['default']}{limits}: {parameter['help']}", markup=False)
         for value in parameter.get("values", ()):
             out.print(f"{indent}  {value['name']}: {value['help']}", markup=False)
             _print_parameters(value["parameters"], indent + "    ")

@@ -5,9 +5,10 @@ family's table, and every technique with a field of that family has it.
 """
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, get_args, get_origin
 
 from pydantic import BeforeValidator, Field
+from pydantic.fields import FieldInfo
 
 from shadowbench.strict import Strict
 
@@ -21,6 +22,22 @@ def param(default: Any, help: str, *, metres: bool = False, **limits: Any) -> An
     `metres` marks a length in file units; it becomes a local one where its uniform is set.
     """
     return Field(default, description=help, json_schema_extra={"metres": metres}, **limits)
+
+
+def allowed(info: FieldInfo) -> str:
+    """The values that a field of parameters takes, in words: `d16, d24, d32f` or `≥ 1, ≤ 65536`; empty for a row."""
+    choices = get_args(info.annotation) if get_origin(info.annotation) is Literal else ()
+    if choices:
+        return ", ".join(str(choice) for choice in choices)
+    if info.annotation is bool:
+        return "true, false"
+    signs = {"ge": "≥", "gt": ">", "le": "≤", "lt": "<"}
+    return ", ".join(
+        f"{sign} {getattr(limit, key):g}"
+        for limit in info.metadata
+        for key, sign in signs.items()
+        if getattr(limit, key, None) is not None
+    )
 
 
 class TechniqueParams(Strict):
@@ -66,6 +83,3 @@ class Row(Strict):
 def one_of(family: type[Row]) -> Callable[[Any], Any]:
     """The validator of a field whose value is a row of `family`: `bias: Annotated[Bias, one_of(Bias)]`."""
     return BeforeValidator(family.chosen)  # type: ignore[return-value]  # pydantic calls it a validator, not a callable
-
-
-__all__ = ["Annotated", "Row", "TechniqueParams", "one_of", "param"]
