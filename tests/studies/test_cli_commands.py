@@ -247,7 +247,12 @@ def test_list_tells_parameters_presets_and_plug_ins(shadowbench: Shadowbench, ha
     listed = {row["name"]: row for row in json.loads(shadowbench("list", "techniques", "--json", "--plugin", half).out)}
     assert {"unshadowed", "shadow-map", "ray-traced", "half"} <= set(listed)
     (level,) = listed["half"]["parameters"]
-    assert level == {"name": "level", "default": "0.5", "help": "visibility of every pixel"}
+    assert level == {
+        "name": "level",
+        "default": "0.5",
+        "allowed": "≥ 0, ≤ 1",
+        "help": "visibility of every pixel",
+    }
     parameters = {row["name"]: row for row in listed["shadow-map"]["parameters"]}
     assert {"none", "constant", "slope", "texel"} <= {row["name"] for row in parameters["bias"]["values"]}
     assert "course" in listed["shadow-map"]["presets"]
