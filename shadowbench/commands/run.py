@@ -12,7 +12,8 @@ from shadowbench.commands.console import ConsoleReporter, err, number, out, prin
 from shadowbench.errors import InputError
 from shadowbench.studies.machine import write_run_file
 from shadowbench.studies.runner import Profile, Runner
-from shadowbench.studies.study import Study, find_study, read_study
+from shadowbench.studies.study import Study
+from shadowbench.studies.study_file import find_study, read_study
 from shadowbench.studies.tables import Slope, SummaryRow, cells_frame, over_scenes, slopes, summary, write_table
 from shadowbench.studies.worker import Limits, Worker
 from shadowbench.techniques.spec import parse_spec

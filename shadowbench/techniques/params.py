@@ -5,15 +5,13 @@ family's table, and every technique with a field of that family has it.
 """
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, get_args, get_origin
+from typing import Any, ClassVar, Literal, Self, get_args, get_origin
 
 from pydantic import BeforeValidator, Field
 from pydantic.fields import FieldInfo
 
 from shadowbench.strict import Strict
-
-if TYPE_CHECKING:
-    from shadowbench.techniques.spec import Call
+from shadowbench.techniques.grammar import Call, parse_value
 
 
 def param(default: Any, help: str, *, metres: bool = False, **limits: Any) -> Any:
@@ -67,8 +65,6 @@ class Row(Strict):
     @classmethod
     def chosen(cls, value: "Row | str | Call") -> Self:
         """The row that a spec's value names; raises ValueError with the names that are allowed."""
-        from shadowbench.techniques.spec import Call, parse_value
-
         if isinstance(value, cls):
             return value
         if isinstance(value, str):

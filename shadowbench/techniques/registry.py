@@ -11,9 +11,9 @@ from pathlib import Path
 
 from shadowbench.errors import InputError
 from shadowbench.techniques.base import Technique
+from shadowbench.techniques.grammar import WORD
 from shadowbench.techniques.ray_traced import RayTraced
 from shadowbench.techniques.shadow_map import ShadowMap
-from shadowbench.techniques.spec import WORD
 from shadowbench.techniques.unshadowed import Unshadowed
 
 GROUP = "shadowbench.techniques"

@@ -1,13 +1,9 @@
 """Specs: `shadow-map:bias=slope(max=0.05,min=0.005),filter=pcf(taps=3)`, parsed and written.
 
-    spec  = name [":" item {"," item}]          item = key "=" value
-    value = number | word ["(" argument {"," argument} ")"]       argument = [key "="] value
-
 `preset=NAME` expands to the items that the technique keeps under that name; later items override it. Writing never
 uses a preset, and `parse_spec(format_spec(s)) == s`.
 """
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -16,38 +12,11 @@ from pydantic import ValidationError
 
 from shadowbench.errors import InputError
 from shadowbench.strict import explain
+from shadowbench.techniques.grammar import Reader
 from shadowbench.techniques.params import Row, TechniqueParams
 
 if TYPE_CHECKING:
     from shadowbench.techniques.base import Technique
-
-Value = "bool | int | float | str | Call"
-
-WORD = r"[A-Za-z0-9][\w-]*"
-_TOKEN = re.compile(
-    r"\s*(?:(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w-]))"
-    rf"|(?P<word>{WORD})|(?P<mark>[=(),:]))"
-)
-
-
-@dataclass(frozen=True)
-class Call:
-    """A word with its own parameters: `slope(max=0.05)`."""
-
-    name: str
-    arguments: tuple[tuple[str | None, Any], ...]
-
-    def keywords(self, order: list[str]) -> dict[str, Any]:
-        """The arguments by name, those without one taken in `order`; raises ValueError where that fails."""
-        named: dict[str, Any] = {}
-        for index, (key, value) in enumerate(self.arguments):
-            if key is None and index >= len(order):
-                raise ValueError(f"{self.name} takes at most {len(order)} parameters: {', '.join(order) or 'none'}")
-            name = order[index] if key is None else key
-            if name in named:
-                raise ValueError(f"{self.name}: {name} is given twice")
-            named[name] = value
-        return named
 
 
 @dataclass(frozen=True)
@@ -75,69 +44,9 @@ class Spec:
         return "size" in self.technique.Params.model_fields
 
 
-class _Reader:
-    """Tokens of one text, read from left to right."""
-
-    def __init__(self, text: str) -> None:
-        self.text = text
-        self.at = 0
-
-    def fail(self, wanted: str) -> InputError:
-        found = self.text[self.at :].strip()
-        return InputError(f"spec {self.text!r}: expected {wanted}, found {found[:20]!r}" if found else
-                          f"spec {self.text!r}: expected {wanted}, found its end")  # fmt: skip
-
-    def token(self, kind: str, text: str | None = None) -> str | None:
-        """The next token when it is of this kind (and text); None, reading nothing, when it is not."""
-        match = _TOKEN.match(self.text, self.at)
-        if match is None or match.lastgroup != kind or text not in (None, match[kind]):
-            return None
-        self.at = match.end()
-        return match[kind]
-
-    def end(self) -> None:
-        if self.text[self.at :].strip():
-            raise self.fail("a comma or the end")
-
-    def value(self) -> Any:
-        number = self.token("number")
-        if number is not None:
-            return int(number) if re.fullmatch(r"[-+]?\d+", number) else float(number)
-        word = self.token("word")
-        if word is None:
-            raise self.fail("a number or a word")
-        if self.token("mark", "("):
-            arguments = self.items(named=False)
-            if not self.token("mark", ")"):
-                raise self.fail("')'")
-            return Call(word, arguments)
-        return {"true": True, "false": False}.get(word, word)
-
-    def items(self, named: bool) -> tuple[tuple[str | None, Any], ...]:
-        items: list[tuple[str | None, Any]] = []
-        while True:
-            start = self.at
-            key = self.token("word")
-            if key is None or not self.token("mark", "="):
-                if named:
-                    raise self.fail("key=value")
-                self.at, key = start, None
-            items.append((key, self.value()))
-            if not self.token("mark", ","):
-                return tuple(items)
-
-
-def parse_value(text: str) -> Any:
-    """One value: a number, a word, or a Call."""
-    reader = _Reader(text)
-    value = reader.value()
-    reader.end()
-    return value
-
-
 def parse_spec(text: str, techniques: "Mapping[str, type[Technique]]") -> Spec:
     """The technique and parameters that a text names; raises InputError with what is allowed."""
-    reader = _Reader(text)
+    reader = Reader(text)
     name = reader.token("word")
     if name is None:
         raise reader.fail("a technique's name")
@@ -163,7 +72,7 @@ def spec_of(technique: "type[Technique]", items: tuple[tuple[str | None, Any], .
             if value not in technique.presets:
                 allowed = ", ".join(technique.presets) or "none"
                 raise InputError(f"spec {where!r}: unknown preset {value!r}; presets of {technique.name}: {allowed}")
-            reader = _Reader(technique.presets[value])
+            reader = Reader(technique.presets[value])
             values.update({str(k): v for k, v in reader.items(named=True)})
         else:
             values[key] = value

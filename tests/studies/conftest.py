@@ -16,7 +16,8 @@ import pytest
 
 from shadowbench.cli import main
 from shadowbench.studies.runner import Result, Runner
-from shadowbench.studies.study import Study, read_study
+from shadowbench.studies.study import Study
+from shadowbench.studies.study_file import read_study
 from shadowbench.studies.worker import Limits, Worker
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.registry import techniques

@@ -11,9 +11,10 @@ from shadowbench.techniques.base import Technique
 from shadowbench.techniques.biases import Bias, Constant, PolygonOffset, Slope
 from shadowbench.techniques.filters import PCF, Filter, Hardware
 from shadowbench.techniques.fits import Fit, SceneFit
+from shadowbench.techniques.grammar import parse_value
 from shadowbench.techniques.params import Row
 from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import Spec, format_spec, format_value, parse_spec, parse_value
+from shadowbench.techniques.spec import Spec, format_spec, format_value, parse_spec
 
 ALL = techniques()
 

@@ -1,0 +1,97 @@
+"""The grammar of specs, read from left to right.
+
+spec  = name [":" item {"," item}]          item = key "=" value
+value = number | word ["(" argument {"," argument} ")"]       argument = [key "="] value
+"""
+
+import re
+from dataclasses import dataclass
+from typing import Any
+
+from shadowbench.errors import InputError
+
+WORD = r"[A-Za-z0-9][\w-]*"
+_TOKEN = re.compile(
+    r"\s*(?:(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w-]))"
+    rf"|(?P<word>{WORD})|(?P<mark>[=(),:]))"
+)
+
+
+@dataclass(frozen=True)
+class Call:
+    """A word with its own parameters: `slope(max=0.05)`."""
+
+    name: str
+    arguments: tuple[tuple[str | None, Any], ...]
+
+    def keywords(self, order: list[str]) -> dict[str, Any]:
+        """The arguments by name, those without one taken in `order`; raises ValueError where that fails."""
+        named: dict[str, Any] = {}
+        for index, (key, value) in enumerate(self.arguments):
+            if key is None and index >= len(order):
+                raise ValueError(f"{self.name} takes at most {len(order)} parameters: {', '.join(order) or 'none'}")
+            name = order[index] if key is None else key
+            if name in named:
+                raise ValueError(f"{self.name}: {name} is given twice")
+            named[name] = value
+        return named
+
+
+class Reader:
+    """Tokens of one text, read from left to right."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.at = 0
+
+    def fail(self, wanted: str) -> InputError:
+        found = self.text[self.at :].strip()
+        return InputError(f"spec {self.text!r}: expected {wanted}, found {found[:20]!r}" if found else
+                          f"spec {self.text!r}: expected {wanted}, found its end")  # fmt: skip
+
+    def token(self, kind: str, text: str | None = None) -> str | None:
+        """The next token when it is of this kind (and text); None, reading nothing, when it is not."""
+        match = _TOKEN.match(self.text, self.at)
+        if match is None or match.lastgroup != kind or text not in (None, match[kind]):
+            return None
+        self.at = match.end()
+        return match[kind]
+
+    def end(self) -> None:
+        if self.text[self.at :].strip():
+            raise self.fail("a comma or the end")
+
+    def value(self) -> Any:
+        number = self.token("number")
+        if number is not None:
+            return int(number) if re.fullmatch(r"[-+]?\d+", number) else float(number)
+        word = self.token("word")
+        if word is None:
+            raise self.fail("a number or a word")
+        if self.token("mark", "("):
+            arguments = self.items(named=False)
+            if not self.token("mark", ")"):
+                raise self.fail("')'")
+            return Call(word, arguments)
+        return {"true": True, "false": False}.get(word, word)
+
+    def items(self, named: bool) -> tuple[tuple[str | None, Any], ...]:
+        items: list[tuple[str | None, Any]] = []
+        while True:
+            start = self.at
+            key = self.token("word")
+            if key is None or not self.token("mark", "="):
+                if named:
+                    raise self.fail("key=value")
+                self.at, key = start, None
+            items.append((key, self.value()))
+            if not self.token("mark", ","):
+                return tuple(items)
+
+
+def parse_value(text: str) -> Any:
+    """One value: a number, a word, or a Call."""
+    reader = Reader(text)
+    value = reader.value()
+    reader.end()
+    return value
