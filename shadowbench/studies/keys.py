@@ -9,7 +9,8 @@ from pathlib import Path
 
 from shadowbench import gl, scores, truth
 from shadowbench.data import SOURCES, data_folder, source_digest
-from shadowbench.scenes.model import Coordinates
+from shadowbench.scenes.digest import view_digest
+from shadowbench.scenes.model import Coordinates, View
 from shadowbench.studies.study import Cell
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.registry import OWN, source_file
@@ -18,8 +19,13 @@ from shadowbench.techniques.spec import format_spec
 _LIBRARIES = ("embreex", "moderngl", "numpy")
 
 
+def view_key(view: View) -> str:
+    """A view's digest with its names: a row carries them, so the same triangles under another name are another row."""
+    return repr((view.scene.name, view.camera.name, view.light.name, view_digest(view)))
+
+
 def cell_key(cell: Cell, view: str, coordinates: Coordinates, renderer: str) -> str:
-    """Hex key of a cell in a view (its digest), on a renderer."""
+    """Hex key of a cell in a view (its key), on a renderer."""
     parts = {
         "spec": format_spec(cell.spec, full=True),
         "phase": cell.phase,

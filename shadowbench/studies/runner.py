@@ -16,12 +16,11 @@ from PIL import Image
 
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
-from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.model import View
 from shadowbench.scores.masks import mask_sha256, write_mask
 from shadowbench.scores.metrics import score
 from shadowbench.scores.reference import Reference
-from shadowbench.studies.keys import cell_key
+from shadowbench.studies.keys import cell_key, view_key
 from shadowbench.studies.rows import Record, RowStore
 from shadowbench.studies.session import DeviceInfo, Drawn, Unsupported
 from shadowbench.studies.study import Block, Cell, Study, scenes_of
@@ -87,7 +86,7 @@ class Runner:
 
     def run(self) -> list[Result]:
         """All cells of the study, measured now or before; raises InputError before anything is written."""
-        self._check_map_sizes()
+        self._check_sizes()
         blocks = list(self.study.blocks())
         self.notes = [*self.study.notes, *(note for scene in scenes_of(blocks) for note in scene.notes)]
         for note in self.notes:
@@ -99,19 +98,23 @@ class Runner:
             self.reporter.step(block.view.name)
         store = RowStore(self.folder)
         try:
-            self.reporter.stage("cells", sum(len(block.cells) for block in blocks))
-            return [result for block in blocks for result in self._run_block(block, store)]
+            results: list[Result] = []
+            for number, block in enumerate(blocks, start=1):
+                self.reporter.stage(f"{number}/{len(blocks)} {block.scene.name}", len(block.cells))
+                results += self._run_block(block, store)
+            return results
         finally:
             store.close()
 
-    def _check_map_sizes(self) -> None:
+    def _check_sizes(self) -> None:
         largest = max(self.study.reference.map_size or 0, *(cell.spec.map_size or 0 for cell in self.study.cells()))
-        if largest > self.info.max_map_size:
-            raise InputError(f"map size {largest}: {self.info.renderer} allows 1 to {self.info.max_map_size}")
+        for what, size in (("map size", largest), ("view size", self.study.view_size)):
+            if size > self.info.max_map_size:
+                raise InputError(f"{what} {size}: {self.info.renderer} allows 1 to {self.info.max_map_size}")
 
     def _run_block(self, block: Block, store: RowStore) -> list[Result]:
-        digest = view_digest(block.view)
-        keys = {cell: cell_key(cell, digest, self.study.coordinates, self.info.renderer) for cell in block.cells}
+        view = view_key(block.view)
+        keys = {cell: cell_key(cell, view, self.study.coordinates, self.info.renderer) for cell in block.cells}
         missing = [cell for cell, key in keys.items() if not _is_done(store.scores.get(key))]
         if missing:
             with self.profile.of("truth"):
@@ -161,7 +164,9 @@ class Runner:
             cells = [
                 cell
                 for cell, key in keys.items()
-                if cell.phase == phase and store.scores[key]["status"] == "ok" and key not in store.times
+                if cell.phase == phase
+                and store.scores[key]["status"] == "ok"
+                and not self._is_timed(store.times.get(key))
             ]
             if not cells:
                 continue
@@ -179,6 +184,11 @@ class Runner:
                         store.append({"kind": "time", "key": keys[timing.cell], **timing.record()})
                     self.reporter.step(format_spec(timing.cell.spec))
         return untimed
+
+    def _is_timed(self, row: Record | None) -> bool:
+        """Whether a time record is as good as this study asks for: as many rounds, against the same reference."""
+        reference = format_spec(self.study.reference)
+        return row is not None and row["n"] >= self.study.rounds and row["reference"] == reference
 
     def _write_truth(self, view: View, truth: Truth) -> None:
         with self.profile.of("files"):

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from shadowbench.data import data_folder
 from shadowbench.scores.masks import mask_sha256, read_mask
 from shadowbench.scores.metrics import METRICS, score
 from shadowbench.studies.machine import write_run_file
@@ -372,3 +373,29 @@ def test_a_file_s_technique_is_measured_and_named(bench: Any, tmp_path: Path) ->
     assert (cell["technique"], cell["spec"], cell["status"]) == ("half", "half:level=0.25", "ok")
     assert (cell["iou"], cell["map_size"]) != ("", "64")
     assert "pass_fill_ms" in cell
+
+
+def test_more_rounds_or_another_reference_time_again_and_fewer_do_not(
+    bench: Any, tmp_path: Path, records: Records
+) -> None:
+    folder = tmp_path / "out"
+
+    def added(text: str) -> tuple[int, int]:
+        before = len(records(folder, "score")), len(records(folder, "time"))
+        Run(bench, folder, text)
+        return len(records(folder, "score")) - before[0], len(records(folder, "time")) - before[1]
+
+    assert added(SMALL.replace("rounds = 1", "rounds = 2")) == (2, 2)
+    assert added(SMALL) == (0, 0)
+    assert added(SMALL.replace("rounds = 1", "rounds = 3")) == (0, 2)
+    other = SMALL.replace('reference = "unshadowed"', 'reference = "shadow-map:size=32"')
+    assert added(other) == (0, 2)
+    assert {record["reference"] for record in records(folder, "time")[-2:]} == {"shadow-map:size=32"}
+
+
+def test_the_same_scene_under_another_name_has_rows_of_its_own(bench: Any, tmp_path: Path) -> None:
+    scene = (data_folder("scenes") / "cube-on-plane.toml").read_text()
+    (tmp_path / "files").mkdir()
+    (tmp_path / "files" / "twin.toml").write_text(scene.replace('name = "cube-on-plane"', 'name = "twin"'))
+    run = Run(bench, tmp_path / "out", SMALL.replace('"cube-on-plane"', '"cube-on-plane", "twin.toml"'))
+    assert [cell["scene"] for cell in run.cells] == ["cube-on-plane"] * 2 + ["twin"] * 2
