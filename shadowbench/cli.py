@@ -25,11 +25,21 @@ app = typer.Typer(
 
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print results and errors only.")]
 Json = Annotated[bool, typer.Option("--json", help="Print tables as JSON.")]
-Plugins = Annotated[list[Path] | None, typer.Option("--plugin", help="A Python file that defines techniques.")]
-Assets = Annotated[Path | None, typer.Option(help="A second folder that a scene file's meshes may lie in.")]
-ViewSize = Annotated[int | None, typer.Option(min=1, max=16384, help="Pixels along a side of the view  [512].")]
-ViewName = Annotated[str | None, typer.Option("--view", help="A camera of the scene, by name  [its first].")]
-LightName = Annotated[str | None, typer.Option("--light", help="A light of the scene, by name  [its first].")]
+Plugins = Annotated[
+    list[Path] | None, typer.Option("--plugin", metavar="FILE.py", help="A Python file that defines techniques.")
+]
+Assets = Annotated[
+    Path | None, typer.Option(metavar="DIR", help="A second folder that a scene file's meshes may lie in.")
+]
+ViewSize = Annotated[
+    int | None, typer.Option(metavar="N", min=1, max=16384, help="Pixels along a side of the view  [512].")
+]
+ViewName = Annotated[
+    str | None, typer.Option("--view", metavar="NAME", help="A camera of the scene, by name  [its first].")
+]
+LightName = Annotated[
+    str | None, typer.Option("--light", metavar="NAME", help="A light of the scene, by name  [its first].")
+]
 SceneArgument = Annotated[str, typer.Argument(metavar="SCENE", help="Built-in name, .toml, or mesh file.")]
 OneSpec = Annotated[str, typer.Option("-t", "--technique", metavar="SPEC", help="Technique and parameters.")]
 
@@ -66,13 +76,19 @@ def run(
     ] = None,
     map_size: Annotated[str | None, typer.Option(metavar="N,N,...", help="Map sizes  [512,1024,2048,4096].")] = None,
     view_size: ViewSize = None,
-    rounds: Annotated[int | None, typer.Option(min=0, max=10000, help="Timed rounds; 0 times nothing  [9].")] = None,
+    rounds: Annotated[
+        int | None, typer.Option(metavar="N", min=0, max=10000, help="Timed rounds; 0 times nothing  [9].")
+    ] = None,
     phases: Annotated[
         int | None,
-        typer.Option(min=1, max=10000, help="Positions of the map's grid; more than one give intervals  [1]."),
+        typer.Option(
+            metavar="N", min=1, max=10000, help="Positions of the map's grid; more than one give intervals  [1]."
+        ),
     ] = None,
     view: ViewName = None,
-    light: LightName = None,
+    light: Annotated[
+        str | None, typer.Option("--light", metavar="NAME", help="A light of the scene, by name  [each].")
+    ] = None,
     plugin: Plugins = None,
     assets: Assets = None,
     profile: Annotated[bool, typer.Option("--profile", help="Print where the time went.")] = False,

@@ -2,6 +2,7 @@
 
 import dataclasses
 import time
+from collections import Counter
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from shadowbench.techniques.spec import parse_spec
 
 _COLUMNS = {  # heading: (value, or "error" for 1 − IoU)
     "1 − IoU": "error",
+    "IoU soft": "iou_soft",
     "SSIM": "ssim",
     "edge px": "edge_px",
     "acne": "acne",
@@ -28,6 +30,8 @@ _COLUMNS = {  # heading: (value, or "error" for 1 − IoU)
     "ms": "frame_ms",
     "× ref": "ratio",
 }
+_WIDE = 110  # characters; a narrower terminal gets the columns that matter most
+_NARROW = ("error", "ssim", "frame_ms", "ratio")
 
 
 @dataclass(frozen=True)
@@ -69,8 +73,9 @@ def run_command(options: RunOptions, folder: Path, *, profile: bool, as_json: bo
         times = times if study.rounds else ""
         for scene, rows in tables.items():
             _print_scene(f"{scene}, best first{times}", rows, [fit for fit in fits if fit.scene == scene])
-        if len(tables) > 1:
-            _print_scene(f"mean of {len(tables)} scenes", over_scenes(tables), [])
+        scenes, means = over_scenes(tables)
+        if len(scenes) > 1:
+            _print_scene(f"mean of the {len(scenes)} scenes in which every cell held", means, [])
         if not quiet:
             out.print(f"{folder / 'table.csv'}: {len(frame)} cells; masks/ and pictures/ beside it", soft_wrap=True)
     if profile:
@@ -125,26 +130,37 @@ def _estimate(study: Study) -> str:
 
 
 def _print_scene(title: str, rows: list[SummaryRow], fits: list[Slope]) -> None:
+    """A line for each spec and map size that held, best first; then what did not hold, and the slopes."""
+    cells = max(row.cells for row in rows)
+    if cells > 1 and not title.startswith("mean"):
+        title += f"; medians of {cells} cells (views × lights × phases), the error with its 95% interval"
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
-    table.add_column("spec", overflow="fold")
+    table.add_column("spec", overflow="fold", min_width=24)
     table.add_column("map", justify="right", no_wrap=True)
     timed = any(row.values.get("frame_ms") is not None for row in rows)
-    columns = {heading: key for heading, key in _COLUMNS.items() if timed or key not in ("frame_ms", "ratio")}
+    columns = {
+        heading: key
+        for heading, key in _COLUMNS.items()
+        if (timed or key not in ("frame_ms", "ratio")) and (out.width >= _WIDE or key in _NARROW)
+    }
     for heading in columns:
         table.add_column(heading, justify="right", no_wrap=True)
-    refused = [row for row in rows if row.status != "ok"]
     for row in rows:
-        if row.status == "ok":
+        if row.cells:
             size = str(row.map_size or "")
             table.add_row(escape(row.spec), size, *(_cell(row, key) for key in columns.values()))
-    out.print(table)
-    for row in refused:
-        out.print(f"  {row.spec} {row.map_size or ''}: {row.status}", markup=False)
+    if table.row_count:
+        out.print(table)
+    else:
+        out.print(title, markup=False)
+    for row in rows:
+        for status, count in Counter(row.refused).items():
+            share = f"{count} of {row.cells + len(row.refused)} cells " if row.cells + len(row.refused) > 1 else ""
+            out.print(f"  {row.spec} {row.map_size or ''}: {share}{status}", markup=False, soft_wrap=True)
     for fit in fits:
         sizes = f"{fit.sizes[0]} to {fit.sizes[-1]}"
-        out.print(
-            f"  slope of log(1 − IoU) over log(size), {sizes}: {fit.slope.text(_signed)}  {fit.spec}", markup=False
-        )
+        line = f"  slope of log(1 − IoU) over log(size), {sizes}: {fit.slope.text(_signed)}  {fit.spec}"
+        out.print(line, markup=False, soft_wrap=True)
     out.print()
 
 

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, get_args
 
 import moderngl
 
@@ -70,7 +70,9 @@ class Clock:
 
     @contextmanager
     def timed(self, name: str, changes: Changes = "frame") -> Iterator[None]:
-        """Bracket one pass."""
+        """Bracket one pass; raises ValueError when `changes` is none of its three words."""
+        if changes not in get_args(Changes):
+            raise ValueError(f"pass {name!r}: changes is {changes!r}; allowed: {', '.join(get_args(Changes))}")
         if self._passes is None:
             yield
             return

@@ -18,6 +18,7 @@ Value = bool | int | float | tuple[float, ...] | NDArray[np.float64]
 
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 _UNIFORM = re.compile(r"\buniform\s+(?:(?:low|medium|high)p\s+)?(\w+)\s+(\w[^;{]*);")
+_PLACE = re.compile(r"\b0[:(](\d+)")  # Mesa: 0:12(5), NVIDIA: 0(12), Apple and AMD: 0:12
 _LOWER_LEFT, _NEGATIVE_ONE_TO_ONE, _ZERO_TO_ONE = 0x8CA1, 0x935E, 0x935F
 
 
@@ -114,15 +115,30 @@ def sampler_of(device: Device, sampling: Sampling) -> moderngl.Sampler:
     return device.samplers[sampling]
 
 
+class ShaderError(ValueError):
+    """A shader that does not compile or link. The first line says where and why; log and text follow."""
+
+
+def _first_complaint(log: str, stage: str, text: str | None) -> str:
+    """The first error of a driver's log with the line of the text that it means."""
+    lines = [line.strip() for line in log.splitlines()]
+    complaint = next((line for line in lines if "error" in line.lower() and "failed" not in line.lower()), lines[0])
+    place = _PLACE.search(complaint)
+    source = (text or "").splitlines()
+    if place is None or not 0 < int(place[1]) <= len(source):
+        return f"{stage} shader: {complaint}"
+    return f"{stage} shader: {complaint}: {source[int(place[1]) - 1].strip()!r}"
+
+
 def link(device: Device, vertex: str, fragment: str, geometry: str | None = None) -> Program:
-    """Compile and link whole shader texts; raises ValueError with the log and the numbered text."""
+    """Compile and link whole shader texts; raises ShaderError with the log and the numbered text."""
     try:
         program = device.context.program(vertex_shader=vertex, fragment_shader=fragment, geometry_shader=geometry)
     except moderngl.Error as error:
         texts = {"vertex": vertex, "geometry": geometry, "fragment": fragment}
         guilty = [name for name in texts if f"{name}_shader" in str(error)] or list(texts)
         listing = "\n\n".join(numbered(texts[name] or "") for name in guilty)
-        raise ValueError(f"{str(error).strip()}\n\n{listing}") from None
+        raise ShaderError(f"{_first_complaint(str(error), guilty[0], texts[guilty[0]])}\n{error}\n{listing}") from None
     return Program(device, program, "\n".join([vertex, geometry or "", fragment]))
 
 

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import psutil
+
 from shadowbench.errors import InputError
 
 SCHEMA = 1
@@ -23,11 +25,18 @@ class RowStore:
         self.times: dict[str, Record] = {}
         try:
             folder.mkdir(parents=True, exist_ok=True)
+            self._lock = _locked(folder)
+        except OSError as error:
+            raise InputError(f"{folder}: cannot be written ({error.strerror or error})") from None
+        try:
             for record in self._read():
                 self._keep(record)
             self._stream = self.file.open("a", encoding="utf-8")
-        except OSError as error:
-            raise InputError(f"{folder}: cannot be written ({error.strerror or error})") from None
+        except BaseException as error:
+            self._lock.unlink()
+            if isinstance(error, OSError):
+                raise InputError(f"{self.file}: cannot be written ({error.strerror or error})") from None
+            raise
 
     def _read(self) -> list[Record]:
         if not self.file.exists():
@@ -67,5 +76,19 @@ class RowStore:
         self._keep(record)
 
     def close(self) -> None:
-        """Close the file."""
+        """Close the file, and let others write into the folder."""
         self._stream.close()
+        self._lock.unlink(missing_ok=True)
+
+
+def _locked(folder: Path) -> Path:
+    """The lock file of a folder, ours now; raises InputError while another living process holds it."""
+    lock = folder / "writing.pid"
+    try:
+        holder = int(lock.read_text())
+    except (FileNotFoundError, ValueError):
+        holder = 0  # nobody, or one that was killed before it had written its number
+    if holder not in (0, os.getpid()) and psutil.pid_exists(holder):
+        raise InputError(f"{folder}: process {holder} writes into it; wait for it, or choose another folder with -o")
+    lock.write_text(str(os.getpid()))
+    return lock

@@ -98,11 +98,9 @@ class Runner:
             self.reporter.step(block.view.name)
         store = RowStore(self.folder)
         try:
-            results: list[Result] = []
-            for number, block in enumerate(blocks, start=1):
-                self.reporter.stage(f"{number}/{len(blocks)} {block.scene.name}", len(block.cells))
-                results += self._run_block(block, store)
-            return results
+            steps = 2 if self.study.rounds else 1  # a cell is drawn, then timed
+            self.reporter.stage("cells", steps * sum(len(block.cells) for block in blocks))
+            return [result for block in blocks for result in self._run_block(block, store)]
         finally:
             store.close()
 
@@ -155,11 +153,13 @@ class Runner:
             "gpu_bytes": drawn.gpu_bytes,
             "work": drawn.work,
             "facts": drawn.facts,
+            "assumptions": list(block.scene.notes),
         }
 
     def _time_block(self, block: Block, keys: dict[Cell, str], store: RowStore) -> dict[Cell, str]:
         """Time what held and has no time yet, phase by phase: a phase is a block of its own. Says what failed."""
         untimed: dict[Cell, str] = {}
+        timed = 0
         for phase in range(self.study.phases):
             cells = [
                 cell
@@ -170,7 +170,6 @@ class Runner:
             ]
             if not cells:
                 continue
-            self.reporter.stage(f"timing {block.scene.name}", len(cells))
             sizes = {cell: int(store.scores[keys[cell]]["gpu_bytes"]) for cell in cells}
             with self.profile.of("time"):
                 for timing in time_cells(self._stage, block, sizes):
@@ -182,7 +181,11 @@ class Runner:
                             untimed[timing.cell] = timing.reason
                     else:
                         store.append({"kind": "time", "key": keys[timing.cell], **timing.record()})
-                    self.reporter.step(format_spec(timing.cell.spec))
+                    if timing.cell in cells:
+                        self.reporter.step(f"{block.scene.name}: timed")
+            timed += len(cells)
+        for _ in range(len(keys) - timed):
+            self.reporter.step(f"{block.scene.name}: nothing to time")
         return untimed
 
     def _is_timed(self, row: Record | None) -> bool:

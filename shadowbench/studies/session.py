@@ -211,6 +211,9 @@ class Session:
                 f"{request.spec} drew {width} × {height} pixels; allowed: {self.view.size} × {self.view.size}"
             )
 
+        if texture.components != 1:
+            raise ValueError(f"{request.spec} drew {texture.components} components; allowed: 1, the visibility")
+
     def _read(self, request: CellRequest, raw: NDArray[np.generic]) -> NDArray[np.float32]:
         try:
             return quantise(raw)

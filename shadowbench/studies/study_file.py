@@ -55,7 +55,7 @@ def read_study(file: Path, techniques: Techniques) -> Study:
     try:
         table = tomllib.loads(file.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise InputError(f"{file}: no such study file") from None
+        raise InputError(f"{file}: no such study file; ours: {', '.join(study_names())}") from None
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{file}: cannot be read: {error}") from None
     except (tomllib.TOMLDecodeError, RecursionError) as error:

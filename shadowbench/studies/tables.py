@@ -23,7 +23,16 @@ def cells_frame(results: Sequence[Result]) -> pd.DataFrame:
     passes = sorted({key for row in rows for key in row if key.startswith("pass_")})
     work = sorted({key for row in rows for key in row if key.startswith("work_")})
     promised = [*_IDENTITY, *METRICS, *_TIMES, *passes, *work, "gpu_bytes", "prepare_ms"]
-    ours = ["receivers", "undecided", "surface_mismatch", "coordinates", "full_spec", "mask_sha256", "key"]
+    ours = [
+        "receivers",
+        "undecided",
+        "surface_mismatch",
+        "coordinates",
+        "full_spec",
+        "mask_sha256",
+        "assumptions",
+        "key",
+    ]
     frame = pd.DataFrame(rows, columns=[*promised, *ours])
     whole = [*work, "map_size", "n", "gpu_bytes", "receivers", "undecided", "surface_mismatch"]
     return frame.astype(dict.fromkeys(whole, "Int64"))
@@ -39,6 +48,7 @@ def _cell(result: Result) -> dict[str, Any]:
     score, timed = result.score, result.time or {}
     row = {key: value for key, value in score.items() if not isinstance(value, dict)} | {"status": result.status}
     row |= score.get("metrics", {})
+    row["assumptions"] = "; ".join(score.get("assumptions", ())) or None
     row |= {f"work_{name}": count for name, count in score.get("work", {}).items()}
     row |= {key: timed.get(key) for key in [*_TIMES, "prepare_ms"]}
     return row | {f"pass_{name}_ms": value["ms"] for name, value in timed.get("passes", {}).items()}
@@ -66,12 +76,12 @@ class Interval:
 
 @dataclass(frozen=True)
 class SummaryRow:
-    """A technique's cells in a scene at one map size. `status` stands for the values where nothing held."""
+    """A technique's cells in a scene at one map size: how many held, and the statuses of those that did not."""
 
     spec: str
     map_size: int | None
     cells: int
-    status: str
+    refused: tuple[str, ...]
     values: dict[str, Interval | None]
 
 
@@ -96,25 +106,28 @@ def summary(frame: pd.DataFrame) -> dict[str, list[SummaryRow]]:
             spec, size = str(group["spec"].iloc[0]), group["map_size"].iloc[0]
             held = group[group["status"] == "ok"]
             values = {name: interval(held[name].tolist()) for name in [*METRICS, *_TIMES[:4]]}
-            statuses = group.loc[group["status"] != "ok", "status"]
-            status = "ok" if len(held) else str(statuses.iloc[0])
-            rows.append(SummaryRow(spec, None if pd.isna(size) else int(size), len(held), status, values))
+            refused = tuple(group.loc[group["status"] != "ok", "status"])
+            rows.append(SummaryRow(spec, None if pd.isna(size) else int(size), len(held), refused, values))
         tables[str(scene)] = sorted(rows, key=_error)
     return tables
 
 
-def over_scenes(tables: dict[str, list[SummaryRow]]) -> list[SummaryRow]:
-    """The mean over scenes of each spec and map size that held in all of them, best first; times are left out."""
+def over_scenes(tables: dict[str, list[SummaryRow]]) -> tuple[list[str], list[SummaryRow]]:
+    """The scenes in which every cell held, and the mean over them of each spec and map size, best first.
+
+    Means over different sets of scenes could not be compared. Times are left out.
+    """
+    scenes = [scene for scene, rows in tables.items() if not any(row.refused for row in rows)]
     found: dict[tuple[str, int | None], list[SummaryRow]] = {}
-    for rows in tables.values():
-        for row in rows:
+    for scene in scenes:
+        for row in tables[scene]:
             found.setdefault((row.spec, row.map_size), []).append(row)
-    means = []
-    for (spec, size), rows in found.items():
-        if len(rows) == len(tables) and all(row.status == "ok" for row in rows):
-            values = {name: _mean([row.values[name] for row in rows]) for name in METRICS}
-            means.append(SummaryRow(spec, size, sum(row.cells for row in rows), "ok", values))
-    return sorted(means, key=_error)
+    means = [
+        SummaryRow(spec, size, sum(row.cells for row in rows), (), values)
+        for (spec, size), rows in found.items()
+        for values in [{name: _mean([row.values[name] for row in rows]) for name in METRICS}]
+    ]
+    return scenes, sorted(means, key=_error)
 
 
 def _mean(values: Sequence[Interval | None]) -> Interval | None:
@@ -124,7 +137,7 @@ def _mean(values: Sequence[Interval | None]) -> Interval | None:
 
 def _error(row: SummaryRow) -> tuple[bool, float, str, int]:
     iou = row.values["iou"]
-    return (row.status != "ok" or iou is None, -iou.median if iou else 0.0, row.spec, row.map_size or 0)
+    return (iou is None, -iou.median if iou else 0.0, row.spec, row.map_size or 0)
 
 
 @dataclass(frozen=True)

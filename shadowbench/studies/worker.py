@@ -18,7 +18,9 @@ from typing import Any
 
 import psutil
 
+import shadowbench
 from shadowbench.errors import ShadowbenchError
+from shadowbench.gl.program import ShaderError
 from shadowbench.studies.session import Session, Unsupported
 
 _POLL_S = 0.05
@@ -181,8 +183,17 @@ def _serve(pipe: Connection, plugins: list[Path]) -> None:
         except MemoryError:
             answer = ("error", AteMemory("ate memory: an allocation failed"))
         except Exception as error:  # whatever a technique raises costs its own cell only
-            last = traceback.extract_tb(error.__traceback__)[-1]
-            first_line = (str(error).splitlines() or [""])[0]
-            place = f"{os.path.basename(last.filename)}:{last.lineno}"
-            answer = ("error", CellFailed(f"{type(error).__name__}: {first_line} ({place})"))
+            answer = ("error", CellFailed(_told(error)))
         pipe.send(answer)
+
+
+def _told(error: Exception) -> str:
+    """An exception in one line, with the place in the plug-in where it has one; the whole of it goes to stderr."""
+    if isinstance(error, ShaderError):
+        print(error, file=sys.stderr)
+    frames = traceback.extract_tb(error.__traceback__)
+    package = str(Path(shadowbench.__file__).parent)
+    ours = [frame for frame in frames if not frame.filename.startswith(package)]
+    place = (ours or frames)[-1]
+    first_line = (str(error).splitlines() or [""])[0]
+    return f"{type(error).__name__}: {first_line} ({os.path.basename(place.filename)}:{place.lineno})"

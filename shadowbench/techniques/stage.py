@@ -71,9 +71,9 @@ class Stage:
         self._hold(texture, size[0] * size[1] * components * _WIDTHS[dtype])
         return texture
 
-    def target(self, *textures: moderngl.Texture) -> moderngl.Framebuffer:
-        """A framebuffer that draws into textures."""
-        framebuffer = self.device.context.framebuffer(list(textures))
+    def target(self, *textures: moderngl.Texture, depth: moderngl.Texture | None = None) -> moderngl.Framebuffer:
+        """A framebuffer that draws into textures, with a depth texture (of a `depth_target`, say) if given."""
+        framebuffer = self.device.context.framebuffer(list(textures), depth)
         self._held.append(framebuffer)
         return framebuffer
 

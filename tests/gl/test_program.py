@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from shadowbench.gl.device import Device
-from shadowbench.gl.program import Drawable, Program, Sampling, State, link
+from shadowbench.gl.program import Drawable, Program, Sampling, ShaderError, State, link
 from shadowbench.gl.raw import _SIGNATURES
 from shadowbench.gl.shaders import VERSION
 
@@ -199,3 +199,15 @@ def test_draws_are_counted(device: Device, program, paint) -> None:
     paint(one)
     paint(one)
     assert device.draws == draws + 2
+
+
+def test_a_shader_error_says_where_and_why_in_its_first_line(device) -> None:
+    fragment = "#version 410 core\nout vec4 color;\nvoid main() {\n    color = vec4(blurred);\n}\n"
+    vertex = "#version 410 core\nvoid main() { gl_Position = vec4(0.0); }\n"
+    with pytest.raises(ShaderError) as error:
+        link(device, vertex, fragment)
+    first = str(error.value).splitlines()[0]
+    assert first.startswith("fragment shader")
+    assert "blurred" in first
+    assert "color = vec4(blurred);" in first
+    assert "   4      color = vec4(blurred);" in str(error.value)
