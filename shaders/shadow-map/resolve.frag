@@ -9,7 +9,9 @@ void main() {
     Receiver r = receiver_at(ivec2(gl_FragCoord.xy));
     MapPoint p = map_point(r.position);
     p = map_point(r.position + bias_move(r, p.texel));
-    p.bias = bias_depth(r, p);
+    // Casters in front of near are stored at near itself; a bias larger than the receiver's depth would see past them.
+    float room = REVERSED == 1 ? 1.0 - p.depth : p.depth;
+    p.bias = min(bias_depth(r, p), max(room - depth_step, 0.0));
     p.gradient = bias_gradient(r, p);  // before any branch: screen derivatives need all four pixels of a quad
     visibility = 1.0;
     if (!r.facing || p.axis_distance <= 0.0) return;

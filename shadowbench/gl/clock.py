@@ -20,7 +20,7 @@ Changes = Literal["light", "view", "frame"]
 # GL_ARB_pipeline_statistics_query
 _STATISTICS = {
     "vertices": 0x82F0,  # vertex shader invocations
-    "geometry": 0x82F3,  # geometry shader primitives emitted
+    "geometry": 0x887F,  # geometry shader invocations
     "primitives": 0x82F7,  # clipping output primitives
     "fragments": 0x82F4,  # fragment shader invocations
 }
@@ -95,7 +95,7 @@ class Clock:
 
     def _plausible(self, elapsed: float, wall: float) -> float:
         """The query's answer, unless the wall clock shows it to be impossible: then queries are given up for good."""
-        if 0.0 < elapsed <= wall:
+        if 0.0 <= elapsed <= wall:  # 0 for a pass that draws nothing
             return elapsed
         self._queries = False
         return wall

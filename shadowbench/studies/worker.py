@@ -1,6 +1,7 @@
 """The worker process: it alone owns a GL context, under a time and a memory limit, and is replaced when it dies."""
 
 import ctypes
+import io
 import multiprocessing
 import os
 import signal
@@ -165,6 +166,8 @@ def _serve(pipe: Connection, plugins: list[Path]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _die_with_parent()
     os.dup2(2, 1)  # what a plug-in prints must not get between the parent's results
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(line_buffering=True)  # this process ends by force, which flushes nothing
     try:
         session = Session(plugins)
     except ShadowbenchError as error:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from shadowbench.gl.clock import Changes
-from shadowbench.scenes.model import Floats, Placement, Scene, View
+from shadowbench.scenes.model import Floats, Placement, Scene, View, bounds_of
 from shadowbench.techniques.convex import box_planes, corners, frustum_planes, hull_points
 from shadowbench.techniques.lights import Box, LightSpace, LightView, light_space
 from shadowbench.techniques.params import Row, param
@@ -19,12 +19,12 @@ class CasterHull:
 
     def __init__(self, scene: Scene) -> None:
         geometry = scene.geometry
-        self.bounds = geometry.bounds
+        concerned = geometry.casts | geometry.receives  # a sky that does neither must not widen the map
+        faces = geometry.faces[concerned] if concerned.any() else geometry.faces
+        vertices = geometry.vertices[np.unique(faces)]
+        self.bounds = bounds_of(vertices)
         self.extent = float(np.abs(self.bounds).max())
-        self.points = hull_points(geometry.vertices[np.unique(geometry.faces)])
-        casters = geometry.caster_faces
-        whole = len(casters) in (0, len(geometry.faces))
-        self.casters = self.points if whole else hull_points(geometry.vertices[np.unique(casters)])
+        self.points = hull_points(vertices)
 
 
 @dataclass(frozen=True, eq=False)

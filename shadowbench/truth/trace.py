@@ -63,6 +63,7 @@ def trace(view: View, pixel_samples: int = 4, light_samples: int = 1) -> Truth:
         directions = rays.directions(rows)
         triangle = rays.nearest(directions)
         seen = np.flatnonzero(triangle >= 0)
+        seen = seen[placed.scene.geometry.receives[triangle[seen]]]
         points = rays.points(directions.take(seen, axis=1), triangle[seen])
         return triangle, np.stack([points.min(axis=1, initial=np.inf), points.max(axis=1, initial=-np.inf)])
 
@@ -87,12 +88,17 @@ def trace(view: View, pixel_samples: int = 4, light_samples: int = 1) -> Truth:
 
 
 def _diagonal(view: View, visible: Floats) -> float:
-    """Of the box around all casters and the visible points; `visible` (N, 2, 3) lowest and highest corner of parts."""
+    """Of the box around all casters and visible receivers; `visible` (N, 2, 3) lowest and highest corner of parts.
+
+    Where there is neither, of the whole scene: nothing is decided by it then.
+    """
     geometry = view.scene.geometry
     low, high = visible[:, 0].min(axis=0), visible[:, 1].max(axis=0)
     if len(geometry.caster_faces):
         casters = geometry.vertices[np.unique(geometry.caster_faces)]
         low, high = np.minimum(low, casters.min(axis=0)), np.maximum(high, casters.max(axis=0))
+    if not np.isfinite(low).all():
+        low, high = geometry.bounds
     return float(np.linalg.norm(high - low))
 
 

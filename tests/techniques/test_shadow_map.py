@@ -5,6 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 
+from shadowbench.scenes.model import Light
 from shadowbench.techniques.biases import Bias
 from shadowbench.techniques.filters import Filter
 from shadowbench.techniques.fits import Fit
@@ -168,3 +169,23 @@ def test_mapped_bytes_follow_size_and_format(studio, build, builtin) -> None:
     }
     assert held["size=512"] - held["size=256"] == (512**2 - 256**2) * 4
     assert held["size=512"] - held["size=512,depth=d16"] == 512**2 * 2
+
+
+@pytest.mark.parametrize("bias", ["texel", "constant(0.05)", "slope", "receiver-plane"])
+@pytest.mark.parametrize("fit", ["visible", "view"])
+@pytest.mark.parametrize("size", [64, 256])
+def test_a_caster_in_front_of_the_near_plane_shadows_under_every_bias(size, fit, bias, shape, looking, mask, studio):
+    """A low sun behind a block that stands far outside the picture: all that is seen lies in its shadow."""
+    low = Light("sun", "directional", (1.0, -0.0875, 0.0))
+    view = looking([shape("plane", 80.0), shape("box", 20.0, (-25.0, 10.0, 0.0))], low, 64, eye=(3.0, 4.0, 3.0))
+    dark = mask(f"shadow-map:size={size},fit={fit},bias={bias}", view)
+    assert (dark[studio.shot(view).triangle >= 0] == 0).all()
+
+
+def test_a_sky_that_neither_casts_nor_receives_changes_no_map(shape, looking, sun, mask):
+    ground = [shape("plane", 6.0), shape("box", 1.0, (0.0, 0.5, 0.0))]
+    sky = shape("box", 300.0, casts=False, receives=False)
+    bare, under_sky = (looking(meshes, sun(), 64, near=0.5, far=20.0) for meshes in (ground, [*ground, sky]))
+    for fit in ("scene", "visible"):
+        spec = f"shadow-map:size=256,fit={fit}"
+        assert (np.abs(mask(spec, bare) - mask(spec, under_sky)) > 0.01).mean() < 1e-3
