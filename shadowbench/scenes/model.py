@@ -12,6 +12,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from shadowbench.errors import InputError
+
 Floats = NDArray[np.float64]
 Vec3 = tuple[float, float, float]
 LightKind = Literal["directional", "spot", "point"]
@@ -280,4 +282,9 @@ def view_of(scene: Scene, camera: Camera, light: Light, size: int) -> View:
     nearest, farthest = float(max(nearest, farthest / 1e4)) * 0.999, farthest * 1.001
     near = nearest if camera.near is None else min(max(camera.near, nearest), farthest)
     far = farthest if camera.far is None else min(max(camera.far, nearest), farthest)
+    if near >= far:
+        raise InputError(
+            f"camera {camera.name!r} of {scene.name} looks at nothing: its planes {camera.near} and {camera.far} m "
+            f"leave out the scene, which lies between {nearest:.4g} and {farthest:.4g} m"
+        )
     return View(scene, replace(camera, near=near, far=far), light, size)

@@ -2,13 +2,17 @@
 
 import json
 import os
+import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
-
-import psutil
+from typing import IO, Any
 
 from shadowbench.errors import InputError
+
+if sys.platform == "win32":
+    import msvcrt
+else:
+    import fcntl
 
 SCHEMA = 1
 _HEAD = json.dumps({"schema": SCHEMA})[:-1].encode()  # how every line begins, also one that was cut short
@@ -33,7 +37,7 @@ class RowStore:
                 self._keep(record)
             self._stream = self.file.open("a", encoding="utf-8")
         except BaseException as error:
-            self._lock.unlink()
+            self._unlock()
             if isinstance(error, OSError):
                 raise InputError(f"{self.file}: cannot be written ({error.strerror or error})") from None
             raise
@@ -78,17 +82,22 @@ class RowStore:
     def close(self) -> None:
         """Close the file, and let others write into the folder."""
         self._stream.close()
-        self._lock.unlink(missing_ok=True)
+        self._unlock()
+
+    def _unlock(self) -> None:
+        Path(self._lock.name).unlink(missing_ok=True)
+        self._lock.close()
 
 
-def _locked(folder: Path) -> Path:
-    """The lock file of a folder, ours now; raises InputError while another living process holds it."""
-    lock = folder / "writing.pid"
+def _locked(folder: Path) -> IO[str]:
+    """The lock of a folder, held until it is closed or this process ends, however; InputError while another has it."""
+    lock = (folder / "writing.lock").open("a", encoding="utf-8")
     try:
-        holder = int(lock.read_text())
-    except (FileNotFoundError, ValueError):
-        holder = 0  # nobody, or one that was killed before it had written its number
-    if holder not in (0, os.getpid()) and psutil.pid_exists(holder):
-        raise InputError(f"{folder}: process {holder} writes into it; wait for it, or choose another folder with -o")
-    lock.write_text(str(os.getpid()))
+        if sys.platform == "win32":
+            msvcrt.locking(lock.fileno(), msvcrt.LK_NBLCK, 1)
+        else:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        lock.close()
+        raise InputError(f"{folder}: another run writes into it; wait for it, or choose another with -o") from None
     return lock

@@ -3,9 +3,11 @@
 import math
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from shadowbench.errors import InputError
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene, view_of
 
 FLOOR = Mesh(
@@ -32,3 +34,9 @@ def test_planes_from_bounds_cut_nothing_that_the_picture_shows(height: float, x:
             hit = np.array(camera.position) + depth * ray
             if depth > 0 and (np.abs(hit[[0, 2]]) <= 4).all():
                 assert near < depth < far
+
+
+def test_planes_that_leave_out_the_scene_are_said() -> None:
+    camera = Camera("camera", (0.0, 3.0, 8.0), (0.0, 0.0, 0.0), 0.6, near=500.0, far=900.0)
+    with pytest.raises(InputError, match=r"looks at nothing: its planes 500\.0 and 900\.0 m leave out the scene"):
+        view_of(Scene("floor", (FLOOR,), (camera,), (SUN,)), camera, SUN, 64)

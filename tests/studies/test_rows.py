@@ -1,7 +1,6 @@
 """Rows on disk: whole lines or none, the last of a key counts, nobody else's file is touched."""
 
 import json
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -94,12 +93,15 @@ def test_a_number_that_json_lacks_is_never_written(tmp_path: Path) -> None:
         assert store.file.read_text() == ""
 
 
-def test_a_folder_that_a_living_process_writes_into_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "writing.pid").write_text(str(os.getppid()))
-    with pytest.raises(InputError, match=f"process {os.getppid()} writes into it"):
+def test_a_folder_that_another_run_writes_into_is_refused(tmp_path: Path) -> None:
+    first = RowStore(tmp_path)
+    with pytest.raises(InputError, match="another run writes into it"):
         RowStore(tmp_path)
-    (tmp_path / "writing.pid").write_text("999999999")  # killed: nobody has this number
-    store = RowStore(tmp_path)
-    assert (tmp_path / "writing.pid").exists()
-    store.close()
-    assert not (tmp_path / "writing.pid").exists()
+    first.close()
+    RowStore(tmp_path).close()
+    assert [file.name for file in tmp_path.iterdir()] == ["rows.jsonl"]
+
+
+def test_a_lock_that_a_killed_run_left_behind_holds_nobody_up(tmp_path: Path) -> None:
+    (tmp_path / "writing.lock").write_text("")
+    RowStore(tmp_path).close()
