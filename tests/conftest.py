@@ -1,7 +1,7 @@
 """What all tests share: larger scenes, a truth cache of their own, the GL device and views on it."""
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -13,7 +13,8 @@ from shadowbench.gl.device import Device, Freeable, open_device
 from shadowbench.gl.gbuffer import GBuffer, SurfacePass, download
 from shadowbench.gl.geometry import DeviceGeometry
 from shadowbench.scenes.library import load_scene
-from shadowbench.scenes.model import Placement, Scene, View, view_of
+from shadowbench.scenes.model import Mesh, Placement, Scene, View, view_of
+from shadowbench.scenes.shapes import build_shape
 from shadowbench.truth.trace import Truth, trace
 
 
@@ -125,3 +126,22 @@ def builtin() -> Callable[..., View]:
 def truth_of(builtin: Callable[..., View]) -> Callable[..., Truth]:
     """The truth of the first view of a built-in scene, traced once."""
     return lru_cache(lambda name, size=256: trace(builtin(name, size), pixel_samples=1))
+
+
+@pytest.fixture(scope="session")
+def shape() -> Callable[..., Mesh]:
+    """A named shape, scaled, then moved."""
+
+    def make(
+        kind: str,
+        scale: float | Sequence[float] = 1.0,
+        at: Sequence[float] = (0.0, 0.0, 0.0),
+        casts: bool = True,
+        receives: bool = True,
+        **parameters: int,
+    ) -> Mesh:
+        triangles = build_shape(kind, parameters, "test")
+        vertices = triangles.vertices * np.asarray(scale, dtype=np.float64) + np.asarray(at, dtype=np.float64)
+        return Mesh(kind, vertices, triangles.faces, casts=casts, receives=receives)
+
+    return make

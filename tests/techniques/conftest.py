@@ -12,7 +12,6 @@ from shadowbench.gl.clock import Clock
 from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import download
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene, Vec3, View, unit, view_of
-from shadowbench.scenes.shapes import build_shape
 from shadowbench.scores import Reference, score
 from shadowbench.techniques.base import Frame, Phase, Stage, Technique
 from shadowbench.techniques.registry import shader_folder, techniques
@@ -80,25 +79,6 @@ def scored() -> Callable[..., dict[str, float | None]]:
         return Reference(**{name: getattr(truth, name) for name in names})
 
     return lambda visibility, truth: score(visibility, reference(truth))
-
-
-@pytest.fixture(scope="session")
-def shape() -> Callable[..., Mesh]:
-    """A named shape, scaled, then moved."""
-
-    def make(
-        kind: str,
-        scale: float | Sequence[float] = 1.0,
-        at: Sequence[float] = (0.0, 0.0, 0.0),
-        casts: bool = True,
-        receives: bool = True,
-        **parameters: int,
-    ) -> Mesh:
-        triangles = build_shape(kind, parameters, "test")
-        vertices = triangles.vertices * np.asarray(scale, dtype=np.float64) + np.asarray(at, dtype=np.float64)
-        return Mesh(kind, vertices, triangles.faces, casts=casts, receives=receives)
-
-    return make
 
 
 @pytest.fixture(scope="session")

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from shadowbench.scenes.model import Camera, Floats, Light, Mesh, Scene, View, view_of
-from shadowbench.scenes.shapes import build_shape
 
 Place = tuple[float, float, float]
 
@@ -27,25 +26,6 @@ def light(request: pytest.FixtureRequest) -> Light:
     """One light of each kind, all from above a scene of a few metres."""
     chosen: Light = request.param
     return chosen
-
-
-@pytest.fixture(scope="session")
-def shape() -> Callable[..., Mesh]:
-    """A named shape, scaled, then moved."""
-
-    def make(
-        kind: str,
-        scale: float | Sequence[float] = 1.0,
-        at: Sequence[float] = (0.0, 0.0, 0.0),
-        casts: bool = True,
-        receives: bool = True,
-        **parameters: int,
-    ) -> Mesh:
-        triangles = build_shape(kind, parameters, "test")
-        vertices = triangles.vertices * np.asarray(scale, dtype=np.float64) + np.asarray(at, dtype=np.float64)
-        return Mesh(kind, vertices, triangles.faces, casts=casts, receives=receives)
-
-    return make
 
 
 @pytest.fixture(scope="session")
