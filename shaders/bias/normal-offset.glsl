@@ -5,8 +5,8 @@
 uniform float bias_scale;
 uniform float bias_ulps;
 
-vec3 bias_move(Receiver r, vec2 texel) {
-    return r.normal * (bias_scale * filter_radius * length(texel) * sin_slope(r));
+vec3 bias_move(Receiver r, MapPoint p) {
+    return r.normal * (bias_scale * p.radius * length(p.texel) * sin_slope(r, p));
 }
 
 float bias_depth(Receiver r, MapPoint p) { return bias_ulps * depth_step; }

@@ -14,8 +14,7 @@ vec2 bias_gradient(Receiver r, MapPoint p) {
     vec2 gradient = vec2(dy.y * dx.z - dx.y * dy.z, dx.x * dy.z - dy.x * dx.z) / determinant;
     if (determinant == 0.0) gradient = vec2(0.0);
 #else
-    // A plane maps by the inverse transpose of what maps the points.
-    vec4 plane = vec4(r.normal, -dot(r.normal, r.position)) * map_to_world;
+    vec4 plane = plane_in_map(vec4(r.normal, -dot(r.normal, r.position)), p);
     vec2 gradient = -plane.xy / plane.z;
     if (plane.z == 0.0) gradient = vec2(0.0);
 #endif

@@ -11,7 +11,7 @@ import moderngl
 from shadowbench.errors import NoGLError
 from shadowbench.gl.raw import RawGL
 
-_SUBPIXEL_BITS = 0x0D50
+_SUBPIXEL_BITS, _CUBE_MAP_SEAMLESS = 0x0D50, 0x884F
 _SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software", "swiftshader", "warp", "basic render")
 
 
@@ -109,4 +109,5 @@ def open_device() -> Device:
             "on Debian and Ubuntu without a GPU: apt-get install libegl1 libgl1-mesa-dri libgl1"
         ) from error
     context.gc_mode = "auto"
+    context.enable_direct(_CUBE_MAP_SEAMLESS)  # a filter at a cube's edge reads the next face too
     return Device(context)

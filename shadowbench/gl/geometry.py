@@ -44,9 +44,15 @@ class DeviceGeometry:
         """The triangles that cast."""
         return self._drawable(program, self._casters, count=-1 if self.caster_count else 0)
 
-    def _drawable(self, program: Program, faces: moderngl.Buffer, count: int = -1) -> Drawable:
+    def indexed(self, program: Program, indices: moderngl.Buffer, mode: int) -> Drawable:
+        """The scene's vertices by other indices (uint32) and another primitive."""
+        return self._drawable(program, indices, mode=mode)
+
+    def _drawable(
+        self, program: Program, faces: moderngl.Buffer, mode: int = moderngl.TRIANGLES, count: int = -1
+    ) -> Drawable:
         vertices = program.device.context.vertex_array(program.linked, [(self._vertices, "3f", "position")], faces)
-        return Drawable(program, vertices, count=count)
+        return Drawable(program, vertices, mode, count)
 
     def release(self) -> None:
         """Free the buffers and textures."""

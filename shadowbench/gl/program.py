@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Protocol
 
 import moderngl
 import numpy as np
@@ -14,12 +14,25 @@ from pyglm import glm
 from shadowbench.gl.device import Device
 from shadowbench.gl.shaders import numbered
 
+Comparison = Literal["", "<", "<=", ">", ">=", "=="]
+Wrap = Literal["border", "edge", "repeat"]
 Value = bool | int | float | tuple[float, ...] | NDArray[np.float64]
 
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 _UNIFORM = re.compile(r"\buniform\s+(?:(?:low|medium|high)p\s+)?(\w+)\s+(\w[^;{]*);")
 _PLACE = re.compile(r"\b0[:(](\d+)")  # Mesa: 0:12(5), NVIDIA: 0(12), Apple and AMD: 0:12
+_STENCIL_TEST, _CLIP_DISTANCE, _FRONT, _BACK = 0x0B90, 0x3000, 0x0404, 0x0405
+_STENCIL_TESTS = {"always": 0x0207, "==": 0x0202, "!=": 0x0205}
+_STENCIL_OPS = {"keep": 0x1E00, "zero": 0, "replace": 0x1E01, "increment": 0x8507, "decrement": 0x8508}
+_BLENDS = {"add": moderngl.FUNC_ADD, "min": moderngl.MIN, "max": moderngl.MAX}
 _LOWER_LEFT, _NEGATIVE_ONE_TO_ONE, _ZERO_TO_ONE = 0x8CA1, 0x935E, 0x935F
+
+
+class Texture(Protocol):
+    """What a sampler reads: a texture of moderngl's, or a layered one."""
+
+    def use(self, location: int) -> None:
+        """Bind to a texture unit."""
 
 
 @dataclass(frozen=True)
@@ -27,20 +40,44 @@ class Sampling:
     """How a texture is read. `border` is the value outside, with wrap "border"; `compare` a depth comparison."""
 
     linear: bool = False
-    wrap: Literal["edge", "repeat", "border"] = "edge"
+    wrap: Wrap = "edge"
     border: float = 1.0
-    compare: Literal["", "<=", ">="] = ""
+    compare: Comparison = ""
+
+
+StencilOp = Literal["keep", "zero", "replace", "increment", "decrement"]
+
+
+@dataclass(frozen=True)
+class Stencil:
+    """A stencil test, and what becomes of the stencil: (test fails, depth fails, both pass) of front and back faces.
+
+    Incrementing and decrementing wrap.
+    """
+
+    test: Literal["always", "==", "!="] = "always"
+    reference: int = 0
+    front: tuple[StencilOp, StencilOp, StencilOp] = ("keep", "keep", "keep")
+    back: tuple[StencilOp, StencilOp, StencilOp] = ("keep", "keep", "keep")
 
 
 @dataclass(frozen=True)
 class State:
-    """Fixed-function state of one draw; everything is reset after it, so that nothing leaks into the next."""
+    """Fixed-function state of one draw; everything is reset after it, so that nothing leaks into the next.
 
-    depth_test: Literal["", "<", "<=", ">", ">="] = ""
+    `blend` combines with what the target holds; `clip_distances` is how many of them the vertex shader writes.
+    """
+
+    depth_test: Comparison = ""
+    depth_write: bool = True
+    color_write: bool = True
     cull: Literal["", "front", "back"] = ""
     polygon_offset: tuple[float, float] = (0.0, 0.0)
     depth_clamp: bool = False
     zero_to_one: bool = False
+    blend: Literal["", "add", "min", "max"] = ""
+    stencil: Stencil | None = None
+    clip_distances: int = 0
 
 
 class Program:
@@ -63,7 +100,8 @@ class Program:
     def set(self, **values: Value) -> None:
         """Uniforms by name: numbers, tuples as vectors, (4, 4) arrays (row-major, as written) as matrices.
 
-        A uniform that the compiler dropped is skipped; a name that the text lacks raises KeyError.
+        Arrays in the shader take (n, 4, 4) for matrices, (n, k) for vectors, (n,) for floats. A uniform that the
+        compiler dropped is skipped; a name that the text lacks raises KeyError.
         """
         for name, value in values.items():
             if name not in self._known:
@@ -71,7 +109,7 @@ class Program:
             if name not in self.linked:
                 continue
             if isinstance(value, np.ndarray):
-                self.linked[name].write(_matrix(value).to_bytes())  # type: ignore[union-attr]
+                self.linked[name].write(_bytes(value))  # type: ignore[union-attr]
             else:
                 self.linked[name].value = value  # type: ignore[union-attr]
 
@@ -79,7 +117,7 @@ class Program:
         """Whether the text declares a uniform of this name."""
         return name in self._known
 
-    def bind(self, textures: Mapping[str, tuple[moderngl.Texture, Sampling]]) -> None:
+    def bind(self, textures: Mapping[str, tuple[Texture, Sampling]]) -> None:
         """Bind textures to the samplers of their names; a sampler in use that is left out raises KeyError."""
         for name, unit in self._units.items():
             texture, sampling = textures[name]
@@ -96,8 +134,11 @@ def _uniforms(text: str) -> dict[str, str]:
     return types
 
 
-def _matrix(rows: NDArray[np.float64]) -> glm.mat4:
-    return glm.mat4(*rows.T.ravel().tolist())
+def _bytes(value: NDArray[np.float64]) -> bytes:
+    """An array as a shader holds it: float32, matrices by columns."""
+    if value.shape[-2:] != (4, 4):
+        return value.astype(np.float32).tobytes()
+    return b"".join(glm.mat4(*rows.T.ravel().tolist()).to_bytes() for rows in value.reshape(-1, 4, 4))
 
 
 def sampler_of(device: Device, sampling: Sampling) -> moderngl.Sampler:
@@ -154,7 +195,7 @@ class Drawable:
     def draw(
         self,
         target: moderngl.Framebuffer,
-        textures: Mapping[str, tuple[moderngl.Texture, Sampling]] = {},
+        textures: Mapping[str, tuple[Texture, Sampling]] = {},
         state: State = State(),
     ) -> None:
         """Draw into a target with the given textures and state."""
@@ -168,20 +209,41 @@ class Drawable:
 
 @contextmanager
 def _applied(device: Device, state: State) -> Iterator[None]:
-    context = device.context
+    context, raw = device.context, device.raw
     flags = (moderngl.DEPTH_TEST if state.depth_test else 0) | (moderngl.CULL_FACE if state.cull else 0)
-    context.enable_only(flags)
+    context.enable_only(flags | (moderngl.BLEND if state.blend else 0))
     context.depth_func = state.depth_test or "<"
     context.cull_face = state.cull or "back"
     context.polygon_offset = state.polygon_offset
     context.depth_clamp_range = (0.0, 1.0) if state.depth_clamp else None
+    direct = [_CLIP_DISTANCE + plane for plane in range(state.clip_distances)]
+    if state.blend:
+        context.blend_func = (moderngl.ONE, moderngl.ONE)
+        context.blend_equation = (_BLENDS[state.blend],) * 2
     if state.zero_to_one:
-        device.raw("glClipControl", _LOWER_LEFT, _ZERO_TO_ONE)
+        raw("glClipControl", _LOWER_LEFT, _ZERO_TO_ONE)
+    if state.stencil is not None:
+        direct.append(_STENCIL_TEST)
+        raw("glStencilFunc", _STENCIL_TESTS[state.stencil.test], state.stencil.reference, 0xFF)
+        for side, operations in ((_FRONT, state.stencil.front), (_BACK, state.stencil.back)):
+            raw("glStencilOpSeparate", side, *(_STENCIL_OPS[operation] for operation in operations))
+    if not state.depth_write:
+        raw("glDepthMask", False)
+    if not state.color_write:
+        raw("glColorMask", False, False, False, False)
+    for flag in direct:
+        context.enable_direct(flag)
     try:
         yield
     finally:
+        for flag in direct:
+            context.disable_direct(flag)
         context.enable_only(moderngl.NOTHING)
         context.polygon_offset = (0.0, 0.0)
         context.depth_clamp_range = None
+        if not state.depth_write:
+            raw("glDepthMask", True)
+        if not state.color_write:
+            raw("glColorMask", True, True, True, True)
         if state.zero_to_one:
-            device.raw("glClipControl", _LOWER_LEFT, _NEGATIVE_ONE_TO_ONE)
+            raw("glClipControl", _LOWER_LEFT, _NEGATIVE_ONE_TO_ONE)

@@ -8,21 +8,37 @@ import moderngl
 
 _ENUM = _UINT = ctypes.c_uint
 _INT = _SIZE = ctypes.c_int
+_BOOL = ctypes.c_ubyte
 _POINTER = ctypes.c_void_p
 
 # name: (result, arguments)
 _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
+    "glActiveTexture": (None, (_ENUM,)),
     "glBeginQuery": (None, (_ENUM, _UINT)),
+    "glBindFramebuffer": (None, (_ENUM, _UINT)),
     "glBindTexture": (None, (_ENUM, _UINT)),
+    "glClear": (None, (_UINT,)),
+    "glClearStencil": (None, (_INT,)),
     "glClipControl": (None, (_ENUM, _ENUM)),
+    "glColorMask": (None, (_BOOL, _BOOL, _BOOL, _BOOL)),
     "glDeleteQueries": (None, (_SIZE, _POINTER)),
+    "glDeleteTextures": (None, (_SIZE, _POINTER)),
+    "glDepthMask": (None, (_BOOL,)),
     "glEndQuery": (None, (_ENUM,)),
+    "glFramebufferTexture": (None, (_ENUM, _ENUM, _UINT, _INT)),
+    "glFramebufferTexture2D": (None, (_ENUM, _ENUM, _ENUM, _UINT, _INT)),
+    "glFramebufferTextureLayer": (None, (_ENUM, _ENUM, _UINT, _INT, _INT)),
     "glGenQueries": (None, (_SIZE, _POINTER)),
+    "glGenTextures": (None, (_SIZE, _POINTER)),
     "glGetIntegerv": (None, (_ENUM, _POINTER)),
     "glGetQueryObjectui64v": (None, (_UINT, _ENUM, _POINTER)),
+    "glGetTexImage": (None, (_ENUM, _INT, _ENUM, _ENUM, _POINTER)),
     "glGetTexLevelParameteriv": (None, (_ENUM, _INT, _ENUM, _POINTER)),
     "glGetUniformLocation": (_INT, (_UINT, ctypes.c_char_p)),
+    "glStencilFunc": (None, (_ENUM, _INT, _UINT)),
+    "glStencilOpSeparate": (None, (_ENUM, _ENUM, _ENUM, _ENUM)),
     "glTexImage2D": (None, (_ENUM, _INT, _INT, _SIZE, _SIZE, _INT, _ENUM, _ENUM, _POINTER)),
+    "glTexImage3D": (None, (_ENUM, _INT, _INT, _SIZE, _SIZE, _SIZE, _INT, _ENUM, _ENUM, _POINTER)),
     "glUniform1i": (None, (_INT, _INT)),
     "glUseProgram": (None, (_UINT,)),
 }

@@ -80,6 +80,7 @@ class Technique(ABC):
     Params: ClassVar[type[TechniqueParams]] = TechniqueParams
     presets: ClassVar[dict[str, str]] = {}  # name: the items that it stands for, as a spec writes them
     phased: ClassVar[bool] = False  # whether it has a grid that a phase can shift
+    shown_in: ClassVar[str] = "cube-on-plane"  # the built-in scene whose picture its documentation shows
 
     def __init__(self, params: TechniqueParams) -> None:
         self.params = params
@@ -99,6 +100,13 @@ class Technique(ABC):
 
     def map_image(self) -> NDArray[np.float32] | None:
         """The map of the last draw as (H, W) linear depth in [0, 1], row 0 at the top; None without a map."""
+        return None
+
+    def tint(self) -> moderngl.Texture | None:
+        """Colours (RGBA, linear, of the image's size) to show what the last draw did where; None without any.
+
+        Drawn on demand: a debug picture multiplies them into its surfaces.
+        """
         return None
 
     def facts(self) -> dict[str, float]:

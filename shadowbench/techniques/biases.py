@@ -37,15 +37,17 @@ class NoBias(Bias):
 
 
 class Constant(Bias):
-    """The same depth everywhere: in metres it changes with the fit."""
+    """The same everywhere: in units of depth, which in metres change with the fit, or in metres along the light."""
 
     name = "constant"
     shader = "bias/constant.glsl"
+    maps = frozenset({"2d", "array", "cube"})
     units: float = param(0.005, "depth in [0, 1] that is subtracted from the receiver's", ge=0, le=1)
+    world: float = param(0.0, "metres; takes the place of units where it is above 0", ge=0, metres=True)
 
     @property
     def depth_units(self) -> float | None:
-        return self.units
+        return None if self.world > 0 else self.units
 
 
 class Slope(Bias):
@@ -53,6 +55,7 @@ class Slope(Bias):
 
     name = "slope"
     shader = "bias/slope.glsl"
+    maps = frozenset({"2d", "array", "cube"})
     max: float = param(0.05, "depth at grazing light", ge=0, le=1)
     min: float = param(0.005, "depth at steep light", ge=0, le=1)
 
@@ -89,6 +92,7 @@ class NormalOffset(Bias):
 
     name = "normal-offset"
     shader = "bias/normal-offset.glsl"
+    maps = frozenset({"2d", "array", "cube"})
     scale: float = param(1.0, "times the filter's reach", ge=0, le=100)
     ulps: float = param(4.0, "steps of the depth format on top", ge=0, le=1e6)
 
@@ -109,6 +113,7 @@ class Texel(Bias):
 
     name = "texel"
     shader = "bias/texel.glsl"
+    maps = frozenset({"2d", "array", "cube"})
     scale: float = param(1.0, "times the depth that the slope makes of the filter's reach", ge=0, le=100)
     limit: float = param(16.0, "most, in filter radii · texel widths", gt=0, le=1e6)
     ulps: float = param(4.0, "steps of the depth format on top", ge=0, le=1e6)

@@ -21,6 +21,7 @@ class Hard(Filter):
 
     name = "hard"
     shader = "filter/hard.glsl"
+    maps = frozenset({"2d", "array", "cube"})
 
     def radius(self, size: int) -> float:
         return 0.5
@@ -31,6 +32,7 @@ class Hardware(Filter):
 
     name = "hardware"
     shader = "filter/hardware.glsl"
+    maps = frozenset({"2d", "array", "cube"})
 
     def radius(self, size: int) -> float:
         return 1.0

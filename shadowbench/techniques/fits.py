@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -38,7 +39,9 @@ class Sight:
 
 
 class Fit(Row):
-    """Family of fits."""
+    """Family of fits. `clamps`: casters in front of near are kept, by depth clamp, since near holds receivers alone."""
+
+    clamps: ClassVar[bool] = True
 
     @property
     def moves_with(self) -> Changes:
@@ -57,9 +60,13 @@ class Fit(Row):
 
 
 class Fixed(Fit):
-    """The published constants: an orthographic box looking at the file's origin, or a 45° perspective."""
+    """The published constants: an orthographic box looking at the file's origin, or a 45° perspective.
+
+    What lies in front of its near plane is cut off, and casts nothing.
+    """
 
     name = "fixed"
+    clamps = False
     half: float = param(10.0, "half the side of the orthographic box", gt=0, metres=True)
     near: float = param(1.0, "near plane", gt=0, metres=True)
     far: float = param(7.5, "far plane", gt=0, metres=True)

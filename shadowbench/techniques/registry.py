@@ -6,25 +6,33 @@ import inspect
 import re
 import sys
 from collections.abc import Mapping, Sequence
+from functools import cache
+from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
+from pkgutil import iter_modules
+from types import ModuleType
 
+from shadowbench import techniques as package
 from shadowbench.errors import InputError
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.grammar import WORD
-from shadowbench.techniques.ray_traced import RayTraced
-from shadowbench.techniques.shadow_map import ShadowMap
-from shadowbench.techniques.unshadowed import Unshadowed
 
 GROUP = "shadowbench.techniques"
-OWN: tuple[type[Technique], ...] = (Unshadowed, ShadowMap, RayTraced)
+
+
+@cache
+def own_techniques() -> tuple[type[Technique], ...]:
+    """The techniques in this package's modules, by module name."""
+    modules = [import_module(found.name) for found in iter_modules(package.__path__, f"{package.__name__}.")]
+    return tuple(one for module in modules for one in _defined_in(module) if _named(one))
 
 
 def techniques(plugins: Sequence[Path] = ()) -> Mapping[str, type[Technique]]:
     """All techniques by name; raises InputError for a plug-in that cannot be loaded or takes a name twice."""
     found: dict[str, type[Technique]] = {}
     files = dict.fromkeys(Path(plugin).resolve() for plugin in plugins)
-    for technique in [*OWN, *_installed(), *(one for file in files for one in _from_file(file))]:
+    for technique in [*own_techniques(), *_installed(), *(one for file in files for one in _from_file(file))]:
         if technique.name in found and found[technique.name] is not technique:
             places = " and ".join(str(source_file(one)) for one in (found[technique.name], technique))
             raise InputError(f"two techniques are called {technique.name!r}: {places}")
@@ -34,7 +42,7 @@ def techniques(plugins: Sequence[Path] = ()) -> Mapping[str, type[Technique]]:
 
 def shader_folder(technique: type[Technique]) -> Path | None:
     """Where a technique's own shader files are: beside its file, or None for ours."""
-    return None if technique in OWN else source_file(technique).parent
+    return None if technique in own_techniques() else source_file(technique).parent
 
 
 def source_file(technique: type[Technique]) -> Path:
@@ -67,15 +75,19 @@ def _from_file(file: Path) -> list[type[Technique]]:
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:  # whatever somebody's file raises
         raise InputError(f"--plugin {file}: {_told(error)}") from error
-    own = [
-        thing
-        for thing in vars(module).values()
-        if inspect.isclass(thing) and issubclass(thing, Technique) and thing.__module__ == name
-    ]
+    own = _defined_in(module)
     if not own:
         raise InputError(f"--plugin {file}: defines no subclass of shadowbench.techniques.base.Technique")
     bases = {base for technique in own for base in technique.__mro__[1:]}
     return [_checked(technique, f"--plugin {file}") for technique in own if technique not in bases or _named(technique)]
+
+
+def _defined_in(module: ModuleType) -> list[type[Technique]]:
+    return [
+        thing
+        for thing in vars(module).values()
+        if inspect.isclass(thing) and issubclass(thing, Technique) and thing.__module__ == module.__name__
+    ]
 
 
 def _checked(technique: object, where: str) -> type[Technique]:

@@ -8,14 +8,14 @@ from numpy.typing import NDArray
 
 from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import download
-from shadowbench.gl.program import Sampling, State
+from shadowbench.gl.program import Wrap
 from shadowbench.gl.targets import DepthFormat
-from shadowbench.scenes.model import View, vec3
+from shadowbench.scenes.model import View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.biases import Bias, Texel
 from shadowbench.techniques.filters import Filter, Hardware
 from shadowbench.techniques.fits import CasterHull, Fit, Sight, Visible
-from shadowbench.techniques.lights import LightView
+from shadowbench.techniques.maps import caster_state, map_textures, map_uniforms, without_meaning
 from shadowbench.techniques.params import one_of
 from shadowbench.techniques.reduction import VisibleBounds
 
@@ -47,7 +47,7 @@ class ShadowMap(Technique):
         reversed: bool = param(False, "depth 1 at near and 0 at far; needs clip control")
         bias: Annotated[Bias, one_of(Bias)] = param(Texel(), "what keeps a surface from shadowing itself")
         filter: Annotated[Filter, one_of(Filter)] = param(Hardware(), "how texels are compared and weighted")
-        wrap: Literal["border", "edge", "repeat"] = param("border", "what lies outside the map; border is lit")
+        wrap: Wrap = param("border", "what lies outside the map; border is lit")
         far_rule: Literal["lit", "none"] = param("lit", "what lies beyond the map's far plane; none is in shadow")
 
     params: Params
@@ -57,12 +57,9 @@ class ShadowMap(Technique):
         assert isinstance(params, cls.Params)
         if view.light.kind == "point":
             return "a point light shines all round, one 2-D map sees less than half of it"
-        for row in (params.bias, params.filter):
-            if "2d" not in row.maps:
-                return f"{row.name} has no meaning for a 2-D map"
         if params.reversed and not device.clip_control:
             return "reversed depth needs clip control (OpenGL 4.5)"
-        return None
+        return without_meaning("2d", params.bias, params.filter)
 
     def build(self, stage: Stage) -> None:
         params = self.params
@@ -71,7 +68,9 @@ class ShadowMap(Technique):
         self.bounds = VisibleBounds(stage)
         self.map = stage.depth_target(params.size, params.depth)
         self.depth_program = stage.program("casters.vert", "depth.frag")
-        self.resolve_program = stage.program("fullscreen.vert", "shadow-map/resolve.frag", params=params)
+        self.resolve_program = stage.program(
+            "fullscreen.vert", "shadow-map/resolve.frag", params=params, defines={"LAYERS": 1}
+        )
         self.radius = params.filter.radius(params.size)
         self.resolve_program.set(filter_radius=self.radius, depth_step=self.map.step)
         self.casters = stage.casters(self.depth_program)
@@ -85,44 +84,16 @@ class ShadowMap(Technique):
             sight = Sight(frame.view, self.stage.placement, self.hull, lambda space: self.bounds(frame, space))
             self.seen = params.fit.light_view(sight, params.size, self.radius + 1, frame.phase.shift)
         with frame.timed("depth", changes=params.fit.moves_with):
-            self._draw_map(self.seen)
+            self.depth_program.set(world_to_clip=self.seen.to_clip(params.reversed))
+            self.map.target.clear(depth=0.0 if params.reversed else 1.0)
+            state = caster_state(params.bias, params.fit.clamps, params.reversed)
+            self.casters.draw(self.map.target, state=state)
         with frame.timed("resolve", changes="view"):
-            self._resolve(frame, self.seen)
+            uniforms = map_uniforms([self.seen], params.reversed)
+            self.resolve_program.set(light=frame.light_uniform, **uniforms)
+            textures = map_textures(self.map.texture, params.wrap, params.reversed)
+            self.fullscreen.draw(self.target, frame.surface.inputs | textures)
         return self.visibility
-
-    def _draw_map(self, seen: LightView) -> None:
-        params = self.params
-        sign = -1 if params.reversed else 1
-        factor, units = params.bias.polygon_offset
-        self.depth_program.set(world_to_clip=seen.to_clip(params.reversed))
-        self.map.target.clear(depth=0.0 if params.reversed else 1.0)
-        state = State(
-            depth_test=">=" if params.reversed else "<=",
-            cull=params.bias.cull,
-            polygon_offset=(sign * factor, sign * units),
-            depth_clamp=True,
-            zero_to_one=params.reversed,
-        )
-        self.casters.draw(self.map.target, state=state)
-
-    def _resolve(self, frame: Frame, seen: LightView) -> None:
-        params = self.params
-        to_map = seen.to_map(params.reversed)
-        self.resolve_program.set(
-            light=frame.light_uniform,
-            world_to_map=to_map,
-            map_to_world=np.linalg.inv(to_map).astype(np.float64),
-            texel_width=seen.texel,
-            light_axis=vec3(seen.space.basis[2]),
-            depth_scale=seen.depth_scale,
-        )
-        border = 0.0 if params.reversed else 1.0
-        compared = Sampling(linear=True, wrap=params.wrap, border=border, compare=">=" if params.reversed else "<=")
-        textures = {
-            "map_depths": (self.map.texture, Sampling(wrap=params.wrap, border=border)),
-            "map_compare": (self.map.texture, compared),
-        }
-        self.fullscreen.draw(self.target, frame.surface.inputs | textures)
 
     def map_image(self) -> NDArray[np.float32] | None:
         depths = download(self.map.texture)[..., 0].astype(np.float64)

@@ -1,6 +1,7 @@
 """The stage: what a technique builds on. It is fixed between build and release, and frees all that was made on it."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import moderngl
@@ -12,7 +13,17 @@ from shadowbench.gl.device import Device, Freeable
 from shadowbench.gl.geometry import DeviceGeometry
 from shadowbench.gl.program import Drawable, Program, link
 from shadowbench.gl.shaders import compose
-from shadowbench.gl.targets import DepthFormat, DepthTarget, depth_target
+from shadowbench.gl.targets import (
+    FACES,
+    DepthFormat,
+    DepthTarget,
+    LayeredTarget,
+    Layers,
+    StencilTarget,
+    depth_target,
+    layered_target,
+    stencil_target,
+)
 from shadowbench.scenes.model import Placement, Scene
 from shadowbench.techniques.params import Row, TechniqueParams
 
@@ -83,6 +94,18 @@ class Stage:
         self._hold(target, target.bytes)
         return target
 
+    def layered_target(self, size: int, depth: DepthFormat, kind: Layers, layers: int = FACES) -> LayeredTarget:
+        """Square depth maps in one texture: an array of so many layers, or the six faces of a cube."""
+        target = layered_target(self.device, size, depth, kind, layers)
+        self._hold(target, target.bytes)
+        return target
+
+    def stencil_target(self, *textures: moderngl.Texture) -> StencilTarget:
+        """A framebuffer of the image's size that draws into textures, with depth and stencil of its own."""
+        target = stencil_target(self.device, self.size, *textures)
+        self._hold(target, target.bytes)
+        return target
+
     def buffer(self, values: NDArray[np.generic]) -> moderngl.Buffer:
         """A buffer with these values."""
         buffer = self.device.context.buffer(np.ascontiguousarray(values).tobytes())
@@ -92,6 +115,27 @@ class Stage:
     def casters(self, program: Program) -> Drawable:
         """The scene's casters, with `in vec3 position`."""
         return self._drawable(self._geometry.casters(program))
+
+    def surfaces(self, program: Program) -> Drawable:
+        """All of the scene's triangles, `gl_PrimitiveID` being the index that the G-buffer has."""
+        return self._drawable(self._geometry.everything(program))
+
+    def indexed(self, program: Program, indices: NDArray[np.integer], mode: int = moderngl.TRIANGLES) -> Drawable:
+        """The scene's own vertices by other indices into them, as triangles or another primitive."""
+        if indices.size == 0:  # a buffer cannot be empty
+            return self._drawable(replace(self._geometry.everything(program), mode=mode, count=0))
+        buffer = self.buffer(indices.astype(np.uint32))
+        return self._drawable(self._geometry.indexed(program, buffer, mode))
+
+    def drawable(
+        self, program: Program, attributes: Mapping[str, NDArray[np.generic]], mode: int = moderngl.TRIANGLES
+    ) -> Drawable:
+        """Vertices of your own: attributes by name, each (N, k) float32 or int32, one row a vertex."""
+        content = [
+            (self.buffer(values), f"{values[0].size}{'i' if values.dtype.kind == 'i' else 'f'}", name)
+            for name, values in attributes.items()
+        ]
+        return self._drawable(Drawable(program, self.device.context.vertex_array(program.linked, content), mode))
 
     def fullscreen(self, program: Program) -> Drawable:
         """One triangle over the target, for a program whose vertex shader is `fullscreen.vert`."""

@@ -1,18 +1,20 @@
 """Uniforms, samplers and fixed-function state as shaders meet them."""
 
 import ctypes
+from dataclasses import replace
 
 import moderngl
 import numpy as np
 import pytest
 
 from shadowbench.gl.device import Device
-from shadowbench.gl.program import Drawable, Program, Sampling, ShaderError, State, link
+from shadowbench.gl.program import Drawable, Program, Sampling, ShaderError, State, Stencil, link
 from shadowbench.gl.raw import _SIGNATURES
 from shadowbench.gl.shaders import VERSION
 
 POLYGON_OFFSET_FACTOR, POLYGON_OFFSET_UNITS, POLYGON_OFFSET_FILL = 0x8038, 0x2A00, 0x8037
 CULL_FACE, DEPTH_TEST, DEPTH_CLAMP, CLIP_DEPTH_MODE, NEGATIVE_ONE_TO_ONE = 0x0B44, 0x0B71, 0x864F, 0x935D, 0x935E
+BLEND, STENCIL_TEST, CLIP_DISTANCE0, DEPTH_WRITEMASK = 0x0BE2, 0x0B90, 0x3000, 0x0B72
 
 TWO = "uniform float used; uniform float dropped; out float value; void main() { value = used; }"
 POINT = "uniform mat4 place; void main() { gl_Position = place * vec4(0.0, 0.0, 0.0, 1.0); }"
@@ -142,23 +144,35 @@ def test_a_shader_that_does_not_compile_shows_the_log_and_its_own_numbered_text(
     assert POINT not in text, "the vertex shader is not to blame"
 
 
+ALL = State(
+    depth_test="<=",
+    depth_write=False,
+    color_write=False,
+    cull="front",
+    polygon_offset=(2.0, 4.0),
+    depth_clamp=True,
+    blend="max",
+    stencil=Stencil(test="!="),
+    clip_distances=1,
+)
 STATES = {
-    "all at once": State("<=", "front", (2.0, 4.0), depth_clamp=True),
+    "all at once": ALL,
     "nothing": State(),
 }
 
 
 def state_of(device: Device) -> dict[str, int]:
     names = {"factor": POLYGON_OFFSET_FACTOR, "units": POLYGON_OFFSET_UNITS, "offset": POLYGON_OFFSET_FILL}
-    names |= {"cull": CULL_FACE, "test": DEPTH_TEST, "clamp": DEPTH_CLAMP}
+    names |= {"cull": CULL_FACE, "test": DEPTH_TEST, "clamp": DEPTH_CLAMP, "mask": DEPTH_WRITEMASK}
+    names |= {"blend": BLEND, "stencil": STENCIL_TEST, "plane": CLIP_DISTANCE0}
     if device.clip_control:
         names["clip"] = CLIP_DEPTH_MODE
     return {name: device.raw.integer(value) for name, value in names.items()}
 
 
 def clean(device: Device) -> dict[str, int]:
-    zero = dict.fromkeys(("factor", "units", "offset", "cull", "test", "clamp"), 0)
-    return zero | ({"clip": NEGATIVE_ONE_TO_ONE} if device.clip_control else {})
+    zero = dict.fromkeys(("factor", "units", "offset", "cull", "test", "clamp", "blend", "stencil", "plane"), 0)
+    return zero | {"mask": 1} | ({"clip": NEGATIVE_ONE_TO_ONE} if device.clip_control else {})
 
 
 def drawable(device: Device, one: Program) -> Drawable:
@@ -185,7 +199,7 @@ def test_nothing_leaks_when_the_draw_itself_fails(device: Device, program, monke
     monkeypatch.setattr(moderngl.VertexArray, "render", fail)
     target = device.context.simple_framebuffer((4, 4))
     draws = device.draws
-    state = State("<=", "front", (2.0, 4.0), depth_clamp=True, zero_to_one=device.clip_control)
+    state = replace(ALL, zero_to_one=device.clip_control)
     with pytest.raises(RuntimeError, match="out of luck"):
         one.draw(target, state=state)
     assert all(seen[name] != value for name, value in clean(device).items()), "the state was there to leak"

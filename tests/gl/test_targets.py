@@ -89,7 +89,7 @@ def test_bytes_are_counted(device: Device, kind: str, size: int) -> None:
 def test_another_precision_than_asked_for_is_an_error(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     lies = {"d16": (*targets._FORMATS["d24"][:2], 16, 2.0**-16)}
     monkeypatch.setattr(targets, "_FORMATS", lies)
-    with pytest.raises(RuntimeError, match="asked the driver for a 16-bit depth map, got 24 bits"):
+    with pytest.raises(RuntimeError, match="asked the driver for 16 bits in a d16 target of 8², got 24"):
         depth_target(device, 8, "d16")
 
 

@@ -289,3 +289,12 @@ def test_a_light_space_is_a_right_handed_basis_for_every_direction(kind: str, di
 def test_absolute_coordinates_are_the_files_own() -> None:
     assert AS_FILED.length(3.0) == 3.0
     assert AS_FILED.points((1.0, 2.0, 3.0)).tolist() == [1.0, 2.0, 3.0]
+
+
+def test_only_fixed_cuts_off_what_lies_in_front_of_its_near_plane(mask, shape, looking, sun) -> None:
+    """A box 2 m up, the sun 6 m up with its near plane at 5: the published pass clips the box, the others keep it."""
+    view = looking([shape("plane", 6.0), shape("box", 0.5, (0.0, 2.0, 0.0), receives=False)], sun(90.0), 128)
+    fixed = "shadow-map:fit=fixed(half=4,near={near},far=7,distance=6)"
+    assert (mask(fixed.format(near=1), view) < 0.5).sum() > 100
+    assert (mask(fixed.format(near=5), view) == 1).all()
+    assert (mask("shadow-map:fit=visible", view) < 0.5).sum() > 100

@@ -8,7 +8,7 @@ import pytest
 
 from shadowbench.errors import InputError
 from shadowbench.techniques import registry
-from shadowbench.techniques.registry import OWN, shader_folder, source_file, techniques
+from shadowbench.techniques.registry import own_techniques, shader_folder, source_file, techniques
 from shadowbench.techniques.shadow_map import ShadowMap
 
 PLUGIN = """
@@ -55,10 +55,10 @@ def entry_point(monkeypatch: pytest.MonkeyPatch):
 
 def test_our_own_are_there_by_name() -> None:
     assert {"unshadowed", "shadow-map", "ray-traced"} <= set(techniques())
-    assert all(techniques()[one.name] is one for one in OWN)
+    assert all(techniques()[one.name] is one for one in own_techniques())
 
 
-@pytest.mark.parametrize("technique", OWN)
+@pytest.mark.parametrize("technique", own_techniques())
 def test_each_technique_says_what_it_is(technique) -> None:
     assert technique.__doc__
     assert source_file(technique).is_file()

@@ -168,7 +168,7 @@ MISTAKES = {
     "shadow-map:bias=3": "bias: unknown bias '3'",
     "shadow-map:bias=constant(2)": "units: .*less than or equal to 1",
     "shadow-map:bias=constant(-0.1)": "units: .*greater than or equal to 0",
-    "shadow-map:bias=constant(0.1,0.2)": "constant takes at most 1 parameters: units",
+    "shadow-map:bias=slope(0.1,0.2,0.3)": "slope takes at most 2 parameters: max, min",
     "shadow-map:bias=none(1)": "none takes at most 0 parameters: none",
     "shadow-map:bias=slope(0.1,max=0.2)": "slope: max is given twice",
     "shadow-map:bias=slope(heavy=1)": "unknown field 'heavy'; allowed: max, min",
