@@ -1,5 +1,6 @@
 """Files that are either the old one or the whole new one, also when the program is killed while it writes."""
 
+import errno
 import os
 import secrets
 from collections.abc import Iterator
@@ -7,6 +8,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from shadowbench.errors import InputError
+
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 @contextmanager
@@ -18,7 +21,7 @@ def replace_file(path: str | Path) -> Iterator[Path]:
 
     The yielded path lies in the same folder (a rename does not cross disks), exists, is empty, and has the
     suffix of `path`, by which many writers choose their format. When the block raises, it is removed and
-    `path` stays as it was. InputError when the folder cannot be written or `path` is itself a folder.
+    `path` stays as it was. InputError when the folder cannot be written, the disk is full or `path` is itself a folder.
     """
     path = Path(path)
     if path.is_dir():
@@ -33,5 +36,9 @@ def replace_file(path: str | Path) -> Iterator[Path]:
     try:
         yield temporary
         os.replace(temporary, path)
+    except OSError as error:
+        if error.errno not in _FULL:
+            raise
+        raise InputError(f"{path}: cannot be written ({os.strerror(error.errno).lower()})") from error
     finally:
         temporary.unlink(missing_ok=True)

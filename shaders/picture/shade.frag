@@ -3,6 +3,7 @@
 uniform isampler2D surface_triangle;
 uniform sampler2D colors;  // by triangle
 uniform sampler2D visibility;
+uniform sampler2D tint;  // what the technique wants to show of itself, of the picture's size; or one white texel
 uniform vec3 eye;
 uniform vec3 cone_axis;
 uniform float cos_half_angle;
@@ -21,6 +22,7 @@ void main() {
         return;
     }
     vec3 albedo = texelFetch(colors, ivec2(triangle % 2048, triangle / 2048), 0).rgb;
+    albedo *= textureLod(tint, gl_FragCoord.xy / vec2(textureSize(visibility, 0)), 0.0).rgb;
     vec3 to_eye = normalize(eye - r.position);
     float lit = r.cosine > 0.0 && dot(-r.to_light, normalize(cone_axis)) >= cos_half_angle ? texelFetch(visibility, pixel, 0).r : 0.0;
     float diffuse = 0.85 * max(r.cosine, 0.0);

@@ -1,6 +1,7 @@
 """How we speak to people: notes and progress on stderr, results on stdout."""
 
 import json
+import logging
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stdout
@@ -28,10 +29,14 @@ out = Console(highlight=False, width=None if sys.stdout.isatty() else 160)
 err = Console(stderr=True, highlight=False)
 
 
-class ConsoleReporter:
-    """Notes and a progress bar for each stage of a run; silent when told so. A context manager."""
+class ConsoleReporter(logging.Handler):
+    """Notes and a progress bar for each stage of a run; silent when told so.
+
+    A context manager, in which the package's logged warnings are notes too.
+    """
 
     def __init__(self, quiet: bool) -> None:
+        super().__init__(logging.WARNING)
         self._quiet = quiet
         self._noted: set[str] = set()
         self._task: TaskID | None = None
@@ -46,11 +51,17 @@ class ConsoleReporter:
         self._progress = Progress(*columns, console=err, disable=quiet or not err.is_terminal, transient=True)
 
     def __enter__(self) -> "ConsoleReporter":
+        logging.getLogger("shadowbench").addHandler(self)
         self._progress.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._progress.stop()
+        logging.getLogger("shadowbench").removeHandler(self)
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print a logged warning as a note."""
+        self.note(record.getMessage())
 
     def note(self, line: str) -> None:
         """Print a line once."""
@@ -76,8 +87,11 @@ def techniques_with(plugins: Sequence[Path]) -> Mapping[str, type[Technique]]:
         return techniques(plugins)
 
 
-def check_outputs(*files: Path | None) -> None:
-    """Raise, before any work is done, the InputError that writing one of the files would end in."""
+def check_outputs(suffix: str, *files: Path | None) -> None:
+    """Raise, before any work is done, the InputError that writing one of the files would end in.
+
+    Each must end with `suffix`: what is written is of that format, whatever the name says.
+    """
 
     class Probed(Exception):
         """The file could be written."""
@@ -91,6 +105,8 @@ def check_outputs(*files: Path | None) -> None:
                 raise Probed
         except Probed:
             pass
+        if file.suffix.lower() != suffix:
+            raise InputError(f"{file}: found a name that ends with {file.suffix or 'no suffix'!r}; allowed: {suffix}")
 
 
 def print_json(value: Any) -> None:

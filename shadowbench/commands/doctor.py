@@ -1,18 +1,19 @@
 """`doctor`: is all here that measuring needs, and which clock is used."""
 
 import dataclasses
+from pathlib import Path
 from typing import Any
 
-from shadowbench.commands.console import out, print_json
-from shadowbench.errors import ShadowbenchError
+from shadowbench.commands.console import check_outputs, out, print_json
+from shadowbench.errors import InputError, ShadowbenchError
 from shadowbench.studies.machine import machine, versions
 from shadowbench.studies.session import DeviceInfo
 from shadowbench.studies.worker import Worker
 from shadowbench.truth.cache import KEPT_BYTES, cache_folder
 
 
-def doctor_command(as_json: bool) -> int:
-    """Print what is found; 3 when there is no OpenGL, else 0."""
+def doctor_command(as_json: bool, quiet: bool) -> int:
+    """Print what is found, and unless `quiet` that all is here; 3 when there is no OpenGL, else 0."""
     found: dict[str, Any] = {"machine": machine(), "versions": versions()}
     problem = None
     try:
@@ -30,6 +31,9 @@ def doctor_command(as_json: bool) -> int:
         "mib": round(sum(file.stat().st_size for file in files) / 2**20, 1),
         "at_most_mib": KEPT_BYTES // 2**20,
     }
+    unkept = _unkept(cache)
+    if unkept is not None:
+        found["truth_cache"]["problem"] = unkept
     if as_json:
         print_json(found)
     else:
@@ -37,8 +41,23 @@ def doctor_command(as_json: bool) -> int:
             out.print(title.replace("_", " "))
             for name, value in values.items():
                 out.print(f"  {name.replace('_', ' ')}: {value}", markup=False, soft_wrap=True)
-        out.print("all is here" if problem is None else "no technique can be drawn here; truth and score work")
+        if problem is not None:
+            out.print("no technique can be drawn here; truth and score work")
+        elif unkept is not None:
+            out.print("truths are traced anew by each command; all else is here")
+        elif not quiet:
+            out.print("all is here")
     return 3 if problem else 0
+
+
+def _unkept(folder: Path) -> str | None:
+    """Why no truth can be kept in a folder, or None."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        check_outputs(".npz", folder / "truth.npz")
+    except (OSError, InputError) as error:
+        return str(error)
+    return None
 
 
 def _why(info: DeviceInfo) -> str:

@@ -14,9 +14,14 @@ from shadowbench.studies.study_file import find_study, read_study, study_names
 from shadowbench.techniques.params import Row, TechniqueParams, allowed
 from shadowbench.techniques.spec import format_value
 
+EXAMPLE = "shadow-map:size=2048,filter=pcf(taps=5)"
 
-def list_command(what: str, plugins: tuple[Path, ...], as_json: bool) -> None:
-    """Print the tables, or all of them as one JSON object."""
+
+def list_command(what: str, plugins: tuple[Path, ...], as_json: bool, quiet: bool, name: str = "") -> None:
+    """Print the tables, or all of them as one JSON object; `quiet` leaves out the title of one that was asked for.
+
+    `name` is one of `what`, to be shown alone.
+    """
     makers: dict[str, Callable[[], list[dict[str, Any]]]] = {
         "techniques": lambda: _techniques(plugins),
         "scenes": _scenes,
@@ -25,12 +30,21 @@ def list_command(what: str, plugins: tuple[Path, ...], as_json: bool) -> None:
     }
     if what and what not in makers:
         raise InputError(f"list: found {what!r}; allowed: {', '.join(makers)}")
-    listed = {name: make() for name, make in makers.items() if what in ("", name)}
+    listed = {kind: make() for kind, make in makers.items() if what in ("", kind)}
+    if name:
+        listed = {kind: _only(name, rows, kind) for kind, rows in listed.items()}
     if as_json:
         print_json(listed[what] if what else listed)
         return
-    for name, rows in listed.items():
-        _print_techniques(rows) if name == "techniques" else _print_table(name, rows)
+    for kind, rows in listed.items():
+        _print_techniques(rows) if kind == "techniques" else _print_table("" if quiet and what else kind, rows)
+
+
+def _only(name: str, rows: list[dict[str, Any]], kind: str) -> list[dict[str, Any]]:
+    found = [row for row in rows if row["name"] == name]
+    if not found:
+        raise InputError(f"list {kind}: found {name!r:.60}; allowed: {', '.join(row['name'] for row in rows)}")
+    return found
 
 
 def _techniques(plugins: tuple[Path, ...]) -> list[dict[str, Any]]:
@@ -81,8 +95,8 @@ def _studies(plugins: tuple[Path, ...]) -> list[dict[str, Any]]:
     ]
 
 
-def _print_table(name: str, rows: list[dict[str, Any]]) -> None:
-    table = Table(title=name, title_justify="left", box=None, pad_edge=False)
+def _print_table(title: str, rows: list[dict[str, Any]]) -> None:
+    table = Table(title=title or None, title_justify="left", box=None, pad_edge=False)
     for column in rows[0]:
         table.add_column(column, overflow="fold")
     for row in rows:
@@ -92,18 +106,27 @@ def _print_table(name: str, rows: list[dict[str, Any]]) -> None:
 
 
 def _print_techniques(rows: list[dict[str, Any]]) -> None:
+    """Each with its parameters and presets; then what may stand for a bias, a filter, a fit, each kind once."""
+    out.print(f"Written name:parameter=value,… such as {EXAMPLE}\n", markup=False)
+    families: list[tuple[str, list[dict[str, Any]]]] = []
     for row in rows:
         out.print(f"{row['name']}: {row['help']}", markup=False)
         _print_parameters(row["parameters"], "  ")
         for name, items in row["presets"].items():
             out.print(f"  preset={name}: {items}", markup=False)
         out.print()
+        used = [(one["name"], one["values"]) for one in row["parameters"] if "values" in one]
+        families += [family for family in used if family not in families]
+    for key, values in families:
+        out.print(f"{key}=", markup=False)
+        for value in values:
+            out.print(f"  {value['name']}: {value['help']}", markup=False)
+            _print_parameters(value["parameters"], "    ")
+        out.print()
 
 
 def _print_parameters(parameters: list[dict[str, Any]], indent: str) -> None:
     for parameter in parameters:
-        limits = f" ({parameter['allowed']})" if parameter["allowed"] else ""
+        allowed = parameter["allowed"] or ", ".join(value["name"] for value in parameter.get("values", ()))
+        limits = f" ({allowed})" if allowed else ""
         out.print(f"{indent}{parameter['name']} = {parameter['default']}{limits}: {parameter['help']}", markup=False)
-        for value in parameter.get("values", ()):
-            out.print(f"{indent}  {value['name']}: {value['help']}", markup=False)
-            _print_parameters(value["parameters"], indent + "    ")

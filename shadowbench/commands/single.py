@@ -29,9 +29,9 @@ def truth_command(
     quiet: bool,
 ) -> None:
     """Trace a view and write its arrays."""
-    check_outputs(output)
-    chosen = _view(scene, view, light, view_size, assets, quiet)
-    truth = cached_truth(chosen, pixel_samples)
+    check_outputs(".npz", output)
+    with ConsoleReporter(quiet) as reporter:
+        truth = cached_truth(_view(scene, view, light, view_size, assets, reporter), pixel_samples)
     write_truth(output, truth)
     if not quiet:
         receivers = int(truth.receivers.sum())
@@ -46,10 +46,11 @@ def truth_command(
 
 def render_command(
     scene: str,
-    technique: str,
+    techniques: tuple[str, ...],
     output: Path,
     mask: Path | None,
     map_file: Path | None,
+    tint: bool,
     view_size: int,
     view: str | None,
     light: str | None,
@@ -58,9 +59,13 @@ def render_command(
     quiet: bool,
 ) -> None:
     """Draw a view with one technique and write the pictures that were asked for."""
-    check_outputs(output, mask, map_file)
+    if len(techniques) > 1:
+        raise InputError(f"--technique: found {' and '.join(techniques)}; allowed: one, and several with `run`")
+    check_outputs(".png", output, mask, map_file)
+    (technique,) = techniques
     spec = parse_spec(technique, techniques_with(plugins))
-    chosen = _view(scene, view, light, view_size, assets, quiet)
+    with ConsoleReporter(quiet) as reporter:
+        chosen = _view(scene, view, light, view_size, assets, reporter)
     with Worker(plugins) as worker:
         largest = worker.call("info").max_map_size
         if (spec.map_size or 0) > largest:
@@ -68,7 +73,7 @@ def render_command(
         try:
             worker.call("load", chosen.scene)
             worker.call("open", chosen.camera, chosen.light, chosen.size)
-            drawn: Drawn = worker.call("draw", request_of(Cell(spec, 0)), map_file is not None)
+            drawn: Drawn = worker.call("draw", request_of(Cell(spec, 0)), map_file is not None, tint)
         except Unsupported as reason:
             raise InputError(f"{technique} does not go with {chosen.scene.name}: {reason}") from None
         except CellFailed as reason:
@@ -84,12 +89,16 @@ def render_command(
         out.print(f"{output}: {technique} on {chosen.scene.name}", markup=False, soft_wrap=True)
 
 
-def _view(scene: str, view: str | None, light: str | None, size: int, assets: Path | None, quiet: bool) -> View:
+def _view(
+    scene: str, view: str | None, light: str | None, size: int, assets: Path | None, reporter: ConsoleReporter
+) -> View:
     """The view of a scene that the options name, its assumptions printed."""
     loaded = load_scene(scene, assets)
-    with ConsoleReporter(quiet) as reporter:
-        for note in loaded.notes:
-            reporter.note(note)
+    for note in loaded.notes:
+        reporter.note(note)
+    if light is None and len(loaded.lights) > 1:
+        names = ", ".join(lamp.name for lamp in loaded.lights)
+        reporter.note(f"{loaded.name}: {len(loaded.lights)} lights: {names}; the first is used, --light names another")
     camera = named(loaded.cameras, view, "--view") if view else loaded.cameras[0]
     lamp = named(loaded.lights, light, "--light") if light else loaded.lights[0]
     return view_of(loaded, camera, lamp, size)

@@ -16,6 +16,8 @@ import moderngl
 from shadowbench.gl.device import Device
 
 Changes = Literal["light", "view", "frame"]
+QUERIES = "gl_time_elapsed"
+WALL = "finish+wall"
 
 # GL_ARB_pipeline_statistics_query
 _STATISTICS = {
@@ -27,17 +29,28 @@ _STATISTICS = {
 _QUERY_RESULT = 0x8866
 
 
+@dataclass(frozen=True)
+class Sample:
+    """One time: milliseconds by the clock that is named, and by the wall beside it, which work on the CPU is in too."""
+
+    ms: float
+    wall_ms: float
+    clock: str
+
+
 @dataclass
 class PassTimes:
-    """Milliseconds by pass, and what each pass depends on."""
+    """Milliseconds by pass, what each pass depends on, and every clock that measured one of them."""
 
     ms: dict[str, float] = field(default_factory=dict)
     changes: dict[str, Changes] = field(default_factory=dict)
+    clocks: set[str] = field(default_factory=set)
 
-    def add(self, name: str, changes: Changes, ms: float) -> None:
+    def add(self, name: str, changes: Changes, sample: Sample) -> None:
         """Add to a pass; one that is drawn several times a frame sums up."""
-        self.ms[name] = self.ms.get(name, 0.0) + ms
+        self.ms[name] = self.ms.get(name, 0.0) + sample.ms
         self.changes[name] = changes
+        self.clocks.add(sample.clock)
 
 
 class Clock:
@@ -51,13 +64,13 @@ class Clock:
     @property
     def name(self) -> str:
         """Which clock, as rows state it."""
-        return "gl_time_elapsed" if self._queries else "finish+wall"
+        return QUERIES if self._queries else WALL
 
-    def frame(self, draw: Callable[[], object]) -> float:
-        """Milliseconds of one whole draw."""
-        with self._span() as milliseconds:
+    def frame(self, draw: Callable[[], object]) -> Sample:
+        """What one whole draw took."""
+        with self._span() as samples:
             draw()
-        return milliseconds[0]
+        return samples[0]
 
     def passes(self, draw: Callable[[], object]) -> PassTimes:
         """Milliseconds of the passes of one draw."""
@@ -76,29 +89,30 @@ class Clock:
         if self._passes is None:
             yield
             return
-        with self._span() as milliseconds:
+        with self._span() as samples:
             yield
-        self._passes.add(name, changes, milliseconds[0])
+        self._passes.add(name, changes, samples[0])
 
     @contextmanager
-    def _span(self) -> Iterator[list[float]]:
-        result = [0.0]
+    def _span(self) -> Iterator[list[Sample]]:
+        """Measures what is done within; the list holds the sample afterwards."""
+        samples: list[Sample] = []
         context = self._device.context
         query: moderngl.Query | None = context.query(time=True) if self._queries else None
         context.finish()
         start = time.perf_counter()
         with query or nullcontext():
-            yield result
+            yield samples
         context.finish()
         wall = (time.perf_counter() - start) * 1e3
-        result[0] = wall if query is None else self._plausible(query.elapsed / 1e6, wall)
+        samples.append(Sample(wall, wall, WALL) if query is None else self._plausible(query.elapsed / 1e6, wall))
 
-    def _plausible(self, elapsed: float, wall: float) -> float:
+    def _plausible(self, elapsed: float, wall: float) -> Sample:
         """The query's answer, unless the wall clock shows it to be impossible: then queries are given up for good."""
         if 0.0 <= elapsed <= wall:  # 0 for a pass that draws nothing
-            return elapsed
+            return Sample(elapsed, wall, QUERIES)
         self._queries = False
-        return wall
+        return Sample(wall, wall, WALL)
 
 
 def work_of(device: Device, draw: Callable[[], object]) -> dict[str, int]:

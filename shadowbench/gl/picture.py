@@ -20,10 +20,16 @@ class PicturePass:
         roots = [data_folder("shaders")]
         self._device, self._geometry = device, geometry
         self._program = link(device, compose("fullscreen.vert", roots), compose("picture/shade.frag", roots))
+        self._white = device.context.texture((1, 1), 4, b"\xff" * 4)
         self._triangle = Drawable(self._program, device.context.vertex_array(self._program.linked, []), count=3)
 
-    def draw(self, surface: GBuffer, view: View, visibility: moderngl.Texture) -> NDArray[np.uint8]:
-        """(N, N, 3) uint8 sRGB, row 0 at the top: ambient + visibility · (diffuse + specular)."""
+    def draw(
+        self, surface: GBuffer, view: View, visibility: moderngl.Texture, tint: moderngl.Texture | None = None
+    ) -> NDArray[np.uint8]:
+        """(N, N, 3) uint8 sRGB, row 0 at the top: ambient + visibility · (diffuse + specular).
+
+        `tint`, a texture of the picture's size, is multiplied into the surfaces' colours.
+        """
         xyz, w = view.light.homogeneous
         self._program.set(
             light=(*xyz, w),
@@ -38,6 +44,7 @@ class PicturePass:
             "surface_triangle": (surface.triangle, Sampling()),
             "colors": (self._geometry.colors, Sampling()),
             "visibility": (visibility, Sampling()),
+            "tint": (tint or self._white, Sampling()),
         }
         self._triangle.draw(target, inputs)
         picture = download(color, "u1")[..., :3].astype(np.uint8)
@@ -46,4 +53,4 @@ class PicturePass:
 
     def release(self) -> None:
         """Free the program."""
-        self._device.free((self._triangle.vertices, self._program.linked))
+        self._device.free((self._triangle.vertices, self._program.linked, self._white))

@@ -1,4 +1,4 @@
-"""What is assumed where a file has no ground, camera or light; each assumption is one line of `Scene.notes`."""
+"""What is assumed where a file has no ground, camera or light, or several cameras: a line each of `Scene.notes`."""
 
 import math
 from collections.abc import Sequence
@@ -69,6 +69,14 @@ def _floor_area(meshes: Sequence[Mesh], y: float, thickness: float) -> float:
         doubled = ab[:, 2] * ac[:, 0] - ab[:, 0] * ac[:, 2]  # the y of their cross product
         area += float(np.maximum(doubled, 0.0).sum()) / 2
     return area
+
+
+def notes_on(cameras: Sequence[Camera], dropped: int, where: str) -> list[str]:
+    """A line where one camera stands for several, and one where zero-area triangles were left out."""
+    names = ", ".join(camera.name for camera in cameras)
+    several = f"{where}: {len(cameras)} cameras: {names}; the first is used unless --view or a study names others"
+    left_out = f"{where}: {dropped} zero-area triangle(s) left out"
+    return [note for note, holds in ((several, len(cameras) > 1), (left_out, dropped > 0)) if holds]
 
 
 def told(values: Vec3) -> str:

@@ -5,13 +5,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shadowbench.scores.edges import edge_pixels, squared_distance
-from shadowbench.scores.masks import quantise
 from shadowbench.scores.reference import Reference
+from shadowbench.scores.split import Split
 from shadowbench.scores.ssim import ssim_map
 
 
-class Comparison:
+class Comparison(Split):
     """A mask and the truth of its view; the one argument of a metric.
 
     visibility: (H, W) in [0, 1], quantised here, so that scoring what was stored gives the same numbers; ValueError
@@ -20,30 +19,10 @@ class Comparison:
     """
 
     def __init__(self, visibility: ArrayLike, reference: Reference) -> None:
-        self.visibility: NDArray[np.float32] = quantise(visibility)
+        super().__init__(visibility, reference.valid)
         self.reference = reference
-        if self.visibility.shape != reference.shape:
-            raise ValueError(f"visibility has shape {self.visibility.shape}; allowed: the truth's {reference.shape}")
-
-    @cached_property
-    def shadow(self) -> NDArray[np.bool_]:
-        """Valid pixels with visibility < ½."""
-        return self.reference.valid & (self.visibility < 0.5)
-
-    @cached_property
-    def lit(self) -> NDArray[np.bool_]:
-        """Valid pixels with visibility ≥ ½."""
-        return self.reference.valid & ~self.shadow
-
-    @cached_property
-    def edge(self) -> NDArray[np.bool_]:
-        """The shadow's outermost pixels (see `edge_pixels`)."""
-        return edge_pixels(self.shadow, self.lit)
-
-    @cached_property
-    def squared_edge_distance(self) -> NDArray[np.int32]:
-        """Squared distance to `edge`, in pixels; NOWHERE if there is no edge."""
-        return squared_distance(self.edge)
+        if self.shape != reference.shape:
+            raise ValueError(f"visibility has shape {self.shape}; allowed: the truth's {reference.shape}")
 
     @cached_property
     def edge_distances(self) -> NDArray[np.float64] | None:

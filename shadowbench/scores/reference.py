@@ -6,8 +6,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shadowbench.scores.edges import edge_pixels, squared_distance
+from shadowbench.scores.edges import squared_distance
 from shadowbench.scores.masks import quantise
+from shadowbench.scores.split import Split
 from shadowbench.scores.ssim import WindowMoments, window_moments
 
 INTERIOR_PX = 4.0  # acne and leak are told from an inexact edge by this distance
@@ -16,7 +17,7 @@ BOUNDARY_WIDTH = 0.02  # of the image's diagonal (Cheng et al. 2021)
 CONTACT_DISTANCE = 0.02  # of the scene's diagonal
 
 
-class Reference:
+class Reference(Split):
     """The truth of one view, as scores see it.
 
     Everything derived is found when first asked for, then kept: at 1024² about 50 MB in all.
@@ -42,12 +43,11 @@ class Reference:
         Visibility and area are quantised, so that a stored mask of the truth is free of error. ValueError for arrays
         of different shapes and values out of range.
         """
-        self.visibility: NDArray[np.float32] = quantise(visibility)
+        self.undecided: NDArray[np.bool_] = np.asarray(undecided, np.bool_)
+        super().__init__(visibility, np.asarray(receivers, np.bool_) & ~self.undecided)
         self.area: NDArray[np.float32] = quantise(area)
         self.blocker: NDArray[np.float32] = np.asarray(blocker, np.float32)
         self.cosine: NDArray[np.float32] = np.asarray(cosine, np.float32)
-        self.undecided: NDArray[np.bool_] = np.asarray(undecided, np.bool_)
-        self.valid: NDArray[np.bool_] = np.asarray(receivers, np.bool_) & ~self.undecided
         self.diagonal = float(diagonal)
         for name in ("area", "blocker", "cosine", "undecided", "valid"):
             found = getattr(self, name).shape
@@ -60,12 +60,6 @@ class Reference:
             raise ValueError(f"cosine is negative, NaN or infinite in {bad} valid pixels")
 
     @property
-    def shape(self) -> tuple[int, int]:
-        """Height and width of the view, in pixels."""
-        height, width = self.visibility.shape
-        return height, width
-
-    @property
     def image_diagonal(self) -> float:
         """In pixels; the edge distance of a mask that has no edge although the truth has one."""
         return math.hypot(*self.shape)
@@ -74,26 +68,6 @@ class Reference:
     def pixels(self) -> int:
         """Number of valid pixels."""
         return int(np.count_nonzero(self.valid))
-
-    @cached_property
-    def shadow(self) -> NDArray[np.bool_]:
-        """Valid pixels with visibility < ½."""
-        return self.valid & (self.visibility < 0.5)
-
-    @cached_property
-    def lit(self) -> NDArray[np.bool_]:
-        """Valid pixels with visibility ≥ ½."""
-        return self.valid & ~self.shadow
-
-    @cached_property
-    def edge(self) -> NDArray[np.bool_]:
-        """The shadow's outermost pixels (see `edge_pixels`)."""
-        return edge_pixels(self.shadow, self.lit)
-
-    @cached_property
-    def squared_edge_distance(self) -> NDArray[np.int32]:
-        """Squared distance to `edge`, in pixels; NOWHERE if there is no edge."""
-        return squared_distance(self.edge)
 
     @cached_property
     def boundary_width(self) -> int:

@@ -2,6 +2,7 @@
 
 import dataclasses
 import datetime
+import hashlib
 import json
 import os
 import platform
@@ -31,6 +32,15 @@ def machine() -> dict[str, Any]:
         "memory_gib": round(psutil.virtual_memory().total / 2**30, 1),
         "system": f"{platform.system()} {platform.release()} {platform.machine()}",
     }
+
+
+def machine_key(info: DeviceInfo) -> str:
+    """Hex key of what times rest on beside a cell's own key: machine, renderer, the clock that a device starts with.
+
+    Not the clock that a row ends with: where queries were given up, the next run begins with queries again.
+    """
+    parts = {"machine": machine(), "renderer": info.renderer, "clock": info.clock}
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:24]
 
 
 def versions() -> dict[str, str]:

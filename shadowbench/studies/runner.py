@@ -17,14 +17,15 @@ from PIL import Image
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
 from shadowbench.scenes.model import View
-from shadowbench.scores.masks import mask_sha256, write_mask
-from shadowbench.scores.metrics import score
+from shadowbench.scores.masks import write_mask
 from shadowbench.scores.reference import Reference
 from shadowbench.studies.keys import cell_key, view_key
+from shadowbench.studies.machine import machine_key
 from shadowbench.studies.rows import Record, RowStore
+from shadowbench.studies.scoring import mask_record, reference_of
 from shadowbench.studies.session import DeviceInfo, Drawn, Unsupported
 from shadowbench.studies.study import Block, Cell, Study, scenes_of
-from shadowbench.studies.timing import BlockStage, Untimed, request_of, time_cells
+from shadowbench.studies.timing import BlockStage, Untimed, reference_cell, request_of, time_cells
 from shadowbench.studies.worker import CellFailed, Worker
 from shadowbench.techniques.spec import format_spec
 from shadowbench.truth.cache import cached_truth
@@ -82,6 +83,7 @@ class Runner:
         self.profile = Profile()
         self.info: DeviceInfo = worker.call("info")
         self.notes: list[str] = []
+        self._machine = machine_key(self.info)
         self._stage = BlockStage(worker, study)
 
     def run(self) -> list[Result]:
@@ -92,14 +94,14 @@ class Runner:
         for note in self.notes:
             self.reporter.note(note)
         self.reporter.stage("truth", len(blocks))
-        for block in blocks:
+        for block in blocks:  # all of them before anything is written: a view that shows nothing is bad input
             with self.profile.of("truth"):
                 cached_truth(block.view)
             self.reporter.step(block.view.name)
         store = RowStore(self.folder)
         try:
-            steps = 2 if self.study.rounds else 1  # a cell is drawn, then timed
-            self.reporter.stage("cells", steps * sum(len(block.cells) for block in blocks))
+            each = 2 if self.study.rounds else 1  # a cell is drawn, then timed
+            self.reporter.stage("cells", each * sum(len(block.cells) for block in blocks))
             return [result for block in blocks for result in self._run_block(block, store)]
         finally:
             store.close()
@@ -112,7 +114,7 @@ class Runner:
 
     def _run_block(self, block: Block, store: RowStore) -> list[Result]:
         view = view_key(block.view)
-        keys = {cell: cell_key(cell, view, self.study.coordinates, self.info.renderer) for cell in block.cells}
+        keys = {cell: self._key(cell, view) for cell in block.cells}
         missing = [cell for cell, key in keys.items() if not _is_done(store.scores.get(key))]
         if missing:
             with self.profile.of("truth"):
@@ -124,8 +126,11 @@ class Runner:
                 self.reporter.step(f"{block.scene.name} {format_spec(cell.spec)}")
         for _ in range(len(keys) - len(missing)):
             self.reporter.step(f"{block.scene.name}: measured before")
-        untimed = self._time_block(block, keys, store) if self.study.rounds else {}
-        return [Result(store.scores[key], store.times.get(key), untimed.get(cell)) for cell, key in keys.items()]
+        untimed = self._time_block(block, view, keys, store) if self.study.rounds else {}
+        return [Result(store.scores[key], self._time(store, key), untimed.get(cell)) for cell, key in keys.items()]
+
+    def _key(self, cell: Cell, view: str) -> str:
+        return cell_key(cell, view, self.study.coordinates, self.info.renderer)
 
     def _score(self, block: Block, cell: Cell, key: str, truth: Truth, reference: Reference) -> dict[str, Any]:
         row = {"kind": "score", "key": key, **identity(self.study, block, cell), "renderer": self.info.renderer}
@@ -138,41 +143,35 @@ class Runner:
         except CellFailed as reason:
             return row | {"status": f"failed: {reason}"}
         with self.profile.of("score"):
-            metrics = score(drawn.visibility, reference)
+            scored = mask_record(drawn.visibility, truth, reference, surface)
         with self.profile.of("files"):
             write_mask(self._made("masks") / f"{key}.png", drawn.visibility)
             write_picture(self._made("pictures") / f"{key}.png", drawn.picture)
-            sha256 = mask_sha256(drawn.visibility)
         return row | {
             "status": "ok",
-            "metrics": metrics,
-            "receivers": int(truth.receivers.sum()),
-            "undecided": int((truth.receivers & truth.undecided).sum()),
-            "surface_mismatch": int((truth.receivers & ~truth.undecided & (surface != truth.triangle)).sum()),
-            "mask_sha256": sha256,
+            **scored,
             "gpu_bytes": drawn.gpu_bytes,
             "work": drawn.work,
             "facts": drawn.facts,
             "assumptions": list(block.scene.notes),
         }
 
-    def _time_block(self, block: Block, keys: dict[Cell, str], store: RowStore) -> dict[Cell, str]:
+    def _time_block(self, block: Block, view: str, keys: dict[Cell, str], store: RowStore) -> dict[Cell, str]:
         """Time what held and has no time yet, phase by phase: a phase is a block of its own. Says what failed."""
         untimed: dict[Cell, str] = {}
-        timed = 0
+        steps = 0
         for phase in range(self.study.phases):
-            cells = [
-                cell
-                for cell, key in keys.items()
-                if cell.phase == phase
-                and store.scores[key]["status"] == "ok"
-                and not self._is_timed(store.times.get(key))
-            ]
+            reference = self._key(reference_cell(self.study, phase), view)
+            held = [cell for cell, key in keys.items() if cell.phase == phase and store.scores[key]["status"] == "ok"]
+            times = {cell: store.times.get(keys[cell]) for cell in held}
+            lacking = {cell for cell in held if self._is_timed(times[cell], reference) and _lacks_ratio(times[cell])}
+            cells = [cell for cell in held if cell in lacking or not self._is_timed(times[cell], reference)]
             if not cells:
                 continue
+            about = {"reference_key": reference, "machine": self._machine}
             sizes = {cell: int(store.scores[keys[cell]]["gpu_bytes"]) for cell in cells}
             with self.profile.of("time"):
-                for timing in time_cells(self._stage, block, sizes):
+                for timing in time_cells(self._stage, block, sizes, lacking):
                     if isinstance(timing, Untimed):
                         lost = "no time" if timing.cell in cells else "no ratios to this reference"
                         spec = format_spec(timing.cell.spec)
@@ -180,18 +179,24 @@ class Runner:
                         if timing.cell in cells:
                             untimed[timing.cell] = timing.reason
                     else:
-                        store.append({"kind": "time", "key": keys[timing.cell], **timing.record()})
+                        store.append({"kind": "time", "key": keys[timing.cell], **about, **timing.record()})
                     if timing.cell in cells:
+                        steps += 1
                         self.reporter.step(f"{block.scene.name}: timed")
-            timed += len(cells)
-        for _ in range(len(keys) - timed):
+        for _ in range(len(keys) - steps):
             self.reporter.step(f"{block.scene.name}: nothing to time")
         return untimed
 
-    def _is_timed(self, row: Record | None) -> bool:
-        """Whether a time record is as good as this study asks for: as many rounds, against the same reference."""
-        reference = format_spec(self.study.reference)
-        return row is not None and row["n"] >= self.study.rounds and row["reference"] == reference
+    def _time(self, store: RowStore, key: str) -> Record | None:
+        """The time record of a key; one of another machine may not stand beside this one's."""
+        row = store.times.get(key)
+        return row if row is not None and row.get("machine") == self._machine else None
+
+    def _is_timed(self, row: Record | None, reference: str) -> bool:
+        """Whether a time record is as good as this study asks for: as many rounds, the same reference, this machine."""
+        if row is None or row["n"] < self.study.rounds:
+            return False
+        return bool(row.get("reference_key") == reference and row.get("machine") == self._machine)
 
     def _write_truth(self, view: View, truth: Truth) -> None:
         with self.profile.of("files"):
@@ -221,19 +226,6 @@ def identity(study: Study, block: Block, cell: Cell) -> dict[str, Any]:
     }
 
 
-def reference_of(truth: Truth) -> Reference:
-    """A truth as scores see it."""
-    return Reference(
-        visibility=truth.visibility,
-        receivers=truth.receivers,
-        undecided=truth.undecided,
-        area=truth.area,
-        blocker=truth.blocker,
-        cosine=truth.cosine,
-        diagonal=truth.diagonal,
-    )
-
-
 def write_picture(file: Path, picture: NDArray[np.uint8]) -> None:
     """A (H, W, 3) sRGB or (H, W) grey image as a PNG."""
     with replace_file(file) as beside:
@@ -243,3 +235,8 @@ def write_picture(file: Path, picture: NDArray[np.uint8]) -> None:
 def _is_done(row: Record | None) -> bool:
     """A cell that failed is tried again: what killed it may have been the machine."""
     return row is not None and not row["status"].startswith("failed")
+
+
+def _lacks_ratio(row: Record | None) -> bool:
+    """Whether a time has no ratio although its reference may answer by now: one that is unsupported never will."""
+    return row is not None and row["ratio"] is None and not row["no_ratio"].startswith("unsupported")

@@ -8,7 +8,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -16,7 +16,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.gl.clock import Clock, PassTimes, work_of
+from shadowbench.gl.clock import Clock, PassTimes, Sample, work_of
 from shadowbench.gl.device import Device, open_device
 from shadowbench.gl.gbuffer import GBuffer, SurfacePass, download
 from shadowbench.gl.geometry import DeviceGeometry
@@ -138,8 +138,11 @@ class Session:
         spec = self._spec(request)
         return spec.technique.unsupported(spec.params, self.view, self.device)
 
-    def draw(self, request: CellRequest, with_map: bool = False) -> Drawn:
-        """Build, draw once, read back, release. Raises Unsupported, or whatever the technique raises."""
+    def draw(self, request: CellRequest, with_map: bool = False, tinted: bool = False) -> Drawn:
+        """Build, draw once, read back, release. Raises Unsupported, or whatever the technique raises.
+
+        `tinted` multiplies the technique's own colours into the picture, where it has any.
+        """
         with self._built(request) as (technique, stage, frame):
             self._tidy()
             texture = technique.draw(frame)
@@ -147,8 +150,10 @@ class Session:
             self.device.check(f"drawing {request.spec}")
             self._check(request, texture)
             visibility = self._read(request, download(texture)[..., 0])
-            picture = self._picture_pass.draw(frame.surface, self.view, texture)
+            tint = technique.tint() if tinted else None
+            picture = self._picture_pass.draw(frame.surface, self.view, texture, tint)
             depths = technique.map_image() if with_map else None
+            # The same frame, index 0, so that the work is that of the frame which is scored: history stays void.
             work = work_of(self.device, lambda: technique.draw(frame))
             return Drawn(visibility, picture, depths, stage.bytes, work, _numbers(request, technique.facts()))
 
@@ -161,12 +166,12 @@ class Session:
         self._held.append((technique, stage, frame))
         for _ in range(WARM_UP):
             self._tidy()
-            technique.draw(frame)
+            self._next_draw(-1)()
         self.device.check(f"warming up {request.spec}")
         return prepare_ms
 
-    def time_frame(self, held: int) -> float:
-        """Milliseconds of a whole frame of the cell that was held as number `held`, from 0."""
+    def time_frame(self, held: int) -> Sample:
+        """What a whole frame took of the cell that was held as number `held`, from 0."""
         with self._undisturbed(held) as draw:
             return self.clock.frame(draw)
 
@@ -175,20 +180,25 @@ class Session:
         with self._undisturbed(held) as draw:
             return self.clock.passes(draw)
 
-    def let_go(self) -> str:
-        """Release what is held; the name of the clock that timed it."""
+    def let_go(self) -> None:
+        """Release what is held."""
         while self._held:
             self._held.pop()[1].release()
-        return self.clock.name
+
+    def _next_draw(self, held: int) -> Callable[[], object]:
+        """The next draw of a held cell; the frames of its draws are counted up from index 0, the first after build."""
+        technique, stage, frame = self._held[held]
+        self._held[held] = technique, stage, replace(frame, index=frame.index + 1)
+        return partial(technique.draw, frame)
 
     @contextmanager
     def _undisturbed(self, held: int) -> Iterator[Callable[[], object]]:
-        """The draw of a held cell, without the garbage collector and without another cell's state."""
-        technique, _, frame = self._held[held]
+        """The next draw of a held cell, without the garbage collector and without another cell's state."""
+        draw = self._next_draw(held)
         self._tidy()
         gc.disable()
         try:
-            yield partial(technique.draw, frame)
+            yield draw
         finally:
             gc.enable()
         self.device.check("timing")

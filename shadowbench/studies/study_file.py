@@ -139,7 +139,7 @@ def _crossed(table: dict[str, Any], techniques: Techniques, where: str, notes: l
     Combinations that mean nothing are dropped, and said; a value that no combination takes is an InputError.
     """
     if not isinstance(table.get("spec"), str):
-        raise InputError(f"{where}: spec: found {table.get('spec')!r}; allowed: a technique's spec, as text")
+        raise InputError(f"{where}: spec: found {table.get('spec', 'none')!r}; allowed: a technique's spec, as text")
     base = _parsed(table["spec"], techniques, where)
     lists = {key: _listed(value) for key, value in table.items() if key not in ("spec", "bias_sweep")}
     factors = _factors(table, where)

@@ -32,6 +32,7 @@ def cells_frame(results: Sequence[Result]) -> pd.DataFrame:
         "mask_sha256",
         "assumptions",
         "key",
+        "wall_ms",
     ]
     frame = pd.DataFrame(rows, columns=[*promised, *ours])
     whole = [*work, "map_size", "n", "gpu_bytes", "receivers", "undecided", "surface_mismatch"]
@@ -50,7 +51,7 @@ def _cell(result: Result) -> dict[str, Any]:
     row |= score.get("metrics", {})
     row["assumptions"] = "; ".join(score.get("assumptions", ())) or None
     row |= {f"work_{name}": count for name, count in score.get("work", {}).items()}
-    row |= {key: timed.get(key) for key in [*_TIMES, "prepare_ms"]}
+    row |= {key: timed.get(key) for key in [*_TIMES, "prepare_ms", "wall_ms"]}
     return row | {f"pass_{name}_ms": value["ms"] for name, value in timed.get("passes", {}).items()}
 
 

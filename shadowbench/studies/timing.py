@@ -1,13 +1,13 @@
 """Timing a block: groups of cells that fit the memory, each with its own reference and floor, and the statistics."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.gl.clock import PassTimes
+from shadowbench.gl.clock import QUERIES, PassTimes, Sample
 from shadowbench.studies.session import CellRequest, Unsupported
 from shadowbench.studies.study import Block, Cell, Study
 from shadowbench.studies.worker import AteMemory, CellFailed, Worker
@@ -20,6 +20,11 @@ _SHARE = 0.5  # of the memory limit that the cells of a group may take together
 def request_of(cell: Cell) -> CellRequest:
     """A cell as the worker takes it."""
     return CellRequest(format_spec(cell.spec, full=True), cell.phase)
+
+
+def reference_cell(study: Study, phase: int) -> Cell:
+    """The cell that the ratios of a phase are over."""
+    return Cell(study.reference, phase if study.reference.technique.phased else 0)
 
 
 class BlockStage:
@@ -46,43 +51,57 @@ class BlockStage:
 
 @dataclass(frozen=True, eq=False)
 class Times:
-    """Milliseconds of a cell, a value a round. Frames and passes come from different rounds."""
+    """What a cell took, a value a round, all by one clock. Frames and passes come from different rounds."""
 
-    frames: list[float]
+    frames: list[Sample]
     passes: list[PassTimes]
     prepare_ms: float
     clock: str
 
+    @property
+    def frames_ms(self) -> NDArray[np.float64]:
+        """Milliseconds of whole frames, a value a round."""
+        return np.array([frame.ms for frame in self.frames])
+
 
 @dataclass(frozen=True, eq=False)
 class Timing:
-    """What a cell took, beside the reference and the floor of its own group."""
+    """What a cell took, beside the reference and the floor of its own group.
+
+    `no_ratio` is the reference's status where it has no times.
+    """
 
     cell: Cell
     times: Times
     reference: str
     reference_times: Times | None
     floor: Times
+    no_ratio: str | None = None
 
     def record(self) -> dict[str, Any]:
-        """The time record: milliseconds as medians with their IQR; ratios are medians over rounds of one group."""
-        frames = np.array(self.times.frames)
+        """The time record: milliseconds as medians with their IQR; ratios are medians over rounds of one group.
+
+        `wall_ms` is there when queries measured: a GPU's timer does not see what the CPU does, such as a fit.
+        """
+        frames = self.times.frames_ms
         frame_ms, frame_iqr = _median_iqr(frames)
+        wall_ms = float(np.median([frame.wall_ms for frame in self.times.frames]))
         record: dict[str, Any] = {
             "clock": self.times.clock,
             "n": len(frames),
             "frame_ms": frame_ms,
             "frame_iqr_ms": frame_iqr,
-            "added_ms": float(np.median(frames - np.array(self.floor.frames))),
+            "wall_ms": wall_ms if self.times.clock == QUERIES else None,
+            "added_ms": float(np.median(frames - self.floor.frames_ms)),
             "reference": self.reference,
             "ratio": None,
             "ratio_iqr": None,
+            "no_ratio": self.no_ratio,
             "prepare_ms": self.times.prepare_ms,
             "passes": self._passes(),
         }
         if self.reference_times is not None:
-            ratios = frames / np.array(self.reference_times.frames)
-            record["ratio"], record["ratio_iqr"] = _median_iqr(ratios)
+            record["ratio"], record["ratio_iqr"] = _median_iqr(frames / self.reference_times.frames_ms)
         return record
 
     def _passes(self) -> dict[str, dict[str, Any]]:
@@ -102,14 +121,16 @@ class Untimed:
     reason: str
 
 
-def time_cells(stage: BlockStage, block: Block, sizes: Mapping[Cell, int]) -> Iterator[Timing | Untimed]:
+def time_cells(
+    stage: BlockStage, block: Block, sizes: Mapping[Cell, int], lacking: Container[Cell] = ()
+) -> Iterator[Timing | Untimed]:
     """Time cells of one block and phase; `sizes` are their GPU bytes.
 
-    An Untimed that is none of them is the reference: it fails, and the cells have no ratios.
+    Those in `lacking` have times and lack only the ratio: they are left out when the reference fails again. An Untimed
+    that is none of the cells is the reference: it fails, and the cells have no ratios.
     """
-    phase = next(iter(sizes)).phase
-    spec = stage.study.reference
-    reference: Cell | None = Cell(spec, phase if spec.technique.phased else 0)
+    reference: Cell | None = reference_cell(stage.study, next(iter(sizes)).phase)
+    no_ratio = None
     if reference not in sizes:
         assert reference is not None
         try:  # one that fails must not take every group with it
@@ -117,30 +138,37 @@ def time_cells(stage: BlockStage, block: Block, sizes: Mapping[Cell, int]) -> It
             stage.worker.call("draw", request_of(reference))
         except (CellFailed, Unsupported) as reason:
             yield Untimed(reference, str(reason))
-            reference = None
+            reference, no_ratio = None, _status(reason)
     limit = _SHARE * stage.worker.limits.bytes
     group: list[Cell] = []
     held = 0
     for cell, size in sizes.items():
+        if reference is None and cell in lacking:
+            continue
         if group and held + size > limit:
-            yield from _time_group(stage, block, group, reference)
+            yield from _time_group(stage, block, group, reference, no_ratio)
             group, held = [], 0
         group.append(cell)
         held += size
-    yield from _time_group(stage, block, group, reference)
+    yield from _time_group(stage, block, group, reference, no_ratio)
+
+
+def _status(reason: Exception) -> str:
+    """As score records state it."""
+    return f"{'unsupported' if isinstance(reason, Unsupported) else 'failed'}: {reason}"
 
 
 class _Culprit(Exception):
-    """The cell at which timing a group ended."""
+    """The cell at which timing a group ended; None when the view could not even be opened."""
 
-    def __init__(self, cell: Cell, reason: Exception) -> None:
+    def __init__(self, cell: Cell | None, reason: Exception) -> None:
         super().__init__(str(reason))
         self.cell = cell
         self.reason = reason
 
 
 def _time_group(
-    stage: BlockStage, block: Block, group: list[Cell], reference: Cell | None
+    stage: BlockStage, block: Block, group: list[Cell], reference: Cell | None, no_ratio: str | None
 ) -> Iterator[Timing | Untimed]:
     """One group, all at once; what fails is left out, and the rest is timed again without it."""
     floor = Cell(Spec(Unshadowed, Unshadowed.Params()), 0)
@@ -150,26 +178,32 @@ def _time_group(
         try:
             times = _measure(stage, block, cells)
         except _Culprit as culprit:
-            stage.worker.call("let_go")
-            if isinstance(culprit.reason, AteMemory) and len(group) > 1:  # together, which says nothing of this one
+            _let_go(stage.worker)
+            blamed = culprit.cell
+            together = blamed is not None and len(group) > 1
+            if together and isinstance(culprit.reason, AteMemory):  # which says nothing of this one
                 middle = len(group) // 2
-                yield from _time_group(stage, block, group[:middle], reference)
-                yield from _time_group(stage, block, group[middle:], reference)
+                yield from _time_group(stage, block, group[:middle], reference, no_ratio)
+                yield from _time_group(stage, block, group[middle:], reference, no_ratio)
                 return
-            if culprit.cell not in (*group, reference):
-                raise culprit.reason from None  # the floor is ours: without it nothing can be timed
-            yield Untimed(culprit.cell, str(culprit))
-            group = [cell for cell in group if cell != culprit.cell]
-            reference = None if reference == culprit.cell else reference
+            if blamed is None or blamed not in (*group, reference):  # without view or floor there is no time
+                what = "opening the view" if blamed is None else "the floor, unshadowed"
+                yield from (Untimed(cell, f"{what}: {culprit}") for cell in group)
+                return
+            yield Untimed(blamed, str(culprit))
+            group = [cell for cell in group if cell != blamed]
+            if reference == blamed:
+                reference, no_ratio = None, _status(culprit.reason)
             continue
         for cell in group:
-            yield Timing(cell, times[cell], name, times[reference] if reference else None, times[floor])
+            yield Timing(cell, times[cell], name, times[reference] if reference else None, times[floor], no_ratio)
         return
 
 
 def _measure(stage: BlockStage, block: Block, cells: list[Cell]) -> dict[Cell, Times]:
     """Hold all cells, then time them interleaved, round by round; a third of as many rounds for single passes."""
     rounds = stage.study.rounds
+    numbers = range(len(cells))
 
     def ask(method: str, number: int, argument: object) -> Any:
         try:
@@ -177,16 +211,34 @@ def _measure(stage: BlockStage, block: Block, cells: list[Cell]) -> dict[Cell, T
         except (CellFailed, Unsupported) as reason:
             raise _Culprit(cells[number], reason) from None
 
-    stage.open(block)
-    numbers = range(len(cells))
+    def sample() -> tuple[list[list[Sample]], list[list[PassTimes]], set[str]]:
+        frames = [[ask("time_frame", n, n) for n in numbers] for _ in range(rounds)]
+        passes = [[ask("time_passes", n, n) for n in numbers] for _ in range(max(rounds // 3, 1))]
+        clocks = {frame.clock for one in frames for frame in one}
+        return frames, passes, clocks.union(*(times.clocks for one in passes for times in one))
+
+    try:
+        stage.open(block)
+    except CellFailed as reason:
+        raise _Culprit(None, reason) from None
     prepare_ms: list[float] = [ask("hold", number, request_of(cells[number])) for number in numbers]
-    frames: list[list[float]] = [[ask("time_frame", n, n) for n in numbers] for _ in range(rounds)]
-    passes: list[list[PassTimes]] = [[ask("time_passes", n, n) for n in numbers] for _ in range(max(rounds // 3, 1))]
-    clock: str = stage.worker.call("let_go")
+    frames, passes, clocks = sample()
+    if len(clocks) > 1:  # queries were given up midway, and for good: the second time the wall measures everything
+        frames, passes, clocks = sample()
+    (clock,) = clocks  # times by two clocks have no median
+    _let_go(stage.worker)
     return {
         cell: Times([of[n] for of in frames], [of[n] for of in passes], prepare_ms[n], clock)
         for n, cell in enumerate(cells)
     }
+
+
+def _let_go(worker: Worker) -> None:
+    """Have the worker release what it holds; one that fails even at that is stopped, and holds nothing either."""
+    try:
+        worker.call("let_go")
+    except CellFailed:
+        worker.stop()
 
 
 def _median_iqr(values: NDArray[np.float64]) -> tuple[float, float]:

@@ -80,7 +80,7 @@ class Technique(ABC):
     Params: ClassVar[type[TechniqueParams]] = TechniqueParams
     presets: ClassVar[dict[str, str]] = {}  # name: the items that it stands for, as a spec writes them
     phased: ClassVar[bool] = False  # whether it has a grid that a phase can shift
-    shown_in: ClassVar[str] = "cube-on-plane"  # the built-in scene whose picture its documentation shows
+    shown_in: ClassVar[str] = ""  # the built-in scene whose picture its documentation shows
 
     def __init__(self, params: TechniqueParams) -> None:
         self.params = params

@@ -23,19 +23,25 @@ def param(default: Any, help: str, *, metres: bool = False, **limits: Any) -> An
 
 
 def allowed(info: FieldInfo) -> str:
-    """The values that a field of parameters takes, in words: `d16, d24, d32f` or `≥ 1, ≤ 65536`; empty for a row."""
+    """The values that a field of parameters takes, in words: `d16, d24, d32f` or `≥ 0, metres`; empty for a row."""
     choices = get_args(info.annotation) if get_origin(info.annotation) is Literal else ()
     if choices:
         return ", ".join(str(choice) for choice in choices)
     if info.annotation is bool:
         return "true, false"
     signs = {"ge": "≥", "gt": ">", "le": "≤", "lt": "<"}
-    return ", ".join(
+    limits = [
         f"{sign} {getattr(limit, key):g}"
         for limit in info.metadata
         for key, sign in signs.items()
         if getattr(limit, key, None) is not None
-    )
+    ]
+    return ", ".join([*limits, "metres"] if in_metres(info) else limits)
+
+
+def in_metres(info: FieldInfo) -> bool:
+    """Whether a field is a length in file units."""
+    return isinstance(info.json_schema_extra, dict) and bool(info.json_schema_extra.get("metres"))
 
 
 class TechniqueParams(Strict):

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from shadowbench.errors import InputError
 from shadowbench.strict import explain
-from shadowbench.techniques.grammar import Reader
+from shadowbench.techniques.grammar import Call, Reader
 from shadowbench.techniques.params import Row, TechniqueParams
 
 if TYPE_CHECKING:
@@ -44,6 +44,10 @@ class Spec:
         return "size" in self.technique.Params.model_fields
 
 
+def _shown(value: object) -> str:
+    return f"{value.name}(…)" if isinstance(value, Call) else str(value)
+
+
 def parse_spec(text: str, techniques: "Mapping[str, type[Technique]]") -> Spec:
     """The technique and parameters that a text names; raises InputError with what is allowed."""
     reader = Reader(text)
@@ -71,7 +75,7 @@ def spec_of(technique: "type[Technique]", items: tuple[tuple[str | None, Any], .
         if key == "preset":
             if value not in technique.presets:
                 allowed = ", ".join(technique.presets) or "none"
-                raise InputError(f"spec {where!r}: unknown preset {value!r}; presets of {technique.name}: {allowed}")
+                raise InputError(f"spec {where!r}: unknown preset {_shown(value)!r}; presets of {technique.name}: {allowed}")
             reader = Reader(technique.presets[value])
             values.update({str(k): v for k, v in reader.items(named=True)})
         else:

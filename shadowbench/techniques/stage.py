@@ -1,6 +1,6 @@
 """The stage: what a technique builds on. It is fixed between build and release, and frees all that was made on it."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,7 +25,7 @@ from shadowbench.gl.targets import (
     stencil_target,
 )
 from shadowbench.scenes.model import Placement, Scene
-from shadowbench.techniques.params import Row, TechniqueParams
+from shadowbench.techniques.params import Row, TechniqueParams, in_metres
 
 _WIDTHS = {"f1": 1, "f2": 2, "f4": 4, "i4": 4, "u4": 4}
 
@@ -137,6 +137,26 @@ class Stage:
         ]
         return self._drawable(Drawable(program, self.device.context.vertex_array(program.linked, content), mode))
 
+    def stream(self, program: Program, attributes: Mapping[str, int]) -> Callable[[NDArray[np.float32]], Drawable]:
+        """A maker of drawables from vertices that change each frame.
+
+        attributes: how many float32 each has, in the order of the columns of the (N, k) vertices. A drawable that was
+        made draws the vertices that came last.
+        """
+        widths = " ".join(f"{width}f" for width in attributes.values())
+        buffer = self.buffer(np.zeros(sum(attributes.values()), dtype=np.float32))
+        vertices = self.device.context.vertex_array(program.linked, [(buffer, widths, *attributes)])
+        drawable = self._drawable(Drawable(program, vertices))
+
+        def filled(rows: NDArray[np.float32]) -> Drawable:
+            if rows.size:  # a buffer cannot be empty
+                self.bytes += rows.nbytes - buffer.size
+                buffer.orphan(rows.nbytes)
+                buffer.write(np.ascontiguousarray(rows))
+            return replace(drawable, count=len(rows))
+
+        return filled
+
     def fullscreen(self, program: Program) -> Drawable:
         """One triangle over the target, for a program whose vertex shader is `fullscreen.vert`."""
         return self._drawable(Drawable(program, self.device.context.vertex_array(program.linked, []), count=3))
@@ -175,9 +195,7 @@ def _shader_values(
         elif isinstance(value, bool | int):
             defines[name.upper()] = str(int(value))
         elif isinstance(value, float):
-            extra = field.json_schema_extra
-            metres = isinstance(extra, dict) and extra.get("metres")
-            uniforms[name] = placement.length(value) if metres else value
+            uniforms[name] = placement.length(value) if in_metres(field) else value
         else:
             defines[f"{name}_{value}".upper().replace("-", "_")] = "1"
     return defines, slots, uniforms

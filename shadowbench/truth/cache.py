@@ -1,9 +1,11 @@
 """Truths kept on disk, by a hash of the view and of the sources that trace it: a second run traces nothing."""
 
 import hashlib
+import logging
 import os
 import zipfile
 import zlib
+from contextlib import suppress
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -12,34 +14,44 @@ import numpy as np
 import platformdirs
 
 from shadowbench.data import source_digest
+from shadowbench.errors import InputError
 from shadowbench.files import replace_file
 from shadowbench.scenes import model
 from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.model import View
 from shadowbench.truth.trace import Truth, trace
 
+_log = logging.getLogger(__name__)
+
 KEPT_BYTES = 4 << 30  # the oldest truths go when the folder grows past this
 
 
 def cached_truth(view: View, pixel_samples: int = 4, light_samples: int = 1) -> Truth:
-    """`trace`, or what it answered before for the same view and sources."""
+    """`trace`, or what it answered before for the same view and sources.
+
+    Where the cache cannot be read it is traced, where it cannot be written the truth is not kept: a logged warning.
+    """
     file = cache_folder() / f"{_key(view, pixel_samples, light_samples)}.npz"
     kept = read_truth(file)
     if kept is not None:
-        file.touch()
+        with suppress(OSError):  # a folder that may only be read serves all the same
+            file.touch()
         return kept
     truth = trace(view, pixel_samples, light_samples)
-    write_truth(file, truth)
-    _forget_oldest(file.parent)
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_truth(file, truth)
+        _forget_oldest(file.parent)
+    except (OSError, InputError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else error
+        _log.warning("truth cache %s: truths are traced and not kept (%s)", file.parent, reason)
     return truth
 
 
 def cache_folder() -> Path:
-    """Where truths are kept: $SHADOWBENCH_CACHE, or the platform's folder for caches."""
+    """Where truths are kept: $SHADOWBENCH_CACHE, or the platform's folder for caches; made with the first truth."""
     chosen = os.environ.get("SHADOWBENCH_CACHE")
-    folder = Path(chosen) if chosen else Path(platformdirs.user_cache_dir("shadowbench")) / "truth"
-    folder.mkdir(parents=True, exist_ok=True)
-    return folder
+    return Path(chosen) if chosen else Path(platformdirs.user_cache_dir("shadowbench")) / "truth"
 
 
 def write_truth(file: Path, truth: Truth) -> None:
@@ -49,13 +61,13 @@ def write_truth(file: Path, truth: Truth) -> None:
 
 
 def read_truth(file: Path) -> Truth | None:
-    """The truth in a file, None when it is missing, cut short, damaged or something else."""
+    """The truth in a file, None when it is missing, unreadable, cut short, damaged or something else."""
     try:
         # np.load leaves a file that it cannot read open, unless it is given one.
         with file.open("rb") as stream, np.load(stream) as arrays:
             values = {name: arrays[name] for name in arrays.files}
         return Truth(**{**values, "diagonal": float(values["diagonal"])})
-    except (FileNotFoundError, zipfile.BadZipFile, zlib.error, EOFError, ValueError, KeyError, TypeError):
+    except (OSError, zipfile.BadZipFile, zlib.error, EOFError, ValueError, KeyError, TypeError):
         return None
 
 

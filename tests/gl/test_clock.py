@@ -1,10 +1,12 @@
 """Times are taken where they are asked for, and work is counted exactly."""
 
+from collections.abc import Callable
+from contextlib import nullcontext
 from types import SimpleNamespace
 
 import pytest
 
-from shadowbench.gl.clock import Clock, work_of
+from shadowbench.gl.clock import QUERIES, WALL, Clock, Sample, work_of
 from shadowbench.gl.device import Device
 from shadowbench.gl.program import Drawable, Program
 
@@ -37,7 +39,7 @@ def test_a_frame_takes_time_and_passes_too(device: Device, busy) -> None:
         with clock.timed("resolve", "view"):
             busy()
 
-    assert clock.frame(frame) > 0
+    assert clock.frame(frame).ms > 0
     passes = clock.passes(frame)
     assert set(passes.ms) == {"map", "resolve"}
     assert all(ms > 0 for ms in passes.ms.values())
@@ -63,6 +65,64 @@ def test_a_pass_that_is_drawn_twice_adds_up(device: Device, monkeypatch: pytest.
                 pass
 
     assert clock.passes(frame).ms == {"face": 3000.0}
+
+
+Queried = Callable[..., Clock]
+
+
+@pytest.fixture
+def queried(monkeypatch: pytest.MonkeyPatch) -> Queried:
+    """A GPU's clock whose queries answer these nanoseconds, one after the other; each span takes 10 ms by the wall."""
+    ticks = iter(0.01 * number for number in range(100))
+    monkeypatch.setattr("shadowbench.gl.clock.time.perf_counter", lambda: next(ticks))
+
+    def make(*nanoseconds: int) -> Clock:
+        answers = iter(nanoseconds)
+
+        class Query(nullcontext[None]):
+            @property
+            def elapsed(self) -> int:
+                return next(answers)
+
+        context = SimpleNamespace(finish=lambda: None, query=lambda time: Query())
+        return Clock(SimpleNamespace(software=False, context=context))
+
+    return make
+
+
+def test_a_query_answers_in_nanoseconds_and_the_wall_is_kept_beside_it(queried: Queried) -> None:
+    sample = queried(2_500_000).frame(lambda: None)
+    assert (sample.ms, sample.clock) == (2.5, QUERIES)
+    assert sample.wall_ms == pytest.approx(10)
+
+
+@pytest.mark.parametrize("impossible", [10_100_000, -1])
+def test_a_query_that_the_wall_refutes_is_the_last(queried: Queried, impossible: int) -> None:
+    clock = queried(9_900_000, 0, impossible)  # a fourth would find no answer
+    assert [clock.frame(lambda: None).clock for _ in range(2)] == [QUERIES] * 2
+    assert clock.name == QUERIES
+    samples = [clock.frame(lambda: None) for _ in range(2)]
+    assert [sample.clock for sample in samples] == [WALL] * 2
+    assert [sample.ms for sample in samples] == [sample.wall_ms for sample in samples] == pytest.approx([10, 10])
+    assert clock.name == WALL
+
+
+def test_passes_name_every_clock_that_measured_them(queried: Queried) -> None:
+    clock = queried(1_000_000, 1_000_000, 1_000_000, 20_000_000)
+
+    def frame() -> None:
+        for name in ("map", "resolve"):
+            with clock.timed(name):
+                pass
+
+    assert [clock.passes(frame).clocks for _ in range(3)] == [{QUERIES}, {QUERIES, WALL}, {WALL}]
+
+
+def test_software_has_no_other_time_than_the_wall_s(device: Device, busy) -> None:
+    if not device.software:
+        pytest.skip("the device is a GPU")
+    sample = Clock(device).frame(busy)
+    assert sample == Sample(sample.ms, sample.ms, WALL)
 
 
 def test_a_technique_that_fails_leaves_the_clock_clean(device: Device) -> None:
@@ -93,7 +153,7 @@ def test_the_passes_add_up_to_the_frame(device: Device, busy) -> None:
                 busy()
 
     frame()
-    rounds = [(clock.frame(frame), sum(clock.passes(frame).ms.values())) for _ in range(15)]
+    rounds = [(clock.frame(frame).ms, sum(clock.passes(frame).ms.values())) for _ in range(15)]
     frames, passes = map(min, zip(*rounds, strict=True))
     assert passes == pytest.approx(frames, rel=0.3)
 
@@ -102,7 +162,7 @@ def test_the_passes_add_up_to_the_frame(device: Device, busy) -> None:
 def test_twice_the_work_takes_about_twice_the_time(device: Device, busy) -> None:
     clock = Clock(device)
     busy()
-    rounds = [(clock.frame(busy), clock.frame(lambda: (busy(), busy()))) for _ in range(15)]
+    rounds = [(clock.frame(busy).ms, clock.frame(lambda: (busy(), busy())).ms) for _ in range(15)]
     once, twice = map(min, zip(*rounds, strict=True))
     assert 1.4 * once < twice < 3 * once
 

@@ -2,6 +2,7 @@
 
 import base64
 import json
+import re
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -10,6 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+PYDANTIC = re.compile(
+    r"Field required|should (be|have|match)|Value error|Unable to parse|validation|valid (string|integer|list|dict)"
+)
 TRIANGLE = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], dtype=np.float32)
 
 
@@ -94,3 +98,9 @@ def gltf_file(tmp_path: Path) -> Callable[..., Path]:
         return path
 
     return write
+
+
+@pytest.fixture(scope="session")
+def pydantic_words() -> re.Pattern[str]:
+    """Phrases of pydantic's that no line of ours holds."""
+    return PYDANTIC

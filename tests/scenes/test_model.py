@@ -36,6 +36,35 @@ def test_planes_from_bounds_cut_nothing_that_the_picture_shows(height: float, x:
                 assert near < depth < far
 
 
+def planes(position: tuple[float, float, float], fov: float = 60.0, **given: float) -> tuple[float, float]:
+    """Near and far of a camera over the floor, which spans (±4, 0, ±4)."""
+    camera = Camera("camera", position, (0.0, 0.0, 0.0), math.radians(fov), **given)
+    return view_of(Scene("floor", (FLOOR,), (camera,), (SUN,)), camera, SUN, 64).near_far
+
+
+@pytest.mark.parametrize(("height", "fov"), [(2.0, 60.0), (2.0, 20.0), (0.1, 120.0)])
+def test_planes_are_a_thousandth_beyond_the_bounds(height: float, fov: float) -> None:
+    near, far = planes((3.0, height, -1.0), fov)
+    corner = math.sqrt(1 + 2 * math.tan(math.radians(fov) / 2) ** 2)  # of a ray's length to its depth
+    assert near == pytest.approx(0.999 * height / corner, rel=1e-12)
+    assert far == pytest.approx(1.001 * math.hypot(7, height, 5), rel=1e-12)
+
+
+@pytest.mark.parametrize("height", [0.0, 1e-5])
+def test_near_is_at_least_a_ten_thousandth_of_far(height: float) -> None:
+    near, far = planes((3.0, height, 1.0))
+    assert near == pytest.approx(far / 1e4, rel=0.0021)
+    assert near == pytest.approx(0.999 * math.hypot(7, height, 5) / 1e4, rel=1e-12)
+
+
+def test_planes_of_a_file_are_kept_inside_the_bounds_and_clamped_to_them() -> None:
+    low, high = planes((3.0, 2.0, -1.0))
+    assert planes((3.0, 2.0, -1.0), near=2.5, far=6.0) == (2.5, 6.0)
+    assert planes((3.0, 2.0, -1.0), near=low / 2, far=2 * high) == (low, high)
+    assert planes((3.0, 2.0, -1.0), near=0.25 * low) == (low, high)
+    assert planes((3.0, 2.0, -1.0), far=6.0) == (low, 6.0)
+
+
 def test_planes_that_leave_out_the_scene_are_said() -> None:
     camera = Camera("camera", (0.0, 3.0, 8.0), (0.0, 0.0, 0.0), 0.6, near=500.0, far=900.0)
     with pytest.raises(InputError, match=r"looks at nothing: its planes 500\.0 and 900\.0 m leave out the scene"):

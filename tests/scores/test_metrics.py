@@ -207,6 +207,18 @@ def test_the_95th_percentile_sees_the_worst_stretch(truth, half_plane):
     assert scores["edge_p95"] > 10
 
 
+def test_the_95th_percentile_of_known_distances(truth):
+    """A hundred shadows of one pixel, each moved along its row: 94 by 1 pixel, 2 by 2 and 4 by 3."""
+    moved = np.random.default_rng(3).permutation(np.repeat([1, 2, 3], [94, 2, 4]))
+    rows, columns = (index.ravel() * 12 + 4 for index in np.indices((10, 10)))
+    still, mask = np.ones((128, 128)), np.ones((128, 128))
+    still[rows, columns] = 0
+    mask[rows, columns + moved] = 0
+    scores = score(mask, truth(still))
+    assert scores["edge_p95"] == 2  # 94% of the distances are 1, 96% at most 2
+    assert scores["edge_px"] == pytest.approx(moved.mean())
+
+
 # Laws
 
 

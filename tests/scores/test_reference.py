@@ -55,6 +55,12 @@ def test_the_border_of_the_image_is_no_edge(truth):
     assert not truth(np.zeros((16, 16))).edge.any()
 
 
+@pytest.mark.parametrize(("side", "width"), [(8, 1), (52, 1), (54, 2), (128, 4)])
+def test_the_boundary_is_a_fiftieth_of_the_diagonal_wide_and_at_least_a_pixel(truth, half_plane, side, width):
+    reference = truth(half_plane(side // 2, side, side))
+    assert np.flatnonzero(reference.boundary[0]).tolist() == list(range(side // 2 - width, side // 2))
+
+
 def test_contact_is_shadow_with_a_near_blocker(truth, half_plane):
     blocker = np.full((128, 128), np.inf)
     blocker[:, :10] = 0.19  # 2% of a diagonal of 10 is 0.2

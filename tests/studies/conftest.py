@@ -153,6 +153,9 @@ class Does(Wild):
         while not os.path.exists(os.environ["GATE"]):
             time.sleep(0.01)
 
+    def do_lack(self, texture):
+        open(os.path.join(os.path.dirname(__file__), "needed")).close()
+
     def do_hold(self, texture):
         # A call into C that never returns, and keeps Python's lock all the time.
         ctypes.PyDLL(None).sleep(600)

@@ -78,6 +78,61 @@ def test_quiet_prints_the_table_alone(shadowbench: Shadowbench, tmp_path: Path) 
     assert json.loads((tmp_path / "quiet" / "run.json").read_text())["assumptions"] != []
 
 
+@pytest.mark.parametrize("what", ["techniques", "scenes", "metrics", "studies"])
+def test_a_quiet_list_is_the_list_without_its_title(shadowbench: Shadowbench, what: str) -> None:
+    loud, quiet = (shadowbench("list", what, *flags).out.splitlines() for flags in ([], ["-q"]))
+    assert quiet == [line for line in loud if line.strip() != what]
+    assert len(quiet) > 3
+
+
+def test_a_quiet_doctor_says_what_is_there_and_no_more(shadowbench: Shadowbench) -> None:
+    loud, quiet = (shadowbench("doctor", *flags) for flags in ([], ["-q"]))
+    assert (quiet.code, quiet.err) == (0, "")
+    assert quiet.out.splitlines() == loud.out.splitlines()[:-1]
+
+
+def test_a_cache_that_cannot_be_is_one_note(
+    shadowbench: Shadowbench, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("SHADOWBENCH_CACHE", str(tmp_path / "file" / "cache"))
+    note = f"note: truth cache {tmp_path / 'file' / 'cache'}: truths are traced and not kept (Not a directory)\n"
+    run = ["run", "cube-on-plane", "spot-lamp", "-t", "unshadowed", "--view-size", "16", "--rounds", "0"]
+    for arguments in ([*run, "-o", tmp_path / "run"], ["truth", "cube-on-plane", "-o", tmp_path / "truth.npz"]):
+        answer = shadowbench(*arguments)
+        assert (answer.code, answer.err) == (0, note)
+    assert shadowbench("truth", "cube-on-plane", "-o", tmp_path / "truth.npz", "-q").err == ""
+    doctor = shadowbench("doctor")
+    assert doctor.code == 0
+    assert "problem: " in doctor.out and "Not a directory" in doctor.out
+    assert doctor.out.splitlines()[-1] == "truths are traced anew by each command; all else is here"
+
+
+def test_flat_triangles_and_further_cameras_are_said_and_stand_in_the_run_file(
+    shadowbench: Shadowbench, tmp_path: Path
+) -> None:
+    (tmp_path / "flat.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 1 2\n")
+    cameras = '[[camera]]\nname = "{}"\nposition = [1, 2, 3]\ntarget = [0, 0, 0]\n'
+    lights = '[[light]]\nname = "{}"\nkind = "directional"\ndirection = [-1, -1, -1]\n'
+    text = "".join(cameras.format(name) for name in ("left", "right")) + "".join(
+        lights.format(name) for name in ("east", "west")
+    )
+    (tmp_path / "pair.toml").write_text(text + '[[mesh]]\nfile = "flat.obj"\n')
+    said = [
+        "pair.toml: 2 cameras: left, right; the first is used unless --view or a study names others",
+        "pair.toml: 1 zero-area triangle(s) left out",
+    ]
+    small = [tmp_path / "pair.toml", "-t", "unshadowed", "--view-size", "16", "-o"]
+    answer = shadowbench("run", *small, tmp_path / "run", "--rounds", "0")
+    assert answer.err.splitlines() == [f"note: {line}" for line in said]
+    assert json.loads((tmp_path / "run" / "run.json").read_text())["assumptions"] == said
+    rows = [json.loads(line) for line in (tmp_path / "run" / "rows.jsonl").read_text().splitlines()]
+    assert [row["assumptions"] for row in rows if row["kind"] == "score"] == [said, said]
+    picture = shadowbench("render", *small, tmp_path / "p.png")
+    light = "pair: 2 lights: east, west; the first is used, --light names another"
+    assert picture.err.splitlines() == [f"note: {line}" for line in [*said, light]]
+
+
 def test_without_rounds_there_are_no_times(shadowbench: Shadowbench, tmp_path: Path) -> None:
     arguments = [*CUBE[:-1], "0", "--json", "-o", tmp_path]
     rows = json.loads(shadowbench(*arguments).out)["cube-on-plane"]
@@ -278,7 +333,7 @@ def test_without_gl_drawing_is_exit_3_with_what_to_install(
     shadowbench: Shadowbench, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, arguments: list[str]
 ) -> None:
     monkeypatch.setenv(NO_GL, str(tmp_path / "none.json"))
-    answer = shadowbench(*arguments, "-o", tmp_path / "out")
+    answer = shadowbench(*arguments, "-o", tmp_path / "out.png")
     assert (answer.code, answer.out) == (3, "")
     (line,) = answer.err.splitlines()
     assert line.startswith("shadowbench: no OpenGL 4.1 context")

@@ -2,6 +2,7 @@
 
 import base64
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -41,6 +42,10 @@ DRACO = gltf(
     extensionsUsed=["KHR_draco_mesh_compression"],
 )
 
+PYDANTIC = re.compile(
+    r"Field required|should (be|have|match)|Value error|Unable to parse|validation|valid (string|integer|list|dict)"
+)
+
 FILES = {
     "broken.toml": "[camera\n",
     "unknown.toml": CAMERA + SCENE + "colour = 3\n",
@@ -65,12 +70,19 @@ FILES = {
     "nameless.py": "from shadowbench.techniques.base import Technique\n\nclass Nameless(Technique):\n    pass\n",
     "study.toml": 'scenes = ["cube-on-plane"]\nround = 3\n',
     "broken-study.toml": "scenes = \n",
+    "text.toml": 'scenes = ["cube-on-plane"]\nrounds = "many"\n',
+    "views.toml": 'scenes = ["cube-on-plane"]\nviews = [3]\n',
+    "sizes.toml": 'scenes = ["cube-on-plane"]\nmap_size = [512, 70000]\n',
+    "limit.toml": 'scenes = ["cube-on-plane"]\ntime_limit = inf\n',
+    "polar.toml": 'scenes = ["cube-on-plane"]\ncoordinates = "polar"\n',
+    "nothing.toml": "scenes = []\n",
+    "none.toml": "rounds = 3\n",
     "size.toml": 'scenes = ["cube-on-plane"]\n[[technique]]\nspec = "shadow-map"\nsize = 0\n',
 }
 
 RUN = ["run", "cube-on-plane", "-t", "unshadowed", "-o", "{out}"]
 CASES: dict[str, tuple[list[str], list[str]]] = {
-    "a missing scene file": (["run", "{in}/none.toml", "-o", "{out}"], ["none.toml", "no such file"]),
+    "a missing scene file": (["run", "{in}/gone.toml", "-o", "{out}"], ["gone.toml", "no such file"]),
     "a missing mesh": (["truth", "{in}/none.obj", "-o", "{out}.npz"], ["none.obj", "no such file"]),
     "a misspelt scene": (["run", "cube-on-plain", "-o", "{out}"], ["cube-on-plain", "did you mean 'cube-on-plane'"]),
     "no kind of scene": (["truth", "{in}/empty.py", "-o", "{out}.npz"], ["empty.py", ".toml", ".glb"]),
@@ -126,7 +138,7 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
         ["render", "cube-on-plane", "-t", "unshadowed", "--light", "moon", "-o", "{out}.png"],
         ["--light", "'moon'", "allowed: light"],
     ),
-    "a missing study": (["run", "-s", "{in}/none.toml", "-o", "{out}"], ["none.toml", "no such study"]),
+    "a missing study": (["run", "-s", "{in}/gone.toml", "-o", "{out}"], ["gone.toml", "no such study"]),
     "a broken study": (["run", "-s", "{in}/broken-study.toml", "-o", "{out}"], ["broken-study.toml", "not TOML"]),
     "an unknown field of a study": (
         ["run", "-s", "{in}/study.toml", "-o", "{out}"],
@@ -135,6 +147,34 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
     "map size 0 in a study": (
         ["run", "-s", "{in}/size.toml", "-o", "{out}"],
         ["size.toml", "technique 1", "size", "0"],
+    ),
+    "words for a number in a study": (
+        ["run", "-s", "{in}/text.toml", "-o", "{out}"],
+        ["text.toml: rounds: found 'many'; allowed: a whole number"],
+    ),
+    "a number for a view in a study": (
+        ["run", "-s", "{in}/views.toml", "-o", "{out}"],
+        ["views.toml: views 1: found 3; allowed: text or a table"],
+    ),
+    "the second of two sizes in a study": (
+        ["run", "-s", "{in}/sizes.toml", "-o", "{out}"],
+        ["sizes.toml: map_size 2: found 70000; allowed: less than or equal to 65536"],
+    ),
+    "no limit in a study": (
+        ["run", "-s", "{in}/limit.toml", "-o", "{out}"],
+        ["limit.toml: time_limit: found inf; allowed: "],
+    ),
+    "one of two words in a study": (
+        ["run", "-s", "{in}/polar.toml", "-o", "{out}"],
+        ["polar.toml: coordinates: found 'polar'; allowed: 'relative' or 'absolute'"],
+    ),
+    "no scene in a study": (
+        ["run", "-s", "{in}/nothing.toml", "-o", "{out}"],
+        ["nothing.toml: scenes: found an empty list; allowed: 1 or more entries"],
+    ),
+    "a study without scenes": (
+        ["run", "-s", "{in}/none.toml", "-o", "{out}"],
+        ["none.toml: scenes: found none; it must be given"],
     ),
     "a missing plug-in": ([*RUN, "--plugin", "{in}/none.py"], ["--plugin", "none.py", "no such file"]),
     "an empty plug-in": ([*RUN, "--plugin", "{in}/empty.py"], ["--plugin", "empty.py", "Technique"]),
@@ -163,6 +203,23 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
     "a picture and a mask in one file": (
         ["render", "cube-on-plane", "-t", "unshadowed", "-o", "{out}.png", "--mask", "{out}.png"],
         ["out.png", "twice"],
+    ),
+    "a picture that is no PNG": (
+        ["render", "cube-on-plane", "-t", "unshadowed", "-o", "{out}.jpg"],
+        ["out.jpg", "found", "'.jpg'", "allowed: .png"],
+    ),
+    "a picture of no kind": (
+        ["render", "cube-on-plane", "-t", "unshadowed", "-o", "{out}"],
+        ["out", "'no suffix'", "allowed: .png"],
+    ),
+    "a mask that is no PNG": (
+        ["render", "cube-on-plane", "-t", "unshadowed", "-o", "{out}.png", "--mask", "{out}.exr"],
+        ["out.exr", "allowed: .png"],
+    ),
+    "a truth that is no npz": (["truth", "cube-on-plane", "-o", "{out}.npy"], ["out.npy", "allowed: .npz"]),
+    "a picture by two techniques": (
+        ["render", "cube-on-plane", "-t", "unshadowed", "-t", "shadow-map", "-o", "{out}.png"],
+        ["--technique", "unshadowed and shadow-map", "allowed: one"],
     ),
     "a map of what has none": (
         ["render", "cube-on-plane", "-t", "unshadowed", "--view-size", "16", "-o", "{out}.png", "--map", "{out}.m.png"],
@@ -200,6 +257,7 @@ def test_bad_input_is_one_line_and_exit_2(
     assert len(complaints) == 1
     assert complaints[0].startswith("shadowbench: ")
     assert [word for word in words if word not in complaints[0]] == []
+    assert PYDANTIC.search(complaints[0]) is None
     assert answer.out == ""
     assert sorted(tmp_path.rglob("*")) == before
 

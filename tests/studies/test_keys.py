@@ -17,7 +17,7 @@ from shadowbench.studies import keys
 from shadowbench.studies.keys import cell_key
 from shadowbench.studies.study import Cell
 from shadowbench.techniques.base import Technique
-from shadowbench.techniques.registry import techniques
+from shadowbench.techniques.registry import source_file, techniques
 from shadowbench.techniques.shadow_map import ShadowMap
 from shadowbench.techniques.spec import parse_spec
 
@@ -174,51 +174,177 @@ def test_a_shared_row_s_shader_is_in_the_key(shaders: Path, fresh: Callable[[], 
     assert key() != before
 
 
-def load(file: Path) -> type[Technique]:
-    spec = importlib.util.spec_from_file_location("plugin_in_test", file)
+EDITED = [
+    ("techniques/shadow_map.py", "shadow-map", True),
+    ("techniques/shadow_map.py", "unshadowed", False),
+    ("techniques/unshadowed.py", "shadow-map", False),
+    ("techniques/unshadowed.py", "unshadowed", True),
+    ("techniques/ray_traced.py", "shadow-map", False),
+    ("techniques/base.py", "shadow-map", True),
+    ("techniques/biases.py", "unshadowed", True),
+    ("techniques/params.py", "unshadowed", True),
+    ("gl/gbuffer.py", "unshadowed", True),
+    ("truth/rays.py", "unshadowed", True),
+    ("scores/ssim.py", "unshadowed", True),
+    ("scenes/model.py", "unshadowed", True),
+    ("studies/session.py", "unshadowed", True),
+    ("studies/scoring.py", "unshadowed", True),
+    ("studies/tables.py", "unshadowed", False),
+    ("cli.py", "unshadowed", False),
+]
+
+
+@pytest.fixture
+def edit(monkeypatch: pytest.MonkeyPatch, fresh: Callable[[], None]) -> Callable[[Path], None]:
+    """Has a file read from now on as if a line had been added, without touching it: others may be reading it."""
+    read = Path.read_bytes
+
+    def edited(file: Path) -> None:
+        assert file.is_file()
+        monkeypatch.setattr(Path, "read_bytes", lambda self: read(self) + b"# edited\n" * (self == file))
+        fresh()
+
+    return edited
+
+
+@pytest.mark.parametrize(("file", "spec", "differs"), EDITED)
+def test_a_key_knows_the_code_that_its_result_rests_on(
+    edit: Callable[[Path], None], file: str, spec: str, differs: bool
+) -> None:
+    before = key(spec)
+    edit(Path(data.__file__).parent / file)
+    assert (key(spec) != before) == differs
+
+
+def test_a_new_technique_s_file_is_in_no_other_key(
+    tmp_path: Path, half: Path, monkeypatch: pytest.MonkeyPatch, fresh: Callable[[], None]
+) -> None:
+    copy = tmp_path / "techniques"
+    shutil.copytree(keys._TECHNIQUES, copy)
+    own = {one: copy / keys.source_file(one).name for one in keys.own_techniques()}
+    monkeypatch.setattr(keys, "_TECHNIQUES", copy)
+    monkeypatch.setattr(keys, "source_file", lambda one: own.get(one) or source_file(one))
+    fresh()
+    before = key()
+    shutil.copy(half, copy / "half.py")
+    fresh()
+    assert key() != before  # nobody knows yet that it defines a technique
+    added = load(copy / "half.py")
+    monkeypatch.setattr(keys, "own_techniques", lambda: (*own, added))
+    fresh()
+    assert key() == before
+
+
+def load(file: Path, name: str = "Half") -> type[Technique]:
+    """A technique of a file."""
+    spec = importlib.util.spec_from_file_location(f"plugin_in_test_{file.stem}", file)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
     spec.loader.exec_module(module)
-    return module.Half  # type: ignore[no-any-return]
+    return getattr(module, name)  # type: ignore[no-any-return]
+
+
+@pytest.fixture
+def plugged(fresh: Callable[[], None]) -> Callable[..., str]:
+    """The key of a technique of a file, read anew."""
+
+    def read(file: Path, name: str = "Half") -> str:
+        fresh()
+        return cell_key(Cell(parse_spec("half", {"half": load(file, name)}), 0), "v", "relative", "r")
+
+    return read
 
 
 def test_a_plug_in_s_source_and_the_shaders_beside_it_are_in_its_key(
-    half: Path, tmp_path: Path, fresh: Callable[[], None]
+    half: Path, tmp_path: Path, plugged: Callable[..., str]
 ) -> None:
     file = tmp_path / "half.py"
     shutil.copy(half, file)
-
-    def plugged() -> str:
-        fresh()
-        return cell_key(Cell(parse_spec("half", {"half": load(file)}), 0), "v", "relative", "r")
-
-    before = plugged()
-    assert plugged() == before
-    (tmp_path / "notes.txt").write_text("nothing to do with it")
-    assert plugged() == before
+    found = [plugged(file)]
+    for beside in ("notes.txt", "other.py"):  # nothing to do with it
+        (tmp_path / beside).write_text("")
+        assert plugged(file) == found[0]
     (tmp_path / "half.frag").write_text("// a shader beside it\n")
-    beside = plugged()
-    assert beside != before
+    found.append(plugged(file))
+    (tmp_path / "filters").mkdir()
+    (tmp_path / "filters" / "half.glsl").write_text("// a shader below it\n")
+    found.append(plugged(file))
     file.write_text(file.read_text() + "# changed\n")
-    assert plugged() != beside
+    found.append(plugged(file))
+    assert len(set(found)) == 4
 
 
-def test_a_key_does_not_know_another_technique_s_file(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, fresh: Callable[[], None]
+def test_the_whole_package_of_a_plug_in_is_in_its_key(half: Path, tmp_path: Path, plugged: Callable[..., str]) -> None:
+    package = tmp_path / "package"
+    (package / "soft" / "shaders" / "deep").mkdir(parents=True)
+    for folder in (package, package / "soft"):
+        (folder / "__init__.py").write_text("")
+    file = package / "soft" / "half.py"
+    shutil.copy(half, file)
+    found = [plugged(file)]
+    (tmp_path / "beside.py").write_text("")
+    (package / "notes.txt").write_text("")
+    assert plugged(file) == found[0]
+    for other in ("soft/helper.py", "soft/shaders/deep/half.frag", "common.py"):
+        (package / other).write_text("// new\n")
+        found.append(plugged(file))
+    assert len(set(found)) == 4
+
+
+INHERITS = """
+from {module} import {parent}
+
+
+class Heir({parent}):
+    name = "half"
+"""
+
+
+def test_a_plug_in_that_inherits_from_another_rests_on_its_file_too(
+    half: Path, tmp_path: Path, plugged: Callable[..., str]
 ) -> None:
-    own = {technique: keys.source_file(technique) for technique in keys.OWN}
-    changed = tmp_path / own[ShadowMap].name
-    changed.write_text(own[ShadowMap].read_text() + "# changed\n")
-    before = key("shadow-map"), key("unshadowed")
+    parent, heir = tmp_path / "parent" / "half.py", tmp_path / "heir.py"
+    parent.parent.mkdir()
+    shutil.copy(half, parent)
+    load(parent)
+    heir.write_text(INHERITS.format(module="plugin_in_test_half", parent="Half"))
+    before = plugged(heir, "Heir")
+    parent.write_text(parent.read_text() + "# changed\n")
+    assert plugged(heir, "Heir") != before
 
-    def moved(technique: type[Technique]) -> Path:
-        return changed if technique is ShadowMap else own[technique]
 
-    shared = list(keys._shared(ShadowMap))
-    assert own[ShadowMap] not in shared
-    monkeypatch.setattr(keys, "_shared", lambda technique: shared)
-    monkeypatch.setattr(keys, "source_file", moved)
-    fresh()
-    assert key("shadow-map") != before[0]
-    assert key("unshadowed") == before[1]
+def test_a_plug_in_whose_parameters_are_another_s_rests_on_its_file_too(
+    half: Path, tmp_path: Path, plugged: Callable[..., str]
+) -> None:
+    parent, heir = tmp_path / "parent" / "half.py", tmp_path / "heir.py"
+    parent.parent.mkdir()
+    shutil.copy(half, parent)
+    load(parent)
+    text = half.read_text().replace("class Params(TechniqueParams)", "class Params(Other.Params)")
+    heir.write_text("from plugin_in_test_half import Half as Other\n" + text)
+    before = plugged(heir)
+    parent.write_text(parent.read_text() + "# changed\n")
+    assert plugged(heir) != before
+
+
+@pytest.mark.parametrize(("file", "differs"), [("techniques/shadow_map.py", True), ("techniques/ray_traced.py", False)])
+def test_a_plug_in_that_inherits_from_ours_rests_on_its_file_too(
+    tmp_path: Path, edit: Callable[[Path], None], plugged: Callable[..., str], file: str, differs: bool
+) -> None:
+    heir = tmp_path / "heir.py"
+    heir.write_text(INHERITS.format(module=ShadowMap.__module__, parent="ShadowMap"))
+    before = plugged(heir, "Heir")
+    edit(Path(data.__file__).parent / file)
+    assert (plugged(heir, "Heir") != before) == differs
+
+
+@pytest.mark.parametrize(("file", "differs"), [("shadow-map/resolve.frag", True), ("unshadowed/resolve.frag", False)])
+def test_a_plug_in_that_inherits_from_ours_rests_on_its_shaders_too(
+    tmp_path: Path, shaders: Path, plugged: Callable[..., str], file: str, differs: bool
+) -> None:
+    heir = tmp_path / "heir.py"
+    heir.write_text(INHERITS.format(module=ShadowMap.__module__, parent="ShadowMap"))
+    before = plugged(heir, "Heir")
+    (shaders / file).write_text("// another text\n")
+    assert (plugged(heir, "Heir") != before) == differs

@@ -13,8 +13,10 @@ from PIL import Image
 from shadowbench.data import data_folder
 from shadowbench.scores.masks import mask_sha256, read_mask
 from shadowbench.scores.metrics import METRICS, score
+from shadowbench.studies import timing
 from shadowbench.studies.machine import write_run_file
-from shadowbench.studies.runner import Result, reference_of
+from shadowbench.studies.runner import Result
+from shadowbench.studies.scoring import reference_of
 from shadowbench.studies.study import Study
 from shadowbench.studies.tables import cells_frame, summary, write_table
 from shadowbench.techniques.shadow_map import ShadowMap
@@ -166,8 +168,6 @@ def test_scoring_a_stored_mask_again_gives_the_stored_scores(run: Run, records: 
 
 
 def test_mismatched_surfaces_are_counted(bench: Any, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from shadowbench.studies import timing
-
     opened = timing.BlockStage.open
 
     def turned(self: timing.BlockStage, block: Any) -> Any:
@@ -375,22 +375,10 @@ def test_a_file_s_technique_is_measured_and_named(bench: Any, tmp_path: Path) ->
     assert "pass_fill_ms" in cell
 
 
-def test_more_rounds_or_another_reference_time_again_and_fewer_do_not(
-    bench: Any, tmp_path: Path, records: Records
-) -> None:
-    folder = tmp_path / "out"
-
-    def added(text: str) -> tuple[int, int]:
-        before = len(records(folder, "score")), len(records(folder, "time"))
-        Run(bench, folder, text)
-        return len(records(folder, "score")) - before[0], len(records(folder, "time")) - before[1]
-
-    assert added(SMALL.replace("rounds = 1", "rounds = 2")) == (2, 2)
-    assert added(SMALL) == (0, 0)
-    assert added(SMALL.replace("rounds = 1", "rounds = 3")) == (0, 2)
-    other = SMALL.replace('reference = "unshadowed"', 'reference = "shadow-map:size=32"')
-    assert added(other) == (0, 2)
-    assert {record["reference"] for record in records(folder, "time")[-2:]} == {"shadow-map:size=32"}
+def test_work_is_that_of_one_draw(bench: Any, tmp_path: Path) -> None:
+    cells = Run(bench, tmp_path / "out", SMALL.replace('"unshadowed"\n[[', '"half"\n[[')).cells
+    assert cells[0]["technique"] == "half"
+    assert cells[0]["work_draws"] == "1"
 
 
 def test_the_same_scene_under_another_name_has_rows_of_its_own(bench: Any, tmp_path: Path) -> None:

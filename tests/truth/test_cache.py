@@ -145,7 +145,76 @@ def test_oldest_truths_go_first(view: View, empty_folder: Path, monkeypatch: pyt
     assert not oldest.exists()
 
 
-def test_folder_is_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_folder_is_made(view: View, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SHADOWBENCH_CACHE", str(tmp_path / "a" / "b"))
     assert cache_folder() == tmp_path / "a" / "b"
-    assert cache_folder().is_dir()
+    cached_truth(view)
+    assert len(list(cache_folder().iterdir())) == 1
+
+
+@pytest.fixture
+def below_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A cache folder that nobody can make, root neither."""
+    (tmp_path / "file").write_text("mine")
+    monkeypatch.setenv("SHADOWBENCH_CACHE", str(tmp_path / "file" / "cache"))
+    return tmp_path / "file" / "cache"
+
+
+def test_without_a_folder_it_is_traced_and_said(
+    view: View, below_a_file: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert_equal(cached_truth(view), trace(view))
+    (line,) = caplog.messages
+    assert line == f"truth cache {below_a_file}: truths are traced and not kept (Not a directory)"
+    assert below_a_file.parent.read_text() == "mine"
+
+
+def test_file_where_the_folder_should_be_is_left_alone(
+    view: View, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "file").write_text("mine")
+    monkeypatch.setenv("SHADOWBENCH_CACHE", str(tmp_path / "file"))
+    assert_equal(cached_truth(view), trace(view))
+    assert ["not kept" in line for line in caplog.messages] == [True]
+    assert (tmp_path / "file").read_text() == "mine"
+
+
+def test_folder_in_the_truth_s_place_is_left_alone(
+    view: View, empty_folder: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    first = cached_truth(view)
+    (file,) = empty_folder.iterdir()
+    file.unlink()
+    file.mkdir()
+    assert_equal(cached_truth(view), first)
+    assert ["is a folder" in line for line in caplog.messages] == [True]
+    assert list(empty_folder.iterdir()) == [file]
+
+
+def test_full_disk_keeps_no_truth_and_no_part_of_one(
+    view: View, empty_folder: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    resource = pytest.importorskip("resource", reason="no limits on files here")
+    first = trace(view)
+    allowed = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, allowed[1]))  # bytes; a truth has more
+    try:
+        truth = cached_truth(view)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, allowed)
+    assert_equal(truth, first)
+    assert ["not kept" in line and "file too large" in line for line in caplog.messages] == [True]
+    assert list(empty_folder.iterdir()) == []
+
+
+def test_truth_that_may_only_be_read_is_read(
+    view: View, no_tracing: Callable[[], None], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def refuse(*_: object) -> None:
+        raise PermissionError
+
+    first = cached_truth(view)
+    no_tracing()
+    monkeypatch.setattr(Path, "touch", refuse)
+    assert_equal(cached_truth(view), first)
+    assert caplog.messages == []

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from shadowbench.scenes.model import Floats, Light, Mesh, View
-from shadowbench.truth.trace import trace
+from shadowbench.truth.trace import OFFSET, trace
 
 Shape = Callable[..., Mesh]
 Looking = Callable[..., View]
@@ -85,3 +85,23 @@ def test_mesh_that_does_not_cast_casts_nothing(light: Light, shape: Shape, looki
     assert (silent.triangle == casting.triangle).all()
     nothing_casts = [replace(mesh, casts=False) for mesh in (ground, box)]
     assert (trace(looking(nothing_casts, light, size=96)).visibility == 1).all()
+
+
+def test_sky_is_no_part_of_the_scene_s_size(shape: Shape, looking: Looking, sun: Light) -> None:
+    ground, box = shape("plane", 8.0), shape("box", at=(0, 0.5, 0))
+    sky = shape("sphere", 100.0, casts=False, receives=False)
+    views = [looking(meshes, sun, target=(0.0, 3.5, 0.0)) for meshes in ([ground, box], [ground, box, sky])]
+    alone, under = (trace(view) for view in views)
+    assert (under.triangle >= 0).all() and not (alone.triangle >= 0).all()
+    assert under.diagonal == pytest.approx(alone.diagonal, rel=1e-9)
+
+
+@pytest.mark.parametrize(("above", "visibility"), [(0.5, 1), (-8.0, 0)])
+def test_plate_behind_a_lamp_casts_nothing(shape: Shape, looking: Looking, above: float, visibility: int) -> None:
+    """Half a ray's offset behind the lamp: the way from the offset to the lamp is that much shorter."""
+    offset = OFFSET * math.hypot(8, 8)
+    meshes = [shape("plane", 8.0), shape("plane", 2.0, (0.0, 1.0 + above * offset, 0.0))]
+    lamp = Light("lamp", "point", position=(0.0, 1.0, 0.0))
+    truth = trace(looking(meshes, lamp, eye=(0.0, 0.5, 0.0), fov=60.0))
+    assert truth.receivers.all()
+    assert (truth.visibility == visibility).all()

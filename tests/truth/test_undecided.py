@@ -1,12 +1,14 @@
 """How much of an image nobody can decide: next to nothing, or scores would rest on what is left."""
 
+import math
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 
 from shadowbench.scenes.library import builtin_names, load_scene
-from shadowbench.scenes.model import Light, Mesh, View, view_of
-from shadowbench.truth.trace import Truth, trace
+from shadowbench.scenes.model import Floats, Light, Mesh, View, view_of
+from shadowbench.truth.trace import GRAZING, OFFSET, Truth, trace
 
 SIZE = 1024
 FINE = {"canopy", "railings"}  # little but edges
@@ -61,3 +63,80 @@ def test_lamp_within_the_offset_of_a_surface_decides_nothing(
 
     assert lit_from(2e-5).undecided.all()
     assert not lit_from(1e-4).undecided.any()
+
+
+@pytest.mark.parametrize(
+    ("height", "visibility", "undecided"),
+    [(0.2, 1, False), (0.3, 1, True), (0.9, 1, True), (1.1, 0, True), (3.7, 0, True), (4.4, 0, False)],
+)
+def test_occluder_within_four_offsets_of_a_surface_decides_nothing(
+    shape: Callable[..., Mesh], looking: Callable[..., View], height: float, visibility: int, undecided: bool
+) -> None:
+    """A plate that many offsets above the ground, too near to the camera to be seen; a ray starts one offset up."""
+    offset = OFFSET * math.hypot(8, 8)
+    meshes = [shape("plane", 8.0), shape("plane", 4.0, (0.0, height * offset, 0.0))]
+    noon = Light("sun", "directional", (0.1, -1.0, 0.0))
+    truth = trace(looking(meshes, noon, eye=(0.0, 1.0, 0.0), fov=20.0, near=1 - 0.1 * offset))
+    assert (truth.triangle < 2).all()
+    assert (truth.visibility == visibility).all()
+    assert (truth.undecided == undecided).all()
+
+
+def test_where_an_offset_along_the_normal_would_let_light_in_nothing_is_decided(
+    shape: Callable[..., Mesh], looking: Callable[..., View], on_ground: Callable[[View], Floats]
+) -> None:
+    """The end of a long shadow: a start at P + N·δ moves it by δ/tan(elevation), and so it is known no better."""
+    slope, tall = 1e-3, 2e-3
+    meshes = [shape("plane", 8.0), shape("box", (0.5, tall, 6.0), (-0.25 - tall / slope, tall / 2, 0.0))]
+    low = Light("sun", "directional", (1.0, -slope, 0.0))
+    view = looking(meshes, low, size=128, eye=(0.0, 1.0, 0.0), fov=3.0, target=(0.0, 0.0, -1e-3))
+    truth, x = trace(view), on_ground(view)[..., 0]
+    strip = OFFSET * math.hypot(8, 8) / slope
+    pixel = np.ptp(x) / 127
+    assert pixel < strip / 20
+    assert (truth.visibility == (x > 0))[np.abs(x) > pixel].all()
+    uncertain = (x > -strip) & (x < 0)
+    sure = (np.abs(x) > pixel) & (np.abs(x + strip) > pixel)
+    assert (truth.undecided == uncertain)[sure].all()
+
+
+def test_light_steeper_than_grazing_decides(shape: Callable[..., Mesh], looking: Callable[..., View]) -> None:
+    for factor, share in ((0.99, 1), (1.01, 0)):
+        sun = Light("sun", "directional", (1.0, -factor * GRAZING, 0.0))
+        truth = trace(looking([shape("plane", 8.0)], sun, eye=(0.0, 1.0, 0.0)))
+        assert truth.undecided.mean() == share
+
+
+@pytest.mark.parametrize(("pixels", "undecided"), [(1 / 300, True), (1 / 220, False)])
+@pytest.mark.parametrize("side", [-1, 1])
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_centre_nearer_to_an_edge_than_the_rasterisers_grid_is_undecided(
+    shape: Callable[..., Mesh],
+    looking: Callable[..., View],
+    sun: Light,
+    pixels: float,
+    undecided: bool,
+    side: int,
+    sign: int,
+) -> None:
+    """A ground that ends that many pixels before or behind a column of centres, on its left or its right."""
+    wide = 2 * math.tan(math.radians(10.0)) / 64  # a pixel on the ground
+    edge = (0.5 + sign * pixels) * wide
+    view = looking([shape("plane", 8.0, (edge + 4 * side, 0, 0))], sun, eye=(0, 1, 0), target=(0, 0, -1e-4), fov=20.0)
+    truth = trace(view)
+    assert (truth.undecided[:, 32] == undecided).all()
+    assert not truth.undecided[:, :32].any() and not truth.undecided[:, 33:].any()
+    assert (truth.triangle[:, 32] >= 0).all() == (side * sign < 0)
+
+
+def test_surface_seen_edge_on_is_undecided(shape: Callable[..., Mesh], looking: Callable[..., View]) -> None:
+    """An eye a millionth above the ground: rounding alone says where its rays meet it."""
+
+    def seen_from(height: float) -> Truth:
+        noon = Light("sun", "directional", (0.1, -1.0, 0.0))
+        return trace(looking([shape("plane", 8.0)], noon, eye=(3.0, height, 0.0), size=8, fov=1e-7))
+
+    flat = seen_from(1.5e-6)  # a slope of 5e-7
+    assert (flat.triangle >= 0).all()
+    assert flat.undecided.all()
+    assert not seen_from(6e-6).undecided.any()  # of 2e-6

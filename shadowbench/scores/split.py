@@ -1,0 +1,46 @@
+"""Visibility split into shadow and light: what a truth and a mask are both asked for."""
+
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from shadowbench.scores.edges import edge_pixels, squared_distance
+from shadowbench.scores.masks import quantise
+
+
+class Split:
+    """Visibility (H, W) in [0, 1], quantised, and its two classes among the `valid` (H, W) pixels.
+
+    Everything derived is found when first asked for, then kept. ValueError as `quantise` raises it.
+    """
+
+    def __init__(self, visibility: ArrayLike, valid: NDArray[np.bool_]) -> None:
+        self.visibility: NDArray[np.float32] = quantise(visibility)
+        self.valid = valid
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width of the view, in pixels."""
+        height, width = self.visibility.shape
+        return height, width
+
+    @cached_property
+    def shadow(self) -> NDArray[np.bool_]:
+        """Valid pixels with visibility < ½."""
+        return self.valid & (self.visibility < 0.5)
+
+    @cached_property
+    def lit(self) -> NDArray[np.bool_]:
+        """Valid pixels with visibility ≥ ½."""
+        return self.valid & ~self.shadow
+
+    @cached_property
+    def edge(self) -> NDArray[np.bool_]:
+        """The shadow's outermost pixels (see `edge_pixels`)."""
+        return edge_pixels(self.shadow, self.lit)
+
+    @cached_property
+    def squared_edge_distance(self) -> NDArray[np.int32]:
+        """Squared distance to `edge`, in pixels; NOWHERE if there is no edge."""
+        return squared_distance(self.edge)

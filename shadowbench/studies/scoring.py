@@ -1,0 +1,44 @@
+"""Scoring a mask against a truth, wherever the mask comes from: this module needs no GL."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shadowbench.scores.masks import mask_sha256
+from shadowbench.scores.metrics import score
+from shadowbench.scores.reference import Reference
+from shadowbench.truth.trace import Truth
+
+
+def reference_of(truth: Truth) -> Reference:
+    """A truth as scores see it."""
+    return Reference(
+        visibility=truth.visibility,
+        receivers=truth.receivers,
+        undecided=truth.undecided,
+        area=truth.area,
+        blocker=truth.blocker,
+        cosine=truth.cosine,
+        diagonal=truth.diagonal,
+    )
+
+
+def mask_record(
+    visibility: NDArray[np.float32], truth: Truth, reference: Reference, surface: NDArray[np.int32] | None = None
+) -> dict[str, Any]:
+    """What a score record says of a mask: its metrics and digest, and how many pixels they rest on.
+
+    visibility: (N, N), quantised to 16 bits; reference: `reference_of(truth)`, made once for many masks; surface:
+    (N, N) triangle ids of the G-buffer that the mask was drawn over, None where there is none. Row 0 is at the top.
+    """
+    record: dict[str, Any] = {
+        "metrics": score(visibility, reference),
+        "receivers": int(truth.receivers.sum()),
+        "undecided": int((truth.receivers & truth.undecided).sum()),
+        "mask_sha256": mask_sha256(visibility),
+    }
+    if surface is not None:
+        decided = truth.receivers & ~truth.undecided
+        record["surface_mismatch"] = int((decided & (surface != truth.triangle)).sum())
+    return record

@@ -1,0 +1,136 @@
+"""Scenes made for one technique at its best or its worst hold what their `about` promises."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from shadowbench.scenes.library import load_scene
+from shadowbench.scenes.model import Floats, Scene, View, view_of
+from shadowbench.truth.embree import Tracer
+from shadowbench.truth.trace import Truth, trace
+
+MADE_FOR_ONE = ["deep-street", "inside-volume", "lamp-by-wall", "lamp-over-table", "table-top"]
+SIZE = 192
+VIEWS = [(name, camera.name) for name in MADE_FOR_ONE for camera in load_scene(name).cameras]
+
+
+@pytest.fixture(scope="module")
+def traced() -> Callable[..., tuple[View, Truth]]:
+    """A view by the names of its scene and camera, without the latter by the first, and its truth."""
+    known: dict[tuple[str, str], tuple[View, Truth]] = {}
+
+    def get(name: str, camera: str = "") -> tuple[View, Truth]:
+        if (name, camera) not in known:
+            scene = load_scene(name)
+            seen = next((one for one in scene.cameras if one.name == camera), scene.cameras[0])
+            view = view_of(scene, seen, scene.lights[0], SIZE)
+            known[name, camera] = view, trace(view, pixel_samples=1)
+        return known[name, camera]
+
+    return get
+
+
+def pixel_rays(view: View, x: Floats, y: Floats) -> Floats:
+    """(N, 3) directions of length 1 along the axis; x and y run from −1 to 1, y upwards."""
+    right, up, back = view.camera.basis()
+    slope = np.tan(view.camera.fov_y / 2)
+    return slope * (x[:, None] * right + y[:, None] * up) - back
+
+
+def receiver_points(view: View, truth: Truth) -> tuple[Floats, Floats]:
+    """(R, 3) points of the decided receivers, and (R,) their visibility."""
+    row, column = np.nonzero(truth.receivers & ~truth.undecided)
+    rays = pixel_rays(view, (2 * column + 1) / view.size - 1, 1 - (2 * row + 1) / view.size)
+    geometry, hit = view.scene.geometry, truth.triangle[row, column]
+    corner, normal = geometry.vertices[geometry.faces[hit, 0]], geometry.normals[hit]
+    eye = np.array(view.camera.position)
+    along = np.einsum("ij,ij->i", corner - eye, normal) / np.einsum("ij,ij->i", rays, normal)
+    return eye + rays * along[:, None], truth.visibility[row, column]
+
+
+def occluded(scene: Scene, points: Floats) -> np.ndarray:
+    """Whether something stands between each point and the scene's first light, a directional one."""
+    towards = np.array(scene.lights[0].homogeneous[0])[None]
+    tracer = Tracer(scene.geometry.vertices, scene.geometry.caster_faces)
+    return tracer.occluded(points, towards, 1e9)
+
+
+@pytest.mark.parametrize("name", MADE_FOR_ONE)
+def test_every_caster_but_a_plane_is_closed(name: str) -> None:
+    """Otherwise shadow volumes would be tried on something else than what the scene asks."""
+    scene = load_scene(name)
+    assert all(mesh.closed or len(mesh.faces) == 2 for mesh in scene.meshes)
+    assert len(scene.geometry.faces) < 50_000
+
+
+@pytest.mark.parametrize(("name", "camera"), VIEWS)
+def test_shadows_are_well_in_view_and_decided(name: str, camera: str, traced) -> None:
+    view, truth = traced(name, camera)
+    assert view.camera.name == camera
+    shadowed = float((truth.visibility[truth.receivers] < 0.5).mean())
+    assert 0.1 <= shadowed <= 0.6
+    assert truth.receivers.mean() > 0.4
+    assert truth.undecided[truth.receivers].mean() < 0.004  # at 192²; fewer in larger images
+
+
+def test_the_deep_street_has_six_views_at_eye_height() -> None:
+    cameras = load_scene("deep-street").cameras
+    assert len({camera.name for camera in cameras}) == 6
+    assert all(1.5 < camera.position[1] < 2.0 for camera in cameras)
+
+
+def test_the_deep_street_is_lit_and_shadowed_from_1_m_to_500_m() -> None:
+    scene = load_scene("deep-street")
+    view = view_of(scene, scene.cameras[0], scene.lights[0], 512)
+    points, visibility = receiver_points(view, trace(view, pixel_samples=1))
+    distance = np.linalg.norm(points - np.array(view.camera.position), axis=1)
+    assert distance.min() < 1.25 and distance.max() > 500
+    for low, high in ((0, 5), (5, 20), (20, 80), (80, 500)):
+        here = visibility[(distance >= low) & (distance < high)]
+        assert (here < 0.5).sum() > 40 and (here > 0.5).sum() > 40, f"{low} to {high} m"
+
+
+def test_the_eye_and_the_near_plane_stand_inside_a_volume() -> None:
+    scene = load_scene("inside-volume")
+    view = view_of(scene, scene.cameras[0], scene.lights[0], SIZE)
+    near, _ = view.near_far
+    x, y = np.array([-1.0, 1.0, -1.0, 1.0]), np.array([-1.0, -1.0, 1.0, 1.0])
+    eye = np.array(view.camera.position)
+    assert occluded(scene, np.vstack([eye, eye + near * pixel_rays(view, x, y)])).all()
+
+
+@pytest.mark.parametrize("name", ["table-top", "lamp-over-table"])
+def test_shadows_fall_on_planes_one_above_the_other(name: str, traced) -> None:
+    points, visibility = receiver_points(*traced(name))
+    for height, what in ((0.0, "floor"), (0.45, "bench"), (0.77, "table"), (0.79, "tray")):
+        level = visibility[np.abs(points[:, 1] - height) < 1e-6]
+        assert (level < 0.5).any() and (level > 0.5).any(), what
+
+
+def test_a_caster_reaches_above_the_lamp() -> None:
+    scene = load_scene("lamp-over-table")
+    tops = {mesh.name: mesh.vertices[:, 1].max() for mesh in scene.meshes}
+    assert tops["vase"] > scene.lights[0].position[1] > tops["bottle"]
+
+
+def test_the_lamp_hangs_5_cm_from_its_wall() -> None:
+    scene = load_scene("lamp-by-wall")
+    wall = next(mesh for mesh in scene.meshes if mesh.name == "wall with the lamp")
+    assert scene.lights[0].position[2] - wall.vertices[:, 2].max() == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize(
+    ("one", "other"), [("+x", "+y"), ("+x", "-y"), ("+x", "+z"), ("+y", "+z"), ("-y", "+z")], ids="|".join
+)
+def test_shadows_cross_the_edges_of_a_cube_map(one: str, other: str, traced) -> None:
+    """Within 3° of the edge between two faces there is shadow on both."""
+    view, truth = traced("lamp-by-wall")
+    points, visibility = receiver_points(view, truth)
+    towards = points[visibility < 0.5] - np.array(view.light.position)
+    axes = [({"-": -1, "+": 1}[sign], "xyz".index(axis)) for sign, axis in (one, other)]
+    first, second = (sign * towards[:, axis] for sign, axis in axes)
+    major = np.isclose(np.abs(towards).max(axis=1), np.maximum(first, second))
+    angle = np.degrees(np.arctan2(second, first)) - 45
+    beside = major & (np.abs(angle) < 3)
+    assert (beside & (angle < 0)).sum() >= 5 and (beside & (angle > 0)).sum() >= 5

@@ -1,0 +1,77 @@
+"""Tables: medians with their intervals, and slopes, of known numbers."""
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from shadowbench.scores.metrics import METRICS
+from shadowbench.studies.runner import Result
+from shadowbench.studies.tables import Interval, cells_frame, interval, slopes, summary
+
+
+def result(
+    iou: float | None = 0.5, view: str = "a", size: int | None = 64, untimed: str | None = None, **of: Any
+) -> Result:
+    """A cell's rows; further words are the time's."""
+    score = {
+        "scene": "cube", "view": view, "light": "sun", "phase": 0, "technique": "t", "spec": "t", "map_size": size,
+        "view_size": 8, "renderer": "r", "status": "ok", "key": "k", "metrics": dict.fromkeys(METRICS) | {"iou": iou},
+    }  # fmt: skip
+    return Result(score, of or None, untimed)
+
+
+def test_a_summary_is_the_median_over_views() -> None:
+    cells = [result(iou, view, frame_ms=ms) for iou, view, ms in [(0.1, "a", 1.0), (0.2, "b", 2.0), (0.9, "c", 30.0)]]
+    (row,) = summary(cells_frame(cells))["cube"]
+    iou, ms = row.values["iou"], row.values["frame_ms"]
+    assert iou is not None and ms is not None
+    assert (row.cells, iou.median, ms.median) == (3, 0.2, 2)
+    assert (iou.low, iou.high) == (0.1, 0.9)
+    assert row.values["ssim"] is None
+
+
+def test_cells_that_did_not_hold_are_left_out_of_it() -> None:
+    cells = [result(0.1, "a"), result(0.9, "b", untimed="crashed"), result(0.2, "c")]
+    (row,) = summary(cells_frame(cells))["cube"]
+    assert row.values["iou"] is not None
+    assert row.values["iou"].median == pytest.approx(0.15)
+    assert (row.cells, row.refused) == (2, ("failed: while timed: crashed",))
+
+
+def test_the_interval_is_the_middle_95_percent_of_the_median() -> None:
+    # The median of 401 draws from 0, 1, …, 400 lies at rank 200 ± 10 (one standard deviation), about normally.
+    found = interval([*np.random.default_rng(1).permutation(401).astype(float), float("nan")])
+    assert found is not None
+    assert found.median == 200
+    assert found.low == pytest.approx(200 - 1.96 * 10, abs=2)
+    assert found.high == pytest.approx(200 + 1.96 * 10, abs=2)
+
+
+def test_a_single_value_has_no_interval_and_none_has_nothing() -> None:
+    assert interval([3.0]) == Interval(3.0)
+    assert interval([]) is interval([float("nan")]) is None
+
+
+def test_an_error_is_the_complement_with_its_ends_exchanged() -> None:
+    assert Interval(0.75, 0.5, 1.0).complement() == Interval(0.25, 0.0, 0.5)
+
+
+def test_a_slope_is_fitted_for_each_view_alone() -> None:
+    # Errors of c / size in one view and c / size² in the other: slopes −1 and −2.
+    cells = [
+        result(1 - scale * (64 / size) ** power, view, size)
+        for view, scale, power in [("a", 0.5, 1), ("b", 0.1, 2)]
+        for size in (64, 128, 256)
+    ]
+    (found,) = slopes(cells_frame(cells))
+    assert (found.slope.low, found.slope.median, found.slope.high) == pytest.approx((-2, -1.5, -1))
+    assert found.sizes == (64, 128, 256)
+
+
+def test_the_wall_s_time_is_a_column_after_all_others() -> None:
+    frame = cells_frame([result(frame_ms=1.0, wall_ms=2.0), result()])
+    assert list(frame)[-1] == "wall_ms"
+    assert frame["wall_ms"].tolist()[0] == 2
+    assert pd.isna(frame["wall_ms"][1])
