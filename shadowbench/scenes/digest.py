@@ -8,11 +8,13 @@ from shadowbench.scenes.model import Geometry, View
 
 
 def geometry_digest(geometry: Geometry) -> str:
-    """Hex digest of everything about triangles that can move a shadow; colours cannot."""
+    """Hex digest of everything about triangles that can move a technique's shadow; colours cannot."""
     digest = hashlib.sha256()
     for array in (geometry.vertices, geometry.faces, geometry.casts, geometry.receives):
         digest.update(repr((array.shape, array.dtype.str)).encode())
         digest.update(np.ascontiguousarray(array).tobytes())
+    if geometry.planar.any():  # which planes a technique is told of
+        digest.update(np.ascontiguousarray(geometry.planar).tobytes())
     return digest.hexdigest()
 
 

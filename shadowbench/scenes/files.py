@@ -173,6 +173,7 @@ def _placed(table: MeshTable, sources: Sequence[Mesh], where: str) -> Iterator[M
                 color=table.color or mesh.color,
                 casts=table.casts,
                 receives=table.receives,
+                planar=table.planar,
             )
 
 

@@ -53,7 +53,7 @@ class Mesh:
     """Triangles of one surface, in world space.
 
     vertices: (V, 3) float64; faces: (F, 3) int32 into them, counter-clockwise seen from outside;
-    color: linear RGB in [0, 1].
+    color: linear RGB in [0, 1]; planar: flagged as a planar receiver.
     """
 
     name: str
@@ -62,6 +62,7 @@ class Mesh:
     color: Vec3 = (0.8, 0.8, 0.8)
     casts: bool = True
     receives: bool = True
+    planar: bool = False
 
     @cached_property
     def closed(self) -> bool:
@@ -121,13 +122,14 @@ class Light:
 class Geometry:
     """All triangles of a scene in one indexed list: meshes in file order, so an index is a triangle's identity.
 
-    vertices: (V, 3) float64; faces: (F, 3) int32; casts, receives: (F,) bool; colors: (F, 3) float64, linear.
+    vertices: (V, 3) float64; faces: (F, 3) int32; casts, receives, planar: (F,) bool; colors: (F, 3) float64, linear.
     """
 
     vertices: Floats
     faces: NDArray[np.int32]
     casts: NDArray[np.bool_]
     receives: NDArray[np.bool_]
+    planar: NDArray[np.bool_]
     colors: Floats
 
     @cached_property
@@ -180,6 +182,7 @@ class Scene:
             ),
             casts=np.repeat([mesh.casts for mesh in self.meshes], counts),
             receives=np.repeat([mesh.receives for mesh in self.meshes], counts),
+            planar=np.repeat([mesh.planar for mesh in self.meshes], counts),
             colors=np.repeat(np.array([mesh.color for mesh in self.meshes], dtype=np.float64), counts, axis=0),
         )
 

@@ -1,6 +1,7 @@
 """The tables of a scene file: what a camera, a light and a mesh may say, checked field by field."""
 
 import math
+import re
 from typing import Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
@@ -12,48 +13,49 @@ from shadowbench.strict import Strict, explain
 
 MOST_COPIES = 100_000
 WIDEST_SPOT = 170.0
-NAME = r"^[\w][\w .+-]{0,79}$"
+NAME = re.compile(r"\w[\w .+-]{0,79}")
 """Names become file names and columns."""
-
-
-def _not(value: object) -> str:
-    """What was found, where `explain` does not add it: it shows no lists."""
-    return f", not {value!r:.60}" if isinstance(value, list | tuple | dict) else ""
 
 
 def _number(value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ValueError(f"should be a number, not {value!r:.60}")
+        raise ValueError(f"found {value!r:.60}; allowed: a number")
     if not abs(value) <= LARGEST:
-        raise ValueError(f"should be a number of at most {LARGEST:.0e} either way, not {value!r:.60}")
+        raise ValueError(f"found {value!r:.60}; allowed: a number of at most {LARGEST:.0e} either way")
     return float(value)
 
 
 def _three(value: object) -> Vec3:
     if not isinstance(value, list | tuple) or len(value) != 3:
-        raise ValueError(f"should be three numbers{_not(value)}")
+        raise ValueError(f"found {value!r:.60}; allowed: three numbers")
     return vec3([_number(part) for part in value])
 
 
 def _direction(value: object) -> Vec3:
     direction = _three(value)
     if not any(direction):
-        raise ValueError("should be a direction, not three zeros")
+        raise ValueError("found three zeros; allowed: a direction")
     return direction
 
 
 def _scale(value: object) -> Vec3:
     scale = _three(value) if isinstance(value, list | tuple) else vec3([_number(value)] * 3)
     if not all(scale):
-        raise ValueError(f"should be a number or three, none of them 0{_not(value)}")
+        raise ValueError(f"found {value!r:.60}; allowed: a number or three, none of them 0")
     return scale
 
 
 def _color(value: object) -> Vec3:
     color = _three(value)
     if not all(0.0 <= channel <= 1.0 for channel in color):
-        raise ValueError(f"should be linear red, green, blue, each from 0 to 1{_not(value)}")
+        raise ValueError(f"found {value!r:.60}; allowed: linear red, green, blue, each from 0 to 1")
     return color
+
+
+def _name(value: object) -> str:
+    if not isinstance(value, str) or not NAME.fullmatch(value):
+        raise ValueError(f"found {value!r:.60}; allowed: up to 80 letters, digits, spaces, or any of _ . + -")
+    return value
 
 
 Number = Annotated[float, BeforeValidator(_number)]
@@ -61,7 +63,7 @@ Three = Annotated[Vec3, BeforeValidator(_three)]
 Direction = Annotated[Vec3, BeforeValidator(_direction)]
 Scale = Annotated[Vec3, BeforeValidator(_scale)]
 Color = Annotated[Vec3, BeforeValidator(_color)]
-Name = Annotated[str, Field(pattern=NAME, strict=True)]
+Name = Annotated[str, BeforeValidator(_name)]
 Flag = Annotated[bool, Field(strict=True)]
 
 
@@ -143,6 +145,7 @@ class MeshTable(Strict):
     color: Color | None = None
     casts: Flag = True
     receives: Flag = True
+    planar: Flag = False
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:

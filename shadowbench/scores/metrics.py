@@ -17,13 +17,17 @@ from shadowbench.scores.ssim import INSIDE
 
 @dataclass(frozen=True)
 class Metric:
-    """A row of the table. `kind`: the shadows that it judges fairly, hard-edged, soft, or both."""
+    """A row of the table. `kind`: the shadows that it judges fairly, hard-edged, soft, or both.
+
+    `tolerance`: how far it may move before a comparison with a baseline calls it worse.
+    """
 
     name: str
     function: Callable[[Comparison], float | None]
     better: Literal["higher", "lower"]
     kind: Literal["hard", "soft", "both"]
     help: str
+    tolerance: float = 0.001
 
 
 def score(visibility: ArrayLike, reference: Reference) -> dict[str, float | None]:
@@ -196,6 +200,7 @@ METRICS: dict[str, Metric] = {
             "lower",
             "hard",
             "Mean distance between the masks' edges in pixels, both ways; the image's diagonal if one has none.",
+            tolerance=0.05,
         ),
         Metric(
             "edge_p95",
@@ -203,6 +208,7 @@ METRICS: dict[str, Metric] = {
             "lower",
             "hard",
             "95th percentile of the distances between the masks' edges in pixels: how bad the worst stretches are.",
+            tolerance=0.5,
         ),
     )
 }

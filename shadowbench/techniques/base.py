@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from shadowbench.gl.clock import Changes, Clock
 from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import GBuffer
-from shadowbench.scenes.model import Camera, Light, View
+from shadowbench.scenes.model import Camera, Light, LightKind, View
 from shadowbench.techniques.params import TechniqueParams, param
 from shadowbench.techniques.stage import Stage
 
@@ -79,6 +79,7 @@ class Technique(ABC):
     name: ClassVar[str]
     Params: ClassVar[type[TechniqueParams]] = TechniqueParams
     presets: ClassVar[dict[str, str]] = {}  # name: the items that it stands for, as a spec writes them
+    lights: ClassVar[frozenset[LightKind]] = frozenset({"directional", "spot", "point"})  # kinds that it answers
     phased: ClassVar[bool] = False  # whether it has a grid that a phase can shift
     shown_in: ClassVar[str] = ""  # the built-in scene whose picture its documentation shows
 

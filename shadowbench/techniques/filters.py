@@ -43,6 +43,7 @@ class PCF(Filter):
 
     name = "pcf"
     shader = "filter/pcf.glsl"
+    maps = frozenset({"2d", "array", "cube"})
     taps: Literal[3, 5, 7] = param(3, "texels along a side of the box")
 
     def radius(self, size: int) -> float:
@@ -60,3 +61,15 @@ class Dither4(Filter):
     def radius(self, size: int) -> float:
         width = self.width * size / 1000 if self.unit == "map" else self.width
         return 1.5 * width + 1
+
+
+class PCF20(Filter):
+    """Twenty fixed directions around the receiver, wider with its distance to the camera (Learn OpenGL, de Vries)."""
+
+    name = "pcf-20"
+    shader = "filter/pcf-20.glsl"
+    maps = frozenset({"cube"})
+    spread: float = param(0.04, "metres at the camera, twice as many at its far plane", gt=0, metres=True)
+
+    def radius(self, size: int) -> float:
+        return 0.5  # of each direction's own texel; how far they reach changes from pixel to pixel

@@ -28,6 +28,7 @@ class ShadowMap(Technique):
     """
 
     name = "shadow-map"
+    lights = frozenset({"directional", "spot"})
     phased = True
     presets = {
         "course": "fit=scene,bias=slope,filter=pcf(taps=3)",

@@ -18,7 +18,7 @@ SCENES = {"directional": "sphere-and-torus", "spot": "spot-lamp"}
 CHOICES = {
     "fit": sorted(Fit.table),
     "bias": sorted(Bias.table),
-    "filter": sorted(Filter.table),
+    "filter": sorted(name for name, row in Filter.table.items() if "2d" in row.maps),
     "wrap": ["border", "edge", "repeat"],
     "far_rule": ["lit", "none"],
     "depth": ["d16", "d24", "d32f"],

@@ -1,0 +1,19 @@
+// Visibility of every pixel by one cube map of distances.
+#include "map_cube.glsl"
+#include "bias.glsl"
+#include "compare_cube.glsl"
+uniform vec3 eye;
+uniform float view_far;
+#include <filter>
+#ifndef FILTER_HAS_REACH
+float filter_reach(MapPoint p) { return filter_radius; }
+#endif
+out float visibility;
+
+void main() {
+    Receiver r = receiver_at(ivec2(gl_FragCoord.xy));
+    MapPoint p = map_point(r.position);
+    p = map_point(r.position + bias_move(r, p));
+    p.bias = bias_depth(r, p);
+    visibility = r.facing ? filtered(p) : 1.0;
+}

@@ -1,0 +1,27 @@
+// Twenty directions to the corners and the middles of the edges of a cube around the receiver, whose half side grows
+// with the distance to the camera (de Vries, Learn OpenGL, "Point Shadows").
+#define FILTER_HAS_REACH
+uniform float filter_spread;
+const float to_corner = sqrt(3.0);
+
+float half_side(MapPoint p) {
+    return filter_spread * (1.0 + distance(eye, light.xyz - p.axis * p.axis_distance) / view_far);
+}
+
+// In texel diagonals, of which a radius of 1 reaches one: half a texel, and the largest angle that an offset can make,
+// as a length across at the receiver's distance.
+float filter_reach(MapPoint p) {
+    float angle = asin(min(to_corner * half_side(p) / p.axis_distance, 1.0));
+    return filter_radius + angle * p.axis_distance / length(p.texel);
+}
+
+float filtered(MapPoint p) {
+    vec3 away = -p.axis * p.axis_distance;
+    float side = half_side(p);
+    float lit = 0.0;
+    for (int x = -1; x <= 1; ++x)
+        for (int y = -1; y <= 1; ++y)
+            for (int z = -1; z <= 1; ++z)
+                if (x * x + y * y + z * z >= 2) lit += compare_direction(p, away + side * vec3(x, y, z));
+    return lit / 20.0;
+}

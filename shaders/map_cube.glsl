@@ -1,0 +1,30 @@
+// Where a receiver lies in a cube map whose depth is the distance to the light over map_far.
+#include "map_point.glsl"
+#include "cube_faces.glsl"
+uniform float map_far;  // local length
+
+float filter_reach(MapPoint p);  // the filter's, in texels
+
+MapPoint map_point(vec3 position) {
+    vec3 away = position - light.xyz;
+    vec3 lengths = abs(away);
+    MapPoint p;
+    if (lengths.x >= max(lengths.y, lengths.z)) p.layer = away.x > 0.0 ? 0 : 1;
+    else if (lengths.y >= lengths.z) p.layer = away.y > 0.0 ? 2 : 3;
+    else p.layer = away.z > 0.0 ? 4 : 5;
+    vec3 on_face = away * cube_faces[p.layer];
+    p.uv = 0.5 + 0.5 * on_face.xy / on_face.z;
+    p.axis_distance = length(away);
+    p.axis = -away / p.axis_distance;
+    p.depth = p.axis_distance / map_far;
+    p.depth_per_length = 1.0 / map_far;
+    // Across the face, as high as the receiver is along the face's axis. Towards a corner a texel is seen obliquely and
+    // its solid angle shrinks, but no bound on depth may: over (s, t) on the plane N·x = c the distance has the gradient
+    // on_face.z · (u − N/(N·u)) without its part along the face's axis, u the unit direction. That vector is tan θ
+    // long and square to u, so a texel gains at most texel · tan θ anywhere, and as much along one direction everywhere.
+    p.texel = vec2(2.0 * on_face.z / map_size);
+    p.bias = 0.0;
+    p.gradient = vec2(0.0);
+    p.radius = filter_reach(p);
+    return p;
+}

@@ -1,0 +1,151 @@
+"""What got worse and what better since a baseline: cells matched by identity, metrics by their own tolerance.
+
+Scores are compared wherever both sides have them, work where the renderer is the same, times on one machine alone.
+"""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from shadowbench.scores.metrics import METRICS
+from shadowbench.studies.rows import Record
+from shadowbench.studies.runner import Result
+
+IDENTITY = ("scene", "view", "light", "phase", "full_spec", "map_size", "view_size", "coordinates")
+EXACT = ("draws", "primitives", "gpu_bytes")  # counts that the same code repeats exactly on a renderer
+INVOCATIONS = 0.02  # of shaders: a driver may shade a pixel of a quad more or less
+TIME_FACTOR = 1.1  # a ratio that grows by less is not worth a word
+SIGNIFICANT = 3.0  # standard errors
+
+Verdict = Literal["regressed", "improved"]
+
+
+@dataclass(frozen=True)
+class Change:
+    """One number of one cell that moved by more than its tolerance.
+
+    `what` is a metric, `status`, a count of work, or `time`; `excess` is the move in tolerances, by which changes are
+    sorted; `score` is the cell's score record of now, or the baseline's where the cell is missing.
+    """
+
+    score: Record
+    what: str
+    before: Any
+    after: Any
+    verdict: Verdict
+    excess: float
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What a check found, worst first. `compared` counts cells; notes say what could not be compared, and extras."""
+
+    changes: tuple[Change, ...]
+    compared: int
+    skipped: int
+    notes: tuple[str, ...] = field(default=())
+
+    def of(self, verdict: Verdict, times: bool) -> list[Change]:
+        """The changes of a verdict that are, or are not, about time."""
+        return [change for change in self.changes if change.verdict == verdict and (change.what == "time") == times]
+
+
+def identity(record: Record) -> tuple[Any, ...]:
+    """What names a cell whatever its sources; two runs' cells are the same if these are."""
+    return tuple(record.get(name) for name in IDENTITY)
+
+
+def compare(found: Sequence[Result], baseline: Sequence[Result], tolerances: Mapping[str, float] = {}) -> Findings:
+    """Every cell of the baseline against the cell of the same identity; `tolerances` override the metrics' own."""
+    now = {identity(result.score): result for result in found}
+    then = {identity(result.score): result for result in baseline}
+    allowed = {name: tolerances.get(name, metric.tolerance) for name, metric in METRICS.items()}
+    changes: list[Change] = []
+    skipped = 0
+    notes: list[str] = []
+    for key, old in then.items():
+        new = now.get(key)
+        if new is None:
+            changes.append(Change(old.score, "status", old.status, "missing", "regressed", math.inf))
+            continue
+        if "ok" not in (old.status, new.status) or old.status != new.status:
+            changes += _status(old, new)
+            continue
+        if _same_mask(old.score, new.score):
+            skipped += 1
+        else:
+            changes += _metrics(old.score, new.score, allowed)
+        if old.score.get("renderer") == new.score.get("renderer"):
+            changes += _work(old.score, new.score)
+        changes += _time(old, new)
+    renderers = {str(result.score.get("renderer")) for result in (*found, *baseline)}
+    if len(renderers) > 1:
+        notes.append(f"work is not compared across renderers: {' · '.join(sorted(renderers))}")
+    extra = len(now.keys() - then.keys())
+    if extra:
+        notes.append(f"{extra} cells are not in the baseline")
+    changes.sort(key=lambda change: -change.excess)
+    return Findings(tuple(changes), len(now.keys() & then.keys()), skipped, tuple(notes))
+
+
+def _same_mask(old: Record, new: Record) -> bool:
+    """Equal masks of equal truths have equal scores; unequal ones say nothing, since renderers differ in last bits."""
+    same = ("mask_sha256", "receivers", "undecided")
+    return all(old.get(name) is not None and old.get(name) == new.get(name) for name in same)
+
+
+def _status(old: Result, new: Result) -> Iterator[Change]:
+    """A cell that held and does not, or does not and held; another reason alone is no change."""
+    if (old.status == "ok") != (new.status == "ok"):
+        verdict: Verdict = "regressed" if old.status == "ok" else "improved"
+        yield Change(new.score, "status", old.status, new.status, verdict, math.inf)
+
+
+def _metrics(old: Record, new: Record, allowed: Mapping[str, float]) -> Iterator[Change]:
+    for name, metric in METRICS.items():
+        before, after = old["metrics"].get(name), new["metrics"].get(name)
+        if before is None and after is None:
+            continue
+        if before is None or after is None:  # the truth has changed, or one mask lost all its edges
+            yield Change(new, name, before, after, "regressed", math.inf)
+            continue
+        worse = before - after if metric.better == "higher" else after - before
+        if abs(worse) > allowed[name]:
+            verdict: Verdict = "regressed" if worse > 0 else "improved"
+            yield Change(new, name, before, after, verdict, abs(worse) / max(allowed[name], 1e-12))
+
+
+def _work(old: Record, new: Record) -> Iterator[Change]:
+    before = {**old.get("work", {}), "gpu_bytes": old.get("gpu_bytes")}
+    after = {**new.get("work", {}), "gpu_bytes": new.get("gpu_bytes")}
+    for name in before.keys() & after.keys():
+        one, other = before[name], after[name]
+        if one is None or other is None:
+            continue
+        tolerance = 0.0 if name in EXACT else INVOCATIONS * one
+        if abs(other - one) > tolerance:
+            verdict: Verdict = "regressed" if other > one else "improved"
+            yield Change(new, name, one, other, verdict, abs(other - one) / max(INVOCATIONS * one, 1.0))
+
+
+def _time(old: Result, new: Result) -> Iterator[Change]:
+    """The ratio to the reference, where both were timed by the same machine against the same reference."""
+    before, after = old.time or {}, new.time or {}
+    same = ("machine", "clock", "reference")
+    if not before or not after or any(before.get(name) != after.get(name) for name in same):
+        return
+    if not before.get("ratio") or not after.get("ratio"):
+        return
+    factor = after["ratio"] / before["ratio"]
+    errors = [_standard_error(side) / side["ratio"] for side in (before, after)]
+    z = abs(math.log(factor)) / max(math.hypot(*errors), 1e-12)
+    if max(factor, 1 / factor) > TIME_FACTOR and z > SIGNIFICANT:
+        verdict: Verdict = "regressed" if factor > 1 else "improved"
+        yield Change(new.score, "time", before["ratio"], after["ratio"], verdict, z / SIGNIFICANT)
+
+
+def _standard_error(time: Record) -> float:
+    """Of the median of a ratio, from its IQR: σ = IQR/1.349 and √(π/2)·σ/√n, as for a normal distribution."""
+    iqr, n = float(time["ratio_iqr"]), int(time["n"])
+    return math.sqrt(math.pi / 2) * iqr / 1.349 / math.sqrt(n)

@@ -1,0 +1,110 @@
+"""Shadow mapping of a point light with one cube of distances."""
+
+from typing import Annotated, Literal
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from shadowbench.gl.device import Device
+from shadowbench.gl.targets import FACES, DepthFormat
+from shadowbench.scenes.model import View
+from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
+from shadowbench.techniques.biases import Bias, Texel
+from shadowbench.techniques.filters import Filter, Hardware
+from shadowbench.techniques.fits import CasterHull
+from shadowbench.techniques.maps import caster_state, map_textures, without_meaning
+from shadowbench.techniques.params import one_of
+
+_MARGIN = 1.001  # so that what lies farthest is not stored as an empty texel is
+_NEAREST = 2.0**-24  # of far: below what float32 positions can tell from the light itself
+_ACROSS = ((None, 2, None, None), (1, 4, 0, 5), (None, 3, None, None))  # faces, unfolded around +Z
+
+
+class CubeMap(Technique):
+    """Six square maps around a point light that store the distance to it (after Gerasimov, GPU Gems 2004).
+
+    The faces lie along the world's axes, so that a phase has nothing to shift. A spot is answered as the point light
+    that its cone is cut from, and leaves most of the cube unused, as a lamp far outside the scene does. Fails where a
+    texel, which grows with the distance, covers more than a pixel (stairs); behind casters thinner than the bias, which
+    grows with the light's slant (leaks); and in dots along concave edges, where a texel holds the other surface. The
+    published constant bias leaves acne where light grazes, all the more under pcf-20, and leaks at contacts.
+    """
+
+    name = "cube-map"
+    lights = frozenset({"spot", "point"})
+    shown_in = "lamp-by-wall"
+    presets = {"course": "bias=constant(world=0.05),filter=pcf-20"}
+
+    class Params(TechniqueParams):
+        """Parameters of cube-map."""
+
+        size: int = param(1024, "texels along a side of a face", ge=1, le=65536)
+        depth: DepthFormat = param("d32f", "depth format")
+        layers: Literal["geometry", "passes"] = param("passes", "one draw for all faces, by geometry shader, or six")
+        bias: Annotated[Bias, one_of(Bias)] = param(Texel(limit=64), "what keeps a surface from shadowing itself")
+        filter: Annotated[Filter, one_of(Filter)] = param(Hardware(), "how texels are compared and weighted")
+
+    params: Params
+
+    @classmethod
+    def unsupported(cls, params: TechniqueParams, view: View, device: Device) -> str | None:
+        assert isinstance(params, cls.Params)
+        if view.light.kind == "directional":
+            return "a directional light has no position to look around from"
+        largest = int(device.context.info["GL_MAX_CUBE_MAP_TEXTURE_SIZE"])
+        if params.size > largest:
+            return f"a cube's faces have at most {largest} texels a side on this device, not {params.size}"
+        return without_meaning("cube", params.bias, params.filter)
+
+    def build(self, stage: Stage) -> None:
+        params = self.params
+        self.stage = stage
+        self.hull = CasterHull(stage.scene)
+        self.map = stage.layered_target(params.size, params.depth, "cube")
+        geometry = "cube-map/faces.geom" if params.layers == "geometry" else None
+        self.depth_program = stage.program("cube-map/casters.vert", "cube-map/depth.frag", geometry, params=params)
+        self.resolve_program = stage.program(
+            "fullscreen.vert", "cube-map/resolve.frag", params=params, defines={"REVERSED": 0}
+        )
+        self.resolve_program.set(filter_radius=params.filter.radius(params.size), depth_step=self.map.step)
+        self.casters = stage.casters(self.depth_program)
+        self.fullscreen = stage.fullscreen(self.resolve_program)
+        self.visibility = stage.texture()
+        self.target = stage.target(self.visibility)
+
+    def draw(self, frame: Frame) -> moderngl.Texture:
+        reach = np.linalg.norm(self.hull.points - frame.light.position, axis=1)
+        self.far = float(reach.max()) * _MARGIN
+        with frame.timed("depth", changes="light"):
+            self.depth_program.set(light_position=frame.light.position, map_far=self.far, near=self.far * _NEAREST)
+            self._draw_casters()
+        with frame.timed("resolve", changes="view"):
+            self.resolve_program.set(light=frame.light_uniform, map_far=self.far)
+            self.resolve_program.set(eye=frame.camera.position, view_far=frame.view.near_far[1])
+            textures = map_textures(self.map.texture, "edge")
+            self.fullscreen.draw(self.target, frame.surface.inputs | textures)
+        return self.visibility
+
+    def _draw_casters(self) -> None:
+        state = caster_state(self.params.bias, clamp=False)
+        self.map.target.clear(depth=1.0)
+        if self.params.layers == "geometry":
+            self.casters.draw(self.map.target, state=state)
+            return
+        for face in range(FACES):
+            self.depth_program.set(face=face)
+            self.casters.draw(self.map.each[face], state=state)
+
+    def map_image(self) -> NDArray[np.float32]:
+        """The faces unfolded into a cross, (3·size, 4·size), as the light sees them: +Z in front, +X to its left."""
+        faces = self.map.texture.read()  # a cube's row 0 is the top, unlike any other map's
+        empty = np.ones_like(faces[0])
+        cross = np.block([[empty if face is None else faces[face] for face in row] for row in _ACROSS])
+        return np.fliplr(cross)
+
+    def facts(self) -> dict[str, float]:
+        far = self.far / self.stage.placement.scale
+        facts = {"texel_m": 2 * far / self.params.size, "depth_range_m": far}
+        units = self.params.bias.depth_units
+        return facts if units is None else facts | {"bias_m": units * far}

@@ -1,0 +1,157 @@
+"""Planar receivers are found by geometry: coplanar, large, wherever and however large the scene is."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from shadowbench.scenes.library import load_scene
+from shadowbench.scenes.model import Mesh, Scene
+from shadowbench.scenes.planes import Plane, find_planes
+
+
+def planes_of(
+    *meshes: Mesh, least: float = 0.01, most: int = 32, tolerance: float = 5e-7, searched=None
+) -> tuple[Plane, ...]:
+    geometry = Scene("test", meshes, (), ()).geometry
+    return find_planes(geometry, geometry.receives if searched is None else searched, least, most, tolerance)
+
+
+def grid(cells: int, height, size: float = 4.0) -> Mesh:
+    """A square of cells² · 2 triangles whose height is a function of x and z."""
+    x, z = (part.ravel() for part in np.meshgrid(*[np.linspace(-size / 2, size / 2, cells + 1)] * 2, indexing="ij"))
+    first = (np.arange(cells)[:, None] * (cells + 1) + np.arange(cells)).ravel()
+    corners = [first, first + 1, first + cells + 1, first + 1, first + cells + 2, first + cells + 1]
+    y = np.broadcast_to(height(x, z), x.shape)
+    return Mesh("grid", np.column_stack([x, y, z]), np.stack(corners, axis=1).reshape(-1, 3).astype(np.int32))
+
+
+def turned(mesh: Mesh, rotation=((1, 0, 0), (0, 1, 0), (0, 0, 1)), scale=1.0, shift=(0.0, 0.0, 0.0)) -> Mesh:
+    return Mesh(mesh.name, mesh.vertices @ np.asarray(rotation).T * scale + shift, mesh.faces)
+
+
+def rotation(quaternion) -> np.ndarray:
+    w, x, y, z = np.asarray(quaternion) / np.linalg.norm(quaternion)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + 2 * w * cross + 2 * cross @ cross
+
+
+def test_a_box_on_a_ground_has_six_planes_and_its_bottom_lies_on_the_grounds(shape) -> None:
+    found = planes_of(shape("plane", 8.0), shape("box", 1.0, (0.0, 0.5, 0.0)))
+    assert [len(plane.triangles) for plane in found] == [4, 2, 2, 2, 2, 2]
+    assert found[0].share == pytest.approx(65 / 70) and found[1].share == pytest.approx(1 / 70)
+    assert sum(plane.share for plane in found) == pytest.approx(1.0)
+    assert set(found[0].triangles) > {0, 1}
+    np.testing.assert_allclose(np.abs(found[0].equation), [0, 1, 0, 0], atol=1e-12)
+
+
+def test_equations_hold_on_their_triangles_and_nowhere_else(shape) -> None:
+    turn = rotation([0.3, -0.5, 0.7, 0.2])
+    meshes = [turned(mesh, turn, 3.0, (50.0, -20.0, 7.0)) for mesh in (shape("plane", 8.0), shape("stairs", 2.0))]
+    geometry = Scene("test", tuple(meshes), (), ()).geometry
+    found = planes_of(*meshes, least=0.001)
+    assert len(found) == 16, "of the stairs, one of whose treads lies in the ground"
+    for plane in found:
+        height = geometry.vertices @ plane.equation[:3] + plane.equation[3]
+        assert np.linalg.norm(plane.equation[:3]) == pytest.approx(1.0)
+        on = (np.abs(height) < 1e-9)[geometry.faces].all(axis=1)
+        assert np.array_equal(np.flatnonzero(on), plane.triangles)
+
+
+def test_coplanar_pieces_are_one_plane_connected_or_not_and_of_either_winding(shape) -> None:
+    left, right = shape("plane", 1.0, (-3.0, 0.7, 0.0)), shape("plane", 1.0, (3.0, 0.7, 0.0))
+    flipped = Mesh("flipped", right.vertices, right.faces[:, ::-1].copy())
+    for other in (right, flipped):
+        (plane,) = planes_of(left, other)
+        assert list(plane.triangles) == [0, 1, 2, 3] and plane.share == pytest.approx(1.0)
+    assert len(planes_of(left, turned(right, shift=(0.0, 1e-4, 0.0)))) == 2
+
+
+@pytest.mark.parametrize("turn", [[1, 0, 0, 0], [0.3, -0.5, 0.7, 0.2], [0.924, 0.383, 0, 0]])
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_a_fine_grid_is_one_plane_however_it_is_turned(dtype, turn) -> None:
+    """Corners in float32 lie off their plane by rounding, which turns small triangles much more than the whole."""
+    mesh = turned(grid(128, lambda x, z: 0.25 * x), rotation(turn))
+    (plane,) = planes_of(Mesh("rounded", mesh.vertices.astype(dtype).astype(np.float64), mesh.faces), least=0.5)
+    assert plane.share == pytest.approx(1.0)
+
+
+def test_rounding_that_scatters_normals_about_an_axis_does_not_scatter_the_plane() -> None:
+    """Every product of two components of such a normal is about a round number, on either side of it."""
+    heights = np.random.default_rng(1).uniform(-1e-7, 1e-7, 129**2)
+    for mesh in (grid(128, lambda x, z: heights), grid(128, lambda x, z: x + heights)):
+        (plane,) = planes_of(mesh, least=0.9)
+        assert plane.share == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("bend", "planes"), [(1e-7, 1), (1e-4, 2)])
+def test_a_ridge_is_two_planes_unless_it_is_within_the_tolerance(bend, planes) -> None:
+    found = planes_of(grid(16, lambda x, z: -bend * np.abs(x)), least=0.2)
+    assert len(found) == planes
+    assert sum(plane.share for plane in found) == pytest.approx(1.0)
+
+
+def test_bent_surfaces_are_none() -> None:
+    assert planes_of(*load_scene("terrain").meshes, least=0.001) == ()
+    assert planes_of(grid(64, lambda x, z: 0.002 * x * x), least=0.04) == ()
+
+
+def test_a_floor_that_runs_into_a_ramp_is_found_up_to_its_foot() -> None:
+    """Where the ramp leaves the floor it is nearly flat, and must not tilt what is fitted to the floor."""
+    mesh = grid(256, lambda x, z: np.where(x > 0, 0.01 * x * x, 0.0))
+    floor, *_ = planes_of(mesh, least=0.3)
+    assert floor.share == pytest.approx(0.5, abs=0.01)
+    np.testing.assert_allclose(np.abs(floor.equation), [0, 1, 0, 0], atol=1e-6)
+
+
+def test_a_sphere_has_planes_only_where_its_facets_are_asked_for(shape) -> None:
+    ball = shape("sphere", 1.0, subdivisions=3)
+    assert planes_of(ball, least=0.01) == ()
+    assert len(planes_of(ball, least=0.0, most=7)) == 7
+
+
+def test_no_plane_is_empty_even_where_any_share_will_do() -> None:
+    """A tolerance of less than rounding leaves small triangles off the very planes that were fitted to them."""
+    rough = grid(32, lambda x, z: 0.3 * np.sin(5 * x) * np.cos(4 * z))
+    rough = turned(rough, rotation([0.3, -0.5, 0.7, 0.2]), shift=(300.0, 0.0, 0.0))
+    found = planes_of(rough, least=0.0, most=2048, tolerance=1e-18)
+    assert all(plane.share > 0 and len(plane.triangles) for plane in found)
+    assert len(planes_of(rough, least=0.0, most=2048)) > 500
+
+
+def test_only_what_is_searched_is_found_and_counted(shape) -> None:
+    meshes = [shape("plane", 8.0, receives=False), shape("box", 1.0, (0.0, 0.5, 0.0))]
+    found = planes_of(*meshes)
+    assert len(found) == 6 and all(plane.share == pytest.approx(1 / 6) for plane in found)
+    assert not any(set(plane.triangles) & {0, 1} for plane in found)
+    assert planes_of(*meshes, searched=np.zeros(14, dtype=bool)) == ()
+
+
+def test_the_largest_come_first_and_no_more_than_asked_for() -> None:
+    scene = load_scene("room-with-lamp")
+    found = planes_of(*scene.meshes, least=0.0005)
+    shares = [plane.share for plane in found]
+    assert len(found) == 32 and shares == sorted(shares, reverse=True) and shares[-1] >= 0.0005
+    few = planes_of(*scene.meshes, least=0.0005, most=6)
+    assert [list(plane.triangles) for plane in few] == [list(plane.triangles) for plane in found[:6]]
+    taken = np.concatenate([plane.triangles for plane in found])
+    assert len(np.unique(taken)) == len(taken), "a triangle is on one plane"
+
+
+units = st.floats(-1.0, 1.0, allow_nan=False)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    quaternion=st.tuples(units, units, units, units).filter(lambda q: np.linalg.norm(q) > 0.1),
+    exponent=st.floats(-6.0, 6.0),
+    shift=st.tuples(units, units, units),
+    far=st.sampled_from([0.0, 1.0, 1e3, 1e5]),
+)
+@pytest.mark.parametrize("name", ["table-top", "stairs"])
+def test_a_moved_turned_and_scaled_scene_has_the_same_planes(name, quaternion, exponent, shift, far) -> None:
+    meshes = load_scene(name).meshes
+    turn, scale = rotation(quaternion), 10.0**exponent
+    moved = [turned(mesh, turn, scale, np.multiply(shift, far * scale)) for mesh in meshes]
+    want, have = planes_of(*meshes, least=0.0008), planes_of(*moved, least=0.0008)
+    assert {tuple(plane.triangles) for plane in want} == {tuple(plane.triangles) for plane in have}

@@ -1,0 +1,114 @@
+"""What a check calls worse, better, or nothing at all."""
+
+import math
+from typing import Any
+
+import pytest
+
+from shadowbench.scores.metrics import METRICS
+from shadowbench.studies.baseline import compare
+from shadowbench.studies.runner import Result
+
+GOOD = {name: 0.9 if metric.better == "higher" else 0.1 for name, metric in METRICS.items()}
+TIME = {"machine": "m", "clock": "wall", "reference": "shadow-map:size=1024", "n": 9, "ratio": 2.0, "ratio_iqr": 0.02}
+
+
+def cell(status: str = "ok", time: dict[str, Any] | None = None, size: int = 512, **score: Any) -> Result:
+    record = {
+        "scene": "s", "view": "camera", "light": "sun", "phase": 0, "full_spec": "shadow-map", "map_size": size,
+        "view_size": 512, "coordinates": "relative", "renderer": "llvmpipe", "status": status, "metrics": GOOD,
+        "receivers": 9, "undecided": 1, "mask_sha256": None, "gpu_bytes": 100,
+        "work": {"draws": 2, "primitives": 100, "fragments": 1000},
+    } | score  # fmt: skip
+    return Result(record, time)
+
+
+def verdicts(found: list[Result], baseline: list[Result], **tolerances: float) -> dict[str, str]:
+    return {change.what: change.verdict for change in compare(found, baseline, tolerances).changes}
+
+
+@pytest.mark.parametrize("name", METRICS)
+def test_each_metric_has_its_direction_and_its_tolerance(name: str) -> None:
+    metric = METRICS[name]
+    sign = 1 if metric.better == "higher" else -1
+    for step, verdict in ((1.1, "improved"), (-1.1, "regressed")):
+        moved = GOOD | {name: GOOD[name] + sign * step * metric.tolerance}
+        assert verdicts([cell(metrics=moved)], [cell()]) == {name: verdict}
+        within = GOOD | {name: GOOD[name] + sign * step / 2 * metric.tolerance}
+        assert verdicts([cell(metrics=within)], [cell()]) == {}
+    assert verdicts([cell(metrics=GOOD | {name: 0.5})], [cell()], **{name: 1.0}) == {}
+
+
+def test_an_equal_mask_of_an_equal_truth_is_not_compared_again() -> None:
+    worse = GOOD | {"iou": 0.1}
+    assert verdicts([cell(mask_sha256="a", metrics=worse)], [cell(mask_sha256="a")]) == {}
+    assert verdicts([cell(mask_sha256="b", metrics=worse)], [cell(mask_sha256="a")]) == {"iou": "regressed"}
+    assert verdicts([cell(mask_sha256="a", metrics=worse, receivers=8)], [cell(mask_sha256="a")]) == {
+        "iou": "regressed"
+    }
+    assert verdicts([cell(mask_sha256="b")], [cell(mask_sha256="a")]) == {}, "another hash alone is no failure"
+
+
+def test_a_metric_that_is_lost_has_regressed() -> None:
+    assert verdicts([cell(metrics=GOOD | {"edge_px": None})], [cell()]) == {"edge_px": "regressed"}
+    none = cell(metrics=GOOD | {"edge_px": None})
+    assert verdicts([none], [none]) == {}
+
+
+def test_a_missing_cell_fails_and_an_extra_one_is_a_note() -> None:
+    findings = compare([cell()], [cell(), cell(size=1024)])
+    (change,) = findings.changes
+    assert (change.what, change.after, change.verdict) == ("status", "missing", "regressed")
+    findings = compare([cell(), cell(size=1024)], [cell()])
+    assert not findings.changes and findings.notes == ("1 cells are not in the baseline",) and findings.compared == 1
+    assert compare([cell()], [cell(size=1024)]).compared == 0
+
+
+def test_a_cell_that_no_longer_holds_has_regressed() -> None:
+    failed, declined = cell("failed: crashed"), cell("unsupported: no light")
+    for bad in (failed, declined):
+        assert verdicts([bad], [cell()]) == {"status": "regressed"}
+        assert verdicts([cell()], [bad]) == {"status": "improved"}
+    assert verdicts([failed], [declined]) == {}
+
+
+@pytest.mark.parametrize(
+    ("work", "expected"),
+    [
+        ({"draws": 3, "primitives": 100, "fragments": 1000}, {"draws": "regressed"}),
+        ({"draws": 2, "primitives": 99, "fragments": 1000}, {"primitives": "improved"}),
+        ({"draws": 2, "primitives": 100, "fragments": 1019}, {}),
+        ({"draws": 2, "primitives": 100, "fragments": 1021}, {"fragments": "regressed"}),
+    ],
+)
+def test_work_is_exact_but_for_invocations(work: dict[str, int], expected: dict[str, str]) -> None:
+    assert verdicts([cell(work=work)], [cell()]) == expected
+    elsewhere = compare([cell(work=work, renderer="another")], [cell()])
+    assert not elsewhere.changes and "another" in elsewhere.notes[0]
+
+
+def test_bytes_are_exact() -> None:
+    assert verdicts([cell(gpu_bytes=101)], [cell()]) == {"gpu_bytes": "regressed"}
+
+
+def test_time_needs_a_factor_and_a_significance() -> None:
+    old = cell(time=TIME)
+    assert verdicts([cell(time=TIME | {"ratio": 2.3})], [old]) == {"time": "regressed"}
+    assert verdicts([cell(time=TIME | {"ratio": 1.7})], [old]) == {"time": "improved"}
+    assert verdicts([cell(time=TIME | {"ratio": 2.1})], [old]) == {}, "5% is below the factor"
+    assert verdicts([cell(time=TIME | {"ratio": 2.3, "ratio_iqr": 2.0})], [old]) == {}, "within the noise"
+
+
+@pytest.mark.parametrize("change", [{"machine": "x"}, {"clock": "gpu"}, {"reference": "y"}, {"ratio": None}])
+def test_times_of_different_machines_clocks_or_references_are_not_compared(change: dict[str, Any]) -> None:
+    assert verdicts([cell(time=TIME | {"ratio": 9.0} | change)], [cell(time=TIME)]) == {}
+    assert verdicts([cell()], [cell(time=TIME)]) == {}
+
+
+def test_the_worst_comes_first() -> None:
+    moved = GOOD | {"iou": 0.8, "ssim": 0.85, "acne": 0.1005}
+    findings = compare([cell(metrics=moved), cell("failed: x", size=64)], [cell(), cell(size=64)])
+    assert [change.what for change in findings.changes] == ["status", "iou", "ssim"]
+    assert math.isinf(findings.changes[0].excess)
+    assert [change.what for change in findings.of("regressed", times=False)] == ["status", "iou", "ssim"]
+    assert findings.of("regressed", times=True) == []

@@ -1,0 +1,305 @@
+"""Projected shadows: exact on planes, absent from everything else, and nothing behind the light or below the plane."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shadowbench.scenes.library import builtin_names, load_scene
+from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, vec3, view_of
+from shadowbench.techniques.planar_projection import flattening
+from shadowbench.techniques.registry import techniques
+from shadowbench.techniques.spec import parse_spec
+from shadowbench.truth.trace import trace
+
+NAME = "planar-projection"
+FAST = ["cube-on-plane", "table-top", "lamp-over-table", "room-with-lamp"]
+EVERY = [pytest.param(name, marks=[] if name in FAST else pytest.mark.slow) for name in builtin_names()]
+KINDS = ["directional", "spot", "point"]
+
+
+@dataclass(eq=False)
+class Judged:
+    """A mask beside its truth, (H, W) bool: `dark` as drawn, `wanted` as traced.
+
+    Of the `decided` receivers, `planar` are on a plane and `other` are on none.
+    """
+
+    dark: np.ndarray
+    wanted: np.ndarray
+    planar: np.ndarray
+    other: np.ndarray
+    decided: np.ndarray
+    triangle: np.ndarray
+    facts: dict[str, float]
+
+    def iou(self, where: np.ndarray) -> float:
+        """Of the shadow, over some pixels."""
+        return float((self.dark & self.wanted & where).sum() / ((self.dark | self.wanted) & where).sum())
+
+
+@pytest.fixture
+def judged(studio, build):
+    """A spec's shadow on a view, with what a ray says."""
+
+    def judge(view: View, spec: str = NAME) -> Judged:
+        shot, truth = studio.shot(view), trace(view, pixel_samples=1)
+        built = build(spec, shot)
+        mask = built.draw(shot)
+        assert set(np.unique(mask)) <= {0.0, 1.0}, "nothing is darkened twice, nor by half"
+        on_plane = np.zeros(len(view.scene.geometry.faces) + 1, dtype=bool)
+        for plane in built.technique.planes:
+            on_plane[plane.triangles] = True
+        decided = truth.receivers & ~truth.undecided
+        # At a silhouette camera and rasteriser may see different surfaces; that is not the technique's doing.
+        planar = decided & on_plane[truth.triangle] & (truth.triangle == shot.triangle)
+        facts = built.technique.facts()
+        built.stage.release()
+        other = decided & ~on_plane[shot.triangle]
+        return Judged(mask < 0.5, truth.visibility < 0.5, planar, other, decided, truth.triangle, facts)
+
+    return judge
+
+
+def lit_by(scene: Scene, kind: str) -> Light:
+    """The scene's own light if it is of this kind; a sun; or a lamp above and left of the camera."""
+    if scene.lights[0].kind == kind:
+        return scene.lights[0]
+    if kind == "directional":
+        return Light("sun", "directional", (0.5, -0.9, -0.3))
+    camera = scene.cameras[0]
+    right, up, _ = camera.basis()
+    away = np.subtract(camera.target, camera.position)
+    shift = float(np.linalg.norm(away)) * (0.2 * up - 0.25 * right)
+    position = vec3(np.asarray(camera.position) + shift)
+    return Light(kind, kind, vec3(away - shift), position, 1.2)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", EVERY)
+def test_planes_of_every_builtin_are_shadowed_as_rays_say(name, kind, judged, device) -> None:
+    scene = load_scene(name)
+    view = view_of(scene, scene.cameras[0], lit_by(scene, kind), 512)
+    spec = parse_spec(NAME, techniques())
+    if spec.technique.unsupported(spec.params, view, device):
+        assert name == "terrain"
+        return
+    seen = judged(view)
+    assert (seen.wanted & seen.planar).sum() > 1000
+    assert seen.iou(seen.planar) >= 0.9999
+    assert seen.iou(seen.decided) <= seen.iou(seen.planar)
+
+
+@pytest.mark.parametrize(("name", "most"), [("sphere-and-torus", 0.95), ("statue", 0.75), ("canopy", 0.65)])
+def test_blindness_off_the_planes_shows_in_the_score_of_the_whole(name, most, judged, builtin) -> None:
+    seen = judged(builtin(name, 256))
+    assert seen.iou(seen.decided) < most < seen.iou(seen.planar)
+    assert not (seen.dark & seen.other).any(), "what is on no plane stays lit"
+    assert (seen.wanted & seen.other).sum() > 200
+
+
+vectors = st.tuples(*[st.floats(-10.0, 10.0)] * 3)
+
+
+@given(
+    normal=vectors.filter(lambda n: np.linalg.norm(n) > 0.1), on=vectors, light=vectors, w=st.sampled_from([0.0, 1.0])
+)
+def test_flattening_moves_points_along_their_light_onto_the_plane(normal, on, light, w) -> None:
+    normal = np.asarray(normal) / np.linalg.norm(normal)
+    plane, source = np.append(normal, -normal @ on), np.append(light, w)
+    plane *= np.sign(plane @ source)
+    height = float(plane @ source)
+    if height < 0.1:
+        return
+    matrix = flattening(plane, source)
+    assert np.abs(matrix @ source).max() < 1e-9 * np.abs(matrix).max(), "the light itself goes nowhere"
+    points = np.column_stack([np.random.default_rng(0).uniform(-10, 10, (50, 3)), np.ones(50)])
+    flat = points @ matrix.T
+    assert np.abs(flat @ plane).max() < 1e-9 * np.abs(flat).max()
+    np.testing.assert_allclose(flat[:, 3], height - w * (points @ plane), atol=1e-9 * np.abs(flat).max())
+    # The three are on one line: the flattened point is a combination of point and light.
+    spans = np.stack([points, flat, np.broadcast_to(source, points.shape)], axis=1)
+    assert np.linalg.svd(spans, compute_uv=False)[:, 2].max() < 1e-9 * np.abs(flat).max()
+
+
+def test_a_boxs_shadow_is_as_large_as_the_light_makes_it(shape, looking, mask, studio) -> None:
+    """A square of 1 m at 1 m under a lamp at 3 m throws a square of 1.5 m; under a sun at 45° one moved by 1 m."""
+    meshes = [shape("plane", 8.0), shape("plane", 1.0, (0.0, 1.0, 0.0))]
+    lights = {
+        (0.0, 0.75): Light("lamp", "point", position=(0.0, 3.0, 0.0)),
+        (1.0, 0.5): Light("sun", "directional", (1.0, -1.0, 0.0)),
+    }
+    for (shift, half), light in lights.items():
+        view = looking(meshes, light, 256, eye=(0.0, 6.0, 5.0))
+        shot = studio.shot(view)
+        x, _, z = np.moveaxis(shot.position[..., :3] / shot.placement.scale + shot.placement.center, -1, 0)
+        inside = half - np.maximum(np.abs(x - shift), np.abs(z))
+        floor = (shot.triangle >= 0) & (shot.triangle < 2) & (np.abs(inside) > 1e-5)
+        assert np.array_equal(mask(NAME, view)[floor] < 0.5, inside[floor] > 0)
+        assert (floor & (inside > 0)).sum() > 500
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_behind_the_light_or_below_the_plane_casts_nothing(kind, shape, looking, judged) -> None:
+    place = (0.3, 2.0, 0.2)
+    light = {
+        "directional": Light("sun", "directional", (-0.3, -1.0, -0.2)),
+        "spot": Light("spot", "spot", (0.0, -1.0, 0.0), place, math.radians(150)),
+        "point": Light("point", "point", position=place),
+    }[kind]
+    floor = shape("plane", 8.0)
+    above = shape("sphere", 0.6, (0.5, 3.0, 0.4), receives=False)
+    below = shape("box", 1.0, (-0.7, -0.8, 0.5), receives=False)
+    alone = looking([floor, below] if kind == "directional" else [floor, below, above], light, 256, eye=(1.5, 1.6, 3.5))
+    seen = judged(alone)
+    assert not (seen.dark | seen.wanted)[seen.planar].any()
+    assert seen.planar.sum() > 20_000
+    assert seen.facts["planes_drawn"] >= 1, "it is the casters that are cut off, not the plane"
+
+
+@pytest.mark.parametrize("kind", ["spot", "point"])
+def test_casters_that_straddle_lights_height_and_plane_are_cut_at_both(kind, shape, looking, judged) -> None:
+    """Walls from below the floor to above the lamp: the shadow of their upper ends is infinitely far away."""
+    place = (0.1, 1.2, 0.1)
+    light = Light(kind, kind, (0.1, -1.0, 0.05), place, math.radians(160))
+    casters = [
+        shape("box", [0.2, 4.0, 0.5], (0.9, 0.5, 0.3)),
+        shape("cylinder", [0.3, 3.0, 0.3], (-0.8, 0.4, -0.6)),
+        shape("sphere", 0.7, (-0.5, 1.2, 0.9)),
+        shape("torus", 0.8, (0.2, 1.2, -1.2)),
+    ]
+    seen = judged(looking([shape("plane", 12.0), *casters], light, 512, eye=(3.3, 5.0, 4.4)))
+    floor = seen.planar & (seen.triangle < 2)
+    assert (seen.wanted & floor).sum() > 10_000 and (~seen.wanted & floor).sum() > 10_000
+    assert seen.iou(floor) >= 0.9999
+
+
+def test_a_caster_that_straddles_the_plane_is_cut_there_under_a_sun(shape, looking, sun, judged) -> None:
+    seen = judged(looking([shape("plane", 8.0), shape("sphere", 1.5, (0.0, 0.2, 0.0))], sun(20.0), 512))
+    floor = seen.planar & (seen.triangle < 2)
+    assert (seen.wanted & floor).sum() > 5000
+    assert seen.iou(floor) >= 0.9999
+
+
+def test_a_shadow_ends_at_its_planes_edge(shape, looking, judged) -> None:
+    """Half of a box's shadow falls off a table; behind the edge are nothing, and a ball that is on no plane."""
+    light = Light("sun", "directional", (1.0, -1.0, 0.1))
+    table = shape("plane", [2.0, 1.0, 3.0], (0.0, 0.0, 0.0), casts=False)
+    box = shape("box", 1.0, (0.6, 0.9, 0.0), receives=False)
+    ball = shape("sphere", 1.0, (1.7, -1.0, 0.0))
+    seen = judged(looking([table, box, ball], light, 512, eye=(1.2, 4.5, 2.0)))
+    assert not seen.dark[seen.triangle < 0].any() and not seen.dark[seen.triangle >= 14].any()
+    assert (seen.wanted & seen.decided & (seen.triangle >= 14)).sum() > 100, "the ball is in the box's shadow"
+    assert seen.iou(seen.planar) == 1.0 and (seen.dark & seen.planar).sum() > 500
+
+
+def test_planes_at_angles_each_have_their_pass(shape, looking, judged) -> None:
+    """A corner of a room under a lamp, all of it askew."""
+    turn, tilt = math.radians(28), math.radians(17)
+    across = np.array([[math.cos(turn), 0, math.sin(turn)], [0, 1, 0], [-math.sin(turn), 0, math.cos(turn)]])
+    up = np.array([[1, 0, 0], [0, math.cos(tilt), -math.sin(tilt)], [0, math.sin(tilt), math.cos(tilt)]])
+    room = [
+        shape("box", [4.0, 0.1, 4.0], (0.0, -0.05, 0.0)),
+        shape("box", [0.1, 3.0, 4.0], (-2.05, 1.5, 0.0)),
+        shape("box", [4.0, 3.0, 0.1], (0.0, 1.5, -2.05)),
+        shape("torus", 0.9, (-0.8, 1.0, -0.8)),
+        shape("sphere", 0.5, (0.2, 0.3, -0.9)),
+    ]
+    askew = [replace(mesh, vertices=mesh.vertices @ (across @ up).T) for mesh in room]
+    light = Light("lamp", "point", position=vec3(across @ up @ (0.9, 1.6, 0.7)))
+    view = looking(askew, light, 512, eye=vec3(across @ up @ (2.6, 2.4, 2.9)), target=(-0.5, 0.5, -0.5))
+    seen = judged(view)
+    for box in range(3):
+        wall = seen.planar & (seen.triangle // 12 == box)
+        assert (seen.wanted & wall).sum() > 300
+        assert seen.iou(wall) >= 0.9999
+    assert seen.facts["planes_drawn"] < seen.facts["planes"], "backs of the walls are not drawn"
+
+
+def test_what_lies_in_the_plane_casts_nothing_and_what_lies_above_does(shape, looking, sun, judged) -> None:
+    floor, box = shape("plane", 6.0), shape("box", 1.0, (0.0, 0.5, 0.0))
+    for height, casts in ((0.0, False), (0.01, True)):
+        sheet = shape("plane", [1.0, 1.0, 0.6], (1.3, height, 0.9), receives=False)
+        bare, covered = (judged(looking([floor, box, *extra], sun(35.0), 256)) for extra in ([], [sheet]))
+        same = bare.planar & covered.planar
+        assert (bare.dark != covered.dark)[same].any() == casts
+        assert covered.iou(covered.planar) >= 0.9999
+
+
+@pytest.mark.parametrize(
+    "light", [Light("sun", "directional", (1.0, 0.0, 0.3)), Light("p", "point", position=(2, 0, 1))]
+)
+def test_a_light_in_the_plane_leaves_it_lit(light, shape, looking, mask, studio) -> None:
+    view = looking([shape("plane", 8.0), shape("sphere", 1.0, (0.0, 0.5, 0.0))], light, 96)
+    assert (mask(NAME, view) == 1).all()
+    assert (studio.shot(view).triangle < 2).any()
+
+
+def test_a_plane_is_shadowed_on_whichever_side_the_light_is(shape, looking, judged) -> None:
+    plane, ball = shape("plane", 4.0), shape("sphere", 1.0, (0.0, 0.0, 0.0), receives=False)
+    for side in (1.0, -1.0):
+        light = Light("sun", "directional", (1.2, -side, 0.2))
+        seen = judged(looking([plane, ball], light, 256, eye=(1.0, side * 3.0, 3.0)))
+        assert (seen.dark & seen.planar).sum() > 500 and seen.iou(seen.planar) >= 0.9999
+        behind = judged(looking([plane, ball], light, 256, eye=(1.0, -side * 3.0, 3.0)))
+        assert not behind.dark.any() and behind.facts["planes_drawn"] == 0
+
+
+def test_a_low_sun_throws_long_shadows_to_the_right_pixel(shape, looking, sun, judged) -> None:
+    casters = [shape("sphere", 0.3, (-2.0, 0.15, 0.2)), shape("box", [0.2, 0.4, 0.2], (-2.5, 0.2, -0.4))]
+    seen = judged(looking([shape("plane", 12.0), *casters], sun(3.0, 180.0), 512, eye=(3.0, 3.0, 4.0)))
+    floor = seen.planar & (seen.triangle < 2)
+    assert (seen.wanted & floor).sum() > 5000
+    assert seen.iou(floor) >= 0.9999
+
+
+@pytest.mark.parametrize(("scale", "shift"), [(1e-4, 0.0), (1.0, 1e6), (1e5, 0.0)])
+def test_neither_scale_nor_place_of_the_scene_matters(scale, shift, judged) -> None:
+    scene = load_scene("table-top")
+
+    def place(point) -> np.ndarray:
+        return np.asarray(point) * scale + shift
+
+    camera, light = scene.cameras[0], Light("lamp", "point", position=vec3(place((1.2, 2.4, 1.5))))
+    camera = Camera("moved", vec3(place(camera.position)), vec3(place(camera.target)), camera.fov_y)
+    meshes = tuple(replace(mesh, vertices=place(mesh.vertices)) for mesh in scene.meshes)
+    seen = judged(view_of(Scene("moved", meshes, (camera,), (light,)), camera, light, 256))
+    assert seen.facts["planes"] == 18
+    assert (seen.wanted & seen.planar).sum() > 3000 and seen.iou(seen.planar) >= 0.9999
+
+
+def test_share_and_count_choose_the_planes(judged, builtin) -> None:
+    view = builtin("table-top", 256)
+    spread = {items: judged(view, f"{NAME}:{items}") for items in ("count=1", "count=3", "share=0.002", "share=0.0001")}
+    assert [spread[items].facts["planes"] for items in ("count=1", "count=3")] == [1, 3]
+    floor_only = spread["count=1"]
+    table = range(2, 14)
+    assert not floor_only.dark[np.isin(floor_only.triangle, table)].any()
+    assert floor_only.dark[floor_only.triangle < 2].any()
+    assert spread["count=3"].dark[np.isin(floor_only.triangle, table)].any()
+    few, many = spread["share=0.002"], spread["share=0.0001"]
+    assert few.facts["planar_share"] < many.facts["planar_share"] < 1.0
+    assert few.iou(few.decided) < many.iou(many.decided)
+
+
+def test_only_flagged_meshes_receive_when_asked_for(device, studio, shape, looking, sun, judged) -> None:
+    meshes: list[Mesh] = [
+        shape("plane", 6.0),
+        shape("box", [2.0, 0.5, 2.0], (0.0, 0.25, 0.0)),
+        shape("sphere", 1.0, (0, 1, 0)),
+    ]
+    light = sun(40.0)
+    spec = parse_spec(f"{NAME}:receives=flagged", techniques())
+    view = studio.shot(looking(meshes, light)).view
+    assert spec.technique.unsupported(spec.params, view, device) == "no mesh flagged as planar is a plane"
+    flagged = judged(
+        looking([meshes[0], replace(meshes[1], planar=True), meshes[2]], light, 256), f"{NAME}:receives=flagged"
+    )
+    assert not flagged.dark[flagged.triangle < 2].any() and flagged.wanted[flagged.triangle < 2].any()
+    assert (flagged.dark & flagged.planar).sum() > 100 and flagged.iou(flagged.planar) >= 0.9999
+    round_only = studio.shot(looking([shape("sphere", 1.0)], light)).view
+    found = parse_spec(NAME, techniques())
+    assert found.technique.unsupported(found.params, round_only, device) == "no receiver is a plane"
