@@ -10,8 +10,8 @@ def view_projection(view: View) -> Floats:
     """(4, 4) float64, world to clip space of a view's camera, as written (multiply from the left)."""
     camera = view.camera
     _, up, back = camera.basis()
-    eye = glm.dvec3(camera.position)
-    looking = np.array(glm.lookAt(eye, eye - glm.dvec3(back), glm.dvec3(up)))
+    eye = glm.dvec3(*camera.position)  # a tuple would be rounded to float32
+    looking = np.array(glm.lookAt(eye, eye - glm.dvec3(*back), glm.dvec3(*up)))
     near, far = view.near_far
     slope = float(np.tan(camera.fov_y / 2))
     projection = np.array(

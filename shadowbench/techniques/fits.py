@@ -56,7 +56,7 @@ class Fit(Row):
         """The view of a map of size² texels: the receivers, padded by texels and shifted by parts of one."""
         space = light_space(sight.view.light)
         box = self.receivers(space, sight) or Box(np.zeros(3), np.ones(3))
-        return LightView(space, _window(box, space, size, padding, shift), size)
+        return LightView(space, window(box, space, size, padding, shift), size)
 
 
 class Fixed(Fit):
@@ -135,8 +135,8 @@ def _region(space: LightSpace, sight: Sight, more: list[Floats]) -> Box | None:
     return space.box(found) if len(found) else None
 
 
-def _window(box: Box, space: LightSpace, size: int, padding: float, shift: tuple[float, float]) -> Box:
-    """The box clipped to a spot's base window, padded by texels of the map it will be, and shifted."""
+def window(box: Box, space: LightSpace, size: int, padding: float, shift: tuple[float, float]) -> Box:
+    """What a map shows of a box: clipped to a spot's base window, padded by texels, shifted by parts of one."""
     low, high = box.low.copy(), box.high.copy()
     low[:2], high[:2] = np.clip(low[:2], -space.half, space.half), np.clip(high[:2], -space.half, space.half)
     # A window without an extent (one pixel, a plane seen edge-on) still needs texels of some size.

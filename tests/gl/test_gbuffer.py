@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 
 from shadowbench.gl.gbuffer import download
+from shadowbench.gl.matrices import view_projection
+from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, view_of
 
 SCENES = ["cube-on-plane", "sphere-and-torus", "spot-lamp", "room-with-lamp", "street", "canopy", "terrain"]
+DEEP = ["deep-street", "lamp-by-wall"]  # much nearer and farther surfaces than the others
 SIZE = 384
 
 
@@ -72,7 +75,7 @@ def test_positions_are_where_rays_through_pixel_centres_meet_the_triangle(studio
     assert error.max() < 1e-6, "of a scene whose diagonal is about 1, in float32"
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", [*SCENES, *DEEP])
 def test_normals_are_the_triangles_own_turned_to_the_camera(studio, builtin, name: str) -> None:
     shot = studio.shot(builtin(name, SIZE))
     hit = shot.triangle >= 0
@@ -159,3 +162,12 @@ def test_far_from_the_origin_nothing_is_lost(studio, builtin) -> None:
     far = studio.shot(view_of(replace(view.scene, meshes=meshes), camera, view.light, 128))
     near = studio.shot(view)
     assert (far.triangle != near.triangle).mean() < 1e-3
+
+
+def test_the_camera_keeps_the_digits_of_its_place() -> None:
+    """A tuple of numbers passed to PyGLM's dvec3 is rounded to float32 on the way."""
+    eye = (1.880000601008092, 0.123456789012345, -2.718281828459045)
+    scene = load_scene("cube-on-plane")
+    view = view_of(scene, Camera("camera", eye, (0.1, 0.2, 0.3), 0.7), scene.lights[0], 8)
+    *_, w = view_projection(view) @ [*eye, 1.0]
+    assert abs(w) < 1e-14, "the eye lies in its own plane"

@@ -1,0 +1,20 @@
+// All layers in one draw: every invocation sends the triangle to the one that it may be seen in.
+layout(triangles, invocations = LAYERS) in;
+layout(triangle_strip, max_vertices = 3) out;
+in vec3 world[];
+uniform mat4 world_to_clip[LAYERS];
+
+void main() {
+    vec4 corners[3];
+    for (int i = 0; i < 3; ++i) corners[i] = world_to_clip[gl_InvocationID] * vec4(world[i], 1.0);
+    // Outside one side of the window with all corners: clipping would leave nothing.
+    vec2 least = min(min(corners[0].xy, corners[1].xy), corners[2].xy);
+    vec2 most = max(max(corners[0].xy, corners[1].xy), corners[2].xy);
+    if (any(greaterThan(least, vec2(1.0))) || any(lessThan(most, vec2(-1.0)))) return;
+    for (int i = 0; i < 3; ++i) {
+        gl_Position = corners[i];
+        gl_Layer = gl_InvocationID;
+        EmitVertex();
+    }
+    EndPrimitive();
+}

@@ -1,0 +1,18 @@
+// What the walls and caps of volumes share. A wall or cap of weight n counts n times.
+#include "shadow-volume/facing.glsl"
+uniform mat4 world_to_clip;
+uniform float sign_drawn;  // only what counts with this sign, once for each time it counts; 0: all, with its weight
+flat out float weight;
+
+int times_drawn(float count) {
+    if (sign_drawn == 0.0) return count == 0.0 ? 0 : 1;
+    return int(max(sign_drawn * count, 0.0));
+}
+
+vec4 clip_of(vec4 point) {
+    precise vec4 clip = world_to_clip * point;
+    return clip;
+}
+
+// Where the light pushes a point: infinitely far.
+vec4 away(vec3 point) { return vec4(light.w * point - light.xyz, 0.0); }

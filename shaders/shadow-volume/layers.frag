@@ -1,0 +1,4 @@
+flat in float weight;
+out float count;
+
+void main() { count = weight; }

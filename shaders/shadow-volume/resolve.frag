@@ -1,0 +1,16 @@
+// Visibility by the number of volumes around a receiver.
+#include "receiver.glsl"
+#ifdef COLOR
+uniform sampler2D counts;
+#endif
+out float visibility;
+
+void main() {
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+#ifdef COLOR
+    bool inside = texelFetch(counts, pixel, 0).r != 0.0;
+#else
+    bool inside = true;  // the stencil test keeps the others out
+#endif
+    visibility = receiver_at(pixel).facing && inside ? 0.0 : 1.0;
+}

@@ -1,0 +1,28 @@
+// The wall of an edge, always from a to b and on to infinity: the same wall drawn the other way round, to count against
+// this one, would rasterise to other last bits and leave dots.
+#include "shadow-volume/extrude.glsl"
+#ifdef COMPARE_POSITION
+flat out vec3 edge_a;
+flat out vec3 edge_b;
+#endif
+
+void wall(vec3 a, vec3 b, float count) {
+    int times = times_drawn(count);
+    if (times == 0) return;
+    vec4 near_a = clip_of(vec4(a, 1.0)), near_b = clip_of(vec4(b, 1.0));
+    vec4 far_a = clip_of(away(a)), far_b = clip_of(away(b));
+    // Parallel light has one point at infinity, and a triangle is all.
+    int corners_drawn = light.w == 0.0 ? 3 : 4;
+    for (int n = 0; n < times; n++) {
+        for (int k = 0; k < corners_drawn; k++) {
+            gl_Position = k == 0 ? near_a : k == 1 ? near_b : k == 2 ? far_a : far_b;
+            weight = count;
+#ifdef COMPARE_POSITION
+            edge_a = a;
+            edge_b = b;
+#endif
+            EmitVertex();
+        }
+        EndPrimitive();
+    }
+}

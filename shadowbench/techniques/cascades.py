@@ -1,0 +1,177 @@
+"""Cascaded shadow maps: the camera's frustum in slices, a map each (Engel 2006; Zhang, Sun, Xu and Lun 2006)."""
+
+from functools import cached_property
+from typing import Annotated, Literal, Self
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import model_validator
+
+from shadowbench.gl.device import Device
+from shadowbench.gl.program import Drawable, Value
+from shadowbench.gl.targets import DepthFormat
+from shadowbench.scenes.model import View
+from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
+from shadowbench.techniques.biases import Bias, Texel
+from shadowbench.techniques.filters import Filter, Hardware
+from shadowbench.techniques.fits import CasterHull, window
+from shadowbench.techniques.lights import Box, LightSpace, LightView, light_space
+from shadowbench.techniques.maps import caster_state, map_textures, map_uniforms, without_meaning
+from shadowbench.techniques.params import one_of
+from shadowbench.techniques.splits import Practical, Slice, Split, slices, snapped, stretched
+
+
+class Cascades(Technique):
+    """A depth map for each slice of the camera's frustum, so that texels are small where pixels are.
+
+    The first cascade whose box holds a point answers for it, or the one of its view depth. Fails against one map fitted
+    to what is seen where all of it lies at about one distance, since slices are cut whether or not anything is in them;
+    the step in sharpness between two cascades shows, and a blend only softens it. Without depth_clamp, casters further
+    towards the light than z_mult reaches cast nothing. stable holds still while the camera moves or turns, but for
+    pixels that pass from one cascade to another, not when its planes or its angle of view change. A bias by screen
+    derivatives breaks where two cascades meet. Casters are drawn once a cascade.
+    """
+
+    name = "cascades"
+    lights = frozenset({"directional"})
+    phased = True
+    shown_in = "deep-street"
+
+    class Params(TechniqueParams):
+        """Parameters of cascades."""
+
+        count: int = param(5, "cascades", ge=1, le=8)
+        split: Annotated[Split, one_of(Split)] = param(Practical(), "where the frustum is cut")
+        box: Literal["scene", "tight", "sphere"] = param(
+            "scene",
+            "what a map shows of its slice: what lies in the scene's bounds, its corners, or a sphere around it",
+        )
+        stable: bool = param(False, "moves a map by whole texels only; needs box=sphere")
+        z_mult: float = param(10.0, "times the slice's range along the light, about its middle", ge=1, le=1e4)
+        depth_clamp: bool = param(True, "keeps casters in front of near, at near")
+        select: Literal["box", "depth"] = param("box", "the first cascade whose box holds the point, or by view depth")
+        blend: float = param(0.0, "share of a cascade, at its border, that fades into the next", ge=0, le=0.5)
+        size: int = param(1024, "texels along a side of each map", ge=1, le=65536)
+        depth: DepthFormat = param("d32f", "depth format")
+        bias: Annotated[Bias, one_of(Bias)] = param(Texel(), "what keeps a surface from shadowing itself")
+        filter: Annotated[Filter, one_of(Filter)] = param(Hardware(), "how texels are compared and weighted")
+        layers: Literal["geometry", "passes"] = param("passes", "all maps in one draw, by geometry shader, or one each")
+
+        @model_validator(mode="after")
+        def _agree(self) -> Self:
+            if self.split.name == "fixed" and self.count != 5:
+                raise ValueError(f"split=fixed: found count={self.count}; allowed: 5")
+            if self.stable and self.box != "sphere":
+                raise ValueError(f"stable=true: found box={self.box}; allowed: sphere")
+            return self
+
+    params: Params
+
+    @classmethod
+    def unsupported(cls, params: TechniqueParams, view: View, device: Device) -> str | None:
+        assert isinstance(params, cls.Params)
+        if view.light.kind != "directional":
+            return f"a {view.light.kind} light shines from a place; cascades follow a directional one"
+        return without_meaning("array", params.bias, params.filter)
+
+    def build(self, stage: Stage) -> None:
+        params = self.params
+        self.stage = stage
+        self.hull = CasterHull(stage.scene)
+        self.map = stage.layered_target(params.size, params.depth, "array", params.count)
+        self.radius = params.filter.radius(params.size)
+        self.defines = {"LAYERS": params.count, "MAP_ARRAY": 1, "REVERSED": 0, "FAR_RULE_LIT": 1}
+        if params.layers == "geometry":
+            texts = ("cascades/layers.vert", "depth.frag", "cascades/layers.geom")
+            self.depth_program = stage.program(*texts, defines={"LAYERS": params.count})
+        else:
+            self.depth_program = stage.program("casters.vert", "depth.frag")
+        self.resolve_program = stage.program(
+            "fullscreen.vert", "cascades/resolve.frag", params=params, defines=self.defines
+        )
+        self.casters = stage.casters(self.depth_program)
+        self.fullscreen = stage.fullscreen(self.resolve_program)
+        self.visibility = stage.texture()
+        self.target = stage.target(self.visibility)
+
+    def draw(self, frame: Frame) -> moderngl.Texture:
+        self.last = frame
+        with frame.timed("fit", changes="view"):
+            self.slices = self._slices(frame)
+            space = light_space(frame.light)
+            boxes = (self._box(space, part, frame.phase.shift) for part in self.slices)
+            self.seen = [LightView(space, box, self.params.size) for box in boxes]
+        with frame.timed("depth", changes="view"):
+            self._draw_maps()
+        with frame.timed("resolve", changes="view"):
+            self.resolve_program.set(**self._uniforms())
+            self.fullscreen.draw(self.target, frame.surface.inputs | map_textures(self.map.texture))
+        return self.visibility
+
+    def _slices(self, frame: Frame) -> list[Slice]:
+        params = self.params
+        depths = params.split.depths(*frame.view.near_far, params.count)
+        # By view depth, the next cascade must hold what fades into it; by box, only one that does is faded into.
+        return slices(frame.camera, depths, params.blend if params.select == "depth" else 0.0)
+
+    def _box(self, space: LightSpace, part: Slice, shift: tuple[float, float]) -> Box:
+        params, padding = self.params, self.radius + 1
+        if params.box != "sphere":
+            hull = self.hull
+            points = part.corners if params.box == "tight" else part.corners_within(hull.bounds, hull.extent)
+            return window(stretched(space.box(points), params.z_mult), space, params.size, padding, shift)
+        center, radius = part.sphere
+        half = np.array([radius, radius, radius * params.z_mult])
+        if params.stable:
+            return snapped(space, center, half, params.size, padding, shift)
+        middle = space.box(center[None]).low
+        return window(Box(middle - half, middle + half), space, params.size, padding, shift)
+
+    def _draw_maps(self) -> None:
+        state = caster_state(self.params.bias, self.params.depth_clamp)
+        matrices = [seen.to_clip() for seen in self.seen]
+        self.map.target.clear(depth=1.0)
+        if self.params.layers == "geometry":
+            self.depth_program.set(world_to_clip=np.stack(matrices))
+            self.casters.draw(self.map.target, state=state)
+            return
+        for matrix, target in zip(matrices, self.map.each, strict=True):
+            self.depth_program.set(world_to_clip=matrix)
+            self.casters.draw(target, state=state)
+
+    def _uniforms(self) -> dict[str, Value]:
+        values = map_uniforms(self.seen)
+        values |= {"light": self.last.light_uniform, "filter_radius": self.radius, "depth_step": self.map.step}
+        if self.params.select == "depth":
+            forward = -self.last.camera.basis()[2]
+            values["view_depth"] = (*map(float, forward), -float(forward @ self.last.camera.position))
+            values["starts"] = np.array([part.near for part in self.slices])
+            values["ends"] = np.array([part.far for part in self.slices])
+        return values
+
+    @cached_property
+    def _tinting(self) -> tuple[Drawable, moderngl.Texture, moderngl.Framebuffer]:
+        stage, texts = self.stage, ("fullscreen.vert", "cascades/tint.frag")
+        program = stage.program(*texts, params=self.params, defines=self.defines)
+        colors = stage.texture(components=4)
+        return stage.fullscreen(program), colors, stage.target(colors)
+
+    def tint(self) -> moderngl.Texture:
+        fullscreen, colors, target = self._tinting
+        fullscreen.program.set(**self._uniforms())
+        fullscreen.draw(target, self.last.surface.inputs | map_textures(self.map.texture))
+        return colors
+
+    def map_image(self) -> NDArray[np.float32]:
+        return np.hstack(list(self.map.texture.read()[:, ::-1]))
+
+    def facts(self) -> dict[str, float]:
+        scale = self.stage.placement.scale
+        facts = {}
+        for number, (part, seen) in enumerate(zip(self.slices, self.seen, strict=True), start=1):
+            facts[f"far_{number}_m"] = part.far / scale
+            facts[f"texel_{number}_m"] = max(seen.texel) / scale
+            if self.params.bias.depth_units is not None:
+                facts[f"bias_{number}_m"] = self.params.bias.depth_units * (seen.far - seen.near) / scale
+        return facts

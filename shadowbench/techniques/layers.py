@@ -1,0 +1,87 @@
+"""How many layers of casters a ray of light crosses at most, counted from the light."""
+
+import moderngl
+import numpy as np
+
+from shadowbench.gl.program import Sampling, State
+from shadowbench.scenes.model import Floats, Light, bounds_of, perpendicular_basis, unit
+from shadowbench.techniques.base import Frame, Stage
+from shadowbench.techniques.edges import Casters
+
+_SIZE = (3072, 2048)  # texels; a lamp's tiles have 1024 × 1024. Smaller texels are touched by fewer outlines
+_REACH = 8  # texels along a side that one step makes one of
+_FACES = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
+
+
+class LayerBound:
+    """Adds up what counts at each texel from the light, and the outlines that touch the texel; then takes the largest.
+
+    No ray crosses more: between the ray through a texel's centre and any other through the texel the number of layers
+    changes only at outlines that touch it, at each by no more than its weight.
+    """
+
+    def __init__(self, stage: Stage, casters: Casters) -> None:
+        geometry = stage.scene.geometry
+        self._corners = bounds_of(geometry.vertices[np.unique(geometry.caster_faces)])
+        program = "shadow-volume/corner.vert", "shadow-volume/layers.frag"
+        self._fill = stage.program(*program, "shadow-volume/layers.geom")
+        self._outline = stage.program(*program, "shadow-volume/outline.geom")
+        self._drawn = [
+            (
+                surface is casters.open,
+                stage.indexed(self._fill, surface.faces),
+                stage.indexed(self._outline, surface.edges, moderngl.LINES_ADJACENCY),
+            )
+            for surface in (casters.closed, casters.open)
+            if len(surface.faces)
+        ]
+        counts = stage.texture(_SIZE, dtype="f2")  # exact to 2048, and not less where there are more
+        self._target = stage.target(counts)
+        self._largest = stage.program("fullscreen.vert", "shadow-volume/largest.frag", defines={"REACH": _REACH})
+        self._fullscreen = stage.fullscreen(self._largest)
+        self._steps: list[tuple[moderngl.Texture, moderngl.Framebuffer, moderngl.Texture]] = []
+        while max(counts.size) > 1:
+            smaller = stage.texture((-(-counts.width // _REACH), -(-counts.height // _REACH)))
+            self._steps.append((counts, stage.target(smaller), smaller))
+            counts = smaller
+
+    def __call__(self, frame: Frame, turned: bool) -> float:
+        """No ray of light crosses more layers than this. Reading it back waits for the device."""
+        faces = _to_faces(frame.light, self._corners)
+        tiles = (1, 1) if len(faces) == 1 else (3, 2)
+        every = np.zeros((6, 4, 4))
+        every[: len(faces)] = faces
+        texel = tuple(2.0 * tile / size for tile, size in zip(tiles, _SIZE, strict=True))
+        self._target.clear()
+        state = State(depth_clamp=True, blend="add", clip_distances=4)
+        for program in (self._fill, self._outline):
+            program.set(light=frame.light_uniform, world_to_face=every, faces=len(faces))
+        self._outline.set(texel=texel)
+        for is_open, fill, outline in self._drawn:
+            for drawable in (fill, outline):
+                drawable.program.set(turned=turned or is_open)
+                drawable.draw(self._target, state=state)
+        for counts, target, _ in self._steps:
+            self._fullscreen.draw(target, {"values": (counts, Sampling())})
+        return float(np.frombuffer(self._steps[-1][2].read(), dtype=np.float32)[0])
+
+
+def _to_faces(light: Light, corners: Floats) -> Floats:
+    """(1 or 6, 4, 4) world to clip space: the box with those corners as parallel light sees it, or all round a lamp."""
+    if light.kind != "directional":
+        return np.stack([_cube_face(np.array(axis, float), np.array(light.position)) for axis in _FACES])
+    basis = perpendicular_basis(-unit(light.direction), (0.0, 1.0, 0.0))
+    half = np.abs(basis) @ ((corners[1] - corners[0]) / 2) * 1.001
+    matrix = np.eye(4)
+    matrix[:3, :3] = basis / half[:, None]
+    matrix[:3, 3] = -matrix[:3, :3] @ corners.mean(axis=0)
+    return matrix[None]
+
+
+def _cube_face(axis: Floats, position: Floats) -> Floats:
+    basis = perpendicular_basis(-axis, (0.0, 1.0, 0.0))
+    matrix = np.zeros((4, 4))
+    matrix[:2, :3] = basis[:2]
+    matrix[3, :3] = axis
+    matrix[:, 3] = -matrix[:, :3] @ position
+    return matrix

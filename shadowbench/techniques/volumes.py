@@ -1,0 +1,158 @@
+"""Volumes of casters, extruded by geometry shaders or, for reference, by NumPy."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from shadowbench.gl.program import Drawable, Sampling, State, Texture
+from shadowbench.scenes.model import Floats
+from shadowbench.techniques.base import Frame, Stage, TechniqueParams
+from shadowbench.techniques.edges import Casters, Indices
+
+Faces = Literal["triangle", "silhouette"]
+Part = Literal["wall", "cap"]
+Singles = NDArray[np.float32]
+
+_PARTS: tuple[Part, ...] = ("wall", "cap")
+
+
+@dataclass(frozen=True, eq=False)
+class Onto:
+    """Where volumes are drawn, and how."""
+
+    target: moderngl.Framebuffer
+    textures: Mapping[str, tuple[Texture, Sampling]]
+    state: State
+
+
+class Volumes(Protocol):
+    """Draws the walls or caps of all volumes.
+
+    Walls run a, b, infinity, and caps as their triangles are wound: the light sees a cap of positive weight
+    counter-clockwise. `sign` 1 or −1 draws what counts with that sign, each as often as it counts; 0 draws all, with
+    its weight.
+    """
+
+    def place(self, frame: Frame, world_to_clip: Floats, turned: bool) -> None:
+        """Take a frame's camera and light; `turned` counts all triangles of closed parts too, not facing ones alone."""
+
+    def draw(self, part: Part, sign: int, front_adds: int, onto: Onto) -> None:
+        """Draw; in colour, what is seen counter-clockwise adds `front_adds` times its weight, the rest subtracts it."""
+
+
+class ShaderVolumes:
+    """Extruded by geometry shaders, silhouettes from lines with adjacency."""
+
+    def __init__(self, stage: Stage, casters: Casters, faces: Faces, params: TechniqueParams) -> None:
+        self._programs = {
+            part: stage.program(
+                "shadow-volume/corner.vert",
+                "shadow-volume/count.frag",
+                f"shadow-volume/{faces if part == 'wall' else part}.geom",
+                params=params,
+                defines={part.upper(): 1},
+            )
+            for part in _PARTS
+        }
+        self._drawn: dict[Part, list[tuple[bool, Drawable]]] = {part: [] for part in _PARTS}
+        for surface in (casters.closed, casters.open):
+            lines = faces == "silhouette"
+            walls = (surface.edges, moderngl.LINES_ADJACENCY) if lines else (surface.faces, moderngl.TRIANGLES)
+            for part, (indices, mode) in zip(_PARTS, (walls, (surface.faces, moderngl.TRIANGLES)), strict=True):
+                drawable = stage.indexed(self._programs[part], indices, mode)
+                self._drawn[part].append((surface is casters.open, drawable))
+
+    def place(self, frame: Frame, world_to_clip: Floats, turned: bool) -> None:
+        self._turned = turned
+        for program in self._programs.values():
+            program.set(light=frame.light_uniform, world_to_clip=world_to_clip)
+            if program.has("eye"):
+                program.set(eye=frame.camera.position)
+
+    def draw(self, part: Part, sign: int, front_adds: int, onto: Onto) -> None:
+        program = self._programs[part]
+        program.set(sign_drawn=float(sign), front_adds=float(front_adds))
+        for is_open, drawable in self._drawn[part]:
+            program.set(turned=self._turned or is_open)
+            drawable.draw(onto.target, onto.textures, onto.state)
+
+
+class ArrayVolumes:
+    """Extruded by NumPy, every triangle by itself, in the float32 that the shaders use."""
+
+    def __init__(self, stage: Stage, casters: Casters, params: TechniqueParams) -> None:
+        self._programs = {
+            part: stage.program(
+                "shadow-volume/volume.vert", "shadow-volume/count.frag", params=params, defines={part.upper(): 1}
+            )
+            for part in _PARTS
+        }
+        self._edges = "from" in self._programs["wall"].linked  # as the variant has it
+        edges = {"from": 3, "to": 3} if self._edges else {}
+        self._upload = {
+            "wall": stage.stream(self._programs["wall"], {"point": 4} | edges),
+            "cap": stage.stream(self._programs["cap"], {"point": 4}),
+        }
+        self._vertices = stage.scene.geometry.vertices.astype(np.float32)
+        self._surfaces = [(casters.closed.faces, False), (casters.open.faces, True)]
+
+    def place(self, frame: Frame, world_to_clip: Floats, turned: bool) -> None:
+        for program in self._programs.values():
+            program.set(world_to_clip=world_to_clip)
+            if program.has("eye"):
+                program.set(eye=frame.camera.position, light=frame.light_uniform)
+        light = np.array(frame.light_uniform, dtype=np.float32)
+        counted = [self._counted(faces, light, turned or is_open) for faces, is_open in self._surfaces]
+        faces, weights = (np.concatenate(parts) for parts in zip(*counted, strict=True))
+        self._points = {
+            (part, sign): make(faces, weights * sign, light)
+            for part, make in (("wall", self._walls), ("cap", self._caps))
+            for sign in (1, -1)
+        }
+
+    def draw(self, part: Part, sign: int, front_adds: int, onto: Onto) -> None:
+        for one in (sign,) if sign else (1, -1):
+            self._programs[part].set(sign_drawn=float(one), front_adds=float(front_adds))
+            self._upload[part](self._points[part, one]).draw(onto.target, onto.textures, onto.state)
+
+    def _counted(self, faces: Indices, light: Singles, turned: bool) -> tuple[Indices, Singles]:
+        """The faces that count, and 1 or −1 for each by whether the light sees it counter-clockwise."""
+        order = np.argsort(faces, axis=1)
+        parity = np.where((np.diff(order, axis=1) % 3 == 1).all(axis=1), 1.0, -1.0)
+        a, b, c = self._vertices[np.take_along_axis(faces, order, axis=1)].transpose(1, 0, 2)
+        u, v, to_light = b - a, c - a, light[:3] - light[3] * a
+        volume = (
+            (u[:, 1] * v[:, 2] - u[:, 2] * v[:, 1]) * to_light[:, 0]
+            + (u[:, 2] * v[:, 0] - u[:, 0] * v[:, 2]) * to_light[:, 1]
+            + (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) * to_light[:, 2]
+        )
+        side = np.where(volume > 0, parity, -parity)
+        counts = turned | (side > 0)
+        return faces[counts], side[counts]
+
+    def _walls(self, faces: Indices, weights: Singles, light: Singles) -> Singles:
+        start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+        drawn = np.where(start < end, 1, -1) * np.repeat(weights, 3) > 0
+        low, high = np.minimum(start, end)[drawn], np.maximum(start, end)[drawn]
+        a, b = self._near(low), self._near(high)
+        far_a, far_b = self._far(low, light), self._far(high, light)
+        corners = [a, b, far_a] if light[3] == 0 else [a, b, far_a, far_a, b, far_b]
+        edge = [a[:, :3], b[:, :3]] if self._edges else []
+        rows = np.stack([np.column_stack([corner, *edge]) for corner in corners], axis=1)
+        return rows.reshape(-1, rows.shape[2])
+
+    def _caps(self, faces: Indices, weights: Singles, light: Singles) -> Singles:
+        faces = faces[weights > 0]
+        near = self._near(faces.ravel())
+        return near if light[3] == 0 else np.concatenate([near, self._far(faces[:, ::-1].ravel(), light)])
+
+    def _near(self, corners: Indices) -> Singles:
+        return np.column_stack([self._vertices[corners], np.ones(len(corners), dtype=np.float32)])
+
+    def _far(self, corners: Indices, light: Singles) -> Singles:
+        points = light[3] * self._vertices[corners] - light[:3]
+        return np.column_stack([points, np.zeros(len(corners), dtype=np.float32)])

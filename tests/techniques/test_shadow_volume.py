@@ -1,0 +1,275 @@
+"""Shadow volumes: exact but for pixels that the rasteriser's grid lets in, however they are extruded and counted."""
+
+import statistics
+import time
+
+import numpy as np
+import pytest
+
+import shadowbench.techniques.shadow_volume as module
+from shadowbench.errors import InputError
+from shadowbench.gl.clock import work_of
+from shadowbench.scenes.library import builtin_names, load_scene
+from shadowbench.scenes.model import Light, Mesh, Scene, view_of
+from shadowbench.techniques.edges import casters_of
+from shadowbench.techniques.registry import techniques
+from shadowbench.techniques.spec import parse_spec
+from shadowbench.truth.trace import trace
+
+FAST = ["cube-on-plane", "spot-lamp", "room-with-lamp", "stairs"]
+REAL = ["armadillo.obj", "2CylinderEngine.glb", "bgfx_tree.obj", "retroufo.gltf"]
+SILHOUETTE, TRIANGLE = "shadow-volume", "shadow-volume:faces=triangle"
+
+
+def wrong(mask: np.ndarray, truth) -> np.ndarray:
+    """Decided receivers on the wrong side."""
+    return truth.receivers & ~truth.undecided & ((mask < 0.5) != (truth.visibility < 0.5))
+
+
+def one_mesh(mesh: Mesh) -> Scene:
+    return Scene("test", (mesh,), (), ())
+
+
+# Topology
+
+
+def test_a_box_is_closed_and_a_plane_is_open(shape) -> None:
+    box, plane = casters_of(one_mesh(shape("box", 2.0))), casters_of(one_mesh(shape("plane", 2.0)))
+    assert box.closed.faces.shape == (12, 3) and box.closed.edges.shape == (18, 4) and len(box.open.faces) == 0
+    assert box.boxes.tolist() == [[[-1.0] * 3, [1.0] * 3]]
+    assert plane.open.faces.shape == (2, 3) and plane.open_parts == 1 and len(plane.closed.faces) == 0
+    alone = plane.open.edges[:, 3] == plane.open.edges[:, 1]
+    assert sorted(alone) == [False, True, True, True, True], "four sides and the diagonal"
+    assert (plane.open.edges[:, 1] < plane.open.edges[:, 2]).all()
+
+
+def test_a_box_without_a_side_and_one_wound_inwards_are_open(shape) -> None:
+    box = shape("box")
+    for faces in (box.faces[2:], box.faces[:, ::-1]):
+        casters = casters_of(one_mesh(Mesh("box", box.vertices, faces)))
+        assert len(casters.closed.faces) == 0 and len(casters.open.faces) == len(faces)
+
+
+def test_an_edge_of_four_triangles_has_two_rows_and_two_boxes_at_it_are_closed(shape) -> None:
+    left, right = shape("box"), shape("box", at=(1.0, 1.0, 0.0))
+    both = Mesh(
+        "two",
+        np.concatenate([left.vertices, right.vertices]),
+        np.concatenate([left.faces, right.faces + len(left.vertices)]),
+    )
+    casters = casters_of(one_mesh(both))
+    assert len(casters.closed.faces) == 24 and len(casters.closed.edges) == 36
+    assert len(np.unique(casters.closed.edges[:, 1:3], axis=0)) == 35
+
+
+def test_a_triangle_with_a_corner_twice_is_left_out(shape) -> None:
+    box = shape("box")
+    faces = np.concatenate([box.faces, [[0, 1, 1]]]).astype(np.int32)
+    assert len(casters_of(one_mesh(Mesh("box", box.vertices, faces))).closed.faces) == 12
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_meshes_are_closed_that_trimesh_finds_closed(name) -> None:
+    for mesh in load_scene(name).meshes[:20]:
+        if mesh.casts:
+            assert (len(casters_of(one_mesh(mesh)).open.faces) == 0) == mesh.closed, mesh.name
+
+
+def test_facts_say_what_is_closed_and_how_it_was_counted(studio, build, builtin) -> None:
+    shot = studio.shot(builtin("sphere-and-torus", 64))
+    one = build(SILHOUETTE, shot)
+    one.draw(shot)
+    facts = one.technique.facts()
+    assert facts["closed_parts"] == 2 and facts["open_parts"] == 1
+    assert 1 <= facts["layers_at_most"] < 255 and facts["counted_in_color"] == 0
+
+
+# Every way of extruding and counting
+
+
+def test_numpy_extrudes_single_triangles_only() -> None:
+    with pytest.raises(InputError, match="build=cpu extrudes single triangles; faces is silhouette, allowed: triangle"):
+        parse_spec("shadow-volume:build=cpu", techniques())
+    assert parse_spec("shadow-volume:build=cpu,faces=triangle", techniques()).params.build == "cpu"
+
+
+@pytest.mark.parametrize("compare", ["position", "depth"])
+@pytest.mark.parametrize("name", FAST)
+def test_stencil_colour_and_numpy_give_the_same_bits(name, compare, studio, build, builtin) -> None:
+    shot = studio.shot(builtin(name, 192))
+    for faces, builds in (("silhouette", ["geometry"]), ("triangle", ["geometry", "cpu"])):
+        masks = [
+            build(f"shadow-volume:faces={faces},counter={counter},build={by},compare={compare}", shot).draw(shot)
+            for counter in ("stencil", "color")
+            for by in builds
+        ]
+        assert 0.01 < (masks[0] < 0.5).mean() < 0.99
+        assert all(np.array_equal(masks[0], mask) for mask in masks[1:])
+
+
+@pytest.mark.parametrize("name", ["cube-on-plane", "sphere-and-torus", "spot-lamp", "stairs", "canopy"])
+def test_counting_before_and_behind_agree_where_the_camera_is_in_the_light(name, mask, builtin) -> None:
+    view = builtin(name, 192)
+    assert np.array_equal(mask("shadow-volume:count=z-pass", view), mask(SILHOUETTE, view))
+
+
+def test_counting_from_an_eye_in_the_shade_is_wrong(mask, builtin, truth_of, scored) -> None:
+    view, truth = builtin("inside-volume"), truth_of("inside-volume")
+    assert scored(mask(SILHOUETTE, view), truth)["iou"] >= 0.9995
+    assert scored(mask("shadow-volume:count=z-pass", view), truth)["iou"] < 0.5
+
+
+# Against the truth
+
+
+@pytest.mark.parametrize("name", FAST)
+def test_small_views_are_exact(name, mask, builtin, truth_of) -> None:
+    assert wrong(mask(SILHOUETTE, builtin(name)), truth_of(name)).sum() <= 1
+
+
+def test_depth_of_24_bits_blurs_what_is_far_behind_a_near_plane(mask, builtin, truth_of) -> None:
+    """The camera stands in the room, so that its near plane is at far/10⁴."""
+    found = {
+        by: wrong(mask(f"shadow-volume:compare={by}", builtin("spot-lamp")), truth_of("spot-lamp")).sum()
+        for by in ("position", "depth")
+    }
+    assert found["position"] <= 1 and found["depth"] >= 10
+
+
+def check_every_face(view, studio, build, scored) -> None:
+    truth, shot = trace(view, pixel_samples=1), studio.shot(view)
+    masks = [build(spec, shot).draw(shot) for spec in (SILHOUETTE, TRIANGLE)]
+    for visibility in masks:
+        assert scored(visibility, truth)["iou"] >= 0.9999
+        assert wrong(visibility, truth).sum() <= 3  # found: 1 at most, of a million
+    decided = truth.receivers & ~truth.undecided
+    assert (masks[0] != masks[1])[decided].sum() <= 2e-4 * decided.sum()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", builtin_names())
+def test_every_scene_is_exact(name, studio, build, builtin, scored) -> None:
+    check_every_face(builtin(name, 1024), studio, build, scored)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("file", REAL)
+def test_real_meshes_closed_or_not_are_exact(file, shared_scenes, studio, build, scored) -> None:
+    scene = load_scene(shared_scenes / file)
+    check_every_face(view_of(scene, scene.cameras[0], scene.lights[0], 1024), studio, build, scored)
+
+
+@pytest.mark.parametrize("kind", ["directional", "point"])
+def test_pages_of_a_book_cast_though_three_meet_at_its_back(kind, shape, looking, mask) -> None:
+    back = [[0.0, 0.2, -0.5], [0.0, 0.2, 0.5]]
+    tips = [[np.cos(angle), 0.2 + np.sin(angle), z] for angle in (0.4, 1.4, 2.3) for z in (-0.5, 0.5)]
+    faces = [[0, 1, 3], [0, 3, 2], [1, 0, 5], [0, 4, 5], [0, 1, 7], [0, 7, 6]]  # wound without a rule
+    book = Mesh("book", np.array(back + tips), np.array(faces, dtype=np.int32))
+    light = Light(kind, kind, (0.4, -1.0, -0.2), (-0.8, 2.1, 0.5))
+    view = looking([shape("plane", 6.0), book], light, 256)
+    truth = trace(view, pixel_samples=1)
+    assert (truth.visibility < 0.5).sum() > 1000
+    assert wrong(mask(SILHOUETTE, view), truth).sum() <= 1
+
+
+def test_a_lamp_in_a_closed_box_lights_nothing_outside(shape, looking, mask, studio) -> None:
+    lamp = Light("lamp", "point", position=(0.1, 1.0, 0.2))
+    view = looking([shape("plane", 8.0), shape("box", 1.0, (0.0, 1.0, 0.0))], lamp)
+    shot = studio.shot(view)
+    ground = (shot.triangle >= 0) & (shot.triangle < 2)
+    assert ground.sum() > 1000
+    for spec in (SILHOUETTE, TRIANGLE, f"{TRIANGLE},build=cpu"):
+        assert (mask(spec, view)[ground] == 0).all()
+
+
+def test_an_edge_along_the_light_leaves_no_dots(shape, looking, mask) -> None:
+    """Walls of no width, from a camera whose up they run along."""
+    planes = [shape("plane", [4.0, 1.0, 4.0], (0.0, y, 0.0), casts=False) for y in (-1.5, 1.5)]
+    view = looking(
+        [*planes, shape("sphere")],
+        Light("sun", "directional", (0.0, -1.0, 0.0)),
+        96,
+        (0.6, -0.7, 3.5),
+        (0.0, -1.2, 0.0),
+        60,
+    )
+    assert wrong(mask(SILHOUETTE, view), trace(view, pixel_samples=1)).sum() == 0
+
+
+# Counting far
+
+
+def nested(shape, count: int) -> list[Mesh]:
+    """A patch of ground within so many spheres."""
+    sphere = shape("sphere", subdivisions=2)
+    radii = np.linspace(2.0, 4.0, count) * 2
+    return [shape("plane", 1.0, casts=False), *(Mesh("shell", sphere.vertices * r, sphere.faces) for r in radii)]
+
+
+@pytest.mark.parametrize(
+    "light",
+    [Light("sun", "directional", (0.3, -1.0, 0.2)), Light("lamp", "point", position=(3.0, 9.0, 2.0))],
+    ids=["sun", "lamp"],
+)
+@pytest.mark.parametrize("count", [1, 100, 255, 256, 257, 512])
+def test_inside_any_number_of_spheres_is_shade(count, light, shape, looking, studio, build) -> None:
+    shot = studio.shot(looking(nested(shape, count), light, 48, (0.0, 0.9, 0.9)))
+    ground = (shot.triangle >= 0) & (shot.triangle < 2)
+    assert ground.sum() > 200
+    one = build(SILHOUETTE, shot)
+    assert (one.draw(shot)[ground] == 0).all()
+    facts = one.technique.facts()
+    assert facts["layers_at_most"] >= count
+    assert facts["counted_in_color"] == (count > 200)
+
+
+def test_256_layers_would_be_none_in_8_bits(shape, looking, sun, studio, build, monkeypatch) -> None:
+    """What the count of layers is there to prevent."""
+    monkeypatch.setattr(module, "MOST_LAYERS", 1000)
+    for count, expected in ((255, 0), (256, 1), (257, 0)):
+        shot = studio.shot(looking(nested(shape, count), sun(), 48, (0.0, 0.9, 0.9)))
+        ground = (shot.triangle >= 0) & (shot.triangle < 2)
+        assert (build(SILHOUETTE, shot).draw(shot)[ground] == expected).all()
+
+
+# What silhouettes save
+
+
+@pytest.fixture
+def armadillo(shared_scenes, studio):
+    scene = load_scene(shared_scenes / "armadillo.obj")
+    return studio.shot(view_of(scene, scene.cameras[0], scene.lights[0], 1024))
+
+
+@pytest.mark.slow
+def test_silhouettes_draw_fewer_triangles(armadillo, build, device, monkeypatch) -> None:
+    drawn = {}
+    for spec in (SILHOUETTE, TRIANGLE):
+        one = build(f"{spec}{',' if ':' in spec else ':'}counter=color", armadillo)
+        draw_part = one.technique.volumes.draw
+
+        def counted(part, *rest, spec=spec, draw_part=draw_part):
+            drawn[spec, part] = work_of(device, lambda: draw_part(part, *rest))["primitives"]
+
+        monkeypatch.setattr(one.technique.volumes, "draw", counted)
+        one.draw(armadillo)
+    if not device.pipeline_statistics:
+        pytest.skip("the driver does not count primitives")
+    walls, few_walls = drawn[TRIANGLE, "wall"], drawn[SILHOUETTE, "wall"]
+    assert drawn[TRIANGLE, "cap"] == drawn[SILHOUETTE, "cap"]
+    assert walls >= 10 * few_walls  # found: 14.8
+    assert walls + drawn[TRIANGLE, "cap"] >= 3.2 * (few_walls + drawn[SILHOUETTE, "cap"])  # found: 5.1
+
+
+@pytest.mark.slow
+@pytest.mark.alone
+def test_silhouettes_are_faster(armadillo, build, device) -> None:
+    built = {spec: build(spec, armadillo) for spec in (SILHOUETTE, TRIANGLE)}
+    times: dict[str, list[float]] = {spec: [] for spec in built}
+    for _ in range(6):
+        for spec, one in built.items():
+            device.context.finish()
+            start = time.perf_counter()
+            one.draw(armadillo)
+            times[spec].append(time.perf_counter() - start)
+    assert statistics.median(times[TRIANGLE][1:]) >= 5 * statistics.median(times[SILHOUETTE][1:])  # found: 7.8

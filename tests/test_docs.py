@@ -1,0 +1,82 @@
+"""The documentation says what the code does, and its links lead somewhere."""
+
+import importlib.util
+import re
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+from PIL import Image
+
+from shadowbench.techniques.registry import own_techniques
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+TOOL = ROOT / "tools" / "technique_docs.py"
+
+
+@pytest.fixture(scope="module")
+def tool() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("technique_docs", TOOL)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def page() -> str:
+    return (ROOT / "docs" / "techniques.md").read_text(encoding="utf-8")
+
+
+def anchors(file: Path) -> set[str]:
+    """The anchors that a page's headings make."""
+    headings = re.findall(r"^#+ (.+)$", file.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+def test_the_techniques_page_is_up_to_date() -> None:
+    done = subprocess.run([sys.executable, TOOL, "--check"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_a_changed_default_makes_the_page_stale_and_a_changed_number_does_not(tool: ModuleType) -> None:
+    made = page()
+    assert tool._compare(made, made) == 0
+    measured = re.sub(r"(?m)^(Measured .*IoU )\S+,", r"\g<1>0.1234,", made)
+    assert measured != made and tool._compare(measured, made) == 0
+    default = made.replace("| `1024` |", "| `2048` |", 1)
+    assert default != made and tool._compare(default, made) == 1
+    assert tool._compare("", made) == 1
+
+
+@pytest.mark.parametrize("technique", own_techniques(), ids=lambda technique: technique.name)
+def test_every_technique_has_its_parameters_presets_and_picture(technique) -> None:
+    section = re.split(r"(?m)^## ", page().split(f"\n## {technique.name}\n")[1])[0]
+    assert all(f"| `{key}` |" in section for key in technique.Params.model_fields)
+    assert all(f"| `{name}` | `{items}` |" in section for name, items in technique.presets.items())
+    assert all(f"| {kind} |" in section for kind in ("directional", "spot", "point"))
+    assert f"](techniques/{technique.name}.png)" in section
+    file = ROOT / "docs" / "techniques" / f"{technique.name}.png"
+    assert file.stat().st_size < 250_000
+    with Image.open(file) as picture:
+        assert picture.size == (512, 512)
+
+
+@pytest.mark.parametrize("file", PAGES, ids=lambda file: file.name)
+def test_every_link_leads_to_a_file_and_a_heading(file: Path) -> None:
+    text = re.sub(r"```.*?```", "", file.read_text(encoding="utf-8"), flags=re.DOTALL)
+    links = [link for link in re.findall(r"\]\(([^)\s]+)\)", text) if not link.startswith(("http://", "https://"))]
+    assert links
+    for link in links:
+        path, _, anchor = link.partition("#")
+        there = (file.parent / path).resolve() if path else file
+        assert there.exists(), link
+        assert not anchor or anchor in anchors(there), link
+
+
+def test_every_picture_is_shown_on_a_page() -> None:
+    shown = "".join(file.read_text(encoding="utf-8") for file in PAGES)
+    assert [file.name for file in (ROOT / "docs").rglob("*.png") if file.name not in shown] == []
