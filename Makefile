@@ -26,7 +26,8 @@ test: lint
 	$(bin)/pytest -q -m "not slow and not alone" $(two_cores)
 	$(bin)/pytest -q -m "not slow and alone"
 
-test-slow: setup
+test-slow:
+	@sh tools/setup.sh chromium
 	$(bin)/pytest -q -m slow
 	$(gl_4_1) $(bin)/pytest -q -m "not slow and not alone" $(two_cores) tests/gl tests/techniques
 

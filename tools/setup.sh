@@ -1,6 +1,7 @@
 #!/bin/sh
 # Makes .venv ready. What Debian has to give (Python, an OpenGL driver) is installed when root runs this; anyone else
 # is told the line to run. The Python packages are installed again only when pyproject.toml or constraints.txt changed.
+# Arguments are commands that the caller needs too, of Debian packages of the same name: `tools/setup.sh chromium`.
 set -eu
 cd "$(dirname "$0")/.."
 
@@ -57,6 +58,7 @@ install_packages() {
 missing=""
 if ! new_enough .venv/bin/python && [ -z "$(find_python)" ]; then missing=$python_packages; fi
 if ! has_gl; then missing="$missing $gl_packages"; fi
+for package in "$@"; do command -v "$package" >/dev/null || missing="$missing $package"; done
 # shellcheck disable=SC2086  # one word a package
 if [ -n "$missing" ]; then install_packages $missing; fi
 

@@ -74,9 +74,9 @@ class CubeMap(Technique):
         self.target = stage.target(self.visibility)
 
     def draw(self, frame: Frame) -> moderngl.Texture:
-        reach = np.linalg.norm(self.hull.points - frame.light.position, axis=1)
-        self.far = float(reach.max()) * _MARGIN
         with frame.timed("depth", changes="light"):
+            reach = np.linalg.norm(self.hull.points - frame.light.position, axis=1)
+            self.far = float(reach.max()) * _MARGIN
             self.depth_program.set(light_position=frame.light.position, map_far=self.far, near=self.far * _NEAREST)
             self._draw_casters()
         with frame.timed("resolve", changes="view"):

@@ -75,7 +75,8 @@ def spec_of(technique: "type[Technique]", items: tuple[tuple[str | None, Any], .
         if key == "preset":
             if value not in technique.presets:
                 allowed = ", ".join(technique.presets) or "none"
-                raise InputError(f"spec {where!r}: unknown preset {_shown(value)!r}; presets of {technique.name}: {allowed}")
+                found = _shown(value)
+                raise InputError(f"spec {where!r}: unknown preset {found!r}; presets of {technique.name}: {allowed}")
             reader = Reader(technique.presets[value])
             values.update({str(k): v for k, v in reader.items(named=True)})
         else:

@@ -1,0 +1,1 @@
+"""Rows to HTML, Markdown and figures: reports read run folders, and measure nothing."""

@@ -1,0 +1,202 @@
+"""What rows say of a scene: its configurations, their Pareto front, and the time to an accuracy."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import pandas as pd
+
+from shadowbench.reports.folder import Run
+from shadowbench.studies.tables import Interval, SummaryRow, interval, summary
+
+IOU_STEPS = (0.95, 0.99, 0.999)
+EDGE_STEPS = (1.0, 0.5, 0.25)
+
+
+@dataclass(frozen=True)
+class Pass:
+    """The median time of a pass, and when it has to be drawn again."""
+
+    name: str
+    ms: float
+    changes: str
+
+
+@dataclass(frozen=True, eq=False)
+class Configuration:
+    """A spec at a map size, with the medians of its cells over views, lights and phases."""
+
+    technique: str
+    full_spec: str
+    row: SummaryRow
+    passes: tuple[Pass, ...]
+
+    @property
+    def spec(self) -> str:
+        """As it was written, without the map's size."""
+        return self.row.spec
+
+    @property
+    def map_size(self) -> int | None:
+        """Texels along a side of the map; None without a map."""
+        return self.row.map_size
+
+    @property
+    def label(self) -> str:
+        """Spec and map size, as people say it."""
+        return f"{self.spec} at {self.map_size}" if self.map_size else self.spec
+
+    @property
+    def error(self) -> Interval | None:
+        """1 − IoU."""
+        iou = self.row.values["iou"]
+        return None if iou is None else iou.complement()
+
+    def value(self, name: str) -> float | None:
+        """The median of a metric or a time (`frame_ms`, …); None where there is none."""
+        found = self.row.values[name]
+        return None if found is None else found.median
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """What one run measured in one scene. `configurations` stand best first; `floor` is where no error is drawn."""
+
+    run: Run
+    scene: str
+    title: str
+    frame: pd.DataFrame
+    configurations: tuple[Configuration, ...]
+
+    @property
+    def held(self) -> list[Configuration]:
+        """The configurations with a score."""
+        return [one for one in self.configurations if one.error is not None]
+
+    @property
+    def timed(self) -> list[Configuration]:
+        """Those with a score and a time."""
+        return [one for one in self.held if one.value("frame_ms") is not None]
+
+    @property
+    def floor(self) -> float:
+        """Half a pixel's worth of error: below every error there can be but none, which a log axis has no place for."""
+        receivers = self.frame["receivers"].dropna()
+        return 0.5 / float(receivers.max()) if len(receivers) else 1e-7
+
+    @property
+    def file_stem(self) -> str:
+        """What files about it begin with: scene, view size, and coordinates where they are not the usual ones."""
+        first = self.frame.iloc[0]
+        stem = f"{self.scene}.{first['view_size']}"
+        return stem + (".absolute" if first["coordinates"] == "absolute" else "")
+
+    @property
+    def cells(self) -> int:
+        """The most cells (views × lights × phases) behind one configuration."""
+        return max((one.row.cells for one in self.configurations), default=0)
+
+
+def sections(runs: Sequence[Run]) -> dict[str, list[Section]]:
+    """By scene, the sections of every run that measured it. Other view sizes or coordinates are another scene."""
+    found: dict[str, list[Section]] = {}
+    for run in runs:
+        for (scene, size, coordinates), frame in run.frame.groupby(
+            ["scene", "view_size", "coordinates"], sort=False, dropna=False
+        ):
+            title = f"{scene}, {size}² view" + (f", {coordinates} coordinates" if coordinates == "absolute" else "")
+            section = Section(run, str(scene), title, frame, tuple(_configurations(run, frame)))
+            found.setdefault(title, []).append(section)
+    return found
+
+
+def _configurations(run: Run, frame: pd.DataFrame) -> list[Configuration]:
+    (rows,) = summary(frame).values()
+    return [
+        Configuration(str(group["technique"].iloc[0]), str(group["full_spec"].iloc[0]), row, _passes(run, group))
+        for row in rows
+        for group in [frame[(frame["spec"] == row.spec) & _of_size(frame["map_size"], row.map_size)]]
+    ]
+
+
+def _of_size(sizes: "pd.Series[int]", size: int | None) -> "pd.Series[bool]":
+    return sizes.isna() if size is None else sizes.eq(size).fillna(False)
+
+
+def _passes(run: Run, group: pd.DataFrame) -> tuple[Pass, ...]:
+    times = [run.results[int(index)].time for index in group.index]
+    names = list(dict.fromkeys(name for time in times if time for name in time["passes"]))
+    passes = []
+    for name in names:
+        held = [time["passes"][name] for time in times if time and name in time["passes"]]
+        median = interval([one["ms"] for one in held])
+        if median is not None:
+            passes.append(Pass(name, median.median, str(held[0].get("changes", "frame"))))
+    return tuple(passes)
+
+
+def pareto_front(points: Sequence[tuple[float, float]]) -> list[int]:
+    """Indices of the points (time, error) that none beats, by time: no other is as good in both and better in one."""
+    order = sorted(range(len(points)), key=lambda index: points[index])
+    front: list[int] = []
+    for index in order:
+        if not front or points[index][1] < points[front[-1]][1] or points[index] == points[front[-1]]:
+            front.append(index)
+    return front
+
+
+def front(section: Section) -> list[Configuration]:
+    """The configurations that none beats in both error and time, fastest and least accurate first."""
+    timed = section.timed
+    points = [(one.row.values["frame_ms"], one.error) for one in timed]
+    return [timed[index] for index in pareto_front([(ms.median, error.median) for ms, error in points if ms and error])]
+
+
+@dataclass(frozen=True)
+class Reach:
+    """The cheapest configuration that reaches a step of accuracy, None for none; `ms` is its frame time.
+
+    `extra_ms` and `factor` are what it costs over the cheapest that reaches the step before.
+    """
+
+    step: float
+    cheapest: Configuration | None
+    ms: float | None = None
+    extra_ms: float | None = None
+    factor: float | None = None
+
+
+def time_to_accuracy(
+    configurations: Sequence[Configuration], reaches: Callable[[Configuration, float], bool], steps: Sequence[float]
+) -> list[Reach]:
+    """For each step, from the easiest to the hardest, the fastest of the timed configurations that reaches it."""
+    found: list[Reach] = []
+    for step in steps:
+        able = [(ms, one) for one in configurations if (ms := one.value("frame_ms")) is not None and reaches(one, step)]
+        if not able:
+            found.append(Reach(step, None))
+            continue
+        ms, cheapest = min(able, key=lambda pair: pair[0])
+        before = found[-1].ms if found else None
+        extra, factor = (None, None) if before is None else (ms - before, ms / before)
+        found.append(Reach(step, cheapest, ms, extra, factor))
+    return found
+
+
+def reaches_iou(one: Configuration, step: float) -> bool:
+    """Whether the median IoU is the step or better."""
+    value = one.value("iou")
+    return value is not None and value >= step
+
+
+def reaches_edge(one: Configuration, step: float) -> bool:
+    """Whether the shadows' edges are off by the step's pixels or less."""
+    value = one.value("edge_px")
+    return value is not None and value <= step
+
+
+def by_technique(section: Section) -> dict[str, list[Configuration]]:
+    """The configurations that have a score, under the name of their technique, the best technique first."""
+    found: dict[str, list[Configuration]] = {}
+    for one in section.held:
+        found.setdefault(one.technique, []).append(one)
+    return found

@@ -1,0 +1,238 @@
+"""The charts of a section as Vega-Lite: one description for the page, where it is alive, and for the PNG of a paper."""
+
+from collections.abc import Sequence
+
+from shadowbench.reports.analysis import Section, front
+from shadowbench.reports.axes import Chart, error_axis, label, log_axis, point_of, zero_rule
+from shadowbench.reports.styles import COLORS, Styles
+from shadowbench.reports.words import digits, times_are
+
+_INK, _GRID = "#1a1a1a", "#e6e6e6"
+_TOOLTIP = [
+    "spec",
+    "full spec",
+    "map",
+    "1 − IoU",
+    "IoU",
+    "edge px",
+    "SSIM",
+    "acne",
+    "leak",
+    "time",
+    "× reference",
+    "cells",
+]
+
+
+def front_chart(section: Section, styles: Styles) -> Chart | None:
+    """Error against time: every configuration faint, the Pareto front bold; None where nothing was timed."""
+    best = front(section)
+    points = [{**point_of(section, one), "front": one in best} for one in section.timed]
+    if not points:
+        return None
+    label([point for point in points if point["front"]])
+    title = f"frame time, ms{' (software renderer)' if section.run.software else ''}"
+    x = {"field": "ms", "type": "quantitative", "title": title, **log_axis("x", [point["ms"] for point in points])}
+    y = error_axis([point["drawn"] for point in points])
+    on_front = [{"filter": "datum.front"}]
+    layer: list[Chart] = [
+        *zero_rule(section, points),
+        {
+            "transform": on_front,
+            "mark": {"type": "line", "interpolate": "step-after", "color": _INK, "strokeWidth": 2, "clip": True},
+            "encoding": {"x": x, "y": y, "order": {"field": "ms"}},
+        },
+        {
+            "params": [_ZOOM],
+            "mark": {"type": "point", "filled": True, "clip": True, "strokeWidth": 1.5, "cursor": "crosshair"},
+            "encoding": {
+                "x": x,
+                "y": y,
+                **styles.channels(one.spec for one in section.timed),
+                "size": {"condition": {"test": "datum.front", "value": 140}, "value": 60},
+                "stroke": {"condition": {"test": "datum.front", "value": _INK}, "value": None},
+                "opacity": {
+                    "condition": [
+                        {"test": f"!({_PICKED})", "value": 0.07},
+                        {"test": "datum.front || pick != null", "value": 1},
+                    ],
+                    "value": 0.4,
+                },
+                "tooltip": [{"field": name} for name in _TOOLTIP],
+            },
+        },
+        {
+            "transform": on_front,
+            "mark": {"type": "text", "align": "left", "dx": 8, "dy": -9, "fontSize": 11, "color": _INK, "clip": True},
+            "encoding": {"x": x, "y": y, "text": {"field": "label"}},
+        },
+    ]
+    return _chart(f"Error against frame time in {section.title}; the line is the Pareto front", points, layer, 430)
+
+
+def size_chart(section: Section, styles: Styles) -> Chart | None:
+    """Error against map size, a line for each spec, with intervals where it has several cells; None without maps."""
+    points = [point_of(section, one) for one in section.held]
+    sizes = sorted({point["size"] for point in points if point["size"]})
+    if not sizes:
+        return None
+    y = error_axis([value for point in points for value in (point["drawn"], point["low"], point["high"])])
+    x = {
+        "field": "size",
+        "type": "quantitative",
+        "title": "map size, texels a side",
+        "scale": {"type": "log", "base": 2, "domain": [sizes[0] / 1.15, sizes[-1] * 1.15], "nice": False},
+        "axis": {"values": sizes, "format": "d"},
+    }
+    channels = styles.channels(point["spec"] for point in points)
+    color, faded = channels["color"], {"condition": {"test": _PICKED, "value": 1}, "value": 0.07}
+    mapped, unmapped = [{"filter": "datum.size"}], [{"filter": "!datum.size"}]
+    tooltip = [{"field": name} for name in _TOOLTIP]
+    layer: list[Chart] = [
+        *zero_rule(section, points),
+        {
+            "transform": unmapped,
+            "mark": {"type": "rule", "strokeDash": [6, 4], "strokeWidth": 2},
+            "encoding": {"y": y, "color": color, "opacity": faded, "tooltip": tooltip},
+        },
+        {
+            "transform": unmapped,
+            "mark": {"type": "text", "align": "right", "dx": -4, "dy": -7, "fontSize": 11},
+            "encoding": {"x": {"value": {"expr": "width"}}, "y": y, "text": {"field": "spec"}, "color": color},
+        },
+        {
+            "transform": mapped,
+            "mark": {"type": "line", "strokeWidth": 1.8},
+            "encoding": {"x": x, "y": y, "color": color, "opacity": faded},
+        },
+        {
+            "transform": mapped,
+            "mark": {"type": "rule", "strokeWidth": 1.5},
+            "encoding": {"x": x, "y": {**y, "field": "low"}, "y2": {"field": "high"}, "color": color, "opacity": faded},
+        },
+        {
+            "transform": mapped,
+            "mark": {"type": "point", "filled": True, "size": 70},
+            "encoding": {"x": x, "y": y, **channels, "opacity": faded, "tooltip": tooltip},
+        },
+    ]
+    return _chart(f"Error against map size in {section.title}", points, layer, 400)
+
+
+def pass_chart(section: Section, size: int | None) -> Chart | None:
+    """The time of each pass, stacked, of every spec at one map size or without a map; None where no pass was timed."""
+    shown = sorted(
+        (one for one in section.timed if one.passes and one.map_size in (None, size)),
+        key=lambda one: one.value("frame_ms") or 0.0,
+    )
+    names = list(dict.fromkeys(made.name for one in section.timed for made in one.passes))
+    if not shown:
+        return None
+    bars = [
+        {
+            "spec": one.spec,
+            "row": row,
+            "pass": made.name,
+            "rank": names.index(made.name),
+            "ms": made.ms,
+            "time": f"{digits(made.ms)} ms",
+            "again": _CHANGES.get(made.changes, made.changes),
+            "frame": one.value("frame_ms"),
+            "whole": f"{digits(one.value('frame_ms') or 0)} ms",
+            "first": made is one.passes[0],
+        }
+        for row, one in enumerate(shown)
+        for made in one.passes
+    ]
+    marks = [COLORS[index % len(COLORS)] for index in range(len(names))]
+    y = {"field": "row", "type": "ordinal", "axis": None, "scale": {"paddingInner": 0.55, "paddingOuter": 0.4}}
+    where = f"map size {size}" if size else "no maps"
+    x = {"field": "ms", "type": "quantitative", "title": "ms; tick: the whole frame, timed apart"}
+    first = [{"filter": "datum.first"}]
+    layer: list[Chart] = [
+        {
+            "mark": {"type": "bar", "stroke": "white", "strokeWidth": 0.8},
+            "encoding": {
+                "y": y,
+                "x": {**x, "stack": "zero"},
+                "order": {"field": "rank"},
+                "color": {
+                    "field": "pass",
+                    "title": None,
+                    "scale": {"domain": names, "range": marks},
+                    "legend": {"orient": "top", "columns": {"expr": "max(2, floor(width / 110))"}},
+                },
+                "tooltip": [{"field": name} for name in ("spec", "pass", "time", "again", "whole")],
+            },
+        },
+        {
+            "transform": first,
+            "mark": {"type": "tick", "color": _INK, "thickness": 2, "bandSize": 18},
+            "encoding": {"y": y, "x": {"field": "frame", "type": "quantitative"}},
+        },
+        {
+            "transform": first,
+            "mark": {
+                "type": "text",
+                "align": "left",
+                "baseline": "bottom",
+                "yOffset": -10,
+                "color": _INK,
+                "fontSize": 11,
+            },
+            "encoding": {"y": y, "x": {"datum": 0}, "text": {"field": "spec"}},
+        },
+    ]
+    height = 36 * len(shown) + 12
+    return _chart(f"Time of each pass in {section.title}, {where}", bars, layer, height, pick=False)
+
+
+def default_size(section: Section) -> int | None:
+    """The map size that a chart of one size shows: the middle one, or the lesser of two; None without maps."""
+    sizes = sorted({one.map_size for one in section.timed if one.map_size})
+    return sizes[(len(sizes) - 1) // 2] if sizes else None
+
+
+def figure(chart: Chart, section: Section) -> Chart:
+    """The chart as it stands alone in a paper: with a title, and a width; its legend is in it."""
+    title = {"text": section.title, "subtitle": f"{section.run.renderer}; {times_are(section.run)}", "anchor": "start"}
+    return {**chart, "width": 760, "autosize": "pad", "padding": 12, "title": title}
+
+
+_CHANGES = {
+    "light": "when the light moves",
+    "view": "when light or camera moves",
+    "frame": "every frame",
+}
+# A wheel alone scrolls the page, and so does a finger; the page has buttons for both.
+_ZOOM = {
+    "name": "zoom",
+    "bind": "scales",
+    "select": {
+        "type": "interval",
+        "zoom": "wheel![event.ctrlKey || event.shiftKey]",
+        "translate": "[pointerdown[event.pointerType !== 'touch'], window:pointerup] > window:pointermove!",
+    },
+}
+# The page sets `pick` to the spec that its legend points at.
+_PICKED = "pick == null || datum.spec == pick"
+
+
+def _chart(about: str, values: Sequence[Chart], layer: Sequence[Chart], height: int, pick: bool = True) -> Chart:
+    return {
+        "$schema": "https://vega.github.io/schema/vega-lite/v6.json",
+        "description": about,
+        "width": "container",
+        "height": height,
+        "autosize": {"type": "fit-x", "contains": "padding"},
+        "params": [{"name": "pick", "value": None}] if pick else [],
+        "data": {"values": list(values)},
+        "layer": list(layer),
+        "config": {
+            "background": "white",
+            "font": "sans-serif",
+            "axis": {"gridColor": _GRID, "labelFontSize": 12, "titleFontSize": 12, "titleFontWeight": "normal"},
+            "legend": {"labelFontSize": 12},
+            "view": {"stroke": None},
+        },
+    }

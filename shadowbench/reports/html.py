@@ -1,0 +1,165 @@
+"""The report as one HTML file, which opens without a network."""
+
+import dataclasses
+import re
+import shlex
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import vl_convert
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup, escape
+
+from shadowbench import __version__
+from shadowbench.reports.analysis import Configuration, Reach, Section, front
+from shadowbench.reports.axes import Chart
+from shadowbench.reports.charts import default_size, front_chart, pass_chart, size_chart
+from shadowbench.reports.folder import Run
+from shadowbench.reports.gallery import gallery, shown, side
+from shadowbench.reports.styles import Styles, styles_of
+from shadowbench.reports.words import (
+    digits,
+    headline,
+    machine_facts,
+    reach_tables,
+    reach_text,
+    refusals,
+    sentence,
+    times_are,
+)
+from shadowbench.scores.metrics import METRICS
+
+_PAGE = Path(__file__).parent / "page"
+_GLOBALS = "window.vegaEmbed = vegaEmbed;"
+# The outlines of Vega's point shapes, within ±6.
+_SYMBOLS = {
+    "circle": "M6,0A6,6 0 1 1 -6,0A6,6 0 1 1 6,0",
+    "square": "M-5,-5H5V5H-5Z",
+    "triangle-up": "M0,-6L6,5H-6Z",
+    "diamond": "M0,-6.5L5,0L0,6.5L-5,0Z",
+    "cross": "M-6,-2H-2V-6H2V-2H6V2H2V6H-2V2H-6Z",
+    "triangle-down": "M0,6L6,-5H-6Z",
+}
+
+
+def html_report(runs: Sequence[Run], scenes: Mapping[str, Sequence[Section]]) -> str:
+    """The page. `scenes`: the sections of each scene, by its title."""
+    every = [section for parts in scenes.values() for section in parts]
+    styles, most = styles_of(every, legend=False), side(every)
+    environment = Environment(
+        loader=FileSystemLoader(_PAGE), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters |= {"breaks": _breaks, "marked": _marked, "sentence": sentence}
+    return environment.get_template("report.html.j2").render(
+        title=f"shadowbench: {', '.join(run.label for run in runs)}",
+        runs=[_run(run) for run in runs],
+        scenes=[
+            {
+                "id": f"scene-{number}",
+                "title": title,
+                "parts": [_part(section, styles, most, f"part-{number}-{at}") for at, section in enumerate(parts)],
+            }
+            for number, (title, parts) in enumerate(scenes.items())
+        ],
+        metrics=[
+            (metric.name, f"{metric.help} {metric.better.capitalize()} is better.") for metric in METRICS.values()
+        ],
+        command=shlex.join(["shadowbench", *sys.argv[1:]]),
+        version=__version__,
+        style=(_PAGE / "report.css").read_text(encoding="utf-8"),
+        script=(_PAGE / "report.js").read_text(encoding="utf-8"),
+        bundle=vl_convert.javascript_bundle(snippet=_GLOBALS),
+    )
+
+
+def _breaks(text: str) -> Markup:
+    """A spec that may be broken between its parameters."""
+    return Markup(re.sub(r"([,:(])", r"\1<wbr>", str(escape(text))))
+
+
+def _marked(text: str) -> Markup:
+    """Words in which `…` is code."""
+    return Markup(re.sub(r"`([^`]*)`", lambda found: f"<code>{_breaks(Markup(found[1]))}</code>", str(escape(text))))
+
+
+def _run(run: Run) -> dict[str, Any]:
+    return {
+        "label": run.label,
+        "cells": len(run.results),
+        "renderer": run.renderer,
+        "processor": run.about.get("machine", {}).get("processor"),
+        "finished": str(run.about.get("finished", ""))[:10],
+        "software": run.software,
+        "times": times_are(run),
+        "facts": machine_facts(run),
+        "assumptions": run.assumptions,
+    }
+
+
+def _part(section: Section, styles: Styles, most: int, name: str) -> dict[str, Any]:
+    best = front(section)
+    specs = list(dict.fromkeys(one.spec for one in section.held))
+    passes = _pass_charts(section)
+    pictures = gallery(section, most) if shown(section) else None
+    if pictures is not None and not any(cell["picture"] or cell["mask"] for cell in pictures.cells):
+        pictures = None
+    return {
+        "id": name,
+        "label": section.run.label,
+        "renderer": section.run.renderer,
+        "software": section.run.software,
+        "times": times_are(section.run),
+        "timed": bool(section.timed),
+        "cells": section.cells,
+        "headline": headline(section),
+        "refusals": refusals(section),
+        "legend": [
+            (spec, color, _SYMBOLS[shape])
+            for spec in styles.specs
+            if spec in specs
+            for color, shape in [styles.mark(spec)]
+        ],
+        "front": front_chart(section, styles),
+        "sizes": size_chart(section, styles),
+        "reaches": [
+            (title, steps, [(technique, _reach_cells(row, top), top) for technique, row, top in rows])
+            for title, steps, rows in reach_tables(section)
+        ],
+        "passes": passes,
+        "pass_size": default_size(section),
+        "gallery": None if pictures is None else dataclasses.asdict(pictures),
+        "no_gallery": f"No pictures: {section.run.folder.name} holds neither pictures/ nor masks/ of these cells.",
+        "columns": ["spec", "map", "1 − IoU", *_COLUMNS, "ms", "IQR ms", "× reference", "cells"],
+        "rows": [
+            {"spec": one.spec, "full_spec": one.full_spec, "front": one in best, "texts": table_row(one)}
+            for one in section.held
+        ],
+    }
+
+
+_COLUMNS = [name for name in METRICS if name != "iou"]
+
+
+def table_row(one: Configuration) -> list[str]:
+    """Map size, error, the other metrics, times, cells: the values of a configuration, as text."""
+    error = one.error
+    values = [one.value(name) for name in (*_COLUMNS, "frame_ms", "frame_iqr_ms", "ratio")]
+    return [
+        str(one.map_size or ""),
+        "–" if error is None else error.text(digits),
+        *("–" if value is None else digits(value) for value in values),
+        str(one.row.cells),
+    ]
+
+
+def _reach_cells(reaches: Sequence[Reach], best: str) -> list[tuple[str, str, str]]:
+    """A text for each step; none at all where no step is reached."""
+    return [reach_text(reach, best) for reach in reaches] if any(reach.cheapest for reach in reaches) else []
+
+
+def _pass_charts(section: Section) -> list[tuple[int | None, Chart]]:
+    sizes: list[int | None] = [*sorted({one.map_size for one in section.timed if one.map_size})]
+    charts = [(size, pass_chart(section, size)) for size in sizes or [None]]
+    return [(size, chart) for size, chart in charts if chart is not None]

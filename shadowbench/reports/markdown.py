@@ -1,0 +1,85 @@
+"""The report as Markdown tables, for READMEs and papers."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from shadowbench.reports.analysis import Section, front
+from shadowbench.reports.folder import Run
+from shadowbench.reports.words import (
+    digits,
+    headline,
+    machine_facts,
+    reach_tables,
+    reach_text,
+    refusals,
+    sentence,
+    times_are,
+)
+
+_COLUMNS = {"SSIM": "ssim", "edge px": "edge_px", "acne": "acne", "leak": "leak", "ms": "frame_ms", "× ref": "ratio"}
+
+
+def markdown_report(runs: Sequence[Run], scenes: Mapping[str, Sequence[Section]]) -> str:
+    """Headlines, configurations (the Pareto front bold) and time to accuracy by scene; how each run was made."""
+    blocks: list[str] = []
+    for title, parts in scenes.items():
+        blocks.append(f"## {title}")
+        for section in parts:
+            if len(runs) > 1:
+                blocks.append(f"### {_cell(section.run.label)}: {_cell(section.run.renderer)}")
+            blocks += _section(section)
+    blocks.append("## How it was made")
+    for run in runs:
+        blocks.append(f"### {_cell(run.label)}")
+        facts = [*machine_facts(run), ("times are", times_are(run)), *(("assumed", note) for note in run.assumptions)]
+        blocks.append("\n".join(f"- {name}: {_fact(name, value)}" for name, value in facts))
+    return "\n\n".join(blocks) + "\n"
+
+
+def _section(section: Section) -> list[str]:
+    blocks = [*headline(section)]
+    if section.timed:
+        blocks.append(f"*{sentence(times_are(section.run))}* Bold: on the Pareto front of error and time.")
+    best = front(section)
+    rows = [
+        [_bold(f"`{one.spec}`", one in best), str(one.map_size or ""), error.text(digits)]
+        + ["–" if (value := one.value(name)) is None else digits(value) for name in _COLUMNS.values()]
+        for one in section.held
+        if (error := one.error)
+    ]
+    if rows:
+        blocks.append(_table(["spec", "map", "1 − IoU", *_COLUMNS], rows))
+    for title, steps, techniques in reach_tables(section):
+        lines = [
+            [
+                technique,
+                *(" ".join(filter(None, (ms, _told(what), extra and f"({extra})"))) for ms, what, extra in cells),
+            ]
+            for technique, reaches, top in techniques
+            for cells in [[reach_text(reach, top) for reach in reaches]]
+        ]
+        if lines:
+            blocks.append(_table(["time to accuracy", *(f"{title} {step}" for step in steps)], lines))
+    blocks += [f"- `{label}`: {_cell(status)}" for label, status in refusals(section)]
+    return blocks
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = [head, ["---"] + ["---:"] * (len(head) - 1), *rows]
+    return "\n".join(f"| {' | '.join(_cell(cell) for cell in line)} |" for line in lines)
+
+
+def _cell(text: str) -> str:
+    """Text that cannot end a table's cell or line."""
+    return " ".join(text.replace("|", "\\|").split())
+
+
+def _fact(name: str, value: str) -> str:
+    return f"`{value}`" if name == "command" else _cell(value)
+
+
+def _told(what: str) -> str:
+    return what if what.startswith("best: ") else f"`{what}`"
+
+
+def _bold(text: str, wanted: bool) -> str:
+    return f"**{text}**" if wanted else text

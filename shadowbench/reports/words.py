@@ -1,0 +1,149 @@
+"""Numbers and sentences, as every format of a report says them."""
+
+from collections import Counter
+from collections.abc import Sequence
+
+from shadowbench.reports.analysis import (
+    EDGE_STEPS,
+    IOU_STEPS,
+    Configuration,
+    Reach,
+    Section,
+    by_technique,
+    reaches_edge,
+    reaches_iou,
+    time_to_accuracy,
+)
+from shadowbench.reports.folder import Run
+
+SOFTWARE = "times of a software renderer: for trends only, no GPU's"
+RAY_TRACED = "ray-traced"  # the technique that is the truth's own method: where the speed axis ends
+EDGE_NAMES = {1.0: "1 px", 0.5: "½ px", 0.25: "¼ px"}
+
+
+def digits(value: float) -> str:
+    """Three significant digits, without an exponent where it can be."""
+    return f"{value:#.3g}".rstrip(".") if value and abs(value) >= 1e-4 else f"{value:.2g}"
+
+
+def sentence(text: str) -> str:
+    """With a capital and a full stop."""
+    return text[:1].upper() + text[1:] + "."
+
+
+def times_are(run: Run) -> str:
+    """What a reader must know of a run's times before reading them."""
+    if run.software is None:
+        return "times of an unknown machine (no run.json)"
+    return SOFTWARE if run.software else f"times of {run.renderer}"
+
+
+def headline(section: Section) -> list[str]:
+    """What there is to know of a section, in a few sentences: the best configurations, and what accuracy costs."""
+    if not section.held:
+        return ["Nothing here has a score."]
+    lines = [f"Most accurate: {_accuracy(section.held[0])}."]
+    rastered = [one for one in section.held if one.technique != RAY_TRACED]
+    if rastered and rastered[0] is not section.held[0]:
+        lines = [f"Most accurate: {_accuracy(section.held[0])}; without ray tracing {_accuracy(rastered[0])}."]
+    if not section.timed:
+        return [*lines, "Nothing here was timed, so that no accuracy has a price."]
+    where = {True: "On this software renderer", False: "On this GPU", None: "On this machine"}[section.run.software]
+    reaches = time_to_accuracy(section.timed, reaches_iou, IOU_STEPS)
+    return [*lines, f"{where} {'; '.join(_cost(reach) for reach in reaches)}."]
+
+
+def _accuracy(one: Configuration) -> str:
+    error = one.error
+    wrong = 0.0 if error is None else error.median
+    return f"`{one.label}`, {'no wrong pixel' if wrong <= 0 else f'{digits(100 * wrong)}% of the shadow wrong'}"
+
+
+def _cost(reach: Reach) -> str:
+    step = f"IoU {reach.step:g}"
+    if reach.cheapest is None or reach.ms is None:
+        return f"{step} is out of reach"
+    if reach.factor is not None and reach.extra_ms == 0:
+        return f"{step} costs no more"
+    factor = "" if reach.factor is None else f", × {digits(reach.factor)}"
+    return f"{step} costs {digits(reach.ms)} ms{factor} (`{reach.cheapest.label}`)"
+
+
+def refusals(section: Section) -> list[tuple[str, str]]:
+    """Configurations without a number somewhere: spec and map sizes, and why (`unsupported: …`, `failed: …`)."""
+    found: dict[tuple[str, str], list[int]] = {}
+    for one in section.configurations:
+        whys = []
+        if one.row.cells and one.error is None:
+            whys.append("no IoU: neither the truth nor the mask has a shadow")
+        for status, count in Counter(one.row.refused).items():
+            total = one.row.cells + len(one.row.refused)
+            whys.append(f"{count} of {total} cells {status}" if total > 1 else status)
+        for why in whys:
+            sizes = found.setdefault((one.spec, why), [])
+            sizes += [one.map_size] if one.map_size else []
+    return [
+        (f"{spec} at {', '.join(map(str, sorted(sizes)))}" if sizes else spec, why)
+        for (spec, why), sizes in found.items()
+    ]
+
+
+def reach_tables(section: Section) -> list[tuple[str, list[str], list[tuple[str, list[Reach], str]]]]:
+    """Time to accuracy: for IoU and for edges a title, the steps, and each technique's reaches beside its best."""
+    tables = []
+    for title, reaches, steps, metric in (
+        ("IoU ≥", reaches_iou, IOU_STEPS, "iou"),
+        ("edge ≤", reaches_edge, EDGE_STEPS, "edge_px"),
+    ):
+        rows = []
+        for technique, configurations in by_technique(section).items():
+            timed = [one for one in configurations if one.value("frame_ms") is not None]
+            if timed:
+                rows.append((technique, time_to_accuracy(timed, reaches, steps), _best(configurations, metric)))
+        names = [EDGE_NAMES[step] if metric == "edge_px" else f"{step:g}" for step in steps]
+        tables.append((title, names, rows))
+    return tables
+
+
+def reach_text(reach: Reach, best: str) -> tuple[str, str, str]:
+    """Time, configuration, and what the step costs over the one before; of what is out of reach, the best there is."""
+    if reach.cheapest is None or reach.ms is None:
+        return "–", f"best: {best}", ""
+    extra = ""
+    if reach.extra_ms is not None and reach.factor is not None:
+        extra = "no more" if reach.extra_ms == 0 else f"{reach.extra_ms:+.3g} ms, × {digits(reach.factor)}"
+    return f"{digits(reach.ms)} ms", reach.cheapest.label, extra
+
+
+def _best(configurations: Sequence[Configuration], metric: str) -> str:
+    values = [value for one in configurations if (value := one.value(metric)) is not None]
+    if not values:
+        return "none"
+    return digits(min(values)) + " px" if metric == "edge_px" else f"IoU {max(values):.4g}"
+
+
+def machine_facts(run: Run) -> list[tuple[str, str]]:
+    """Name and value of everything that is known of how a run was made."""
+    about = run.about
+    machine, device, study = (about.get(name, {}) for name in ("machine", "device", "study"))
+    older = f"; {run.older} older records of the same cells left out" if run.older else ""
+    foreign = f"; {run.foreign} times of another machine left out" if run.foreign else ""
+    facts = [
+        ("command", about.get("command", "unknown: no run.json")),
+        ("finished", about.get("finished")),
+        ("rows", f"{len(run.results)} cells, all that the folder holds, of this and earlier commands{older}{foreign}"),
+        ("renderer", f"{run.renderer}{' (software)' if run.software else ''}"),
+        ("processor", machine.get("processor") and f"{machine['processor']}, {machine.get('cores')} cores"),
+        ("memory", machine.get("memory_gib") and f"{machine['memory_gib']} GiB"),
+        ("system", machine.get("system")),
+        ("clock", about.get("clock")),
+        (
+            "OpenGL",
+            device.get("version") and f"{device['version'] / 100:.1f}, {device.get('subpixel_bits')} sub-pixel bits",
+        ),
+        ("time ratios against", study.get("reference")),
+        ("rounds", study.get("rounds")),
+        ("phases", study.get("phases")),
+        ("versions", ", ".join(f"{name} {value}" for name, value in about.get("versions", {}).items())),
+    ]
+    return [(name, str(value)) for name, value in facts if value not in (None, "")]

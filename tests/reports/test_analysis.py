@@ -1,0 +1,133 @@
+"""The Pareto front, the time to an accuracy, and what stands without a number."""
+
+from collections.abc import Callable
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shadowbench.reports.analysis import (
+    Section,
+    front,
+    pareto_front,
+    reaches_edge,
+    reaches_iou,
+    sections,
+    time_to_accuracy,
+)
+from shadowbench.reports.folder import read_runs
+from shadowbench.reports.words import headline, reach_tables, refusals
+from tests.reports.conftest import CELLS, RECEIVERS, Cell
+
+SMALL = st.integers(0, 5).map(float)  # few values, so that ties are met
+
+
+@given(st.lists(st.tuples(SMALL, SMALL), max_size=25))
+def test_the_front_is_what_no_other_point_beats(points: list[tuple[float, float]]) -> None:
+    def beaten(one: tuple[float, float]) -> bool:
+        return any(other[0] <= one[0] and other[1] <= one[1] and other != one for other in points)
+
+    found = pareto_front(points)
+    assert set(found) == {index for index, point in enumerate(points) if not beaten(point)}
+    assert [points[index][0] for index in found] == sorted(points[index][0] for index in found)
+    assert [points[index][1] for index in found] == sorted((points[index][1] for index in found), reverse=True)
+
+
+def test_the_front_of_a_scene_leaves_out_what_is_slower_and_worse(section_of: Callable[..., Section]) -> None:
+    labels = [one.label for one in front(section_of())]
+    assert labels == [
+        "unshadowed",
+        "shadow-map:bias=none at 512",
+        "shadow-map at 512",
+        "shadow-map at 1024",
+        "shadow-map at 2048",
+        "ray-traced",
+    ]
+
+
+def test_time_to_accuracy_is_the_fastest_that_reaches_it_and_what_more_it_costs(
+    section_of: Callable[..., Section],
+) -> None:
+    reaches = time_to_accuracy(section_of().timed, reaches_iou, (0.95, 0.99, 0.999))
+    assert [one.cheapest and one.cheapest.label for one in reaches] == [
+        "shadow-map at 512",
+        "shadow-map at 2048",
+        "ray-traced",
+    ]
+    assert [one.ms for one in reaches] == [5.0, 20.0, 60.0]
+    assert [one.extra_ms for one in reaches] == [None, 15.0, 40.0]
+    assert [one.factor for one in reaches] == [None, 4.0, 3.0]
+
+
+def test_a_step_that_costs_no_more_says_so(section_of: Callable[..., Section]) -> None:
+    reaches = time_to_accuracy(section_of((Cell("a", 512, 0.001, 7.0),)).timed, reaches_iou, (0.95, 0.99))
+    assert (reaches[1].extra_ms, reaches[1].factor) == (0.0, 1.0)
+
+
+def test_the_step_itself_is_reached(section_of: Callable[..., Section]) -> None:
+    exact = section_of((Cell("a", 512, 0.25, 7.0, edge=0.5),)).timed
+    assert [one.cheapest is not None for one in time_to_accuracy(exact, reaches_iou, (0.75, 0.76))] == [True, False]
+    assert [one.cheapest is not None for one in time_to_accuracy(exact, reaches_edge, (0.5, 0.4))] == [True, False]
+
+
+def test_what_is_out_of_reach_has_no_time_and_the_next_step_no_difference(section_of: Callable[..., Section]) -> None:
+    cells = (Cell("a", 512, 0.04, 7.0), Cell("a", 1024, 0.03, None))
+    reaches = time_to_accuracy(section_of(cells).held, reaches_iou, (0.95, 0.99))
+    assert [(one.ms, one.extra_ms) for one in reaches] == [(7.0, None), (None, None)]
+
+
+def test_each_technique_has_a_line_of_its_own(section_of: Callable[..., Section]) -> None:
+    for _, steps, rows in reach_tables(section_of()):
+        assert len(steps) == 3
+        assert [technique for technique, _, _ in rows] == ["ray-traced", "shadow-map", "unshadowed"]
+
+
+def test_times_and_errors_are_medians_over_the_cells(section_of: Callable[..., Section]) -> None:
+    cells = [Cell("a", 512, error, ms, phase=phase) for phase, (error, ms) in enumerate([(0.1, 3), (0.3, 4), (0.2, 9)])]
+    (one,) = section_of(cells).timed
+    assert one.value("frame_ms") == 4
+    assert one.error is not None and one.error.median == pytest.approx(0.2)
+    assert one.error.low is not None and one.error.low <= 0.2 <= (one.error.high or 0)
+
+
+def test_no_error_is_drawn_below_every_error_there_can_be(section_of: Callable[..., Section]) -> None:
+    assert 0 < section_of().floor < 1 / RECEIVERS
+
+
+def test_what_has_no_number_is_named_and_is_nowhere_else(section_of: Callable[..., Section]) -> None:
+    section = section_of((*CELLS, Cell("void", 512, None, 3.0)))
+    assert sorted(refusals(section)) == [
+        ("cube-map at 512", "failed: the worker died"),
+        ("planar-projection", "unsupported: no receiver is a plane"),
+        ("void at 512", "no IoU: neither the truth nor the mask has a shadow"),
+    ]
+    assert {one.technique for one in section.held} == {"unshadowed", "shadow-map", "ray-traced"}
+
+
+def test_a_configuration_that_failed_in_some_phases_says_in_how_many(section_of: Callable[..., Section]) -> None:
+    cells = [Cell("a", 512, 0.1, 3.0), Cell("a", 512, None, None, phase=1, status="failed: too slow")]
+    assert refusals(section_of(cells)) == [("a at 512", "1 of 2 cells failed: too slow")]
+
+
+def test_map_sizes_without_a_number_for_one_reason_are_one_line(section_of: Callable[..., Section]) -> None:
+    cells = [Cell("a", size, None, None, status="unsupported: no ground") for size in (1024, 512)]
+    assert refusals(section_of(cells)) == [("a at 512, 1024", "unsupported: no ground")]
+
+
+def test_the_headline_says_what_is_best_and_what_accuracy_costs(section_of: Callable[..., Section]) -> None:
+    first, second = headline(section_of())
+    assert "`ray-traced`, no wrong pixel" in first and "without ray tracing `shadow-map at 2048`, 0.500%" in first
+    assert second.startswith("On this software renderer IoU 0.95 costs 5.00 ms (`shadow-map at 512`)")
+    assert "IoU 0.99 costs 20.0 ms, × 4.00" in second
+
+
+def test_a_run_without_times_has_no_prices(section_of: Callable[..., Section]) -> None:
+    section = section_of([Cell("a", 512, 0.1, None)])
+    assert "Nothing here was timed" in headline(section)[-1]
+    assert front(section) == []
+
+
+def test_another_view_size_or_run_is_a_section_of_its_own(run_folder: Callable[..., object]) -> None:
+    first, second = run_folder(name="first"), run_folder(name="second")
+    (parts,) = sections(read_runs([first, second])).values()  # type: ignore[list-item]
+    assert [part.run.label for part in parts] == ["first", "second"]

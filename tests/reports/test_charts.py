@@ -1,0 +1,112 @@
+"""Charts: nothing falls off an axis, and no axis holds the times of two machines."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import vl_convert
+
+from shadowbench.reports.analysis import Section, sections
+from shadowbench.reports.charts import default_size, figure, front_chart, pass_chart, size_chart
+from shadowbench.reports.folder import read_runs
+from shadowbench.reports.styles import COLORS, SHAPES, Styles, styles_of
+from tests.reports.conftest import CELLS, Cell
+
+Chart = dict[str, Any]
+
+
+def charts(section: Section) -> list[Chart]:
+    styles = styles_of([section], legend=True)
+    made = front_chart(section, styles), size_chart(section, styles), pass_chart(section, default_size(section))
+    return [chart for chart in made if chart is not None]
+
+
+def domain(chart: Chart, channel: str) -> tuple[float, float]:
+    (found,) = {
+        tuple(layer["encoding"][channel]["scale"]["domain"])
+        for layer in chart["layer"]
+        if "scale" in layer["encoding"].get(channel, {})
+    }
+    return found
+
+
+def texts(chart: Chart) -> list[str]:
+    """What a chart says, once it is drawn."""
+    groups = [vl_convert.vegalite_to_scenegraph({**chart, "width": 600})["scenegraph"]]
+    found = []
+    while groups:
+        group = groups.pop()
+        groups += group.get("items", [])
+        found += [str(group["text"])] if "text" in group else []
+    return found
+
+
+def test_zero_error_is_on_the_log_axis_below_every_other_error(section_of: Callable[..., Section]) -> None:
+    section = section_of()
+    for chart in charts(section)[:2]:
+        low, high = domain(chart, "y")
+        drawn = {point["spec"]: point["drawn"] for point in chart["data"]["values"]}
+        assert 0 < low < drawn["ray-traced"] == section.floor
+        assert drawn["ray-traced"] < min(value for spec, value in drawn.items() if spec != "ray-traced")
+        assert max(drawn.values()) < high and math.isfinite(high)
+        assert any(text.startswith("no wrong pixel") for text in texts(chart))
+
+
+def test_a_chart_without_zero_errors_has_no_line_for_them(section_of: Callable[..., Section]) -> None:
+    (front, sizes, _) = charts(section_of([Cell("a", 512, 0.1, 3.0), Cell("a", 1024, 0.05, 4.0)]))
+    for chart in (front, sizes):
+        assert not any(text.startswith("no wrong pixel") for text in texts(chart))
+        assert domain(chart, "y")[0] > 0.01
+
+
+def test_the_times_of_two_machines_share_no_chart(run_folder: Callable[..., Any]) -> None:
+    fast = [Cell(cell.spec, cell.map_size, cell.error, cell.ms / 100) for cell in CELLS if cell.ms]
+    folders = [run_folder(name="slow"), run_folder(fast, name="fast", software=False, processor="Another")]
+    (parts,) = sections(read_runs(folders)).values()
+    assert [part.run.label for part in parts] == ["slow", "fast"]
+    for part, times in zip(parts, ({cell.ms for cell in CELLS} - {None}, {cell.ms for cell in fast}), strict=True):
+        front, _, passes = charts(part)
+        assert {point["ms"] for point in front["data"]["values"]} == times
+        assert {bar["frame"] for bar in passes["data"]["values"]} <= times
+
+
+def test_only_what_was_measured_is_drawn(section_of: Callable[..., Section]) -> None:
+    for chart in charts(section_of()):
+        assert not {point["spec"] for point in chart["data"]["values"]} & {"planar-projection", "cube-map"}
+
+
+def test_a_software_renderers_times_are_headed_as_such(section_of: Callable[..., Section]) -> None:
+    section = section_of()
+    for chart in charts(section):
+        said = texts(figure(chart, section))
+        assert any("times of a software renderer: for trends only, no GPU's" in text for text in said)
+    gpu = section_of(name="gpu", software=False)
+    for chart in charts(gpu):
+        assert not any("software" in text for text in texts(figure(chart, gpu)))
+
+
+def test_intervals_enclose_their_median(section_of: Callable[..., Section]) -> None:
+    errors = (0.1, 0.3, 0.2, 0.0)
+    chart = charts(section_of([Cell("a", 512, error, 3.0, phase=phase) for phase, error in enumerate(errors)]))[1]
+    (point,) = chart["data"]["values"]
+    assert point["low"] < point["drawn"] < point["high"]
+
+
+def test_passes_are_those_of_one_map_size_and_of_what_has_no_map(section_of: Callable[..., Section]) -> None:
+    section = section_of()
+    assert default_size(section) == 1024
+    chart = pass_chart(section, 2048)
+    assert chart is not None
+    assert {bar["spec"] for bar in chart["data"]["values"]} == {"shadow-map", "unshadowed", "ray-traced"}
+
+
+def test_what_was_not_timed_has_no_chart_of_times(section_of: Callable[..., Section]) -> None:
+    section = section_of([Cell("a", 512, 0.1, None)])
+    styles = styles_of([section], legend=True)
+    assert front_chart(section, styles) is None and pass_chart(section, 512) is None
+    assert size_chart(section, styles) is not None
+
+
+def test_no_two_of_many_specs_look_alike() -> None:
+    styles = Styles(tuple(map(str, range(len(COLORS) * len(SHAPES)))), legend=True)
+    assert len({styles.mark(spec) for spec in styles.specs}) == len(COLORS) * len(SHAPES)

@@ -1,0 +1,162 @@
+"""`shadowbench report`: every format from run folders, and what is missing is said."""
+
+import csv
+import io
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from shadowbench.reports import gallery
+from shadowbench.reports.gallery import FALSE_LIGHT, FALSE_SHADOW, difference
+from tests.reports.conftest import CELLS, SIDE, Cell
+
+Shadowbench = Callable[..., Any]
+Write = Callable[..., Path]
+SOFTWARE = "for trends only, no GPU's"
+
+
+def scripts(page: str) -> list[Any]:
+    found = re.findall(r'<script type="application/json"[^>]*>(.*?)</script>', page, re.DOTALL)
+    return [json.loads(text) for text in found]
+
+
+def galleries(page: str) -> list[Any]:
+    return [script for script in scripts(page) if "truths" in script]
+
+
+@pytest.fixture
+def page_of(shadowbench: Shadowbench, tmp_path: Path) -> Callable[..., str]:
+    """The HTML report of run folders, entities resolved where tests look for them."""
+
+    def make(*folders: Path) -> str:
+        answer = shadowbench("report", *folders, "-o", tmp_path / "report.html")
+        assert (answer.code, answer.err) == (0, "")
+        return (tmp_path / "report.html").read_text(encoding="utf-8").replace("&#39;", "'")
+
+    return make
+
+
+def test_a_page_shows_machine_command_assumptions_and_statuses(run_folder: Write, page_of: Callable[..., str]) -> None:
+    page = page_of(run_folder(pictures=True)).replace("<wbr>", "")
+    assert "shadowbench run stairs -t 'shadow-map:bias=&lt;b&gt;'" in page
+    for told in ("A processor", "no camera: assumed one", "no light: assumed a sun", "finish+wall", SOFTWARE):
+        assert told in page
+    assert "unsupported: no receiver is a plane" in page and "failed: the worker died" in page
+    rows = re.findall(r"<tr(?: class=\"front\")?><th scope=\"row\" title=[^>]*>(.*?)</th>", page)
+    assert len(rows) == len([cell for cell in CELLS if cell.status == "ok"])
+    assert page.count('<tr class="front">') == 6
+
+
+def test_a_page_asks_nothing_of_a_network(run_folder: Write, page_of: Callable[..., str]) -> None:
+    page = page_of(run_folder(pictures=True))
+    markup = re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)
+    assert not re.search(r'(?:src|href)="(?!data:|#)', markup) and "@import" not in markup and "url(" not in markup
+
+
+def test_every_cell_has_its_pictures_in_the_page(run_folder: Write, page_of: Callable[..., str]) -> None:
+    (shown,) = galleries(page_of(run_folder(pictures=True)))
+    held = [cell for cell in CELLS if cell.status == "ok"]
+    assert len(shown["cells"]) == len(held) and shown["missing"] is None
+    for cell in shown["cells"]:
+        assert all(cell[name].startswith("data:image/webp;base64,") for name in ("picture", "mask", "difference"))
+    assert set(shown["truths"]) == {"camera, sun"}
+
+
+def test_a_folder_without_pictures_says_so(run_folder: Write, page_of: Callable[..., str]) -> None:
+    page = page_of(run_folder())
+    assert galleries(page) == [] and "holds neither pictures/ nor masks/" in page
+
+
+def test_pictures_that_lack_are_named(run_folder: Write, page_of: Callable[..., str]) -> None:
+    folder = run_folder(pictures=True)
+    for file in [*(folder / "pictures").iterdir(), *(folder / "truth").iterdir()]:
+        file.unlink()
+    (shown,) = galleries(page_of(folder))
+    assert shown["missing"] == "run has no picture and no difference of some of these cells"
+
+
+def test_many_pictures_are_shown_smaller(
+    run_folder: Write, page_of: Callable[..., str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(gallery, "PIXELS", 7 * SIDE * SIDE // 4)
+    monkeypatch.setattr(gallery, "_SMALLEST", 4)
+    page = page_of(run_folder(pictures=True))
+    (shown,) = galleries(page)
+    assert shown["size"] == SIDE // 2 and f"Shown at {SIDE // 2}² of {SIDE}² pixels" in page
+
+
+def test_the_difference_is_signed() -> None:
+    truth = np.array([[0, 1], [1, 0]], dtype=np.float32)
+    mask = np.array([[1, 0], [1, 1]], dtype=np.float32)
+    undecided = np.array([[False, False], [False, True]])
+    picture = difference(mask, truth, undecided)
+    assert tuple(picture[0, 0]) == FALSE_LIGHT and tuple(picture[0, 1]) == FALSE_SHADOW
+    grey = picture[1]
+    assert (grey == grey[:, :1]).all() and grey[0, 0] > grey[1, 0]
+
+
+def test_two_machines_have_charts_of_their_own(run_folder: Write, page_of: Callable[..., str]) -> None:
+    page = page_of(run_folder(name="one"), run_folder(name="two", software=False, processor="Another processor"))
+    charts = [script for script in scripts(page) if "layer" in script]
+    assert len([chart for chart in charts if "frame time" in chart["description"]]) == 2
+    assert "A processor" in page and "Another processor" in page and "times of renderer of Another processor" in page
+
+
+def test_markdown_has_a_table_for_each_scene(run_folder: Write, shadowbench: Shadowbench, tmp_path: Path) -> None:
+    answer = shadowbench("report", run_folder(), "--format", "md", "-o", tmp_path / "table.md")
+    assert answer.code == 0
+    text = (tmp_path / "table.md").read_text(encoding="utf-8")
+    assert f"## stairs, {SIDE}² view" in text and SOFTWARE in text
+    assert "| **`shadow-map`** | 512 | 0.0400 |" in text and "| `shadow-map:bias=none` | 1024 | 0.600 |" in text
+    assert "- `planar-projection`: unsupported: no receiver is a plane" in text
+    for table in re.findall(r"(?:^\|.*\n)+", text, re.MULTILINE):
+        assert len({line.count("|") for line in table.splitlines()}) == 1
+
+
+def test_csv_joins_the_cells_of_all_folders(run_folder: Write, shadowbench: Shadowbench, tmp_path: Path) -> None:
+    other = [Cell("shadow-map", 512, 0.1, 3.0, passes=(("moments", 1.0),))]
+    folders = [run_folder(name="one"), run_folder(other, name="two", processor="Another processor")]
+    assert shadowbench("report", *folders, "--format", "csv", "-o", tmp_path / "cells.csv").code == 0
+    rows = list(csv.DictReader(io.StringIO((tmp_path / "cells.csv").read_text(encoding="utf-8"))))
+    assert len(rows) == len(CELLS) + 1
+    assert list(rows[0])[:4] == ["run", "processor", "software", "scene"]
+    assert (rows[-1]["run"], rows[-1]["processor"], rows[-1]["pass_moments_ms"]) == ("two", "Another processor", "1.0")
+
+
+def test_png_writes_a_file_for_each_chart(run_folder: Write, shadowbench: Shadowbench, tmp_path: Path) -> None:
+    answer = shadowbench("report", run_folder(), "--format", "png", "-o", tmp_path / "charts")
+    assert answer.code == 0
+    files = sorted(file.name for file in (tmp_path / "charts").iterdir())
+    assert files == [f"stairs.{SIDE}.{kind}.png" for kind in ("front", "passes", "sizes")]
+    for file in files:
+        with Image.open(tmp_path / "charts" / file) as image:
+            assert image.width > 1900 and len(np.unique(np.asarray(image).reshape(-1, 3), axis=0)) > 20
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("nowhere",), "no such folder"),
+        (("nowhere", "--format", "pdf"), "--format: found 'pdf'; allowed: html, md, csv, png"),
+        (("nowhere", "-o", "report.md"), "allowed: .html"),
+        (("nowhere", "--format", "csv", "-o", "away/report.csv"), "cannot write into this folder"),
+        ((), "Missing argument"),
+    ],
+)
+def test_bad_input_is_one_line(
+    arguments: tuple[str, ...],
+    told: str,
+    shadowbench: Shadowbench,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    answer = shadowbench("report", *arguments)
+    assert answer.code == 2 and answer.err.count("\n") == 1 and told in answer.err
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,90 @@
+"""Run folders as they are found: whole, cut short, measured twice, moved between machines, or no run folder at all."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from shadowbench.errors import InputError
+from shadowbench.reports.folder import read_runs
+from tests.reports.conftest import Cell
+
+Write = Callable[..., Path]
+
+
+def test_a_line_that_was_cut_short_is_no_cell(run_folder: Write) -> None:
+    folder = run_folder([Cell("a", 512, 0.1, 3.0)])
+    with (folder / "rows.jsonl").open("a") as rows:
+        rows.write('{"schema": 1, "kind": "sco')
+    (run,) = read_runs([folder])
+    assert len(run.results) == 1
+
+
+def test_a_cell_that_was_measured_again_counts_once_as_it_was_last(run_folder: Write) -> None:
+    (run,) = read_runs([run_folder([Cell("a", 512, 0.1, 3.0), Cell("a", 512, 0.2, 4.0, version=1)])])
+    (result,) = run.results
+    assert result.score["metrics"]["iou"] == 0.8 and result.time is not None and result.time["frame_ms"] == 4.0
+    assert run.older == 1
+
+
+def test_times_of_another_machine_do_not_stand_beside_the_last(run_folder: Write) -> None:
+    (run,) = read_runs([run_folder([Cell("a", 512, 0.1, 3.0, machine="m0"), Cell("a", 1024, 0.1, 4.0)])])
+    assert [result.time is not None for result in run.results] == [False, True]
+    assert run.foreign == 1
+
+
+def test_runs_are_called_by_their_folders_or_by_paths_where_those_are_the_same(run_folder: Write) -> None:
+    one, other, third = (run_folder([Cell("a", 512, 0.1, 3.0)], name=name) for name in ("x/run", "y/run", "z"))
+    assert [run.label for run in read_runs([one, other, third])] == [str(one), str(other), "z"]
+    assert len(read_runs([one, one])) == 1
+
+
+def test_a_folder_without_run_json_is_read_and_says_so(run_folder: Write) -> None:
+    (run,) = read_runs([run_folder([Cell("a", 512, 0.1, 3.0)], about=False)])
+    assert (run.software, run.renderer) == (None, "a renderer")
+
+
+def test_every_assumption_is_listed_once(run_folder: Write) -> None:
+    (run,) = read_runs([run_folder()])
+    assert run.assumptions == ["no camera: assumed one", "no light: assumed a sun"]
+
+
+def no_folder(folder: Path) -> None:
+    (folder / "rows.jsonl").unlink()
+    (folder / "run.json").unlink()
+    folder.rmdir()
+
+
+def no_rows(folder: Path) -> None:
+    (folder / "rows.jsonl").unlink()
+
+
+def empty_rows(folder: Path) -> None:
+    (folder / "rows.jsonl").write_text("")
+
+
+def foreign_rows(folder: Path) -> None:
+    (folder / "rows.jsonl").write_text('{"schema": 1, "kind": "score", "key": "1"}\n')
+
+
+def broken_run_json(folder: Path) -> None:
+    (folder / "run.json").write_text("[")
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (no_folder, r"run: no such folder; allowed: "),
+        (no_rows, r"run: found no rows\.jsonl; allowed: "),
+        (empty_rows, r"rows\.jsonl: found no cell; allowed: "),
+        (foreign_rows, r"rows\.jsonl line 1: found something else; allowed: "),
+        (broken_run_json, r"run\.json: found something else; allowed: "),
+    ],
+)
+def test_what_is_no_run_folder_is_one_line(run_folder: Write, spoil: Callable[[Path], None], message: str) -> None:
+    folder = run_folder([Cell("a", 512, 0.1, 3.0)])
+    spoil(folder)
+    with pytest.raises(InputError, match=re.compile(message)) as error:
+        read_runs([folder])
+    assert "\n" not in str(error.value) and error.value.exit_code == 2
