@@ -1,6 +1,7 @@
 """What all tests share: larger scenes, a truth cache of their own, the GL device and views on it."""
 
 import os
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -9,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from shadowbench.cli import main
 from shadowbench.gl.device import Device, Freeable, open_device
 from shadowbench.gl.gbuffer import GBuffer, SurfacePass, download
 from shadowbench.gl.geometry import DeviceGeometry
@@ -145,3 +147,28 @@ def shape() -> Callable[..., Mesh]:
         return Mesh(kind, vertices, triangles.faces, casts=casts, receives=receives)
 
     return make
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a command answered."""
+
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def shadowbench(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Callable[..., Answer]:
+    """Calls the command line in this process; a worker's output is caught too."""
+
+    def call(*arguments: str | Path) -> Answer:
+        monkeypatch.setattr(sys, "argv", ["shadowbench", *map(str, arguments)])
+        capfd.readouterr()
+        with pytest.raises(SystemExit) as stop:
+            main()
+        code = stop.value.code
+        assert isinstance(code, int) or code is None
+        return Answer(code or 0, *capfd.readouterr())
+
+    return call

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stdout
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.progress import (
@@ -21,8 +21,9 @@ from rich.progress import (
 
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
-from shadowbench.techniques.base import Technique
-from shadowbench.techniques.registry import techniques
+
+if TYPE_CHECKING:
+    from shadowbench.techniques.base import Technique
 
 # A pipe has no width; tables there are as wide as they like to be.
 out = Console(highlight=False, width=None if sys.stdout.isatty() else 160)
@@ -81,8 +82,10 @@ class ConsoleReporter(logging.Handler):
             self._progress.update(self._task, advance=1, what=what)
 
 
-def techniques_with(plugins: Sequence[Path]) -> Mapping[str, type[Technique]]:
+def techniques_with(plugins: Sequence[Path]) -> Mapping[str, "type[Technique]"]:
     """All techniques by name; what a plug-in prints while it is loaded does not get between the results."""
+    from shadowbench.techniques.registry import techniques  # and with it moderngl, which not every command needs
+
     with redirect_stdout(sys.stderr):
         return techniques(plugins)
 

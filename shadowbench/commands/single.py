@@ -6,12 +6,12 @@ import numpy as np
 
 from shadowbench.commands.console import ConsoleReporter, check_outputs, out, techniques_with
 from shadowbench.errors import InputError, ShadowbenchError
-from shadowbench.scenes.library import load_scene
-from shadowbench.scenes.model import View, view_of
+from shadowbench.scenes.model import View
+from shadowbench.scenes.views import chosen_view, notes_on
 from shadowbench.scores.masks import write_mask
 from shadowbench.studies.runner import write_picture
 from shadowbench.studies.session import Drawn, Unsupported
-from shadowbench.studies.study import Cell, named
+from shadowbench.studies.study import Cell
 from shadowbench.studies.timing import request_of
 from shadowbench.studies.worker import CellFailed, Worker
 from shadowbench.techniques.spec import parse_spec
@@ -92,13 +92,8 @@ def render_command(
 def _view(
     scene: str, view: str | None, light: str | None, size: int, assets: Path | None, reporter: ConsoleReporter
 ) -> View:
-    """The view of a scene that the options name, its assumptions printed."""
-    loaded = load_scene(scene, assets)
-    for note in loaded.notes:
+    """The view that the options name, its assumptions printed."""
+    chosen = chosen_view(scene, size, view, light, assets)
+    for note in notes_on(chosen, light):
         reporter.note(note)
-    if light is None and len(loaded.lights) > 1:
-        names = ", ".join(lamp.name for lamp in loaded.lights)
-        reporter.note(f"{loaded.name}: {len(loaded.lights)} lights: {names}; the first is used, --light names another")
-    camera = named(loaded.cameras, view, "--view") if view else loaded.cameras[0]
-    lamp = named(loaded.lights, light, "--light") if light else loaded.lights[0]
-    return view_of(loaded, camera, lamp, size)
+    return chosen

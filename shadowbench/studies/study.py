@@ -4,14 +4,12 @@ import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypeVar
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, view_of
+from shadowbench.scenes.views import Named, named
 from shadowbench.techniques.spec import Spec
-
-Named = TypeVar("Named", Camera, Light)
 
 
 @dataclass(frozen=True)
@@ -105,14 +103,6 @@ def _chosen(
 def scenes_of(blocks: Sequence[Block]) -> list[Scene]:
     """The scenes of blocks, each once."""
     return list(dict.fromkeys(block.scene for block in blocks))
-
-
-def named(things: Sequence[Named], name: str, where: str) -> Named:
-    """The camera or light of a name; raises InputError, beginning with `where`, that lists the names."""
-    for thing in things:
-        if thing.name == name:
-            return thing
-    raise InputError(f"{where}: found {name!r}; allowed: {', '.join(thing.name for thing in things)}")
 
 
 def sized(specs: Sequence[Spec], sizes: Sequence[int]) -> tuple[Spec, ...]:

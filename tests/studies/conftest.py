@@ -14,7 +14,6 @@ from typing import Any
 import psutil
 import pytest
 
-from shadowbench.cli import main
 from shadowbench.studies.runner import Result, Runner
 from shadowbench.studies.study import Study
 from shadowbench.studies.study_file import read_study
@@ -298,28 +297,3 @@ def records() -> Callable[..., list[dict[str, Any]]]:
         return [record for record in map(json.loads, lines) if kind in (None, record["kind"])]
 
     return read
-
-
-@dataclass(frozen=True)
-class Answer:
-    """What a command answered."""
-
-    code: int
-    out: str
-    err: str
-
-
-@pytest.fixture
-def shadowbench(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Callable[..., Answer]:
-    """Calls the command line in this process; a worker's output is caught too."""
-
-    def call(*arguments: str | Path) -> Answer:
-        monkeypatch.setattr(sys, "argv", ["shadowbench", *map(str, arguments)])
-        capfd.readouterr()
-        with pytest.raises(SystemExit) as stop:
-            main()
-        code = stop.value.code
-        assert isinstance(code, int) or code is None
-        return Answer(code or 0, *capfd.readouterr())
-
-    return call

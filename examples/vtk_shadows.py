@@ -1,0 +1,98 @@
+"""Draws an exported view with VTK, with and without its shadow maps: another renderer for `shadowbench score`.
+
+    shadowbench export stairs out/
+    python examples/vtk_shadows.py out/                      # needs `pip install vtk`, and nothing of shadowbench
+    shadowbench score stairs --lit out/lit.png --shadowed out/shadowed.png
+
+VTK's pass draws one exponential shadow map for each light (vtkShadowMapBakerPass, vtkShadowMapPass).
+"""
+
+import argparse
+import json
+from pathlib import Path
+
+import vtk
+
+
+def main() -> None:
+    """Read scene.glb and view.json of a folder, write lit.png and shadowed.png beside them."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folder", type=Path, help="what `shadowbench export` wrote")
+    parser.add_argument("--map-size", type=int, default=1024, help="texels along a side of the shadow map")
+    arguments = parser.parse_args()
+    description = json.loads((arguments.folder / "view.json").read_text(encoding="utf-8"))
+    window, renderer = load(arguments.folder / description["model"], description)
+    save(window, arguments.folder / "lit.png")
+    renderer.SetPass(shadow_pass(arguments.map_size))
+    save(window, arguments.folder / "shadowed.png")
+
+
+def load(model: Path, description: dict) -> tuple[vtk.vtkRenderWindow, vtk.vtkRenderer]:
+    """The exported scene in a window that nobody sees; pixel for pixel the view that is scored."""
+    window, renderer = vtk.vtkRenderWindow(), vtk.vtkRenderer()
+    window.SetOffScreenRendering(True)
+    window.SetMultiSamples(0)  # a mask is sampled at pixel centres
+    window.SetSize(description["image"]["width"], description["image"]["height"])
+    window.AddRenderer(renderer)
+    renderer.SetBackground(0, 0, 0)
+    importer = vtk.vtkGLTFImporter()
+    importer.SetFileName(str(model))
+    importer.SetRenderWindow(window)
+    importer.Update()
+    renderer.RemoveAllLights()
+    renderer.AutomaticLightCreationOff()
+    renderer.AddLight(light_of(description["light"]))
+    camera, found = renderer.GetActiveCamera(), description["camera"]
+    camera.SetPosition(found["position"])
+    camera.SetFocalPoint(found["target"])
+    camera.SetViewUp(found["up"])
+    camera.SetViewAngle(found["fov_y"])
+    camera.SetClippingRange(found["near"], found["far"])
+    return window, renderer
+
+
+def light_of(found: dict) -> vtk.vtkLight:
+    """A sun or a spot; VTK's shadow maps know no point lights."""
+    light = vtk.vtkLight()
+    light.SetLightTypeToSceneLight()
+    if found["kind"] == "point":
+        raise SystemExit("VTK draws shadows of directional lights and spots only")
+    position = found["position"] or (0, 0, 0)
+    light.SetPosition(position)
+    light.SetFocalPoint([a + b for a, b in zip(position, found["direction"], strict=True)])
+    if found["kind"] == "spot":
+        light.PositionalOn()
+        light.SetConeAngle(found["cone"] / 2)
+        light.SetExponent(0)
+    return light
+
+
+def shadow_pass(size: int) -> vtk.vtkRenderPass:
+    """What VTK offers as shadow mapping: bake a map for each light, then draw with them."""
+    maps, shadows = vtk.vtkShadowMapBakerPass(), vtk.vtkShadowMapPass()
+    maps.SetResolution(size)
+    shadows.SetShadowMapBakerPass(maps)
+    passes = vtk.vtkRenderPassCollection()
+    passes.AddItem(maps)
+    passes.AddItem(shadows)
+    sequence = vtk.vtkSequencePass()
+    sequence.SetPasses(passes)
+    camera = vtk.vtkCameraPass()
+    camera.SetDelegatePass(sequence)
+    return camera
+
+
+def save(window: vtk.vtkRenderWindow, file: Path) -> None:
+    """Draw, and write the picture."""
+    window.Render()
+    grabbed = vtk.vtkWindowToImageFilter()
+    grabbed.SetInput(window)
+    grabbed.ReadFrontBufferOff()
+    writer = vtk.vtkPNGWriter()
+    writer.SetFileName(str(file))
+    writer.SetInputConnection(grabbed.GetOutputPort())
+    writer.Write()
+
+
+if __name__ == "__main__":
+    main()

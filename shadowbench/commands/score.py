@@ -1,0 +1,108 @@
+"""`score`: a mask or screenshots of another renderer."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.table import Table
+
+from shadowbench.commands.console import ConsoleReporter, check_outputs, err, number, out, print_json
+from shadowbench.engines.difference import write_difference
+from shadowbench.engines.pictures import Handed, from_screenshots, mask_from_file
+from shadowbench.engines.scored import Accuracy, accuracy_of
+from shadowbench.engines.store import append_row, check_name
+from shadowbench.errors import InputError
+from shadowbench.scenes.views import chosen_view, notes_on
+from shadowbench.scores.metrics import METRICS
+
+
+@dataclass(frozen=True)
+class ScoreOptions:
+    """What the command line says: the scene and what was drawn of it, and where results go."""
+
+    scene: str
+    mask: Path | None
+    lit: Path | None
+    shadowed: Path | None
+    ambient: Path | None
+    view: str | None
+    light: str | None
+    assets: Path | None
+    folder: Path | None
+    name: str | None
+    difference: Path | None
+
+
+def score_command(options: ScoreOptions, *, as_json: bool, quiet: bool) -> None:
+    """Score what was handed over, print every metric, and write what was asked for."""
+    if (options.folder is None) != (options.name is None):
+        raise InputError("-o DIR and --name NAME: found one of them; allowed: both, for a row in a run folder, or none")
+    if options.name is not None:
+        check_name(options.name)
+    check_outputs(".png", options.difference)
+    handed = _handed(options)
+    with ConsoleReporter(quiet) as reporter:
+        view = chosen_view(options.scene, handed.size, options.view, options.light, options.assets)
+        for note in notes_on(view, options.light):
+            reporter.note(note)
+        accuracy = accuracy_of(handed, view)
+    if options.difference is not None:
+        write_difference(options.difference, accuracy.difference())
+    new = None
+    if options.folder is not None and options.name is not None:
+        new = append_row(accuracy, options.name, options.folder)
+    if as_json:
+        print_json(_as_json(accuracy))
+        return
+    _print(accuracy)
+    if quiet:
+        return
+    for warning in accuracy.warnings:
+        err.print(f"warning: {warning}", markup=False, soft_wrap=True)
+    if options.difference is not None:
+        out.print(f"{options.difference}: false shadow orange, false light blue", markup=False, soft_wrap=True)
+    if new is not None and options.folder is not None:
+        said = f"a row of {options.name}, its mask and difference" if new else f"has this row of {options.name} already"
+        out.print(f"{options.folder}: {said}", markup=False, soft_wrap=True)
+
+
+def _handed(options: ScoreOptions) -> Handed:
+    """A mask, or screenshots; InputError for both, neither or half of it."""
+    if options.mask is not None and options.lit is options.shadowed is options.ambient is None:
+        return mask_from_file(options.mask)
+    if options.mask is None and options.lit is not None and options.shadowed is not None:
+        return from_screenshots(options.lit, options.shadowed, options.ambient)
+    given = {"MASK": options.mask, "--lit": options.lit, "--shadowed": options.shadowed, "--ambient": options.ambient}
+    found = " and ".join(key for key, value in given.items() if value is not None) or "neither"
+    raise InputError(f"score: found {found}; allowed: MASK, or --lit and --shadowed, with or without --ambient")
+
+
+def _print(accuracy: Accuracy) -> None:
+    view = accuracy.view
+    title = f"{accuracy.handed.name} on {view.scene.name}, {view.camera.name}, {view.light.name}, {view.size}²"
+    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+    table.add_column("metric", no_wrap=True)
+    table.add_column("", justify="right", no_wrap=True)
+    table.add_column("better", no_wrap=True)
+    table.add_column("what it is")
+    for metric in METRICS.values():
+        value = accuracy.metrics[metric.name]
+        table.add_row(metric.name, "–" if value is None else number(value), metric.better, metric.help.split(". ")[0])
+    out.print(table)
+    for line in accuracy.summary():
+        out.print(f"  {line}", markup=False, soft_wrap=True)
+
+
+def _as_json(accuracy: Accuracy) -> dict[str, object]:
+    view = accuracy.view
+    false_shadow, false_light = accuracy.wrong
+    return {
+        "scene": view.scene.name,
+        "view": view.camera.name,
+        "light": view.light.name,
+        "view_size": view.size,
+        **accuracy.record,
+        "false_shadow": false_shadow,
+        "false_light": false_light,
+        "errors": [{"kind": kind.name, "pixels": kind.pixels, "line": kind.line} for kind in accuracy.kinds],
+        "warnings": list(accuracy.warnings),
+    }

@@ -1,0 +1,1 @@
+"""Anyone's engine: a view out, as glTF and matrices; a mask or screenshots back in, scored. Needs no GL."""

@@ -1,0 +1,33 @@
+"""The picture of what is wrong: false shadow in one colour, false light in another."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from shadowbench.files import replace_file
+from shadowbench.scores.comparison import Comparison
+
+FALSE_SHADOW, FALSE_LIGHT = (213, 94, 0), (0, 114, 178)  # orange, blue: told apart by most colour-blind readers
+_LIT, _SHADOW, _UNSCORED = 235, 150, 255
+
+
+def difference_picture(comparison: Comparison) -> NDArray[np.uint8]:
+    """(N, N, 3) sRGB: the truth in greys, under orange where the mask is darker and blue where it is lighter.
+
+    The colour is as strong as the difference of visibility; pixels that are not scored are white.
+    """
+    reference = comparison.reference
+    grey = np.where(reference.valid, _SHADOW + (_LIT - _SHADOW) * reference.visibility, _UNSCORED)
+    difference = np.where(reference.valid, comparison.visibility - reference.visibility, 0)[..., np.newaxis]
+    color = np.where(difference < 0, np.array(FALSE_SHADOW), np.array(FALSE_LIGHT))
+    strength = np.abs(difference)
+    mixed: NDArray[np.uint8] = np.rint(grey[..., np.newaxis] * (1 - strength) + color * strength).astype(np.uint8)
+    return mixed
+
+
+def write_difference(file: Path, picture: NDArray[np.uint8]) -> None:
+    """Store a (N, N, 3) sRGB picture as a PNG; InputError if the folder cannot be written."""
+    with replace_file(file) as beside:
+        Image.fromarray(picture).save(beside, format="PNG", optimize=True)

@@ -1,0 +1,123 @@
+"""A view for another renderer: `scene.glb`, `view.json`, and the truth as an example of a mask."""
+
+import json
+import math
+import re
+import shlex
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from shadowbench.engines.model import glb_of
+from shadowbench.errors import InputError
+from shadowbench.files import replace_file
+from shadowbench.scenes.model import Camera, Floats, Light, View, unit
+from shadowbench.scores.masks import write_mask
+from shadowbench.truth.trace import Truth
+
+SCHEMA = 1
+_ROW = re.compile(r"\[[^][{}]*\]")  # a list of numbers, to stand on one line
+MODEL, DESCRIPTION, EXAMPLE = "scene.glb", "view.json", "truth.png"
+
+
+def export_view(view: View, truth: Truth, folder: Path, reference: str) -> list[Path]:
+    """Write a view's files into a folder, made if need be, and return them; `reference` is what names its scene.
+
+    InputError when the folder cannot be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be made ({error.strerror or error})") from None
+    model, description, example = (folder / name for name in (MODEL, DESCRIPTION, EXAMPLE))
+    with replace_file(model) as beside:
+        beside.write_bytes(glb_of(view))
+    with replace_file(description) as beside:
+        text = json.dumps(describe(view, reference), indent=2, ensure_ascii=False, allow_nan=False)
+        beside.write_text(_ROW.sub(lambda row: " ".join(row[0].split()), text) + "\n", encoding="utf-8")
+    write_mask(example, truth.visibility)
+    return [model, description, example]
+
+
+def view_matrix(camera: Camera) -> Floats:
+    """(4, 4) float64, world to camera, as written (multiply from the left): the camera looks down its −z."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = camera.basis()
+    matrix[:3, 3] = -matrix[:3, :3] @ np.asarray(camera.position)
+    return matrix
+
+
+def projection_matrix(view: View) -> Floats:
+    """(4, 4) float64, camera to clip space as OpenGL has it, −w ≤ x, y, z ≤ w; multiply from the left."""
+    near, far = view.near_far
+    slope = math.tan(view.camera.fov_y / 2)
+    return np.array(
+        [
+            [1 / slope, 0, 0, 0],
+            [0, 1 / slope, 0, 0],
+            [0, 0, (far + near) / (near - far), 2 * far * near / (near - far)],
+            [0, 0, -1, 0],
+        ]
+    )
+
+
+def describe(view: View, reference: str) -> dict[str, Any]:
+    """What `view.json` holds: everything that the model's file leaves to convention, and the model's poses again."""
+    camera, (near, far) = view.camera, view.near_far
+    names = ["--view", camera.name, "--light", view.light.name]
+    return {
+        "schema": SCHEMA,
+        "scene": view.scene.name,
+        "model": MODEL,
+        "conventions": {
+            "world": "metres, right-handed, y up",
+            "matrices": "nested lists, one list a row; they multiply a column vector from the left: "
+            "clip = projection · view · (x, y, z, 1)",
+            "clip_space": "OpenGL: −w ≤ x, y, z ≤ w, x right, y up, z away",
+            "pixels": "row 0 at the top; pixel (row, column) is sampled at its centre: "
+            "clip x / w = (2 column + 1) / width − 1, clip y / w = 1 − (2 row + 1) / height",
+            "angles": "degrees",
+        },
+        "image": {"width": view.size, "height": view.size},
+        "camera": {
+            "name": camera.name,
+            "position": list(camera.position),
+            "target": list(camera.target),
+            "up": camera.basis()[1].tolist(),
+            "fov_y": math.degrees(camera.fov_y),
+            "near": near,
+            "far": far,
+            "view": view_matrix(camera).tolist(),
+            "projection": projection_matrix(view).tolist(),
+        },
+        "light": _light(view.light),
+        "meshes": [
+            {
+                "name": mesh.name,
+                "color": list(mesh.color),
+                "triangles": len(mesh.faces),
+                "casts": mesh.casts,
+                "receives": mesh.receives,
+            }
+            for mesh in view.scene.meshes
+        ],
+        "mask": {
+            "example": EXAMPLE,
+            "format": "grey PNG, 8 or 16 bit, linear (no sRGB curve): full where the light is seen, 0 in shadow, "
+            "full where no surface faces camera and light",
+            "score": shlex.join(["shadowbench", "score", reference, "MASK.png", *names]),
+        },
+        "assumptions": list(view.scene.notes),
+    }
+
+
+def _light(light: Light) -> dict[str, Any]:
+    """`direction` is the way the light travels, of unit length; what a kind of light has not is null."""
+    return {
+        "name": light.name,
+        "kind": light.kind,
+        "direction": None if light.kind == "point" else unit(light.direction).tolist(),
+        "position": None if light.kind == "directional" else list(light.position),
+        "cone": math.degrees(light.angle) if light.kind == "spot" else None,
+    }

@@ -1,0 +1,117 @@
+"""What another renderer handed over, checked and scored against the truth of its view."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shadowbench.engines.difference import difference_picture
+from shadowbench.engines.encoding import seems_encoded
+from shadowbench.engines.kinds import Kind, kinds_of, wrong_pixels
+from shadowbench.engines.orientation import misorientation
+from shadowbench.engines.pictures import Handed
+from shadowbench.engines.shift import shift_of
+from shadowbench.errors import InputError
+from shadowbench.scenes.model import View
+from shadowbench.scores.comparison import Comparison
+from shadowbench.studies.scoring import mask_record, reference_of
+from shadowbench.truth.cache import cached_truth
+
+_NOTED_CLIPPED = 0.01
+"""Share of the scored pixels that may be cut off before it is said."""
+
+
+@dataclass(frozen=True, eq=False)
+class Accuracy:
+    """A mask beside its truth. `record` is what a score record says of it, `comparison` what it was made from."""
+
+    handed: Handed
+    view: View
+    comparison: Comparison
+    record: dict[str, Any]
+    warnings: tuple[str, ...]
+
+    @property
+    def metrics(self) -> dict[str, float | None]:
+        """Every metric by name; None where there is nothing to divide by."""
+        found: dict[str, float | None] = self.record["metrics"]
+        return found
+
+    @cached_property
+    def kinds(self) -> list[Kind]:
+        """What is wrong, most pixels first."""
+        return kinds_of(self.comparison, self.metrics)
+
+    @cached_property
+    def wrong(self) -> tuple[int, int]:
+        """Pixels of false shadow and of false light."""
+        false_shadow, false_light = wrong_pixels(self.comparison)
+        return int(np.count_nonzero(false_shadow)), int(np.count_nonzero(false_light))
+
+    def difference(self) -> NDArray[np.uint8]:
+        """(N, N, 3) sRGB: false shadow orange, false light blue."""
+        return difference_picture(self.comparison)
+
+    def summary(self) -> list[str]:
+        """Some lines about what is wrong, for people."""
+        false_shadow, false_light = self.wrong
+        scored = self.comparison.reference.pixels
+        lines = [f"{scored} pixels scored: {false_shadow} of false shadow, {false_light} of false light"]
+        if unmeasured := self.record["input"]["unmeasured"]:
+            lines.append(f"{unmeasured} more not scored: lit and ambient picture differ there by less than 1/64")
+        lines += [f"{kind.name}, {kind.pixels} px: {kind.line}" for kind in self.kinds]
+        return lines
+
+
+def accuracy_of(handed: Handed, view: View) -> Accuracy:
+    """Score what was handed over, as it is, against the view's truth, which is traced or taken from the cache.
+
+    A shift, an encoding or a cut-off picture is a warning and a field of `record["input"]`. InputError for what is
+    flipped or inverted, and for screenshots that are dark wherever there is something to score.
+    """
+    truth = cached_truth(view)
+    unmeasured = 0
+    if handed.measurable is not None:
+        unmeasured = int(np.count_nonzero(truth.receivers & ~truth.undecided & ~handed.measurable))
+        truth = replace(truth, receivers=truth.receivers & handed.measurable)
+    reference = reference_of(truth)
+    if unmeasured and not reference.pixels:
+        raise InputError(
+            f"{handed.name}: lit − ambient is below 1/64 in every pixel; allowed: a lit picture of the view"
+        )
+    if fault := misorientation(handed.visibility, reference):
+        raise InputError(
+            f"{handed.name}: is {fault}, against the truth of {view.scene.name}; "
+            "allowed: row 0 at the top, column 0 at the left, full = lit, 0 = in shadow"
+        )
+    comparison = Comparison(handed.visibility, reference)
+    shift = shift_of(comparison)
+    encoded = seems_encoded(comparison, shift) if handed.measurable is None else None
+    clipped = 0 if handed.clipped is None else int(np.count_nonzero(handed.clipped & reference.valid))
+    warnings = []
+    if shift is not None:
+        warnings.append(f"seems shifted by {_told(shift)}; scored as it is")
+    if encoded:
+        warnings.append("seems to be sRGB-encoded (its soft values are too light for a linear mask); scored as it is")
+    if clipped > _NOTED_CLIPPED * reference.pixels:
+        share = clipped / reference.pixels
+        warnings.append(f"the lit picture is at full in {share:.1%} of the scored pixels and may be cut off there")
+    given = {
+        "source": "mask" if handed.measurable is None else "screenshots",
+        "shift_px": shift,
+        "srgb_encoded": encoded,
+        "unmeasured": unmeasured,
+        "clipped": clipped,
+    }
+    record = {**mask_record(handed.visibility, truth, reference), "input": given}
+    return Accuracy(handed, view, comparison, record, tuple(f"{handed.name}: {line}" for line in warnings))
+
+
+def _told(shift: tuple[float, float]) -> str:
+    across, down = shift
+    parts = [(across, "to the right", "to the left"), (down, "down", "up")]
+    return " and ".join(
+        f"{abs(value):.2f} px {forth if value > 0 else back}" for value, forth, back in parts if abs(value) >= 0.05
+    )

@@ -1,0 +1,132 @@
+"""For the test suites of engines: the fixture `shadow_accuracy`. Costs next to nothing until it is used."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from shadowbench.engines.scored import Accuracy
+
+
+class Score(float):
+    """A metric's value, which in a failed assertion says what is wrong with the mask."""
+
+    name: str
+    of: "ShadowAccuracy"
+
+    def __new__(cls, value: float, name: str, of: "ShadowAccuracy") -> "Score":
+        """A number that remembers which metric it is, of which mask."""
+        score = super().__new__(cls, value)
+        score.name, score.of = name, of
+        return score
+
+
+class ShadowAccuracy:
+    """A mask's scores: every metric of `shadowbench list metrics` is an attribute, None where it is not defined.
+
+    accuracy: all that is known. file: where `save` puts the difference picture.
+    """
+
+    def __init__(self, accuracy: "Accuracy", file: Path) -> None:
+        self.accuracy, self.file = accuracy, file
+
+    def __getattr__(self, name: str) -> Score | None:
+        metrics = self.accuracy.metrics
+        if name not in metrics:
+            raise AttributeError(f"{name!r} is no metric; there are {', '.join(metrics)}")
+        value = metrics[name]
+        return None if value is None else Score(value, name, self)
+
+    def __repr__(self) -> str:
+        return f"accuracy of {self.accuracy.handed.name} on {self.accuracy.view.scene.name}"
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """A line for a shift, an encoding or a cut-off picture."""
+        return self.accuracy.warnings
+
+    def save(self) -> Path:
+        """Write the difference picture, false shadow orange and false light blue, and say where."""
+        from shadowbench.engines.difference import write_difference
+
+        self.file.parent.mkdir(parents=True, exist_ok=True)
+        write_difference(self.file, self.accuracy.difference())
+        return self.file
+
+    def explain(self) -> list[str]:
+        """What is wrong, by kind of error, and where the picture is, which is written now."""
+        picture = f"difference: {self.save()} (orange false shadow, blue false light)"
+        return [*self.accuracy.summary(), *(f"warning: {line}" for line in self.warnings), picture]
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """`--shadow-diffs DIR`."""
+    parser.getgroup("shadowbench").addoption(
+        "--shadow-diffs",
+        metavar="DIR",
+        type=Path,
+        help="Folder of the difference pictures of shadow_accuracy's failed assertions  [the test's tmp_path].",
+    )
+
+
+def pytest_assertrepr_compare(op: str, left: object, right: object) -> list[str] | None:
+    """Say more than the number where one side of a failed comparison is a Score."""
+    score = next((side for side in (left, right) if isinstance(side, Score)), None)
+    if score is None:
+        return None
+    sides = [f"{side.name} {float(side):.5g}" if isinstance(side, Score) else repr(side) for side in (left, right)]
+    return [f"{sides[0]} {op} {sides[1]} ({score.of!r})", *score.of.explain()]
+
+
+@pytest.fixture
+def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[..., ShadowAccuracy]:
+    """Scores your engine's shadows against ray tracing.
+
+    `assert shadow_accuracy("mask.png", scene="stairs").iou > 0.98`; also `view`, `light` and `assets`, and `lit`,
+    `shadowed` and `ambient` in place of a mask, all as `shadowbench score` takes them. mask: a PNG, or an (N, N) array,
+    bool or float in [0, 1], uint8 or uint16, row 0 at the top, full = lit; N is the view's size. What is flipped,
+    inverted or not square fails the test.
+    """
+    diffs: Path | None = request.config.getoption("--shadow-diffs")
+    name = re.sub(r"[^\w.-]+", "-", request.node.name)[:120]
+    made = 0
+
+    def measure(
+        mask: "str | Path | ArrayLike | None" = None,
+        *,
+        scene: str | Path,
+        view: str | None = None,
+        light: str | None = None,
+        assets: Path | None = None,
+        **screenshots: Any,
+    ) -> ShadowAccuracy:
+        from shadowbench.engines.scored import accuracy_of
+        from shadowbench.errors import InputError
+        from shadowbench.scenes.views import chosen_view
+
+        nonlocal made
+        made += 1
+        try:
+            handed = _handed(mask, screenshots)
+            accuracy = accuracy_of(handed, chosen_view(scene, handed.size, view, light, assets))
+        except InputError as error:
+            pytest.fail(str(error), pytrace=False)
+        return ShadowAccuracy(accuracy, (diffs or tmp_path) / f"{name}{f'-{made}' if made > 1 else ''}.diff.png")
+
+    return measure
+
+
+def _handed(mask: Any, screenshots: dict[str, Any]) -> Any:
+    """The mask, or what the screenshots show; TypeError for both, neither or a keyword that there is not."""
+    from shadowbench.engines.pictures import from_screenshots, mask_from_array, mask_from_file
+
+    if mask is None:
+        return from_screenshots(**{key: file and Path(file) for key, file in screenshots.items()})
+    if screenshots:
+        raise TypeError(f"a mask and {', '.join(screenshots)}; allowed: a mask, or lit, shadowed and ambient")
+    return mask_from_file(Path(mask)) if isinstance(mask, str | Path) else mask_from_array(mask)

@@ -1,0 +1,44 @@
+"""Cameras and lights by name, and the view of a scene that they choose."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TypeVar
+
+from shadowbench.errors import InputError
+from shadowbench.scenes.library import load_scene
+from shadowbench.scenes.model import Camera, Light, View, view_of
+
+LARGEST = 16384
+"""Pixels along a side."""
+
+Named = TypeVar("Named", Camera, Light)
+
+
+def chosen_view(
+    scene: str | Path, size: int, camera: str | None = None, light: str | None = None, assets: Path | None = None
+) -> View:
+    """The view of size × size pixels of a scene by reference; its first camera and light unless they are named.
+
+    `assets` is a second folder in which a scene file's meshes may lie. Raises InputError for what there is not.
+    """
+    if not 1 <= size <= LARGEST:
+        raise InputError(f"view size {size}: allowed are 1 to {LARGEST}")
+    loaded = load_scene(scene, assets)
+    chosen = named(loaded.cameras, camera, "view") if camera else loaded.cameras[0]
+    lamp = named(loaded.lights, light, "light") if light else loaded.lights[0]
+    return view_of(loaded, chosen, lamp, size)
+
+
+def notes_on(view: View, light: str | None) -> list[str]:
+    """The lines that a user should read of a chosen view: what was assumed, and that one light stands for several."""
+    names = ", ".join(lamp.name for lamp in view.scene.lights)
+    several = f"{view.scene.name}: {len(view.scene.lights)} lights: {names}; the first is used, --light names another"
+    return [*view.scene.notes, *([several] if light is None and len(view.scene.lights) > 1 else [])]
+
+
+def named(things: Sequence[Named], name: str, where: str) -> Named:
+    """The camera or light of a name; raises InputError, beginning with `where`, that lists the names."""
+    for thing in things:
+        if thing.name == name:
+            return thing
+    raise InputError(f"{where}: found {name!r:.60}; allowed: {', '.join(thing.name for thing in things)}")

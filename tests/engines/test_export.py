@@ -1,0 +1,133 @@
+"""An exported view is the view: read back it has the same shadows, and its matrices lead to the same pixels."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from shadowbench.engines.export import export_view, projection_matrix, view_matrix
+from shadowbench.gl.matrices import view_projection
+from shadowbench.scenes.library import builtin_names
+from shadowbench.scenes.meshes import read_meshes
+from shadowbench.scenes.model import Light, Scene, View, view_of
+from shadowbench.scores.masks import read_mask
+from shadowbench.truth.rays import ViewRays
+from shadowbench.truth.trace import Truth, trace
+
+SIZE = 128
+
+
+def read_back(folder: Path, size: int) -> View:
+    """The view of scene.glb; not through load_scene, which gives a ground to what has none."""
+    contents = read_meshes(folder / "scene.glb")
+    scene = Scene("read", contents.meshes, contents.cameras, contents.lights)
+    return view_of(scene, scene.cameras[0], scene.lights[0], size)
+
+
+def assert_same_shadows(view: View, folder: Path, truth: Truth | None = None) -> None:
+    truth = truth or trace(view, 1)
+    export_view(view, truth, folder, view.scene.name)
+    again = trace(read_back(folder, view.size), 1)
+    assert (truth.visibility[truth.receivers] < 0.5).any()
+    decided = ~truth.undecided
+    assert np.count_nonzero(decided & (truth.receivers != again.receivers)) == 0
+    assert np.count_nonzero(decided & (truth.visibility != again.visibility)) == 0
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_a_scene_that_is_read_back_has_the_same_shadows(builtin: Callable[..., View], name: str, tmp_path) -> None:
+    assert_same_shadows(builtin(name, SIZE), tmp_path)
+
+
+def test_a_scene_a_thousand_kilometres_away_keeps_its_shadows(builtin: Callable[..., View], tmp_path: Path) -> None:
+    near = builtin("stairs", SIZE)
+    far = np.array([1e6, 2e5, -3e5])
+    scene = replace(near.scene, meshes=tuple(replace(mesh, vertices=mesh.vertices + far) for mesh in near.scene.meshes))
+    camera = replace(
+        near.camera,
+        position=tuple(near.camera.position + far),
+        target=tuple(near.camera.target + far),
+    )
+    assert_same_shadows(view_of(scene, camera, near.light, SIZE), tmp_path)
+
+
+@pytest.mark.parametrize("name", ["stairs", "spot-lamp", "lamp-by-wall"])
+def test_camera_light_colours_and_names_are_read_back(builtin: Callable[..., View], name: str, tmp_path: Path) -> None:
+    view = builtin(name, SIZE)
+    export_view(view, trace(view, 1), tmp_path, name)
+    found = read_back(tmp_path, SIZE)
+    assert found.camera.name == view.camera.name
+    assert found.camera.fov_y == view.camera.fov_y
+    np.testing.assert_allclose(found.camera.basis(), view.camera.basis(), atol=1e-12)
+    np.testing.assert_allclose(found.near_far, view.near_far, rtol=1e-6)
+    assert (found.light.kind, found.light.name) == (view.light.kind, view.light.name)
+    assert found.light.angle == pytest.approx(view.light.angle)
+    np.testing.assert_allclose(found.light.homogeneous[0], view.light.homogeneous[0], atol=1e-12)
+    assert [(mesh.name, mesh.color) for mesh in found.scene.meshes] == [
+        (mesh.name, mesh.color) for mesh in view.scene.meshes
+    ]
+
+
+def test_the_matrices_are_those_that_our_own_techniques_use(builtin: Callable[..., View]) -> None:
+    view = builtin("stairs", SIZE)
+    np.testing.assert_allclose(projection_matrix(view) @ view_matrix(view.camera), view_projection(view), atol=1e-12)
+
+
+def test_the_written_matrices_lead_to_the_pixel_centres_that_are_traced(
+    builtin: Callable[..., View], tmp_path: Path
+) -> None:
+    view = builtin("stairs", SIZE)
+    export_view(view, trace(view, 1), tmp_path, "stairs")
+    found = json.loads((tmp_path / "view.json").read_text(encoding="utf-8"))
+    matrix = np.array(found["camera"]["projection"]) @ np.array(found["camera"]["view"])
+    directions = ViewRays(view).directions(slice(0, SIZE)).reshape(3, -1).T
+    points = np.asarray(view.camera.position) + 3 * directions
+    clip = np.c_[points, np.ones(len(points))] @ matrix.T
+    x, y = (clip[:, :2] / clip[:, 3:]).T
+    rows, columns = np.divmod(np.arange(SIZE * SIZE), SIZE)
+    np.testing.assert_allclose(x, (2 * columns + 1) / found["image"]["width"] - 1, atol=1e-9)
+    np.testing.assert_allclose(y, 1 - (2 * rows + 1) / found["image"]["height"], atol=1e-9)
+
+
+def test_the_description_says_the_light_and_what_gltf_has_no_word_for(
+    builtin: Callable[..., View], tmp_path: Path
+) -> None:
+    view = builtin("cube-on-plane", 32)
+    cube = replace(view.scene.meshes[1], casts=False)
+    spot = Light("lamp", "spot", direction=(0.0, -2.0, 0.0), position=(0.0, 3.0, 0.0), angle=np.radians(60))
+    view = view_of(replace(view.scene, meshes=(view.scene.meshes[0], cube)), view.camera, spot, 32)
+    export_view(view, trace(view, 1), tmp_path, "cube-on-plane")
+    found = json.loads((tmp_path / "view.json").read_text(encoding="utf-8"))
+    expected = {"name": "lamp", "kind": "spot", "direction": [0, -1, 0], "position": [0, 3, 0]}
+    assert {key: found["light"][key] for key in expected} == expected
+    assert found["light"]["cone"] == pytest.approx(60)
+    assert [mesh["casts"] for mesh in found["meshes"]] == [True, False]
+    assert found["mask"]["score"] == "shadowbench score cube-on-plane MASK.png --view camera --light lamp"
+
+
+def test_the_example_is_a_mask_without_an_error(shadowbench: Callable, tmp_path: Path) -> None:
+    assert shadowbench("export", "spot-lamp", tmp_path / "out", "--view-size", "96").code == 0
+    assert sorted(file.name for file in (tmp_path / "out").iterdir()) == ["scene.glb", "truth.png", "view.json"]
+    assert read_mask(tmp_path / "out" / "truth.png").shape == (96, 96)
+    answer = shadowbench("score", "spot-lamp", tmp_path / "out" / "truth.png", "--json")
+    assert json.loads(answer.out)["metrics"]["iou"] == 1
+    assert json.loads(answer.out)["warnings"] == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (("stairs", "{}", "--view", "no"), "view: found 'no'; allowed: camera"),
+        (("stairs", "{}", "--light", "no"), "light: found 'no'; allowed: light"),
+        (("stairs", "{}/file/x"), "cannot be made"),
+        (("nowhere", "{}"), "is no built-in scene"),
+    ],
+)
+def test_bad_input_is_one_line(shadowbench: Callable, tmp_path: Path, arguments: tuple[str, ...], line: str) -> None:
+    (tmp_path / "file").touch()
+    answer = shadowbench("export", *(part.format(tmp_path) for part in arguments))
+    assert (answer.code, answer.out) == (2, "")
+    assert line in answer.err and answer.err.count("\n") == 1

@@ -1,0 +1,121 @@
+"""Visibility of masks and screenshots: decoded, in linear light, and refused where it cannot be."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from shadowbench.engines.pictures import decode_srgb, from_screenshots, mask_from_array, mask_from_file, read_luminance
+from shadowbench.errors import InputError
+
+
+def encoded(linear: float) -> float:
+    """The sRGB curve, of one number above its straight part."""
+    return 1.055 * linear ** (1 / 2.4) - 0.055
+
+
+def flat(value: float, side: int = 8) -> np.ndarray:
+    return np.full((side, side), value)
+
+
+def test_srgb_is_decoded_as_the_standard_says() -> None:
+    # IEC 61966-2-1: straight below 0.04045, and mid grey is about a fifth of the light.
+    np.testing.assert_allclose(decode_srgb([0, 0.04, 0.5, 1]), [0, 0.04 / 12.92, 0.2140411, 1], atol=1e-7)
+    assert decode_srgb(encoded(0.3)) == pytest.approx(0.3)
+
+
+def test_colours_are_reduced_to_their_luminance(tmp_path: Path) -> None:
+    for color, luminance in (("red", 0.2126), ((0, 255, 0), 0.7152), ("blue", 0.0722), ("white", 1.0)):
+        file = tmp_path / "color.png"
+        Image.new("RGB", (4, 4), color).save(file)
+        np.testing.assert_allclose(read_luminance(file), luminance)
+
+
+def test_transparency_palettes_and_sixteen_bits_are_read(tmp_path: Path) -> None:
+    grey = Image.new("RGB", (4, 4), (188, 188, 188))
+    for name, image in {
+        "rgba": Image.merge("RGBA", [*grey.split(), Image.new("L", (4, 4), 7)]),
+        "palette": grey.quantize(4),
+        "grey": grey.convert("L"),
+        "deep": Image.fromarray(np.full((4, 4), 188 * 257, np.uint16)),
+    }.items():
+        image.save(tmp_path / f"{name}.png")
+        np.testing.assert_allclose(read_luminance(tmp_path / f"{name}.png"), decode_srgb(188 / 255), err_msg=name)
+
+
+def test_visibility_is_the_share_of_the_light_that_is_left(png: Callable) -> None:
+    lit, half = png("lit.png", flat(encoded(0.8))), png("half.png", flat(encoded(0.4)))
+    np.testing.assert_allclose(from_screenshots(lit, half).visibility, 0.5, atol=5e-3)
+
+
+def test_ambient_light_is_taken_off_first(png: Callable) -> None:
+    lit, shadowed, ambient = (
+        png(name, flat(encoded(value))) for name, value in (("l.png", 0.7), ("s.png", 0.3), ("a.png", 0.2))
+    )
+    np.testing.assert_allclose(from_screenshots(lit, shadowed, ambient).visibility, 0.2, atol=1e-2)
+    np.testing.assert_allclose(from_screenshots(lit, shadowed).visibility, 3 / 7, atol=1e-2)
+    dark = from_screenshots(lit, ambient, ambient)
+    assert dark.visibility.max() == 0 and dark.measurable is not None and dark.measurable.all()
+
+
+def test_where_the_light_is_weak_nothing_is_told(png: Callable) -> None:
+    lit = flat(encoded(0.5))
+    lit[:3] = decode_srgb(0)
+    lit[3] = encoded(0.2 + 0.9 / 64)
+    shadowed, ambient = np.minimum(lit, encoded(0.2)), np.minimum(lit, encoded(0.2))
+    handed = from_screenshots(png("l.png", lit), png("s.png", shadowed), png("a.png", ambient))
+    assert handed.measurable is not None
+    assert handed.measurable.sum(axis=1).tolist() == [0, 0, 0, 0, 8, 8, 8, 8]
+    assert handed.visibility[:4].min() == 1 and handed.visibility[4:].max() == 0
+
+
+def test_a_picture_at_full_may_be_cut_off(png: Callable) -> None:
+    lit = flat(0.9)
+    lit[0] = 1
+    handed = from_screenshots(png("l.png", lit), png("s.png", flat(0.2)))
+    assert handed.clipped is not None and handed.clipped.sum() == 8
+
+
+@pytest.mark.parametrize(
+    "values", [flat(1.0).astype(bool), flat(1.0), flat(255).astype(np.uint8), flat(65535).astype("u2")]
+)
+def test_full_is_lit_in_arrays_of_each_type(values: np.ndarray) -> None:
+    assert (mask_from_array(values).visibility == 1).all()
+    assert (mask_from_array(np.zeros_like(values)).visibility == 0).all()
+
+
+@pytest.mark.parametrize(
+    ("values", "line"),
+    [
+        (np.ones((4, 5)), "found 5 × 4 pixels; allowed: a square"),
+        (np.ones((4, 4, 3)), "found 4 × 4 × 3 pixels; allowed: a square"),
+        (np.ones(4), "allowed: a square"),
+        (np.ones((4, 4), np.int64), "found an array of int64; allowed: float"),
+        (np.full((4, 4), np.nan), "NaN or infinite in 16 of 16"),
+        (np.full((4, 4), 255.0), "outside [0, 1] in 16 of 16"),
+    ],
+)
+def test_other_arrays_are_refused(values: np.ndarray, line: str) -> None:
+    with pytest.raises(InputError) as caught:
+        mask_from_array(values)
+    assert line in str(caught.value)
+
+
+def test_other_files_are_refused(png: Callable, tmp_path: Path) -> None:
+    square, wide, small = png("square.png", flat(1)), png("wide.png", np.ones((4, 8))), png("small.png", flat(1, 4))
+    (tmp_path / "text.png").write_text("no picture")
+    for call, line in [
+        (lambda: mask_from_file(wide), "wide.png: found 8 × 4 pixels; allowed: a square"),
+        (lambda: mask_from_file(png("color.png", np.ones((4, 4, 3)))), "found a PNG of mode RGB; allowed: a grey PNG"),
+        (lambda: mask_from_file(tmp_path / "no.png"), "no such file"),
+        (lambda: from_screenshots(square, small), "small.png: found 4 × 4 pixels; allowed: 8 × 8, as "),
+        (lambda: from_screenshots(square, square, small), "small.png: found 4 × 4 pixels"),
+        (lambda: from_screenshots(wide, wide), "wide.png: found 8 × 4 pixels; allowed: a square"),
+        (lambda: from_screenshots(square, tmp_path / "text.png"), "text.png: cannot be read as an image"),
+        (lambda: from_screenshots(tmp_path / "no.png", square), "no.png: no such file"),
+    ]:
+        with pytest.raises(InputError) as caught:
+            call()
+        assert line in str(caught.value) and "\n" not in str(caught.value)

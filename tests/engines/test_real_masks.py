@@ -1,0 +1,78 @@
+"""Masks of real renderers: ours, good and bad, raise no false alarm, and VTK's goes through `export` and `score`."""
+
+import json
+import subprocess
+import sys
+import venv
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from shadowbench.engines.encoding import seems_encoded
+from shadowbench.engines.orientation import misorientation
+from shadowbench.engines.shift import shift_of
+from shadowbench.scores.masks import read_mask
+
+ROOT = Path(__file__).resolve().parents[2]
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
+
+STUDY = """
+scenes = ["cube-on-plane", "stairs", "spot-lamp", "railings", "terrain", "pebbles", "street", "lamp-over-table"]
+map_size = [256, 1024]
+view_size = 256
+rounds = 0
+[[technique]]
+spec = "unshadowed"
+[[technique]]
+spec = "planar-projection"
+[[technique]]
+spec = "shadow-map:fit=scene"
+bias = ["none", "constant", "slope(max=0.05,min=0.005)", "texel"]
+filter = ["hard", "hardware", "pcf(taps=5)"]
+"""
+
+
+def test_no_mask_of_ours_is_taken_for_turned_shifted_or_encoded(
+    shadowbench: Callable, comparison: Callable, tmp_path: Path
+) -> None:
+    (tmp_path / "study.toml").write_text(STUDY)
+    assert shadowbench("run", "-s", tmp_path / "study.toml", "-o", tmp_path / "run", "-q").code == 0
+    rows = [json.loads(line) for line in (tmp_path / "run" / "rows.jsonl").read_text().splitlines()]
+    held = [row for row in rows if row["kind"] == "score" and row["status"] == "ok"]
+    assert len(held) > 150
+    alarms = []
+    for row in held:
+        one = comparison(read_mask(tmp_path / "run" / "masks" / f"{row['key']}.png"), row["scene"])
+        shift = shift_of(one)
+        found = misorientation(one.visibility, one.reference), shift, seems_encoded(one, shift) or None
+        if any(found):
+            alarms.append((row["scene"], row["spec"], row["map_size"], found))
+    assert alarms == []
+
+
+@pytest.fixture(scope="module")
+def vtk_python(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A Python of its own with VTK, and nothing of ours."""
+    folder = tmp_path_factory.mktemp("vtk")
+    venv.create(folder, with_pip=True)
+    python = folder / ("Scripts" if sys.platform == "win32" else "bin") / "python"
+    subprocess.run([python, "-m", "pip", "install", "--quiet", "-c", ROOT / "constraints.txt", "vtk"], check=True)
+    return python
+
+
+@pytest.mark.parametrize(("scene", "least"), [("cube-on-plane", 0.93), ("spot-lamp", 0.7)])
+def test_vtk_goes_through_export_and_score(
+    vtk_python: Path, shadowbench: Callable, tmp_path: Path, scene: str, least: float
+) -> None:
+    assert shadowbench("export", scene, tmp_path, "--view-size", "256").code == 0
+    subprocess.run([vtk_python, ROOT / "examples" / "vtk_shadows.py", tmp_path], check=True)
+    pictures = ("--lit", tmp_path / "lit.png", "--shadowed", tmp_path / "shadowed.png")
+    answer = shadowbench("score", scene, *pictures, "--json", "-o", tmp_path / "run", "--name", "vtk")
+    found = json.loads(answer.out)
+    assert found["warnings"] == []
+    assert least < found["metrics"]["iou"] < 1
+    (row,) = [json.loads(line) for line in (tmp_path / "run" / "rows.jsonl").read_text().splitlines()]
+    assert row["metrics"] == found["metrics"] and row["renderer"] == "external: vtk"
+    assert (tmp_path / "run" / "pictures" / f"{row['key']}.png").exists()

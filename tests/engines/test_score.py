@@ -1,0 +1,212 @@
+"""`shadowbench score`: what is printed, refused, warned of, drawn and kept."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from scipy import ndimage
+
+from shadowbench.engines.kinds import kinds_of
+from shadowbench.scores.masks import read_mask, write_mask
+from shadowbench.scores.metrics import METRICS, score
+
+SCENE = "stairs"
+
+
+@pytest.fixture
+def mask(drawn: Callable, tmp_path: Path) -> Path:
+    """What a good engine would hand over."""
+    write_mask(tmp_path / "mask.png", drawn(SCENE))
+    return tmp_path / "mask.png"
+
+
+def srgb(linear: np.ndarray) -> np.ndarray:
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055)
+
+
+def rows_of(folder: Path) -> list[dict]:
+    return [json.loads(line) for line in (folder / "rows.jsonl").read_text(encoding="utf-8").splitlines()]
+
+
+def test_every_metric_is_printed_and_is_that_of_a_run(shadowbench: Callable, mask: Path, reference: Callable) -> None:
+    answer = shadowbench("score", SCENE, mask)
+    assert answer.code == 0
+    assert [line.split()[0] for line in answer.out.splitlines()[2 : 2 + len(METRICS)]] == list(METRICS)
+    found = json.loads(shadowbench("score", SCENE, mask, "--json").out)
+    assert found["metrics"] == score(read_mask(mask), reference(SCENE))
+    assert found["metrics"]["iou"] > 0.98 and found["warnings"] == []
+    assert (found["view_size"], found["view"], found["light"]) == (256, "camera", "light")
+
+
+@pytest.mark.parametrize(
+    ("turn", "fault"),
+    [
+        (lambda mask: mask[::-1], "is flipped vertically,"),
+        (lambda mask: mask[:, ::-1], "is flipped horizontally,"),
+        (lambda mask: 1 - mask, "is inverted,"),
+        (lambda mask: mask[:, :200], "found 200 × 256 pixels; allowed: a square"),
+    ],
+)
+def test_what_is_turned_inverted_or_not_square_is_refused(
+    shadowbench: Callable, drawn: Callable, tmp_path: Path, turn: Callable, fault: str
+) -> None:
+    write_mask(tmp_path / "bad.png", turn(drawn(SCENE)))
+    answer = shadowbench("score", SCENE, tmp_path / "bad.png", "-o", tmp_path / "rows", "--name", "mine")
+    assert (answer.code, answer.out) == (2, "")
+    assert fault in answer.err and answer.err.count("\n") == 1
+    assert not (tmp_path / "rows").exists()
+
+
+def test_a_shift_and_an_encoding_are_warned_of_and_scored_as_they_are(
+    shadowbench: Callable, drawn: Callable, tmp_path: Path, reference: Callable
+) -> None:
+    file = tmp_path / "mask.png"
+    for values, key, line in (
+        (drawn(SCENE, shift=(0.5, -1)), "shift_px", "seems shifted by 0.50 px to the right and 1.00 px up; scored as"),
+        (srgb(drawn(SCENE)), "srgb_encoded", "seems to be sRGB-encoded"),
+    ):
+        write_mask(file, values)
+        answer = shadowbench("score", SCENE, file)
+        assert answer.code == 0 and line in answer.err
+        found = json.loads(shadowbench("score", SCENE, file, "--json").out)
+        assert found["input"][key] and line in found["warnings"][0]
+        assert found["metrics"] == score(read_mask(file), reference(SCENE))
+
+
+def test_screenshots_give_the_scores_of_the_mask_behind_them(
+    shadowbench: Callable, drawn: Callable, png: Callable, reference: Callable
+) -> None:
+    visibility, light = drawn(SCENE), np.clip(reference(SCENE).cosine, 0, 1) * 0.8
+    ambient = np.full_like(light, 0.1)
+    pictures = {"lit": ambient + light, "shadowed": ambient + light * visibility, "ambient": ambient}
+    files = [part for name, values in pictures.items() for part in (f"--{name}", png(f"{name}.png", srgb(values)))]
+    found = json.loads(shadowbench("score", SCENE, *files, "--json").out)
+    exact = score(visibility, reference(SCENE))
+    assert found["metrics"]["iou"] == pytest.approx(exact["iou"], abs=2e-3)
+    assert found["metrics"]["mae"] == pytest.approx(exact["mae"], abs=2e-3)
+    weak = reference(SCENE).valid & (light < 1 / 64 - 2e-3)
+    assert weak.sum() <= found["input"]["unmeasured"] <= (reference(SCENE).valid & (light < 1 / 64 + 2e-3)).sum()
+    assert found["receivers"] + found["input"]["unmeasured"] >= reference(SCENE).pixels
+    assert found["input"]["source"] == "screenshots"
+
+
+def test_black_screenshots_are_refused(shadowbench: Callable, png: Callable) -> None:
+    black = png("black.png", np.zeros((64, 64)))
+    answer = shadowbench("score", SCENE, "--lit", black, "--shadowed", black)
+    assert answer.code == 2 and "lit − ambient is below 1/64 in every pixel" in answer.err
+
+
+def test_a_row_is_kept_once_and_a_changed_mask_is_another(
+    shadowbench: Callable, mask: Path, drawn: Callable, tmp_path: Path
+) -> None:
+    folder = tmp_path / "rows"
+    keep = ("-o", folder, "--name", "my-engine")
+    assert "a row of my-engine" in shadowbench("score", SCENE, mask, *keep).out
+    assert "already" in shadowbench("score", SCENE, mask, *keep).out
+    (row,) = rows_of(folder)
+    expected = {
+        "schema": 1,
+        "kind": "score",
+        "scene": SCENE,
+        "technique": "my-engine",
+        "spec": "my-engine",
+        "map_size": None,
+        "view_size": 256,
+        "renderer": "external: my-engine",
+        "status": "ok",
+    }
+    assert {key: row[key] for key in expected} == expected
+    assert list(row["metrics"]) == list(METRICS)
+    np.testing.assert_array_equal(read_mask(folder / "masks" / f"{row['key']}.png"), read_mask(mask))
+    assert (folder / "differences" / f"{row['key']}.png").exists()
+    assert (folder / "truth" / f"{SCENE}.camera.light.256.png").exists()
+    write_mask(mask, drawn(SCENE, shift=(0, 0.25)))
+    assert "a row of my-engine" in shadowbench("score", SCENE, mask, *keep).out
+    assert "a row of another" in shadowbench("score", SCENE, mask, *keep[:3], "another").out
+    assert len({row["key"] for row in rows_of(folder)}) == len(rows_of(folder)) == 3
+    write_mask(mask, drawn(SCENE))  # as it was at first: the newest row is the one that counts
+    assert "a row of my-engine" in shadowbench("score", SCENE, mask, *keep).out
+    assert "already" in shadowbench("score", SCENE, mask, *keep).out
+    rows = rows_of(folder)
+    assert rows[-1]["metrics"] == row["metrics"] and len({row["key"] for row in rows}) == len(rows) == 4
+
+
+def test_the_difference_shows_false_shadow_orange_and_false_light_blue(
+    shadowbench: Callable, reference: Callable, tmp_path: Path
+) -> None:
+    truth = reference(SCENE)
+    wrong = truth.visibility.copy()
+    wrong[:, :128] = 1 - wrong[:, :128] * 0.5  # half a shadow where it is light, light where it is shadow
+    write_mask(tmp_path / "mask.png", wrong)
+    assert shadowbench("score", SCENE, tmp_path / "mask.png", "--diff", tmp_path / "diff.png").code == 0
+    picture = np.asarray(Image.open(tmp_path / "diff.png")).astype(int)
+    left = np.arange(256) < 128
+    assert (picture[truth.shadow & left] == (0, 114, 178)).all()
+    red, green, blue = picture[truth.lit & left].T
+    assert (red > green).all() and (green > blue).all()
+    assert np.ptp(picture[truth.valid & ~left], axis=-1).max() == 0
+
+
+def test_errors_are_told_by_their_kind(comparison: Callable, reference: Callable) -> None:
+    truth = reference(SCENE)
+    acne = truth.visibility.copy()
+    speckled = truth.lit_interior & (np.add.outer(np.arange(256), np.arange(256)) % 4 == 0)
+    acne[speckled] = 0
+    floating = np.where(truth.contact, 1, truth.visibility)
+    hole = truth.visibility.copy()
+    hole[truth.shadow_interior & ~truth.contact & (truth.squared_edge_distance > 8**2)] = 1
+    grown = ndimage.minimum_filter(truth.visibility, 7)
+    for mask, kind in ((acne, "acne"), (floating, "peter-panning"), (hole, "leak"), (grown, "displaced edge")):
+        found = kinds_of(comparison(mask, SCENE), score(mask, truth))
+        assert found[0].name == kind
+    assert kinds_of(comparison(truth.visibility, SCENE), score(truth.visibility, truth)) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        ((), "found neither; allowed: MASK, or --lit and --shadowed"),
+        (("{mask}", "--lit", "{mask}"), "found MASK and --lit; allowed: MASK, or"),
+        (("--lit", "{mask}"), "found --lit; allowed"),
+        (("{mask}", "--name", "x"), "found one of them; allowed: both"),
+        (("{mask}", "-o", "{folder}"), "found one of them; allowed: both"),
+        (("{mask}", "-o", "{folder}", "--name", "a/b"), "--name: found 'a/b'; allowed: letters, digits"),
+        (("{mask}", "--view", "no"), "view: found 'no'; allowed: camera"),
+        (("{mask}", "--diff", "{folder}/diff.jpg"), "diff.jpg: found a name that ends with '.jpg'; allowed: .png"),
+        (("{folder}/none.png",), "none.png: no such file"),
+    ],
+)
+def test_bad_input_is_one_line(
+    shadowbench: Callable, mask: Path, tmp_path: Path, arguments: tuple[str, ...], line: str
+) -> None:
+    answer = shadowbench("score", SCENE, *(part.format(mask=mask, folder=tmp_path) for part in arguments))
+    assert (answer.code, answer.out) == (2, "")
+    assert line in answer.err and answer.err.count("\n") == 1
+
+
+def test_scoring_imports_no_gl() -> None:
+    code = (
+        "import sys; from shadowbench.engines import export, scored, store; import shadowbench.pytest_plugin; "
+        "import shadowbench.commands.export, shadowbench.commands.score; "
+        "print({'moderngl', 'glcontext', 'glm', 'pyglm'} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "set()"
+
+
+@pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="only Linux tells which libraries are loaded")
+def test_export_and_score_load_no_library_of_gl(mask: Path, tmp_path: Path) -> None:
+    code = (
+        "import sys; from shadowbench.cli import app; app(sys.argv[1:], standalone_mode=False); "
+        "print(*{line.split('/')[-1].strip() for line in open('/proc/self/maps')})"
+    )
+    for arguments in (["export", SCENE, tmp_path / "out"], ["score", SCENE, mask, "-o", tmp_path / "o", "--name", "x"]):
+        done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=True)
+        libraries = done.stdout.splitlines()[-1].split()
+        assert any(name.startswith("libembree") for name in libraries) or "embree" in done.stdout
+        assert [name for name in libraries if name.startswith(("libEGL", "libGL", "libOSMesa", "libgallium"))] == []
