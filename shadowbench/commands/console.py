@@ -25,8 +25,8 @@ from shadowbench.files import replace_file
 if TYPE_CHECKING:
     from shadowbench.techniques.base import Technique
 
-# A pipe has no width; tables there are as wide as they like to be.
-out = Console(highlight=False, width=None if sys.stdout.isatty() else 160)
+# A pipe has no width; tables there are as wide as they like to be, and a spec stays in one piece.
+out = Console(highlight=False, width=None if sys.stdout.isatty() else 500)
 err = Console(stderr=True, highlight=False)
 
 

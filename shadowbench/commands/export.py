@@ -14,7 +14,7 @@ def export_command(
     """Write a view's model, description and truth into a folder."""
     with ConsoleReporter(quiet) as reporter:
         chosen = chosen_view(scene, view_size, view, light, assets)
-        for note in notes_on(chosen, light):
+        for note in notes_on(chosen, view, light):
             reporter.note(note)
         for mesh in chosen.scene.meshes:
             lacking = [what for what, holds in (("cast", mesh.casts), ("receive", mesh.receives)) if not holds]

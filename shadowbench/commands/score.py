@@ -42,7 +42,7 @@ def score_command(options: ScoreOptions, *, as_json: bool, quiet: bool) -> None:
     handed = _handed(options)
     with ConsoleReporter(quiet) as reporter:
         view = chosen_view(options.scene, handed.size, options.view, options.light, options.assets)
-        for note in notes_on(view, options.light):
+        for note in notes_on(view, options.view, options.light):
             reporter.note(note)
         accuracy = accuracy_of(handed, view)
     if options.difference is not None:

@@ -94,6 +94,6 @@ def _view(
 ) -> View:
     """The view that the options name, its assumptions printed."""
     chosen = chosen_view(scene, size, view, light, assets)
-    for note in notes_on(chosen, light):
+    for note in notes_on(chosen, view, light):
         reporter.note(note)
     return chosen

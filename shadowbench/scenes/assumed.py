@@ -71,12 +71,9 @@ def _floor_area(meshes: Sequence[Mesh], y: float, thickness: float) -> float:
     return area
 
 
-def notes_on(cameras: Sequence[Camera], dropped: int, where: str) -> list[str]:
-    """A line where one camera stands for several, and one where zero-area triangles were left out."""
-    names = ", ".join(camera.name for camera in cameras)
-    several = f"{where}: {len(cameras)} cameras: {names}; the first is used unless --view or a study names others"
-    left_out = f"{where}: {dropped} zero-area triangle(s) left out"
-    return [note for note, holds in ((several, len(cameras) > 1), (left_out, dropped > 0)) if holds]
+def left_out(dropped: int, where: str) -> list[str]:
+    """A line where zero-area triangles were left out."""
+    return [f"{where}: {dropped} zero-area triangle(s) left out"] if dropped else []
 
 
 def told(values: Vec3) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field, ValidationError
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.assumed import camera_for, mesh_bounds, notes_on, sun_for
+from shadowbench.scenes.assumed import camera_for, left_out, mesh_bounds, sun_for
 from shadowbench.scenes.meshes import read_meshes
 from shadowbench.scenes.model import Camera, Floats, Light, Mesh, Scene
 from shadowbench.scenes.shapes import SHAPES, build_shape
@@ -100,7 +100,7 @@ def read_scene_file(path: Path, assets: Path | None = None) -> Scene:
     if not lights:
         light, note = sun_for(path.name)
         lights, notes = [light], [*notes, note]
-    notes += notes_on(cameras, dropped, path.name)
+    notes += left_out(dropped, path.name)
     name = document.name or path.stem
     return Scene(name, tuple(meshes), tuple(cameras), tuple(lights), tuple(notes), dropped)
 

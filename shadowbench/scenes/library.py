@@ -6,7 +6,7 @@ from pathlib import Path
 
 from shadowbench.data import data_folder
 from shadowbench.errors import InputError
-from shadowbench.scenes.assumed import camera_for, ground_for, mesh_bounds, notes_on, sun_for
+from shadowbench.scenes.assumed import camera_for, ground_for, left_out, mesh_bounds, sun_for
 from shadowbench.scenes.files import read_document, read_scene_file
 from shadowbench.scenes.meshes import MESH_SUFFIXES, read_meshes
 from shadowbench.scenes.model import Scene
@@ -54,7 +54,7 @@ def read_mesh_scene(path: Path) -> Scene:
     if not lights:
         light, note = sun_for(path.name)
         lights, notes = (light,), [*notes, note]
-    notes += notes_on(cameras, contents.dropped, path.name)
+    notes += left_out(contents.dropped, path.name)
     name = re.sub(r"[^\w .+-]", "-", path.stem)
     return Scene(name, tuple(meshes), cameras, lights, tuple(notes), contents.dropped)
 

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from shadowbench.scenes.model import Floats, Geometry
 
-# Votes are counted in cells this wide, in normals and in shares of the diagonal: far above rounding, which turns
-# small triangles of float32 meshes by 1e-5, and below the distance of planes that anyone would model.
-_CELL = 2.0**-13
-_LOOSE = 10.0  # tolerances within which a first guess, the plane of one triangle, gathers what is fitted
+# Votes are counted in cells this wide, in normals and in shares of the diagonal: above the scatter of small triangles
+# whose corners were rounded. Planes that share a cell are told apart by looking.
+_CELL = 2.0**-11
+_LOOSE = 10.0  # tolerances within which a first guess, the plane of one triangle, gathers what it is a part of
+_FAILURES = 16  # guesses of one cell that may come to nothing, since each looks at all triangles
 _MIXING = np.random.default_rng(0).integers(-(2**62), 2**62, 9)
 
 
@@ -23,12 +24,14 @@ class Plane:
     """A planar receiver.
 
     equation: (4,) float64 π with a unit normal, π·(x, y, z, 1) = 0 on it, of either orientation; triangles: (n,) sorted
-    indices into the geometry's faces, of either winding; share: their part of the area that was searched.
+    indices into the geometry's faces, of either winding; share: their part of the area that was searched; thickness:
+    how far their furthest corner is off the plane.
     """
 
     equation: Floats
     triangles: NDArray[np.int64]
     share: float
+    thickness: float
 
 
 def find_planes(
@@ -49,29 +52,71 @@ def find_planes(
     normals = geometry.normals[searched]
     areas = np.linalg.norm(np.cross(second - corner, third - corner), axis=1)
     areas /= areas.sum()
-    origin_to_plane = np.einsum("ij,ij->i", normals, corner)
-    free = np.ones(len(faces), dtype=bool)
-
-    def on(equation: Floats, within: float) -> NDArray[np.bool_]:
-        near: NDArray[np.bool_] = np.abs(points @ equation[:3] + equation[3]) <= within
-        return near[faces].all(axis=1) & free
+    offsets = -np.einsum("ij,ij->i", normals, corner)
+    look = _Look(points, faces, areas, tolerance)
+    chance = np.random.default_rng(0)
 
     found: list[Plane] = []
-    for cell in _cells(normals, origin_to_plane, areas, least):
-        while len(found) < most and areas[cell := cell[free[cell]]].sum() >= least / 2 and len(cell):
-            guess = np.append(normals[cell[0]], -origin_to_plane[cell[0]])
-            around = np.append(faces[on(guess, _LOOSE * tolerance)], faces[cell[0]])
-            equation = _fitted(points[np.unique(around)])
-            own = on(equation, tolerance)
+    for cell in _cells(normals, offsets, areas, least):
+        failures = 0
+        while failures < _FAILURES and len(found) < most:
+            cell = cell[look.free[cell]]
+            total = np.cumsum(areas[cell])
+            if not len(cell) or total[-1] < least / 2:
+                break
+            # The largest is the most exact; if it is alone, one by lot, where much area has many chances.
+            lot = np.searchsorted(total, chance.random() * total[-1]) if failures else 0
+            first = cell[min(lot, len(cell) - 1)]
+            equation, distances = look.settled(np.append(normals[first], offsets[first]))
+            own = distances <= tolerance
             share = float(areas[own].sum())
             if share == 0.0 or share < least:
-                break
-            free &= ~own
+                failures += 1
+                own[first] = True
+                cell = cell[~own[cell]]
+                continue
+            look.free &= ~own
             filed = np.append(equation[:3], equation[3] * diagonal - equation[:3] @ center)
-            found.append(Plane(filed, np.flatnonzero(searched)[own], share))
-        if len(found) == most:
-            break
+            found.append(Plane(filed, np.flatnonzero(searched)[own], share, float(distances[own].max()) * diagonal))
     return tuple(sorted(found, key=lambda plane: -plane.share))
+
+
+@dataclass(eq=False)
+class _Look:
+    """Triangles to look for planes among, of which some are still free."""
+
+    points: Floats
+    faces: NDArray[np.int32]
+    areas: Floats
+    tolerance: float
+
+    def __post_init__(self) -> None:
+        self.free = np.ones(len(self.faces), dtype=bool)
+
+    def settled(self, guess: Floats) -> tuple[Floats, Floats]:
+        """The equation that a guess leads to, and how far (F,) triangles are off it: infinitely if not free.
+
+        The area on it only grows, so that a little beside a plane, which moves the fit, cannot lose the plane.
+        """
+        plane = guess, self.distances(guess)
+        for within in (_LOOSE * self.tolerance, self.tolerance):
+            while (chosen := plane[1] <= within).any():
+                equation = _fitted(self.points[self.faces[chosen]], self.areas[chosen])
+                fitted = equation, self.distances(equation)
+                grown = self.area(fitted[1]) - self.area(plane[1])
+                plane = fitted if grown >= 0.0 else plane
+                if grown <= 0.0:
+                    break
+        return plane
+
+    def area(self, distances: Floats) -> float:
+        return float(self.areas[distances <= self.tolerance].sum())
+
+    def distances(self, equation: Floats) -> Floats:
+        """(F,) of the furthest corner of each triangle that is free."""
+        off = np.abs(self.points @ equation[:3] + equation[3])
+        first, second, third = (off[self.faces[:, k]] for k in range(3))
+        return np.where(self.free, np.maximum(np.maximum(first, second), third), np.inf)
 
 
 def _cells(normals: Floats, offsets: Floats, areas: Floats, least: float) -> Iterator[NDArray[np.int64]]:
@@ -94,8 +139,11 @@ def _cells(normals: Floats, offsets: Floats, areas: Floats, least: float) -> Ite
         yield order[ends[index - 1] if index else 0 : ends[index]]
 
 
-def _fitted(points: Floats) -> Floats:
-    """(4,) the plane of least squared distance from (N, 3) points."""
-    middle = points.mean(axis=0)
-    normal = np.linalg.svd(points - middle, full_matrices=False)[2][2]
+def _fitted(corners: Floats, areas: Floats) -> Floats:
+    """(4,) the plane of least squared distance from the (N, 3, 3) corners of triangles, weighted by (N,) areas."""
+    middles = corners.mean(axis=1)
+    middle = np.average(middles, axis=0, weights=areas) if areas.sum() > 0 else middles.mean(axis=0)
+    away = (corners - middle) * np.sqrt(areas)[:, None, None]
+    away = away.reshape(-1, 3)
+    normal = np.linalg.eigh(away.T @ away)[1][:, 0]
     return np.append(normal, -normal @ middle)

@@ -29,11 +29,21 @@ def chosen_view(
     return view_of(loaded, chosen, lamp, size)
 
 
-def notes_on(view: View, light: str | None) -> list[str]:
-    """The lines that a user should read of a chosen view: what was assumed, and that one light stands for several."""
-    names = ", ".join(lamp.name for lamp in view.scene.lights)
-    several = f"{view.scene.name}: {len(view.scene.lights)} lights: {names}; the first is used, --light names another"
-    return [*view.scene.notes, *([several] if light is None and len(view.scene.lights) > 1 else [])]
+def notes_on(view: View, camera: str | None, light: str | None) -> list[str]:
+    """The lines that a user should read of a chosen view: what was assumed, and that one stands for several."""
+    scene = view.scene
+    return [
+        *scene.notes,
+        *([] if camera else first_of(scene.name, "cameras", scene.cameras, "--view")),
+        *([] if light else first_of(scene.name, "lights", scene.lights, "--light")),
+    ]
+
+
+def first_of(scene: str, what: str, things: Sequence[Camera] | Sequence[Light], option: str) -> list[str]:
+    """The line that the first of several cameras or lights is used; none where there is one."""
+    names = ", ".join(thing.name for thing in things)
+    line = f"{scene}: {len(things)} {what}: {names}; the first is used, {option} names another"
+    return [line] if len(things) > 1 else []
 
 
 def named(things: Sequence[Named], name: str, where: str) -> Named:

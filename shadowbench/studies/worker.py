@@ -2,6 +2,7 @@
 
 import ctypes
 import io
+import logging
 import multiprocessing
 import os
 import signal
@@ -165,6 +166,7 @@ def _die_with_parent() -> None:
 def _serve(pipe: Connection, plugins: list[Path]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _die_with_parent()
+    logging.getLogger("shadowbench").setLevel(logging.ERROR)  # the parent has said what it left out
     os.dup2(2, 1)  # what a plug-in prints must not get between the parent's results
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(line_buffering=True)  # this process ends by force, which flushes nothing

@@ -91,6 +91,14 @@ class Technique(ABC):
         """Why these parameters cannot answer this view on this device, in words; None when they can."""
         return None
 
+    @classmethod
+    def declines(cls, params: TechniqueParams, view: View, device: Device) -> str | None:
+        """The reason of `unsupported`, or that `lights` lacks the view's; None when there is an answer."""
+        reason = cls.unsupported(params, view, device)
+        if reason is None and view.light.kind not in cls.lights:
+            return f"a {view.light.kind} light; {cls.name} answers {' and '.join(sorted(cls.lights))} ones"
+        return reason
+
     @abstractmethod
     def build(self, stage: Stage) -> None:
         """Make programs, textures and buffers; nothing here may depend on a pose."""

@@ -28,9 +28,10 @@ class Cascades(Technique):
     The first cascade whose box holds a point answers for it, or the one of its view depth. Fails against one map fitted
     to what is seen where all of it lies at about one distance, since slices are cut whether or not anything is in them;
     the step in sharpness between two cascades shows, and a blend only softens it. Without depth_clamp, casters further
-    towards the light than z_mult reaches cast nothing. stable holds still while the camera moves or turns, but for
-    pixels that pass from one cascade to another, not when its planes or its angle of view change. A bias by screen
-    derivatives breaks where two cascades meet. Casters are drawn once a cascade.
+    towards the light than z_mult reaches cast nothing, and a bias in units of depth grows with it. stable holds still
+    while the camera moves or turns, but for pixels that pass from one cascade to another, not when its planes or its
+    angle of view change. A bias by screen derivatives breaks where two cascades meet, and where the sun grazes none is
+    enough within its limit (acne). Casters are drawn once a cascade.
     """
 
     name = "cascades"
@@ -48,8 +49,10 @@ class Cascades(Technique):
             "what a map shows of its slice: what lies in the scene's bounds, its corners, or a sphere around it",
         )
         stable: bool = param(False, "moves a map by whole texels only; needs box=sphere")
-        z_mult: float = param(10.0, "times the slice's range along the light, about its middle", ge=1, le=1e4)
         depth_clamp: bool = param(True, "keeps casters in front of near, at near")
+        z_mult: float = param(
+            10.0, "without it, times the slice's range along the light, about its middle", ge=1, le=1e4
+        )
         select: Literal["box", "depth"] = param("box", "the first cascade whose box holds the point, or by view depth")
         blend: float = param(0.0, "share of a cascade, at its border, that fades into the next", ge=0, le=0.5)
         size: int = param(1024, "texels along a side of each map", ge=1, le=65536)
@@ -117,12 +120,14 @@ class Cascades(Technique):
 
     def _box(self, space: LightSpace, part: Slice, shift: tuple[float, float]) -> Box:
         params, padding = self.params, self.radius + 1
+        # A clamped map has no need of a longer range, which would coarsen its depths and every bias given in them.
+        longer = 1.0 if params.depth_clamp else params.z_mult
         if params.box != "sphere":
             hull = self.hull
             points = part.corners if params.box == "tight" else part.corners_within(hull.bounds, hull.extent)
-            return window(stretched(space.box(points), params.z_mult), space, params.size, padding, shift)
+            return window(stretched(space.box(points), longer), space, params.size, padding, shift)
         center, radius = part.sphere
-        half = np.array([radius, radius, radius * params.z_mult])
+        half = np.array([radius, radius, radius * longer])
         if params.stable:
             return snapped(space, center, half, params.size, padding, shift)
         middle = space.box(center[None]).low

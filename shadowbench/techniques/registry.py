@@ -3,6 +3,7 @@
 import hashlib
 import importlib.util
 import inspect
+import logging
 import re
 import sys
 from collections.abc import Mapping, Sequence
@@ -19,6 +20,7 @@ from shadowbench.techniques.base import Technique
 from shadowbench.techniques.grammar import WORD
 
 GROUP = "shadowbench.techniques"
+log = logging.getLogger(__name__)
 
 
 @cache
@@ -51,13 +53,17 @@ def source_file(technique: type[Technique]) -> Path:
 
 
 def _installed() -> list[type[Technique]]:
+    """Of other packages; one that cannot be used is left out and said, since it must not stop all the others."""
     loaded = []
     for point in entry_points(group=GROUP):
+        package = point.dist.name if point.dist else "a package"
+        where = f"entry point {point.name!r} of {package}"
         try:
-            technique = point.load()
+            loaded.append(_checked(point.load(), where))
+        except InputError as error:
+            log.warning("%s; it is left out", error)
         except (Exception, SystemExit) as error:  # whatever somebody's package raises
-            raise InputError(f"entry point {point.name!r} of {GROUP} cannot be imported: {_told(error)}") from error
-        loaded.append(_checked(technique, f"entry point {point.name!r}"))
+            log.warning("%s cannot be imported: %s; it is left out", where, _told(error))
     return loaded
 
 

@@ -4,6 +4,7 @@
 uses a preset, and `parse_spec(format_spec(s)) == s`.
 """
 
+import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -55,7 +56,9 @@ def parse_spec(text: str, techniques: "Mapping[str, type[Technique]]") -> Spec:
     if name is None:
         raise reader.fail("a technique's name")
     if name not in techniques:
-        raise InputError(f"unknown technique {name!r}; allowed: {', '.join(sorted(techniques))}")
+        near = difflib.get_close_matches(name, techniques, n=1)
+        hint = f"; did you mean {near[0]!r}?" if near else ";"
+        raise InputError(f"unknown technique {name!r}{hint} allowed: {', '.join(sorted(techniques))}")
     items: tuple[tuple[str | None, Any], ...] = ()
     if reader.token("mark", ":"):
         items = reader.items(named=True)

@@ -22,12 +22,12 @@ class Practical(Split):
     """λ · n (f/n)^(i/m) + (1 − λ) (n + (f − n) i/m) (Zhang, Sun, Xu and Lun 2006)."""
 
     name = "practical"
-    lambda_: float = param(0.9, "λ: 1 splits by equal ratios of depth, 0 by equal lengths", ge=0, le=1)
+    weight: float = param(0.9, "λ: 1 splits by equal ratios of depth, 0 by equal lengths", ge=0, le=1)
 
     def depths(self, near: float, far: float, count: int) -> Floats:
         share = np.arange(count + 1) / count
         ratios, lengths = near * (far / near) ** share, near + (far - near) * share
-        return self.lambda_ * ratios + (1 - self.lambda_) * lengths
+        return self.weight * ratios + (1 - self.weight) * lengths
 
 
 class Shares(Split):

@@ -14,6 +14,7 @@ from shadowbench.gl.raw import _SIGNATURES
 from shadowbench.scenes.model import Camera, Light, View, view_of
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import format_spec, parse_spec
+from shadowbench.techniques.unshadowed import Unshadowed
 
 ALL = sorted(techniques())
 PRESETS = [f"{name}:preset={preset}" for name in ALL for preset in techniques()[name].presets]
@@ -67,7 +68,7 @@ def test_the_lights_that_it_declares_are_answered_and_the_others_declined_in_wor
     spec, kind, device, studio, poses
 ) -> None:
     parsed = parse_spec(spec, techniques())
-    reason = parsed.technique.unsupported(parsed.params, studio.shot(poses(kind)[0]).view, device)
+    reason = parsed.technique.declines(parsed.params, studio.shot(poses(kind)[0]).view, device)
     assert parsed.technique.lights, "a technique answers something"
     if kind in parsed.technique.lights:
         assert reason is None
@@ -217,3 +218,13 @@ def test_memory_does_not_grow_over_builds_and_releases(spec, kind, device, studi
     gc.collect()
     grown = psutil.Process().memory_info().rss - before
     assert grown < 50 * 256 * 256 * 4, "less than one mask a cycle"
+
+
+def test_a_light_that_a_technique_does_not_declare_is_declined_for_it(device, studio, poses) -> None:
+    class Sunny(Unshadowed):
+        name = "sunny"
+        lights = frozenset({"directional"})
+
+    sunny, lit = (studio.shot(poses(kind)[0]).view for kind in ("directional", "point"))
+    assert Sunny.declines(Sunny.Params(), sunny, device) is None
+    assert Sunny.declines(Sunny.Params(), lit, device) == "a point light; sunny answers directional ones"
