@@ -193,6 +193,70 @@ def render(
     )  # fmt: skip
 
 
+@app.command(epilog="For example  shadowbench export stairs for-my-engine/ --view-size 1024")
+def export(
+    scene: SceneArgument,
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where the files go; made if need be.")],
+    view_size: ViewSize = None,
+    view: ViewName = None,
+    light: LightName = None,
+    assets: Assets = None,
+    quiet: Quiet = False,
+) -> None:
+    """Write a view for your engine: scene.glb, view.json, truth.png.
+
+    scene.glb: meshes with colours, the camera, the light (KHR_lights_punctual). view.json: matrices, near and far,
+    size, where pixels are sampled. truth.png: the ray-traced shadows, as an example of a mask for `shadowbench score`.
+    """
+    from shadowbench.commands.export import export_command
+
+    export_command(scene, folder, view_size or 512, view, light, assets, quiet)
+
+
+@app.command(
+    epilog="\b\nFor example\n"
+    "  shadowbench score stairs mask.png --diff wrong.png\n"
+    "  shadowbench score stairs --lit lit.png --shadowed shadowed.png -o results/engines --name my-engine"
+)
+def score(
+    scene: SceneArgument,
+    mask: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="MASK.png", help="Linear grey, 8 or 16 bit, square, full is lit; its size is the view's."
+        ),
+    ] = None,
+    lit: Annotated[
+        Path | None, typer.Option(metavar="LIT.png", help="Instead of a mask: a screenshot without shadows, sRGB.")
+    ] = None,
+    shadowed: Annotated[Path | None, typer.Option(metavar="SHADOWED.png", help="The same with shadows.")] = None,
+    ambient: Annotated[
+        Path | None, typer.Option(metavar="AMBIENT.png", help="The same without the light  [black].")
+    ] = None,
+    view: ViewName = None,
+    light: LightName = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="DIR", help="A run folder that gets a row; with --name.")
+    ] = None,
+    name: Annotated[str | None, typer.Option(metavar="NAME", help="What your engine is called in that row.")] = None,
+    diff: Annotated[
+        Path | None, typer.Option(metavar="FILE.png", help="The difference: false shadow orange, false light blue.")
+    ] = None,
+    assets: Assets = None,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Score a mask of another renderer, or three of its screenshots, against ray tracing. Needs no OpenGL.
+
+    `shadowbench export` says what to draw. What is flipped, inverted or not square is refused; what seems shifted or
+    gamma-encoded is scored as it is, with a warning.
+    """
+    from shadowbench.commands.score import ScoreOptions, score_command
+
+    options = ScoreOptions(scene, mask, lit, shadowed, ambient, view, light, assets, output, name, diff)
+    score_command(options, as_json=json, quiet=quiet)
+
+
 @app.command("list")
 def list_things(
     what: Annotated[
@@ -209,9 +273,132 @@ def list_things(
     list_command(what, tuple(plugin or ()), json, quiet, name)
 
 
+@app.command(
+    epilog="\b\nFor example\n"
+    "  shadowbench report results/latest\n"
+    "  shadowbench report laptop/ server/ -o both.html\n"
+    "  shadowbench report results/latest --format png -o charts/"
+)
+def report(
+    folders: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Run folders, of one machine or of several.")],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="FILE",
+            help="Where it goes; a folder for png  [report.html, .md, .csv, or the folder report].",
+        ),
+    ] = None,
+    format: Annotated[
+        str,
+        typer.Option(
+            metavar="FORMAT",
+            help="html: one page, which opens without a network; md: tables; csv: the cells of all folders; "
+            "png: a file for each chart, SCENE.VIEW-SIZE.front.png, .sizes.png, .passes.png.",
+        ),
+    ] = "html",
+    quiet: Quiet = False,
+) -> None:
+    """Show what accuracy costs: error against time, time to accuracy, passes, pictures of what is wrong.
+
+    Reads run folders and measures nothing. Times of different folders never share an axis.
+    """
+    from shadowbench.commands.report import report_command
+
+    report_command(folders, output, format, quiet)
+
+
+@app.command(
+    epilog="\b\nFor example\n"
+    "  shadowbench check results/latest --baseline results/baseline\n"
+    "  shadowbench check results/latest --baseline results/baseline --update"
+)
+def check(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="A run folder.")],
+    baseline: Annotated[
+        Path, typer.Option(metavar="DIR", help="What it is held against: a baseline or another run folder.")
+    ],
+    time: Annotated[
+        bool, typer.Option("--time", help="Fail also for what has become slower, on the same machine.")
+    ] = False,
+    update: Annotated[
+        bool, typer.Option("--update", help="Make DIR's rows the baseline; says what changes by it.")
+    ] = False,
+    tolerance: Annotated[
+        list[str] | None,
+        typer.Option(metavar="METRIC=X", help="How far a metric may get worse; repeatable  [the metric's own]."),
+    ] = None,
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Fail, with exit code 1, where a run is worse than a baseline: shadows, work, or cells that are missing.
+
+    Cells are matched by scene, view, light, phase, full spec, map and view size. Prints what regressed and what
+    improved, worst first, and draws the worst into DIR/check. Work (draws, primitives, bytes exactly, shader
+    invocations within 2%) is compared where the renderer is the same, times as ratios to the reference.
+    """
+    from shadowbench.commands.check import CheckOptions, check_command
+
+    options = CheckOptions(folder, baseline, time, update, tuple(tolerance or ()))
+    raise typer.Exit(check_command(options, as_json=json, quiet=quiet))
+
+
+@app.command(epilog="For example  shadowbench repeat results/monday results/tuesday")
+def repeat(
+    first: Annotated[Path, typer.Argument(metavar="DIR", help="A run folder.")],
+    second: Annotated[Path, typer.Argument(metavar="DIR", help="The same study, run again into a folder of its own.")],
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Compare two runs of one study on one machine: the order of cells by time, and their work.
+
+    Measures nothing. Exit code 1 when a ranking's Kendall tau is below 0.95, over the pairs that are apart in both
+    runs, or work differs.
+    """
+    from shadowbench.commands.repeat import repeat_command
+
+    raise typer.Exit(repeat_command(first, second, json, quiet))
+
+
+@app.command(
+    epilog="\b\nFor example\n"
+    "  shadowbench stress --quick\n"
+    "  shadowbench stress -t shadow-map -t 'shadow-map:bias=slope' --axis elevation"
+)
+def stress(
+    techniques: Annotated[
+        list[str] | None,
+        typer.Option(
+            "-t", "--technique", metavar="SPEC", help=f"What to walk: {_SPEC}; repeatable  [all at their defaults]."
+        ),
+    ] = None,
+    axis: Annotated[
+        list[str] | None, typer.Option("--axis", metavar="NAME", help="An axis to walk along; repeatable  [all].")
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="A few values of each axis.")] = False,
+    plugin: Plugins = None,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="DIR", help="Folder of tables, and of masks out of tolerance.")
+    ] = Path("results/stress"),
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Walk techniques along axes (low light, far from the origin, tiny gaps, ...) until they break.
+
+    Prints the operating range of each: where IoU stays above 0.95, acne and leak below 1%, or the value where it
+    breaks first, and how. Stopped at any point, the same command goes on where it was. Exit code 1 for NaN, infinity
+    or an OpenGL error, 3 for a crash or hang; breaking points are no failure.
+    """
+    from shadowbench.commands.stress import StressOptions, stress_command
+
+    options = StressOptions(tuple(techniques or ()), tuple(axis or ()), tuple(plugin or ()), quick)
+    raise typer.Exit(stress_command(options, output, as_json=json, quiet=quiet))
+
+
 @app.command()
 def doctor(json: Json = False, quiet: Quiet = False) -> None:
-    """Check this machine: OpenGL and its limits, clock, cache of truths; says what is missing and how to get it."""
+    """Check this machine: OpenGL and its limits, clock and its noise, cache of truths; says what is missing."""
     from shadowbench.commands.doctor import doctor_command
 
     raise typer.Exit(doctor_command(json, quiet))

@@ -1,10 +1,10 @@
-// One step of a reduction: the box of the visible receivers in light space (Lauritzen, Salvi and Lefohn 2011).
-// FIRST: from the G-buffer; otherwise from the boxes of the step before. REACH² texels become one.
+// One step of a reduction to the lowest and the highest; REACH² texels become one. FROM_RECEIVERS: of the visible
+// receivers in light space (Lauritzen, Salvi and Lefohn 2011); FROM_VALUES: of a texture; else of the step before.
 layout(location = 0) out vec4 low;
 layout(location = 1) out vec4 high;
 const float nothing = 3.0e38;
 
-#ifdef FIRST
+#if defined(FROM_RECEIVERS)
 #include "receiver.glsl"
 uniform mat4 world_to_light;
 uniform float perspective;     // 1: x and y are measured at unit distance
@@ -21,6 +21,11 @@ void read(ivec2 at, out vec3 a, out vec3 b) {
     b = seen ? p : vec3(-nothing);
 }
 #define EXTENT textureSize(surface_position, 0)
+#elif defined(FROM_VALUES)
+uniform sampler2D values;
+
+void read(ivec2 at, out vec3 a, out vec3 b) { a = b = texelFetch(values, at, 0).xyz; }
+#define EXTENT textureSize(values, 0)
 #else
 uniform sampler2D lows;
 uniform sampler2D highs;

@@ -1,3 +1,4 @@
+#include "triangle.glsl"
 in vec3 world;
 in float view_depth;
 uniform sampler2D normals;  // by triangle; w = 1 where it receives
@@ -9,7 +10,7 @@ layout(location = 2) out int surface_triangle;
 
 void main() {
     // From the triangle's own data: screen derivatives of the position are wrong at silhouettes.
-    vec4 normal = texelFetch(normals, ivec2(gl_PrimitiveID % 2048, gl_PrimitiveID / 2048), 0);
+    vec4 normal = texelFetch(normals, texel_of(gl_PrimitiveID), 0);
     surface_position = vec4(world, 1.0);
     surface_normal = vec4(dot(normal.xyz, eye - world) < 0.0 ? -normal.xyz : normal.xyz, normal.w);
     surface_triangle = gl_PrimitiveID;

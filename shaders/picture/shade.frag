@@ -1,5 +1,6 @@
 // Blinn-Phong (Blinn 1977) with the visibility that a technique computed; ambient light is never shadowed.
 #include "receiver.glsl"
+#include "triangle.glsl"
 uniform isampler2D surface_triangle;
 uniform sampler2D colors;  // by triangle
 uniform sampler2D visibility;
@@ -21,7 +22,7 @@ void main() {
         color = vec4(srgb(vec3(0.35, 0.45, 0.6)), 1.0);
         return;
     }
-    vec3 albedo = texelFetch(colors, ivec2(triangle % 2048, triangle / 2048), 0).rgb;
+    vec3 albedo = texelFetch(colors, texel_of(triangle), 0).rgb;
     albedo *= textureLod(tint, gl_FragCoord.xy / vec2(textureSize(visibility, 0)), 0.0).rgb;
     vec3 to_eye = normalize(eye - r.position);
     float lit = r.cosine > 0.0 && dot(-r.to_light, normalize(cone_axis)) >= cos_half_angle ? texelFetch(visibility, pixel, 0).r : 0.0;

@@ -24,8 +24,9 @@ bool wall_is_behind(vec3 a, vec3 b, vec3 receiver) {
     // anywhere then, so that its border decides, which the next wall or cap has too: what both add cancels.
     vec3 from_a = side * (of_eye * (receiver - a) - of_receiver * (eye - a));  // where the plane is met, times a scale
     vec3 from_b = side * (of_eye * (receiver - b) - of_receiver * (eye - b));
-    if (dot(cross(normal, along), from_a) < 0.0) return line_is_behind(a, along, receiver);
     if (dot(cross(away_a, normal), from_a) < 0.0) return line_is_behind(a, away_a, receiver);
     if (dot(cross(normal, away_b), from_b) < 0.0) return line_is_behind(b, away_b, receiver);
+    // The edge last: where it too is seen end-on, its closest approach is anywhere.
+    if (dot(cross(normal, along), from_a) < 0.0) return line_is_behind(a, along, receiver);
     return side * of_receiver >= 0.0;
 }

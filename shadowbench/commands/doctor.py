@@ -6,9 +6,11 @@ from typing import Any
 
 from shadowbench.commands.console import check_outputs, out, print_json
 from shadowbench.errors import InputError, ShadowbenchError
+from shadowbench.gl.clock import WALL
 from shadowbench.studies.machine import machine, versions
+from shadowbench.studies.noise import ALLOWED, CELL, ROUNDS, SCENE, noise
 from shadowbench.studies.session import DeviceInfo
-from shadowbench.studies.worker import Worker
+from shadowbench.studies.worker import CellFailed, Worker
 from shadowbench.truth.cache import KEPT_BYTES, cache_folder
 
 
@@ -19,7 +21,8 @@ def doctor_command(as_json: bool, quiet: bool) -> int:
     try:
         with Worker() as worker:
             info: DeviceInfo = worker.call("info")
-        found["opengl"] = dataclasses.asdict(info) | {"why_this_clock": _why(info)}
+            found["opengl"] = dataclasses.asdict(info) | {"why_this_clock": _why(info, info.clock)}
+            found["opengl"] |= _noise(worker, info)
     except ShadowbenchError as error:
         problem = str(error)
         found["opengl"] = {"missing": problem}
@@ -60,7 +63,28 @@ def _unkept(folder: Path) -> str | None:
     return None
 
 
-def _why(info: DeviceInfo) -> str:
+def _noise(worker: Worker, info: DeviceInfo) -> dict[str, Any]:
+    """What timing a cell against itself finds, and by which clock: queries may turn out to be impossible."""
+    try:
+        found = noise(worker)
+    except CellFailed as error:  # all else is still to be told
+        return {"noise": f"not measured: {error}"}
+    told: dict[str, Any] = {}
+    if found.clock != info.clock:
+        told |= {"clock": found.clock, "why_this_clock": _why(info, found.clock)}
+    told |= {
+        "noise": round(found.ratio, 4),
+        f"noise_worst_of_{ROUNDS}_rounds": round(found.worst, 4),
+        "noise_is": f"the ratio of {CELL} on {SCENE} to itself, timed as if it were two, over {found.n} rounds",
+    }
+    if found.ratio > ALLOWED:
+        told["noise_is"] += f"; more than {ALLOWED}: something else runs here, and smaller differences mean nothing"
+    return told
+
+
+def _why(info: DeviceInfo, clock: str) -> str:
     if info.software:
         return "a software renderer's timer queries are wrong; finishing before and after is right"
+    if clock == WALL:
+        return "the GPU's timer said more than the wall clock did; finishing before and after is right"
     return "the GPU's own timer, one query at a time; whole frames and passes come from different draws"

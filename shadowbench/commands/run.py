@@ -3,6 +3,7 @@
 import dataclasses
 import time
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,7 +13,8 @@ from rich.table import Table
 from shadowbench.commands.console import ConsoleReporter, err, number, out, print_json, techniques_with
 from shadowbench.errors import InputError
 from shadowbench.studies.machine import write_run_file
-from shadowbench.studies.runner import Profile, Runner
+from shadowbench.studies.profile import ACTIVITIES, MEASURING, share, whole
+from shadowbench.studies.runner import Runner
 from shadowbench.studies.study import Study
 from shadowbench.studies.study_file import find_study, read_study
 from shadowbench.studies.tables import Slope, SummaryRow, cells_frame, over_scenes, slopes, summary, write_table
@@ -29,9 +31,11 @@ _COLUMNS = {  # heading: (value, or "error" for 1 − IoU)
     "contact": "contact",
     "ms": "frame_ms",
     "× ref": "ratio",
+    "MiB": "gpu_bytes",  # five cascades of a size are no equal of one map
 }
 _WIDE = 110  # characters; a narrower terminal gets the columns that matter most
 _NARROW = ("error", "ssim", "frame_ms", "ratio")
+_OPTIONAL = ("frame_ms", "ratio", "gpu_bytes")  # shown where a row has them
 
 
 @dataclass(frozen=True)
@@ -62,6 +66,7 @@ def run_command(options: RunOptions, folder: Path, *, profile: bool, as_json: bo
         runner = Runner(study, folder, worker, reporter)
         results = runner.run()
         notes = runner.notes
+        spent = worker.call("spent") if profile else {}
     frame = cells_frame(results)
     write_table(folder / "table.csv", frame)
     write_run_file(folder / "run.json", runner.info, notes, study)
@@ -79,7 +84,7 @@ def run_command(options: RunOptions, folder: Path, *, profile: bool, as_json: bo
         if not quiet:
             out.print(f"{folder / 'table.csv'}: {len(frame)} cells; masks/ and pictures/ beside it", soft_wrap=True)
     if profile:
-        _print_profile(runner.profile, time.perf_counter() - start)
+        _print_profile(whole(runner.profile.seconds, spent, time.perf_counter() - start))
     failed = [status for status in frame["status"] if status.startswith("failed")]
     if failed:
         first = failed[0].removeprefix("failed: ")
@@ -133,15 +138,15 @@ def _print_scene(title: str, rows: list[SummaryRow], fits: list[Slope]) -> None:
     """A line for each spec and map size that held, best first; then what did not hold, and the slopes."""
     cells = max(row.cells for row in rows)
     if cells > 1 and not title.startswith("mean"):
-        title += f"; medians of {cells} cells (views × lights × phases), the error with its 95% interval"
+        title += f"; medians of {cells} cells (views × phases), the error with its 95% interval"
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
     table.add_column("spec", overflow="fold", min_width=24)
     table.add_column("map", justify="right", no_wrap=True)
-    timed = any(row.values.get("frame_ms") is not None for row in rows)
+    lacking = {key for key in _OPTIONAL if all(row.values.get(key) is None for row in rows)}
     columns = {
         heading: key
         for heading, key in _COLUMNS.items()
-        if (timed or key not in ("frame_ms", "ratio")) and (out.width >= _WIDE or key in _NARROW)
+        if key not in lacking and (out.width >= _WIDE or key in _NARROW)
     }
     for heading in columns:
         table.add_column(heading, justify="right", no_wrap=True)
@@ -169,6 +174,8 @@ def _cell(row: SummaryRow, key: str) -> str:
     value = row.values.get("iou" if key == "error" else key)
     if value is None:
         return "–"
+    if key == "gpu_bytes":
+        return f"{value.median / 2**20:.1f}"
     return value.complement().text(number) if key == "error" else number(value.median)
 
 
@@ -176,7 +183,12 @@ def _signed(value: float) -> str:
     return f"{value:+.2f}"
 
 
-def _print_profile(profile: Profile, total: float) -> None:
-    for activity, seconds in sorted(profile.seconds.items(), key=lambda item: -item[1]):
-        err.print(f"{activity:<8} {seconds:7.2f} s  {seconds / total:5.1%}")
-    err.print(f"{'other':<8} {total - sum(profile.seconds.values()):7.2f} s of {total:.2f} s")
+def _print_profile(seconds: Mapping[str, float]) -> None:
+    total = sum(seconds.values())
+    for activity, value in sorted(seconds.items(), key=lambda item: -item[1]):
+        err.print(f"{activity:<9} {value:8.2f} s  {value / total:6.1%}  {ACTIVITIES[activity]}", soft_wrap=True)
+    err.print(
+        f"{total:.2f} s in all, {share(seconds):.1%} of it inside GL passes, ray tracing and scoring; "
+        f"{share(seconds, (*MEASURING, 'prepare')):.1%} with what is measured as prepare_ms",
+        soft_wrap=True,
+    )

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from shadowbench.data import data_folder
 from shadowbench.gl.device import Device
-from shadowbench.gl.geometry import DeviceGeometry
+from shadowbench.gl.geometry import TRIANGLE_DEFINES, DeviceGeometry
 from shadowbench.gl.matrices import view_projection
 from shadowbench.gl.program import Program, Sampling, State, link
 from shadowbench.gl.shaders import compose
@@ -59,7 +59,7 @@ class SurfacePass:
         self.device = device
         self.geometry = geometry
         self.program: Program = link(
-            device, compose("gbuffer/gbuffer.vert", roots), compose("gbuffer/gbuffer.frag", roots)
+            device, compose("gbuffer/gbuffer.vert", roots), compose("gbuffer/gbuffer.frag", roots, TRIANGLE_DEFINES)
         )
         self.drawable = geometry.everything(self.program)
 

@@ -1,5 +1,7 @@
 """A scene's triangles on the device: one vertex buffer, indices of all faces and of those that cast."""
 
+from typing import TypeVar
+
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
@@ -8,13 +10,22 @@ from shadowbench.gl.device import Device
 from shadowbench.gl.program import Drawable, Program
 from shadowbench.scenes.model import Geometry
 
-_ROW = 2048  # triangles a row of the per-triangle textures
+_Value = TypeVar("_Value", bound=np.generic)
+_ROW = 2048
+TRIANGLE_DEFINES = {"TRIANGLE_ROW": str(_ROW)}  # what `triangle.glsl` needs
+
+
+def by_triangle(values: NDArray[_Value]) -> NDArray[_Value]:
+    """(height, width, …) texels that `triangle.glsl` reads, from (F, …) values; zeros fill the last row."""
+    texels = np.zeros((-(-len(values) // _ROW) * _ROW, *values.shape[1:]), dtype=values.dtype)
+    texels[: len(values)] = values
+    return texels.reshape(-1, _ROW, *values.shape[1:])
 
 
 class DeviceGeometry:
     """Uploaded once a scene; techniques draw `casters`, the G-buffer draws `everything`.
 
-    `normals` and `colors` are textures addressed by triangle: texel (id % 2048, id / 2048). The fourth component of a
+    `normals` and `colors` are textures addressed by triangle: `texel_of` in `triangle.glsl`. The fourth component of a
     normal is 1 for triangles that receive shadows.
     """
 
@@ -31,10 +42,8 @@ class DeviceGeometry:
 
     @staticmethod
     def _texture(device: Device, rows: NDArray[np.float64]) -> moderngl.Texture:
-        height = -(-len(rows) // _ROW)
-        texels = np.zeros((height * _ROW, 4), dtype=np.float32)
-        texels[: len(rows)] = rows
-        return device.context.texture((_ROW, height), 4, texels.tobytes(), dtype="f4")
+        texels = by_triangle(rows.astype(np.float32))
+        return device.context.texture((_ROW, len(texels)), 4, texels.tobytes(), dtype="f4")
 
     def everything(self, program: Program) -> Drawable:
         """All triangles, `gl_PrimitiveID` being the triangle's index."""

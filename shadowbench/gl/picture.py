@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from shadowbench.data import data_folder
 from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import GBuffer, download
-from shadowbench.gl.geometry import DeviceGeometry
+from shadowbench.gl.geometry import TRIANGLE_DEFINES, DeviceGeometry
 from shadowbench.gl.program import Drawable, Sampling, link
 from shadowbench.gl.shaders import compose
 from shadowbench.scenes.model import View
@@ -19,7 +19,8 @@ class PicturePass:
     def __init__(self, device: Device, geometry: DeviceGeometry) -> None:
         roots = [data_folder("shaders")]
         self._device, self._geometry = device, geometry
-        self._program = link(device, compose("fullscreen.vert", roots), compose("picture/shade.frag", roots))
+        shade = compose("picture/shade.frag", roots, TRIANGLE_DEFINES)
+        self._program = link(device, compose("fullscreen.vert", roots), shade)
         self._white = device.context.texture((1, 1), 4, b"\xff" * 4)
         self._triangle = Drawable(self._program, device.context.vertex_array(self._program.linked, []), count=3)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import pandas as pd
 
 from shadowbench.reports.folder import Run
-from shadowbench.studies.tables import Interval, SummaryRow, interval, summary
+from shadowbench.studies.tables import Interval, SummaryRow, interval, summary, titles
 
 IOU_STEPS = (0.95, 0.99, 0.999)
 EDGE_STEPS = (1.0, 0.5, 0.25)
@@ -59,7 +59,10 @@ class Configuration:
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """What one run measured in one scene. `configurations` stand best first; `floor` is where no error is drawn."""
+    """What one run measured in one scene under one light.
+
+    `configurations` stand best first; `floor` is where no error is drawn.
+    """
 
     run: Run
     scene: str
@@ -85,23 +88,23 @@ class Section:
 
     @property
     def file_stem(self) -> str:
-        """What files about it begin with: scene, view size, and coordinates where they are not the usual ones."""
+        """What files about it begin with: scene, light, view size, and coordinates unless they are the usual ones."""
         first = self.frame.iloc[0]
-        stem = f"{self.scene}.{first['view_size']}"
+        stem = f"{self.scene.replace(', ', '.')}.{first['view_size']}"
         return stem + (".absolute" if first["coordinates"] == "absolute" else "")
 
     @property
     def cells(self) -> int:
-        """The most cells (views × lights × phases) behind one configuration."""
+        """The most cells (views × phases) behind one configuration."""
         return max((one.row.cells for one in self.configurations), default=0)
 
 
 def sections(runs: Sequence[Run]) -> dict[str, list[Section]]:
-    """By scene, the sections of every run that measured it. Other view sizes or coordinates are another scene."""
+    """By title, the sections of every run that measured it. Other lights, view sizes or coordinates are another."""
     found: dict[str, list[Section]] = {}
     for run in runs:
         for (scene, size, coordinates), frame in run.frame.groupby(
-            ["scene", "view_size", "coordinates"], sort=False, dropna=False
+            [titles(run.frame), "view_size", "coordinates"], sort=False, dropna=False
         ):
             title = f"{scene}, {size}² view" + (f", {coordinates} coordinates" if coordinates == "absolute" else "")
             section = Section(run, str(scene), title, frame, tuple(_configurations(run, frame)))

@@ -95,6 +95,12 @@ def acne(comparison: Comparison) -> float | None:
     return _share(comparison.shadow, comparison.reference.lit_interior)
 
 
+def acne_soft(comparison: Comparison) -> float | None:
+    """Mean darkness (1 − visibility) of the lit interior."""
+    interior = comparison.reference.lit_interior
+    return _mean(1 - comparison.visibility, interior)
+
+
 def leak(comparison: Comparison) -> float | None:
     """Share of the shadow's interior that is lit."""
     return _share(comparison.lit, comparison.reference.shadow_interior)
@@ -177,21 +183,28 @@ METRICS: dict[str, Metric] = {
             "acne",
             acne,
             "lower",
-            "both",
+            "hard",
             "Share of the lit interior, at least 4 px from shadow and undecided pixels, that is in shadow.",
+        ),
+        Metric(
+            "acne_soft",
+            acne_soft,
+            "lower",
+            "both",
+            "Mean darkness of the lit interior: shows the acne that a filter lightens to less than half a shadow.",
         ),
         Metric(
             "leak",
             leak,
             "lower",
-            "both",
+            "hard",
             "Share of the shadow's interior, at least 4 px from light and undecided pixels, that is lit.",
         ),
         Metric(
             "contact",
             contact,
             "lower",
-            "both",
+            "hard",
             "Share of shadow whose occluder is nearer than 2% of the scene's diagonal that is lit: peter-panning.",
         ),
         Metric(

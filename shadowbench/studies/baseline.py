@@ -4,6 +4,7 @@ Scores are compared wherever both sides have them, work where the renderer is th
 """
 
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -12,11 +13,14 @@ from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.rows import Record
 from shadowbench.studies.runner import Result
 
-IDENTITY = ("scene", "view", "light", "phase", "full_spec", "map_size", "view_size", "coordinates")
-EXACT = ("draws", "primitives", "gpu_bytes")  # counts that the same code repeats exactly on a renderer
+IDENTITY = ("scene", "view", "light", "phase", "map_size", "view_size", "coordinates")  # and the full spec
+_COMMA = re.compile(r",(?![^()]*\))")  # outside parentheses
+EXACT = ("draws", "primitives", "gpu_bytes", "reads", "rays")  # counts that the same code repeats exactly on a renderer
 INVOCATIONS = 0.02  # of shaders: a driver may shade a pixel of a quad more or less
 TIME_FACTOR = 1.1  # a ratio that grows by less is not worth a word
 SIGNIFICANT = 3.0  # standard errors
+
+MISSING = "missing"  # in place of the status of a cell that was not run
 
 Verdict = Literal["regressed", "improved"]
 
@@ -39,11 +43,15 @@ class Change:
 
 @dataclass(frozen=True)
 class Findings:
-    """What a check found, worst first. `compared` counts cells; notes say what could not be compared, and extras."""
+    """What a check found, worst first. Notes say what could not be compared, and extras.
+
+    `compared` counts cells; of them `skipped` had the same mask, and `timed` times that may stand beside each other.
+    """
 
     changes: tuple[Change, ...]
     compared: int
     skipped: int
+    timed: int
     notes: tuple[str, ...] = field(default=())
 
     def of(self, verdict: Verdict, times: bool) -> list[Change]:
@@ -52,8 +60,13 @@ class Findings:
 
 
 def identity(record: Record) -> tuple[Any, ...]:
-    """What names a cell whatever its sources; two runs' cells are the same if these are."""
-    return tuple(record.get(name) for name in IDENTITY)
+    """What names a cell whatever its sources; two runs' cells are the same if these are.
+
+    The order of a spec's parameters, that of the code, is no part of it.
+    """
+    name, _, parameters = str(record.get("full_spec")).partition(":")
+    spec = name, *sorted(_COMMA.split(parameters))
+    return spec, *(record.get(name) for name in IDENTITY)
 
 
 def compare(found: Sequence[Result], baseline: Sequence[Result], tolerances: Mapping[str, float] = {}) -> Findings:
@@ -62,12 +75,12 @@ def compare(found: Sequence[Result], baseline: Sequence[Result], tolerances: Map
     then = {identity(result.score): result for result in baseline}
     allowed = {name: tolerances.get(name, metric.tolerance) for name, metric in METRICS.items()}
     changes: list[Change] = []
-    skipped = 0
+    skipped = timed = 0
     notes: list[str] = []
     for key, old in then.items():
         new = now.get(key)
         if new is None:
-            changes.append(Change(old.score, "status", old.status, "missing", "regressed", math.inf))
+            changes.append(Change(old.score, "status", old.status, MISSING, "regressed", math.inf))
             continue
         if "ok" not in (old.status, new.status) or old.status != new.status:
             changes += _status(old, new)
@@ -78,15 +91,21 @@ def compare(found: Sequence[Result], baseline: Sequence[Result], tolerances: Map
             changes += _metrics(old.score, new.score, allowed)
         if old.score.get("renderer") == new.score.get("renderer"):
             changes += _work(old.score, new.score)
-        changes += _time(old, new)
+        if _comparable(old, new):
+            timed += 1
+            changes += _time(old, new)
     renderers = {str(result.score.get("renderer")) for result in (*found, *baseline)}
     if len(renderers) > 1:
         notes.append(f"work is not compared across renderers: {' · '.join(sorted(renderers))}")
+    sides = [{name for result in side for name in result.score.get("metrics", {})} for side in (found, baseline)]
+    lacking = [name for name in METRICS if sum(name in side for side in sides) == 1]
+    if lacking and all(sides):
+        notes.append(f"not compared, since one side lacks them: {', '.join(lacking)}")
     extra = len(now.keys() - then.keys())
     if extra:
-        notes.append(f"{extra} cells are not in the baseline")
+        notes.append("1 cell is not in the baseline" if extra == 1 else f"{extra} cells are not in the baseline")
     changes.sort(key=lambda change: -change.excess)
-    return Findings(tuple(changes), len(now.keys() & then.keys()), skipped, tuple(notes))
+    return Findings(tuple(changes), len(now.keys() & then.keys()), skipped, timed, tuple(notes))
 
 
 def _same_mask(old: Record, new: Record) -> bool:
@@ -103,8 +122,11 @@ def _status(old: Result, new: Result) -> Iterator[Change]:
 
 
 def _metrics(old: Record, new: Record, allowed: Mapping[str, float]) -> Iterator[Change]:
+    known = old["metrics"].keys() & new["metrics"].keys()  # a metric may be newer than the baseline
     for name, metric in METRICS.items():
-        before, after = old["metrics"].get(name), new["metrics"].get(name)
+        if name not in known:
+            continue
+        before, after = old["metrics"][name], new["metrics"][name]
         if before is None and after is None:
             continue
         if before is None or after is None:  # the truth has changed, or one mask lost all its edges
@@ -119,7 +141,7 @@ def _metrics(old: Record, new: Record, allowed: Mapping[str, float]) -> Iterator
 def _work(old: Record, new: Record) -> Iterator[Change]:
     before = {**old.get("work", {}), "gpu_bytes": old.get("gpu_bytes")}
     after = {**new.get("work", {}), "gpu_bytes": new.get("gpu_bytes")}
-    for name in before.keys() & after.keys():
+    for name in before.keys() & after.keys() - {"cost"}:  # the sum of others
         one, other = before[name], after[name]
         if one is None or other is None:
             continue
@@ -129,14 +151,16 @@ def _work(old: Record, new: Record) -> Iterator[Change]:
             yield Change(new, name, one, other, verdict, abs(other - one) / max(INVOCATIONS * one, 1.0))
 
 
-def _time(old: Result, new: Result) -> Iterator[Change]:
-    """The ratio to the reference, where both were timed by the same machine against the same reference."""
+def _comparable(old: Result, new: Result) -> bool:
+    """Whether both have a ratio, by one machine and clock, to one reference."""
     before, after = old.time or {}, new.time or {}
     same = ("machine", "clock", "reference")
-    if not before or not after or any(before.get(name) != after.get(name) for name in same):
-        return
-    if not before.get("ratio") or not after.get("ratio"):
-        return
+    return bool(before.get("ratio") and after.get("ratio")) and all(before[name] == after[name] for name in same)
+
+
+def _time(old: Result, new: Result) -> Iterator[Change]:
+    """The ratio to the reference; a change needs a factor and a significance."""
+    before, after = old.time or {}, new.time or {}
     factor = after["ratio"] / before["ratio"]
     errors = [_standard_error(side) / side["ratio"] for side in (before, after)]
     z = abs(math.log(factor)) / max(math.hypot(*errors), 1e-12)

@@ -3,10 +3,10 @@
 Rows go to disk as they are made; a call that finds rows of the same key does nothing again.
 """
 
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -16,11 +16,13 @@ from PIL import Image
 
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
-from shadowbench.scenes.model import View
+from shadowbench.scenes.model import Scene, View
+from shadowbench.scenes.views import first_of
 from shadowbench.scores.masks import write_mask
 from shadowbench.scores.reference import Reference
 from shadowbench.studies.keys import cell_key, view_key
 from shadowbench.studies.machine import machine_key
+from shadowbench.studies.profile import Profile
 from shadowbench.studies.rows import Record, RowStore
 from shadowbench.studies.scoring import mask_record, reference_of
 from shadowbench.studies.session import DeviceInfo, Drawn, Unsupported
@@ -45,22 +47,6 @@ class Reporter(Protocol):
         """One step of the stage is done."""
 
 
-@dataclass
-class Profile:
-    """Seconds by activity."""
-
-    seconds: dict[str, float] = field(default_factory=dict)
-
-    @contextmanager
-    def of(self, activity: str) -> Iterator[None]:
-        """Add the time of a block to an activity."""
-        start = time.perf_counter()
-        try:
-            yield
-        finally:
-            self.seconds[activity] = self.seconds.get(activity, 0.0) + time.perf_counter() - start
-
-
 @dataclass(frozen=True, eq=False)
 class Result:
     """A cell's rows: its score record, and its time record where it has one; `untimed` says why timing it failed."""
@@ -73,6 +59,37 @@ class Result:
     def status(self) -> str:
         """`ok`, `unsupported: …` or `failed: …`, also for a cell that fails only while it is timed."""
         return str(self.score["status"]) if self.untimed is None else f"failed: while timed: {self.untimed}"
+
+
+class Writer:
+    """Writes in a thread of its own, in order and one thing at a time, while the worker draws.
+
+    Use as a context manager: all is on disk when it ends. What writing raises is raised by the next `add`, or the end.
+    """
+
+    def __init__(self, profile: Profile) -> None:
+        self._profile = profile
+        self._pool = ThreadPoolExecutor(1)
+        self._last: Future[None] | None = None
+
+    def __enter__(self) -> "Writer":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with self._pool:
+            self._wait()
+
+    def add(self, write: Callable[[], None]) -> None:
+        """Begin to write when what came before is on disk."""
+        self._wait()
+        self._last = self._pool.submit(write)
+
+    def _wait(self) -> None:
+        """For the last, of which more would be held in memory otherwise."""
+        last, self._last = self._last, None
+        if last is not None:
+            with self._profile.of("files"):
+                last.result()
 
 
 class Runner:
@@ -90,13 +107,16 @@ class Runner:
         """All cells of the study, measured now or before; raises InputError before anything is written."""
         self._check_sizes()
         blocks = list(self.study.blocks())
-        self.notes = [*self.study.notes, *(note for scene in scenes_of(blocks) for note in scene.notes)]
+        self.notes = [*self.study.notes, *(note for scene in scenes_of(blocks) for note in self._notes_on(scene))]
         for note in self.notes:
             self.reporter.note(note)
         self.reporter.stage("truth", len(blocks))
         for block in blocks:  # all of them before anything is written: a view that shows nothing is bad input
             with self.profile.of("truth"):
-                cached_truth(block.view)
+                truth = cached_truth(block.view)
+            if not (truth.visibility < 0.5).any():
+                self.notes.append(f"{block.view.name}: nothing is in shadow, so that most scores say nothing")
+                self.reporter.note(self.notes[-1])
             self.reporter.step(block.view.name)
         store = RowStore(self.folder)
         try:
@@ -105,6 +125,11 @@ class Runner:
             return [result for block in blocks for result in self._run_block(block, store)]
         finally:
             store.close()
+
+    def _notes_on(self, scene: Scene) -> list[str]:
+        first = "file" in self.study.views
+        several = first_of(scene.name, "cameras", scene.cameras, "--view or a study") if first else []
+        return [*scene.notes, *several]
 
     def _check_sizes(self) -> None:
         largest = max(self.study.reference.map_size or 0, *(cell.spec.map_size or 0 for cell in self.study.cells()))
@@ -119,11 +144,14 @@ class Runner:
         if missing:
             with self.profile.of("truth"):
                 truth = cached_truth(block.view)
-            self._write_truth(block.view, truth)
-            reference = reference_of(truth)
-            for cell in missing:
-                store.append(self._score(block, cell, keys[cell], truth, reference))
-                self.reporter.step(f"{block.scene.name} {format_spec(cell.spec)}")
+            with self.profile.of("score"):
+                reference = reference_of(truth)
+            with Writer(self.profile) as writer:
+                writer.add(lambda: self._write_truth(block.view, truth))
+                for cell in missing:
+                    row, drawn = self._score(block, cell, keys[cell], truth, reference)
+                    writer.add(partial(self._write_cell, store, row, drawn))
+                    self.reporter.step(f"{block.scene.name} {format_spec(cell.spec)}")
         for _ in range(len(keys) - len(missing)):
             self.reporter.step(f"{block.scene.name}: measured before")
         untimed = self._time_block(block, view, keys, store) if self.study.rounds else {}
@@ -132,22 +160,22 @@ class Runner:
     def _key(self, cell: Cell, view: str) -> str:
         return cell_key(cell, view, self.study.coordinates, self.info.renderer)
 
-    def _score(self, block: Block, cell: Cell, key: str, truth: Truth, reference: Reference) -> dict[str, Any]:
+    def _score(
+        self, block: Block, cell: Cell, key: str, truth: Truth, reference: Reference
+    ) -> tuple[dict[str, Any], Drawn | None]:
+        """A cell's score record, and what it rests on; None for a cell that did not hold."""
         row = {"kind": "score", "key": key, **identity(self.study, block, cell), "renderer": self.info.renderer}
         try:
-            with self.profile.of("draw"):
+            with self.profile.of("waiting"):
                 surface = self._stage.open(block)
                 drawn: Drawn = self.worker.call("draw", request_of(cell))
         except Unsupported as reason:
-            return row | {"status": f"unsupported: {reason}"}
+            return row | {"status": f"unsupported: {reason}"}, None
         except CellFailed as reason:
-            return row | {"status": f"failed: {reason}"}
+            return row | {"status": f"failed: {reason}"}, None
         with self.profile.of("score"):
             scored = mask_record(drawn.visibility, truth, reference, surface)
-        with self.profile.of("files"):
-            write_mask(self._made("masks") / f"{key}.png", drawn.visibility)
-            write_picture(self._made("pictures") / f"{key}.png", drawn.picture)
-        return row | {
+        row |= {
             "status": "ok",
             **scored,
             "gpu_bytes": drawn.gpu_bytes,
@@ -155,6 +183,14 @@ class Runner:
             "facts": drawn.facts,
             "assumptions": list(block.scene.notes),
         }
+        return row, drawn
+
+    def _write_cell(self, store: RowStore, row: Record, drawn: Drawn | None) -> None:
+        """Images first: a row says that they are there."""
+        if drawn is not None:
+            write_mask(self._made("masks") / f"{row['key']}.png", drawn.visibility)
+            write_picture(self._made("pictures") / f"{row['key']}.png", drawn.picture)
+        store.append(row)
 
     def _time_block(self, block: Block, view: str, keys: dict[Cell, str], store: RowStore) -> dict[Cell, str]:
         """Time what held and has no time yet, phase by phase: a phase is a block of its own. Says what failed."""
@@ -170,7 +206,7 @@ class Runner:
                 continue
             about = {"reference_key": reference, "machine": self._machine}
             sizes = {cell: int(store.scores[keys[cell]]["gpu_bytes"]) for cell in cells}
-            with self.profile.of("time"):
+            with self.profile.of("waiting"):
                 for timing in time_cells(self._stage, block, sizes, lacking):
                     if isinstance(timing, Untimed):
                         lost = "no time" if timing.cell in cells else "no ratios to this reference"
@@ -179,7 +215,9 @@ class Runner:
                         if timing.cell in cells:
                             untimed[timing.cell] = timing.reason
                     else:
-                        store.append({"kind": "time", "key": keys[timing.cell], **about, **timing.record()})
+                        record = {"kind": "time", "key": keys[timing.cell], **about, **timing.record()}
+                        with self.profile.of("files"):
+                            store.append(record)
                     if timing.cell in cells:
                         steps += 1
                         self.reporter.step(f"{block.scene.name}: timed")
@@ -199,10 +237,9 @@ class Runner:
         return bool(row.get("reference_key") == reference and row.get("machine") == self._machine)
 
     def _write_truth(self, view: View, truth: Truth) -> None:
-        with self.profile.of("files"):
-            folder = self._made("truth")
-            write_mask(folder / f"{view.name}.png", truth.visibility)
-            write_mask(folder / f"{view.name}.undecided.png", truth.undecided.astype(np.float32))
+        folder = self._made("truth")
+        write_mask(folder / f"{view.name}.png", truth.visibility)
+        write_mask(folder / f"{view.name}.undecided.png", truth.undecided.astype(np.float32))
 
     def _made(self, name: str) -> Path:
         folder = self.folder / name

@@ -16,14 +16,16 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.gl.clock import Clock, PassTimes, Sample, work_of
+from shadowbench.gl.clock import Clock, PassTimes, Sample, with_cost, work_of
 from shadowbench.gl.device import Device, open_device
 from shadowbench.gl.gbuffer import GBuffer, SurfacePass, download
 from shadowbench.gl.geometry import DeviceGeometry
 from shadowbench.gl.picture import PicturePass
 from shadowbench.scenes.model import AS_FILED, Camera, Coordinates, Light, Scene, View
 from shadowbench.scores.masks import quantise
+from shadowbench.studies.profile import Profile
 from shadowbench.techniques.base import Frame, Phase, Stage, Technique
+from shadowbench.techniques.filters import Filter
 from shadowbench.techniques.registry import shader_folder, techniques
 from shadowbench.techniques.spec import Spec, parse_spec
 
@@ -80,6 +82,7 @@ class Session:
         self.techniques = techniques(plugins)
         self.device: Device = open_device()
         self.clock = Clock(self.device)
+        self.profile = Profile()
         self._scene: Scene | None = None
         self._geometry: DeviceGeometry | None = None
         self._surface: GBuffer | None = None
@@ -100,14 +103,19 @@ class Session:
             clip_control=device.clip_control,
         )
 
+    def spent(self) -> dict[str, float]:
+        """Seconds by activity since the start."""
+        return dict(self.profile.seconds)
+
     def load(self, scene: Scene, coordinates: Coordinates = "relative") -> None:
         """Put a scene (file coordinates) on the device in place of the last."""
         self.unload()
         self._placement = scene.placement if coordinates == "relative" else AS_FILED
         self._scene = self._placement.scene(scene)
-        self._geometry = DeviceGeometry(self.device, self._scene.geometry)
-        self._surface_pass = SurfacePass(self.device, self._geometry)
-        self._picture_pass = PicturePass(self.device, self._geometry)
+        with self.profile.of("build"):
+            self._geometry = DeviceGeometry(self.device, self._scene.geometry)
+            self._surface_pass = SurfacePass(self.device, self._geometry)
+            self._picture_pass = PicturePass(self.device, self._geometry)
 
     def open(self, camera: Camera, light: Light, size: int) -> NDArray[np.int32]:
         """Draw the G-buffer of a view of the loaded scene; its (N, N) triangle ids, row 0 at the top.
@@ -119,8 +127,10 @@ class Session:
             self._surface.release()
         self.view = View(self._scene, self._placement.camera(camera), self._placement.light(light), size)
         self._tidy()
-        self._surface = self._surface_pass.draw(self.view)
-        return self._surface.triangles()
+        with self._passes():
+            self._surface = self._surface_pass.draw(self.view)
+        with self.profile.of("read back"):
+            return self._surface.triangles()
 
     def unload(self) -> None:
         """Free the view and the scene."""
@@ -136,7 +146,7 @@ class Session:
     def unsupported(self, request: CellRequest) -> str | None:
         """Why a cell has no answer for the open view, or None."""
         spec = self._spec(request)
-        return spec.technique.unsupported(spec.params, self.view, self.device)
+        return spec.technique.declines(spec.params, self.view, self.device)
 
     def draw(self, request: CellRequest, with_map: bool = False, tinted: bool = False) -> Drawn:
         """Build, draw once, read back, release. Raises Unsupported, or whatever the technique raises.
@@ -145,28 +155,36 @@ class Session:
         """
         with self._built(request) as (technique, stage, frame):
             self._tidy()
-            texture = technique.draw(frame)
+            with self._passes():
+                texture = technique.draw(frame)
             self._tidy()
             self.device.check(f"drawing {request.spec}")
             self._check(request, texture)
-            visibility = self._read(request, download(texture)[..., 0])
-            tint = technique.tint() if tinted else None
-            picture = self._picture_pass.draw(frame.surface, self.view, texture, tint)
+            with self.profile.of("read back"):
+                visibility = self._read(request, download(texture)[..., 0])
+            with self._passes():
+                tint = technique.tint() if tinted else None
+                picture = self._picture_pass.draw(frame.surface, self.view, texture, tint)
             depths = technique.map_image() if with_map else None
-            # The same frame, index 0, so that the work is that of the frame which is scored: history stays void.
-            work = work_of(self.device, lambda: technique.draw(frame))
-            return Drawn(visibility, picture, depths, stage.bytes, work, _numbers(request, technique.facts()))
+            facts = _numbers(request, technique.facts())
+            with self._passes():
+                # The same frame, index 0, so that the work is that of the frame which is scored: history stays void.
+                work = work_of(self.device, lambda: technique.draw(frame))
+            work = with_cost(work | _own_work(technique, self.view.size**2, facts))
+            return Drawn(visibility, picture, depths, stage.bytes, work, facts)
 
     def hold(self, request: CellRequest) -> float:
         """Build a cell and keep it for timing, warmed up; the milliseconds of building it."""
         start = time.perf_counter()
-        technique, stage, frame = self._build(request)
-        self.device.context.finish()
+        with self.profile.of("prepare"):
+            technique, stage, frame = self._build(request)
+            self.device.context.finish()
         prepare_ms = (time.perf_counter() - start) * 1e3
         self._held.append((technique, stage, frame))
         for _ in range(WARM_UP):
             self._tidy()
-            self._next_draw(-1)()
+            with self._passes():
+                self._next_draw(-1)()
         self.device.check(f"warming up {request.spec}")
         return prepare_ms
 
@@ -198,10 +216,18 @@ class Session:
         self._tidy()
         gc.disable()
         try:
-            yield draw
+            with self._passes():
+                yield draw
         finally:
             gc.enable()
         self.device.check("timing")
+
+    @contextmanager
+    def _passes(self) -> Iterator[None]:
+        """Draws, of which none is left for another activity to wait for."""
+        with self.profile.of("passes"):
+            yield
+            self.device.context.finish()
 
     def _spec(self, request: CellRequest) -> Spec:
         return parse_spec(request.spec, self.techniques)
@@ -232,7 +258,9 @@ class Session:
 
     @contextmanager
     def _built(self, request: CellRequest) -> Iterator[tuple[Technique, Stage, Frame]]:
-        technique, stage, frame = self._build(request)
+        with self.profile.of("build"):
+            technique, stage, frame = self._build(request)
+            self.device.context.finish()
         try:
             yield technique, stage, frame
         finally:
@@ -240,7 +268,7 @@ class Session:
 
     def _build(self, request: CellRequest) -> tuple[Technique, Stage, Frame]:
         spec = self._spec(request)
-        reason = spec.technique.unsupported(spec.params, self.view, self.device)
+        reason = spec.technique.declines(spec.params, self.view, self.device)
         if reason is not None:
             raise Unsupported(reason)
         assert self._scene is not None and self._geometry is not None and self._surface is not None
@@ -255,6 +283,18 @@ class Session:
             stage.release()
             raise
         return technique, stage, Frame(self.view, Phase(request.phase), 0, self._surface, self.clock)
+
+
+def _own_work(technique: Technique, pixels: int, facts: dict[str, float]) -> dict[str, int]:
+    """What OpenGL does not count: texture reads of maps, and rays. Taken out of `facts` where they state them.
+
+    A technique with one of our filters reads what its row declares for each pixel of the view.
+    """
+    work: dict[str, int] = {name: int(facts.pop(name)) for name in ("reads", "rays") if name in facts}
+    chosen = getattr(technique.params, "filter", None)
+    if "reads" not in work and isinstance(chosen, Filter):
+        work["reads"] = pixels * chosen.reads
+    return work
 
 
 def _numbers(request: CellRequest, facts: Mapping[str, float]) -> dict[str, float]:

@@ -11,9 +11,11 @@ import pandas as pd
 from shadowbench.files import replace_file
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.runner import Result
+from shadowbench.studies.timing import REDRAWN
 
 _IDENTITY = ["scene", "view", "light", "phase", "technique", "spec", "map_size", "view_size", "renderer", "status"]
 _TIMES = ["frame_ms", "frame_iqr_ms", "added_ms", "ratio", "n", "clock"]
+_MORE_TIMES = ["wall_ms", *(f"{moved}_ms" for moved in REDRAWN)]  # ours, after the promised columns
 _BOOTSTRAPS = 2000
 
 
@@ -32,7 +34,7 @@ def cells_frame(results: Sequence[Result]) -> pd.DataFrame:
         "mask_sha256",
         "assumptions",
         "key",
-        "wall_ms",
+        *_MORE_TIMES,
     ]
     frame = pd.DataFrame(rows, columns=[*promised, *ours])
     whole = [*work, "map_size", "n", "gpu_bytes", "receivers", "undecided", "surface_mismatch"]
@@ -51,13 +53,13 @@ def _cell(result: Result) -> dict[str, Any]:
     row |= score.get("metrics", {})
     row["assumptions"] = "; ".join(score.get("assumptions", ())) or None
     row |= {f"work_{name}": count for name, count in score.get("work", {}).items()}
-    row |= {key: timed.get(key) for key in [*_TIMES, "prepare_ms", "wall_ms"]}
+    row |= {key: timed.get(key) for key in [*_TIMES, "prepare_ms", *_MORE_TIMES]}
     return row | {f"pass_{name}_ms": value["ms"] for name, value in timed.get("passes", {}).items()}
 
 
 @dataclass(frozen=True)
 class Interval:
-    """A median over views, lights and phases, with its 95% bootstrap interval; both ends None for a single value."""
+    """A median over views and phases, with its 95% bootstrap interval; both ends None for a single value."""
 
     median: float
     low: float | None = None
@@ -77,7 +79,7 @@ class Interval:
 
 @dataclass(frozen=True)
 class SummaryRow:
-    """A technique's cells in a scene at one map size: how many held, and the statuses of those that did not."""
+    """A technique's cells in a table at one map size: how many held, and the statuses of those that did not."""
 
     spec: str
     map_size: int | None
@@ -88,7 +90,7 @@ class SummaryRow:
 
 def interval(values: Sequence[float]) -> Interval | None:
     """Median and bootstrap interval (with a fixed seed) of the values that are there; None for none."""
-    array = np.array([value for value in values if value is not None and not np.isnan(value)])
+    array = np.array([float(value) for value in values if not pd.isna(value)])
     if not len(array):
         return None
     if len(array) == 1:
@@ -98,15 +100,24 @@ def interval(values: Sequence[float]) -> Interval | None:
     return Interval(float(np.median(array)), float(low), float(high))
 
 
+def titles(frame: pd.DataFrame) -> pd.Series:
+    """Of which table a line is: its scene, and its light where the scene has several.
+
+    What answers a sun and what answers a lamp would else be medians over different cells, side by side.
+    """
+    several = frame.groupby("scene")["light"].transform("nunique") > 1
+    return frame["scene"].where(~several, frame["scene"] + ", " + frame["light"]).astype(str)
+
+
 def summary(frame: pd.DataFrame) -> dict[str, list[SummaryRow]]:
-    """By scene, best first: the median of every metric and time over views, lights and phases."""
+    """By scene and light, best first: the median of every metric and time over views and phases."""
     tables: dict[str, list[SummaryRow]] = {}
-    for scene, of_scene in frame.groupby("scene", sort=False):
+    for scene, of_scene in frame.groupby(titles(frame), sort=False):
         rows = []
         for _, group in of_scene.groupby(["spec", "map_size"], sort=False, dropna=False):
             spec, size = str(group["spec"].iloc[0]), group["map_size"].iloc[0]
             held = group[group["status"] == "ok"]
-            values = {name: interval(held[name].tolist()) for name in [*METRICS, *_TIMES[:4]]}
+            values = {name: interval(held[name].tolist()) for name in [*METRICS, *_TIMES[:4], "gpu_bytes"]}
             refused = tuple(group.loc[group["status"] != "ok", "status"])
             rows.append(SummaryRow(spec, None if pd.isna(size) else int(size), len(held), refused, values))
         tables[str(scene)] = sorted(rows, key=_error)
@@ -116,12 +127,15 @@ def summary(frame: pd.DataFrame) -> dict[str, list[SummaryRow]]:
 def over_scenes(tables: dict[str, list[SummaryRow]]) -> tuple[list[str], list[SummaryRow]]:
     """The scenes in which every cell held, and the mean over them of each spec and map size, best first.
 
-    Means over different sets of scenes could not be compared. Times are left out.
+    Means over different sets of scenes could not be compared. A spec that held nowhere takes no part; times are left
+    out.
     """
-    scenes = [scene for scene, rows in tables.items() if not any(row.refused for row in rows)]
+    answering = {(row.spec, row.map_size) for rows in tables.values() for row in rows if row.cells}
+    taken = {scene: [row for row in rows if (row.spec, row.map_size) in answering] for scene, rows in tables.items()}
+    scenes = [scene for scene, rows in taken.items() if not any(row.refused for row in rows)]
     found: dict[tuple[str, int | None], list[SummaryRow]] = {}
     for scene in scenes:
-        for row in tables[scene]:
+        for row in taken[scene]:
             found.setdefault((row.spec, row.map_size), []).append(row)
     means = [
         SummaryRow(spec, size, sum(row.cells for row in rows), (), values)
@@ -158,7 +172,7 @@ def slopes(frame: pd.DataFrame) -> list[Slope]:
     """
     sized = frame[(frame["status"] == "ok") & frame["map_size"].notna() & (frame["iou"] < 1)]
     found = []
-    for (scene, spec), group in sized.groupby(["scene", "spec"], sort=False):
+    for (scene, spec), group in sized.groupby([titles(frame)[sized.index], "spec"], sort=False):
         fits = []
         for _, one in group.groupby(["view", "light", "phase"]):
             sizes = one["map_size"].astype(float)

@@ -7,13 +7,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.gl.clock import QUERIES, PassTimes, Sample
+from shadowbench.gl.clock import QUERIES, Changes, PassTimes, Sample
 from shadowbench.studies.session import CellRequest, Unsupported
 from shadowbench.studies.study import Block, Cell, Study
 from shadowbench.studies.worker import AteMemory, CellFailed, Worker
 from shadowbench.techniques.spec import Spec, format_spec
 from shadowbench.techniques.unshadowed import Unshadowed
 
+# Which passes are drawn anew in a frame, by what has moved since the last: see Changes.
+REDRAWN: dict[str, tuple[Changes, ...]] = {
+    "still": ("frame",),
+    "camera": ("view", "frame"),
+    "light": ("light", "view", "frame"),
+}
 _SHARE = 0.5  # of the memory limit that the cells of a group may take together
 
 
@@ -81,11 +87,14 @@ class Timing:
     def record(self) -> dict[str, Any]:
         """The time record: milliseconds as medians with their IQR; ratios are medians over rounds of one group.
 
+        `still_ms`, `camera_ms`, `light_ms`: the passes' medians summed over those that REDRAWN names; None for a
+        technique that times no pass.
         `wall_ms` is there when queries measured: a GPU's timer does not see what the CPU does, such as a fit.
         """
         frames = self.times.frames_ms
         frame_ms, frame_iqr = _median_iqr(frames)
         wall_ms = float(np.median([frame.wall_ms for frame in self.times.frames]))
+        passes = self._passes()
         record: dict[str, Any] = {
             "clock": self.times.clock,
             "n": len(frames),
@@ -96,12 +105,21 @@ class Timing:
             "reference": self.reference,
             "ratio": None,
             "ratio_iqr": None,
+            "ratio_quartiles": None,
             "no_ratio": self.no_ratio,
             "prepare_ms": self.times.prepare_ms,
-            "passes": self._passes(),
+            "passes": passes,
+        }
+        record |= {
+            f"{moved}_ms": sum((one["ms"] for one in passes.values() if one["changes"] in redrawn), 0.0)
+            if passes
+            else None
+            for moved, redrawn in REDRAWN.items()
         }
         if self.reference_times is not None:
-            record["ratio"], record["ratio_iqr"] = _median_iqr(frames / self.reference_times.frames_ms)
+            ratios = frames / self.reference_times.frames_ms
+            record["ratio"], record["ratio_iqr"] = _median_iqr(ratios)
+            record["ratio_quartiles"] = [float(end) for end in np.percentile(ratios, [25, 75])]
         return record
 
     def _passes(self) -> dict[str, dict[str, Any]]:

@@ -119,7 +119,10 @@ class Technique(ABC):
         return None
 
     def facts(self) -> dict[str, float]:
-        """Numbers about the last draw that explain its row, such as a bias in metres."""
+        """Numbers about the last draw that explain its row, such as a bias in metres.
+
+        `reads` (of textures) and `rays` are counted as work.
+        """
         return {}
 
 

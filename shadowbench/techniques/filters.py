@@ -15,6 +15,11 @@ class Filter(Row):
         """How far from the receiver's point a compared texel reaches, in texels of a map of this size."""
         raise NotImplementedError(self.name)
 
+    @property
+    def reads(self) -> int:
+        """Reads of the map's sampler for a pixel, one that the hardware blends from four texels being one read."""
+        raise NotImplementedError(self.name)
+
 
 class Hard(Filter):
     """The one texel that holds the point."""
@@ -25,6 +30,10 @@ class Hard(Filter):
 
     def radius(self, size: int) -> float:
         return 0.5
+
+    @property
+    def reads(self) -> int:
+        return 1
 
 
 class Hardware(Filter):
@@ -37,6 +46,10 @@ class Hardware(Filter):
     def radius(self, size: int) -> float:
         return 1.0
 
+    @property
+    def reads(self) -> int:
+        return 1
+
 
 class PCF(Filter):
     """Percentage-closer filtering: an n×n box at texel steps (Reeves, Salesin and Cook 1987)."""
@@ -48,6 +61,10 @@ class PCF(Filter):
 
     def radius(self, size: int) -> float:
         return self.taps / 2
+
+    @property
+    def reads(self) -> int:
+        return self.taps**2
 
 
 class Dither4(Filter):
@@ -62,6 +79,10 @@ class Dither4(Filter):
         width = self.width * size / 1000 if self.unit == "map" else self.width
         return 1.5 * width + 1
 
+    @property
+    def reads(self) -> int:
+        return 4
+
 
 class PCF20(Filter):
     """Twenty fixed directions around the receiver, wider with its distance to the camera (Learn OpenGL, de Vries)."""
@@ -73,3 +94,7 @@ class PCF20(Filter):
 
     def radius(self, size: int) -> float:
         return 0.5  # of each direction's own texel; how far they reach changes from pixel to pixel
+
+    @property
+    def reads(self) -> int:
+        return 20

@@ -7,9 +7,9 @@ from shadowbench.gl.program import Sampling, State
 from shadowbench.scenes.model import Floats, Light, bounds_of, perpendicular_basis, unit
 from shadowbench.techniques.base import Frame, Stage
 from shadowbench.techniques.edges import Casters
+from shadowbench.techniques.reduction import Bounds
 
 _SIZE = (3072, 2048)  # texels; a lamp's tiles have 1024 × 1024. Smaller texels are touched by fewer outlines
-_REACH = 8  # texels along a side that one step makes one of
 _FACES = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
 
 
@@ -35,15 +35,9 @@ class LayerBound:
             for surface in (casters.closed, casters.open)
             if len(surface.faces)
         ]
-        counts = stage.texture(_SIZE, dtype="f2")  # exact to 2048, and not less where there are more
-        self._target = stage.target(counts)
-        self._largest = stage.program("fullscreen.vert", "shadow-volume/largest.frag", defines={"REACH": _REACH})
-        self._fullscreen = stage.fullscreen(self._largest)
-        self._steps: list[tuple[moderngl.Texture, moderngl.Framebuffer, moderngl.Texture]] = []
-        while max(counts.size) > 1:
-            smaller = stage.texture((-(-counts.width // _REACH), -(-counts.height // _REACH)))
-            self._steps.append((counts, stage.target(smaller), smaller))
-            counts = smaller
+        self._counts = stage.texture(_SIZE, dtype="f2")  # exact to 2048, and not less where there are more
+        self._target = stage.target(self._counts)
+        self._bounds = Bounds(stage, _SIZE, "values")
 
     def __call__(self, frame: Frame, turned: bool) -> float:
         """No ray of light crosses more layers than this. Reading it back waits for the device."""
@@ -61,9 +55,8 @@ class LayerBound:
             for drawable in (fill, outline):
                 drawable.program.set(turned=turned or is_open)
                 drawable.draw(self._target, state=state)
-        for counts, target, _ in self._steps:
-            self._fullscreen.draw(target, {"values": (counts, Sampling())})
-        return float(np.frombuffer(self._steps[-1][2].read(), dtype=np.float32)[0])
+        _, highest = self._bounds({"values": (self._counts, Sampling())})
+        return float(highest[0])
 
 
 def _to_faces(light: Light, corners: Floats) -> Floats:
@@ -72,6 +65,7 @@ def _to_faces(light: Light, corners: Floats) -> Floats:
         return np.stack([_cube_face(np.array(axis, float), np.array(light.position)) for axis in _FACES])
     basis = perpendicular_basis(-unit(light.direction), (0.0, 1.0, 0.0))
     half = np.abs(basis) @ ((corners[1] - corners[0]) / 2) * 1.001
+    half = np.maximum(half, 1e-4 * half.max())  # casters may be flat along an axis, or edge-on
     matrix = np.eye(4)
     matrix[:3, :3] = basis / half[:, None]
     matrix[:3, 3] = -matrix[:3, :3] @ corners.mean(axis=0)

@@ -36,14 +36,18 @@ class RayTraced(Technique):
                 download(texture).reshape(-1, 4) for texture in (frame.surface.position, frame.surface.normal)
             )
         with frame.timed("trace", changes="view"):
-            visibility = np.concatenate(
-                list(over_slices(lambda part: self._trace(frame, position[part], normal[part]), len(position)))
-            )
+            parts = list(over_slices(lambda part: self._trace(frame, position[part], normal[part]), len(position)))
+            visibility = np.concatenate([part for part, _ in parts])
+            self.rays = sum(rays for _, rays in parts)
         with frame.timed("upload", changes="view"):
             self.visibility.write(np.flipud(visibility.reshape(self.visibility.size)).tobytes())
         return self.visibility
 
-    def _trace(self, frame: Frame, position: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    def facts(self) -> dict[str, float]:
+        return {"rays": float(self.rays)}
+
+    def _trace(self, frame: Frame, position: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, int]:
+        """Visibility of some pixels, and how many rays it took."""
         light, w = (np.asarray(part) for part in frame.light.homogeneous)
         to_light = light - w * position[:, :3].astype(np.float64)
         distance = np.linalg.norm(to_light, axis=1)
@@ -55,4 +59,4 @@ class RayTraced(Technique):
         reach = np.maximum(distance[receiver] - ahead, 0.0) if w else np.full(len(receiver), NEVER)
         visibility = np.ones(len(position), dtype=np.float32)
         visibility[receiver] = ~self.tracer.occluded(origin, to_light[receiver], reach)
-        return visibility
+        return visibility, len(receiver)

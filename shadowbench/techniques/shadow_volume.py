@@ -9,9 +9,11 @@ from pydantic import model_validator
 from shadowbench.gl.matrices import view_projection
 from shadowbench.gl.program import Comparison, Sampling, State, Stencil
 from shadowbench.gl.targets import StencilTarget
+from shadowbench.scenes.model import View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.edges import casters_of
 from shadowbench.techniques.layers import LayerBound
+from shadowbench.techniques.reduction import Bounds
 from shadowbench.techniques.volumes import ArrayVolumes, Faces, Onto, Part, ShaderVolumes, Volumes
 
 # What the stencil holds is, modulo 256, the number of layers between receiver and light: increments and decrements
@@ -30,9 +32,9 @@ class ShadowVolume(Technique):
     `z-fail` counts behind the receiver (Bilodeau and Songy 1999, Carmack 2000), to infinity (Everitt and Kilgard 2002).
     Closed parts extrude facing triangles; open ones sum the signed edges of all triangles, turned to the light, and are
     as exact. A row that asks for the stencil is counted in colour where a light ray may cross 255 layers or more: its
-    facts say so. `z-pass` is wrong where the eye is in a volume or a caster between it and the near plane;
-    `compare=depth` where 24 bits behind a close near plane are too few. Otherwise exact but for single pixels; the time
-    grows with the screen that the walls cover.
+    facts say so. `z-pass` is wrong where the eye is in a volume or a caster between it and the near plane. Otherwise
+    exact but for single pixels; `compare=depth` leaves more of them and is faster. Its 24 bits suffice because the near
+    plane is pulled to the nearest visible surface. The time grows with the screen that the walls cover.
     """
 
     name = "shadow-volume"
@@ -45,7 +47,8 @@ class ShadowVolume(Technique):
         faces: Faces = param("silhouette", "what is extruded: every facing triangle, or edges of the outline alone")
         counter: Literal["stencil", "color"] = param("stencil", "8 bits that wrap, or a float target that is blended")
         compare: Literal["position", "depth"] = param(
-            "position", "what says whether a wall is behind a receiver: its position, or 24 bits of the camera's depth"
+            "position",
+            "what says whether a wall is behind a receiver: its position, or 24 bits of depth, which is faster",
         )
         build: Literal["geometry", "cpu"] = param("geometry", "extruded by a geometry shader, or by NumPy")
 
@@ -71,6 +74,7 @@ class ShadowVolume(Technique):
         stencil = params.counter == "stencil"
         self.bound = LayerBound(stage, self.casters) if stencil and many else None
         if params.compare == "depth":
+            self.distances = Bounds(stage, stage.size, "values")
             self.depth_program = stage.program("casters.vert", "depth.frag")
             self.surfaces = stage.surfaces(self.depth_program)
         self.visibility = stage.texture()
@@ -85,32 +89,45 @@ class ShadowVolume(Technique):
             self.shown = stage.target(self.visibility)
 
     def draw(self, frame: Frame) -> moderngl.Texture:
-        _, w = frame.light.homogeneous
-        turned = bool(w) and self.casters.around(frame.light.position)
+        with frame.timed("extrude", changes="light"):  # by a geometry shader: only which triangles are
+            _, w = frame.light.homogeneous
+            turned = bool(w) and self.casters.around(frame.light.position)
+            self.volumes.extrude(frame, turned)
         self.layers = None
         if self.bound is not None:
             with frame.timed("layers", changes="light"):
                 self.layers = self.bound(frame, turned)
         self.in_color = self.params.counter == "color" or (self.layers or 0) > MOST_LAYERS
-        world_to_clip = view_projection(frame.view)
         with frame.timed("clear", changes="view"):
             self.stenciled.target.clear(1.0, depth=1.0)
             if self.in_color:
                 self.counting.clear(depth=1.0)  # the same depth
             else:
                 self.stenciled.clear_stencil()
+        view = frame.view
         if self.params.compare == "depth":
+            with frame.timed("near", changes="view"):
+                view = self._pulled(frame)
             with frame.timed("depth", changes="view"):
-                self.depth_program.set(world_to_clip=world_to_clip)
+                self.depth_program.set(world_to_clip=view_projection(view))
                 self.surfaces.draw(self.stenciled.target, state=State(depth_test="<", color_write=False))
         with frame.timed("volumes", changes="view"):
-            self.volumes.place(frame, world_to_clip, turned)
+            self.volumes.place(frame, view_projection(view))
             self._count("wall", frame)
             if self.params.count == "z-fail":
                 self._count("cap", frame)
         with frame.timed("resolve", changes="view"):
             self._resolve(frame)
         return self.visibility
+
+    def _pulled(self, frame: Frame) -> View:
+        """The view with its near plane at the nearest visible surface, but for the rounding of depths.
+
+        Depth steps grow with far² / near, and behind a near plane of far/10⁴ they are too wide for 24 bits.
+        """
+        lowest, _ = self.distances({"values": (frame.surface.depth, Sampling())})
+        near, far = frame.view.near_far
+        return replace(frame.view, camera=replace(frame.camera, near=max(near, 0.999 * far * float(lowest[0]))))
 
     def _count(self, part: Part, frame: Frame) -> None:
         """Add up what a part of the volumes contributes behind the receivers, or in front of them."""

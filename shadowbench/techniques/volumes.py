@@ -8,7 +8,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.gl.program import Drawable, Sampling, State, Texture
+from shadowbench.gl.program import Drawable, Program, Sampling, State, Texture
 from shadowbench.scenes.model import Floats
 from shadowbench.techniques.base import Frame, Stage, TechniqueParams
 from shadowbench.techniques.edges import Casters, Indices
@@ -37,8 +37,11 @@ class Volumes(Protocol):
     its weight.
     """
 
-    def place(self, frame: Frame, world_to_clip: Floats, turned: bool) -> None:
-        """Take a frame's camera and light; `turned` counts all triangles of closed parts too, not facing ones alone."""
+    def extrude(self, frame: Frame, turned: bool) -> None:
+        """Take a frame's light; `turned` counts all triangles of closed parts too, not facing ones alone."""
+
+    def place(self, frame: Frame, world_to_clip: Floats) -> None:
+        """Take a frame's camera."""
 
     def draw(self, part: Part, sign: int, front_adds: int, onto: Onto) -> None:
         """Draw; in colour, what is seen counter-clockwise adds `front_adds` times its weight, the rest subtracts it."""
@@ -48,7 +51,7 @@ class ShaderVolumes:
     """Extruded by geometry shaders, silhouettes from lines with adjacency."""
 
     def __init__(self, stage: Stage, casters: Casters, faces: Faces, params: TechniqueParams) -> None:
-        self._programs = {
+        self._programs: dict[Part, Program] = {
             part: stage.program(
                 "shadow-volume/corner.vert",
                 "shadow-volume/count.frag",
@@ -66,12 +69,13 @@ class ShaderVolumes:
                 drawable = stage.indexed(self._programs[part], indices, mode)
                 self._drawn[part].append((surface is casters.open, drawable))
 
-    def place(self, frame: Frame, world_to_clip: Floats, turned: bool) -> None:
+    def extrude(self, frame: Frame, turned: bool) -> None:
         self._turned = turned
         for program in self._programs.values():
-            program.set(light=frame.light_uniform, world_to_clip=world_to_clip)
-            if program.has("eye"):
-                program.set(eye=frame.camera.position)
+            program.set(light=frame.light_uniform)
+
+    def place(self, frame: Frame, world_to_clip: Floats) -> None:
+        _see(self._programs, frame, world_to_clip)
 
     def draw(self, part: Part, sign: int, front_adds: int, onto: Onto) -> None:
         program = self._programs[part]
@@ -81,11 +85,18 @@ class ShaderVolumes:
             drawable.draw(onto.target, onto.textures, onto.state)
 
 
+def _see(programs: Mapping[Part, Program], frame: Frame, world_to_clip: Floats) -> None:
+    for program in programs.values():
+        program.set(world_to_clip=world_to_clip)
+        if program.has("eye"):
+            program.set(eye=frame.camera.position)
+
+
 class ArrayVolumes:
     """Extruded by NumPy, every triangle by itself, in the float32 that the shaders use."""
 
     def __init__(self, stage: Stage, casters: Casters, params: TechniqueParams) -> None:
-        self._programs = {
+        self._programs: dict[Part, Program] = {
             part: stage.program(
                 "shadow-volume/volume.vert", "shadow-volume/count.frag", params=params, defines={part.upper(): 1}
             )
@@ -93,31 +104,33 @@ class ArrayVolumes:
         }
         self._edges = "from" in self._programs["wall"].linked  # as the variant has it
         edges = {"from": 3, "to": 3} if self._edges else {}
-        self._upload = {
-            "wall": stage.stream(self._programs["wall"], {"point": 4} | edges),
-            "cap": stage.stream(self._programs["cap"], {"point": 4}),
+        attributes = {"wall": {"point": 4} | edges, "cap": {"point": 4}}
+        self._uploads = {
+            (part, sign): stage.stream(self._programs[part], attributes[part]) for part in _PARTS for sign in (1, -1)
         }
         self._vertices = stage.scene.geometry.vertices.astype(np.float32)
         self._surfaces = [(casters.closed.faces, False), (casters.open.faces, True)]
 
-    def place(self, frame: Frame, world_to_clip: Floats, turned: bool) -> None:
-        for program in self._programs.values():
-            program.set(world_to_clip=world_to_clip)
-            if program.has("eye"):
-                program.set(eye=frame.camera.position, light=frame.light_uniform)
+    def extrude(self, frame: Frame, turned: bool) -> None:
         light = np.array(frame.light_uniform, dtype=np.float32)
+        for program in self._programs.values():
+            if program.has("light"):
+                program.set(light=frame.light_uniform)
         counted = [self._counted(faces, light, turned or is_open) for faces, is_open in self._surfaces]
         faces, weights = (np.concatenate(parts) for parts in zip(*counted, strict=True))
-        self._points = {
-            (part, sign): make(faces, weights * sign, light)
-            for part, make in (("wall", self._walls), ("cap", self._caps))
-            for sign in (1, -1)
+        makers = {"wall": self._walls, "cap": self._caps}
+        self._drawn = {
+            (part, sign): upload(makers[part](faces, weights * sign, light))
+            for (part, sign), upload in self._uploads.items()
         }
+
+    def place(self, frame: Frame, world_to_clip: Floats) -> None:
+        _see(self._programs, frame, world_to_clip)
 
     def draw(self, part: Part, sign: int, front_adds: int, onto: Onto) -> None:
         for one in (sign,) if sign else (1, -1):
             self._programs[part].set(sign_drawn=float(one), front_adds=float(front_adds))
-            self._upload[part](self._points[part, one]).draw(onto.target, onto.textures, onto.state)
+            self._drawn[part, one].draw(onto.target, onto.textures, onto.state)
 
     def _counted(self, faces: Indices, light: Singles, turned: bool) -> tuple[Indices, Singles]:
         """The faces that count, and 1 or −1 for each by whether the light sees it counter-clockwise."""

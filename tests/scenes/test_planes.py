@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Mesh, Scene
 from shadowbench.scenes.planes import Plane, find_planes
+from shadowbench.techniques.planar_projection import PlanarProjection
 
 
 def planes_of(
@@ -155,3 +156,82 @@ def test_a_moved_turned_and_scaled_scene_has_the_same_planes(name, quaternion, e
     moved = [turned(mesh, turn, scale, np.multiply(shift, far * scale)) for mesh in meshes]
     want, have = planes_of(*meshes, least=0.0008), planes_of(*moved, least=0.0008)
     assert {tuple(plane.triangles) for plane in want} == {tuple(plane.triangles) for plane in have}
+
+
+SMALL = {
+    "ball": (10.0, "sphere", 0.02, (0.5, 0.01, 0.5)),
+    "fine ball": (10.0, "sphere", 1.0, (0.5, 0.5, 0.5)),
+    **{f"decal at {height}": (10.0, "plane", 0.5, (2.0, height, 1.0)) for height in (2e-5, 5e-5, 7e-5, 1e-4)},
+    "marking": (100.0, "plane", [0.3, 1.0, 60.0], (2.0, 3e-4, 1.0)),
+}
+
+
+@pytest.mark.parametrize("tolerance", [5e-7, 1e-5])
+@pytest.mark.parametrize("small", SMALL)
+def test_what_lies_close_to_a_plane_does_not_lose_it(small, tolerance, shape) -> None:
+    size, kind, scale, place = SMALL[small]
+    fine = {"subdivisions": 6} if small == "fine ball" else {}
+    meshes = shape("plane", size), shape("box", 1.0, (-1.0, 0.5, 0.0)), shape(kind, scale, place, **fine)
+    ground = planes_of(*meshes, least=0.0005, tolerance=tolerance)[0]
+    assert set(ground.triangles) > {0, 1}
+    assert ground.thickness <= tolerance * np.linalg.norm([size, 1.0, size]) * 1.01
+
+
+def test_of_two_sheets_that_are_almost_one_each_is_found(shape) -> None:
+    for gap in (3.0, 8.0):
+        sheets = [shape("plane", 8.0), shape("plane", 8.0, (0.0, gap * 1e-5 * 8 * 2**0.5, 0.0))]
+        found = planes_of(*sheets, tolerance=1e-5)
+        assert [list(plane.triangles) for plane in found] in ([[0, 1], [2, 3]], [[2, 3], [0, 1]])
+
+
+@pytest.mark.parametrize("papers", [1, 60])
+def test_a_fine_floor_is_found_under_larger_triangles_that_are_no_plane(papers, shape) -> None:
+    """The largest triangles that are about as high are the first guesses, and come to nothing."""
+    at = np.random.default_rng(3).uniform([-1.8, 1e-4, -1.8], [1.8, 6e-4, 1.8], (papers, 3))
+    floor = grid(128, lambda x, z: 0.0 * x)
+    found = planes_of(floor, *[shape("plane", 0.05, place) for place in at], least=0.005)
+    assert set(range(2 * 128**2)) <= set(found[0].triangles)
+
+
+def tilted(cells: int, size: float = 10.0, low: float = 0.0, axis=(0.5, 0.15, 0.35), degrees: float = 3.0) -> Mesh:
+    half = np.radians(degrees) / 2
+    turn = rotation([np.cos(half), *(np.sin(half) * np.asarray(axis) / np.linalg.norm(axis))])
+    return turned(grid(cells, lambda x, z: 0.0 * x, size), turn, shift=(low, low, low))
+
+
+def written(mesh: Mesh, form: str) -> Mesh:
+    """A mesh whose coordinates have been through a text file."""
+    values = [float(format(value, form)) for value in mesh.vertices.ravel()]
+    return Mesh(mesh.name, np.reshape(values, (-1, 3)), mesh.faces)
+
+
+@pytest.mark.parametrize("cells", [1, 16, 64, 128])
+@pytest.mark.parametrize("form", [".5f", ".4f", ".6g"])
+def test_the_default_tolerance_holds_what_exporters_write(cells, form) -> None:
+    tolerance = PlanarProjection.Params().tolerance
+    for mesh in (tilted(cells), tilted(cells, degrees=30.0), tilted(cells, low=5.0, degrees=30.0)):
+        (plane,) = planes_of(written(mesh, form), least=0.0005, tolerance=tolerance)
+        assert plane.share == pytest.approx(1.0)
+        height = mesh.vertices @ plane.equation[:3] + plane.equation[3]
+        assert max(np.abs(height).max(), plane.thickness) < 0.5e-4 * 3**0.5, "half of the last digit of each"
+
+
+def test_three_decimals_in_ten_metres_ask_for_a_larger_tolerance() -> None:
+    mesh = written(tilted(64), ".3f")
+    assert len(planes_of(mesh, least=0.0005, tolerance=PlanarProjection.Params().tolerance)) > 10
+    (plane,) = planes_of(mesh, least=0.0005, tolerance=1e-4)
+    assert plane.share == pytest.approx(1.0)
+
+
+def test_terraces_of_rounding_are_not_taken_for_planes() -> None:
+    """Steps of nearly the tolerance: what is within it of a triangle is its own terrace, and must not be all."""
+    (plane,) = planes_of(written(tilted(64, axis=(1, 0, 0)), ".5f"), least=0.0005)
+    assert plane.share == pytest.approx(1.0)
+
+
+def test_thickness_is_the_distance_of_the_furthest_corner() -> None:
+    heights = np.random.default_rng(2).uniform(-2e-5, 2e-5, 17**2)
+    mesh = turned(grid(16, lambda x, z: heights), rotation([0.3, -0.5, 0.7, 0.2]), 3.0, (50.0, -20.0, 7.0))
+    (plane,) = planes_of(mesh, tolerance=1e-5)
+    furthest = np.abs(mesh.vertices @ plane.equation[:3] + plane.equation[3]).max()
+    assert plane.thickness == pytest.approx(furthest, rel=1e-6) and 5e-5 < furthest < 6.5e-5

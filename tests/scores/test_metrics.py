@@ -34,7 +34,7 @@ def random_view(rng):
 def test_every_metric_has_a_row_that_explains_it():
     assert list(METRICS) == [
         *("iou", "iou_soft", "boundary_iou", "ssim", "ssim_edge", "mae", "mae_area", "mae_lit"),
-        *("acne", "leak", "contact", "edge_px", "edge_p95"),
+        *("acne", "acne_soft", "leak", "contact", "edge_px", "edge_p95"),
     ]
     for name, metric in METRICS.items():
         assert metric.name == name
@@ -159,10 +159,11 @@ def test_acne_is_the_share_of_dark_pixels_in_the_lit_interior(truth, half_plane)
     assert score(mask, reference)["leak"] == 0
 
 
-def test_partial_acne_shows_in_mae_only(truth, half_plane):
+def test_partial_acne_shows_in_the_soft_scores_only(truth, half_plane):
     mask = np.where(half_plane(64) == 1, 0.6, 0)
     scores = score(mask, truth(half_plane(64)))
     assert scores["acne"] == 0
+    assert scores["acne_soft"] == pytest.approx(0.4, abs=1e-5)
     assert scores["iou"] == 1
     assert scores["mae"] == pytest.approx(0.2, abs=1e-5)
     assert scores["iou_soft"] == pytest.approx(64 / (64 + 64 * 0.4), abs=1e-5)
@@ -303,7 +304,7 @@ def test_a_shadow_where_there_is_none_is_wrong_not_null(truth, disc):
 
 def test_without_light_there_is_no_acne_and_no_edge(truth):
     scores = score(np.zeros((32, 32)), truth(np.zeros((32, 32))))
-    assert nulls(scores) == {"boundary_iou", "ssim_edge", "acne", "contact", "edge_px", "edge_p95"}
+    assert nulls(scores) == {"boundary_iou", "ssim_edge", "acne", "acne_soft", "contact", "edge_px", "edge_p95"}
     assert scores["iou"] == 1
 
 

@@ -18,7 +18,7 @@ def cell(status: str = "ok", time: dict[str, Any] | None = None, size: int = 512
         "scene": "s", "view": "camera", "light": "sun", "phase": 0, "full_spec": "shadow-map", "map_size": size,
         "view_size": 512, "coordinates": "relative", "renderer": "llvmpipe", "status": status, "metrics": GOOD,
         "receivers": 9, "undecided": 1, "mask_sha256": None, "gpu_bytes": 100,
-        "work": {"draws": 2, "primitives": 100, "fragments": 1000},
+        "work": {"draws": 2, "primitives": 100, "fragments": 1000, "cost": 1000},
     } | score  # fmt: skip
     return Result(record, time)
 
@@ -55,13 +55,33 @@ def test_a_metric_that_is_lost_has_regressed() -> None:
     assert verdicts([none], [none]) == {}
 
 
+def test_a_metric_that_the_baseline_does_not_know_is_not_compared() -> None:
+    older = {name: value for name, value in GOOD.items() if name != "acne_soft"}
+    assert verdicts([cell()], [cell(metrics=older)]) == {}
+
+
+def test_a_metric_that_is_newer_than_the_baseline_is_a_note() -> None:
+    old = cell(metrics={name: value for name, value in GOOD.items() if name != "contact"})
+    findings = compare([cell()], [old])
+    assert not findings.changes and findings.notes == ("not compared, since one side lacks them: contact",)
+
+
 def test_a_missing_cell_fails_and_an_extra_one_is_a_note() -> None:
     findings = compare([cell()], [cell(), cell(size=1024)])
     (change,) = findings.changes
     assert (change.what, change.after, change.verdict) == ("status", "missing", "regressed")
     findings = compare([cell(), cell(size=1024)], [cell()])
-    assert not findings.changes and findings.notes == ("1 cells are not in the baseline",) and findings.compared == 1
+    assert not findings.changes and findings.notes == ("1 cell is not in the baseline",) and findings.compared == 1
     assert compare([cell()], [cell(size=1024)]).compared == 0
+
+
+def test_the_order_of_parameters_is_no_part_of_a_cells_identity() -> None:
+    now, then = (
+        cell(full_spec=f"shadow-map:{items}")
+        for items in ("bias=slope(max=1,min=0),size=1", "size=1,bias=slope(max=1,min=0)")
+    )
+    assert compare([now], [then]).compared == 1
+    assert compare([cell(full_spec="shadow-map:size=2,bias=slope(max=1,min=0)")], [then]).compared == 0
 
 
 def test_a_cell_that_no_longer_holds_has_regressed() -> None:
@@ -79,6 +99,7 @@ def test_a_cell_that_no_longer_holds_has_regressed() -> None:
         ({"draws": 2, "primitives": 99, "fragments": 1000}, {"primitives": "improved"}),
         ({"draws": 2, "primitives": 100, "fragments": 1019}, {}),
         ({"draws": 2, "primitives": 100, "fragments": 1021}, {"fragments": "regressed"}),
+        ({"draws": 2, "primitives": 100, "fragments": 1000, "cost": 9000, "rays": 1}, {}),
     ],
 )
 def test_work_is_exact_but_for_invocations(work: dict[str, int], expected: dict[str, str]) -> None:

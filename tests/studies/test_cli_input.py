@@ -136,7 +136,7 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
     "an unknown view of a truth": (["truth", "cube-on-plane", "--view", "low", "-o", "{out}.npz"], ["'low'", "camera"]),
     "an unknown light of a picture": (
         ["render", "cube-on-plane", "-t", "unshadowed", "--light", "moon", "-o", "{out}.png"],
-        ["--light", "'moon'", "allowed: light"],
+        ["light: found 'moon'", "allowed: light"],
     ),
     "a missing study": (["run", "-s", "{in}/gone.toml", "-o", "{out}"], ["gone.toml", "no such study"]),
     "a broken study": (["run", "-s", "{in}/broken-study.toml", "-o", "{out}"], ["broken-study.toml", "not TOML"]),

@@ -11,9 +11,10 @@ import pytest
 from PIL import Image
 
 from shadowbench.data import data_folder
+from shadowbench.errors import InputError
 from shadowbench.scores.masks import mask_sha256, read_mask
 from shadowbench.scores.metrics import METRICS, score
-from shadowbench.studies import timing
+from shadowbench.studies import runner, timing
 from shadowbench.studies.machine import write_run_file
 from shadowbench.studies.runner import Result
 from shadowbench.studies.scoring import reference_of
@@ -387,3 +388,44 @@ def test_the_same_scene_under_another_name_has_rows_of_its_own(bench: Any, tmp_p
     (tmp_path / "files" / "twin.toml").write_text(scene.replace('name = "cube-on-plane"', 'name = "twin"'))
     run = Run(bench, tmp_path / "out", SMALL.replace('"cube-on-plane"', '"cube-on-plane", "twin.toml"'))
     assert [cell["scene"] for cell in run.cells] == ["cube-on-plane"] * 2 + ["twin"] * 2
+
+
+def test_the_truth_s_side_of_scoring_is_found_once_a_view(
+    bench: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[Any] = []
+
+    def counted(truth: Any) -> Any:
+        made.append(reference_of(truth))
+        return made[-1]
+
+    monkeypatch.setattr(runner, "reference_of", counted)
+    Run(bench, tmp_path / "out")
+    assert len(made) == 2  # scenes, of five cells each
+
+
+def test_what_cannot_be_written_ends_the_run(bench: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(file: Path, visibility: Any) -> None:
+        raise InputError(f"{file}: no space left")
+
+    monkeypatch.setattr(runner, "write_mask", full)
+    with pytest.raises(InputError, match="no space left"):
+        Run(bench, tmp_path / "out", SMALL)
+    assert (tmp_path / "out" / "rows.jsonl").read_text() == ""
+
+
+def test_work_counts_reads_of_the_map_and_sums_up_to_a_cost(run: Run) -> None:
+    for cell in run.cells:
+        if cell["technique"] != "shadow-map" or cell["status"] != "ok":
+            continue
+        assert int(cell["work_reads"]) == 96 * 96 * 1  # the default filter: one read of the hardware's
+        parts = ("vertices", "geometry", "fragments", "reads")
+        if cell["work_fragments"]:
+            assert int(cell["work_cost"]) == sum(int(cell[f"work_{name}"]) for name in parts)
+
+
+def test_totals_grow_with_what_has_moved(run: Run) -> None:
+    for cell in run.cells:
+        if cell["status"] == "ok":
+            still, camera, light = (float(cell[f"{moved}_ms"]) for moved in ("still", "camera", "light"))
+            assert 0 == still < camera <= light

@@ -1,6 +1,7 @@
 """A session's own doing around a technique: what it times, and how it counts frames; without GL."""
 
 from collections.abc import Iterator
+from itertools import chain, repeat
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,8 +10,10 @@ import pytest
 
 from shadowbench.gl.clock import WALL, Clock
 from shadowbench.studies import session as module
+from shadowbench.studies.profile import Profile
 from shadowbench.studies.session import WARM_UP, CellRequest, Session
-from shadowbench.techniques.base import Frame, Phase
+from shadowbench.techniques.base import Frame, Phase, TechniqueParams
+from shadowbench.techniques.filters import PCF, Dither4, Filter, Hard, Hardware
 
 REQUEST = CellRequest("recorder")
 
@@ -24,7 +27,10 @@ class Bare(Session):
             context=context, check=lambda what: None, pipeline_statistics=False, software=True, draws=0
         )
         self.clock = Clock(self.device)
-        self.view: Any = None
+        self.profile = Profile()
+        self.facts: dict[str, float] = {}
+        self.params: Any = TechniqueParams()
+        self.view: Any = SimpleNamespace(size=2)
         self._picture_pass: Any = SimpleNamespace(draw=lambda surface, view, texture, tint: None)
         self._held = []
         self.indices: list[int] = []
@@ -35,7 +41,7 @@ class Bare(Session):
             self.device.draws += 1
             return np.ones((2, 2, 1), np.float32)
 
-        technique = SimpleNamespace(draw=draw, facts=dict, map_image=lambda: None)
+        technique = SimpleNamespace(draw=draw, facts=lambda: self.facts, map_image=lambda: None, params=self.params)
         surface: Any = None
         frame = Frame(self.view, Phase(request.phase), 0, surface, self.clock)
         return technique, SimpleNamespace(release=lambda: None, bytes=0), frame
@@ -51,7 +57,7 @@ def bare(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bare]:
 
 
 def test_building_is_timed_in_milliseconds_without_the_warm_up(bare: Bare, monkeypatch: pytest.MonkeyPatch) -> None:
-    ticks = iter([5.0, 5.25])
+    ticks = chain([5.0, 5.1, 5.2, 5.25], repeat(9.0))  # around `prepare` of the profile too
     monkeypatch.setattr(module.time, "perf_counter", lambda: next(ticks))
     assert bare.hold(REQUEST) == 250
 
@@ -87,3 +93,37 @@ def test_a_scored_frame_and_its_work_are_both_without_history(bare: Bare) -> Non
 def test_a_timed_frame_says_by_which_clock(bare: Bare) -> None:
     bare.hold(REQUEST)
     assert bare.time_frame(0).clock == WALL
+
+
+@pytest.mark.parametrize(("row", "reads"), [(Hard(), 1), (Hardware(), 1), (PCF(taps=5), 25), (Dither4(), 4)])
+def test_a_filter_reads_its_map_so_often_for_every_pixel(bare: Bare, row: Filter, reads: int) -> None:
+    bare.params = SimpleNamespace(filter=row)
+    assert bare.draw(REQUEST).work == {"draws": 1, "reads": 2 * 2 * reads}
+
+
+def test_reads_and_rays_that_a_technique_states_are_work_and_no_facts(bare: Bare) -> None:
+    bare.params = SimpleNamespace(filter=PCF())
+    bare.facts = {"reads": 7.0, "rays": 3.0, "texel_m": 0.5}
+    drawn = bare.draw(REQUEST)
+    assert drawn.work == {"draws": 1, "reads": 7, "rays": 3}
+    assert drawn.facts == {"texel_m": 0.5}
+
+
+def test_the_cost_is_the_sum_of_invocations_reads_and_rays(bare: Bare, monkeypatch: pytest.MonkeyPatch) -> None:
+    counted = {"draws": 100, "primitives": 1000, "vertices": 1, "geometry": 2, "fragments": 4}
+    monkeypatch.setattr(module, "work_of", lambda device, draw: counted)
+    bare.facts = {"reads": 8.0, "rays": 16.0}
+    assert bare.draw(REQUEST).work == counted | {"reads": 8, "rays": 16, "cost": 31}
+
+
+def test_without_invocations_there_is_no_cost(bare: Bare) -> None:
+    assert "cost" not in bare.draw(REQUEST).work
+
+
+def test_seconds_are_kept_by_activity(bare: Bare) -> None:
+    bare.hold(REQUEST)
+    bare.time_frame(0)
+    assert set(bare.spent()) == {"prepare", "passes"}
+    bare.draw(REQUEST)
+    assert set(bare.spent()) == {"prepare", "passes", "build", "read back"}
+    assert all(seconds >= 0 for seconds in bare.spent().values())

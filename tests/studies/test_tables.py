@@ -3,20 +3,25 @@
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.runner import Result
-from shadowbench.studies.tables import Interval, cells_frame, interval, slopes, summary
+from shadowbench.studies.tables import Interval, SummaryRow, cells_frame, interval, over_scenes, slopes, summary
 
 
 def result(
-    iou: float | None = 0.5, view: str = "a", size: int | None = 64, untimed: str | None = None, **of: Any
+    iou: float | None = 0.5,
+    view: str = "a",
+    size: int | None = 64,
+    untimed: str | None = None,
+    light: str = "sun",
+    spec: str = "t",
+    **of: Any,
 ) -> Result:
     """A cell's rows; further words are the time's."""
     score = {
-        "scene": "cube", "view": view, "light": "sun", "phase": 0, "technique": "t", "spec": "t", "map_size": size,
+        "scene": "cube", "view": view, "light": light, "phase": 0, "technique": "t", "spec": spec, "map_size": size,
         "view_size": 8, "renderer": "r", "status": "ok", "key": "k", "metrics": dict.fromkeys(METRICS) | {"iou": iou},
     }  # fmt: skip
     return Result(score, of or None, untimed)
@@ -70,8 +75,33 @@ def test_a_slope_is_fitted_for_each_view_alone() -> None:
     assert found.sizes == (64, 128, 256)
 
 
-def test_the_wall_s_time_is_a_column_after_all_others() -> None:
-    frame = cells_frame([result(frame_ms=1.0, wall_ms=2.0), result()])
-    assert list(frame)[-1] == "wall_ms"
-    assert frame["wall_ms"].tolist()[0] == 2
-    assert pd.isna(frame["wall_ms"][1])
+def test_times_that_were_added_are_columns_after_all_others() -> None:
+    times = {"wall_ms": 2.0, "still_ms": 0.0, "camera_ms": 3.0, "light_ms": 4.0}
+    frame = cells_frame([result(frame_ms=1.0, **times), result()])
+    assert list(frame)[-4:] == list(times)
+    assert frame.loc[0, list(times)].tolist() == list(times.values())
+    assert frame.loc[1, list(times)].isna().all()
+
+
+def test_lights_of_one_scene_are_tables_of_their_own() -> None:
+    """What answers the sun alone must not stand beside medians over lamps too."""
+    cells = [result(0.9), result(0.5, light="lamp"), result(0.8, spec="cascades")]
+    tables = summary(cells_frame(cells))
+    assert {title: [row.spec for row in rows] for title, rows in tables.items()} == {
+        "cube, sun": ["t", "cascades"],
+        "cube, lamp": ["t"],
+    }
+    assert list(summary(cells_frame(cells[:1]))) == ["cube"], "one light needs no name"
+
+
+def test_a_spec_that_held_nowhere_takes_no_part_in_the_mean_over_scenes() -> None:
+    tables = {
+        scene: [
+            SummaryRow("a", 512, 1, (), dict.fromkeys(METRICS, Interval(iou))),
+            SummaryRow("cube-map", 512, 0, ("unsupported: no",), dict.fromkeys(METRICS)),
+        ]
+        for scene, iou in (("one", 0.2), ("two", 0.4))
+    }
+    scenes, means = over_scenes(tables)
+    assert scenes == ["one", "two"]
+    assert [(row.spec, row.values["iou"].median) for row in means] == [("a", pytest.approx(0.3))]

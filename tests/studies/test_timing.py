@@ -137,6 +137,7 @@ def test_a_ratio_is_the_cell_over_the_reference_of_the_same_round() -> None:
     assert row["ratio"] == np.median([30 / 10, 20 / 40, 100 / 20]) == 3
     assert row["ratio_iqr"] == (3 + 5) / 2 - (0.5 + 3) / 2
     assert (row["reference"], row["no_ratio"]) == (REFERENCE, None)
+    assert row["ratio_quartiles"] == [(0.5 + 3) / 2, (3 + 5) / 2]
     itself = record(Scripted(), REFERENCE)
     assert (itself["ratio"], itself["ratio_iqr"]) == (1, 0)
 
@@ -167,6 +168,31 @@ def test_a_pass_that_is_drawn_twice_is_summed_before_the_median() -> None:
     passes = record(Scripted(), SLOW, rounds=9)["passes"]
     assert passes["depth"] == {"ms": 6, "iqr_ms": (6 + 9) / 2 - (3 + 6) / 2, "n": 3, "changes": "light"}
     assert passes["resolve"] == {"ms": 5, "iqr_ms": 0, "n": 3, "changes": "view"}
+
+
+def test_passes_are_totalled_by_what_must_be_drawn_anew() -> None:
+    class Three(Scripted):
+        def time_passes(self, number: int, name: str) -> PassTimes:
+            times = PassTimes()
+            for part, changes, ms in (("map", "light", 1.0), ("fit", "view", 2.0), ("blur", "view", 4.0)):
+                times.add(part, changes, Sample(ms, ms, WALL))  # type: ignore[arg-type]
+            times.add("noise", "frame", Sample(8.0, 8.0, WALL))
+            return times
+
+    row = record(Three(), SLOW)
+    assert (row["still_ms"], row["camera_ms"], row["light_ms"]) == (8, 8 + 2 + 4, 8 + 2 + 4 + 1)
+    row = record(Scripted(), SLOW)  # depth: light, resolve: view
+    assert (row["still_ms"], row["camera_ms"], row["light_ms"]) == (0, 5, 5 + 3)
+
+
+def test_a_technique_that_times_no_pass_has_no_totals() -> None:
+    class Whole(Scripted):
+        def time_passes(self, number: int, name: str) -> PassTimes:
+            return PassTimes()
+
+    row = record(Whole(), SLOW)
+    assert row["passes"] == {}
+    assert (row["still_ms"], row["camera_ms"], row["light_ms"]) == (None, None, None)
 
 
 def test_each_cell_has_its_own_preparation() -> None:

@@ -8,8 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from shadowbench.gl.gbuffer import SurfacePass
+from shadowbench.gl.geometry import DeviceGeometry
 from shadowbench.scenes.library import builtin_names, load_scene
-from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, vec3, view_of
+from shadowbench.scenes.model import AS_FILED, Camera, Light, Mesh, Scene, View, vec3, view_of
 from shadowbench.techniques.planar_projection import flattening
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
@@ -45,8 +47,8 @@ class Judged:
 def judged(studio, build):
     """A spec's shadow on a view, with what a ray says."""
 
-    def judge(view: View, spec: str = NAME) -> Judged:
-        shot, truth = studio.shot(view), trace(view, pixel_samples=1)
+    def judge(view: View, spec: str = NAME, shot=None) -> Judged:
+        shot, truth = shot or studio.shot(view), trace(view, pixel_samples=1)
         built = build(spec, shot)
         mask = built.draw(shot)
         assert set(np.unique(mask)) <= {0.0, 1.0}, "nothing is darkened twice, nor by half"
@@ -303,3 +305,90 @@ def test_only_flagged_meshes_receive_when_asked_for(device, studio, shape, looki
     round_only = studio.shot(looking([shape("sphere", 1.0)], light)).view
     found = parse_spec(NAME, techniques())
     assert found.technique.unsupported(found.params, round_only, device) == "no receiver is a plane"
+
+
+@pytest.mark.parametrize("elevation", [45.0, 3.0])
+@pytest.mark.parametrize("small", ["ball", "decal", "marking"])
+def test_what_lies_close_to_a_plane_does_not_lose_it(small, elevation, shape, looking, sun, judged) -> None:
+    """Triangles that are nearly on the ground, and too small for a plane of their own or not, leave it the ground."""
+    size = 100.0 if small == "marking" else 10.0
+    extra = {
+        "ball": shape("sphere", 0.02, (0.5, 0.01, 0.5)),
+        "decal": shape("plane", 0.5, (2.0, 5e-5, 1.0)),
+        "marking": shape("plane", [0.3, 1.0, 60.0], (2.0, 3e-4, 1.0)),
+    }[small]
+    ground, box = shape("plane", size), shape("box", 1.0, (-1.0, 0.5, 0.0))
+    seen = judged(looking([ground, box, extra], sun(elevation), 512))
+    floor = seen.decided & (seen.triangle < 2)
+    assert (floor & seen.planar).sum() > 0.999 * floor.sum()
+    assert (seen.wanted & floor).sum() > 200 and seen.iou(floor) >= 0.9999
+
+
+def test_a_rounded_mesh_is_a_plane_that_does_not_shadow_itself(shape, looking, sun, judged) -> None:
+    """Four decimals in 10 m: corners are off the plane by more than float32 rounding, on both sides of it."""
+    x, z = np.meshgrid(*[np.linspace(-5.0, 5.0, 33)] * 2, indexing="ij")
+    first = (np.arange(32)[:, None] * 33 + np.arange(32)).ravel()
+    corners = [first, first + 1, first + 33, first + 1, first + 34, first + 33]
+    heights = 0.05 * x + 0.03 * z
+    vertices = np.column_stack([x.ravel(), heights.ravel(), z.ravel()]).round(4)
+    floor = Mesh("floor", vertices, np.stack(corners, axis=1).reshape(-1, 3).astype(np.int32))
+    seen = judged(looking([floor, shape("box", 1.0, (0.0, 0.9, 0.0))], sun(40.0), 256))
+    ground = seen.decided & (seen.triangle < 2048)
+    assert (ground & ~seen.other).sum() == ground.sum() and (seen.wanted & ground).sum() > 500
+    assert seen.iou(ground) >= 0.9999
+
+
+def test_only_what_receives_is_searched_and_measured(shape, looking, sun, judged) -> None:
+    """A table of 0.3 m is all that receives: its share is not of the ground."""
+    ground = shape("plane", 20.0, (0.0, -0.2, 0.0), receives=False)
+    table, post = shape("plane", 0.3), shape("box", [0.05, 0.1, 0.05], (0.0, 0.05, 0.0), receives=False)
+    seen = judged(looking([ground, table, post], sun(45.0), 256, eye=(0.2, 0.5, 0.4)))
+    assert seen.facts["planes"] == 1 and seen.facts["planar_share"] == pytest.approx(1.0)
+    assert (seen.wanted & seen.planar).sum() > 300 and seen.iou(seen.planar) >= 0.9999
+
+
+def test_planes_out_of_the_picture_are_not_drawn(shape, looking, sun, judged) -> None:
+    ground, box = shape("plane", 4.0), shape("box", 1.0, (0.0, 0.5, 0.0))
+    away = [shape("plane", 1.0, at) for at in ((30.0, 1.5, 0.0), (-30.0, 2.0, 0.0), (0.0, 3.0, -90.0), (0.0, 9.0, 9.0))]
+    near, spread = (looking(meshes, sun(45.0), 128) for meshes in ([ground, box], [ground, box, *away]))
+    drawn = [judged(view).facts for view in (near, spread)]
+    assert drawn[1]["planes"] == drawn[0]["planes"] + 4
+    assert drawn[1]["planes_drawn"] == drawn[0]["planes_drawn"] > 0
+
+
+def test_a_plane_that_leaves_the_picture_on_all_sides_is_drawn(shape, looking, sun, judged) -> None:
+    """Each face of the frustum has corners of the ground on its outer side, and yet it fills the picture."""
+    post = shape("box", [0.2, 0.5, 0.2], (0.0, 0.25, -1.0))
+    view = looking(
+        [shape("plane", 60.0), post], sun(45.0), 256, eye=(0.0, 2.0, 1.0), target=(0, 0, -1), near=0.2, far=9.0
+    )
+    seen = judged(view)
+    assert (seen.wanted & seen.planar).sum() > 500 and seen.iou(seen.planar) >= 0.9999
+
+
+@pytest.mark.parametrize("distance", [1e3, 1e6])
+@pytest.mark.parametrize("elevation", [60.0, 1.0])
+def test_a_lamp_far_outside_the_scene_is_as_good_as_a_sun(distance, elevation, shape, looking, judged) -> None:
+    posts = [shape("box", [0.05, 0.3, 0.05], (x, 0.15, 0.37 * x)) for x in np.linspace(-1.5, 1.5, 12)]
+    high, along = math.sin(math.radians(elevation)), math.cos(math.radians(elevation))
+    lamp = Light("lamp", "point", position=vec3(distance * np.array([along, high, 0.3])))
+    seen = judged(looking([shape("plane", 10.0), *posts], lamp, 512))
+    assert (seen.wanted & seen.planar).sum() > 500 and seen.iou(seen.planar) == 1.0
+
+
+def test_far_from_the_origin_the_projection_loses_nothing_more(device, studio, shape, looking, judged) -> None:
+    """In the file's own coordinates, all of them exact in float32: only the projection could lose digits."""
+    shift = np.array([2.0**14, 0.0, -(2.0**14)])
+    posts = [shape("box", [1 / 16, 1 / 4, 1 / 16], (k / 8, 1 / 8, k / 16)) for k in range(-12, 13, 2)]
+    meshes = [replace(mesh, vertices=mesh.vertices + shift) for mesh in (shape("plane", 8.0), *posts)]
+    light = Light("lamp", "point", position=vec3(np.add(shift, (1.0, 3.0, 1.0))))
+    far = looking(meshes, light, 512, eye=vec3(np.add(shift, (2.3, 4.0, 3.4))), target=vec3(shift))
+    geometry = DeviceGeometry(device, far.scene.geometry)
+    surfaces = SurfacePass(device, geometry)
+    surface = surfaces.draw(far)
+    seen = judged(far, shot=replace(studio.shot(far), view=far, placement=AS_FILED, geometry=geometry, surface=surface))
+    for thing in (surface, surfaces, geometry):
+        thing.release()
+    floor = seen.planar & (seen.triangle < 2)
+    assert (seen.wanted & floor).sum() > 200
+    assert seen.iou(floor) == 1.0

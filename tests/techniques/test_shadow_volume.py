@@ -2,15 +2,18 @@
 
 import statistics
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.ndimage import maximum_filter
 
 import shadowbench.techniques.shadow_volume as module
 from shadowbench.errors import InputError
-from shadowbench.gl.clock import work_of
+from shadowbench.gl.clock import Clock, work_of
 from shadowbench.scenes.library import builtin_names, load_scene
-from shadowbench.scenes.model import Light, Mesh, Scene, view_of
+from shadowbench.scenes.model import Light, Mesh, Scene, unit, view_of
+from shadowbench.techniques.base import Frame, Phase
 from shadowbench.techniques.edges import casters_of
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
@@ -19,6 +22,7 @@ from shadowbench.truth.trace import trace
 FAST = ["cube-on-plane", "spot-lamp", "room-with-lamp", "stairs"]
 REAL = ["armadillo.obj", "2CylinderEngine.glb", "bgfx_tree.obj", "retroufo.gltf"]
 SILHOUETTE, TRIANGLE = "shadow-volume", "shadow-volume:faces=triangle"
+DEPTH = "shadow-volume:compare=depth"
 
 
 def wrong(mask: np.ndarray, truth) -> np.ndarray:
@@ -60,6 +64,12 @@ def test_an_edge_of_four_triangles_has_two_rows_and_two_boxes_at_it_are_closed(s
     casters = casters_of(one_mesh(both))
     assert len(casters.closed.faces) == 24 and len(casters.closed.edges) == 36
     assert len(np.unique(casters.closed.edges[:, 1:3], axis=0)) == 35
+
+
+def test_meshes_are_not_welded_to_each_other(shape) -> None:
+    box = shape("box")
+    halves = tuple(Mesh("half", box.vertices, faces) for faces in (box.faces[:6], box.faces[6:]))
+    assert len(casters_of(Scene("test", halves, (), ())).closed.faces) == 0
 
 
 def test_a_triangle_with_a_corner_twice_is_left_out(shape) -> None:
@@ -127,23 +137,69 @@ def test_small_views_are_exact(name, mask, builtin, truth_of) -> None:
     assert wrong(mask(SILHOUETTE, builtin(name)), truth_of(name)).sum() <= 1
 
 
-def test_depth_of_24_bits_blurs_what_is_far_behind_a_near_plane(mask, builtin, truth_of) -> None:
-    """The camera stands in the room, so that its near plane is at far/10⁴."""
-    found = {
-        by: wrong(mask(f"shadow-volume:compare={by}", builtin("spot-lamp")), truth_of("spot-lamp")).sum()
-        for by in ("position", "depth")
-    }
-    assert found["position"] <= 1 and found["depth"] >= 10
+def test_24_bits_of_depth_are_too_few_behind_a_near_plane_of_a_ten_thousandth(
+    mask, builtin, truth_of, monkeypatch
+) -> None:
+    """What the near plane is pulled for: the camera stands in the room."""
+    view, truth = builtin("spot-lamp"), truth_of("spot-lamp")
+    assert wrong(mask(DEPTH, view), truth).sum() <= 1
+    monkeypatch.setattr(module.ShadowVolume, "_pulled", lambda self, frame: frame.view)
+    assert wrong(mask(DEPTH, view), truth).sum() >= 10
+
+
+def test_nothing_seen_is_cut_off_by_the_pulled_near_plane(studio, build, builtin, device) -> None:
+    for name in ("spot-lamp", "terrain"):
+        shot = studio.shot(builtin(name, 100))
+        frame = Frame(shot.view, Phase(), 0, shot.surface, Clock(device))
+        camera = build(DEPTH, shot).technique._pulled(frame).camera
+        depths = (shot.position[..., :3] - camera.position) @ -np.array(camera.basis()[2])
+        nearest = depths[shot.position[..., 3] > 0].min()
+        assert 0.998 * nearest <= camera.near <= nearest
+
+
+def test_a_caster_before_the_near_plane_casts_though_it_is_not_seen(shape, looking, mask) -> None:
+    meshes = [shape("plane", 6.0), shape("box", 0.4, (1.15, 2.0, 1.7))]  # half-way between the eye and the ground
+    view = looking(meshes, Light("sun", "directional", (-0.3, -1.0, -0.2)), near=3.5, far=9.0)
+    truth = trace(view, pixel_samples=1)
+    assert (truth.triangle < 2).all() and (truth.receivers & (truth.visibility < 0.5)).sum() > 100
+    for spec in (SILHOUETTE, TRIANGLE, f"{TRIANGLE},build=cpu", DEPTH):
+        assert wrong(mask(spec, view), truth).sum() <= 1
+
+
+def test_a_receiver_at_an_edge_touches_the_wall_of_that_edge(mask, builtin, truth_of) -> None:
+    """At 1024² a few pixels are such."""
+    assert wrong(mask(SILHOUETTE, builtin("canopy", 1024)), truth_of("canopy", 1024)).sum() == 0
+
+
+@pytest.mark.parametrize("direction", [(0.3, -1.0, 0.2), (0.0, -1.0, 0.0)], ids=["aslant", "from-above"])
+def test_walls_seen_edge_on_are_met_where_their_borders_are(direction, shape, looking, mask) -> None:
+    """300 triangles, each with a wall whose plane holds the eye."""
+    eye, random = np.array([2.3, 4.0, 3.4]), np.random.default_rng(0)
+    a = random.uniform([-1.5, 0.2, -1.5], [1.5, 2.0, 1.5], (300, 3))
+    along, down, aside = (
+        random.uniform(*ends) for ends in ((0.05, 0.4, (300, 1)), (-0.2, 0.2, (300, 1)), (-0.2, 0.2, a.shape))
+    )
+    corners = np.stack([a, a + along * (a - eye) + down * unit(direction), a + aside], axis=1)
+    fan = Mesh("fan", corners.reshape(-1, 3), np.arange(900, dtype=np.int32).reshape(-1, 3))
+    planes = [shape("plane", [40.0, 1.0, 40.0]), shape("plane", [40.0, 1.0, 40.0], (0.0, 0.9, 0.0), casts=False)]
+    view = looking([*planes, fan], Light("sun", "directional", direction), 256, tuple(eye))
+    assert wrong(mask(SILHOUETTE, view), trace(view, pixel_samples=1)).sum() == 0
+
+
+def test_an_edge_a_quarter_of_a_degree_from_the_light_has_a_wall(shape, looking, mask) -> None:
+    pillar = shape("box", [1.0, 40.0, 1.0], (0.0, 20.0, 0.0))
+    view = looking([shape("plane", 8.0), pillar], Light("sun", "directional", (0.004, -1.0, 0.007)), 256)
+    assert wrong(mask(SILHOUETTE, view), trace(view, pixel_samples=1)).sum() == 0
 
 
 def check_every_face(view, studio, build, scored) -> None:
     truth, shot = trace(view, pixel_samples=1), studio.shot(view)
-    masks = [build(spec, shot).draw(shot) for spec in (SILHOUETTE, TRIANGLE)]
-    for visibility in masks:
-        assert scored(visibility, truth)["iou"] >= 0.9999
-        assert wrong(visibility, truth).sum() <= 3  # found: 1 at most, of a million
-    decided = truth.receivers & ~truth.undecided
-    assert (masks[0] != masks[1])[decided].sum() <= 2e-4 * decided.sum()
+    for specs, least in (((SILHOUETTE, TRIANGLE), 0.9999), ((DEPTH, f"{DEPTH},faces=triangle"), 0.9995)):
+        masks = [build(spec, shot).draw(shot) for spec in specs]
+        for visibility in masks:
+            assert scored(visibility, truth)["iou"] >= least
+        decided = truth.receivers & ~truth.undecided
+        assert (masks[0] != masks[1])[decided].sum() <= 2e-4 * decided.sum()
 
 
 @pytest.mark.slow
@@ -157,6 +213,23 @@ def test_every_scene_is_exact(name, studio, build, builtin, scored) -> None:
 def test_real_meshes_closed_or_not_are_exact(file, shared_scenes, studio, build, scored) -> None:
     scene = load_scene(shared_scenes / file)
     check_every_face(view_of(scene, scene.cameras[0], scene.lights[0], 1024), studio, build, scored)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("spec", "most"), [(SILHOUETTE, 4), (DEPTH, 45)])  # found: 2 and 36, of 15 million
+def test_wrong_pixels_have_grazing_light_or_an_edge(spec, most, studio, build, builtin) -> None:
+    """All scenes pooled. Where rasteriser and ray see different triangles, a pixel is at an edge of one."""
+    total = unexplained = 0
+    for name in builtin_names():
+        shot = studio.shot(builtin(name, 1024))
+        truth = trace(shot.filed, pixel_samples=1)
+        dark = truth.visibility < 0.5
+        edge = maximum_filter(dark & truth.receivers, 3) & maximum_filter(~dark & truth.receivers, 3)
+        bad = wrong(build(spec, shot).draw(shot), truth)
+        total += bad.sum()
+        unexplained += (bad & ~edge & (truth.cosine >= 0.15) & (truth.triangle == shot.triangle)).sum()
+    assert total <= most
+    assert unexplained <= 1  # found: 1 by position, 0 by depth
 
 
 @pytest.mark.parametrize("kind", ["directional", "point"])
@@ -230,6 +303,94 @@ def test_256_layers_would_be_none_in_8_bits(shape, looking, sun, studio, build, 
         shot = studio.shot(looking(nested(shape, count), sun(), 48, (0.0, 0.9, 0.9)))
         ground = (shot.triangle >= 0) & (shot.triangle < 2)
         assert (build(SILHOUETTE, shot).draw(shot)[ground] == expected).all()
+
+
+def stack(shape, count: int, side: float, top: tuple[float, float, float], step: float) -> Mesh:
+    """Squares one below the other."""
+    square = shape("plane", side)
+    vertices = [square.vertices + np.subtract(top, (0.0, step * i, 0.0)) for i in range(count)]
+    faces = [square.faces + len(square.vertices) * i for i in range(count)]
+    return Mesh("stack", np.concatenate(vertices), np.concatenate(faces).astype(np.int32))
+
+
+@pytest.fixture
+def facts(studio, build, looking):
+    def of(meshes, light) -> dict[str, float]:
+        shot = studio.shot(looking(meshes, light, 32))
+        one = build(SILHOUETTE, shot)
+        one.draw(shot)
+        return one.technique.facts()
+
+    return of
+
+
+@pytest.mark.parametrize("at", [(0.0, 0.0), (4.0137, -4.0071)], ids=["centre", "border"])
+def test_layers_between_the_rays_that_were_counted_are_not_missed(at, shape, sun, facts) -> None:
+    """256 squares of 1 mm over a plane of 10 m, whose texels are 3 by 5 mm."""
+    found = facts([shape("plane", 10.0), stack(shape, 256, 0.001, (at[0], 0.1, at[1]), 2e-4)], sun(90.0))
+    assert found["layers_at_most"] >= 257 and found["counted_in_color"]
+
+
+def test_layers_at_a_lamp_are_not_missed(shape, facts) -> None:
+    """A twentieth of a metre below it, between the texels' centres."""
+    squares = stack(shape, 256, 0.25 * 0.05 * 2 / 1024, (0.0, 0.95, 0.0), 1e-6)
+    found = facts([shape("plane", 2.0), squares], Light("lamp", "point", position=(0.0, 1.0, 0.0)))
+    assert found["layers_at_most"] >= 257 and found["counted_in_color"]
+
+
+def test_from_255_layers_on_colour_counts(shape, sun, facts) -> None:
+    """Squares each smaller than the one below, so that no two outlines fall together."""
+    square = shape("plane")
+    sides = 2.0 - 0.005 * np.arange(256)
+    vertices = [square.vertices * side + (0.0, 1e-3 * i, 0.0) for i, side in enumerate(sides)]
+    found = set()
+    for count in range(249, 257):
+        faces = np.concatenate([square.faces + len(square.vertices) * i for i in range(count)]).astype(np.int32)
+        fact = facts([Mesh("steps", np.concatenate(vertices[:count]), faces)], sun(90.0))
+        if "layers_at_most" in fact:
+            assert fact["counted_in_color"] == (fact["layers_at_most"] >= 255)
+            found.add(fact["layers_at_most"])
+    assert {254, 255, 256} <= found
+
+
+@pytest.mark.parametrize("direction", [(0.0, -1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)])
+def test_casters_may_be_flat_as_the_light_sees_them(direction, shape, looking, studio, build) -> None:
+    tile = shape("plane", 0.02)
+    tiles = [tile.vertices + np.array([0.03 * i - 3.0, 0.5, 0.0]) for i in range(200)]
+    faces = np.concatenate([tile.faces + len(tile.vertices) * i for i in range(200)]).astype(np.int32)
+    strip = Mesh("strip", np.concatenate(tiles), faces)
+    shot = studio.shot(looking([shape("plane", 8.0, casts=False), strip], Light("sun", "directional", direction)))
+    one = build(SILHOUETTE, shot)
+    assert wrong(one.draw(shot), trace(shot.filed, pixel_samples=1)).sum() == 0
+    assert 1 <= one.technique.facts()["layers_at_most"] < np.inf
+
+
+# What is redrawn when
+
+
+@pytest.mark.parametrize("spec", [DEPTH, f"{TRIANGLE},build=cpu,compare=depth"])
+def test_what_the_light_alone_decides_is_not_redrawn_for_the_camera(spec, studio, build, builtin) -> None:
+    shot = studio.shot(builtin("statue", 64))
+    one = build(spec, shot)
+    changes = one.clock.passes(lambda: one.draw(shot)).changes
+    assert [name for name, when in changes.items() if when == "light"] == ["extrude", "layers"]
+    assert [name for name, when in changes.items() if when == "view"] == [
+        "clear",
+        "near",
+        "depth",
+        "volumes",
+        "resolve",
+    ]
+
+
+@pytest.mark.parametrize("spec", [SILHOUETTE, f"{TRIANGLE},build=cpu"])
+def test_a_camera_moves_without_another_extrusion(spec, studio, build, builtin, monkeypatch) -> None:
+    first = builtin("spot-lamp", 96)
+    moved = studio.shot(replace(first, camera=replace(first.camera, target=(0.2, 0.5, 0.1))))
+    expected, one = build(spec, moved).draw(moved), build(spec, studio.shot(first))
+    assert not np.array_equal(one.draw(studio.shot(first)), expected)
+    monkeypatch.setattr(one.technique.volumes, "extrude", lambda frame, turned: None)
+    assert np.array_equal(one.draw(moved), expected)
 
 
 # What silhouettes save

@@ -154,7 +154,7 @@ def test_with_changes_one_value_and_validates_it() -> None:
 
 MISTAKES = {
     "": "expected a technique's name",
-    "shadow-mop": "unknown technique 'shadow-mop'; allowed: .*shadow-map",
+    "shadow-mop": "unknown technique 'shadow-mop'; did you mean 'shadow-map'. allowed: .*shadow-map",
     "shadow-map:": "expected key=value",
     "shadow-map:size": "expected key=value",
     "shadow-map:size=": "expected a number or a word, found its end",

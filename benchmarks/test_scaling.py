@@ -1,0 +1,103 @@
+"""How the time of techniques and of the truth grows: with a scene's triangles, and with the view's size.
+
+pytest benchmarks/test_scaling.py -k "triangles and shadow-volume"
+"""
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+import pytest
+from pytest_benchmark.fixture import BenchmarkFixture
+
+from shadowbench.scenes.library import load_scene
+from shadowbench.scenes.model import View, view_of
+from shadowbench.techniques.registry import techniques
+from shadowbench.truth.trace import trace
+
+# Spheres by their triangles: (how many, subdivisions of each). A million is three spheres.
+SPHERES = {1_280: (1, 3), 5_120: (1, 4), 20_480: (1, 5), 81_920: (1, 6), 327_680: (1, 7), 983_040: (3, 7)}
+VIEWS = (256, 512, 1024, 2048)
+TRIANGLES, VIEW = 20_480, 512  # of what is not varied
+
+SCENE = """
+name = "spheres-{triangles}"
+[camera]
+position = [3.2, 2.6, 4.0]
+target = [0.0, 0.5, 0.0]
+fov_y = 36
+[[light]]
+name = "sun"
+kind = "directional"
+direction = [0.8, -1.0, -0.6]
+[[light]]
+name = "lamp"
+kind = "point"
+position = [-2.0, 2.5, 1.5]
+[[mesh]]
+shape = "plane"
+scale = 6
+[[mesh]]
+shape = "sphere"
+subdivisions = {subdivisions}
+translate = [{first}, 0.6, 0.0]
+repeat = {{ count = {count}, step = [1.1, 0.0, 0.0] }}
+"""
+
+
+@pytest.fixture(scope="module")
+def view(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int, int, str], View]:
+    """A view of so many triangles and pixels along a side, with a light of a kind."""
+
+    @lru_cache(1)
+    def scene(triangles: int) -> Any:
+        count, subdivisions = SPHERES[triangles]
+        file = tmp_path_factory.mktemp("scenes") / f"{triangles}.toml"
+        first = -0.55 * (count - 1)
+        file.write_text(SCENE.format(triangles=triangles, count=count, subdivisions=subdivisions, first=first))
+        return load_scene(file)
+
+    def make(triangles: int, size: int, kind: str) -> View:
+        of = scene(triangles)
+        return view_of(of, of.cameras[0], next(light for light in of.lights if light.kind == kind), size)
+
+    return make
+
+
+def _kind(name: str) -> str:
+    """A sun, for techniques that answer one."""
+    return "directional" if "directional" in techniques()[name].lights else "point"
+
+
+@pytest.mark.parametrize("name", techniques())
+@pytest.mark.parametrize("triangles", SPHERES)
+@pytest.mark.benchmark(group="triangles")
+def test_triangles(
+    triangles: int, name: str, view: Callable[..., View], cells: Any, growth: Any, benchmark: BenchmarkFixture
+) -> None:
+    cells.time(benchmark, view(triangles, VIEW, _kind(name)), name)
+    growth.add(f"{name} over triangles", triangles, benchmark)
+
+
+@pytest.mark.parametrize("name", techniques())
+@pytest.mark.parametrize("size", VIEWS)
+@pytest.mark.benchmark(group="view size")
+def test_view_size(
+    size: int, name: str, view: Callable[..., View], cells: Any, growth: Any, benchmark: BenchmarkFixture
+) -> None:
+    cells.time(benchmark, view(TRIANGLES, size, _kind(name)), name)
+    growth.add(f"{name} over view size", size, benchmark)
+
+
+@pytest.mark.parametrize("triangles", SPHERES)
+@pytest.mark.benchmark(group="triangles")
+def test_truth_triangles(triangles: int, view: Callable[..., View], growth: Any, benchmark: BenchmarkFixture) -> None:
+    benchmark.pedantic(trace, args=(view(triangles, VIEW, "directional"), 1), rounds=3)
+    growth.add("truth over triangles", triangles, benchmark)
+
+
+@pytest.mark.parametrize("size", VIEWS)
+@pytest.mark.benchmark(group="view size")
+def test_truth_view_size(size: int, view: Callable[..., View], growth: Any, benchmark: BenchmarkFixture) -> None:
+    benchmark.pedantic(trace, args=(view(TRIANGLES, size, "directional"), 1), rounds=3)
+    growth.add("truth over view size", size, benchmark)

@@ -1,0 +1,63 @@
+"""Every technique at its defaults, at each map size, in the scenes of the study `trends`: its time and its scores.
+
+pytest benchmarks/test_techniques.py -k "colonnade and shadow-map"
+"""
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from pytest_benchmark.fixture import BenchmarkFixture
+
+from shadowbench.scenes.model import View
+from shadowbench.scores.reference import Reference
+from shadowbench.studies.scoring import mask_record, reference_of
+from shadowbench.studies.study import Cell
+from shadowbench.studies.study_file import find_study, read_study
+from shadowbench.studies.timing import request_of
+from shadowbench.techniques.registry import techniques
+from shadowbench.techniques.spec import format_spec
+from shadowbench.truth.cache import cached_truth
+from shadowbench.truth.trace import Truth
+
+STUDY = read_study(find_study("trends"), techniques())
+
+
+class Known(NamedTuple):
+    """A view and what all of its cells are scored against, found once."""
+
+    view: View
+    truth: Truth
+    reference: Reference
+
+
+@pytest.fixture(scope="module", params=STUDY.scenes)
+def known(request: pytest.FixtureRequest) -> Known:
+    (block,) = replace(STUDY, scenes=(request.param,)).blocks()
+    truth = cached_truth(block.view)
+    return Known(block.view, truth, reference_of(truth))
+
+
+def _id(cell: Cell) -> str:
+    return "-".join(filter(None, (format_spec(cell.spec, size=False), str(cell.spec.map_size or ""))))
+
+
+@pytest.mark.parametrize("cell", STUDY.cells(), ids=_id)
+def test_frame(known: Known, cell: Cell, cells: Any, growth: Any, benchmark: BenchmarkFixture) -> None:
+    view, truth, reference = known
+    benchmark.group = view.scene.name
+    request = request_of(cell)
+    cells.time(benchmark, view, request.spec)
+    drawn = cells.session.draw(request)
+    record = mask_record(drawn.visibility, truth, reference, cells.open(view))
+    benchmark.extra_info |= record["metrics"] | {
+        "spec": format_spec(cell.spec),
+        "gpu_bytes": drawn.gpu_bytes,
+        "mask_sha256": record["mask_sha256"],
+        **{f"work_{name}": count for name, count in drawn.work.items()},
+    }
+    assert np.isfinite(drawn.visibility).all()
+    if cell.spec.map_size:
+        curve = f"{view.scene.name}: {format_spec(cell.spec, size=False)} over map size"
+        growth.add(curve, cell.spec.map_size, benchmark)

@@ -1,0 +1,242 @@
+"""`check`: what it prints, draws, writes and answers."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from shadowbench.reports.gallery import FALSE_LIGHT, FALSE_SHADOW
+from shadowbench.scores.masks import write_mask
+from shadowbench.scores.metrics import METRICS
+
+Shadowbench = Callable[..., Any]
+GOOD = {name: 0.9 if metric.better == "higher" else 0.1 for name, metric in METRICS.items()}
+WORSE = GOOD | {"iou": 0.8, "ssim": 0.85}
+SIDE = 16
+TIME = {"machine": "m", "clock": "wall", "reference": "shadow-map:size=1024", "n": 9, "ratio": 2.0, "ratio_iqr": 0.02}
+
+
+def cell(spec: str = "shadow-map", scene: str = "s", size: int | None = 512, **score: Any) -> dict[str, Any]:
+    return {
+        "schema": 1, "kind": "score", "key": f"{scene}-{spec.replace(':', '-')}-{size}", "scene": scene,
+        "view": "camera", "light": "sun", "phase": 0, "technique": spec.partition(":")[0], "spec": spec,
+        "full_spec": spec, "map_size": size, "view_size": SIDE, "coordinates": "relative", "renderer": "llvmpipe",
+        "status": "ok", "metrics": GOOD, "receivers": 9, "undecided": 1, "mask_sha256": None, "gpu_bytes": 100,
+        "work": {"draws": 2, "primitives": 100, "fragments": 1000}, "facts": {}, "assumptions": [],
+    } | score  # fmt: skip
+
+
+def timed(score: dict[str, Any], **time: Any) -> dict[str, Any]:
+    return {"schema": 1, "kind": "time", "key": score["key"], "frame_ms": 2.0, "passes": {}, **TIME} | time
+
+
+def rows(folder: Path, *records: dict[str, Any]) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "rows.jsonl").write_text("".join(json.dumps(record) + "\n" for record in records))
+    return folder
+
+
+@pytest.fixture
+def now(tmp_path: Path) -> Callable[..., Path]:
+    return lambda *records: rows(tmp_path / "now", *records)
+
+
+@pytest.fixture
+def then(tmp_path: Path) -> Callable[..., Path]:
+    return lambda *records: rows(tmp_path / "then", *records)
+
+
+def test_the_same_cells_pass(shadowbench: Shadowbench, now: Callable[..., Path], then: Callable[..., Path]) -> None:
+    answer = shadowbench("check", now(cell()), "--baseline", then(cell()))
+    assert (answer.code, answer.err) == (0, "")
+    assert answer.out.startswith("1 cell compared with ") and answer.out.endswith(": 0 regressed, 0 improved\n")
+
+
+def test_what_regressed_is_told_worst_first_and_fails(
+    shadowbench: Shadowbench, now: Callable[..., Path], then: Callable[..., Path]
+) -> None:
+    better = cell("cube-map", metrics=GOOD | {"acne": 0.01})
+    found = now(cell(metrics=GOOD | {"iou": 0.89}), cell(scene="t", metrics=WORSE), better)
+    answer = shadowbench("check", found, "--baseline", then(cell(), cell(scene="t"), cell("cube-map")))
+    assert answer.code == 1
+    lines = answer.out.splitlines()
+    assert lines[0].strip() == "regressed, worst first"
+    words = ["t", "camera", "sun", "shadow-map", "512", "iou", "0.9", "→", "0.8", "100.0", "ssim"]
+    assert lines[2].split() == words
+    assert lines[3].split() == ["s", *words[1:8], "0.89", "10.0"]
+    assert lines[5].strip() == "improved, most first"
+    assert lines[7].split()[3:] == ["cube-map", "512", "acne", "0.1", "→", "0.01", "90.0"]
+    assert lines[-1].endswith(": 2 regressed, 1 improved")
+
+
+def test_json_has_all_of_it(shadowbench: Shadowbench, now: Callable[..., Path], then: Callable[..., Path]) -> None:
+    missing = cell("cube-map")
+    answer = shadowbench("check", now(cell(metrics=WORSE)), "--baseline", then(cell(), missing), "--json")
+    found = json.loads(answer.out)
+    assert answer.code == 1
+    assert (found["compared"], found["equal_masks"], found["timed"], found["improved"]) == (1, 0, 0, [])
+    gone, iou, ssim = found["regressed"]
+    assert (gone["spec"], gone["what"], gone["after"], gone["tolerances"]) == ("cube-map", "status", "missing", None)
+    assert (iou["what"], iou["before"], iou["after"]) == ("iou", 0.9, 0.8)
+    assert iou["tolerances"] == pytest.approx(100)
+    assert ssim["what"] == "ssim"
+
+
+def test_a_missing_cell_fails_and_an_extra_one_is_a_note(
+    shadowbench: Shadowbench, now: Callable[..., Path], then: Callable[..., Path]
+) -> None:
+    answer = shadowbench("check", now(cell()), "--baseline", then(cell(), cell("cube-map")))
+    assert answer.code == 1
+    assert answer.out.splitlines()[-1].endswith("0 regressed, 1 missing, 0 improved")
+    answer = shadowbench("check", now(cell(), cell("cube-map")), "--baseline", then(cell()))
+    assert (answer.code, answer.err) == (0, "note: 1 cell is not in the baseline\n")
+    assert shadowbench("check", now(cell(), cell("cube-map")), "--baseline", then(cell()), "--quiet").err == ""
+
+
+def test_tolerances_are_the_metrics_or_ones_own(
+    shadowbench: Shadowbench, now: Callable[..., Path], then: Callable[..., Path]
+) -> None:
+    words = ["check", now(cell(metrics=WORSE)), "--baseline", then(cell())]
+    assert shadowbench(*words, "--tolerance", "iou=0.2").code == 1
+    assert shadowbench(*words, "--tolerance", "iou=0.2", "--tolerance", "ssim=0.1").code == 0
+
+
+def test_times_warn_and_fail_only_when_asked(
+    shadowbench: Shadowbench, now: Callable[..., Path], then: Callable[..., Path]
+) -> None:
+    words = ["check", now(cell(), timed(cell(), ratio=2.5)), "--baseline", then(cell(), timed(cell()))]
+    answer = shadowbench(*words)
+    assert answer.code == 0
+    assert answer.out.startswith("slower; ratios to the reference, warnings only (--time makes them count)")
+    assert answer.out.splitlines()[-1].endswith("0 regressed, 0 improved, 1 slower")
+    answer = shadowbench(*words, "--time")
+    assert answer.code == 1
+    assert "warnings only" not in answer.out
+    answer = shadowbench("check", now(cell()), "--baseline", then(cell(), timed(cell())), "--time")
+    assert (answer.code, answer.err[:26]) == (0, "note: no time was compared")
+
+
+def test_a_mask_hash_alone_fails_nothing(
+    shadowbench: Shadowbench, now: Callable[..., Path], then: Callable[..., Path]
+) -> None:
+    answer = shadowbench("check", now(cell(mask_sha256="a")), "--baseline", then(cell(mask_sha256="b")))
+    assert answer.code == 0
+
+
+def masks(folder: Path, score: dict[str, Any], visibility: np.ndarray) -> None:
+    (folder / "masks").mkdir(exist_ok=True)
+    (folder / "truth").mkdir(exist_ok=True)
+    write_mask(folder / "masks" / f"{score['key']}.png", visibility)
+    truth = np.ones((SIDE, SIDE))
+    truth[8:] = 0
+    write_mask(folder / "truth" / f"s.camera.sun.{SIDE}.png", truth)
+    write_mask(folder / "truth" / f"s.camera.sun.{SIDE}.undecided.png", np.zeros((SIDE, SIDE)))
+
+
+def test_the_worst_differences_are_drawn_before_beside_after(
+    shadowbench: Shadowbench, now: Callable[..., Path], then: Callable[..., Path]
+) -> None:
+    spec = "shadow-map:filter=pcf(taps=5)"
+    bad, good = cell(spec, metrics=WORSE), cell(spec)
+    found, baseline = now(bad, cell("cube-map")), then(good, cell("cube-map"))
+    (found / "check").mkdir()
+    (found / "check" / "of-the-last-time.png").touch()
+    masks(found, bad, np.ones((SIDE, SIDE)))
+    answer = shadowbench("check", found, "--baseline", baseline)
+    assert "1 pictures, after" in answer.out
+    (picture,) = (found / "check").iterdir()
+    assert picture.name == "1.s.shadow-map_filter=pcf_taps=5_.512.png"
+    after = np.asarray(Image.open(picture))
+    assert (after[8:] == FALSE_LIGHT).all() and not (after[:8] == FALSE_LIGHT).all(axis=-1).any()
+
+    masks(baseline, good, np.zeros((SIDE, SIDE)))
+    assert "before and after" in shadowbench("check", found, "--baseline", baseline).out
+    both = np.asarray(Image.open(picture))
+    assert both.shape == (SIDE, 2 * SIDE + 8, 3)
+    assert (both[:8, :SIDE] == FALSE_SHADOW).all() and (both[:, -SIDE:] == after).all()
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (["--tolerance", "speed=1"], "speed=1"),
+        (["--tolerance", "iou"], "''"),
+        (["--tolerance", "iou=-1"], "'-1'"),
+        (["--tolerance", "iou=nan"], "'nan'"),
+        (["--baseline", "nowhere"], "nowhere"),
+    ],
+)
+def test_bad_input_is_one_line(
+    shadowbench: Shadowbench, now: Callable[..., Path], then: Callable[..., Path], words: list[str], named: str
+) -> None:
+    answer = shadowbench("check", now(cell()), "--baseline", then(cell()), *words)
+    assert (answer.code, answer.out, answer.err.count("\n")) == (2, "", 1)
+    assert named in answer.err and "allowed" in answer.err
+
+
+def test_no_cell_in_common_is_bad_input(
+    shadowbench: Shadowbench, now: Callable[..., Path], then: Callable[..., Path]
+) -> None:
+    answer = shadowbench("check", now(cell()), "--baseline", then(cell(size=1024)))
+    assert (answer.code, answer.err.count("\n")) == (2, 1)
+    assert "no cell in common" in answer.err
+
+
+def test_update_makes_the_run_the_baseline_and_says_what_changed(
+    shadowbench: Shadowbench, now: Callable[..., Path], then: Callable[..., Path]
+) -> None:
+    found, baseline = now(cell(metrics=WORSE), timed(cell())), then(cell(), cell("cube-map"))
+    answer = shadowbench("check", found, "--baseline", baseline, "--update")
+    assert answer.code == 0
+    assert answer.out.startswith("regressed, worst first")
+    assert "1 cell, the baseline from now on" in answer.out
+    assert not (found / "check").exists()
+    assert [json.loads(line) for line in (baseline / "rows.jsonl").read_text().splitlines()] == [
+        cell(metrics=WORSE),
+        timed(cell()),
+    ]
+    assert shadowbench("check", found, "--baseline", baseline, "--time").code == 0
+
+
+def test_update_makes_a_first_baseline(shadowbench: Shadowbench, now: Callable[..., Path], tmp_path: Path) -> None:
+    found, baseline = now(cell(), cell("cube-map")), tmp_path / "new" / "baseline"
+    assert shadowbench("check", found, "--baseline", baseline).code == 2
+    answer = shadowbench("check", found, "--baseline", baseline, "--update", "--quiet")
+    assert (answer.code, answer.out, answer.err) == (0, "", "")
+    assert shadowbench("check", found, "--baseline", baseline).code == 0
+
+
+def test_neither_a_broken_cell_nor_a_measured_folder_is_overwritten_by_update(
+    shadowbench: Shadowbench, now: Callable[..., Path], then: Callable[..., Path]
+) -> None:
+    answer = shadowbench("check", now(cell(status="failed: hung")), "--baseline", then(cell()), "--update")
+    assert answer.code == 2 and "failed: hung" in answer.err
+    baseline = then(cell())
+    (baseline / "run.json").write_text("{}")
+    answer = shadowbench("check", now(cell(metrics=WORSE)), "--baseline", baseline, "--update")
+    assert answer.code == 2 and "is a run folder" in answer.err
+    assert json.loads((baseline / "rows.jsonl").read_text())["metrics"] == GOOD
+
+
+SMALL = 'scenes = ["cube-on-plane"]\nview_size = 32\nrounds = 0\n[[technique]]\nspec = "unshadowed"\n'
+
+
+def test_update_brings_the_study_that_makes_the_cells(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    study, found, baseline = tmp_path / "mine.toml", tmp_path / "now", tmp_path / "baseline"
+    study.write_text(SMALL)
+    assert shadowbench("run", "-s", study, "-o", found).code == 0
+    answer = shadowbench("check", found, "--baseline", baseline, "--update")
+    assert answer.code == 0 and f"study.toml is {study}" in answer.out
+    assert (baseline / "study.toml").read_text() == SMALL
+    assert {file.name for file in baseline.iterdir()} == {"rows.jsonl", "study.toml"}
+    again = tmp_path / "again"
+    assert shadowbench("run", "-s", baseline / "study.toml", "-o", again).code == 0
+    assert shadowbench("check", again, "--baseline", baseline).code == 0
+
+    study.write_text(SMALL.replace("32", "64"))  # it no longer says what was run
+    assert "study.toml" not in shadowbench("check", found, "--baseline", tmp_path / "other", "--update").out
+    assert not (tmp_path / "other" / "study.toml").exists()

@@ -1,0 +1,63 @@
+"""The committed baseline: what it holds, and that the sources still do as well as it says."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from shadowbench.studies.baseline import identity
+from shadowbench.studies.study_file import read_study
+from shadowbench.techniques.biases import Bias
+from shadowbench.techniques.filters import Filter
+from shadowbench.techniques.fits import Fit
+from shadowbench.techniques.registry import techniques
+from shadowbench.techniques.spec import format_spec
+from shadowbench.techniques.splits import Split
+
+BASELINE = Path(__file__).resolve().parents[1] / "results" / "baseline"
+ROWS = [json.loads(line) for line in (BASELINE / "rows.jsonl").read_text(encoding="utf-8").splitlines()]
+STUDY = read_study(BASELINE / "study.toml", techniques())
+HELD = [row for row in ROWS if row["status"] == "ok"]
+
+
+def named(full_spec: str) -> tuple[Any, ...]:
+    return identity({"full_spec": full_spec})
+
+
+def test_it_is_small() -> None:
+    assert sum(file.stat().st_size for file in BASELINE.iterdir()) < 200_000
+
+
+def test_it_has_the_cells_of_its_study() -> None:
+    assert len({row["scene"] for row in ROWS}) == len(STUDY.scenes)
+    for scene in {row["scene"] for row in ROWS}:
+        cells = {named(format_spec(cell.spec, full=True)) for cell in STUDY.cells()}
+        assert {named(row["full_spec"]) for row in ROWS if row["scene"] == scene} == cells
+    assert not [row for row in ROWS if row["status"].startswith("failed")]
+
+
+def test_every_technique_holds_somewhere() -> None:
+    assert {row["technique"] for row in HELD} == set(techniques())
+
+
+@pytest.mark.parametrize("family", [Bias, Filter, Fit, Split])
+def test_every_row_holds_somewhere(family: type) -> None:
+    names = {row.name for row in family.__subclasses__()}
+    held = {name for name in names for row in HELD if f"={name}" in row["full_spec"]}
+    assert held == names
+
+
+@pytest.mark.slow
+def test_the_sources_do_as_well_as_the_baseline(tmp_path: Path) -> None:
+    def shadowbench(*words: str | Path) -> subprocess.CompletedProcess[str]:
+        command = [sys.executable, "-m", "shadowbench.cli", *map(str, words)]
+        return subprocess.run(command, capture_output=True, text=True, env=os.environ)
+
+    run = shadowbench("run", "-s", BASELINE / "study.toml", "-o", tmp_path)
+    assert run.returncode == 0, run.stderr
+    check = shadowbench("check", tmp_path, "--baseline", BASELINE)
+    assert check.returncode == 0, check.stdout + check.stderr
