@@ -12,7 +12,7 @@ help:
 	@echo "make test-slow  the slow tests, and the GL tests once more as OpenGL 4.1"
 	@echo "make lint       format, ruff, mypy, the arrows between the packages"
 	@echo "make setup      what the others do first: system packages and .venv"
-	@echo "make clean      remove .venv, caches and results/latest/"
+	@echo "make clean      remove .venv, caches, results/latest/ and results/stress/"
 
 setup:
 	@sh tools/setup.sh
@@ -38,5 +38,5 @@ lint: setup
 	$(bin)/lint-imports --no-cache
 
 clean:
-	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks build dist results/latest
+	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks build dist results/latest results/stress
 	find shadowbench tests benchmarks -name __pycache__ -prune -exec rm -rf {} +
