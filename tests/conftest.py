@@ -167,8 +167,7 @@ def shadowbench(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[st
         capfd.readouterr()
         with pytest.raises(SystemExit) as stop:
             main()
-        code = stop.value.code
-        assert isinstance(code, int) or code is None
-        return Answer(code or 0, *capfd.readouterr())
+        assert isinstance(stop.value.code, int)
+        return Answer(stop.value.code, *capfd.readouterr())
 
     return call

@@ -8,8 +8,8 @@ from PIL import Image
 
 from shadowbench.files import replace_file
 from shadowbench.scores.comparison import Comparison
+from shadowbench.scores.difference import difference_over
 
-FALSE_SHADOW, FALSE_LIGHT = (213, 94, 0), (0, 114, 178)  # orange, blue: told apart by most colour-blind readers
 _LIT, _SHADOW, _UNSCORED = 235, 150, 255
 
 
@@ -20,11 +20,7 @@ def difference_picture(comparison: Comparison) -> NDArray[np.uint8]:
     """
     reference = comparison.reference
     grey = np.where(reference.valid, _SHADOW + (_LIT - _SHADOW) * reference.visibility, _UNSCORED)
-    difference = np.where(reference.valid, comparison.visibility - reference.visibility, 0)[..., np.newaxis]
-    color = np.where(difference < 0, np.array(FALSE_SHADOW), np.array(FALSE_LIGHT))
-    strength = np.abs(difference)
-    mixed: NDArray[np.uint8] = np.rint(grey[..., np.newaxis] * (1 - strength) + color * strength).astype(np.uint8)
-    return mixed
+    return difference_over(grey, np.where(reference.valid, comparison.visibility - reference.visibility, 0))
 
 
 def write_difference(file: Path, picture: NDArray[np.uint8]) -> None:

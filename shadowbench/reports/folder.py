@@ -11,7 +11,7 @@ import pandas as pd
 
 from shadowbench.errors import InputError
 from shadowbench.studies.baseline import identity
-from shadowbench.studies.rows import SCHEMA, Record
+from shadowbench.studies.rows import SCHEMA, Record, row_of
 from shadowbench.studies.runner import Result
 from shadowbench.studies.tables import cells_frame
 
@@ -93,15 +93,10 @@ def _records(file: Path) -> list[Record]:
 
 
 def _record(file: Path, number: int, line: bytes) -> Record:
-    try:
-        record = json.loads(line)
-        known = record["schema"] == SCHEMA and record["kind"] in ("score", "time") and isinstance(record["key"], str)
-        known = known and (record["kind"] == "time" or {"scene", "spec", "status"} <= record.keys())
-    except (ValueError, KeyError, TypeError):
-        known = False
-    if not known:
+    record = row_of(line)
+    if record is None or not (record["kind"] == "time" or {"scene", "spec", "status"} <= record.keys()):
         raise InputError(f"{file} line {number}: found something else; allowed: a row of schema {SCHEMA}")
-    return record  # type: ignore[no-any-return]
+    return record
 
 
 def _about(file: Path) -> Mapping[str, Any]:

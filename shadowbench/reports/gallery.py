@@ -16,10 +16,10 @@ from scipy.ndimage import uniform_filter
 from shadowbench.reports.analysis import Section, front
 from shadowbench.reports.folder import Run
 from shadowbench.reports.words import digits
+from shadowbench.scores.difference import difference_over
 from shadowbench.scores.masks import read_mask
 from shadowbench.studies.runner import Result
 
-FALSE_SHADOW, FALSE_LIGHT = (213, 94, 0), (0, 114, 178)  # Okabe & Ito 2008: vermillion and blue
 PIXELS = 160 * 512 * 512  # of all masks in a report: more cells, or larger ones, are shown smaller
 _SMALLEST = 128  # pixels a side
 _STEPS = 16  # of a difference's colour
@@ -110,11 +110,7 @@ def difference(
     signed = np.rint((mask - truth) * _STEPS) / _STEPS
     if undecided is not None:
         signed[undecided] = 0
-    base = np.rint(198 + 50 * np.rint(truth * 4) / 4)[..., None]
-    color = np.where(signed[..., None] < 0, FALSE_SHADOW, FALSE_LIGHT)
-    strength = np.abs(signed)[..., None]
-    picture: NDArray[np.uint8] = np.rint(base * (1 - strength) + color * strength).astype(np.uint8)
-    return picture
+    return difference_over(np.rint(198 + 50 * np.rint(truth * 4) / 4), signed)
 
 
 def _worst(error: NDArray[np.float32]) -> tuple[float, float]:

@@ -20,6 +20,16 @@ _HEAD = json.dumps({"schema": SCHEMA})[:-1].encode()  # how every line begins, a
 Record = Mapping[str, Any]
 
 
+def row_of(line: bytes) -> Record | None:
+    """The record of a line of `rows.jsonl`; None for a line that is no row of this schema."""
+    try:
+        record: Record = json.loads(line)
+        known = record["schema"] == SCHEMA and record["kind"] in ("score", "time") and isinstance(record["key"], str)
+    except (ValueError, KeyError, TypeError):
+        return None
+    return record if known else None
+
+
 class RowStore:
     """`rows.jsonl` of a run folder. The last record of a key and kind counts."""
 
@@ -49,13 +59,8 @@ class RowStore:
         whole = text[: text.rfind(b"\n") + 1]
         records = []
         for number, line in enumerate(whole.splitlines(), start=1):
-            try:
-                record = json.loads(line)
-                known = record["schema"] == SCHEMA and record["kind"] in ("score", "time")
-                known = known and isinstance(record["key"], str)
-            except (ValueError, KeyError, TypeError):
-                known = False
-            if not known:
+            record = row_of(line)
+            if record is None:
                 raise self._foreign(number)
             records.append(record)
         torn = text[len(whole) :]

@@ -1,7 +1,6 @@
 """Run folders written for one test: rows as a run makes them, with the numbers that a test asks for."""
 
 import json
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +10,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from shadowbench.cli import main
 from shadowbench.reports.analysis import Section, sections
 from shadowbench.reports.folder import read_runs
 from shadowbench.scores.masks import write_mask
@@ -144,27 +142,3 @@ def section_of(run_folder: Callable[..., Path]) -> Callable[..., Section]:
         return section
 
     return make
-
-
-@dataclass(frozen=True)
-class Answer:
-    """What a command answered."""
-
-    code: int
-    out: str
-    err: str
-
-
-@pytest.fixture
-def shadowbench(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Callable[..., Answer]:
-    """Calls the command line in this process."""
-
-    def call(*arguments: str | Path) -> Answer:
-        monkeypatch.setattr(sys, "argv", ["shadowbench", *map(str, arguments)])
-        capfd.readouterr()
-        with pytest.raises(SystemExit) as stop:
-            main()
-        assert isinstance(stop.value.code, int)
-        return Answer(stop.value.code, *capfd.readouterr())
-
-    return call

@@ -13,7 +13,8 @@ import pytest
 from PIL import Image
 
 from shadowbench.reports import gallery
-from shadowbench.reports.gallery import FALSE_LIGHT, FALSE_SHADOW, difference
+from shadowbench.reports.gallery import difference
+from shadowbench.scores.difference import FALSE_LIGHT, FALSE_SHADOW
 from tests.reports.conftest import CELLS, SIDE, Cell
 
 Shadowbench = Callable[..., Any]

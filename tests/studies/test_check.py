@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from shadowbench.reports.gallery import FALSE_LIGHT, FALSE_SHADOW
+from shadowbench.scores.difference import FALSE_LIGHT, FALSE_SHADOW
 from shadowbench.scores.masks import write_mask
 from shadowbench.scores.metrics import METRICS
 
