@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.scenes.model import Coordinates, LightKind, View
+from shadowbench.scenes.model import LightKind, View
 from shadowbench.scores.masks import write_mask
 from shadowbench.studies.axes import Axis, Setting, Value, shown
 from shadowbench.studies.keys import cell_key, view_key
@@ -21,6 +21,7 @@ from shadowbench.studies.runner import Reporter, write_picture
 from shadowbench.studies.scoring import mask_record, reference_of
 from shadowbench.studies.session import CellRequest, DeviceInfo, Drawn, Unsupported
 from shadowbench.studies.study import Cell
+from shadowbench.studies.timing import ViewStage
 from shadowbench.studies.worker import CellFailed, Worker
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.spec import Spec, format_spec
@@ -42,30 +43,6 @@ class Point:
     def name(self) -> str:
         """For progress."""
         return f"{self.axis.name} {shown(self.value)} {self.light}"
-
-
-class ViewStage:
-    """Keeps the worker at a view, also after it was replaced."""
-
-    def __init__(self, worker: Worker) -> None:
-        self.worker = worker
-        self._scene: tuple[object, ...] = ()
-        self._view: tuple[object, ...] = ()
-        self._surface: NDArray[np.int32] | None = None
-
-    def open(self, view: View, coordinates: Coordinates) -> NDArray[np.int32]:
-        """The G-buffer's triangle ids of a view, (N, N), row 0 at the top."""
-        self.worker.ready()
-        scene = (self.worker.generation, view.scene, coordinates)
-        if self._scene != scene:
-            self._scene, self._view = (), ()
-            self.worker.call("load", view.scene, coordinates)
-            self._scene = scene
-        if self._view != (*scene, view) or self._surface is None:
-            self._view = ()
-            self._surface = self.worker.call("open", view.camera, view.light, view.size)
-            self._view = (*scene, view)
-        return self._surface
 
 
 class Sweep:

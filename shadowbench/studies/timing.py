@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.gl.clock import QUERIES, Changes, PassTimes, Sample
+from shadowbench.scenes.model import Coordinates, View
 from shadowbench.studies.session import CellRequest, Unsupported
 from shadowbench.studies.study import Block, Cell, Study
 from shadowbench.studies.worker import AteMemory, CellFailed, Worker
@@ -33,26 +34,40 @@ def reference_cell(study: Study, phase: int) -> Cell:
     return Cell(study.reference, phase if study.reference.technique.phased else 0)
 
 
+class ViewStage:
+    """Keeps the worker at a view, also after it was replaced."""
+
+    def __init__(self, worker: Worker) -> None:
+        self.worker = worker
+        self._scene: tuple[object, ...] = ()
+        self._view: tuple[object, ...] = ()
+        self._surface: NDArray[np.int32] | None = None
+
+    def open(self, view: View, coordinates: Coordinates) -> NDArray[np.int32]:
+        """The G-buffer's triangle ids of a view, (N, N), row 0 at the top."""
+        self.worker.ready()
+        scene = (self.worker.generation, view.scene, coordinates)
+        if self._scene != scene:
+            self._scene, self._view = (), ()
+            self.worker.call("load", view.scene, coordinates)
+            self._scene = scene
+        if self._view != (*scene, view) or self._surface is None:
+            self._view = ()
+            self._surface = self.worker.call("open", view.camera, view.light, view.size)
+            self._view = (*scene, view)
+        return self._surface
+
+
 class BlockStage:
-    """Keeps the worker at a block's view, also after it was replaced."""
+    """Keeps the worker at a block's view."""
 
     def __init__(self, worker: Worker, study: Study) -> None:
         self.worker, self.study = worker, study
-        self._scene: tuple[int, object] | None = None
-        self._view: tuple[int, object] | None = None
-        self._surface: NDArray[np.int32] | None = None
+        self._views = ViewStage(worker)
 
     def open(self, block: Block) -> NDArray[np.int32]:
         """The G-buffer's triangle ids of the block's view, (N, N), row 0 at the top."""
-        self.worker.ready()
-        generation, view = self.worker.generation, block.view
-        if self._scene != (generation, view.scene):
-            self.worker.call("load", view.scene, self.study.coordinates)
-            self._scene, self._view = (generation, view.scene), None
-        if self._view != (generation, view) or self._surface is None:
-            self._surface = self.worker.call("open", view.camera, view.light, view.size)
-            self._view = (generation, view)
-        return self._surface
+        return self._views.open(block.view, self.study.coordinates)
 
 
 @dataclass(frozen=True, eq=False)
