@@ -1,1 +1,1 @@
-"""What each command prints and writes; `cli.py` holds their options, so that `--help` imports none of this."""
+"""What each command prints and writes; `cli` holds their options, so that `--help` imports none of this."""

@@ -1,0 +1,5 @@
+"""`python -m shadowbench.cli`."""
+
+from shadowbench.cli import main
+
+main()

@@ -1,0 +1,30 @@
+"""Options that several commands have."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print results and errors only: no notes, no progress.")]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
+Plugins = Annotated[
+    list[Path] | None,
+    typer.Option("--plugin", metavar="FILE.py", help="A Python file that adds techniques; repeatable."),
+]
+Assets = Annotated[
+    Path | None,
+    typer.Option(metavar="DIR", help="A folder that a scene file's meshes may lie in, beside the scene's own."),
+]
+ViewSize = Annotated[
+    int | None, typer.Option(metavar="N", min=1, max=16384, help="Pixels along a side of the picture  [512].")
+]
+ViewName = Annotated[
+    str | None, typer.Option("--view", metavar="NAME", help="A camera of the scene, by its name  [the first].")
+]
+LightName = Annotated[
+    str | None, typer.Option("--light", metavar="NAME", help="A light of the scene, by its name  [the first].")
+]
+SCENE = "a built-in name (shadowbench list scenes), a scene file (.toml), or a mesh file"
+SPEC = "a technique and its parameters (shadowbench list techniques)"
+SceneArgument = Annotated[str, typer.Argument(metavar="SCENE", help=f"What to look at: {SCENE}.")]
+OneSpec = Annotated[list[str], typer.Option("-t", "--technique", metavar="SPEC", help=f"What draws it: {SPEC}.")]
