@@ -52,6 +52,7 @@ def _techniques(plugins: tuple[Path, ...]) -> list[dict[str, Any]]:
         {
             "name": technique.name,
             "help": " ".join((technique.__doc__ or "").split()),
+            "lights": sorted(technique.lights),
             "parameters": _parameters(technique.Params),
             "presets": technique.presets,
         }
@@ -84,7 +85,13 @@ def _scenes() -> list[dict[str, Any]]:
 
 def _metrics() -> list[dict[str, Any]]:
     return [
-        {"name": metric.name, "better": metric.better, "for": metric.kind, "help": metric.help}
+        {
+            "name": metric.name,
+            "better": metric.better,
+            "for": metric.kind,
+            "tolerance": metric.tolerance,
+            "help": metric.help,
+        }
         for metric in METRICS.values()
     ]
 
@@ -111,6 +118,7 @@ def _print_techniques(rows: list[dict[str, Any]]) -> None:
     families: list[tuple[str, list[dict[str, Any]]]] = []
     for row in rows:
         out.print(f"{row['name']}: {row['help']}", markup=False)
+        out.print(f"  answers lights that are {', '.join(row['lights'])}", markup=False)
         _print_parameters(row["parameters"], "  ")
         for name, items in row["presets"].items():
             out.print(f"  preset={name}: {items}", markup=False)

@@ -36,7 +36,8 @@ def cells_frame(results: Sequence[Result]) -> pd.DataFrame:
         "key",
         *_MORE_TIMES,
     ]
-    frame = pd.DataFrame(rows, columns=[*promised, *ours])
+    facts = sorted({key for row in rows for key in row if key.startswith("fact_")})
+    frame = pd.DataFrame(rows, columns=[*promised, *ours, *facts])
     whole = [*work, "map_size", "n", "gpu_bytes", "receivers", "undecided", "surface_mismatch"]
     return frame.astype(dict.fromkeys(whole, "Int64"))
 
@@ -53,6 +54,7 @@ def _cell(result: Result) -> dict[str, Any]:
     row |= score.get("metrics", {})
     row["assumptions"] = "; ".join(score.get("assumptions", ())) or None
     row |= {f"work_{name}": count for name, count in score.get("work", {}).items()}
+    row |= {f"fact_{name}": value for name, value in score.get("facts", {}).items()}
     row |= {key: timed.get(key) for key in [*_TIMES, "prepare_ms", *_MORE_TIMES]}
     return row | {f"pass_{name}_ms": value["ms"] for name, value in timed.get("passes", {}).items()}
 

@@ -288,9 +288,9 @@ def test_truth_writes_the_promised_arrays(shadowbench: Shadowbench, tmp_path: Pa
 @pytest.mark.parametrize(
     ("what", "keys"),
     [
-        ("techniques", {"name", "help", "parameters", "presets"}),
+        ("techniques", {"name", "help", "lights", "parameters", "presets"}),
         ("scenes", {"name", "about"}),
-        ("metrics", {"name", "better", "for", "help"}),
+        ("metrics", {"name", "better", "for", "tolerance", "help"}),
         ("studies", {"name", "about"}),
     ],
 )

@@ -37,6 +37,12 @@ def test_a_summary_is_the_median_over_views() -> None:
     assert row.values["ssim"] is None
 
 
+def test_what_techniques_say_of_themselves_are_columns_of_their_own() -> None:
+    told, silent = result(spec="volume"), result(spec="map")
+    told.score["facts"] = {"open_parts": 2.0}
+    assert cells_frame([told, silent])["fact_open_parts"].tolist() == pytest.approx([2.0, np.nan], nan_ok=True)
+
+
 def test_cells_that_did_not_hold_are_left_out_of_it() -> None:
     cells = [result(0.1, "a"), result(0.9, "b", untimed="crashed"), result(0.2, "c")]
     (row,) = summary(cells_frame(cells))["cube"]
