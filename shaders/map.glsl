@@ -15,6 +15,7 @@ MapPoint map_point(vec3 position, int layer) {
     p.axis = light_axis;
     p.axis_distance = projected.w;
     p.depth_per_length = depth_scale[layer] / (projected.w * projected.w);
+    p.step = step_of_depth(p.depth_per_length);
     p.texel = texel_width[layer] * projected.w;
     p.radius = filter_radius;
     p.bias = 0.0;

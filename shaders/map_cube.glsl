@@ -18,6 +18,7 @@ MapPoint map_point(vec3 position) {
     p.axis = -away / p.axis_distance;
     p.depth = p.axis_distance / map_far;
     p.depth_per_length = 1.0 / map_far;
+    p.step = step_of_depth(p.depth_per_length);
     // Across the face, as high as the receiver is along the face's axis. Towards a corner a texel is seen obliquely and
     // its solid angle shrinks, but no bound on depth may: over (s, t) on the plane N·x = c the distance has the gradient
     // on_face.z · (u − N/(N·u)) without its part along the face's axis, u the unit direction. That vector is tan θ

@@ -9,4 +9,4 @@ vec3 bias_move(Receiver r, MapPoint p) {
     return r.normal * (bias_scale * p.radius * length(p.texel) * sin_slope(r, p));
 }
 
-float bias_depth(Receiver r, MapPoint p) { return bias_ulps * depth_step; }
+float bias_depth(Receiver r, MapPoint p) { return bias_ulps * p.step; }

@@ -23,5 +23,5 @@ vec2 bias_gradient(Receiver r, MapPoint p) {
 
 float bias_depth(Receiver r, MapPoint p) {
     // The texel's centre may lie on a neighbouring triangle, which leans towards the light.
-    return bias_slack * max(p.texel.x, p.texel.y) * p.depth_per_length + bias_ulps * depth_step;
+    return bias_slack * max(p.texel.x, p.texel.y) * p.depth_per_length + bias_ulps * p.step;
 }

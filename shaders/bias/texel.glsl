@@ -7,5 +7,5 @@ uniform float bias_ulps;
 
 float bias_depth(Receiver r, MapPoint p) {
     float reach = bias_scale * p.radius * min(length(p.texel) * tan_slope(r, p), bias_limit * max(p.texel.x, p.texel.y));
-    return reach * p.depth_per_length + bias_ulps * depth_step;
+    return reach * p.depth_per_length + bias_ulps * p.step;
 }

@@ -25,6 +25,8 @@ _FORMATS: dict[DepthFormat, tuple[int, int, int, float]] = {
 _TEXTURE_2D, _TEXTURE_2D_ARRAY, _TEXTURE_CUBE_MAP, _FIRST_FACE = 0x0DE1, 0x8C1A, 0x8513, 0x8515
 _DEPTH_COMPONENT, _DEPTH_SIZE, _FLOAT = 0x1902, 0x884A, 0x1406
 _DEPTH_STENCIL, _DEPTH24_STENCIL8, _UNSIGNED_INT_24_8, _STENCIL_SIZE = 0x84F9, 0x88F0, 0x84FA, 0x88F1
+_PROXIES = {_TEXTURE_2D: 0x8064, _TEXTURE_2D_ARRAY: 0x8C1B, _TEXTURE_CUBE_MAP: 0x851B}
+_TEXTURE_WIDTH = 0x1000
 _FRAMEBUFFER, _DEPTH_ATTACHMENT, _DEPTH_STENCIL_ATTACHMENT, _STENCIL_BUFFER = 0x8D40, 0x8D00, 0x821A, 0x0400
 FACES = 6
 
@@ -54,6 +56,22 @@ def depth_target(device: Device, size: int, depth: DepthFormat) -> DepthTarget:
     _check(device, _TEXTURE_2D, _DEPTH_SIZE, bits, f"a {depth} target of {size}²")
     texture.compare_func = ""
     return DepthTarget(texture, device.context.framebuffer(depth_attachment=texture), step, size * size * (bits // 8))
+
+
+def refused(
+    device: Device, size: int, depth: DepthFormat, kind: Literal["2d", Layers] = "2d", layers: int = 1
+) -> str | None:
+    """Why the driver would refuse such a map, in words, or None. Asked of proxy textures: nothing is allocated."""
+    internal, data, _, _ = _FORMATS[depth]
+    binding = {"2d": _TEXTURE_2D, "array": _TEXTURE_2D_ARRAY, "cube": _TEXTURE_CUBE_MAP}[kind]
+    proxy, width = _PROXIES[binding], ctypes.c_int()
+    if kind == "array":
+        device.raw("glTexImage3D", proxy, 0, internal, size, size, layers, 0, _DEPTH_COMPONENT, data, None)
+    else:
+        device.raw("glTexImage2D", proxy, 0, internal, size, size, 0, _DEPTH_COMPONENT, data, None)
+    device.raw("glGetTexLevelParameteriv", proxy, 0, _TEXTURE_WIDTH, ctypes.byref(width))
+    what = {"2d": "a map", "array": f"{layers} maps", "cube": "a cube"}[kind]
+    return None if width.value == size else f"the driver refuses {what} of {size}² texels in {depth}"
 
 
 @dataclass(frozen=True, eq=False)

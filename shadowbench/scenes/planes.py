@@ -57,7 +57,8 @@ def find_planes(
     chance = np.random.default_rng(0)
 
     found: list[Plane] = []
-    for cell in _cells(normals, offsets, areas, least):
+    middles = (corner + second + third) / 3
+    for cell in _cells(normals, offsets, middles, areas, least, _LOOSE * tolerance):
         failures = 0
         while failures < _FAILURES and len(found) < most:
             cell = cell[look.free[cell]]
@@ -119,8 +120,10 @@ class _Look:
         return np.where(self.free, np.maximum(np.maximum(first, second), third), np.inf)
 
 
-def _cells(normals: Floats, offsets: Floats, areas: Floats, least: float) -> Iterator[NDArray[np.int64]]:
-    """The triangles of each cell of alike planes, largest first; cells by the area in them, largest first.
+def _cells(
+    normals: Floats, offsets: Floats, middles: Floats, areas: Floats, least: float, layer: float
+) -> Iterator[NDArray[np.int64]]:
+    """The triangles of each cell of alike planes, largest first; cells by the area in the largest of their layers.
 
     A plane that falls across the border of two cells still counts: half of `least` is enough to be looked at.
     """
@@ -133,10 +136,17 @@ def _cells(normals: Floats, offsets: Floats, areas: Floats, least: float) -> Ite
     totals = np.bincount(cell, areas)
     order = np.lexsort([-areas, cell])
     ends = np.cumsum(np.bincount(cell))
-    for index in np.argsort(-totals, kind="stable"):
-        if totals[index] < least / 2:
-            return
-        yield order[ends[index - 1] if index else 0 : ends[index]]
+    starts = ends - np.diff(ends, prepend=0)
+    # A stack of sheets has much area in a cell and little in a plane. Heights are along one normal a cell, its largest
+    # triangle's: those of small ones scatter.
+    heights = np.einsum("ij,ij->i", middles, normals[order[starts]][cell])
+    layers = np.column_stack([cell, np.floor(heights / layer).astype(np.int64)])
+    _, first, inverse = np.unique(layers @ _MIXING[:2], return_index=True, return_inverse=True)
+    largest = np.zeros(len(totals))
+    np.maximum.at(largest, cell[first], np.bincount(inverse, areas))
+    for index in np.argsort(-largest, kind="stable"):
+        if totals[index] >= least / 2:
+            yield order[starts[index] : ends[index]]
 
 
 def _fitted(corners: Floats, areas: Floats) -> Floats:

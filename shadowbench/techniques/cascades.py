@@ -10,7 +10,7 @@ from pydantic import model_validator
 
 from shadowbench.gl.device import Device
 from shadowbench.gl.program import Drawable, Value
-from shadowbench.gl.targets import DepthFormat
+from shadowbench.gl.targets import DepthFormat, refused
 from shadowbench.scenes.model import View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.biases import Bias, Texel
@@ -76,7 +76,8 @@ class Cascades(Technique):
         assert isinstance(params, cls.Params)
         if view.light.kind != "directional":
             return f"a {view.light.kind} light shines from a place; cascades follow a directional one"
-        return without_meaning("array", params.bias, params.filter)
+        meaningless = without_meaning("array", params.bias, params.filter)
+        return meaningless or refused(device, params.size, params.depth, "array", params.count)
 
     def build(self, stage: Stage) -> None:
         params = self.params
@@ -148,6 +149,7 @@ class Cascades(Technique):
     def _uniforms(self) -> dict[str, Value]:
         values = map_uniforms(self.seen)
         values |= {"light": self.last.light_uniform, "filter_radius": self.radius, "depth_step": self.map.step}
+        values["position_step"] = self.hull.position_step(self.last.light)
         if self.params.select == "depth":
             forward = -self.last.camera.basis()[2]
             values["view_depth"] = (*map(float, forward), -float(forward @ self.last.camera.position))

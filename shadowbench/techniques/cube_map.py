@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.gl.device import Device
-from shadowbench.gl.targets import FACES, DepthFormat
+from shadowbench.gl.targets import FACES, DepthFormat, refused
 from shadowbench.scenes.model import View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.biases import Bias, Texel
@@ -53,10 +53,7 @@ class CubeMap(Technique):
         assert isinstance(params, cls.Params)
         if view.light.kind == "directional":
             return "a directional light has no position to look around from"
-        largest = int(device.context.info["GL_MAX_CUBE_MAP_TEXTURE_SIZE"])
-        if params.size > largest:
-            return f"a cube's faces have at most {largest} texels a side on this device, not {params.size}"
-        return without_meaning("cube", params.bias, params.filter)
+        return without_meaning("cube", params.bias, params.filter) or refused(device, params.size, params.depth, "cube")
 
     def build(self, stage: Stage) -> None:
         params = self.params
@@ -82,6 +79,7 @@ class CubeMap(Technique):
             self._draw_casters()
         with frame.timed("resolve", changes="view"):
             self.resolve_program.set(light=frame.light_uniform, map_far=self.far)
+            self.resolve_program.set(position_step=self.hull.position_step(frame.light))
             self.resolve_program.set(eye=frame.camera.position, view_far=frame.view.near_far[1])
             textures = map_textures(self.map.texture, "edge")
             self.fullscreen.draw(self.target, frame.surface.inputs | textures)

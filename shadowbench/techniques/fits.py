@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from shadowbench.gl.clock import Changes
-from shadowbench.scenes.model import Floats, Placement, Scene, View, bounds_of
+from shadowbench.scenes.model import Floats, Light, Placement, Scene, View, bounds_of
 from shadowbench.techniques.convex import box_planes, corners, frustum_planes, hull_points
 from shadowbench.techniques.lights import Box, LightSpace, LightView, light_space
 from shadowbench.techniques.params import Row, param
@@ -26,6 +26,11 @@ class CasterHull:
         self.bounds = bounds_of(vertices)
         self.extent = float(np.abs(self.bounds).max())
         self.points = hull_points(vertices)
+
+    def position_step(self, light: Light) -> float:
+        """The local length by which float32 rounds places in the scene, as seen from a light."""
+        reach = float(np.abs(light.position).max()) if light.kind != "directional" else 0.0
+        return 2.0**-24 * max(self.extent, reach)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,8 @@ from shadowbench.gl.gbuffer import download
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.truth.embree import NEVER, Tracer, over_slices
 
+_STEPS = 4.0  # of float32 at the farthest coordinate
+
 
 class RayTraced(Technique):
     """One shadow ray a pixel on the CPU, timed with its transfers: a reference, where the speed axis ends.
@@ -27,7 +29,9 @@ class RayTraced(Technique):
         geometry = stage.scene.geometry
         self.tracer = Tracer(geometry.vertices, geometry.caster_faces)
         low, high = geometry.bounds
-        self.offset = self.params.offset * float(np.linalg.norm(high - low))
+        # No lower than float32 rounds the G-buffer's positions, which coordinates far from the origin make coarse.
+        rounding = _STEPS * float(np.spacing(np.abs(geometry.bounds).max(), dtype=np.float32))
+        self.offset = max(self.params.offset * float(np.linalg.norm(high - low)), rounding)
         self.visibility = stage.texture()
 
     def draw(self, frame: Frame) -> moderngl.Texture:

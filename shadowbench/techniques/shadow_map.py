@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import download
 from shadowbench.gl.program import Wrap
-from shadowbench.gl.targets import DepthFormat
+from shadowbench.gl.targets import DepthFormat, refused
 from shadowbench.scenes.model import View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.biases import Bias, Texel
@@ -60,7 +60,7 @@ class ShadowMap(Technique):
             return "a point light shines all round, one 2-D map sees less than half of it"
         if params.reversed and not device.clip_control:
             return "reversed depth needs clip control (OpenGL 4.5)"
-        return without_meaning("2d", params.bias, params.filter)
+        return without_meaning("2d", params.bias, params.filter) or refused(device, params.size, params.depth)
 
     def build(self, stage: Stage) -> None:
         params = self.params
@@ -91,7 +91,8 @@ class ShadowMap(Technique):
             self.casters.draw(self.map.target, state=state)
         with frame.timed("resolve", changes="view"):
             uniforms = map_uniforms([self.seen], params.reversed)
-            self.resolve_program.set(light=frame.light_uniform, **uniforms)
+            self.resolve_program.set(light=frame.light_uniform, position_step=self.hull.position_step(frame.light))
+            self.resolve_program.set(**uniforms)
             textures = map_textures(self.map.texture, params.wrap, params.reversed)
             self.fullscreen.draw(self.target, frame.surface.inputs | textures)
         return self.visibility

@@ -16,6 +16,7 @@ from shadowbench.truth.embree import NEVER, Tracer
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
+FROM_LIGHT = 2.0  # local lengths from the centre up to which shadow rays begin at the light
 EDGE_ON = 1e-6  # |N·ray| below which a hit cannot be refined
 
 
@@ -77,6 +78,10 @@ class ViewRays:
 
         light, self._light_w = view.light.homogeneous
         self._light = np.array(light)[:, None]
+        # Rounded about the light, a caster keeps its place as the light sees it, however near to the light it is.
+        self._from_light: Tracer | None = None
+        if self._light_w and np.abs(light).max() < FROM_LIGHT:
+            self._from_light = Tracer(geometry.vertices - self._light[:, 0], geometry.caster_faces)
         self._axis = np.array(view.light.direction)[:, None] / np.linalg.norm(view.light.direction)
         self._cos_half_angle = view.light.cos_half_angle
 
@@ -147,6 +152,11 @@ class ViewRays:
         reach = NEVER if self._light_w == 0 else np.maximum(receivers.distance - ahead, 0.0)
         return ShadowRays(origins, receivers.to_light, ahead, reach)
 
+    @property
+    def endless(self) -> bool:
+        """Whether shadow rays have no end: the light is directional."""
+        return self._light_w == 0
+
     def raised_rays(self, receivers: Receivers, delta: float) -> ShadowRays:
         """From δ above the surfaces, along N, to the light."""
         origins = receivers.point + self._normals.take(receivers.triangle, axis=1) * delta
@@ -158,6 +168,9 @@ class ViewRays:
 
     def blocked(self, rays: ShadowRays) -> Mask:
         """(N,) whether a caster stands in the way."""
+        if self._from_light is not None:
+            ends = rays.origins - self._light + rays.directions * rays.reach
+            return self._from_light.occluded(single(ends), single(-rays.directions), rays.reach)
         return self._casters.occluded(single(rays.origins), single(rays.directions), rays.reach)
 
     def blockers(self, rays: ShadowRays) -> Floats:

@@ -116,6 +116,7 @@ def _decide(
         rays.shadow_rays(here, 4 * delta),
         rays.shadow_rays(here, delta / 4),
         rays.raised_rays(here, delta),
+        *([] if rays.endless else [shadow_rays._replace(reach=np.maximum(shadow_rays.reach - delta, 0.0))]),
     ):
         unsure |= rays.blocked(others) != blocked
 

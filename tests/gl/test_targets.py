@@ -11,7 +11,7 @@ from shadowbench.gl import targets
 from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import download
 from shadowbench.gl.program import Drawable, State
-from shadowbench.gl.targets import depth_target
+from shadowbench.gl.targets import depth_target, layered_target, refused
 
 AT_DEPTH = """
 uniform float depth;
@@ -93,7 +93,16 @@ def test_another_precision_than_asked_for_is_an_error(device: Device, monkeypatc
         depth_target(device, 8, "d16")
 
 
-def test_too_large_a_target_is_an_error_and_not_a_wrong_map(device: Device) -> None:
+@pytest.mark.parametrize("kind", ["2d", "array", "cube"])
+def test_what_the_driver_would_refuse_is_told_before_anything_is_made(device: Device, kind: str) -> None:
+    assert refused(device, 64, "d16", kind, 6) is None
+    too_large = refused(device, 4 * device.max_map_size, "d16", kind, 6)
+    what = {"2d": "a map", "array": "6 maps", "cube": "a cube"}[kind]
+    assert too_large == f"the driver refuses {what} of {4 * device.max_map_size}² texels in d16"
+    device.check("asking")
+    make = {"2d": lambda size: depth_target(device, size, "d16")}.get(
+        kind, lambda size: layered_target(device, size, "d16", kind, 6)
+    )
     with pytest.raises(Exception, match=r"GL_|target|size|texture|allowed"):
-        depth_target(device, 4 * device.max_map_size, "d16")
+        make(4 * device.max_map_size)
     assert device.context.error in ("GL_NO_ERROR", "GL_INVALID_VALUE")

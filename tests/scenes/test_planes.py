@@ -27,6 +27,10 @@ def grid(cells: int, height, size: float = 4.0) -> Mesh:
     return Mesh("grid", np.column_stack([x, y, z]), np.stack(corners, axis=1).reshape(-1, 3).astype(np.int32))
 
 
+def flat(x, z):
+    return np.zeros_like(x)
+
+
 def turned(mesh: Mesh, rotation=((1, 0, 0), (0, 1, 0), (0, 0, 1)), scale=1.0, shift=(0.0, 0.0, 0.0)) -> Mesh:
     return Mesh(mesh.name, mesh.vertices @ np.asarray(rotation).T * scale + shift, mesh.faces)
 
@@ -137,6 +141,13 @@ def test_the_largest_come_first_and_no_more_than_asked_for() -> None:
     assert [list(plane.triangles) for plane in few] == [list(plane.triangles) for plane in found[:6]]
     taken = np.concatenate([plane.triangles for plane in found])
     assert len(np.unique(taken)) == len(taken), "a triangle is on one plane"
+
+
+def test_a_stack_of_sheets_does_not_hide_the_ground_below_it() -> None:
+    """More sheets than planes are asked for, so close that they have far more area than the ground in one cell."""
+    sheets = [turned(grid(1, flat, 1.0), shift=(0.0, 0.5 + 1e-4 * k, 0.0)) for k in range(400)]
+    found = planes_of(grid(2, flat, 5.0), *sheets, least=0.0005)
+    assert list(found[0].triangles) == list(range(8)) and len(found) == 32
 
 
 units = st.floats(-1.0, 1.0, allow_nan=False)

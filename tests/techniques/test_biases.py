@@ -54,6 +54,15 @@ def test_an_inclined_plane_has_no_acne(incline, mask, kind: str, tilt: float, bi
         assert (visibility == 1).all(), f"{(visibility < 1).sum()} pixels at {size}"
 
 
+@pytest.mark.parametrize("technique", ["shadow-map", "cascades"])
+@pytest.mark.parametrize("tilt", [0.0, 1e-4, 1e-3, 0.01, 0.1, 1.0])
+def test_a_plane_square_to_the_light_has_no_acne(incline, mask, technique: str, tilt: float) -> None:
+    """Alone, it has so short a range of depths that the rounding of positions is many steps of the format."""
+    for name, bias in EXACT.items():
+        visibility = mask(f"{technique}:bias={bias},filter=hardware,size=256", incline("directional", tilt))
+        assert (visibility == 1).all(), f"{(visibility < 1).sum()} pixels with {name}"
+
+
 @pytest.mark.parametrize("kind", ["directional", "spot"])
 @pytest.mark.parametrize("tilt", TILTS[1:])
 def test_without_a_bias_half_of_an_inclined_plane_is_acne(incline, studio, build, kind: str, tilt: float) -> None:

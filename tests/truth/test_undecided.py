@@ -66,6 +66,22 @@ def test_lamp_within_the_offset_of_a_surface_decides_nothing(
 
 
 @pytest.mark.parametrize(
+    ("above", "shadow", "undecided"), [(-3.0, False, False), (0.0, True, True), (0.5, True, True), (3.0, True, False)]
+)
+def test_plate_within_the_offset_of_a_lamp_decides_nothing(
+    shape: Callable[..., Mesh], looking: Callable[..., View], above: float, shadow: bool, undecided: bool
+) -> None:
+    """A lamp that many offsets above or below a plate at 0.5, which hides the ground from it or does not."""
+    offset = OFFSET * math.sqrt(8**2 + 8**2 + 0.5**2)
+    lamp = Light("lamp", "point", position=(0.1, 0.5 + above * offset, 0.2))
+    meshes = [shape("plane", 8.0), shape("plane", 4.0, (0.0, 0.5, 0.0))]
+    truth = trace(looking(meshes, lamp, eye=(0.0, 0.4, 0.0), fov=60.0))
+    assert truth.receivers.all()
+    assert (truth.undecided == undecided).all()
+    assert undecided or (truth.visibility == float(not shadow)).all()
+
+
+@pytest.mark.parametrize(
     ("height", "visibility", "undecided"),
     [(0.2, 1, False), (0.3, 1, True), (0.9, 1, True), (1.1, 0, True), (3.7, 0, True), (4.4, 0, False)],
 )
