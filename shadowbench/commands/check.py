@@ -3,11 +3,12 @@
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from rich.markup import escape
 from rich.table import Table
@@ -44,7 +45,7 @@ class CheckOptions:
 def check_command(options: CheckOptions, *, as_json: bool, quiet: bool) -> int:
     """Compare, print what changed, write pictures of the worst; 1 if something regressed and was not blessed."""
     tolerances = _tolerances(options.tolerances)
-    run = read_runs([options.folder])[0]
+    run, left = _last_study(read_runs([options.folder])[0])
     baseline = _baseline(options)
     findings = compare(run.results, baseline.results if baseline else (), tolerances)
     if findings.compared == 0 and not options.update:
@@ -56,6 +57,9 @@ def check_command(options: CheckOptions, *, as_json: bool, quiet: bool) -> int:
     counted = regressed + (findings.of("regressed", times=True) if options.time else [])
     pictures = _write_pictures(run, baseline, regressed) if baseline and not options.update else []
     notes = [*findings.notes, *_untimed(findings, options)]
+    if left:
+        older = _counted(left, "cell")
+        notes.append(f"{older} of earlier studies in {options.folder} left out; table.csv has the last")
     if as_json:
         print_json(_as_json(findings, notes, pictures))
     else:
@@ -73,6 +77,19 @@ def check_command(options: CheckOptions, *, as_json: bool, quiet: bool) -> int:
         line = f"{pictures[0][0].parent}: {len(pictures)} pictures, {what}: false shadow vermillion, false light blue"
         out.print(line, markup=False, soft_wrap=True)
     return 1 if counted else 0
+
+
+def _last_study(run: Run) -> tuple[Run, int]:
+    """The run with the cells of its last study and of engines alone, and how many others its folder has.
+
+    What was measured before the last change of a default would stand in for a cell that is missing now.
+    """
+    table = run.folder / "table.csv"
+    if not table.is_file():
+        return run, 0
+    keys = set(pd.read_csv(table, usecols=["key"])["key"])
+    rows = tuple(row for row in run.rows if row["key"] in keys or "content" in row)
+    return replace(run, rows=rows), len(run.rows) - len(rows)
 
 
 def _tolerances(texts: Sequence[str]) -> dict[str, float]:

@@ -1,7 +1,7 @@
 """Linked programs: uniforms by value, textures by name, and the draw itself with all the state it needs."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Literal, Protocol
@@ -183,6 +183,9 @@ def link(device: Device, vertex: str, fragment: str, geometry: str | None = None
     return Program(device, program, "\n".join([vertex, geometry or "", fragment]))
 
 
+Ranges = Sequence[tuple[int, int]]  # (first, count) of vertices or indices
+
+
 @dataclass(frozen=True, eq=False)
 class Drawable:
     """Vertices bound to a program; `draw` is the one place where anything is drawn, and counted."""
@@ -197,14 +200,17 @@ class Drawable:
         target: moderngl.Framebuffer,
         textures: Mapping[str, tuple[Texture, Sampling]] = {},
         state: State = State(),
+        ranges: Ranges | None = None,
     ) -> None:
-        """Draw into a target with the given textures and state."""
+        """Draw into a target with the given textures and state; of the vertices or indices some ranges, or all."""
         device = self.program.device
         target.use()
         self.program.bind(textures)
+        ranges = ((0, self.count),) if ranges is None else ranges
         with _applied(device, state):
-            self.vertices.render(self.mode, vertices=self.count)
-        device.draws += 1
+            for first, count in ranges:
+                self.vertices.render(self.mode, vertices=count, first=first)
+        device.draws += len(ranges)
 
 
 @contextmanager

@@ -123,9 +123,11 @@ class _Look:
 def _cells(
     normals: Floats, offsets: Floats, middles: Floats, areas: Floats, least: float, layer: float
 ) -> Iterator[NDArray[np.int64]]:
-    """The triangles of each cell of alike planes, largest first; cells by the area in the largest of their layers.
+    """Triangles of alike planes, largest first: of layers, largest area first, then once more of whole cells.
 
-    A plane that falls across the border of two cells still counts: half of `least` is enough to be looked at.
+    A stack of sheets has much area in a cell and little in a plane: by layers the largest planes come first. What
+    scatters over several layers is left to the cells. A plane that falls across the border of two cells still counts:
+    half of `least` is enough to be looked at.
     """
     # n nᵀ and the plane's point nearest to the centre are the same for n and −n, and have no seam between them.
     squares = normals * np.roll(normals, 1, axis=1)
@@ -133,20 +135,20 @@ def _cells(
     # Off the round numbers that modelled planes have, on which rounding would decide.
     cells = np.floor(parts / _CELL + 0.37).astype(np.int64)
     _, cell = np.unique(cells @ _MIXING, return_inverse=True)
-    totals = np.bincount(cell, areas)
+    # Heights are along one normal a cell, its largest triangle's: those of small ones scatter.
     order = np.lexsort([-areas, cell])
-    ends = np.cumsum(np.bincount(cell))
-    starts = ends - np.diff(ends, prepend=0)
-    # A stack of sheets has much area in a cell and little in a plane. Heights are along one normal a cell, its largest
-    # triangle's: those of small ones scatter.
-    heights = np.einsum("ij,ij->i", middles, normals[order[starts]][cell])
-    layers = np.column_stack([cell, np.floor(heights / layer).astype(np.int64)])
-    _, first, inverse = np.unique(layers @ _MIXING[:2], return_index=True, return_inverse=True)
-    largest = np.zeros(len(totals))
-    np.maximum.at(largest, cell[first], np.bincount(inverse, areas))
-    for index in np.argsort(-largest, kind="stable"):
-        if totals[index] >= least / 2:
-            yield order[starts[index] : ends[index]]
+    largest = order[np.flatnonzero(np.diff(cell[order], prepend=-1))]
+    heights = np.einsum("ij,ij->i", middles, normals[largest][cell])
+    layers = np.column_stack([cell, np.floor(heights / layer + 0.37).astype(np.int64)])
+    _, within = np.unique(layers @ _MIXING[:2], return_inverse=True)
+    for group in (within, cell):
+        totals = np.bincount(group, areas)
+        order = np.lexsort([-areas, group])
+        ends = np.cumsum(np.bincount(group))
+        for index in np.argsort(-totals, kind="stable"):
+            if totals[index] < least / 2:
+                break
+            yield order[ends[index - 1] if index else 0 : ends[index]]
 
 
 def _fitted(corners: Floats, areas: Floats) -> Floats:

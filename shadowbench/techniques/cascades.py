@@ -9,15 +9,16 @@ from numpy.typing import NDArray
 from pydantic import model_validator
 
 from shadowbench.gl.device import Device
-from shadowbench.gl.program import Drawable, Value
+from shadowbench.gl.program import Drawable, Ranges, Value
 from shadowbench.gl.targets import DepthFormat, refused
 from shadowbench.scenes.model import View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.biases import Bias, Texel
+from shadowbench.techniques.culling import CasterChunks
 from shadowbench.techniques.filters import Filter, Hardware
 from shadowbench.techniques.fits import CasterHull, window
 from shadowbench.techniques.lights import Box, LightSpace, LightView, light_space
-from shadowbench.techniques.maps import caster_state, map_textures, map_uniforms, without_meaning
+from shadowbench.techniques.maps import caster_state, map_textures, map_uniforms, shown, without_meaning
 from shadowbench.techniques.params import one_of
 from shadowbench.techniques.splits import Practical, Slice, Split, slices, snapped, stretched
 
@@ -61,6 +62,8 @@ class Cascades(Technique):
         filter: Annotated[Filter, one_of(Filter)] = param(Hardware(), "how texels are compared and weighted")
         layers: Literal["geometry", "passes"] = param("passes", "all maps in one draw, by geometry shader, or one each")
 
+        cull: bool = param(True, "leaves out casters that can reach no receiver that a map shows")
+
         @model_validator(mode="after")
         def _agree(self) -> Self:
             if self.split.name == "fixed" and self.count != 5:
@@ -95,6 +98,7 @@ class Cascades(Technique):
             "fullscreen.vert", "cascades/resolve.frag", params=params, defines=self.defines
         )
         self.casters = stage.casters(self.depth_program)
+        self.chunks = CasterChunks(stage.scene, params.cull)
         self.fullscreen = stage.fullscreen(self.resolve_program)
         self.visibility = stage.texture()
         self.target = stage.target(self.visibility)
@@ -106,6 +110,7 @@ class Cascades(Technique):
             space = light_space(frame.light)
             boxes = (self._box(space, part, frame.phase.shift) for part in self.slices)
             self.seen = [LightView(space, box, self.params.size) for box in boxes]
+            self.drawn = self._reaching(frame)
         with frame.timed("depth", changes="view"):
             self._draw_maps()
         with frame.timed("resolve", changes="view"):
@@ -134,17 +139,23 @@ class Cascades(Technique):
         middle = space.box(center[None]).low
         return window(Box(middle - half, middle + half), space, params.size, padding, shift)
 
+    def _reaching(self, frame: Frame) -> list[Ranges | None]:
+        """What each draw is of: of the casters for all maps, or for one."""
+        regions = [shown(seen, self.params.bias) for seen in self.seen]
+        draws = [regions] if self.params.layers == "geometry" else [[region] for region in regions]
+        return [self.chunks.reaching(frame.light_uniform, *each) for each in draws]
+
     def _draw_maps(self) -> None:
         state = caster_state(self.params.bias, self.params.depth_clamp)
         matrices = [seen.to_clip() for seen in self.seen]
         self.map.target.clear(depth=1.0)
         if self.params.layers == "geometry":
             self.depth_program.set(world_to_clip=np.stack(matrices))
-            self.casters.draw(self.map.target, state=state)
+            self.casters.draw(self.map.target, state=state, ranges=self.drawn[0])
             return
-        for matrix, target in zip(matrices, self.map.each, strict=True):
+        for matrix, target, drawn in zip(matrices, self.map.each, self.drawn, strict=True):
             self.depth_program.set(world_to_clip=matrix)
-            self.casters.draw(target, state=state)
+            self.casters.draw(target, state=state, ranges=drawn)
 
     def _uniforms(self) -> dict[str, Value]:
         values = map_uniforms(self.seen)
@@ -175,7 +186,7 @@ class Cascades(Technique):
 
     def facts(self) -> dict[str, float]:
         scale = self.stage.placement.scale
-        facts = {}
+        facts: dict[str, float] = {"culled_triangles": sum(map(self.chunks.left_out, self.drawn))}
         for number, (part, seen) in enumerate(zip(self.slices, self.seen, strict=True), start=1):
             facts[f"far_{number}_m"] = part.far / scale
             facts[f"texel_{number}_m"] = max(seen.texel) / scale

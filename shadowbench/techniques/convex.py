@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from shadowbench.scenes.model import Floats, bounds_of
+from shadowbench.scenes.model import Floats, View, bounds_of
 
 # A plane is (n, d), unit n: inside where n·x + d ≥ 0.
 
@@ -25,6 +25,13 @@ def frustum_planes(eye: Floats, basis: Floats, slope: float, near: float, far: f
     normals = np.array([*(side / np.linalg.norm(side) for side in sides), -back, back])
     points = np.array([eye, eye, eye, eye, eye - near * back, eye - far * back])
     return np.column_stack([normals, -np.einsum("ij,ij->i", normals, points)])
+
+
+def view_planes(view: View) -> Floats:
+    """(6, 4) planes of a view's frustum."""
+    camera = view.camera
+    slope = float(np.tan(camera.fov_y / 2))
+    return frustum_planes(np.array(camera.position), camera.basis(), slope, *view.near_far)
 
 
 @cache

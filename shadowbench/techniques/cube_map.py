@@ -7,10 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.gl.device import Device
+from shadowbench.gl.program import Ranges
 from shadowbench.gl.targets import FACES, DepthFormat, refused
 from shadowbench.scenes.model import View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.biases import Bias, Texel
+from shadowbench.techniques.culling import CasterChunks
 from shadowbench.techniques.filters import Filter, Hardware
 from shadowbench.techniques.fits import CasterHull
 from shadowbench.techniques.maps import caster_state, map_textures, without_meaning
@@ -18,6 +20,9 @@ from shadowbench.techniques.params import one_of
 
 _MARGIN = 1.001  # so that what lies farthest is not stored as an empty texel is
 _NEAREST = 2.0**-24  # of far: below what float32 positions can tell from the light itself
+_AXES = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])
+# (6, 4, 3) normals of the planes between a face's pyramid and its neighbours, through the light.
+_SIDES = np.array([[axis + side for side in np.vstack([np.eye(3), -np.eye(3)]) if side @ axis == 0] for axis in _AXES])
 _ACROSS = ((None, 2, None, None), (1, 4, 0, 5), (None, 3, None, None))  # faces, unfolded around +Z
 
 
@@ -45,6 +50,7 @@ class CubeMap(Technique):
         layers: Literal["geometry", "passes"] = param("passes", "one draw for all faces, by geometry shader, or six")
         bias: Annotated[Bias, one_of(Bias)] = param(Texel(limit=64), "what keeps a surface from shadowing itself")
         filter: Annotated[Filter, one_of(Filter)] = param(Hardware(), "how texels are compared and weighted")
+        cull: bool = param(True, "leaves out casters that a face does not show, of layers=passes")
 
     params: Params
 
@@ -67,6 +73,7 @@ class CubeMap(Technique):
         )
         self.resolve_program.set(filter_radius=params.filter.radius(params.size), depth_step=self.map.step)
         self.casters = stage.casters(self.depth_program)
+        self.chunks = CasterChunks(stage.scene, params.cull and params.layers == "passes")
         self.fullscreen = stage.fullscreen(self.resolve_program)
         self.visibility = stage.texture()
         self.target = stage.target(self.visibility)
@@ -76,7 +83,7 @@ class CubeMap(Technique):
             reach = np.linalg.norm(self.hull.points - frame.light.position, axis=1)
             self.far = float(reach.max()) * _MARGIN
             self.depth_program.set(light_position=frame.light.position, map_far=self.far, near=self.far * _NEAREST)
-            self._draw_casters()
+            self._draw_casters(frame)
         with frame.timed("resolve", changes="view"):
             self.resolve_program.set(light=frame.light_uniform, map_far=self.far)
             self.resolve_program.set(position_step=self.hull.position_step(frame.light))
@@ -85,15 +92,18 @@ class CubeMap(Technique):
             self.fullscreen.draw(self.target, frame.surface.inputs | textures)
         return self.visibility
 
-    def _draw_casters(self) -> None:
+    def _draw_casters(self, frame: Frame) -> None:
         state = caster_state(self.params.bias, clamp=False)
         self.map.target.clear(depth=1.0)
+        self.drawn: list[Ranges | None] = []
         if self.params.layers == "geometry":
             self.casters.draw(self.map.target, state=state)
             return
         for face in range(FACES):
+            planes = np.column_stack([_SIDES[face], -_SIDES[face] @ frame.light.position])
+            self.drawn.append(self.chunks.reaching(frame.light_uniform, planes))
             self.depth_program.set(face=face)
-            self.casters.draw(self.map.each[face], state=state)
+            self.casters.draw(self.map.each[face], state=state, ranges=self.drawn[face])
 
     def map_image(self) -> NDArray[np.float32]:
         """The faces unfolded into a cross, (3·size, 4·size), as the light sees them: +Z in front, +X to its left."""
@@ -105,5 +115,6 @@ class CubeMap(Technique):
     def facts(self) -> dict[str, float]:
         far = self.far / self.stage.placement.scale
         facts = {"texel_m": 2 * far / self.params.size, "depth_range_m": far}
+        facts["culled_triangles"] = sum(map(self.chunks.left_out, self.drawn))
         units = self.params.bias.depth_units
         return facts if units is None else facts | {"bias_m": units * far}

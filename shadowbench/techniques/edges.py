@@ -14,14 +14,18 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """Triangles and edges as indices into the scene's vertices, those at one place being one.
+    """Triangles and edges as indices into the scene's vertices, those at one place being one; part after part.
 
     faces: (F, 3), as wound. edges: (E, 4): third corner, a, b, third corner of up to two triangles at the edge from a
-    to b, a < b; the last is a where there is but one. An edge of more than two triangles has several rows.
+    to b, a < b; the last is a where there is but one. An edge of more than two triangles has several rows. face_ends,
+    edge_ends: (P,) the row that a part ends before; boxes: (P, 2, 3) its lowest and highest corners.
     """
 
     faces: Indices
     edges: Indices
+    face_ends: Indices
+    edge_ends: Indices
+    boxes: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,17 +33,15 @@ class Casters:
     """A scene's casters. A part is what hangs together by edges.
 
     closed: parts where each edge has as many triangles one way as the other, wound outwards; open: all others.
-    boxes: (P, 2, 3) lowest and highest corners of the closed parts; open_parts: how many others there are.
     """
 
     closed: Surface
     open: Surface
-    boxes: Floats
-    open_parts: int
 
     def around(self, point: Vec3) -> bool:
         """Whether a point may be inside a closed part."""
-        return bool(((self.boxes[:, 0] <= point) & (point <= self.boxes[:, 1])).all(axis=1).any())
+        low, high = self.closed.boxes.transpose(1, 0, 2)
+        return bool(((low <= point) & (point <= high)).all(axis=1).any())
 
 
 def casters_of(scene: Scene) -> Casters:
@@ -55,7 +57,8 @@ def casters_of(scene: Scene) -> Casters:
     two = second >= 0
     a, b = first[two] // 3, second[two] // 3
     links = coo_matrix((np.ones(len(a)), (a, b)), shape=(len(faces), len(faces)))
-    parts, part = connected_components(links, directed=False)
+    parts, labels = connected_components(links, directed=False)
+    part: Indices = labels.astype(np.int64)
     opposed = np.zeros(len(first), dtype=bool)
     opposed[two] = _rising(faces)[first[two]] != _rising(faces)[second[two]]
     loose = np.bincount(part[first[~opposed] // 3], minlength=parts)
@@ -67,10 +70,8 @@ def casters_of(scene: Scene) -> Casters:
     low, high = np.full((parts, 3), np.inf), np.full((parts, 3), -np.inf)
     np.minimum.at(low, part, corners.min(axis=1))
     np.maximum.at(high, part, corners.max(axis=1))
-    boxes = np.stack([low, high], axis=1)[closed]
-    inside = closed[part]
-    inner, outer = (_surface(faces, first, second, chosen) for chosen in (inside, ~inside))
-    return Casters(inner, outer, boxes, int((~closed).sum()))
+    boxes = np.stack([low, high], axis=1)
+    return Casters(*(_surface(faces, first, second, part, boxes, chosen) for chosen in (closed, ~closed)))
 
 
 def _welded(vertices: NDArray[np.float32], mesh: Indices) -> Indices:
@@ -112,11 +113,21 @@ def _place_in_run(*sorted_keys: NDArray[np.generic]) -> Indices:
     return np.arange(count) - np.repeat(starts, np.diff(np.append(starts, count)))
 
 
-def _surface(faces: Indices, first: Indices, second: Indices, chosen: NDArray[np.bool_]) -> Surface:
-    mine = chosen[first // 3]
+def _surface(
+    faces: Indices, first: Indices, second: Indices, part: Indices, boxes: Floats, chosen: NDArray[np.bool_]
+) -> Surface:
+    """What the chosen parts have of the faces and of the pairs of their sides."""
+
+    def by_part(of: Indices) -> tuple[Indices, Indices]:
+        """The rows of the chosen parts, part after part, and where each part ends; `of` says a row's part."""
+        order = np.argsort(of, kind="stable")
+        return order[chosen[of[order]]], np.cumsum(np.bincount(of, minlength=len(chosen))[chosen])
+
+    own, face_ends = by_part(part)
+    mine, edge_ends = by_part(part[first // 3])
     first, second = first[mine], second[mine]
     third = np.roll(faces, 1, axis=1).ravel()  # the corner that side k does not touch
     start, end = faces.ravel()[first], np.roll(faces, -1, axis=1).ravel()[first]
     low, high = np.minimum(start, end), np.maximum(start, end)
     edges = np.column_stack([third[first], low, high, np.where(second >= 0, third[second], low)])
-    return Surface(faces[chosen], edges)
+    return Surface(faces[own], edges, face_ends, edge_ends, boxes[chosen])

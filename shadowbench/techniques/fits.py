@@ -8,7 +8,7 @@ import numpy as np
 
 from shadowbench.gl.clock import Changes
 from shadowbench.scenes.model import Floats, Light, Placement, Scene, View, bounds_of
-from shadowbench.techniques.convex import box_planes, corners, frustum_planes, hull_points
+from shadowbench.techniques.convex import box_planes, corners, frustum_planes, hull_points, view_planes
 from shadowbench.techniques.lights import Box, LightSpace, LightView, light_space
 from shadowbench.techniques.params import Row, param
 
@@ -114,11 +114,7 @@ class ViewFit(Fit):
     name = "view"
 
     def receivers(self, space: LightSpace, sight: Sight) -> Box | None:
-        camera = sight.view.camera
-        planes = frustum_planes(
-            np.array(camera.position), camera.basis(), float(np.tan(camera.fov_y / 2)), *sight.view.near_far
-        )
-        return _region(space, sight, [planes])
+        return _region(space, sight, [view_planes(sight.view)])
 
 
 class Visible(Fit):

@@ -16,6 +16,12 @@ _TOKEN = re.compile(
     rf"|(?P<word>{WORD})|(?P<mark>[=(),:]))"
 )
 
+LONGEST = 1000
+"""Characters of a spec."""
+
+DEEPEST = 8
+"""Calls within calls."""
+
 
 @dataclass(frozen=True)
 class Call:
@@ -41,8 +47,11 @@ class Reader:
     """Tokens of one text, read from left to right."""
 
     def __init__(self, text: str) -> None:
+        if len(text) > LONGEST:
+            raise InputError(f"spec {text!r:.60}…: {len(text)} characters; allowed are at most {LONGEST}")
         self.text = text
         self.at = 0
+        self.depth = 0
 
     def fail(self, wanted: str) -> InputError:
         found = self.text[self.at :].strip()
@@ -69,7 +78,11 @@ class Reader:
         if word is None:
             raise self.fail("a number or a word")
         if self.token("mark", "("):
+            self.depth += 1
+            if self.depth > DEEPEST:
+                raise InputError(f"spec {self.text!r}: {word} is nested deeper than {DEEPEST} calls")
             arguments = self.items(named=False)
+            self.depth -= 1
             if not self.token("mark", ")"):
                 raise self.fail("')'")
             return Call(word, arguments)

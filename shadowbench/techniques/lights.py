@@ -83,6 +83,18 @@ class LightView:
         span = self.far - self.near
         return self.far * self.near / span if self.space.perspective else 1 / span
 
+    @property
+    def planes(self) -> Floats:
+        """(5, 4) n·x + d ≥ 0 within the map's four sides and before its far plane."""
+        right, up, back = self.space.basis
+        (left, bottom, _), (width, top, far) = self.box.low, self.box.high
+        # What a point is away from the light's plane moves a perspective light's sides apart.
+        spread, apart = (back, 0.0) if self.space.perspective else (np.zeros(3), 1.0)
+        sides = [(right, left), (-right, -width), (up, bottom), (-up, -top)]
+        normals = np.array([*(normal + edge * spread for normal, edge in sides), back])
+        offsets = np.array([*(-edge * apart for _, edge in sides), far])
+        return np.column_stack([normals, offsets - normals @ self.space.origin])
+
     def _unit_depth(self, reversed_depth: bool) -> Floats:
         """(4, 4) world to x, y in [−1, 1] and depth in [0, 1], before the division by w."""
         (left, bottom, near), (right, top, far) = self.box.low, self.box.high

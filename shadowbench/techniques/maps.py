@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from shadowbench.gl.program import Comparison, Sampling, State, Texture, Value, Wrap
-from shadowbench.scenes.model import vec3
+from shadowbench.scenes.model import Floats, vec3
 from shadowbench.techniques.biases import Bias, MapKind
 from shadowbench.techniques.filters import Filter
 from shadowbench.techniques.lights import LightView
@@ -28,6 +28,14 @@ def caster_state(bias: Bias, clamp: bool = True, reversed_depth: bool = False) -
         depth_clamp=clamp,
         zero_to_one=reversed_depth,
     )
+
+
+def shown(seen: LightView, bias: Bias) -> Floats:
+    """(P, 4) planes of the region whose casters a map may store: its window, and what lies before its far plane.
+
+    A negative polygon offset brings casters from behind the far plane before it.
+    """
+    return seen.planes if min(bias.polygon_offset) >= 0 else seen.planes[:4]
 
 
 def map_uniforms(seen: Sequence[LightView], reversed_depth: bool = False) -> dict[str, Value]:

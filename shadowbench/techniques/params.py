@@ -75,7 +75,7 @@ class Row(Strict):
             return value
         if isinstance(value, str):
             value = parse_value(value)
-        call = value if isinstance(value, Call) else Call(str(value), ())
+        call = value if isinstance(value, Call) else Call(f"{value!s:.60}", ())
         if call.name not in cls.table:
             raise ValueError(f"unknown {cls.__name__.lower()} {call.name!r}; allowed: {', '.join(cls.table)}")
         row = cls.table[call.name]

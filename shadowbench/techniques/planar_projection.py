@@ -13,7 +13,7 @@ from shadowbench.gl.program import Sampling, State, Texture
 from shadowbench.scenes.model import Floats, Geometry, View, bounds_of, vec3
 from shadowbench.scenes.planes import Plane, find_planes
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
-from shadowbench.techniques.convex import apart, box_planes, corners, frustum_planes
+from shadowbench.techniques.convex import apart, box_planes, corners, view_planes
 
 _ROUNDING = 1e-6  # of the diagonal: more than float32 lifts a plane's own corners off it
 
@@ -105,9 +105,8 @@ class PlanarProjection(Technique):
 
     def _seen(self, frame: Frame) -> Iterator[tuple[int, Floats]]:
         """Index and equation, turned to the light, of each plane that can have a receiver in the picture."""
-        camera, light = frame.camera, np.array(frame.light_uniform)
-        eye, slope = np.array(camera.position), float(np.tan(camera.fov_y / 2))
-        frustum = frustum_planes(eye, camera.basis(), slope, *frame.view.near_far)
+        eye, light = np.array(frame.camera.position), np.array(frame.light_uniform)
+        frustum = view_planes(frame.view)
         for index, plane in enumerate(self.planes):
             equation = plane.equation * np.sign(plane.equation @ light)
             # A side turned away from the light, or either of them edge-on, receives nothing.

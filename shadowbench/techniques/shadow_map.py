@@ -13,9 +13,10 @@ from shadowbench.gl.targets import DepthFormat, refused
 from shadowbench.scenes.model import View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.biases import Bias, Texel
+from shadowbench.techniques.culling import CasterChunks
 from shadowbench.techniques.filters import Filter, Hardware
 from shadowbench.techniques.fits import CasterHull, Fit, Sight, Visible
-from shadowbench.techniques.maps import caster_state, map_textures, map_uniforms, without_meaning
+from shadowbench.techniques.maps import caster_state, map_textures, map_uniforms, shown, without_meaning
 from shadowbench.techniques.params import one_of
 from shadowbench.techniques.reduction import VisibleBounds
 
@@ -50,6 +51,7 @@ class ShadowMap(Technique):
         filter: Annotated[Filter, one_of(Filter)] = param(Hardware(), "how texels are compared and weighted")
         wrap: Wrap = param("border", "what lies outside the map; border is lit")
         far_rule: Literal["lit", "none"] = param("lit", "what lies beyond the map's far plane; none is in shadow")
+        cull: bool = param(True, "leaves out casters that can reach no receiver that a map shows")
 
     params: Params
 
@@ -75,6 +77,7 @@ class ShadowMap(Technique):
         self.radius = params.filter.radius(params.size)
         self.resolve_program.set(filter_radius=self.radius, depth_step=self.map.step)
         self.casters = stage.casters(self.depth_program)
+        self.chunks = CasterChunks(stage.scene, params.cull)
         self.fullscreen = stage.fullscreen(self.resolve_program)
         self.visibility = stage.texture()
         self.target = stage.target(self.visibility)
@@ -84,11 +87,12 @@ class ShadowMap(Technique):
         with frame.timed("fit", changes=params.fit.moves_with):
             sight = Sight(frame.view, self.stage.placement, self.hull, lambda space: self.bounds(frame, space))
             self.seen = params.fit.light_view(sight, params.size, self.radius + 1, frame.phase.shift)
+            self.drawn = self.chunks.reaching(frame.light_uniform, shown(self.seen, params.bias))
         with frame.timed("depth", changes=params.fit.moves_with):
             self.depth_program.set(world_to_clip=self.seen.to_clip(params.reversed))
             self.map.target.clear(depth=0.0 if params.reversed else 1.0)
             state = caster_state(params.bias, params.fit.clamps, params.reversed)
-            self.casters.draw(self.map.target, state=state)
+            self.casters.draw(self.map.target, state=state, ranges=self.drawn)
         with frame.timed("resolve", changes="view"):
             uniforms = map_uniforms([self.seen], params.reversed)
             self.resolve_program.set(light=frame.light_uniform, position_step=self.hull.position_step(frame.light))
@@ -104,6 +108,7 @@ class ShadowMap(Technique):
     def facts(self) -> dict[str, float]:
         scale = self.stage.placement.scale
         facts = {"texel_m": max(self.seen.texel) / scale, "depth_range_m": (self.seen.far - self.seen.near) / scale}
+        facts["culled_triangles"] = self.chunks.left_out(self.drawn)
         units = self.params.bias.depth_units
         if units is not None and not self.seen.space.perspective:
             facts["bias_m"] = units * facts["depth_range_m"]

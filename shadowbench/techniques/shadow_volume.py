@@ -4,6 +4,7 @@ from dataclasses import replace
 from typing import Literal, Self
 
 import moderngl
+import numpy as np
 from pydantic import model_validator
 
 from shadowbench.gl.matrices import view_projection
@@ -11,6 +12,7 @@ from shadowbench.gl.program import Comparison, Sampling, State, Stencil
 from shadowbench.gl.targets import StencilTarget
 from shadowbench.scenes.model import View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
+from shadowbench.techniques.culling import looked_at
 from shadowbench.techniques.edges import casters_of
 from shadowbench.techniques.layers import LayerBound
 from shadowbench.techniques.reduction import Bounds
@@ -51,6 +53,7 @@ class ShadowVolume(Technique):
             "what says whether a wall is behind a receiver: its position, or 24 bits of depth, which is faster",
         )
         build: Literal["geometry", "cpu"] = param("geometry", "extruded by a geometry shader, or by NumPy")
+        cull: bool = param(True, "leaves out parts whose volumes reach nothing in the picture, of build=geometry")
 
         @model_validator(mode="after")
         def _has_a_reference(self) -> Self:
@@ -112,7 +115,8 @@ class ShadowVolume(Technique):
                 self.depth_program.set(world_to_clip=view_projection(view))
                 self.surfaces.draw(self.stenciled.target, state=State(depth_test="<", color_write=False))
         with frame.timed("volumes", changes="view"):
-            self.volumes.place(frame, view_projection(view))
+            planes = looked_at(frame.view) if self.params.cull else np.empty((0, 4))
+            self.volumes.place(frame, view_projection(view), planes)
             self._count("wall", frame)
             if self.params.count == "z-fail":
                 self._count("cap", frame)
@@ -159,8 +163,9 @@ class ShadowVolume(Technique):
 
     def facts(self) -> dict[str, float]:
         facts = {
-            "closed_parts": float(len(self.casters.boxes)),
-            "open_parts": float(self.casters.open_parts),
+            "closed_parts": float(len(self.casters.closed.boxes)),
+            "open_parts": float(len(self.casters.open.boxes)),
+            "culled_parts": float(self.volumes.left_out),
             "counted_in_color": float(self.in_color),
         }
         return facts if self.layers is None else facts | {"layers_at_most": self.layers}

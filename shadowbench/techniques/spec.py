@@ -46,7 +46,7 @@ class Spec:
 
 
 def _shown(value: object) -> str:
-    return f"{value.name}(…)" if isinstance(value, Call) else str(value)
+    return f"{value.name}(…)" if isinstance(value, Call) else f"{value!s:.60}"
 
 
 def parse_spec(text: str, techniques: "Mapping[str, type[Technique]]") -> Spec:
@@ -58,7 +58,7 @@ def parse_spec(text: str, techniques: "Mapping[str, type[Technique]]") -> Spec:
     if name not in techniques:
         near = difflib.get_close_matches(name, techniques, n=1)
         hint = f"; did you mean {near[0]!r}?" if near else ";"
-        raise InputError(f"unknown technique {name!r}{hint} allowed: {', '.join(sorted(techniques))}")
+        raise InputError(f"unknown technique {name!r:.60}{hint} allowed: {', '.join(sorted(techniques))}")
     items: tuple[tuple[str | None, Any], ...] = ()
     if reader.token("mark", ":"):
         items = reader.items(named=True)

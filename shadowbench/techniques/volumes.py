@@ -8,10 +8,11 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.gl.program import Drawable, Program, Sampling, State, Texture
+from shadowbench.gl.program import Program, Sampling, State, Texture
 from shadowbench.scenes.model import Floats
 from shadowbench.techniques.base import Frame, Stage, TechniqueParams
-from shadowbench.techniques.edges import Casters, Indices
+from shadowbench.techniques.culling import ranges_of, reaching
+from shadowbench.techniques.edges import Casters, Indices, Surface
 
 Faces = Literal["triangle", "silhouette"]
 Part = Literal["wall", "cap"]
@@ -34,14 +35,16 @@ class Volumes(Protocol):
 
     Walls run a, b, infinity, and caps as their triangles are wound: the light sees a cap of positive weight
     counter-clockwise. `sign` 1 or −1 draws what counts with that sign, each as often as it counts; 0 draws all, with
-    its weight.
+    its weight. `left_out`: how many parts reach nothing that is looked at.
     """
+
+    left_out: int
 
     def extrude(self, frame: Frame, turned: bool) -> None:
         """Take a frame's light; `turned` counts all triangles of closed parts too, not facing ones alone."""
 
-    def place(self, frame: Frame, world_to_clip: Floats) -> None:
-        """Take a frame's camera."""
+    def place(self, frame: Frame, world_to_clip: Floats, planes: Floats) -> None:
+        """Take a frame's camera, and the planes (P, 4) of the region whose shadows matter; without any it is all."""
 
     def draw(self, part: Part, sign: int, front_adds: int, onto: Onto) -> None:
         """Draw; in colour, what is seen counter-clockwise adds `front_adds` times its weight, the rest subtracts it."""
@@ -61,28 +64,44 @@ class ShaderVolumes:
             )
             for part in _PARTS
         }
-        self._drawn: dict[Part, list[tuple[bool, Drawable]]] = {part: [] for part in _PARTS}
-        for surface in (casters.closed, casters.open):
-            lines = faces == "silhouette"
-            walls = (surface.edges, moderngl.LINES_ADJACENCY) if lines else (surface.faces, moderngl.TRIANGLES)
-            for part, (indices, mode) in zip(_PARTS, (walls, (surface.faces, moderngl.TRIANGLES)), strict=True):
-                drawable = stage.indexed(self._programs[part], indices, mode)
-                self._drawn[part].append((surface is casters.open, drawable))
+        self._surfaces = (casters.closed, casters.open)
+        walls = moderngl.LINES_ADJACENCY if faces == "silhouette" else moderngl.TRIANGLES
+        self._modes: dict[Part, int] = {"wall": walls, "cap": moderngl.TRIANGLES}
+        self._drawn = {
+            part: [stage.indexed(self._programs[part], _rows(surface, mode)[0], mode) for surface in self._surfaces]
+            for part, mode in self._modes.items()
+        }
 
     def extrude(self, frame: Frame, turned: bool) -> None:
         self._turned = turned
         for program in self._programs.values():
             program.set(light=frame.light_uniform)
 
-    def place(self, frame: Frame, world_to_clip: Floats) -> None:
+    def place(self, frame: Frame, world_to_clip: Floats, planes: Floats) -> None:
         _see(self._programs, frame, world_to_clip)
+        # Only a whole part is left out: of what is counted along a camera's ray, its walls and caps cancel together.
+        kept = [reaching(surface.boxes, frame.light_uniform, planes) for surface in self._surfaces]
+        self._ranges = {
+            part: [
+                ranges_of(chosen, _rows(surface, mode)[1]) for surface, chosen in zip(self._surfaces, kept, strict=True)
+            ]
+            for part, mode in self._modes.items()
+        }
+        self.left_out = sum(int((~chosen).sum()) for chosen in kept)
 
     def draw(self, part: Part, sign: int, front_adds: int, onto: Onto) -> None:
         program = self._programs[part]
         program.set(sign_drawn=float(sign), front_adds=float(front_adds))
-        for is_open, drawable in self._drawn[part]:
+        for is_open, drawable, ranges in zip((False, True), self._drawn[part], self._ranges[part], strict=True):
             program.set(turned=self._turned or is_open)
-            drawable.draw(onto.target, onto.textures, onto.state)
+            drawable.draw(onto.target, onto.textures, onto.state, ranges)
+
+
+def _rows(surface: Surface, mode: int) -> tuple[Indices, Indices]:
+    """The indices of a surface as edges or as triangles, and how many of them end each part."""
+    if mode == moderngl.LINES_ADJACENCY:
+        return surface.edges, 4 * surface.edge_ends
+    return surface.faces, 3 * surface.face_ends
 
 
 def _see(programs: Mapping[Part, Program], frame: Frame, world_to_clip: Floats) -> None:
@@ -93,7 +112,9 @@ def _see(programs: Mapping[Part, Program], frame: Frame, world_to_clip: Floats) 
 
 
 class ArrayVolumes:
-    """Extruded by NumPy, every triangle by itself, in the float32 that the shaders use."""
+    """Extruded by NumPy, every triangle by itself, in the float32 that the shaders use. Leaves nothing out."""
+
+    left_out = 0
 
     def __init__(self, stage: Stage, casters: Casters, params: TechniqueParams) -> None:
         self._programs: dict[Part, Program] = {
@@ -124,7 +145,7 @@ class ArrayVolumes:
             for (part, sign), upload in self._uploads.items()
         }
 
-    def place(self, frame: Frame, world_to_clip: Floats) -> None:
+    def place(self, frame: Frame, world_to_clip: Floats, planes: Floats) -> None:
         _see(self._programs, frame, world_to_clip)
 
     def draw(self, part: Part, sign: int, front_adds: int, onto: Onto) -> None:

@@ -97,6 +97,18 @@ def test_a_missing_cell_fails_and_an_extra_one_is_a_note(
     assert shadowbench("check", now(cell(), cell("cube-map")), "--baseline", then(cell()), "--quiet").err == ""
 
 
+def test_a_cell_of_an_earlier_study_does_not_stand_in_for_one_that_is_missing(
+    shadowbench: Shadowbench, now: Callable[..., Path], then: Callable[..., Path]
+) -> None:
+    stale, engine = cell("shadow-map"), cell("my-engine", content="c")
+    folder = now(stale, cell("cube-map"), engine)
+    (folder / "table.csv").write_text("key,scene\ns-cube-map-512,s\n")
+    answer = shadowbench("check", folder, "--baseline", then(cell(), cell("cube-map"), engine))
+    assert answer.code == 1
+    assert answer.out.splitlines()[-1].endswith("0 regressed, 1 missing, 0 improved")
+    assert answer.err == f"note: 1 cell of earlier studies in {folder} left out; table.csv has the last\n"
+
+
 def test_tolerances_are_the_metrics_or_ones_own(
     shadowbench: Shadowbench, now: Callable[..., Path], then: Callable[..., Path]
 ) -> None:

@@ -40,8 +40,8 @@ def one_mesh(mesh: Mesh) -> Scene:
 def test_a_box_is_closed_and_a_plane_is_open(shape) -> None:
     box, plane = casters_of(one_mesh(shape("box", 2.0))), casters_of(one_mesh(shape("plane", 2.0)))
     assert box.closed.faces.shape == (12, 3) and box.closed.edges.shape == (18, 4) and len(box.open.faces) == 0
-    assert box.boxes.tolist() == [[[-1.0] * 3, [1.0] * 3]]
-    assert plane.open.faces.shape == (2, 3) and plane.open_parts == 1 and len(plane.closed.faces) == 0
+    assert box.closed.boxes.tolist() == [[[-1.0] * 3, [1.0] * 3]]
+    assert plane.open.faces.shape == (2, 3) and len(plane.open.boxes) == 1 and len(plane.closed.faces) == 0
     alone = plane.open.edges[:, 3] == plane.open.edges[:, 1]
     assert sorted(alone) == [False, True, True, True, True], "four sides and the diagonal"
     assert (plane.open.edges[:, 1] < plane.open.edges[:, 2]).all()

@@ -220,3 +220,25 @@ def test_every_parameter_has_one_line_of_help(name: str) -> None:
     for model in models:
         for key, field in model.model_fields.items():
             assert field.description and "\n" not in field.description, f"{model.__name__}.{key}"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("shadow-map:size=" + "9" * 5000, ["5016 characters", "1000"]),
+        ("shadow-map:bias=" + "a(" * 400, ["nested deeper than 8"]),
+        ("shadow-map:bias=" + "9" * 300, ["bias"]),
+        ("shadow-map:size=" + "9" * 300, ["size"]),
+        ("shadow-map:size=1e999", ["size"]),
+        ("z" * 900, ["unknown technique"]),
+        ("shadow-map:" + "k" * 900 + "=1", ["unknown field"]),
+        ("shadow-map:preset=" + "p(" * 3 + "1" + ")" * 3, ["preset"]),
+    ],
+)
+def test_a_spec_beyond_its_limits_is_one_short_line(text: str, words: list[str]) -> None:
+    with pytest.raises(InputError) as error:
+        parse_spec(text, ALL)
+    line = str(error.value)
+    assert line.isprintable()
+    assert len(line) < 3000
+    assert [word for word in words if word not in line] == []

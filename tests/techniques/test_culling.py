@@ -1,0 +1,128 @@
+"""Leaving out casters: never one that could shadow what is seen, so that a mask is the same to the last bit."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from shadowbench.scenes.library import builtin_names, load_scene
+from shadowbench.scenes.model import Light, view_of
+from shadowbench.techniques.culling import CasterChunks, ranges_of, reaching
+from shadowbench.techniques.registry import techniques
+
+CULLING = [name for name, technique in techniques().items() if "cull" in technique.Params.model_fields]
+SIZE = 96
+
+
+def views(name: str):
+    """Each camera with each light of a built-in scene."""
+    scene = load_scene(name)
+    return [view_of(scene, camera, light, SIZE) for camera in scene.cameras for light in scene.lights]
+
+
+@pytest.mark.parametrize("technique", CULLING)
+@pytest.mark.parametrize("name", builtin_names())
+def test_a_mask_is_the_same_without_culling(name: str, technique: str, build, studio) -> None:
+    for view in views(name):
+        if view.light.kind not in techniques()[technique].lights:
+            continue
+        shot = studio.shot(view)
+        size = "size=128," if "size" in techniques()[technique].Params.model_fields else ""
+        culled, whole = (build(f"{technique}:{size}cull={cull}", shot).draw(shot) for cull in ("true", "false"))
+        assert (culled == whole).all(), view.camera.name
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("technique", CULLING)
+@pytest.mark.parametrize("file", ["armadillo.obj", "2CylinderEngine.glb", "bgfx_tree.obj", "retroufo.gltf"])
+def test_so_it_is_for_larger_meshes(file: str, technique: str, shared_scenes: Path, build, studio) -> None:
+    scene = load_scene(str(shared_scenes / file))
+    low, high = scene.geometry.bounds
+    place = (low + high) / 2 + (high - low).max() * np.array([0.3, 0.5, 0.2])
+    for light in (*scene.lights, Light("lamp", "point", position=tuple(place.tolist()))):
+        if light.kind in techniques()[technique].lights:
+            shot = studio.shot(view_of(scene, scene.cameras[0], light, 512))
+            culled, whole = (build(f"{technique}:cull={cull}", shot).draw(shot) for cull in ("true", "false"))
+            assert (culled == whole).all(), light.kind
+
+
+@pytest.mark.parametrize(
+    "spec",
+    [
+        "shadow-map:fit=scene,size=128",
+        "shadow-map:fit=view,size=128,reversed=true",
+        "shadow-map:fit=fixed,size=128",
+        "shadow-map:bias=polygon-offset(-2,-4),size=128",
+        "shadow-map:bias=front-cull,depth=d16,size=128",
+        "cascades:size=128,depth_clamp=false",
+        "cascades:size=128,layers=geometry",
+        "shadow-volume:faces=triangle",
+        "shadow-volume:counter=color",
+    ],
+)
+@pytest.mark.parametrize("name", ["street", "deep-street", "canopy"])
+def test_so_it_is_with_other_parameters(name: str, spec: str, build, studio, device) -> None:
+    shot = studio.shot(views(name)[0])
+    if "reversed" in spec and not device.clip_control:
+        spec = spec.replace(",reversed=true", "")
+    culled, whole = (
+        build(f"{spec},cull={cull}" if ":" in spec else spec, shot).draw(shot) for cull in ("true", "false")
+    )
+    assert (culled == whole).all()
+
+
+@pytest.mark.parametrize(
+    ("spec", "name", "fact", "least"),
+    [
+        ("shadow-map", "deep-street", "culled_triangles", 1),
+        ("cascades", "deep-street", "culled_triangles", 100),
+        ("cube-map", "room-with-lamp", "culled_triangles", 100),
+        ("shadow-volume", "deep-street", "culled_parts", 1),
+    ],
+)
+def test_some_casters_are_left_out_and_the_row_says_how_many(spec, name, fact, least, build, studio) -> None:
+    shot = studio.shot(views(name)[0])
+    culled, whole = (build(f"{spec}:cull={cull}", shot) for cull in ("true", "false"))
+    for one in (culled, whole):
+        one.draw(shot)
+    assert culled.technique.facts()[fact] >= least
+    assert whole.technique.facts()[fact] == 0
+
+
+units = st.floats(-1.0, 1.0, allow_nan=False)
+places = st.tuples(units, units, units).map(np.array)
+boxes = st.tuples(places, places).map(lambda ends: np.stack([np.minimum(*ends), np.maximum(*ends)]))
+
+
+@settings(max_examples=300, deadline=None, derandomize=True)
+@given(box=boxes, inside=places, along=st.floats(0.0, 2.0), seen=places, turn=places, w=st.sampled_from([0.0, 1.0]))
+def test_what_lies_between_a_receiver_and_the_light_is_kept(box, inside, along, seen, turn, w) -> None:
+    """From a point of a caster's box on, away from the light, to a receiver within any half-spaces that hold it."""
+    caster = box[0] + (inside + 1) / 2 * (box[1] - box[0])
+    light = seen * 3 if w else seen / max(np.linalg.norm(seen), 1e-3)
+    receiver = caster + along * (w * caster - light)
+    normals = np.vstack([np.eye(3), -np.eye(3), turn[None]])
+    planes = np.column_stack([normals, -normals @ receiver])
+    assert reaching(box[None], (*light, w), planes).all()
+
+
+def test_ranges_hold_what_is_kept_and_fill_small_gaps_only() -> None:
+    ends = np.array([3000, 6000, 6300, 9000, 12000])
+    assert ranges_of(np.array([True, False, True, True, False]), ends) == ((0, 3000), (6000, 3000))
+    assert ranges_of(np.array([False, True, False, True, False]), ends) == ((3000, 6000),)
+    assert ranges_of(np.zeros(5, dtype=bool), ends) == ()
+    assert ranges_of(np.ones(5, dtype=bool), ends) == ((0, 12000),)
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_chunks_are_all_casters_in_their_order(name: str) -> None:
+    scene = load_scene(name)
+    chunks, geometry = CasterChunks(scene, cull=True), scene.geometry
+    casters = geometry.vertices[geometry.caster_faces]
+    assert chunks.ends[-1] == chunks.triangles == len(casters)
+    for (low, high), start, end in zip(chunks.boxes, [0, *chunks.ends], chunks.ends, strict=False):
+        assert (casters[start:end].min(axis=(0, 1)) == low).all() and (
+            casters[start:end].max(axis=(0, 1)) == high
+        ).all()
