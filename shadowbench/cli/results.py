@@ -17,7 +17,10 @@ app = typer.Typer()
     "  shadowbench report results/latest --format png -o charts/"
 )
 def report(
-    folders: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Run folders, of one machine or of several.")],
+    folders: Annotated[
+        list[Path],
+        typer.Argument(metavar="DIR...", help="Folders of run and of stress, of one machine or of several."),
+    ],
     output: Annotated[
         Path | None,
         typer.Option(
@@ -32,14 +35,16 @@ def report(
         typer.Option(
             metavar="FORMAT",
             help="html: one page, which opens without a network; md: tables; csv: the cells of all folders; "
-            "png: a file for each chart, SCENE.VIEW-SIZE.front.png, .sizes.png, .passes.png.",
+            "png: a file for each chart, SCENE.VIEW-SIZE.front.png, .sizes.png, .passes.png, of a sweep "
+            "stability.png, stability.AXIS.png.",
         ),
     ] = "html",
     quiet: Quiet = False,
 ) -> None:
     """Show what accuracy costs: error against time, time to accuracy, passes, pictures of what is wrong.
 
-    Reads run folders and measures nothing. Times of different folders never share an axis.
+    Of a sweep: operating ranges, metrics along each axis, pictures at the breaking points. Measures nothing. Times of
+    different folders never share an axis.
     """
     from shadowbench.commands.report import report_command
 

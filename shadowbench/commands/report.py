@@ -1,4 +1,4 @@
-"""`report`: run folders to HTML, Markdown, CSV or figures."""
+"""`report`: folders of runs and of sweeps to HTML, Markdown, CSV or figures."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -10,9 +10,11 @@ from shadowbench.errors import InputError
 from shadowbench.files import replace_file
 from shadowbench.reports.analysis import Section, sections
 from shadowbench.reports.figures import figures
-from shadowbench.reports.folder import Run, read_runs
+from shadowbench.reports.folder import Run, read_folders
 from shadowbench.reports.html import html_report
 from shadowbench.reports.markdown import markdown_report
+from shadowbench.reports.stability import Stability, stability
+from shadowbench.studies.ranges import points_frame
 
 FORMATS = ("html", "md", "csv", "png")
 
@@ -26,15 +28,15 @@ def report_command(folders: Sequence[Path], output: Path | None, form: str, quie
         check_outputs(f".{form}", target)
     elif target.exists() and not target.is_dir():
         raise InputError(f"{target}: found a file; allowed: a folder, for the charts")
-    runs = read_runs(folders)
-    scenes = sections(runs)
+    runs, sweeps = read_folders(folders)
+    scenes, swept = sections(runs), [stability(sweep) for sweep in sweeps]
     if form == "png":
-        what = f"{_write_figures(target, scenes)} charts"
+        what = f"{_write_figures(target, scenes, swept)} charts"
     else:
-        text = _text(form, runs, scenes)
+        text = _text(form, runs, scenes, swept)
         with replace_file(target) as beside:
             beside.write_text(text, encoding="utf-8")
-        what = f"{sum(len(run.results) for run in runs)} cells, {_size(target.stat().st_size)}"
+        what = f"{sum(len(one.rows) for one in (*runs, *sweeps))} cells, {_size(target.stat().st_size)}"
     if not quiet:
         out.print(f"{target}: {what}", markup=False, soft_wrap=True)
 
@@ -43,30 +45,40 @@ def _size(count: int) -> str:
     return f"{count / 1e6:.1f} MB" if count >= 1e6 else f"{count / 1e3:.0f} kB"
 
 
-def _text(form: str, runs: Sequence[Run], scenes: Mapping[str, Sequence[Section]]) -> str:
+def _text(form: str, runs: Sequence[Run], scenes: Mapping[str, Sequence[Section]], swept: Sequence[Stability]) -> str:
     if form == "csv":
-        return _joined(runs).to_csv(index=False)
-    return html_report(runs, scenes) if form == "html" else markdown_report(runs, scenes)
+        return _joined(runs, swept).to_csv(index=False)
+    return html_report(runs, scenes, swept) if form == "html" else markdown_report(runs, scenes, swept)
 
 
-def _joined(runs: Sequence[Run]) -> pd.DataFrame:
-    """The cells of all runs: `run`, `processor`, `software`, then the columns of `table.csv`."""
+def _joined(runs: Sequence[Run], swept: Sequence[Stability]) -> pd.DataFrame:
+    """The cells of all folders: `run`, `processor`, `software`, then the columns of each `table.csv`.
+
+    Those of a sweep have `range` too, the operating range that a cell is part of.
+    """
+    tables = [(run, run.frame) for run in runs] + [(found.sweep, _points(found)) for found in swept]
     frames = [
-        run.frame.assign(run=run.label, processor=run.about.get("machine", {}).get("processor"), software=run.software)
-        for run in runs
+        frame.assign(run=one.label, processor=one.about.get("machine", {}).get("processor"), software=one.software)
+        for one, frame in tables
     ]
     columns = list(dict.fromkeys(name for frame in frames for name in frame))
     first = ["run", "processor", "software"]
     return pd.concat(frames)[[*first, *(name for name in columns if name not in first)]]
 
 
-def _write_figures(folder: Path, scenes: Mapping[str, Sequence[Section]]) -> int:
+def _points(found: Stability) -> pd.DataFrame:
+    rows = found.sweep.rows
+    ranges = [found.at.get((row["home_spec"], row["axis"], row["light_kind"])) for row in rows]
+    return points_frame(rows).assign(range=pd.Series([one and one.text for one in ranges], dtype=object))
+
+
+def _write_figures(folder: Path, scenes: Mapping[str, Sequence[Section]], swept: Sequence[Stability]) -> int:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{folder}: cannot be made ({error.strerror or error})") from error
     count = 0
-    for name, picture in figures(scenes):
+    for name, picture in figures(scenes, swept):
         with replace_file(folder / name) as beside:
             beside.write_bytes(picture)
         count += 1

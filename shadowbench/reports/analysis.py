@@ -112,6 +112,11 @@ def sections(runs: Sequence[Run]) -> dict[str, list[Section]]:
     return found
 
 
+def specs_of(sections: Sequence[Section]) -> list[str]:
+    """Every spec that their runs measured, in that order."""
+    return list(dict.fromkeys(str(spec) for section in sections for spec in section.run.frame["spec"]))
+
+
 def _configurations(run: Run, frame: pd.DataFrame) -> list[Configuration]:
     (rows,) = summary(frame).values()
     return [

@@ -7,7 +7,7 @@ from shadowbench.reports.axes import Chart, error_axis, label, log_axis, point_o
 from shadowbench.reports.styles import COLORS, Styles
 from shadowbench.reports.words import digits, times_are
 
-_INK, _GRID = "#1a1a1a", "#e6e6e6"
+INK, _GRID = "#1a1a1a", "#e6e6e6"
 _TOOLTIP = [
     "spec",
     "full spec",
@@ -39,7 +39,7 @@ def front_chart(section: Section, styles: Styles) -> Chart | None:
         *zero_rule(section, points),
         {
             "transform": on_front,
-            "mark": {"type": "line", "interpolate": "step-after", "color": _INK, "strokeWidth": 2, "clip": True},
+            "mark": {"type": "line", "interpolate": "step-after", "color": INK, "strokeWidth": 2, "clip": True},
             "encoding": {"x": x, "y": y, "order": {"field": "ms"}},
         },
         {
@@ -50,10 +50,10 @@ def front_chart(section: Section, styles: Styles) -> Chart | None:
                 "y": y,
                 **styles.channels(one.spec for one in section.timed),
                 "size": {"condition": {"test": "datum.front", "value": 140}, "value": 60},
-                "stroke": {"condition": {"test": "datum.front", "value": _INK}, "value": None},
+                "stroke": {"condition": {"test": "datum.front", "value": INK}, "value": None},
                 "opacity": {
                     "condition": [
-                        {"test": f"!({_PICKED})", "value": 0.07},
+                        {"test": f"!({PICKED})", "value": 0.07},
                         {"test": "datum.front || pick != null", "value": 1},
                     ],
                     "value": 0.4,
@@ -63,11 +63,11 @@ def front_chart(section: Section, styles: Styles) -> Chart | None:
         },
         {
             "transform": on_front,
-            "mark": {"type": "text", "align": "left", "dx": 8, "dy": -9, "fontSize": 11, "color": _INK, "clip": True},
+            "mark": {"type": "text", "align": "left", "dx": 8, "dy": -9, "fontSize": 11, "color": INK, "clip": True},
             "encoding": {"x": x, "y": y, "text": {"field": "label"}},
         },
     ]
-    return _chart(f"Error against frame time in {section.title}; the line is the Pareto front", points, layer, 430)
+    return chart_of(f"Error against frame time in {section.title}; the line is the Pareto front", points, layer, 430)
 
 
 def size_chart(section: Section, styles: Styles) -> Chart | None:
@@ -85,7 +85,7 @@ def size_chart(section: Section, styles: Styles) -> Chart | None:
         "axis": {"values": sizes, "format": "d"},
     }
     channels = styles.channels(point["spec"] for point in points)
-    color, faded = channels["color"], {"condition": {"test": _PICKED, "value": 1}, "value": 0.07}
+    color, faded = channels["color"], {"condition": {"test": PICKED, "value": 1}, "value": 0.07}
     mapped, unmapped = [{"filter": "datum.size"}], [{"filter": "!datum.size"}]
     tooltip = [{"field": name} for name in _TOOLTIP]
     layer: list[Chart] = [
@@ -116,7 +116,7 @@ def size_chart(section: Section, styles: Styles) -> Chart | None:
             "encoding": {"x": x, "y": y, **channels, "opacity": faded, "tooltip": tooltip},
         },
     ]
-    return _chart(f"Error against map size in {section.title}", points, layer, 400)
+    return chart_of(f"Error against map size in {section.title}", points, layer, 400)
 
 
 def pass_chart(section: Section, size: int | None) -> Chart | None:
@@ -167,7 +167,7 @@ def pass_chart(section: Section, size: int | None) -> Chart | None:
         },
         {
             "transform": first,
-            "mark": {"type": "tick", "color": _INK, "thickness": 2, "bandSize": 18},
+            "mark": {"type": "tick", "color": INK, "thickness": 2, "bandSize": 18},
             "encoding": {"y": y, "x": {"field": "frame", "type": "quantitative"}},
         },
         {
@@ -177,14 +177,14 @@ def pass_chart(section: Section, size: int | None) -> Chart | None:
                 "align": "left",
                 "baseline": "bottom",
                 "yOffset": -10,
-                "color": _INK,
+                "color": INK,
                 "fontSize": 11,
             },
             "encoding": {"y": y, "x": {"datum": 0}, "text": {"field": "spec"}},
         },
     ]
     height = 36 * len(shown) + 12
-    return _chart(f"Time of each pass in {section.title}, {where}", bars, layer, height, pick=False)
+    return chart_of(f"Time of each pass in {section.title}, {where}", bars, layer, height, pick=False)
 
 
 def default_size(section: Section) -> int | None:
@@ -195,8 +195,14 @@ def default_size(section: Section) -> int | None:
 
 def figure(chart: Chart, section: Section) -> Chart:
     """The chart as it stands alone in a paper: with a title, and a width; its legend is in it."""
-    title = {"text": section.title, "subtitle": f"{section.run.renderer}; {times_are(section.run)}", "anchor": "start"}
-    return {**chart, "width": 760, "autosize": "pad", "padding": 12, "title": title}
+    return titled(chart, section.title, f"{section.run.renderer}; {times_are(section.run)}")
+
+
+def titled(chart: Chart, title: str, *below: str, width: int | None = 760) -> Chart:
+    """The chart with a title, lines below that, and a width; None for one whose panels have theirs."""
+    head = {"text": title, "subtitle": below, "anchor": "start", "offset": 10}
+    sized = {} if width is None else {"width": width}
+    return {**chart, **sized, "autosize": "pad", "padding": 12, "title": head}
 
 
 _CHANGES = {
@@ -215,24 +221,31 @@ _ZOOM = {
     },
 }
 # The page sets `pick` to the spec that its legend points at.
-_PICKED = "pick == null || datum.spec == pick"
+PICKED = "pick == null || datum.spec == pick"
 
 
-def _chart(about: str, values: Sequence[Chart], layer: Sequence[Chart], height: int, pick: bool = True) -> Chart:
+LOOK: Chart = {
+    "$schema": "https://vega.github.io/schema/vega-lite/v6.json",
+    "config": {
+        "background": "white",
+        "font": "sans-serif",
+        "axis": {"gridColor": _GRID, "labelFontSize": 12, "titleFontSize": 12, "titleFontWeight": "normal"},
+        "legend": {"labelFontSize": 12},
+        "view": {"stroke": None},
+    },
+}
+PICK: Chart = {"name": "pick", "value": None}
+
+
+def chart_of(about: str, values: Sequence[Chart], layer: Sequence[Chart], height: int, pick: bool = True) -> Chart:
+    """What every chart has: a description for those who do not see it, a width that follows the page, one look."""
     return {
-        "$schema": "https://vega.github.io/schema/vega-lite/v6.json",
+        **LOOK,
         "description": about,
         "width": "container",
         "height": height,
         "autosize": {"type": "fit-x", "contains": "padding"},
-        "params": [{"name": "pick", "value": None}] if pick else [],
+        "params": [PICK] if pick else [],
         "data": {"values": list(values)},
         "layer": list(layer),
-        "config": {
-            "background": "white",
-            "font": "sans-serif",
-            "axis": {"gridColor": _GRID, "labelFontSize": 12, "titleFontSize": 12, "titleFontWeight": "normal"},
-            "legend": {"labelFontSize": 12},
-            "view": {"stroke": None},
-        },
     }

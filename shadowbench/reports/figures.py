@@ -7,21 +7,28 @@ from collections.abc import Iterator, Mapping, Sequence
 import vl_convert
 from PIL import Image
 
-from shadowbench.reports.analysis import Section
-from shadowbench.reports.charts import default_size, figure, front_chart, pass_chart, size_chart
+from shadowbench.reports.along_axes import axis_figure
+from shadowbench.reports.analysis import Section, specs_of
+from shadowbench.reports.axes import Chart
+from shadowbench.reports.charts import default_size, figure, front_chart, pass_chart, size_chart, titled
+from shadowbench.reports.heat_map import heat_map
+from shadowbench.reports.stability import Stability
 from shadowbench.reports.styles import styles_of
+from shadowbench.reports.words import tolerances
 
 _SCALE = 2.5  # 760 units of width become 1900 pixels: 16 cm at 300 dots an inch
+_CELL = 64  # units of a heat map's cell, in which its text has room
 
 
-def figures(scenes: Mapping[str, Sequence[Section]]) -> Iterator[tuple[str, bytes]]:
-    """File name and PNG of every chart: SCENE.VIEW-SIZE.front.png, .sizes.png, .passes.png.
+def figures(scenes: Mapping[str, Sequence[Section]], swept: Sequence[Stability]) -> Iterator[tuple[str, bytes]]:
+    """File name and PNG of every chart.
 
-    Where there are several runs, the run's label stands before the kind.
+    SCENE.VIEW-SIZE.front.png, .sizes.png, .passes.png, and where there are several runs the run's label before the
+    kind; of a sweep stability.png and stability.AXIS.png, with its label likewise.
     """
     every = [section for parts in scenes.values() for section in parts]
     several = len({section.run.label for section in every}) > 1
-    styles = styles_of(every, legend=True)
+    styles = styles_of(specs_of(every), legend=True)
     for section in every:
         stem = section.file_stem + (f".{section.run.label}" if several else "")
         for kind, chart in (
@@ -30,8 +37,25 @@ def figures(scenes: Mapping[str, Sequence[Section]]) -> Iterator[tuple[str, byte
             ("passes", pass_chart(section, default_size(section))),
         ):
             if chart is not None:
-                name = re.sub(r"[^\w.-]+", "_", f"{stem}.{kind}").strip("_") + ".png"
-                yield name, _small(vl_convert.vegalite_to_png(figure(chart, section), scale=_SCALE))
+                yield _file(f"{stem}.{kind}"), _png(figure(chart, section))
+    for found in swept:
+        stem = "stability" + (f".{found.sweep.label}" if len(swept) > 1 else "")
+        styles = styles_of(found.specs, legend=True)
+        about = (found.sweep.renderer, f"tolerance: {tolerances()}")
+        if found.ranges:
+            chart = titled(heat_map(found), "Operating range along each axis", *about, width=_CELL * len(found.axes))
+            yield _file(stem), _png(chart)
+        for axis in found.axes:
+            chart = titled(axis_figure(found, axis, styles), f"{axis.name}: {axis.holds}", *about, width=None)
+            yield _file(f"{stem}.{axis.name}"), _png(chart)
+
+
+def _file(name: str) -> str:
+    return re.sub(r"[^\w.-]+", "_", name).strip("_") + ".png"
+
+
+def _png(chart: Chart) -> bytes:
+    return _small(vl_convert.vegalite_to_png(chart, scale=_SCALE))
 
 
 def _small(png: bytes) -> bytes:

@@ -1,4 +1,4 @@
-"""Run folders as they are read: rows, what `run.json` says of them, and where the pictures are."""
+"""Folders as they are read: rows, what `run.json` says of them, and where the pictures are."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -15,31 +15,28 @@ from shadowbench.studies.rows import SCHEMA, Record, row_of
 from shadowbench.studies.runner import Result
 from shadowbench.studies.tables import cells_frame
 
+_ALLOWED = "a folder that `shadowbench run` or `shadowbench stress` wrote"
+_PLACE = ("axis", "axis_value", "light_kind", "home_spec")  # of a row on an axis
+
 
 @dataclass(frozen=True, eq=False)
-class Run:
-    """One run folder. `label` names it in a report; `about` is its `run.json`, empty where there is none.
+class Folder:
+    """What somebody measured into a folder. `label` names it in a report; `about` is its `run.json`, empty without one.
 
-    `results` holds each cell once, as it was measured last; `older` counts the records that were measured again since,
-    `foreign` the times of another machine than the last, which may not stand beside its.
+    `rows` holds the score of each cell once, as it was measured last; `older` counts those that were measured again
+    since.
     """
 
     label: str
     folder: Path
     about: Mapping[str, Any]
-    results: tuple[Result, ...]
+    rows: tuple[Record, ...]
     older: int
-    foreign: int
-
-    @cached_property
-    def frame(self) -> pd.DataFrame:
-        """A line a cell, with the columns of `table.csv`, in the order of `results`."""
-        return cells_frame(self.results)
 
     @property
     def renderer(self) -> str:
         """Who drew it: as `run.json` says, else the row that was measured last; `unknown` where neither does."""
-        named = [result.score["renderer"] for result in self.results if result.score.get("renderer")]
+        named = [row["renderer"] for row in self.rows if row.get("renderer")]
         return str(self.about.get("device", {}).get("renderer") or (named[-1] if named else "unknown"))
 
     @property
@@ -50,36 +47,76 @@ class Run:
 
     @property
     def assumptions(self) -> list[str]:
-        """Everything that was assumed, of the run and of every row, each once."""
-        of_rows = [note for result in self.results for note in result.score.get("assumptions", ())]
+        """Everything that was assumed, of the whole and of every row, each once."""
+        of_rows = [note for row in self.rows for note in row.get("assumptions", ())]
         return list(dict.fromkeys([*self.about.get("assumptions", ()), *of_rows]))
 
 
-def read_runs(folders: Sequence[Path]) -> list[Run]:
-    """The run folders, labelled by name, or by path where names are the same; InputError for what is not one."""
+@dataclass(frozen=True, eq=False)
+class Run(Folder):
+    """A folder of `run`. `times`: those of the machine that measured last, by key; `foreign` counts the others'."""
+
+    times: Mapping[str, Record]
+    foreign: int
+
+    @cached_property
+    def results(self) -> tuple[Result, ...]:
+        """Each cell with its time."""
+        return tuple(Result(row, self.times.get(row["key"])) for row in self.rows)
+
+    @cached_property
+    def frame(self) -> pd.DataFrame:
+        """A line a cell, with the columns of `table.csv`, in the order of `results`."""
+        return cells_frame(self.results)
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep(Folder):
+    """A folder of `stress`: its rows stand on axes."""
+
+
+def read_folders(folders: Sequence[Path]) -> tuple[list[Run], list[Sweep]]:
+    """The folders, labelled by name, or by path where names are the same; InputError for what is of neither kind."""
     paths = list(dict.fromkeys(folder.resolve() for folder in folders))
     names = [path.name for path in paths]
     labels = [str(path) if names.count(path.name) > 1 else path.name for path in paths]
-    return [_read_run(path, label) for path, label in zip(paths, labels, strict=True)]
+    found = [_read(path, label) for path, label in zip(paths, labels, strict=True)]
+    return [one for one in found if isinstance(one, Run)], [one for one in found if isinstance(one, Sweep)]
 
 
-def _read_run(folder: Path, label: str) -> Run:
+def read_runs(folders: Sequence[Path]) -> list[Run]:
+    """Folders of `run` alone, labelled likewise; InputError for any other."""
+    runs, sweeps = read_folders(folders)
+    if sweeps:
+        raise InputError(f"{sweeps[0].folder}: found a sweep of `shadowbench stress`; allowed: a folder of a run")
+    return runs
+
+
+def _read(folder: Path, label: str) -> Run | Sweep:
     if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder; allowed: a folder that `shadowbench run` wrote")
-    records = _records(folder / "rows.jsonl")
+        raise InputError(f"{folder}: no such folder; allowed: {_ALLOWED}")
+    file = folder / "rows.jsonl"
+    records = _records(file)
     scores = {record["key"]: record for record in records if record["kind"] == "score"}
     if not scores:
-        raise InputError(f"{folder / 'rows.jsonl'}: found no cell; allowed: the rows of a run that measured something")
+        raise InputError(f"{file}: found no cell; allowed: rows of a run or a sweep that measured something")
+    kinds = {"axis" in record for record in scores.values()}
+    if len(kinds) > 1:
+        raise InputError(f"{file}: found cells of `run` and of `stress`; allowed: those of one, in a folder of its own")
+    about = _about(folder / "run.json")
+    if kinds == {True}:
+        points = {tuple(record[name] for name in _PLACE): record for record in scores.values()}
+        return Sweep(label, folder, about, tuple(points.values()), len(scores) - len(points))
     times = [record for record in records if record["kind"] == "time"]
     machine = times[-1].get("machine") if times else None
-    timed = {record["key"]: record for record in times if record.get("machine") == machine}
     latest = {identity(record): record for record in scores.values()}
     return Run(
         label=label,
         folder=folder,
-        about=_about(folder / "run.json"),
-        results=tuple(Result(score, timed.get(score["key"])) for score in latest.values()),
+        about=about,
+        rows=tuple(latest.values()),
         older=len(scores) - len(latest),
+        times={record["key"]: record for record in times if record.get("machine") == machine},
         foreign=sum(record.get("machine") != machine for record in times),
     )
 
@@ -87,16 +124,20 @@ def _read_run(folder: Path, label: str) -> Run:
 def _records(file: Path) -> list[Record]:
     """Every whole line; the last may have been cut short by the end of a run."""
     if not file.exists():
-        raise InputError(f"{file.parent}: found no rows.jsonl; allowed: a folder that `shadowbench run` wrote")
+        raise InputError(f"{file.parent}: found no rows.jsonl; allowed: {_ALLOWED}")
     lines = file.read_bytes().split(b"\n")[:-1]
     return [_record(file, number, line) for number, line in enumerate(lines, start=1)]
 
 
 def _record(file: Path, number: int, line: bytes) -> Record:
     record = row_of(line)
-    if record is None or not (record["kind"] == "time" or {"scene", "spec", "status"} <= record.keys()):
+    if record is None or not (record["kind"] == "time" or _needed(record) <= record.keys()):
         raise InputError(f"{file} line {number}: found something else; allowed: a row of schema {SCHEMA}")
     return record
+
+
+def _needed(record: Record) -> set[str]:
+    return {"scene", "spec", "status"} | (set(_PLACE) if "axis" in record else set())
 
 
 def _about(file: Path) -> Mapping[str, Any]:
@@ -107,5 +148,5 @@ def _about(file: Path) -> Mapping[str, Any]:
     except ValueError:
         about = None
     if not isinstance(about, dict):
-        raise InputError(f"{file}: found something else; allowed: the JSON object that `shadowbench run` writes")
+        raise InputError(f"{file}: found something else; allowed: the JSON object of the command that made the folder")
     return about

@@ -1,8 +1,8 @@
-"""The pictures of a section, as small as a page can carry them: picture, mask, truth, signed difference."""
+"""Pictures of cells, as small as a page can carry them: picture, mask, truth, signed difference."""
 
 import base64
 import io
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,11 +14,12 @@ from PIL import Image
 from scipy.ndimage import uniform_filter
 
 from shadowbench.reports.analysis import Section, front
-from shadowbench.reports.folder import Run
+from shadowbench.reports.stability import Stability
 from shadowbench.reports.words import digits
 from shadowbench.scores.difference import difference_over
 from shadowbench.scores.masks import read_mask
-from shadowbench.studies.runner import Result
+from shadowbench.studies.ranges import value_text
+from shadowbench.studies.rows import Record
 
 PIXELS = 160 * 512 * 512  # of all masks in a report: more cells, or larger ones, are shown smaller
 _SMALLEST = 128  # pixels a side
@@ -26,11 +27,30 @@ _STEPS = 16  # of a difference's colour
 
 
 @dataclass(frozen=True)
-class Gallery:
-    """What a page needs to show a section's pictures.
+class Shot:
+    """A cell whose pictures are shown. `place` says where it stands; cells of one place share a truth.
 
-    `cells`: dicts of spec, map size, place (view and light), scores and images; `truths` images by place; images are
-    data URIs, None where the folder lacks the file. `start` is the cell to begin with; `missing` says what is lacking.
+    `said`: what stands above its pictures.
+    """
+
+    row: Record
+    spec: str
+    map_size: int | None
+    place: str
+    said: str
+
+    @property
+    def truth(self) -> str:
+        """The name of its truth's file, without `.png`."""
+        return ".".join(str(self.row[name]) for name in ("scene", "view", "light", "view_size"))
+
+
+@dataclass(frozen=True)
+class Gallery:
+    """What a page needs to show pictures.
+
+    `cells`: dicts of spec, map size, place, scores and images; `truths` images by place; images are data URIs, None
+    where the folder lacks the file. `start` is the cell to begin with; `missing` says what is lacking.
     """
 
     cells: tuple[dict[str, Any], ...]
@@ -41,36 +61,69 @@ class Gallery:
     missing: str | None
 
 
-def shown(section: Section) -> list[Result]:
-    """The cells that a gallery shows: those that held, in their first phase."""
+def shots_of_section(section: Section) -> list[Shot]:
+    """The cells that held, in their first phase, by view and light."""
     results = [section.run.results[int(index)] for index in section.frame.index]
     held = [result for result in results if result.score["status"] == "ok"]
     first = min((result.score.get("phase") or 0 for result in held), default=0)
-    return [result for result in held if (result.score.get("phase") or 0) == first]
+    software = " (software renderer)" if section.run.software else ""
+    shots = []
+    for score, time in ((result.score, result.time) for result in held):
+        if (score.get("phase") or 0) != first:
+            continue
+        iou, edge = (score["metrics"].get(name) for name in ("iou", "edge_px"))
+        said = [
+            _iou(iou),
+            "edge –" if edge is None else f"edge {digits(edge)} px",
+            f"{digits(time['frame_ms'])} ms{software}" if time else "not timed",
+        ]
+        place = f"{score['view']}, {score['light']}"
+        shots.append(Shot(score, score["spec"], score["map_size"], place, ", ".join(said)))
+    return shots
 
 
-def side(sections: Sequence[Section]) -> int:
-    """The most pixels a side at which the pictures of all sections stay within PIXELS."""
-    areas = [int(result.score["view_size"]) ** 2 for section in sections for result in shown(section)]
-    return max(_SMALLEST, int((PIXELS / max(len(areas), 1)) ** 0.5)) if sum(areas) > PIXELS else 1 << 14
+def shots_of_breaks(found: Stability) -> list[Shot]:
+    """The cells at which ranges end and which drew something, by axis, value and light."""
+    shots = []
+    for one, broken, row in found.breaking_points():
+        if row["status"] == "ok":
+            place = f"{one.axis.name} {value_text(one.axis, broken.value)}, {row['light']}"
+            shots.append(Shot(row, one.spec, None, place, f"{broken.failure}: {_iou(row['metrics'].get('iou'))}"))
+    return shots
 
 
-def gallery(section: Section, most: int) -> Gallery:
-    """The section's pictures, at most `most` pixels a side. InputError for a file that is no mask or picture."""
-    results, folder = shown(section), section.run.folder
-    view_size = int(section.frame["view_size"].iloc[0])
-    files = {_place(result): folder / "truth" / f"{_view(result)}.png" for result in results}
+def side(shots: Iterable[Shot]) -> int:
+    """The most pixels a side at which the pictures of all cells stay within PIXELS: small ones keep their size."""
+    areas = sorted(int(shot.row["view_size"]) ** 2 for shot in shots)
+    left = PIXELS
+    for index, area in enumerate(areas):
+        fair = left / (len(areas) - index)
+        if area > fair:
+            return max(_SMALLEST, int(fair**0.5))
+        left -= area
+    return 1 << 14
+
+
+def gallery(folder: Path, shots: Sequence[Shot], most: int, start: int = 0) -> Gallery | None:
+    """The pictures that a folder holds of some cells, at most `most` pixels a side; None where it holds none.
+
+    InputError for a file that is no mask or picture.
+    """
+    files = {shot.place: folder / "truth" / f"{shot.truth}.png" for shot in shots}
     truths = {place: read_mask(file) if file.exists() else None for place, file in files.items()}
     undecided = {place: _undecided(file.with_suffix(".undecided.png")) for place, file in files.items()}
     with ThreadPoolExecutor() as threads:
         cells = list(
-            threads.map(lambda r: _cell(r, section.run, truths[_place(r)], undecided[_place(r)], most), results)
+            threads.map(lambda shot: _cell(shot, folder, truths[shot.place], undecided[shot.place], most), shots)
         )
+    if not any(cell["picture"] or cell["mask"] for cell in cells):
+        return None
     lacking = [name for name in ("picture", "mask", "difference") if any(cell[name] is None for cell in cells)]
+    view_size = max(int(shot.row["view_size"]) for shot in shots)
     return Gallery(
         cells=tuple(cells),
         truths={place: None if truth is None else _grey(truth, most) for place, truth in truths.items()},
-        start=_start(section, results),
+        start=start,
         size=min(view_size, most),
         view_size=view_size,
         missing=f"{folder.name} has no {' and no '.join(lacking)} of some of these cells" if lacking else None,
@@ -78,26 +131,26 @@ def gallery(section: Section, most: int) -> Gallery:
 
 
 def _cell(
-    result: Result, run: Run, truth: NDArray[np.float32] | None, undecided: NDArray[np.bool_] | None, most: int
+    shot: Shot, folder: Path, truth: NDArray[np.float32] | None, undecided: NDArray[np.bool_] | None, most: int
 ) -> dict[str, Any]:
-    score, time = result.score, result.time or {}
-    software = " (software renderer)" if run.software else ""
-    picture, mask = (run.folder / kind / f"{score['key']}.png" for kind in ("pictures", "masks"))
+    picture, mask = (folder / kind / f"{shot.row['key']}.png" for kind in ("pictures", "masks"))
     visibility = read_mask(mask) if mask.exists() else None
     drawn = None if visibility is None or truth is None else difference(visibility, truth, undecided)
-    iou, edge = (score["metrics"].get(name) for name in ("iou", "edge_px"))
     return {
-        "spec": score["spec"],
-        "size": score["map_size"],
-        "place": _place(result),
-        "iou": "–" if iou is None else f"{iou:.5f}",
-        "edge": "–" if edge is None else f"{digits(edge)} px",
-        "ms": f"{digits(time['frame_ms'])} ms{software}" if time else "not timed",
+        "spec": shot.spec,
+        "size": shot.map_size,
+        "place": shot.place,
+        "iou": _iou(shot.row["metrics"].get("iou")),
+        "said": shot.said,
         "worst": None if visibility is None or truth is None else _worst(np.abs(visibility - truth)),
         "picture": _picture(picture, most) if picture.exists() else None,
         "mask": None if visibility is None else _grey(visibility, most),
         "difference": None if drawn is None else _webp(_shrunk(Image.fromarray(drawn), most), lossless=True),
     }
+
+
+def _iou(value: float | None) -> str:
+    return "no IoU" if value is None else f"IoU {value:.5f}"
 
 
 def difference(
@@ -120,21 +173,13 @@ def _worst(error: NDArray[np.float32]) -> tuple[float, float]:
     return round(100 * float(column) / len(error), 1), round(100 * float(row) / len(error), 1)
 
 
-def _start(section: Section, results: Sequence[Result]) -> int:
+def start_of_section(section: Section, shots: Sequence[Shot]) -> int:
     """The cell to begin with: on the front, the last before the errors can no longer be seen."""
     best = [one for one in front(section) if one.error and 0.004 < one.error.median < 0.5] or section.held
-    for index, result in enumerate(results):
-        if best and (result.score["spec"], result.score["map_size"]) == (best[-1].spec, best[-1].map_size):
+    for index, shot in enumerate(shots):
+        if best and (shot.spec, shot.map_size) == (best[-1].spec, best[-1].map_size):
             return index
     return 0
-
-
-def _place(result: Result) -> str:
-    return f"{result.score['view']}, {result.score['light']}"
-
-
-def _view(result: Result) -> str:
-    return ".".join(str(result.score[name]) for name in ("scene", "view", "light", "view_size"))
 
 
 def _undecided(file: Path) -> NDArray[np.bool_] | None:

@@ -1,6 +1,7 @@
 """The report as one HTML file, which opens without a network."""
 
 import dataclasses
+import itertools
 import re
 import shlex
 import sys
@@ -13,23 +14,33 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from shadowbench import __version__
-from shadowbench.reports.analysis import Configuration, Reach, Section, front
+from shadowbench.reports.along_axes import LIMITS, axis_chart, metrics_along
+from shadowbench.reports.analysis import Configuration, Reach, Section, front, specs_of
 from shadowbench.reports.axes import Chart
 from shadowbench.reports.charts import default_size, front_chart, pass_chart, size_chart
-from shadowbench.reports.folder import Run
-from shadowbench.reports.gallery import gallery, shown, side
+from shadowbench.reports.folder import Folder, Run, Sweep
+from shadowbench.reports.gallery import gallery, shots_of_breaks, shots_of_section, side, start_of_section
+from shadowbench.reports.heat_map import NOTHING, heat_map, is_dark, shade
+from shadowbench.reports.stability import Stability
 from shadowbench.reports.styles import Styles, styles_of
 from shadowbench.reports.words import (
     digits,
+    ended,
     headline,
     machine_facts,
+    range_tables,
+    range_text,
     reach_tables,
     reach_text,
     refusals,
     sentence,
+    stability_headline,
     times_are,
+    tolerances,
 )
 from shadowbench.scores.metrics import METRICS
+from shadowbench.studies.axes.model import NAMES
+from shadowbench.studies.ranges import OperatingRange
 
 _PAGE = Path(__file__).parent / "page"
 _GLOBALS = "window.vegaEmbed = vegaEmbed;"
@@ -44,17 +55,22 @@ _SYMBOLS = {
 }
 
 
-def html_report(runs: Sequence[Run], scenes: Mapping[str, Sequence[Section]]) -> str:
+def html_report(runs: Sequence[Run], scenes: Mapping[str, Sequence[Section]], swept: Sequence[Stability]) -> str:
     """The page. `scenes`: the sections of each scene, by its title."""
     every = [section for parts in scenes.values() for section in parts]
-    styles, most = styles_of(every, legend=False), side(every)
+    specs = [*specs_of(every), *(spec for found in swept for spec in found.specs)]
+    styles = styles_of(specs, legend=False)
+    shots = [shots_of_section(section) for section in every] + [shots_of_breaks(found) for found in swept]
+    most = side(itertools.chain.from_iterable(shots))
+    sweeps = [found.sweep for found in swept]
     environment = Environment(
         loader=FileSystemLoader(_PAGE), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters |= {"breaks": _breaks, "marked": _marked, "sentence": sentence}
     return environment.get_template("report.html.j2").render(
-        title=f"shadowbench: {', '.join(run.label for run in runs)}",
+        title=f"shadowbench: {', '.join(one.label for one in (*runs, *sweeps))}",
         runs=[_run(run) for run in runs],
+        sweeps=[_run(sweep) for sweep in sweeps],
         scenes=[
             {
                 "id": f"scene-{number}",
@@ -63,6 +79,8 @@ def html_report(runs: Sequence[Run], scenes: Mapping[str, Sequence[Section]]) ->
             }
             for number, (title, parts) in enumerate(scenes.items())
         ],
+        stabilities=[_stability(found, styles, most, f"stability-{at}") for at, found in enumerate(swept)],
+        tolerances=tolerances(),
         metrics=[
             (metric.name, f"{metric.help} {metric.better.capitalize()} is better.") for metric in METRICS.values()
         ],
@@ -84,15 +102,15 @@ def _marked(text: str) -> Markup:
     return Markup(re.sub(r"`([^`]*)`", lambda found: f"<code>{_breaks(Markup(found[1]))}</code>", str(escape(text))))
 
 
-def _run(run: Run) -> dict[str, Any]:
+def _run(run: Run | Sweep) -> dict[str, Any]:
     return {
         "label": run.label,
-        "cells": len(run.results),
+        "cells": len(run.rows),
         "renderer": run.renderer,
         "processor": run.about.get("machine", {}).get("processor"),
         "finished": str(run.about.get("finished", ""))[:10],
         "software": run.software,
-        "times": times_are(run),
+        "times": times_are(run) if isinstance(run, Run) else None,
         "facts": machine_facts(run),
         "assumptions": run.assumptions,
     }
@@ -102,9 +120,8 @@ def _part(section: Section, styles: Styles, most: int, name: str) -> dict[str, A
     best = front(section)
     specs = list(dict.fromkeys(one.spec for one in section.held))
     passes = _pass_charts(section)
-    pictures = gallery(section, most) if shown(section) else None
-    if pictures is not None and not any(cell["picture"] or cell["mask"] for cell in pictures.cells):
-        pictures = None
+    shots = shots_of_section(section)
+    pictures = gallery(section.run.folder, shots, most, start_of_section(section, shots))
     return {
         "id": name,
         "label": section.run.label,
@@ -115,12 +132,7 @@ def _part(section: Section, styles: Styles, most: int, name: str) -> dict[str, A
         "cells": section.cells,
         "headline": headline(section),
         "refusals": refusals(section),
-        "legend": [
-            (spec, color, _SYMBOLS[shape])
-            for spec in styles.specs
-            if spec in specs
-            for color, shape in [styles.mark(spec)]
-        ],
+        "legend": _legend(styles, specs),
         "front": front_chart(section, styles),
         "sizes": size_chart(section, styles),
         "reaches": [
@@ -130,13 +142,57 @@ def _part(section: Section, styles: Styles, most: int, name: str) -> dict[str, A
         "passes": passes,
         "pass_size": default_size(section),
         "gallery": None if pictures is None else dataclasses.asdict(pictures),
-        "no_gallery": f"No pictures: {section.run.folder.name} holds neither pictures/ nor masks/ of these cells.",
+        "no_gallery": _no_gallery(section.run),
         "columns": ["spec", "map", "1 − IoU", *_COLUMNS, "ms", "IQR ms", "× reference", "cells"],
         "rows": [
             {"spec": one.spec, "full_spec": one.full_spec, "front": one in best, "texts": table_row(one)}
             for one in section.held
         ],
     }
+
+
+def _stability(found: Stability, styles: Styles, most: int, name: str) -> dict[str, Any]:
+    pictures = gallery(found.sweep.folder, shots_of_breaks(found), most)
+    return {
+        "id": name,
+        "label": found.sweep.label,
+        "renderer": found.sweep.renderer,
+        "headline": stability_headline(found),
+        "legend": _legend(styles, found.specs),
+        "heat": heat_map(found) if found.ranges else None,
+        "heat_narrow": heat_map(found, compact=True) if found.ranges else None,
+        "axes": [
+            (axis.name, axis.holds, metrics_along(found, axis), axis_chart(found, axis, styles)) for axis in found.axes
+        ],
+        "metrics": list(LIMITS),
+        "lights": [light for light in NAMES.values() if any(light == NAMES[kind] for _, kind in found.lines)],
+        "tables": [
+            (spec, lights, [(axis, [_range_cell(one) for one in ranges]) for axis, ranges in rows])
+            for spec, lights, rows in range_tables(found)
+        ],
+        "ended": ended(found),
+        "gallery": None if pictures is None else dataclasses.asdict(pictures),
+        "no_gallery": _no_gallery(found.sweep) if any(found.breaking_points()) else "Nothing breaks.",
+    }
+
+
+def _range_cell(one: OperatingRange | None) -> tuple[str, str]:
+    """Text and style of a range in a table; the colours are the heat map's."""
+    if one is None:
+        return "", ""
+    if one.share is None:
+        return range_text(one), f"background: {NOTHING}"
+    return range_text(one), f"background: {shade(one.share)}{'; color: #fff' if is_dark(one.share) else ''}"
+
+
+def _legend(styles: Styles, specs: Sequence[str]) -> list[tuple[str, str, str]]:
+    """Spec, colour and outline of its mark."""
+    marks = [(spec, *styles.mark(spec)) for spec in styles.specs if spec in specs]
+    return [(spec, color, _SYMBOLS[shape]) for spec, color, shape in marks]
+
+
+def _no_gallery(folder: Folder) -> str:
+    return f"No pictures: {folder.folder.name} holds neither pictures/ nor masks/ of these cells."
 
 
 _COLUMNS = [name for name in METRICS if name != "iou"]

@@ -3,23 +3,29 @@
 from collections.abc import Iterable, Mapping, Sequence
 
 from shadowbench.reports.analysis import Section, front
-from shadowbench.reports.folder import Run
+from shadowbench.reports.folder import Run, Sweep
+from shadowbench.reports.stability import Stability
 from shadowbench.reports.words import (
     digits,
+    ended,
     headline,
     machine_facts,
+    range_tables,
+    range_text,
     reach_tables,
     reach_text,
     refusals,
     sentence,
+    stability_headline,
     times_are,
+    tolerances,
 )
 
 _COLUMNS = {"SSIM": "ssim", "edge px": "edge_px", "acne": "acne", "leak": "leak", "ms": "frame_ms", "× ref": "ratio"}
 
 
-def markdown_report(runs: Sequence[Run], scenes: Mapping[str, Sequence[Section]]) -> str:
-    """Headlines, configurations (the Pareto front bold) and time to accuracy by scene; how each run was made."""
+def markdown_report(runs: Sequence[Run], scenes: Mapping[str, Sequence[Section]], swept: Sequence[Stability]) -> str:
+    """By scene: headlines, configurations (the Pareto front bold), time to accuracy. Then ranges, and origins."""
     blocks: list[str] = []
     for title, parts in scenes.items():
         blocks.append(f"## {title}")
@@ -27,10 +33,15 @@ def markdown_report(runs: Sequence[Run], scenes: Mapping[str, Sequence[Section]]
             if len(runs) > 1:
                 blocks.append(f"### {_cell(section.run.label)}: {_cell(section.run.renderer)}")
             blocks += _section(section)
+    for found in swept:
+        blocks.append("## Stability" + (f": {_cell(found.sweep.label)}" if len(swept) > 1 else ""))
+        blocks += _stability(found)
     blocks.append("## How it was made")
-    for run in runs:
+    everything: list[Run | Sweep] = [*runs, *(found.sweep for found in swept)]
+    for run in everything:
         blocks.append(f"### {_cell(run.label)}")
-        facts = [*machine_facts(run), ("times are", times_are(run)), *(("assumed", note) for note in run.assumptions)]
+        times = [("times are", times_are(run))] if isinstance(run, Run) else []
+        facts = [*machine_facts(run), *times, *(("assumed", note) for note in run.assumptions)]
         blocks.append("\n".join(f"- {name}: {_fact(name, value)}" for name, value in facts))
     return "\n\n".join(blocks) + "\n"
 
@@ -61,6 +72,15 @@ def _section(section: Section) -> list[str]:
             blocks.append(_table(["time to accuracy", *(f"{title} {step}" for step in steps)], lines))
     blocks += [f"- `{label}`: {_cell(status)}" for label, status in refusals(section)]
     return blocks
+
+
+def _stability(found: Stability) -> list[str]:
+    blocks = [*stability_headline(found), f"Tolerance: {tolerances()}. In brackets: values that hold, of those swept."]
+    for spec, lights, rows in range_tables(found):
+        blocks.append(f"### `{spec}`")
+        lines = [[axis, *("" if one is None else range_text(one) for one in ranges)] for axis, ranges in rows]
+        blocks.append(_table(["axis", *lights], lines))
+    return [*blocks, *(f"- `{label}`: {_cell(status)}" for label, status in ended(found))]
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

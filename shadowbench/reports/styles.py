@@ -4,8 +4,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from shadowbench.reports.analysis import Section
-
 # Okabe & Ito 2008, "Color Universal Design", without the yellow that white paper swallows.
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 SHAPES = ("circle", "square", "triangle-up", "diamond", "cross", "triangle-down")
@@ -38,7 +36,6 @@ class Styles:
         return {"domain": specs, "range": [marks[self.specs.index(spec) % len(marks)] for spec in specs]}
 
 
-def styles_of(sections: Iterable[Section], legend: bool) -> Styles:
-    """Styles for every spec of the sections, in the order in which they were measured."""
-    specs = dict.fromkeys(str(spec) for section in sections for spec in section.run.frame["spec"])
-    return Styles(tuple(specs), legend)
+def styles_of(specs: Iterable[str], legend: bool) -> Styles:
+    """Styles for specs, in the order in which they were measured."""
+    return Styles(tuple(dict.fromkeys(specs)), legend)

@@ -14,7 +14,10 @@ from shadowbench.reports.analysis import (
     reaches_iou,
     time_to_accuracy,
 )
-from shadowbench.reports.folder import Run
+from shadowbench.reports.folder import Run, Sweep
+from shadowbench.reports.stability import Stability, whole
+from shadowbench.studies.axes.model import NAMES, shown
+from shadowbench.studies.ranges import TOLERANCES, OperatingRange, value_text
 
 SOFTWARE = "times of a software renderer: for trends only, no GPU's"
 RAY_TRACED = "ray-traced"  # the technique that is the truth's own method: where the speed axis ends
@@ -122,21 +125,23 @@ def _best(configurations: Sequence[Configuration], metric: str) -> str:
     return digits(min(values)) + " px" if metric == "edge_px" else f"IoU {max(values):.4g}"
 
 
-def machine_facts(run: Run) -> list[tuple[str, str]]:
-    """Name and value of everything that is known of how a run was made."""
+def machine_facts(run: Run | Sweep) -> list[tuple[str, str]]:
+    """Name and value of everything that is known of how a run or a sweep was made."""
     about = run.about
-    machine, device, study = (about.get(name, {}) for name in ("machine", "device", "study"))
+    machine, device = (about.get(name, {}) for name in ("machine", "device"))
     older = f"; {run.older} older records of the same cells left out" if run.older else ""
-    foreign = f"; {run.foreign} times of another machine left out" if run.foreign else ""
+    foreign = f"; {run.foreign} times of another machine left out" if isinstance(run, Run) and run.foreign else ""
+    # A sweep is not timed.
+    study, clock = (about.get("study", {}), about.get("clock")) if isinstance(run, Run) else ({}, None)
     facts = [
         ("command", about.get("command", "unknown: no run.json")),
         ("finished", about.get("finished")),
-        ("rows", f"{len(run.results)} cells, all that the folder holds, of this and earlier commands{older}{foreign}"),
+        ("rows", f"{len(run.rows)} cells, all that the folder holds, of this and earlier commands{older}{foreign}"),
         ("renderer", f"{run.renderer}{' (software)' if run.software else ''}"),
         ("processor", machine.get("processor") and f"{machine['processor']}, {machine.get('cores')} cores"),
         ("memory", machine.get("memory_gib") and f"{machine['memory_gib']} GiB"),
         ("system", machine.get("system")),
-        ("clock", about.get("clock")),
+        ("clock", clock),
         (
             "OpenGL",
             device.get("version") and f"{device['version'] / 100:.1f}, {device.get('subpixel_bits')} sub-pixel bits",
@@ -147,3 +152,77 @@ def machine_facts(run: Run) -> list[tuple[str, str]]:
         ("versions", ", ".join(f"{name} {value}" for name, value in about.get("versions", {}).items())),
     ]
     return [(name, str(value)) for name, value in facts if value not in (None, "")]
+
+
+def tolerances() -> str:
+    """What is in tolerance, in words."""
+    least = f"IoU of at least {TOLERANCES['iou']:g}"
+    most = [f"{name} of at most {100 * limit:g}%" for name, limit in TOLERANCES.items() if name != "iou"]
+    return f"{least}, {', '.join(most)}; no NaN, infinity, OpenGL error, crash or hang"
+
+
+def stability_headline(found: Stability) -> list[str]:
+    """Along how many axes each spec holds, and what is left out."""
+    counts = {
+        spec: (whole(ranges), len(ranges))
+        for spec in found.specs
+        for ranges in [[one for one in found.ranges if one.spec == spec]]
+    }
+    texts = [f"`{spec}` {held} of {swept}" for spec, (held, swept) in counts.items()]
+    lines = [f"Axes, by kind of light, that hold from end to end: {', '.join(texts)}."] if texts else []
+    if found.unfinished:
+        spec, axis, _ = found.unfinished[0]
+        lines.append(f"Left out as unfinished: {len(found.unfinished)}, the first `{spec}` along {axis}.")
+    if found.unknown:
+        lines.append(f"Left out as not of this version's axes: {found.unknown} cells.")
+    return lines or ["Nothing here has a range."]
+
+
+def range_text(one: OperatingRange) -> str:
+    """A range as `stress` prints it, the count of values that hold, and what is refused."""
+    if one.share is None or (one.share == 1 and not one.axis.ordered):
+        return one.text
+    refused = f"; {_refused(one)} unsupported" if one.unsupported else ""
+    return f"{one.text} ({len(one.held)} of {len(one.swept)}{refused})"
+
+
+def range_facts(one: OperatingRange, light: str) -> dict[str, str]:
+    """All that is known of a range, by name."""
+    share = "unsupported" if one.share is None else f"at {len(one.held)} of {len(one.swept)} values"
+    return {
+        "spec": one.spec,
+        "light": light,
+        "swept axis": f"{one.axis.name}, {value_text(one.axis, one.swept[0])} to {value_text(one.axis, one.swept[-1])}",
+        "holds": share,
+        "range": one.text,
+        "unsupported": _refused(one) or "–",
+        "must hold": one.axis.holds,
+    }
+
+
+def range_tables(found: Stability) -> list[tuple[str, list[str], list[tuple[str, list[OperatingRange | None]]]]]:
+    """For each spec its lights, and for each axis a range a light, None where the axis is not swept under it."""
+    tables = []
+    for spec in found.specs:
+        kinds = [kind for other, kind in found.lines if other == spec]
+        rows = [
+            (axis.name, ranges)
+            for axis in found.axes
+            for ranges in [[found.at.get((spec, axis.name, kind)) for kind in kinds]]
+            if any(ranges)
+        ]
+        tables.append((spec, [NAMES[kind] for kind in kinds], rows))
+    return tables
+
+
+def ended(found: Stability) -> list[tuple[str, str]]:
+    """Breaking points that left no picture: where, and what ended the cell."""
+    return [
+        (f"{one.spec} at {one.axis.name} {value_text(one.axis, broken.value)}, {row['light']}", row["status"])
+        for one, broken, row in found.breaking_points()
+        if row["status"] != "ok"
+    ]
+
+
+def _refused(one: OperatingRange) -> str:
+    return ", ".join(shown(value) for value in one.unsupported)

@@ -79,7 +79,7 @@ class OperatingRange:
 
     held: the values around home in which all holds, in the axis' order; breaks: on an ordered axis the first value out
     of tolerance on either side, else every such value; unsupported: values that the technique refuses; worst: the
-    kinds of failure anywhere on the axis.
+    kinds of failure anywhere on the axis; swept: every value that was measured or refused, in the axis' order.
     """
 
     technique: str
@@ -90,22 +90,37 @@ class OperatingRange:
     breaks: tuple[Break, ...]
     unsupported: tuple[Value, ...]
     worst: tuple[str, ...]
+    swept: tuple[Value, ...]
+
+    @property
+    def share(self) -> float | None:
+        """The share of the swept values in `held`, in [0, 1]; None where the technique refuses every one."""
+        return len(self.held) / len(self.swept) if self.held or self.breaks else None
 
     @property
     def text(self) -> str:
         """As the table prints it: `0.1…89.9°`, or where and how it breaks."""
-        unit = self.axis.unit if self.axis.unit in ("°", "") else f" {self.axis.unit}"
         if self.breaks:
             alike: dict[str, list[str]] = {}
             for one in self.breaks:
-                alike.setdefault(str(one.failure), []).append(shown(one.value) + unit)
+                alike.setdefault(str(one.failure), []).append(value_text(self.axis, one.value))
             return "; ".join(f"breaks at {', '.join(values)}: {how}" for how, values in alike.items())
         if not self.held:
             return "unsupported"
         if not self.axis.ordered:
             return f"all {len(self.held)}"
         ends = sorted({float(self.held[0]), float(self.held[-1])})
-        return "…".join(shown(end) for end in ends) + unit
+        return "…".join(shown(end) for end in ends) + unit_suffix(self.axis)
+
+
+def unit_suffix(axis: Axis) -> str:
+    """What follows an axis' values: `°`, ` texels`, or nothing."""
+    return axis.unit if axis.unit in ("°", "") else f" {axis.unit}"
+
+
+def value_text(axis: Axis, value: Value) -> str:
+    """A value with its unit."""
+    return shown(value) + unit_suffix(axis)
 
 
 def operating_range(axis: Axis, rows: Sequence[Record]) -> OperatingRange:
@@ -124,7 +139,9 @@ def operating_range(axis: Axis, rows: Sequence[Record]) -> OperatingRange:
     found = tuple(Break(value, one) for value in out if (one := failures[value]) is not None)
     kinds = dict.fromkeys(one.kind for one in failures.values() if one is not None)
     light = str(first["light_kind"])
-    return OperatingRange(first["technique"], first["home_spec"], axis, light, held, found, refused, tuple(kinds))
+    return OperatingRange(
+        first["technique"], first["home_spec"], axis, light, held, found, refused, tuple(kinds), tuple(values)
+    )
 
 
 def _around(values: list[Value], home: int, out: set[Value]) -> tuple[tuple[Value, ...], tuple[Value, ...]]:

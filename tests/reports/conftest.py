@@ -1,19 +1,24 @@
 """Run folders written for one test: rows as a run makes them, with the numbers that a test asks for."""
 
 import json
+import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import vl_convert
 from PIL import Image
 
 from shadowbench.reports.analysis import Section, sections
-from shadowbench.reports.folder import read_runs
+from shadowbench.reports.folder import read_folders, read_runs
+from shadowbench.reports.stability import Stability, stability
 from shadowbench.scores.masks import write_mask
 from shadowbench.scores.metrics import METRICS
+from shadowbench.studies.axes import AXES, Value, shown
+from shadowbench.studies.axes.model import NAMES
 
 RECEIVERS = 1000
 SIDE = 32
@@ -90,22 +95,84 @@ def run_file(software: bool, processor: str) -> dict[str, Any]:
     }
 
 
-def write_pictures(folder: Path, cells: Sequence[Cell]) -> None:
+def write_pictures(folder: Path, records: Sequence[dict[str, Any]]) -> None:
     """A square shadow as the truth, and masks that miss its upper rows in proportion to their error."""
     truth = np.ones((SIDE, SIDE), dtype=np.float32)
     truth[8:24, 8:24] = 0
     for kind in ("masks", "pictures", "truth"):
         (folder / kind).mkdir()
-    for name, image in (("", truth), (".undecided", np.zeros_like(truth))):
-        for scene in {cell.scene for cell in cells}:
-            write_mask(folder / "truth" / f"{scene}.camera.sun.{SIDE}{name}.png", image)
-    for cell in cells:
-        if cell.status == "ok":
+    for record in records:
+        if record.get("status") == "ok":
+            stem = ".".join(str(record[name]) for name in ("scene", "view", "light", "view_size"))
+            write_mask(folder / "truth" / f"{stem}.png", truth)
+            write_mask(folder / "truth" / f"{stem}.undecided.png", np.zeros_like(truth))
             mask = truth.copy()
-            mask[8 : 8 + round(16 * (cell.error or 0)), 8:24] = 1
-            write_mask(folder / "masks" / f"{cell.key}.png", mask)
+            iou = record["metrics"]["iou"]
+            mask[8 : 8 + round(16 * (0 if iou is None else 1 - iou)), 8:24] = 1
+            write_mask(folder / "masks" / f"{record['key']}.png", mask)
             picture = np.rint(mask[..., None] * np.array([200, 180, 160])).astype(np.uint8)
-            Image.fromarray(picture).save(folder / "pictures" / f"{cell.key}.png")
+            Image.fromarray(picture).save(folder / "pictures" / f"{record['key']}.png")
+
+
+@dataclass(frozen=True)
+class Point:
+    """A cell on an axis, under a sun. `flips` is measured on axes of movement alone."""
+
+    spec: str
+    axis: str
+    value: Value
+    iou: float | None = 0.99
+    acne: float | None = 0.0
+    leak: float | None = 0.0
+    flips: float | None = None
+    status: str = "ok"
+    light: str = "directional"
+    version: int = 0
+
+    @property
+    def key(self) -> str:
+        return f"{abs(hash((self.spec, self.axis, self.value, self.light, self.version))):x}"
+
+    def record(self) -> dict[str, Any]:
+        row = {
+            "schema": 1, "kind": "score", "key": self.key, "scene": f"{self.axis}-{shown(self.value)}",
+            "view": "camera", "light": dict(NAMES)[self.light], "phase": 0, "technique": self.spec.split(":")[0],
+            "spec": self.spec, "full_spec": f"{self.spec}[1024]", "map_size": 1024, "view_size": SIDE,
+            "coordinates": "relative", "renderer": "a renderer", "status": self.status, "axis": self.axis,
+            "axis_value": self.value, "axis_unit": "", "light_kind": self.light, "home_spec": self.spec,
+        }  # fmt: skip
+        if self.status == "ok":
+            values = dict.fromkeys(METRICS, 0.5) | {"iou": self.iou, "acne": self.acne, "leak": self.leak}
+            row |= {"metrics": values, "receivers": RECEIVERS, "undecided": 3, "gpu_bytes": 1, "mask_sha256": "0"}
+            row |= {} if self.flips is None else {"flips": self.flips}
+        return row
+
+
+def swept(spec: str, axis: str, *changed: Point) -> list[Point]:
+    """A point at every value of an axis, some of them as given; the light is theirs."""
+    points = {one.value: one for one in (*(Point(spec, axis, value) for value in AXES[axis].values), *changed)}
+    return list(points.values())
+
+
+POINTS = (
+    # Breaks at 0.2°, on one side; what lies beyond is no second break.
+    *swept("shadow-map", "elevation", Point("shadow-map", "elevation", 0.2, iou=0.8, acne=0.25)),
+    *(replace(one, light="spot") for one in swept("shadow-map", "elevation")),
+    # Draws as far as 4096, and is refused beyond.
+    *swept(
+        "shadow-map",
+        "map-size",
+        Point("shadow-map", "map-size", 16, leak=0.5),
+        Point("shadow-map", "map-size", 8192, status="unsupported: too large"),
+        Point("shadow-map", "map-size", 16384, status="unsupported: too large"),
+    ),
+    *(replace(one, flips=0.0) for one in swept("shadow-map", "camera-step")),
+    *swept("shadow-map", "volume-wall", Point("shadow-map", "volume-wall", 0.0, status="failed: crashed")),
+    *swept("cube-map", "mesh", Point("cube-map", "mesh", "open", leak=0.03)),
+    *(replace(one, status="unsupported: no sun") for one in swept("cube-map", "elevation")),
+    *(replace(one, iou=0.0, leak=1.0, acne=None) for one in swept("unshadowed", "elevation")),
+)
+"""A sweep with all there is: ranges that are whole, that end on one side, hold nothing, crash or are refused."""
 
 
 @pytest.fixture
@@ -127,7 +194,7 @@ def run_folder(tmp_path: Path) -> Callable[..., Path]:
         if about:
             (folder / "run.json").write_text(json.dumps(run_file(software, processor)), encoding="utf-8")
         if pictures:
-            write_pictures(folder, cells)
+            write_pictures(folder, [record for cell in cells for record in cell.records()])
         return folder
 
     return write
@@ -140,5 +207,68 @@ def section_of(run_folder: Callable[..., Path]) -> Callable[..., Section]:
     def make(cells: Sequence[Cell] = CELLS, **options: Any) -> Section:
         ((section,),) = sections(read_runs([run_folder(cells, **options)])).values()
         return section
+
+    return make
+
+
+@pytest.fixture
+def sweep_folder(tmp_path: Path) -> Callable[..., Path]:
+    """Writes a folder as `stress` leaves it."""
+
+    def write(points: Sequence[Point] = POINTS, name: str = "sweep", pictures: bool = False) -> Path:
+        folder = tmp_path / name
+        folder.mkdir(parents=True)
+        records = [point.record() for point in points]
+        (folder / "rows.jsonl").write_text("".join(json.dumps(one) + "\n" for one in records), encoding="utf-8")
+        about = run_file(True, "A processor") | {"command": "shadowbench stress", "assumptions": []}
+        (folder / "run.json").write_text(json.dumps(about), encoding="utf-8")
+        if pictures:
+            write_pictures(folder, records)
+        return folder
+
+    return write
+
+
+@pytest.fixture
+def stability_of(sweep_folder: Callable[..., Path]) -> Callable[..., Stability]:
+    """What a sweep of these points says."""
+
+    def make(points: Sequence[Point] = POINTS, **options: Any) -> Stability:
+        _, (sweep,) = read_folders([sweep_folder(points, **options)])
+        return stability(sweep)
+
+    return make
+
+
+def texts(chart: dict[str, Any]) -> list[str]:
+    """What a chart says, once it is drawn."""
+    groups = [vl_convert.vegalite_to_scenegraph({**chart, "width": 600})["scenegraph"]]
+    found = []
+    while groups:
+        group = groups.pop()
+        groups += group.get("items", [])
+        text = group.get("text", [])
+        found += [str(line) for line in (text if isinstance(text, list) else [text])]
+    return found
+
+
+def scripts(page: str) -> list[Any]:
+    """The JSON of a page: charts and galleries."""
+    found = re.findall(r'<script type="application/json"[^>]*>(.*?)</script>', page, re.DOTALL)
+    return [json.loads(text) for text in found]
+
+
+def galleries(page: str) -> list[Any]:
+    return [script for script in scripts(page) if "truths" in script]
+
+
+@pytest.fixture
+def page_of(shadowbench: Callable[..., Any], tmp_path: Path) -> Callable[..., str]:
+    """The HTML report of folders, entities resolved where tests look for them."""
+
+    def make(*folders: Path) -> str:
+        answer = shadowbench("report", *folders, "-o", tmp_path / "report.html")
+        assert (answer.code, answer.err) == (0, "")
+        return (tmp_path / "report.html").read_text(encoding="utf-8").replace("&#39;", "'")
 
     return make

@@ -1,4 +1,4 @@
-"""The demo's report in a real browser without a window: it draws, answers, prints, and asks nothing of a network."""
+"""The report of a run and a sweep in a real browser: it draws, answers, prints, and asks nothing of a network."""
 
 import shutil
 import subprocess
@@ -13,17 +13,21 @@ from playwright.sync_api import Browser, Locator, Page, Request, Route, sync_pla
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
 SCENES = 3
+AXES = ("elevation", "map-size", "camera-step")
 LARGEST = 15e6  # bytes
 
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The report of the demo study, made by the commands that make it."""
+    """The report of the demo study and of a small sweep, made by the commands that make them."""
     folder = tmp_path_factory.mktemp("demo")
     shadowbench = [sys.executable, "-m", "shadowbench.cli"]
     # Each cell is timed thrice in place of nine times: nothing here depends on how well.
     subprocess.run([*shadowbench, "run", "-s", "demo", "--rounds", "3", "-o", folder / "run", "--quiet"], check=True)
-    subprocess.run([*shadowbench, "report", folder / "run", "-o", folder / "report.html"], check=True)
+    axes = [word for name in AXES for word in ("--axis", name)]
+    specs = ["-t", "shadow-map", "-t", "planar-projection", "-t", "cube-map"]
+    subprocess.run([*shadowbench, "stress", "--quick", *specs, *axes, "-o", folder / "sweep", "--quiet"], check=True)
+    subprocess.run([*shadowbench, "report", folder / "run", folder / "sweep", "-o", folder / "report.html"], check=True)
     return folder / "report.html"
 
 
@@ -250,3 +254,82 @@ def test_it_prints_with_its_tables(visit: Callable[..., Visit], tmp_path: Path) 
     page.pdf(path=tmp_path / "report.pdf", format="A4")
     assert (tmp_path / "report.pdf").read_bytes().startswith(b"%PDF")
     assert page.evaluate("[...document.querySelectorAll('details')].every(node => node.open)")
+
+
+def told(page: Page, mark: Locator) -> str:
+    """What the tooltip of a mark says."""
+    mark.scroll_into_view_if_needed()
+    mark.hover(force=True)
+    tooltip = page.locator("#vg-tooltip-element.visible")
+    tooltip.wait_for(timeout=5000)
+    return tooltip.inner_text()
+
+
+def test_the_operating_ranges_are_drawn_and_tell_all(visit: Callable[..., Visit]) -> None:
+    page = visit().page
+    heat = page.locator(".chart.heat")
+    ranges = page.locator(".ranges td[style]")
+    assert marks(heat, "rect").count() == ranges.count() >= 12
+    box = heat.locator("svg").bounding_box()
+    assert box is not None and box["width"] > 900
+    said = told(page, marks(heat, "rect").first)
+    for name in ("spec", "light", "axis", "holds", "range", "must hold"):
+        assert name in said
+
+
+def test_a_telephone_has_the_heat_map_without_texts_and_tells_them(visit: Callable[..., Visit]) -> None:
+    page = visit(390, 844).page
+    heat = page.locator(".chart.heat")
+    assert heat.locator(".mark-text.role-mark text").count() == 0
+    assert "range" in told(page, marks(heat, "rect").first)
+
+
+def test_a_point_on_an_axis_tells_its_value_its_scores_and_its_failure(visit: Callable[..., Visit]) -> None:
+    page = visit().page
+    charts = page.locator(".chart.axis")
+    assert charts.count() == len(AXES)
+    broken = charts.first.locator('.mark-symbol.role-mark path[stroke]:not([stroke="none"])').first
+    said = told(page, broken)
+    assert "out of tolerance" in said and "1 − IoU" in said and "°" in said
+
+
+def test_metric_and_light_are_choices_of_all_axes(visit: Callable[..., Visit]) -> None:
+    page = visit().page
+    first, last = page.locator(".chart.axis").first, page.locator(".chart.axis").last
+
+    def choose(name: str, value: str) -> list[str]:
+        """Choose, wait until all is drawn, give the lines of the first axis."""
+        page.locator(f"select[data-signal={name}]").select_option(value)
+        page.evaluate(
+            """Promise.all([...document.querySelectorAll(".chart.axis")].map((place) => place.view.runAsync()))
+            .then(() => null)"""
+        )
+        paths: list[str] = marks(first, "line").evaluate_all("nodes => nodes.map((node) => node.getAttribute('d'))")
+        return paths
+
+    before = choose("metric", "1 − IoU")
+    acne = choose("metric", "acne")
+    assert len(acne) == len(before) and acne != before
+    assert 0 < len(choose("light", "sun")) < len(before)
+    choose("metric", "flips")
+    assert not first.is_visible() and last.is_visible()
+    assert choose("light", "all") == []
+    assert sorted(choose("metric", "1 − IoU")) == sorted(before)
+    for chart in (first, last):
+        box = chart.locator("svg").bounding_box()
+        assert box is not None and box["width"] > 300
+
+
+def test_a_break_shows_its_picture_and_whoever_breaks_there(visit: Callable[..., Visit]) -> None:
+    page = visit().page
+    box = page.locator("#stability .gallery")
+    images = [box.locator(f".tiles .of-{kind}") for kind in ("picture", "mask", "truth", "difference")]
+    assert all(is_seen(image) for image in images)
+    # A spec that holds at the place that is shown takes its own first break.
+    for spec in ("cube-map", "shadow-map"):
+        box.locator("select.spec").select_option(spec)
+        assert spec in (images[1].get_attribute("alt") or "")
+        assert all(is_seen(image) for image in images)
+    box.locator("select.place").select_option("map-size 16 texels, sun")
+    assert "leak" in box.locator(".scores").inner_text()
+    assert box.locator("select.size").is_hidden()

@@ -4,19 +4,17 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-import vl_convert
-
-from shadowbench.reports.analysis import Section, sections
+from shadowbench.reports.analysis import Section, sections, specs_of
 from shadowbench.reports.charts import default_size, figure, front_chart, pass_chart, size_chart
 from shadowbench.reports.folder import read_runs
 from shadowbench.reports.styles import COLORS, SHAPES, Styles, styles_of
-from tests.reports.conftest import CELLS, Cell
+from tests.reports.conftest import CELLS, Cell, texts
 
 Chart = dict[str, Any]
 
 
 def charts(section: Section) -> list[Chart]:
-    styles = styles_of([section], legend=True)
+    styles = styles_of(specs_of([section]), legend=True)
     made = front_chart(section, styles), size_chart(section, styles), pass_chart(section, default_size(section))
     return [chart for chart in made if chart is not None]
 
@@ -27,17 +25,6 @@ def domain(chart: Chart, channel: str) -> tuple[float, float]:
         for layer in chart["layer"]
         if "scale" in layer["encoding"].get(channel, {})
     }
-    return found
-
-
-def texts(chart: Chart) -> list[str]:
-    """What a chart says, once it is drawn."""
-    groups = [vl_convert.vegalite_to_scenegraph({**chart, "width": 600})["scenegraph"]]
-    found = []
-    while groups:
-        group = groups.pop()
-        groups += group.get("items", [])
-        found += [str(group["text"])] if "text" in group else []
     return found
 
 
@@ -102,7 +89,7 @@ def test_passes_are_those_of_one_map_size_and_of_what_has_no_map(section_of: Cal
 
 def test_what_was_not_timed_has_no_chart_of_times(section_of: Callable[..., Section]) -> None:
     section = section_of([Cell("a", 512, 0.1, None)])
-    styles = styles_of([section], legend=True)
+    styles = styles_of(specs_of([section]), legend=True)
     assert front_chart(section, styles) is None and pass_chart(section, 512) is None
     assert size_chart(section, styles) is not None
 

@@ -2,7 +2,6 @@
 
 import csv
 import io
-import json
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -15,32 +14,11 @@ from PIL import Image
 from shadowbench.reports import gallery
 from shadowbench.reports.gallery import difference
 from shadowbench.scores.difference import FALSE_LIGHT, FALSE_SHADOW
-from tests.reports.conftest import CELLS, SIDE, Cell
+from tests.reports.conftest import CELLS, SIDE, Cell, galleries, scripts
 
 Shadowbench = Callable[..., Any]
 Write = Callable[..., Path]
 SOFTWARE = "for trends only, no GPU's"
-
-
-def scripts(page: str) -> list[Any]:
-    found = re.findall(r'<script type="application/json"[^>]*>(.*?)</script>', page, re.DOTALL)
-    return [json.loads(text) for text in found]
-
-
-def galleries(page: str) -> list[Any]:
-    return [script for script in scripts(page) if "truths" in script]
-
-
-@pytest.fixture
-def page_of(shadowbench: Shadowbench, tmp_path: Path) -> Callable[..., str]:
-    """The HTML report of run folders, entities resolved where tests look for them."""
-
-    def make(*folders: Path) -> str:
-        answer = shadowbench("report", *folders, "-o", tmp_path / "report.html")
-        assert (answer.code, answer.err) == (0, "")
-        return (tmp_path / "report.html").read_text(encoding="utf-8").replace("&#39;", "'")
-
-    return make
 
 
 def test_a_page_shows_machine_command_assumptions_and_statuses(run_folder: Write, page_of: Callable[..., str]) -> None:

@@ -1,5 +1,6 @@
-"""Run folders as they are found: whole, cut short, measured twice, moved between machines, or no run folder at all."""
+"""Folders as they are found: whole, cut short, measured twice, moved between machines, or of no kind at all."""
 
+import json
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -7,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from shadowbench.errors import InputError
-from shadowbench.reports.folder import read_runs
-from tests.reports.conftest import Cell
+from shadowbench.reports.folder import read_folders, read_runs
+from tests.reports.conftest import POINTS, Cell
 
 Write = Callable[..., Path]
 
@@ -48,6 +49,34 @@ def test_a_folder_without_run_json_is_read_and_says_so(run_folder: Write) -> Non
 def test_every_assumption_is_listed_once(run_folder: Write) -> None:
     (run,) = read_runs([run_folder()])
     assert run.assumptions == ["no camera: assumed one", "no light: assumed a sun"]
+
+
+def test_runs_and_sweeps_are_told_apart_by_their_rows(run_folder: Write, sweep_folder: Write) -> None:
+    runs, sweeps = read_folders([sweep_folder(name="b"), run_folder(name="a"), sweep_folder(name="c")])
+    assert [one.label for one in runs] == ["a"] and [one.label for one in sweeps] == ["b", "c"]
+    assert len(sweeps[0].rows) == len(POINTS)
+
+
+def test_what_asks_for_runs_alone_refuses_a_sweep(sweep_folder: Write) -> None:
+    with pytest.raises(InputError, match=r"sweep: found a sweep of `shadowbench stress`; allowed: a folder of a run"):
+        read_runs([sweep_folder()])
+
+
+def test_rows_of_both_kinds_in_a_folder_are_one_line(run_folder: Write, sweep_folder: Write) -> None:
+    folder = run_folder()
+    with (folder / "rows.jsonl").open("a") as rows:
+        rows.write((sweep_folder() / "rows.jsonl").read_text())
+    with pytest.raises(InputError, match=r"found cells of `run` and of `stress`; allowed: those of one"):
+        read_folders([folder])
+
+
+def test_a_row_on_an_axis_that_lacks_its_place_is_one_line(sweep_folder: Write) -> None:
+    folder = sweep_folder()
+    row = POINTS[0].record()
+    del row["home_spec"]
+    (folder / "rows.jsonl").write_text(json.dumps(row) + "\n")
+    with pytest.raises(InputError, match=r"rows\.jsonl line 1: found something else; allowed: a row of schema 1"):
+        read_folders([folder])
 
 
 def no_folder(folder: Path) -> None:

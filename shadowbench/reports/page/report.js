@@ -3,8 +3,11 @@
 
 const read = (id) => JSON.parse(document.getElementById(id).textContent);
 
+const narrow = matchMedia("(max-width: 760px)");
+
 async function draw(place) {
-  const { view } = await vegaEmbed(place, read(place.dataset.chart), { actions: false, renderer: "svg" });
+  const chart = narrow.matches && place.dataset.narrow || place.dataset.chart;
+  const { view } = await vegaEmbed(place, read(chart), { actions: false, renderer: "svg" });
   place.view = view;
   if (place.matches(".front")) {
     place.domains = { zoom_ms: view.scale("x").domain(), zoom_drawn: view.scale("y").domain() };
@@ -29,7 +32,7 @@ function zoom(place, factor) {
 const breakable = (text) => text.split(/(?<=[,:(])/).flatMap((piece) => [piece, document.createElement("wbr")]);
 
 function pick(article, spec) {
-  for (const place of article.querySelectorAll(".front, .sizes")) {
+  for (const place of article.querySelectorAll(".chart.front, .chart.sizes, .chart.axis")) {
     if (place.view) place.view.signal("pick", spec).runAsync();
   }
 }
@@ -101,7 +104,7 @@ function gallery(box) {
     const anywhere = distinct("place");
     fill(places, anywhere, cell.place);
     find(".place-label").hidden = anywhere.length < 2;
-    find(".scores").textContent = `IoU ${cell.iou}, edge ${cell.edge}, ${cell.ms}`;
+    find(".scores").textContent = cell.said;
     image("of-mask", cell.mask);
     image("of-truth", truths[cell.place]);
     image("of-picture", cell.picture);
@@ -111,7 +114,7 @@ function gallery(box) {
     name("of-picture", `Picture with the shadows of ${what}`);
     name("of-mask", `Mask of ${what}`);
     name("of-truth", "Ray-traced truth");
-    name("of-difference", `Difference of ${what} from the truth: IoU ${cell.iou}`);
+    name("of-difference", `Difference of ${what} from the truth: ${cell.iou}`);
     sheet();
   }
 
@@ -128,7 +131,7 @@ function gallery(box) {
         button.append(picture);
       }
       const score = document.createElement("b");
-      score.textContent = `IoU ${cell.iou}`;
+      score.textContent = cell.iou;
       const label = document.createElement("span");
       label.append(...breakable(`${cell.spec}${cell.size ? ` at ${cell.size}` : ""}`));
       button.append(score, label);
@@ -141,7 +144,8 @@ function gallery(box) {
     }));
   }
 
-  specs.addEventListener("change", () => show(nearest(specs.value, wanted, now.place)));
+  // A spec need not have a cell at every place.
+  specs.addEventListener("change", () => show(nearest(specs.value, wanted, now.place) ?? cells.find((cell) => cell.spec === specs.value)));
   sizes.addEventListener("change", () => {
     wanted = Number(sizes.value) || wanted;
     show(nearest(now.spec, wanted, now.place));
@@ -167,6 +171,16 @@ for (const article of document.querySelectorAll("article")) legend(article);
 for (const box of document.querySelectorAll(".gallery")) gallery(box);
 for (const button of document.querySelectorAll("[data-zoom]")) {
   button.addEventListener("click", () => zoom(button.closest("figure").querySelector(".chart"), Number(button.dataset.zoom)));
+}
+for (const select of document.querySelectorAll("[data-signal]")) {
+  select.addEventListener("change", () => {
+    const article = select.closest("article");
+    for (const figure of article.querySelectorAll("[data-metrics]")) {
+      figure.hidden = !figure.dataset.metrics.split("|").includes(article.querySelector("[data-signal=metric]").value);
+    }
+    for (const place of article.querySelectorAll(".chart.axis")) place.view.signal(select.dataset.signal, select.value).runAsync();
+    dispatchEvent(new Event("resize")); // what was hidden has had no width
+  });
 }
 for (const select of document.querySelectorAll(".pass-size")) {
   select.addEventListener("change", () => {

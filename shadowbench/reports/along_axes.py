@@ -1,0 +1,176 @@
+"""The metrics of a sweep along an axis as Vega-Lite, a line for each technique and kind of light."""
+
+import json
+import math
+from collections.abc import Sequence
+
+from shadowbench.reports.axes import Chart
+from shadowbench.reports.charts import INK, LOOK, PICK, PICKED, chart_of
+from shadowbench.reports.stability import Stability
+from shadowbench.reports.styles import Styles
+from shadowbench.reports.words import digits
+from shadowbench.scenes.model import LightKind
+from shadowbench.studies.axes import Axis, Value, shown
+from shadowbench.studies.axes.model import NAMES
+from shadowbench.studies.ranges import TOLERANCES, OperatingRange, failure, value_text
+from shadowbench.studies.rows import Record
+
+ERROR = "1 − IoU"
+LIMITS: dict[str, float] = {ERROR: round(1 - TOLERANCES["iou"], 9)} | {
+    name: limit for name, limit in TOLERANCES.items() if name != "iou"
+}
+"""The metrics that are drawn along axes, all errors, and the most of each that is in tolerance."""
+ALL_LIGHTS = "all"
+_DASHES: dict[LightKind, list[int]] = {"directional": [1, 0], "spot": [7, 4], "point": [2, 3]}
+
+
+def axis_chart(found: Stability, axis: Axis, styles: Styles) -> Chart:
+    """The metric `metric` along an axis, a line a spec and light; a page sets `metric`, `light` and `pick`."""
+    chart = chart_of(f"Metrics along {axis.name}, {found.sweep.label}", *_along(found, axis, styles, "metric"), 230)
+    signals = [{"name": "metric", "value": ERROR}, {"name": "light", "value": ALL_LIGHTS}]
+    return {**chart, "params": [*chart["params"], *signals]}
+
+
+def axis_figure(found: Stability, axis: Axis, styles: Styles) -> Chart:
+    """All metrics along an axis, one below the other, for a paper."""
+    panels = []
+    for name in metrics_along(found, axis):
+        values, layer = _along(found, axis, styles, f"'{name}'")
+        panels.append(
+            {
+                "width": 760,
+                "height": 190,
+                "title": {"text": name, "anchor": "start"},
+                "data": {"values": values},
+                "layer": layer,
+            }
+        )
+    params = [PICK, {"name": "light", "value": ALL_LIGHTS}]
+    return {**LOOK, "description": f"Metrics along {axis.name}", "params": params, "vconcat": panels}
+
+
+def metrics_along(found: Stability, axis: Axis) -> list[str]:
+    """The metrics that have a value somewhere on an axis."""
+    rows = [row for one in found.ranges if one.axis is axis for row in found.rows_of(one)]
+    return [name for name in LIMITS if any(_errors(row)[name] is not None for row in rows)]
+
+
+def _along(found: Stability, axis: Axis, styles: Styles, metric: str) -> tuple[list[Chart], list[Chart]]:
+    """Points and layers of one panel; `metric` is an expression that names what is drawn."""
+    ranges = [
+        (kind, found.at[spec, axis.name, kind]) for spec, kind in found.lines if (spec, axis.name, kind) in found.at
+    ]
+    swept = [value for value in axis.values if any(value in one.swept for _, one in ranges)]
+    places = _places(axis, swept)
+    points = [
+        _point(one, NAMES[kind], row, places[row["axis_value"]]) for kind, one in ranges for row in found.rows_of(one)
+    ]
+    channels = styles.channels(one.spec for _, one in ranges)
+    faded = {"condition": {"test": PICKED, "value": 1}, "value": 0.07}
+    at, labels = json.dumps(list(places.values())), json.dumps([shown(value) for value in swept], ensure_ascii=False)
+    x = {
+        "field": "x",
+        "type": "quantitative",
+        "title": f"{axis.name}{f', {axis.unit}' if axis.unit else ''}; home: {shown(axis.home)}",
+        "scale": {"domain": [min(places.values()), max(places.values())], "nice": False, "zero": False, "padding": 12},
+        "axis": {
+            "values": list(places.values()),
+            "labelExpr": f"{labels}[indexof({at}, datum.value)]",
+            "labelOverlap": "greedy",
+            "grid": True,
+        },
+    }
+    y = {
+        "field": "y",
+        "type": "quantitative",
+        "title": None,
+        "scale": {"type": "symlog", "constant": 1e-4, "domain": [0, 1], "nice": False},
+        "axis": {"values": [0, 1e-4, 1e-3, 1e-2, 1e-1, 1], "format": ".2~%"},
+    }
+    dash = {
+        "field": "light",
+        "title": None,
+        "legend": {"orient": "bottom", "symbolType": "stroke"} if styles.legend else None,
+        "scale": {"domain": list(NAMES.values()), "range": [_DASHES[kind] for kind in NAMES]},
+    }
+    chosen = {"filter": f"light == '{ALL_LIGHTS}' || datum.light == light"}
+    drawn = [chosen, {"calculate": f"datum[{metric}]", "as": "y"}, {"filter": "isValid(datum.y)"}]
+    tooltip = [{"field": name} for name in ("spec", "light", "at", "scores", "verdict")]
+    limit = {"data": {"values": [LIMITS]}, "transform": [{"calculate": f"datum[{metric}]", "as": "y"}]}
+    layer: list[Chart] = [
+        {**limit, "mark": {"type": "rule", "color": INK, "strokeDash": [2, 2]}, "encoding": {"y": y}},
+        {
+            **limit,
+            "mark": {"type": "text", "align": "left", "dx": 3, "dy": -6, "fontSize": 10.5, "color": INK},
+            "encoding": {"x": {"value": 0}, "y": y, "text": {"value": "tolerance"}},
+        },
+        {
+            "transform": drawn,
+            "mark": {"type": "line", "strokeWidth": 1.6},
+            "encoding": {
+                "x": x,
+                "y": y,
+                "color": channels["color"],
+                "strokeDash": dash,
+                "detail": [{"field": "spec"}, {"field": "light"}],
+                "order": {"field": "x"},
+                "opacity": faded,
+            },
+        },
+        {
+            "transform": drawn,
+            "mark": {"type": "point", "filled": True, "size": 44, "strokeWidth": 1.2, "cursor": "crosshair"},
+            "encoding": {
+                "x": x,
+                "y": y,
+                **channels,
+                "stroke": {"condition": {"test": "datum.broken", "value": INK}, "value": None},
+                "opacity": faded,
+                "tooltip": tooltip,
+            },
+        },
+        {
+            "transform": [chosen, {"filter": "datum.ended"}],
+            "mark": {"type": "text", "text": "✕", "fontSize": 14, "fontWeight": "bold", "cursor": "crosshair"},
+            "encoding": {"x": x, "y": {"value": 7}, "color": channels["color"], "opacity": faded, "tooltip": tooltip},
+        },
+    ]
+    return points, layer
+
+
+def _point(one: OperatingRange, light: str, row: Record, x: float) -> Chart:
+    """A row as the data of a chart; metrics that have no value are null."""
+    broken, status = failure(row), str(row["status"])
+    errors = _errors(row)
+    if status == "ok":
+        verdict = "holds" if broken is None else f"out of tolerance: {broken}"
+        scores = ", ".join(f"{name} {digits(value)}" for name, value in errors.items() if value is not None)
+    else:
+        verdict, scores = status, "none"
+    return {
+        "spec": one.spec,
+        "light": light,
+        "at": value_text(one.axis, row["axis_value"]),
+        "x": x,
+        **errors,
+        "scores": scores,
+        "verdict": verdict,
+        "broken": broken is not None,
+        "ended": broken is not None and status != "ok",
+    }
+
+
+def _errors(row: Record) -> dict[str, float | None]:
+    """The metrics that are drawn, None where the row has none."""
+    values = dict(row.get("metrics", {})) | {"flips": row.get("flips")}
+    iou = values.get("iou")
+    return {name: (None if iou is None else 1 - iou) if name == ERROR else values.get(name) for name in LIMITS}
+
+
+def _places(axis: Axis, values: Sequence[Value]) -> dict[Value, float]:
+    """Where values stand, in the axis' own order: by logarithm where they span a decade, else one step apart."""
+    numbers = [float(value) for value in values if not isinstance(value, str)]
+    if len(numbers) < len(values) or len(numbers) < 2 or min(numbers) <= 0 or max(numbers) < 10 * min(numbers):
+        return {value: float(index) for index, value in enumerate(values)}
+    sign = 1.0 if numbers[0] < numbers[-1] else -1.0
+    return {value: sign * round(math.log10(float(value)), 9) for value in values}
