@@ -28,7 +28,8 @@ test: lint
 
 test-slow:
 	@sh tools/setup.sh chromium
-	$(bin)/pytest -q -m slow
+	$(bin)/pytest -q -m "slow and not alone" $(two_cores)
+	$(bin)/pytest -q -m "slow and alone"
 	$(gl_4_1) $(bin)/pytest -q -m "not slow and not alone" $(two_cores) tests/gl tests/techniques
 
 lint: setup

@@ -79,6 +79,7 @@ def test_a_selection_carries_its_scores_and_two_saved_runs_can_be_compared(tmp_p
 
 
 @pytest.mark.slow
+@pytest.mark.alone
 def test_growth_is_fitted_printed_and_saved(tmp_path: Path) -> None:
     file = tmp_path / "growth.json"
     chosen = "(test_triangles and unshadowed and (1280 or 20480)) or (test_a_cell and (512 or 1024))"
