@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from shadowbench import __version__
-from shadowbench.cli import about, engines, measure, results
+from shadowbench.cli import about, choose, engines, measure, results
 
 _STOPPED = 130
 # Typer brought its own copy of click in 2025; either way this is what it raises for a wrong command line.
@@ -22,7 +22,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for part in (measure, results, engines, about):  # as --help lists them
+for part in (measure, results, choose, engines, about):  # as --help lists them
     app.add_typer(part.app)
 
 

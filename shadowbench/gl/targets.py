@@ -1,9 +1,11 @@
 """Targets to draw depth and stencil into, of a chosen format that is checked with the driver.
 
-moderngl knows neither the formats nor depth arrays, so textures of its own are respecified, and layered ones made raw.
+moderngl knows neither the formats nor depth arrays, so depth textures are made raw: once, where respecifying one of its
+own would fill a large map twice.
 """
 
 import ctypes
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -15,6 +17,7 @@ from shadowbench.gl.device import Device
 
 DepthFormat = Literal["d16", "d24", "d32f"]
 Layers = Literal["array", "cube"]
+Kind = Literal["2d", Layers]
 
 # internal format, type of the (absent) data, bits, step of stored values near 1
 _FORMATS: dict[DepthFormat, tuple[int, int, int, float]] = {
@@ -22,101 +25,73 @@ _FORMATS: dict[DepthFormat, tuple[int, int, int, float]] = {
     "d24": (0x81A6, 0x1405, 24, 2.0**-24),
     "d32f": (0x8CAC, 0x1406, 32, 2.0**-24),
 }
-_TEXTURE_2D, _TEXTURE_2D_ARRAY, _TEXTURE_CUBE_MAP, _FIRST_FACE = 0x0DE1, 0x8C1A, 0x8513, 0x8515
-_DEPTH_COMPONENT, _DEPTH_SIZE, _FLOAT = 0x1902, 0x884A, 0x1406
+_TEXTURE_2D, _FIRST_FACE = 0x0DE1, 0x8515
+_BINDINGS: dict[Kind, int] = {"2d": _TEXTURE_2D, "array": 0x8C1A, "cube": 0x8513}
+_PROXIES: dict[Kind, int] = {"2d": 0x8064, "array": 0x8C1B, "cube": 0x851B}
+_DEPTH_COMPONENT, _DEPTH_SIZE, _TEXTURE_WIDTH, _FLOAT = 0x1902, 0x884A, 0x1000, 0x1406
 _DEPTH_STENCIL, _DEPTH24_STENCIL8, _UNSIGNED_INT_24_8, _STENCIL_SIZE = 0x84F9, 0x88F0, 0x84FA, 0x88F1
-_PROXIES = {_TEXTURE_2D: 0x8064, _TEXTURE_2D_ARRAY: 0x8C1B, _TEXTURE_CUBE_MAP: 0x851B}
-_TEXTURE_WIDTH = 0x1000
 _FRAMEBUFFER, _DEPTH_ATTACHMENT, _DEPTH_STENCIL_ATTACHMENT, _STENCIL_BUFFER = 0x8D40, 0x8D00, 0x821A, 0x0400
 FACES = 6
 
 
 @dataclass(frozen=True, eq=False)
-class DepthTarget:
-    """A square depth texture that can be drawn into and read; `step` is the spacing of its values near 1."""
-
-    texture: moderngl.Texture
-    target: moderngl.Framebuffer
-    step: float
-    bytes: int
-
-    def release(self) -> None:
-        """Free the texture."""
-        self.target.release()
-        self.texture.release()
-
-
-def depth_target(device: Device, size: int, depth: DepthFormat) -> DepthTarget:
-    """A size × size target; raises RuntimeError when the driver gives another precision than asked for."""
-    internal, kind, bits, step = _FORMATS[depth]
-    texture = device.context.depth_texture((size, size))
-    raw = device.raw
-    raw("glBindTexture", _TEXTURE_2D, texture.glo)
-    raw("glTexImage2D", _TEXTURE_2D, 0, internal, size, size, 0, _DEPTH_COMPONENT, kind, None)
-    _check(device, _TEXTURE_2D, _DEPTH_SIZE, bits, f"a {depth} target of {size}²")
-    texture.compare_func = ""
-    return DepthTarget(texture, device.context.framebuffer(depth_attachment=texture), step, size * size * (bits // 8))
-
-
-def refused(
-    device: Device, size: int, depth: DepthFormat, kind: Literal["2d", Layers] = "2d", layers: int = 1
-) -> str | None:
-    """Why the driver would refuse such a map, in words, or None. Asked of proxy textures: nothing is allocated."""
-    internal, data, _, _ = _FORMATS[depth]
-    binding = {"2d": _TEXTURE_2D, "array": _TEXTURE_2D_ARRAY, "cube": _TEXTURE_CUBE_MAP}[kind]
-    proxy, width = _PROXIES[binding], ctypes.c_int()
-    if kind == "array":
-        device.raw("glTexImage3D", proxy, 0, internal, size, size, layers, 0, _DEPTH_COMPONENT, data, None)
-    else:
-        device.raw("glTexImage2D", proxy, 0, internal, size, size, 0, _DEPTH_COMPONENT, data, None)
-    device.raw("glGetTexLevelParameteriv", proxy, 0, _TEXTURE_WIDTH, ctypes.byref(width))
-    what = {"2d": "a map", "array": f"{layers} maps", "cube": "a cube"}[kind]
-    return None if width.value == size else f"the driver refuses {what} of {size}² texels in {depth}"
-
-
-@dataclass(frozen=True, eq=False)
-class LayeredTexture:
-    """A depth texture of several layers: an array, or the faces +X −X +Y −Y +Z −Z of a cube."""
+class DepthTexture:
+    """A square depth texture: of one layer, an array of them, or the faces +X −X +Y −Y +Z −Z of a cube."""
 
     device: Device
     glo: int
-    kind: Layers
+    kind: Kind
     size: int
     layers: int
-
-    @property
-    def _binding(self) -> int:
-        return _TEXTURE_CUBE_MAP if self.kind == "cube" else _TEXTURE_2D_ARRAY
 
     def use(self, location: int = 0) -> None:
         """Bind to a texture unit, as moderngl's textures do."""
         self.device.raw("glActiveTexture", 0x84C0 + location)
-        self.device.raw("glBindTexture", self._binding, self.glo)
+        self.device.raw("glBindTexture", _BINDINGS[self.kind], self.glo)
 
     def read(self) -> NDArray[np.float32]:
-        """(layers, size, size) stored depths, row 0 of each at the bottom as OpenGL has it."""
+        """(layers, size, size) stored depths, row 0 of each at the bottom as OpenGL has it; a cube's at the top."""
         depths = np.empty((self.layers, self.size, self.size), dtype=np.float32)
         self.use()
-        parts = list(enumerate(depths)) if self.kind == "cube" else [(0, depths)]
-        for face, part in parts:
-            place = _FIRST_FACE + face if self.kind == "cube" else _TEXTURE_2D_ARRAY
+        parts = [*depths] if self.kind == "cube" else [depths]
+        for place, part in zip(self._places(), parts, strict=True):
             self.device.raw("glGetTexImage", place, 0, _DEPTH_COMPONENT, _FLOAT, part.ctypes.data)
         return depths
+
+    def attach(self, framebuffer: moderngl.Framebuffer, layer: int | None = None) -> None:
+        """Make it, or one of its layers, the depth of a framebuffer; of several layers the whole is a layered one."""
+        raw = self.device.raw
+        framebuffer.use()
+        raw("glBindFramebuffer", _FRAMEBUFFER, framebuffer.glo)
+        if layer is None or self.kind == "2d":
+            raw("glFramebufferTexture", _FRAMEBUFFER, _DEPTH_ATTACHMENT, self.glo, 0)
+        elif self.kind == "cube":  # OpenGL 4.1 has no other way to name a face
+            face = _FIRST_FACE + layer
+            raw("glFramebufferTexture2D", _FRAMEBUFFER, _DEPTH_ATTACHMENT, face, self.glo, 0)
+        else:
+            raw("glFramebufferTextureLayer", _FRAMEBUFFER, _DEPTH_ATTACHMENT, self.glo, 0, layer)
 
     def release(self) -> None:
         """Free the texture."""
         self.device.raw("glDeleteTextures", 1, ctypes.byref(ctypes.c_uint(self.glo)))
 
+    def _places(self) -> Iterator[int]:
+        """Where the images of the texture are specified and read."""
+        if self.kind == "cube":
+            yield from range(_FIRST_FACE, _FIRST_FACE + FACES)
+        else:
+            yield _BINDINGS[self.kind]
+
 
 @dataclass(frozen=True, eq=False)
-class LayeredTarget:
-    """A layered depth texture to draw into.
+class DepthTarget:
+    """A depth texture to draw into.
 
-    `target` has all layers, `gl_Layer` choosing one, and clears all; `each` has one layer apiece. `step` is the spacing
-    of stored values near 1.
+    `target` has all layers, `gl_Layer` choosing one, and clears all; `each` has one layer apiece, none where there is
+    but one. `step` is the spacing of stored values near 1.
     """
 
-    texture: LayeredTexture
+    texture: DepthTexture
     target: moderngl.Framebuffer
     each: tuple[moderngl.Framebuffer, ...]
     step: float
@@ -129,41 +104,51 @@ class LayeredTarget:
         self.texture.release()
 
 
-def layered_target(device: Device, size: int, depth: DepthFormat, kind: Layers, layers: int = FACES) -> LayeredTarget:
-    """Layers of size × size; raises RuntimeError when the driver gives another precision than asked for."""
+def depth_target(device: Device, size: int, depth: DepthFormat, kind: Kind = "2d", layers: int = 1) -> DepthTarget:
+    """Layers of size × size, six for a cube; raises RuntimeError when the driver gives another precision."""
     internal, data, bits, step = _FORMATS[depth]
-    raw, name = device.raw, ctypes.c_uint()
-    raw("glGenTextures", 1, ctypes.byref(name))
-    texture = LayeredTexture(device, name.value, kind, size, layers)
+    layers = FACES if kind == "cube" else layers
+    name = ctypes.c_uint()
+    device.raw("glGenTextures", 1, ctypes.byref(name))
+    texture = DepthTexture(device, name.value, kind, size, layers)
     texture.use()
-    if kind == "cube":
-        for face in range(layers):
-            image = (0, internal, size, size, 0, _DEPTH_COMPONENT, data, None)
-            raw("glTexImage2D", _FIRST_FACE + face, *image)
+    places = list(texture._places())
+    for place in places:
+        _specify(device, place, kind, internal, size, layers, data)
+    what = f"a {depth} target of {size}²" if kind == "2d" else f"{layers} layers of {size}² in {depth}"
+    _check(device, places[0], _DEPTH_SIZE, bits, what)
+    whole, *each = (_framebuffer(device, size) for _ in range(1 if kind == "2d" else 1 + layers))
+    texture.attach(whole)
+    for layer, framebuffer in enumerate(each):
+        texture.attach(framebuffer, layer)
+    device.check(what)
+    return DepthTarget(texture, whole, tuple(each), step, layers * size * size * (bits // 8))
+
+
+def refused(device: Device, size: int, depth: DepthFormat, kind: Kind = "2d", layers: int = 1) -> str | None:
+    """Why the driver would refuse such a map, in words, or None. Asked of proxy textures: nothing is allocated."""
+    internal, data, _, _ = _FORMATS[depth]
+    _specify(device, _PROXIES[kind], kind, internal, size, layers, data)
+    width = ctypes.c_int()
+    device.raw("glGetTexLevelParameteriv", _PROXIES[kind], 0, _TEXTURE_WIDTH, ctypes.byref(width))
+    what = {"2d": "a map", "array": f"{layers} maps", "cube": "a cube"}[kind]
+    return None if width.value == size else f"the driver refuses {what} of {size}² texels in {depth}"
+
+
+def _specify(device: Device, place: int, kind: Kind, internal: int, size: int, layers: int, data: int) -> None:
+    """Give a texture, bound or a proxy, an image without content."""
+    if kind == "array":
+        device.raw("glTexImage3D", place, 0, internal, size, size, layers, 0, _DEPTH_COMPONENT, data, None)
     else:
-        raw("glTexImage3D", _TEXTURE_2D_ARRAY, 0, internal, size, size, layers, 0, _DEPTH_COMPONENT, data, None)
-    place = _FIRST_FACE if kind == "cube" else _TEXTURE_2D_ARRAY
-    _check(device, place, _DEPTH_SIZE, bits, f"{layers} layers of {size}² in {depth}")
-    whole = _framebuffer(device, size)
-    raw("glFramebufferTexture", _FRAMEBUFFER, _DEPTH_ATTACHMENT, texture.glo, 0)
-    each = []
-    for layer in range(layers):
-        each.append(_framebuffer(device, size))
-        if kind == "cube":  # OpenGL 4.1 has no other way to name a face
-            raw("glFramebufferTexture2D", _FRAMEBUFFER, _DEPTH_ATTACHMENT, _FIRST_FACE + layer, texture.glo, 0)
-        else:
-            raw("glFramebufferTextureLayer", _FRAMEBUFFER, _DEPTH_ATTACHMENT, texture.glo, 0, layer)
-    device.check(f"{layers} layers of {size}² in {depth}")
-    return LayeredTarget(texture, whole, tuple(each), step, layers * size * size * (bits // 8))
+        device.raw("glTexImage2D", place, 0, internal, size, size, 0, _DEPTH_COMPONENT, data, None)
 
 
 def _framebuffer(device: Device, size: int) -> moderngl.Framebuffer:
-    """A bound depth framebuffer whose attachment is about to be replaced: moderngl needs one to know the size."""
-    placeholder = device.context.depth_renderbuffer((size, size))
+    """A framebuffer whose depth is about to be attached: moderngl makes none without an attachment."""
+    placeholder = device.context.depth_renderbuffer((1, 1))
     framebuffer = device.context.framebuffer(depth_attachment=placeholder)
     placeholder.release()
-    framebuffer.use()
-    device.raw("glBindFramebuffer", _FRAMEBUFFER, framebuffer.glo)
+    framebuffer.viewport = (0, 0, size, size)
     return framebuffer
 
 

@@ -86,7 +86,7 @@ class Cascades(Technique):
         params = self.params
         self.stage = stage
         self.hull = CasterHull(stage.scene)
-        self.map = stage.layered_target(params.size, params.depth, "array", params.count)
+        self.map = stage.depth_target(params.size, params.depth, "array", params.count)
         self.radius = params.filter.radius(params.size)
         self.defines = {"LAYERS": params.count, "MAP_ARRAY": 1, "REVERSED": 0, "FAR_RULE_LIT": 1}
         if params.layers == "geometry":

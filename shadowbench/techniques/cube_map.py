@@ -65,7 +65,7 @@ class CubeMap(Technique):
         params = self.params
         self.stage = stage
         self.hull = CasterHull(stage.scene)
-        self.map = stage.layered_target(params.size, params.depth, "cube")
+        self.map = stage.depth_target(params.size, params.depth, "cube")
         geometry = "cube-map/faces.geom" if params.layers == "geometry" else None
         self.depth_program = stage.program("cube-map/casters.vert", "cube-map/depth.frag", geometry, params=params)
         self.resolve_program = stage.program(

@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.gl.device import Device
-from shadowbench.gl.gbuffer import download
 from shadowbench.gl.program import Wrap
 from shadowbench.gl.targets import DepthFormat, refused
 from shadowbench.scenes.model import View
@@ -102,7 +101,7 @@ class ShadowMap(Technique):
         return self.visibility
 
     def map_image(self) -> NDArray[np.float32] | None:
-        depths = download(self.map.texture)[..., 0].astype(np.float64)
+        depths = self.map.texture.read()[0, ::-1].astype(np.float64)
         return self.seen.linear(depths, self.params.reversed).astype(np.float32)
 
     def facts(self) -> dict[str, float]:

@@ -14,14 +14,12 @@ from shadowbench.gl.geometry import DeviceGeometry
 from shadowbench.gl.program import Drawable, Program, link
 from shadowbench.gl.shaders import compose
 from shadowbench.gl.targets import (
-    FACES,
     DepthFormat,
     DepthTarget,
-    LayeredTarget,
-    Layers,
+    DepthTexture,
+    Kind,
     StencilTarget,
     depth_target,
-    layered_target,
     stencil_target,
 )
 from shadowbench.scenes.model import Placement, Scene
@@ -82,21 +80,20 @@ class Stage:
         self._hold(texture, size[0] * size[1] * components * _WIDTHS[dtype])
         return texture
 
-    def target(self, *textures: moderngl.Texture, depth: moderngl.Texture | None = None) -> moderngl.Framebuffer:
+    def target(
+        self, *textures: moderngl.Texture, depth: moderngl.Texture | DepthTexture | None = None
+    ) -> moderngl.Framebuffer:
         """A framebuffer that draws into textures, with a depth texture (of a `depth_target`, say) if given."""
-        framebuffer = self.device.context.framebuffer(list(textures), depth)
+        theirs = None if isinstance(depth, DepthTexture) else depth
+        framebuffer = self.device.context.framebuffer(list(textures), theirs)
+        if isinstance(depth, DepthTexture):
+            depth.attach(framebuffer)
         self._held.append(framebuffer)
         return framebuffer
 
-    def depth_target(self, size: int, depth: DepthFormat) -> DepthTarget:
-        """A square depth map to draw into and read."""
-        target = depth_target(self.device, size, depth)
-        self._hold(target, target.bytes)
-        return target
-
-    def layered_target(self, size: int, depth: DepthFormat, kind: Layers, layers: int = FACES) -> LayeredTarget:
-        """Square depth maps in one texture: an array of so many layers, or the six faces of a cube."""
-        target = layered_target(self.device, size, depth, kind, layers)
+    def depth_target(self, size: int, depth: DepthFormat, kind: Kind = "2d", layers: int = 1) -> DepthTarget:
+        """A square depth map to draw into and read; an array of so many layers, or the six faces of a cube."""
+        target = depth_target(self.device, size, depth, kind, layers)
         self._hold(target, target.bytes)
         return target
 

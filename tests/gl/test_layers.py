@@ -6,7 +6,7 @@ import pytest
 
 from shadowbench.gl.device import Device
 from shadowbench.gl.program import Drawable, Sampling, State, Stencil
-from shadowbench.gl.targets import layered_target, stencil_target
+from shadowbench.gl.targets import depth_target, stencil_target
 
 AT_DEPTH = """
 uniform float depth;
@@ -35,7 +35,7 @@ def at_depth(device: Device, program):
 @pytest.mark.parametrize("kind", ["array", "cube"])
 @pytest.mark.parametrize("depth", BYTES)
 def test_each_layer_is_drawn_into_and_read_by_itself(device: Device, at_depth, kind: str, depth: str) -> None:
-    layers = layered_target(device, 4, depth, kind)
+    layers = depth_target(device, 4, depth, kind, 6)
     layers.target.clear(depth=1.0)
     for layer, target in enumerate(layers.each):
         at_depth(target, layer / 8)
@@ -48,7 +48,7 @@ def test_each_layer_is_drawn_into_and_read_by_itself(device: Device, at_depth, k
 
 @pytest.mark.parametrize("kind", ["array", "cube"])
 def test_clearing_the_whole_clears_every_layer(device: Device, at_depth, kind: str) -> None:
-    layers = layered_target(device, 4, "d32f", kind)
+    layers = depth_target(device, 4, "d32f", kind, 6)
     for target in layers.each:
         at_depth(target, 0.25, State())
     layers.target.clear(depth=0.75)
@@ -57,7 +57,7 @@ def test_clearing_the_whole_clears_every_layer(device: Device, at_depth, kind: s
 
 
 def test_row_0_of_a_layer_is_its_bottom(device: Device, at_depth) -> None:
-    layers = layered_target(device, 4, "d32f", "array", 2)
+    layers = depth_target(device, 4, "d32f", "array", 2)
     layers.target.clear(depth=1.0)
     layers.each[1].viewport = (0, 0, 4, 2)
     at_depth(layers.each[1], 0.5)
@@ -66,7 +66,7 @@ def test_row_0_of_a_layer_is_its_bottom(device: Device, at_depth) -> None:
 
 
 def test_an_array_is_sampled_and_compared_by_layer(device: Device, at_depth, program, paint) -> None:
-    layers = layered_target(device, 4, "d32f", "array", 3)
+    layers = depth_target(device, 4, "d32f", "array", 3)
     for layer, target in enumerate(layers.each):
         target.clear(depth=0.25 + 0.25 * layer)
     read = program(
@@ -87,7 +87,7 @@ def test_an_array_is_sampled_and_compared_by_layer(device: Device, at_depth, pro
     list(enumerate(["1,0,0", "-1,0,0", "0,1,0", "0,-1,0", "0,0,1", "0,0,-1"])),
 )
 def test_a_cube_is_sampled_by_direction(device: Device, program, paint, face: int, direction: str) -> None:
-    layers = layered_target(device, 4, "d32f", "cube")
+    layers = depth_target(device, 4, "d32f", "cube")
     for layer, target in enumerate(layers.each):
         target.clear(depth=layer / 8)
     read = program(
@@ -163,7 +163,7 @@ def test_blending_and_what_is_left_after_it(device: Device, program, blend: str,
 
 
 def test_a_depth_that_is_not_written_is_tested_all_the_same(device: Device, at_depth) -> None:
-    layers = layered_target(device, 4, "d32f", "array", 1)
+    layers = depth_target(device, 4, "d32f", "array", 1)
     layers.target.clear(depth=1.0)
     at_depth(layers.each[0], 0.25, State(depth_test="<", depth_write=False))
     assert (layers.texture.read() == 1).all()

@@ -1,0 +1,83 @@
+"""What casts: whether it is closed, and how many edges of it are outlines for the light."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
+
+from shadowbench.scenes.model import Floats, View
+
+
+@dataclass(frozen=True)
+class Casters:
+    """The triangles that cast. Exact: all of them are looked at.
+
+    closed: how many of them are in closed parts wound outwards, a part being what hangs together; silhouette: edges
+    that bound what the light sees, from which volumes are extruded; edges: how many there are in all.
+    """
+
+    triangles: int
+    closed: int
+    silhouette: int
+    edges: int
+
+
+def casters_of(view: View) -> Casters:
+    """The casters of a view. Vertices at one place are one, as scene files are loaded."""
+    geometry = view.scene.geometry
+    faces = geometry.caster_faces.astype(np.int64)
+    if not len(faces):
+        return Casters(0, 0, 0, 0)
+    a, normal = _spanned(geometry.vertices, geometry.caster_faces)
+    source, w = view.light.homogeneous
+    towards = np.array(source, dtype=a.dtype)[:, None] - w * a if w else np.array(source)[:, None]
+    side = np.where(np.einsum("ij,ij->j", *np.broadcast_arrays(normal, towards)) > 0, np.int8(1), np.int8(-1))
+
+    start, end = faces.T.ravel(), np.roll(faces, -1, axis=1).T.ravel()  # side k of all triangles, then side k + 1
+    low, high = np.minimum(start, end), np.maximum(start, end)
+    edge = low * len(geometry.vertices) + high
+    order = np.argsort(edge)
+    first = np.flatnonzero(np.diff(edge[order], prepend=-1))
+    way = np.where(start < end, np.int8(1), np.int8(-1))
+    # Each triangle adds its walls in the sense that the light sees it; where they cancel there is none.
+    walls = np.add.reduceat((way * np.tile(side, 3))[order], first, dtype=np.int32)
+    balance = np.add.reduceat(way[order], first, dtype=np.int32)
+    loose = low[order[first[balance != 0]]]
+    return Casters(
+        triangles=len(faces),
+        closed=int(np.count_nonzero(_closed(faces, np.einsum("ij,ij->j", a, normal), loose, len(geometry.vertices)))),
+        silhouette=int(np.count_nonzero(walls)),
+        edges=len(first),
+    )
+
+
+def _spanned(vertices: Floats, faces: NDArray[np.int32]) -> tuple[Floats, Floats]:
+    """(3, F) first corners, and normals as long as twice the area; counter-clockwise triangles face theirs."""
+    a, b, c = (np.ascontiguousarray(vertices.take(faces[:, k], axis=0).T) for k in range(3))
+    b -= a
+    c -= a
+    normal = np.empty_like(a)
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        np.multiply(b[i], c[j], out=normal[k])
+        normal[k] -= b[j] * c[i]
+    return a, normal
+
+
+def _closed(faces: NDArray[np.int64], volume: Floats, loose: NDArray[np.int64], vertices: int) -> NDArray[np.bool_]:
+    """(F,) whether each triangle is of a part without a loose edge, that is wound outwards.
+
+    volume: (F,) of each triangle with the origin, of which a part's own is the sum, times six.
+    """
+    links = np.concatenate([faces[:, :2], faces[:, 1:]]).astype(np.int32)
+    ones = np.ones(len(links), dtype=np.int8)
+    graph = csr_matrix((ones, (links[:, 0], links[:, 1])), shape=(vertices, vertices))
+    parts, part = connected_components(graph, directed=False)
+    is_open = np.zeros(parts, dtype=bool)
+    is_open[part[loose]] = True
+    of = part[faces[:, 0]]
+    outwards = np.bincount(of, volume, minlength=parts) > 0
+    closed: NDArray[np.bool_] = (outwards & ~is_open)[of]
+    return closed

@@ -1,0 +1,135 @@
+"""Casters that can darken nothing that is seen: without them in the depth pass, the picture stays the same.
+
+Conservative: what is seen is kept in a grid across the light, in each cell the farthest of it, and a triangle matters
+if a cell that its bounds touch holds something behind its nearest corner.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shadowbench.needs.footprint import Footprint
+from shadowbench.needs.maps import FittedMap
+from shadowbench.needs.rays import Indices, Mask
+from shadowbench.scenes.model import Floats
+from shadowbench.techniques.lights import LightSpace
+
+CELLS = 1024  # along a side of the grid; a power of two
+ROUNDING = 1e-6  # of depths and bounds
+IN_FRONT = 1e-6  # local length in front of a lamp, nearer than which a triangle is kept whatever it can reach
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """Which casters matter.
+
+    triangles: how many cast; useless: how many of them can reach no visible receiver; matters: (C,) bool over
+    `geometry.caster_faces`. sure: whether every pixel was looked at; else what hides between samples may be missed.
+    """
+
+    triangles: int
+    useless: int
+    matters: Mask
+    sure: bool
+
+
+def reach_of(fitted: FittedMap) -> Reach:
+    """Which casters can stand between the light and a receiver that is seen."""
+    samples = fitted.samples
+    geometry = samples.view.scene.geometry
+    faces = geometry.caster_faces
+    matters = np.zeros(len(faces), dtype=bool)
+    for _, space, seen in fitted.parts():
+        if not seen.place.shape[1]:
+            continue
+        places, ahead = _projected(geometry.vertices, space)
+        low, high = _bounds(places, faces)
+        beyond = np.zeros(len(faces), dtype=bool)
+        if space.perspective:
+            behind = np.count_nonzero(ahead[faces] <= IN_FRONT, axis=1)
+            beyond = behind > 0
+            matters |= beyond & (behind < 3)  # through the lamp's own plane: no bounds
+        matters |= ~beyond & _touches(seen, samples.step, low, high)
+    return Reach(len(faces), int((~matters).sum()), matters, samples.step == 1)
+
+
+def _projected(vertices: Floats, space: LightSpace) -> tuple[Floats, Floats]:
+    """(3, V) light-space places of vertices, and (V,) how far ahead of the light they are."""
+    x, y, back = space.basis @ vertices.T - (space.basis @ space.origin)[:, None]
+    ahead: Floats = -back
+    if not space.perspective:
+        return np.stack([x, y, ahead]), ahead
+    in_front = np.maximum(ahead, IN_FRONT)
+    return np.stack([x / in_front, y / in_front, ahead]), ahead
+
+
+def _bounds(places: Floats, faces: NDArray[np.int32]) -> tuple[Floats, Floats]:
+    """(3, F) lowest and highest of each triangle."""
+    rows = np.ascontiguousarray(places.T)
+    a, b, c = (rows.take(faces[:, k], axis=0) for k in range(3))
+    low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+    return np.ascontiguousarray(low.T), np.ascontiguousarray(high.T)
+
+
+def _touches(seen: Footprint, step: int, low: Floats, high: Floats) -> Mask:
+    """(F,) whether triangles with these bounds may stand before what is seen, all of a pixel and a half step of it."""
+    half = np.abs(seen.jacobian).sum(axis=1) * ((step + 1) / 2)
+    depth = seen.place[2] + (np.abs(seen.slope) * half).sum(axis=0)
+    start, end = seen.place[:2] - half, seen.place[:2] + half
+    corner, far_corner = start.min(axis=1)[:, None], end.max(axis=1)[:, None]
+    cell = np.maximum(far_corner - corner, ROUNDING) / (CELLS - 2)
+
+    def cells(places: Floats) -> Indices:
+        found: Indices = np.clip((places - corner) / cell + 1.0, 0.0, CELLS - 1.0).astype(np.intp)
+        return found
+
+    farthest = _pyramid(cells(start), cells(end), depth)
+    first, last = cells(low[:2] - ROUNDING * cell), cells(high[:2] + ROUNDING * cell)
+    outside = (high[:2] < corner).any(axis=0) | (low[:2] > far_corner).any(axis=0)
+    within = np.flatnonzero(~outside)
+    touches = np.zeros(low.shape[1], dtype=bool)
+    found = _farthest(farthest, first[:, within], last[:, within])
+    touches[within] = found >= low[2, within] - ROUNDING * (1 + np.abs(low[2, within]))
+    return touches
+
+
+def _level(first: Indices, last: Indices) -> Indices:
+    """(N,) the finest level at which ranges of cells touch no more than 2 × 2."""
+    width = (last - first).max(axis=0)
+    level: Indices = np.ceil(np.log2(np.maximum(width, 1))).astype(np.intp)
+    return level
+
+
+def _pyramid(first: Indices, last: Indices, depth: Floats) -> list[Floats]:
+    """The farthest depth in each cell of ranges (2, N) of cells, and level by level in blocks of 2 × 2 of them."""
+    level = _level(first, last)
+    levels = [np.full((CELLS >> k, CELLS >> k), -np.inf) for k in range(int(np.log2(CELLS)) + 1)]
+    # Wide ranges go to coarse levels, and from there down to all that is below them.
+    for k in reversed(range(len(levels))):
+        mine, grid = level == k, levels[k]
+        for x in (first[0, mine] >> k, last[0, mine] >> k):
+            for y in (first[1, mine] >> k, last[1, mine] >> k):
+                np.maximum.at(grid, (x, y), depth[mine])
+        if k:
+            levels[k - 1] = np.maximum(levels[k - 1], grid.repeat(2, axis=0).repeat(2, axis=1))
+    for k in range(1, len(levels)):
+        fine = levels[k - 1]
+        levels[k] = np.maximum(
+            np.maximum(fine[::2, ::2], fine[1::2, ::2]), np.maximum(fine[::2, 1::2], fine[1::2, 1::2])
+        )
+    return levels
+
+
+def _farthest(levels: list[Floats], first: Indices, last: Indices) -> Floats:
+    """(F,) the farthest depth in ranges (2, F) of cells, or in somewhat more than them."""
+    level = _level(first, last)
+    # All levels in one row, so that a triangle's level is an offset.
+    offsets = np.cumsum([0, *(grid.size for grid in levels[:-1])])
+    row = np.concatenate([grid.ravel() for grid in levels])
+    side, offset = CELLS >> level, offsets[level]
+    found = np.full(first.shape[1], -np.inf)
+    for x in (first[0] >> level, last[0] >> level):
+        for y in (first[1] >> level, last[1] >> level):
+            found = np.maximum(found, row[offset + x * side + y])
+    return found

@@ -1,0 +1,67 @@
+"""All that a view asks of shadows, in one value."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+from shadowbench.errors import InputError
+from shadowbench.needs.cascades import CascadeSizes, cascades_of
+from shadowbench.needs.casters import Casters, casters_of
+from shadowbench.needs.depth import BiasNeed, DepthBits, bias_of, bits_of, depths_of
+from shadowbench.needs.maps import fitted_map
+from shadowbench.needs.penumbra import Penumbra, penumbra_of
+from shadowbench.needs.reach import Reach, reach_of
+from shadowbench.needs.receivers import Receivers, receivers_of
+from shadowbench.needs.sampling import sampled
+from shadowbench.needs.texels import Texels, texels_of
+from shadowbench.scenes.model import LightKind, View
+
+
+@dataclass(frozen=True)
+class Needs:
+    """What a view asks of shadows. None: there is nothing to ask it of.
+
+    light: its kind; receivers, casters: what they are; texels: how large one map must be; cascades: how large several,
+    for a directional light; bits, bias: of the depths that it stores; penumbra: for the light's size; reach: casters
+    that matter; pixels: how many were looked at, out of view_size².
+    """
+
+    light: LightKind
+    receivers: Receivers
+    casters: Casters
+    texels: Texels
+    cascades: CascadeSizes | None
+    bits: DepthBits | None
+    bias: BiasNeed | None
+    penumbra: Penumbra | None
+    reach: Reach
+    pixels: int
+    view_size: int
+
+
+def needs(view: View) -> Needs:
+    """The needs of a view that `view_of` made; raises InputError where nothing casts or no receiver is seen."""
+    if not len(view.scene.geometry.caster_faces):
+        raise InputError(
+            f"{view.scene.name}: no mesh casts a shadow, so that nothing needs a technique but `unshadowed`"
+        )
+    # What takes longest with many triangles runs beside the rest: NumPy and Embree let each other.
+    with ThreadPoolExecutor() as pool:
+        casters = pool.submit(casters_of, view)
+        samples = sampled(view)
+        fitted = fitted_map(samples)
+        reach = pool.submit(reach_of, fitted)
+        texels = texels_of(fitted)
+        depths = depths_of(fitted)
+        return Needs(
+            light=view.light.kind,
+            receivers=receivers_of(samples),
+            texels=texels,
+            cascades=cascades_of(fitted, texels),
+            bits=bits_of(fitted, depths),
+            bias=bias_of(fitted, depths),
+            penumbra=penumbra_of(samples),
+            casters=casters.result(),
+            reach=reach.result(),
+            pixels=(-(-view.size // samples.step)) ** 2,
+            view_size=view.size,
+        )

@@ -1,0 +1,66 @@
+"""Scenes of which every need is known: plates and boxes over a ground, seen from above or from a side."""
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+
+from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, view_of
+
+Place = tuple[float, float, float]
+
+DOWN = Light("sun", "directional", (0.0, -1.0, 0.0))
+LIGHTS = (
+    Light("sun", "directional", (0.5, -1.0, -0.3)),
+    Light("spot", "spot", (-0.5, -1.0, 0.2), (2.0, 4.0, -0.8), math.radians(70.0)),
+    Light("lamp", "point", position=(1.5, 3.0, -1.0)),
+)
+
+
+@pytest.fixture(params=LIGHTS, ids=lambda light: light.kind)
+def light(request: pytest.FixtureRequest) -> Light:
+    chosen: Light = request.param
+    return chosen
+
+
+def plate(side: float, center: Place = (0.0, 0.0, 0.0), name: str = "plate", **flags: bool) -> Mesh:
+    """A horizontal square, facing up."""
+    corners = np.array([[-1, 0, 1], [1, 0, 1], [1, 0, -1], [-1, 0, -1]]) * side / 2 + center
+    return Mesh(name, corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32), **flags)
+
+
+def box(side: float, center: Place, name: str = "box") -> Mesh:
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    faces = [face for a, b, c, d in quads for face in ((a, b, c), (a, c, d))]
+    return Mesh(name, signs * side / 2 + center, np.array(faces, dtype=np.int32))
+
+
+def looking(
+    meshes: Sequence[Mesh],
+    light: Light,
+    size: int = 64,
+    eye: Place = (2.3, 4.0, 3.4),
+    target: Place = (0.0, 0.0, 0.0),
+    fov: float = 50.0,
+) -> View:
+    camera = Camera("camera", eye, target, math.radians(fov))
+    return view_of(Scene("test", tuple(meshes), (camera,), (light,)), camera, light, size)
+
+
+def from_above(meshes: Sequence[Mesh], light: Light = DOWN, size: int = 64, width: float = 2.0) -> View:
+    """A picture so many metres wide at y = 0, from five times as high."""
+    height = 5 * width
+    return looking(meshes, light, size, (0.0, height, 0.0), fov=math.degrees(2 * math.atan(0.1)))
+
+
+@pytest.fixture(scope="session")
+def tilted() -> Callable[[float], Light]:
+    """A sun so many degrees above the horizon."""
+
+    def make(elevation: float) -> Light:
+        angle = math.radians(elevation)
+        return Light("sun", "directional", (math.cos(angle), -math.sin(angle), 0.0))
+
+    return make

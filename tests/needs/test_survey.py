@@ -1,0 +1,132 @@
+"""All needs of a scene at once, and the command that prints them."""
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+
+from shadowbench.errors import InputError
+from shadowbench.needs.receivers import receivers_of
+from shadowbench.needs.sampling import sampled
+from shadowbench.needs.survey import needs
+from shadowbench.needs.words import told
+from shadowbench.scenes.library import builtin_names
+from shadowbench.scenes.model import Light, Mesh
+from shadowbench.scenes.views import chosen_view
+from shadowbench.truth.trace import trace
+from tests.needs.conftest import box, from_above, looking, plate
+
+SUN = Light("sun", "directional", (0.5, -1.0, -0.3))
+FOUND = {"light", "receivers", "closed casters", "silhouette", "texel", "map size", "casters to leave out"}
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_every_scene_of_ours_has_needs_in_words(name: str) -> None:
+    found = needs(chosen_view(name, 128))
+    rows = told(found)
+    assert {row.need for row in rows} >= FOUND | {"map size, edges", "bias", "thinnest gap", "depth bits", "penumbra"}
+    assert all(row.number and row.reason and "nan" not in row.number + row.reason for row in rows)
+    assert ("cascades" in {row.need for row in rows}) == (found.light == "directional")
+
+
+def test_samples_are_the_receivers_and_shadows_of_the_truth(light: Light) -> None:
+    view = looking([plate(8.0), box(0.8, (0.0, 0.4, 0.0)), plate(0.6, (0.8, 1.0, 0.2))], light, size=128)
+    truth, samples = trace(view, 1), sampled(view)
+    receivers, shadow = np.zeros((2, 128 * 128), dtype=bool)
+    receivers[samples.pixel] = True
+    shadow[samples.pixel] = samples.shadowed
+    decided = ~truth.undecided.ravel()
+    np.testing.assert_array_equal(receivers[decided], truth.receivers.ravel()[decided])
+    np.testing.assert_array_equal(shadow[decided], truth.visibility.ravel()[decided] < 0.5)
+    blocked = samples.shadowed & decided[samples.pixel]
+    metres = samples.blocker[blocked] / samples.placement.scale
+    np.testing.assert_allclose(metres, truth.blocker.ravel()[samples.pixel[blocked]], rtol=1e-4, atol=1e-5)
+
+
+def test_planes_hold_all_of_a_box_on_a_ground_and_none_of_a_ball() -> None:
+    flat = receivers_of(sampled(looking([plate(8.0), box(0.8, (0.0, 0.4, 0.0))], SUN)))
+    assert flat.planar.value == 1.0 and flat.projection_suffices
+    made = trimesh.creation.icosphere(4)
+    ball = Mesh("ball", np.asarray(made.vertices), np.asarray(made.faces, dtype=np.int32))
+    assert receivers_of(sampled(looking([ball], SUN))).planar.value < 0.2
+
+
+def test_without_casters_there_is_nothing_to_need() -> None:
+    with pytest.raises(InputError, match="no mesh casts a shadow"):
+        needs(looking([plate(8.0, casts=False)], SUN))
+
+
+def test_without_receivers_there_is_nothing_to_need() -> None:
+    with pytest.raises(InputError, match="no pixel shows a receiver that 'sun' shines on"):
+        needs(looking([plate(8.0, receives=False)], SUN))
+    with pytest.raises(InputError, match="no pixel shows a receiver"):
+        needs(from_above([plate(8.0)], Light("sun", "directional", (0.0, 1.0, 0.0))))
+
+
+def test_a_lit_plane_alone_has_needs_too() -> None:
+    found = needs(from_above([plate(8.0)], SUN))
+    assert found.bits is None and found.penumbra is None and found.texels.edge_size is None
+    assert {row.need for row in told(found)} >= FOUND
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 513, 700])
+def test_views_of_any_size_have_needs(size: int) -> None:
+    found = needs(looking([plate(8.0), box(0.8, (0.0, 0.4, 0.0))], SUN, size=size))
+    assert found.view_size == size and 1 <= found.pixels <= 512**2
+    assert told(found)
+
+
+def test_the_command_prints_a_table_and_json(shadowbench: Callable[..., Any]) -> None:
+    table = shadowbench("needs", "cube-on-plane", "--view-size", "64")
+    assert table.code == 0 and "map size, edges" in table.out and not table.err
+    answer = shadowbench("needs", "cube-on-plane", "--view-size", "64", "--json")
+    found = json.loads(answer.out)
+    assert answer.code == 0 and found["casters"]["silhouette"] == 10 and found["reach"]["triangles"] == 14
+    assert {row["need"] for row in found["told"]} >= FOUND
+
+
+def test_the_command_says_how_much_it_looked_at(shadowbench: Callable[..., Any]) -> None:
+    answer = shadowbench("needs", "cube-on-plane", "--view-size", "1024")
+    assert answer.code == 0 and "25.0% of the pixels" in answer.err and "±" in answer.out
+
+
+def test_the_command_refuses_a_scene_without_casters(tmp_path: Path, shadowbench: Callable[..., Any]) -> None:
+    scene = tmp_path / "bare.toml"
+    scene.write_text('name = "bare"\n[[mesh]]\nshape = "plane"\ncasts = false\n')
+    answer = shadowbench("needs", scene, "-q")
+    assert answer.code == 2 and not answer.out and answer.err.count("\n") == 1
+    assert "no mesh casts a shadow" in answer.err
+
+
+def test_needs_make_no_opengl_context() -> None:
+    code = (
+        "import sys; from shadowbench.scenes.views import chosen_view; from shadowbench.needs.survey import needs;"
+        "needs(chosen_view('cube-on-plane', 32)); sys.exit('glcontext' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False, timeout=120).returncode == 0
+
+
+@pytest.mark.slow
+@pytest.mark.alone
+def test_a_million_triangles_take_less_than_two_seconds() -> None:
+    made = trimesh.creation.icosphere(7)
+    balls = [
+        Mesh("ball", np.asarray(made.vertices) * 0.4 + (k - 1.0, 0.4, 0.0), np.asarray(made.faces, dtype=np.int32))
+        for k in range(3)
+    ]
+    view = looking([plate(8.0), *balls], SUN, size=512)
+    count = len(view.scene.geometry.faces)
+    assert count == 2 + 3 * 327_680
+    taken = []
+    for _ in range(5):
+        start = time.perf_counter()
+        needs(view)
+        taken.append(time.perf_counter() - start)
+    assert min(taken) < 2.0 * count / 1e6
