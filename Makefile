@@ -30,7 +30,7 @@ test-slow:
 	@sh tools/setup.sh chromium
 	$(bin)/pytest -q -m "slow and not alone" $(two_cores)
 	$(bin)/pytest -q -m "slow and alone"
-	$(gl_4_1) $(bin)/pytest -q -m "not slow and not alone" $(two_cores) tests/gl tests/techniques
+	$(gl_4_1) $(bin)/pytest -q -m "not slow and not alone" $(two_cores) tests/gl tests/techniques tests/laws
 
 lint: setup
 	$(bin)/ruff format --check

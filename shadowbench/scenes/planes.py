@@ -145,7 +145,7 @@ def _cells(
         totals = np.bincount(group, areas)
         order = np.lexsort([-areas, group])
         ends = np.cumsum(np.bincount(group))
-        for index in np.argsort(-totals, kind="stable"):
+        for index in np.argsort(-np.round(totals, 9), kind="stable"):  # rounding must not order equal areas
             if totals[index] < least / 2:
                 break
             yield order[ends[index - 1] if index else 0 : ends[index]]

@@ -9,8 +9,6 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from shadowbench.gl.gbuffer import download
-
 SIZE = 192
 EDGE = 2e-3  # texels
 TIE = 2e-6  # of depth in [0, 1]
@@ -44,7 +42,7 @@ class MapLookup:
         self.cosine = np.einsum("ijk,ijk->ij", shot.normal[..., :3], to_light)
         facing = (shot.position[..., 3] > 0) & (self.cosine > 1e-4) & (axial > 0) & (self.depth < 1 - TIE)
         self.usable = facing & np.isfinite(self.u) & (np.abs(self.u) < 1e4) & (np.abs(self.v) < 1e4)
-        self.map = download(technique.map.texture)[::-1, :, 0].astype(np.float64)  # row 0 where v is 0
+        self.map = technique.map.texture.read()[0].astype(np.float64)  # row 0 where v is 0
         self.size, self.bias, self.wrap = size, bias, wrap
         self.sure = self.usable.copy()
 

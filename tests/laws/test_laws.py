@@ -1,0 +1,246 @@
+"""Each claim of the table, on little random scenes; and that each kind of claim can fail."""
+
+import subprocess
+import sys
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, Phase, assume, given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from shadowbench.data import data_folder
+from shadowbench.gl.program import Stencil
+from shadowbench.scenes.model import AS_FILED, Scene, View
+from shadowbench.techniques import fits, shadow_map, shadow_volume, splits
+from shadowbench.techniques.biases import Constant, FrontCull
+from shadowbench.techniques.filters import PCF, Hard
+from shadowbench.techniques.maps import caster_state
+from shadowbench.techniques.registry import own_techniques
+from shadowbench.techniques.unshadowed import Unshadowed
+
+from . import table
+from .answers import Answer, Drawing, traced
+from .changes import LAWS
+from .scenes import Little, littles
+from .table import FIXED, SCENE, STABLE, UNARGUED, VISIBLE, Claim, Subject, claims, misnamed, subjects
+
+PIXELS = {True: 96, False: 48}  # along a side, of the truth and of techniques
+PHASES = 8
+SHADOWED = 0.01  # least share of the picture
+SOME = settings(
+    max_examples=2,
+    deadline=None,
+    derandomize=True,
+    database=None,
+    phases=[Phase.generate],  # shrinking a failure would take minutes
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow, HealthCheck.filter_too_much],
+)
+MORE = settings(SOME, max_examples=10)
+MANY = settings(SOME, max_examples=16)
+CLAIMED = [
+    pytest.param(law, name, claim, id=f"{law}, {name}, {claim.kind}")
+    for law, name, claim in claims()
+    if claim.kind != "none"
+]
+
+# Answers to unchanged scenes, which every law begins with.
+_before: dict[tuple[str, Little], Answer] = {}
+
+
+class Case:
+    """A subject before and after a change."""
+
+    def __init__(self, studio: Any, subject: Subject, little: Little, changed: View, keep: bool) -> None:
+        self.studio, self.subject, self.little, self.changed, self.keep = studio, subject, little, changed, keep
+        self.views = little.view(changed.size), changed
+
+    def answers(self) -> tuple[Answer, Answer]:
+        return self._kept(), self._answer(self.changed)
+
+    def masks(self) -> list[NDArray[np.float32]]:
+        spec = self.subject.spec
+        if spec is None:
+            return [traced(view).visibility for view in self.views]
+        masks = []
+        for view in self.views:
+            with Drawing(self.studio, spec, view) as drawing:
+                masks.append(drawing.visibility())
+        return masks
+
+    def _kept(self) -> Answer:
+        key = self.subject.name, self.little
+        if not self.keep:
+            return self._answer(self.views[0])
+        if key not in _before:
+            _before[key] = self._answer(self.views[0])
+        return _before[key]
+
+    def _answer(self, view: View) -> Answer:
+        spec = self.subject.spec
+        if spec is None:
+            return traced(view)
+        with Drawing(self.studio, spec, view) as drawing:
+            return drawing.answer()
+
+
+def same_bits(case: Case) -> None:
+    assert np.array_equal(*case.masks()), "bits differ"
+
+
+def equal(case: Case) -> None:
+    before, after = case.answers()
+    both = before.decided & after.decided
+    assert both.mean() > 0.95, "nearly all is compared"
+    assert not (before.shadow != after.shadow)[both].any(), "a decided pixel differs"
+
+
+def subset(case: Case) -> None:
+    before, after = case.answers()
+    both = before.decided & after.decided & (before.triangle == after.triangle)
+    assert both.any()
+    assert not (before.shadow & ~after.shadow)[both].any(), "a caster lights a pixel"
+
+
+def within(case: Case) -> None:
+    """A permutation test: if the change were but one more shift of the grid, chance would fail it once in 6435."""
+    assert case.subject.spec is not None
+    errors = []
+    for view in case.views:
+        with Drawing(case.studio, case.subject.spec, view) as drawing:
+            errors.append(drawing.errors(PHASES))
+    before, after = errors
+    assert len(before) == len(after) == PHASES
+    assert min(before) <= max(after) and min(after) <= max(before), "no phase errs as before"
+
+
+def agree(case: Case) -> None:
+    """On a map so fine, under a bias so large, that most kernels agree."""
+    assert case.subject.spec is not None
+    masks = []
+    for rows in (Hard(), *(PCF(taps=taps) for taps in (3, 5, 7))):
+        spec = case.subject.spec.with_(size=512, bias=Constant(world=0.3), filter=rows)
+        with Drawing(case.studio, spec, case.views[0]) as drawing:
+            masks.append(drawing.visibility())
+    *fewer, most = masks
+    agreed = (most == 0) | (most == 1)
+    assert agreed.mean() > 0.6
+    for mask in fewer:
+        assert (mask == most)[agreed].all(), "taps changed a pixel whose kernel agrees"
+
+
+CHECKS: dict[str, Callable[[Case], None]] = {
+    "bits": same_bits,
+    "equal": equal,
+    "within": within,
+    "subset": subset,
+    "agree": agree,
+}
+
+
+@cache
+def shadowed(little: Little) -> bool:
+    """Whether there is something to see."""
+    return bool(traced(little.view(32)).shadow.mean() > SHADOWED)
+
+
+def check(studio: Any, law: str, name: str, kind: str, lights: frozenset, how: settings, keep: bool = True) -> None:
+    subject = subjects()[name]
+
+    @how
+    @given(littles(subject.lights & lights), st.integers(0, 2**32 - 1))
+    def holds(little: Little, seed: int) -> None:
+        assume(shadowed(little))
+        view = little.view(PIXELS[subject.spec is None])
+        changed = LAWS[law].change(view, np.random.default_rng(seed))
+        CHECKS[kind](Case(studio, subject, little, changed, keep))
+
+    holds()
+
+
+@pytest.mark.parametrize(("law", "name", "claim"), CLAIMED)
+def test_law(studio, law: str, name: str, claim: Claim) -> None:
+    check(studio, law, name, claim.kind, claim.lights, MORE if name == "truth" else SOME)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("law", "name", "claim"), CLAIMED)
+def test_law_on_many_scenes(studio, law: str, name: str, claim: Claim) -> None:
+    check(studio, law, name, claim.kind, claim.lights, MANY)
+
+
+def test_the_table_has_every_law_and_every_technique() -> None:
+    assert not misnamed()
+    assert {subject.technique for subject in subjects().values()} == {"", *(one.name for one in own_techniques())}
+    cells = [(law, name) for law, name, _ in claims()]
+    assert len(set(cells)) == len(cells) == len(LAWS) * len(subjects())
+    assert all(law.says and law.why for law in LAWS.values()) and all(claim.why for *_, claim in claims())
+
+
+def test_a_technique_that_nobody_argued_for_claims_nothing(monkeypatch) -> None:
+    class Newcomer(Unshadowed):
+        name = "newcomer"
+
+    monkeypatch.setattr(table, "own_techniques", lambda: (Newcomer,))
+    monkeypatch.setattr(table, "subjects", subjects.__wrapped__)
+    assert [claim for _, name, claim in claims() if name == "newcomer"] == [UNARGUED] * len(LAWS)
+
+
+def test_the_page_is_up_to_date() -> None:
+    tool = Path(__file__).resolve().parents[2] / "tools" / "law_docs.py"
+    done = subprocess.run([sys.executable, tool, "--check"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+# Faults planted into techniques: each kind of claim can fail.
+
+
+def assert_caught(studio, law: str, name: str, kind: str, told: str) -> None:
+    claim = {(one, subject): claim for one, subject, claim in claims()}[law, name]
+    assert claim.kind == kind
+    with pytest.raises(AssertionError, match=told):
+        check(studio, law, name, kind, claim.lights, MANY, keep=False)
+
+
+def test_coordinates_that_are_not_made_relative_are_caught(studio, monkeypatch) -> None:
+    monkeypatch.setattr(Scene, "placement", property(lambda scene: AS_FILED))
+    assert_caught(studio, "moved", VISIBLE, "bits", "bits differ")
+
+
+def test_casters_drawn_by_the_side_that_they_turn_to_the_light_are_caught(studio, monkeypatch) -> None:
+    monkeypatch.setattr(shadow_map, "caster_state", lambda bias, *rest: caster_state(FrontCull(), *rest))
+    assert_caught(studio, "another winding", VISIBLE, "equal", "a decided pixel differs")
+
+
+def test_a_fit_that_takes_whichever_vertices_come_first_is_caught(studio, monkeypatch) -> None:
+    monkeypatch.setattr(fits, "hull_points", lambda points: points[: len(points) // 2])
+    assert_caught(studio, "another order", SCENE, "equal", "a decided pixel differs")
+
+
+def test_texels_that_grow_with_a_tilt_of_the_camera_are_caught(studio, monkeypatch) -> None:
+    sphere = splits.Slice.sphere
+
+    def grown(part: splits.Slice) -> tuple[np.ndarray, float]:
+        center, radius = sphere.fget(part)
+        return center, radius * (1 if part.camera.up == (0, 1, 0) else 4)
+
+    monkeypatch.setattr(splits.Slice, "sphere", property(grown))
+    assert_caught(studio, "any turn", STABLE, "within", "no phase errs as before")
+
+
+def test_volumes_that_take_a_second_layer_for_light_are_caught(studio, monkeypatch) -> None:
+    monkeypatch.setattr(shadow_volume, "Stencil", lambda **_: Stencil(test="==", reference=1))
+    assert_caught(studio, "another caster", "shadow-volume", "subset", "a caster lights a pixel")
+
+
+def test_a_kernel_that_does_not_hold_the_narrower_one_is_caught(studio, monkeypatch, tmp_path: Path) -> None:
+    text = data_folder("shaders").joinpath(PCF.shader).read_text(encoding="utf-8")
+    aside = text.replace("vec2(x, y)", "vec2(x + 2 * FILTER_TAPS, y)")
+    assert aside != text
+    (tmp_path / "aside.glsl").write_text(aside, encoding="utf-8")
+    monkeypatch.setattr(PCF, "shader", str(tmp_path / "aside.glsl"))
+    assert_caught(studio, "more PCF taps", FIXED, "agree", "taps changed")
