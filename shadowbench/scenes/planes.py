@@ -16,6 +16,7 @@ from shadowbench.scenes.model import Floats, Geometry
 _CELL = 2.0**-11
 _LOOSE = 10.0  # tolerances within which a first guess, the plane of one triangle, gathers what it is a part of
 _FAILURES = 16  # guesses of one cell that may come to nothing, since each looks at all triangles
+_SPARE = 2  # times as many planes as asked for are looked at, since the next may be larger than the last
 _MIXING = np.random.default_rng(0).integers(-(2**62), 2**62, 9)
 
 
@@ -60,10 +61,11 @@ def find_planes(
     middles = (corner + second + third) / 3
     for cell in _cells(normals, offsets, middles, areas, least, _LOOSE * tolerance):
         failures = 0
-        while failures < _FAILURES and len(found) < most:
+        while failures < _FAILURES and len(found) < _SPARE * most:
             cell = cell[look.free[cell]]
             total = np.cumsum(areas[cell])
-            if not len(cell) or total[-1] < least / 2:
+            large = sorted((plane.share for plane in found), reverse=True)[most - 1 : most]
+            if not len(cell) or total[-1] < max([least / 2, *large]):
                 break
             # The largest is the most exact; if it is alone, one by lot, where much area has many chances.
             lot = np.searchsorted(total, chance.random() * total[-1]) if failures else 0
@@ -79,7 +81,7 @@ def find_planes(
             look.free &= ~own
             filed = np.append(equation[:3], equation[3] * diagonal - equation[:3] @ center)
             found.append(Plane(filed, np.flatnonzero(searched)[own], share, float(distances[own].max()) * diagonal))
-    return tuple(sorted(found, key=lambda plane: -plane.share))
+    return tuple(sorted(found, key=lambda plane: -plane.share)[:most])
 
 
 @dataclass(eq=False)
