@@ -104,6 +104,7 @@ def accuracy_of(handed: Handed, view: View) -> Accuracy:
         "srgb_encoded": encoded,
         "unmeasured": unmeasured,
         "clipped": clipped,
+        "warnings": warnings,
     }
     record = {**mask_record(handed.visibility, truth, reference), "input": given}
     return Accuracy(handed, view, comparison, record, tuple(f"{handed.name}: {line}" for line in warnings))

@@ -37,6 +37,7 @@ from shadowbench.reports.words import (
     stability_headline,
     times_are,
     tolerances,
+    warned,
 )
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.axes.model import NAMES
@@ -132,6 +133,7 @@ def _part(section: Section, styles: Styles, most: int, name: str) -> dict[str, A
         "cells": section.cells,
         "headline": headline(section),
         "refusals": refusals(section),
+        "warned": warned(section),
         "legend": _legend(styles, specs),
         "front": front_chart(section, styles),
         "sizes": size_chart(section, styles),
@@ -143,7 +145,7 @@ def _part(section: Section, styles: Styles, most: int, name: str) -> dict[str, A
         "pass_size": default_size(section),
         "gallery": None if pictures is None else dataclasses.asdict(pictures),
         "no_gallery": _no_gallery(section.run),
-        "columns": ["spec", "map", "1 − IoU", *_COLUMNS, "ms", "IQR ms", "× reference", "cells"],
+        "columns": ["spec", "map", "1 − IoU", *_COLUMNS, *_TIMES, "cells"],
         "rows": [
             {"spec": one.spec, "full_spec": one.full_spec, "front": one in best, "texts": table_row(one)}
             for one in section.held
@@ -196,12 +198,20 @@ def _no_gallery(folder: Folder) -> str:
 
 
 _COLUMNS = [name for name in METRICS if name != "iou"]
+_TIMES = {
+    "ms": "frame_ms",
+    "IQR ms": "frame_iqr_ms",
+    "all still, ms": "still_ms",
+    "camera moves, ms": "camera_ms",
+    "light moves, ms": "light_ms",
+    "× reference": "ratio",
+}
 
 
 def table_row(one: Configuration) -> list[str]:
     """Map size, error, the other metrics, times, cells: the values of a configuration, as text."""
     error = one.error
-    values = [one.value(name) for name in (*_COLUMNS, "frame_ms", "frame_iqr_ms", "ratio")]
+    values = [one.value(name) for name in (*_COLUMNS, *_TIMES.values())]
     return [
         str(one.map_size or ""),
         "–" if error is None else error.text(digits),

@@ -19,9 +19,18 @@ from shadowbench.reports.words import (
     stability_headline,
     times_are,
     tolerances,
+    warned,
 )
 
-_COLUMNS = {"SSIM": "ssim", "edge px": "edge_px", "acne": "acne", "leak": "leak", "ms": "frame_ms", "× ref": "ratio"}
+_COLUMNS = {
+    "SSIM": "ssim",
+    "edge px": "edge_px",
+    "acne": "acne",
+    "leak": "leak",
+    "ms": "frame_ms",
+    "camera moves, ms": "camera_ms",
+    "× ref": "ratio",
+}
 
 
 def markdown_report(runs: Sequence[Run], scenes: Mapping[str, Sequence[Section]], swept: Sequence[Stability]) -> str:
@@ -71,6 +80,7 @@ def _section(section: Section) -> list[str]:
         if lines:
             blocks.append(_table(["time to accuracy", *(f"{title} {step}" for step in steps)], lines))
     blocks += [f"- `{label}`: {_cell(status)}" for label, status in refusals(section)]
+    blocks += [f"- {_cell(line)}" for line in warned(section)]
     return blocks
 
 

@@ -91,6 +91,13 @@ def refusals(section: Section) -> list[tuple[str, str]]:
     ]
 
 
+def warned(section: Section) -> list[str]:
+    """What was noticed of masks that came from elsewhere, and scored as they are: a shift, an encoding."""
+    keys = set(section.frame["key"])
+    rows = [row for row in section.run.rows if row["key"] in keys]
+    return [f"{row['spec']}: {line}" for row in rows for line in row.get("input", {}).get("warnings", ())]
+
+
 def reach_tables(section: Section) -> list[tuple[str, list[str], list[tuple[str, list[Reach], str]]]]:
     """Time to accuracy: for IoU and for edges a title, the steps, and each technique's reaches beside its best."""
     tables = []

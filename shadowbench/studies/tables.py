@@ -119,7 +119,8 @@ def summary(frame: pd.DataFrame) -> dict[str, list[SummaryRow]]:
         for _, group in of_scene.groupby(["spec", "map_size"], sort=False, dropna=False):
             spec, size = str(group["spec"].iloc[0]), group["map_size"].iloc[0]
             held = group[group["status"] == "ok"]
-            values = {name: interval(held[name].tolist()) for name in [*METRICS, *_TIMES[:4], "gpu_bytes"]}
+            names = [*METRICS, *_TIMES[:4], *_MORE_TIMES, "gpu_bytes"]
+            values = {name: interval(held[name].tolist()) for name in names}
             refused = tuple(group.loc[group["status"] != "ok", "status"])
             rows.append(SummaryRow(spec, None if pd.isna(size) else int(size), len(held), refused, values))
         tables[str(scene)] = sorted(rows, key=_error)

@@ -1,6 +1,8 @@
 """The Pareto front, the time to an accuracy, and what stands without a number."""
 
+import json
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -16,7 +18,8 @@ from shadowbench.reports.analysis import (
     time_to_accuracy,
 )
 from shadowbench.reports.folder import read_runs
-from shadowbench.reports.words import headline, reach_tables, refusals
+from shadowbench.reports.markdown import markdown_report
+from shadowbench.reports.words import headline, reach_tables, refusals, warned
 from tests.reports.conftest import CELLS, RECEIVERS, Cell
 
 SMALL = st.integers(0, 5).map(float)  # few values, so that ties are met
@@ -102,6 +105,16 @@ def test_what_has_no_number_is_named_and_is_nowhere_else(section_of: Callable[..
         ("void at 512", "no IoU: neither the truth nor the mask has a shadow"),
     ]
     assert {one.technique for one in section.held} == {"unshadowed", "shadow-map", "ray-traced"}
+
+
+def test_what_a_mask_from_elsewhere_seemed_to_be_is_told(run_folder: Callable[..., Path]) -> None:
+    folder = run_folder()
+    rows = [json.loads(line) for line in (folder / "rows.jsonl").read_text().splitlines()]
+    rows[0]["input"] = {"warnings": ["seems shifted by 1 px up; scored as it is"]}
+    (folder / "rows.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
+    ((section,),) = sections(read_runs([folder])).values()
+    assert warned(section) == [f"{rows[0]['spec']}: seems shifted by 1 px up; scored as it is"]
+    assert "seems shifted by 1 px up" in markdown_report([section.run], {section.title: [section]}, [])
 
 
 def test_a_configuration_that_failed_in_some_phases_says_in_how_many(section_of: Callable[..., Section]) -> None:
