@@ -14,6 +14,7 @@ from shadowbench.studies.session import Drawn, Unsupported
 from shadowbench.studies.study import Cell
 from shadowbench.studies.timing import request_of
 from shadowbench.studies.worker import CellFailed, Worker
+from shadowbench.techniques.base import Technique
 from shadowbench.techniques.spec import parse_spec
 from shadowbench.truth.cache import cached_truth, write_truth
 
@@ -63,7 +64,11 @@ def render_command(
         raise InputError(f"--technique: found {' and '.join(techniques)}; allowed: one, and several with `run`")
     check_outputs(".png", output, mask, map_file)
     (technique,) = techniques
-    spec = parse_spec(technique, techniques_with(plugins))
+    known = techniques_with(plugins)
+    spec = parse_spec(technique, known)
+    tinted = [name for name, one in known.items() if one.tint is not Technique.tint]
+    if tint and spec.technique.name not in tinted:
+        raise InputError(f"--tint: {spec.technique.name} has no colours of its own; allowed: {', '.join(tinted)}")
     with ConsoleReporter(quiet) as reporter:
         chosen = _view(scene, view, light, view_size, assets, reporter)
     with Worker(plugins) as worker:

@@ -217,6 +217,10 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
         ["out.exr", "allowed: .png"],
     ),
     "a truth that is no npz": (["truth", "cube-on-plane", "-o", "{out}.npy"], ["out.npy", "allowed: .npz"]),
+    "tint of a technique without": (
+        ["render", "cube-on-plane", "-t", "shadow-map", "--tint", "-o", "{out}.png"],
+        ["--tint", "shadow-map", "cascades"],
+    ),
     "a picture by two techniques": (
         ["render", "cube-on-plane", "-t", "unshadowed", "-t", "shadow-map", "-o", "{out}.png"],
         ["--technique", "unshadowed and shadow-map", "allowed: one"],
