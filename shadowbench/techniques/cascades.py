@@ -187,6 +187,8 @@ class Cascades(Technique):
     def facts(self) -> dict[str, float]:
         scale = self.stage.placement.scale
         facts: dict[str, float] = {"culled_triangles": sum(map(self.chunks.left_out, self.drawn))}
+        if self.params.blend:  # every pixel is looked up in two cascades
+            facts["reads"] = 2 * self.params.filter.reads * self.stage.size[0] * self.stage.size[1]
         for number, (part, seen) in enumerate(zip(self.slices, self.seen, strict=True), start=1):
             facts[f"far_{number}_m"] = part.far / scale
             facts[f"texel_{number}_m"] = max(seen.texel) / scale

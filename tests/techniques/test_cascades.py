@@ -491,3 +491,12 @@ def test_where_depths_differ_cascades_beat_a_map_of_the_frustum(name, studio, bu
     for spec in ("cascades", "shadow-map:fit=view,size=2290"):
         errors.append(1 - scored(build(spec, shot).draw(shot), truth)["iou"])
     assert errors[0] < errors[1]
+
+
+def test_a_blend_reads_two_cascades_for_every_pixel(studio, build, builtin) -> None:
+    shot = studio.shot(builtin("street", 32))
+    plain, faded = build("cascades:filter=pcf(taps=3)", shot), build("cascades:filter=pcf(taps=3),blend=0.1", shot)
+    for one in (plain, faded):
+        one.draw(shot)
+    assert "reads" not in plain.technique.facts(), "what the filter's row declares"
+    assert faded.technique.facts()["reads"] == 2 * 9 * 32 * 32
