@@ -2,9 +2,12 @@
 
 
 class ShadowbenchError(Exception):
-    """A failure that is told in one line instead of a traceback."""
+    """A failure that is told in one line of printable characters, whatever it quotes, instead of a traceback."""
 
     exit_code = 3
+
+    def __init__(self, line: str = "") -> None:
+        super().__init__(_printable(" ".join(line.split())))
 
 
 class InputError(ShadowbenchError):
@@ -15,3 +18,8 @@ class InputError(ShadowbenchError):
 
 class NoGLError(ShadowbenchError):
     """No OpenGL context could be made, or it is older than 4.1."""
+
+
+def _printable(line: str) -> str:
+    """The line with escapes for what would steer a terminal or cannot be encoded, as names from files may."""
+    return "".join(part if part.isprintable() else ascii(part)[1:-1] for part in line)

@@ -1,11 +1,65 @@
-"""Pydantic models that refuse what they do not know, and their errors told in one line."""
+"""What users write: TOML within limits, and pydantic models that refuse what they do not know, told in one line."""
 
+import tomllib
+from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
 from shadowbench.errors import InputError
+
+LONGEST = 2_000_000
+"""Bytes of a TOML file; they are written by hand, or by a script for some thousand meshes."""
+
+MOST_DOTS = 200
+"""In one line: the standard library's reader needs memory for the square of a dotted key's parts."""
+
+DEEPEST = 20
+"""Tables and lists within each other."""
+
+
+def read_toml(path: Path, where: str, missing: str = "no such file") -> dict[str, Any]:
+    """The document of a TOML file; InputError, beginning with `where` or the path, for what is none or too large.
+
+    Integers are within 64 bits, as TOML has them; nothing is nested deeper than DEEPEST.
+    """
+    try:
+        if not path.is_file():  # a pipe would be waited for
+            raise InputError(f"{path}: {'is not a file' if path.exists() else missing}")
+        if path.stat().st_size > LONGEST:
+            raise InputError(f"{path}: {path.stat().st_size} bytes; allowed are at most {LONGEST}")
+        text = path.read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:  # ValueError: not UTF-8, or a null byte in the path
+        raise InputError(f"{path}: cannot be read: {short(error)}") from error
+    for number, line in enumerate(text.splitlines(), 1):
+        if line.count(".") > MOST_DOTS:
+            raise InputError(f"{where}: line {number}: {line.count('.')} dots; allowed are {MOST_DOTS}, or more lines")
+    try:
+        # tomllib also raises plain ValueError (integers of thousands of digits) and RecursionError (deep nesting).
+        document = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{where}: not TOML: {short(error)}") from error
+    _check_values(document, where)
+    return document
+
+
+def _check_values(document: dict[str, Any], where: str) -> None:
+    waiting: list[tuple[str, Any, int]] = [("", document, 0)]
+    while waiting:  # no recursion: dotted keys nest deeper than Python does
+        key, value, depth = waiting.pop()
+        if depth > DEEPEST:
+            raise InputError(f"{where}: {key:.60}: nested deeper than {DEEPEST} tables and lists")
+        if isinstance(value, dict | list):
+            parts = value.items() if isinstance(value, dict) else enumerate(value, 1)
+            waiting.extend((f"{key}.{name}" if key else str(name), part, depth + 1) for name, part in parts)
+        elif isinstance(value, int) and not -(2**63) <= value < 2**63:  # Python reads it, and cannot always print it
+            raise InputError(f"{where}: {key:.60}: found an integer beyond 64 bits; TOML allows up to 2^63 - 1")
+
+
+def short(error: BaseException) -> str:
+    """What an exception of somebody else's says, in at most 200 characters of one line."""
+    return " ".join(str(error).split())[:200] or type(error).__name__
 
 
 class Strict(BaseModel):
@@ -20,7 +74,7 @@ class Strict(BaseModel):
             for key in values:
                 if key not in cls.model_fields:
                     allowed = ", ".join(cls.model_fields) or "none at all"
-                    raise ValueError(f"unknown field {key!r}; allowed: {allowed}")
+                    raise ValueError(f"unknown field {key!r:.60}; allowed: {allowed}")
         return values
 
 

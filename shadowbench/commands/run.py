@@ -17,6 +17,7 @@ from shadowbench.studies.profile import ACTIVITIES, MEASURING, share, whole
 from shadowbench.studies.runner import Runner
 from shadowbench.studies.study import Study
 from shadowbench.studies.study_file import find_study, read_study
+from shadowbench.studies.sweeps import Curve, curves, with_factors
 from shadowbench.studies.tables import Slope, SummaryRow, cells_frame, over_scenes, slopes, summary, write_table
 from shadowbench.studies.worker import Limits, Worker
 from shadowbench.techniques.spec import parse_spec
@@ -67,7 +68,7 @@ def run_command(options: RunOptions, folder: Path, *, profile: bool, as_json: bo
         results = runner.run()
         notes = runner.notes
         spent = worker.call("spent") if profile else {}
-    frame = cells_frame(results)
+    frame = with_factors(cells_frame(results), study.sweeps)
     write_table(folder / "table.csv", frame)
     write_run_file(folder / "run.json", runner.info, notes, study)
     tables, fits = summary(frame), slopes(frame)
@@ -78,6 +79,7 @@ def run_command(options: RunOptions, folder: Path, *, profile: bool, as_json: bo
         times = times if study.rounds else ""
         for scene, rows in tables.items():
             _print_scene(f"{scene}, best first{times}", rows, [fit for fit in fits if fit.scene == scene])
+            _print_curves(scene, curves(rows, study.sweeps))
         scenes, means = over_scenes(tables)
         if len(scenes) > 1:
             _print_scene(f"mean of the {len(scenes)} scenes in which every cell held", means, [])
@@ -102,7 +104,7 @@ def study_from(options: RunOptions) -> Study:
     changes = {
         "scenes": options.scenes,
         "specs": tuple(parse_spec(text, known) for text in options.specs),
-        "map_sizes": _map_sizes(options.map_size),
+        "map_sizes": map_sizes(options.map_size),
         "view_size": options.view_size,
         "rounds": options.rounds,
         "phases": options.phases,
@@ -113,7 +115,8 @@ def study_from(options: RunOptions) -> Study:
     return replace(study, **{key: value for key, value in changes.items() if value not in (None, ())})  # type: ignore[arg-type]
 
 
-def _map_sizes(text: str | None) -> tuple[int, ...]:
+def map_sizes(text: str | None) -> tuple[int, ...]:
+    """The sizes that --map-size names; raises InputError."""
     if text is None:
         return ()
     try:
@@ -166,6 +169,24 @@ def _print_scene(title: str, rows: list[SummaryRow], fits: list[Slope]) -> None:
         sizes = f"{fit.sizes[0]} to {fit.sizes[-1]}"
         line = f"  slope of log(1 − IoU) over log(size), {sizes}: {fit.slope.text(_signed)}  {fit.spec}"
         out.print(line, markup=False, soft_wrap=True)
+    out.print()
+
+
+def _print_curves(scene: str, found: list[Curve]) -> None:
+    """A line for each factor of a swept bias, as it grows: acne falls, contact rises; the best beside the default."""
+    if not found:
+        return
+    title = f"{scene}, bias multiplied: acne against contact (peter-panning)"
+    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+    table.add_column("spec", overflow="fold", min_width=24)
+    for heading in ("map", "× bias", "acne", "contact", "1 − IoU", "SSIM", ""):
+        table.add_column(heading, justify="left" if not heading else "right", no_wrap=True)
+    for curve in found:
+        for factor, row in curve.rows:
+            marks = [*(["default"] if factor == 1 else []), *(["best"] if factor == curve.best else [])]
+            cells = [_cell(row, key) for key in ("acne", "contact", "error", "ssim")]
+            table.add_row(escape(row.spec), str(row.map_size or ""), f"{factor:g}", *cells, ", ".join(marks))
+    out.print(table)
     out.print()
 
 

@@ -8,6 +8,13 @@ import trimesh
 
 from shadowbench.errors import InputError
 
+LONGEST_LINE = 100_000
+"""Bytes in a text file: a polygon of thousands of corners. trimesh takes 200 bytes for each of them."""
+MOST_SOLIDS = 1000
+"""In a text STL: trimesh looks for a name that is free among all before it."""
+MOST_WORK = 5_000_000_000
+"""Objects of an OBJ times its vertices: trimesh goes over all vertices for each object."""
+
 
 def check_text(path: Path, where: str) -> None:
     """Raises InputError for contents that trimesh would read as something else, or in part."""
@@ -16,10 +23,18 @@ def check_text(path: Path, where: str) -> None:
         header = _ply_header(path)
         if "tristrips" in header:
             raise InputError(f"{where}: triangle strips in a PLY cannot be read; save it with faces")
+    data = path.read_bytes()
+    binary = (suffix == ".stl" and _is_binary_stl(data)) or (suffix == ".ply" and b"format ascii" not in data[:100])
+    if not binary and re.search(rb"[^\r\n]{%d}" % (LONGEST_LINE + 1), data):
+        raise InputError(f"{where}: a line of more than {LONGEST_LINE} bytes; allowed are shorter ones")
     if suffix == ".stl":
-        _check_stl(path.read_bytes(), where)
+        _check_stl(data, where)
     if suffix == ".obj":
-        text = path.read_bytes()
+        text = data
+        objects, vertices = len(re.findall(rb"^o[ \t]", text, re.MULTILINE)), text.count(b"\nv ")
+        if objects * vertices > MOST_WORK:
+            told = f"{objects} objects over {vertices} vertices"
+            raise InputError(f"{where}: {told}; allowed are at most {MOST_WORK} of one times the other")
         if re.search(rb"^f[ \t](?:[^\n]*[ \t])?[-+]?0+(?:[/\s]|$)", text, re.MULTILINE):
             raise InputError(f"{where}: a face uses vertex 0; an OBJ counts from 1")
         relative = re.search(rb"^f[ \t](?:[^\n]*[ \t])?-\d", text, re.MULTILINE)
@@ -30,14 +45,30 @@ def check_text(path: Path, where: str) -> None:
             )
 
 
+def in_utf8(path: Path) -> bytes:
+    """The file, its text in UTF-8: names and comments may be in any code, and trimesh reads only this one."""
+    data = path.read_bytes()
+    if path.suffix.lower() == ".stl" and _is_binary_stl(data):
+        return data
+    mark = b"end_header" if path.suffix.lower() == ".ply" and b"format ascii" not in data[:100] else b""
+    text, mark, rest = data.partition(mark) if mark else (data, b"", b"")
+    return text.decode("utf-8", errors="replace").encode() + mark + rest
+
+
+def _is_binary_stl(data: bytes) -> bool:
+    return len(data) == 84 + 50 * int.from_bytes(data[80:84], "little")
+
+
 def _check_stl(data: bytes, where: str) -> None:
     """A binary STL is as long as its count says; a text one ends what it begins."""
-    count = int.from_bytes(data[80:84], "little")
-    if len(data) == 84 + 50 * count:
+    if _is_binary_stl(data):
         return
+    count = int.from_bytes(data[80:84], "little")
     text = data.lower()
     if not text.lstrip().startswith(b"solid"):
         raise InputError(f"{where}: cut short: {count} triangles announced, room for {max(len(data) - 84, 0) // 50}")
+    if (solids := text.count(b"endsolid")) > MOST_SOLIDS:
+        raise InputError(f"{where}: {solids} solids; allowed are at most {MOST_SOLIDS}, or a binary file")
     if text.rfind(b"vertex") > text.rfind(b"endsolid"):
         raise InputError(f"{where}: cut short: a solid without its endsolid")
 

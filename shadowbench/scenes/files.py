@@ -2,7 +2,7 @@
 
 import math
 import os
-import tomllib
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import product
@@ -13,15 +13,12 @@ from pydantic import Field, ValidationError
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.assumed import camera_for, left_out, mesh_bounds, sun_for
-from shadowbench.scenes.meshes import read_meshes
+from shadowbench.scenes.meshes import Contents, read_meshes
 from shadowbench.scenes.model import Camera, Floats, Light, Mesh, Scene
 from shadowbench.scenes.shapes import SHAPES, build_shape
-from shadowbench.scenes.tables import MOST_COPIES, MeshTable, Name, camera_from_table, light_from_table
+from shadowbench.scenes.tables import MOST_COPIES, MOST_NAMED, MeshTable, Name, camera_from_table, light_from_table
 from shadowbench.scenes.triangles import MOST_TRIANGLES, Triangles, checked, transformed, without_zero_area
-from shadowbench.strict import Strict, explain
-
-LONGEST = 10_000_000
-"""Bytes; a scene file is written by hand."""
+from shadowbench.strict import Strict, explain, read_toml, short
 
 
 class SceneFile(Strict):
@@ -36,26 +33,15 @@ class SceneFile(Strict):
 
 def read_document(path: Path) -> SceneFile:
     """The checked top of a scene file; InputError if it cannot be read or is not TOML."""
-    try:
-        if not path.is_file():
-            raise InputError(f"{path}: {'is not a file' if path.exists() else 'no such file'}")
-        if path.stat().st_size > LONGEST:
-            raise InputError(f"{path}: {path.stat().st_size} bytes; a scene file has at most {LONGEST}")
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read: {_one_line(error)}") from error
-    try:
-        # tomllib also raises plain ValueError (integers of thousands of digits) and RecursionError (deep nesting).
-        document = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"{path.name}: not TOML: {_one_line(error)}") from error
-    if (huge := _huge_integer(document)) is not None:
-        raise InputError(f"{path.name}: {huge}: found an integer beyond 64 bits; TOML allows up to 2^63 - 1")
+    document = read_toml(path, path.name)
     for key in ("camera", "light", "mesh"):
         value = document.get(key, [])
         tables = value if isinstance(value, list) else [value]
         if not all(isinstance(table, dict) for table in tables) or (key == "mesh" and isinstance(value, dict)):
             raise InputError(f"{path.name}: {key}: found {value!r:.60}; allowed: tables, written [[{key}]]")
+        most = MOST_COPIES if key == "mesh" else MOST_NAMED
+        if len(tables) > most:
+            raise InputError(f"{path.name}: {key}: found {len(tables)} tables; allowed are at most {most}")
     try:
         return SceneFile.model_validate(document)
     except ValidationError as error:
@@ -74,15 +60,25 @@ def read_scene_file(path: Path, assets: Path | None = None) -> Scene:
     if not document.mesh:
         raise InputError(f"{path.name}: mesh: found none; at least one [[mesh]] is needed")
     meshes: list[Mesh] = []
+    read: dict[Path, Contents] = {}
     dropped = triangles = copies = 0
     for number, raw in enumerate(document.mesh, 1):
         where = f"{path.name}: [[mesh]] {number}"
         table, parameters = _mesh_table(raw, where)
-        copies += math.prod(row.count for row in table.repeat)
+        sources: tuple[Mesh, ...]
+        if table.file is None:
+            sources, lost = _of_shape(table, parameters, where), 0
+        else:
+            file = _inside(table.file, path, assets, where)
+            if file not in read:  # a thousand tables may name one large file
+                read[file] = read_meshes(file, f"{where}: {table.file}")
+                notes.extend(read[file].notes)
+            sources, lost = read[file].meshes, read[file].dropped
+        repeats = math.prod(row.count for row in table.repeat)
+        copies += repeats * len(sources)
         if copies > MOST_COPIES:
-            raise InputError(f"{where}: repeat: {copies} copies in all; allowed are at most {MOST_COPIES}")
-        sources, lost = _sources(table, parameters, path, assets, where, notes)
-        triangles += math.prod(row.count for row in table.repeat) * sum(len(mesh.faces) for mesh in sources)
+            raise InputError(f"{where}: {copies} meshes by now, each copy counted; allowed are at most {MOST_COPIES}")
+        triangles += repeats * sum(len(mesh.faces) for mesh in sources)
         if triangles > MOST_TRIANGLES:
             raise InputError(f"{where}: {triangles} triangles by now; a scene may have {MOST_TRIANGLES}")
         dropped += lost
@@ -138,14 +134,8 @@ def _mesh_table(raw: dict[str, object], where: str) -> tuple[MeshTable, dict[str
     return table, {key: value for key, value in raw.items() if key not in own}
 
 
-def _sources(
-    table: MeshTable, parameters: dict[str, object], path: Path, assets: Path | None, where: str, notes: list[str]
-) -> tuple[list[Mesh], int]:
-    """The meshes of a table before its transform, and the zero-area triangles left out of them."""
-    if table.file is not None:
-        contents = read_meshes(_inside(table.file, path, assets, where), f"{where}: {table.file}")
-        notes.extend(note for note in contents.notes if note not in notes)
-        return list(contents.meshes), contents.dropped
+def _of_shape(table: MeshTable, parameters: dict[str, object], where: str) -> tuple[Mesh]:
+    """The mesh of a table's shape before its transform."""
     shape = str(table.shape)
     if shape in SHAPES:
         allowed = [*MeshTable.model_fields, *SHAPES[shape].parameters.model_fields]
@@ -153,7 +143,7 @@ def _sources(
             if key not in allowed:
                 raise InputError(f"{where}: unknown field {key!r:.60}; allowed with {shape}: {', '.join(allowed)}")
     triangles = build_shape(shape, parameters, where)
-    return [Mesh(table.name or shape, triangles.vertices, triangles.faces)], 0
+    return (Mesh(table.name or shape, triangles.vertices, triangles.faces),)
 
 
 def _placed(table: MeshTable, sources: Sequence[Mesh], where: str) -> Iterator[Mesh]:
@@ -204,7 +194,7 @@ def _inside(file: str, scene: Path, assets: Path | None, where: str) -> Path:
         candidates = [Path(os.path.realpath(folder / file)) for folder in folders]
         found = [path for path in candidates if path.is_file()]
     except (OSError, ValueError) as error:  # a null byte, a name too long
-        raise InputError(f"{where}: file: {file!r:.60} cannot be a path: {_one_line(error)}") from error
+        raise InputError(f"{where}: file: {file!r:.60} cannot be a path: {short(error)}") from error
     if not found:
         allowed = f"in {folders[0]}" + (f" or {folders[1]}" if assets is not None else " (or give --assets DIR)")
         raise InputError(f"{where}: file: {file!r} is not a file {allowed}")
@@ -225,19 +215,6 @@ def _title(kind: str, index: int, count: int) -> str:
 
 
 def _check_unique(names: list[str], where: str) -> None:
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(f"{where}: name {name!r} is used {names.count(name)} times; names must differ")
-
-
-def _huge_integer(value: object, key: str = "") -> str | None:
-    """The key of an integer that TOML does not allow; Python reads it, and cannot always print it."""
-    if isinstance(value, dict | list):
-        items = value.items() if isinstance(value, dict) else enumerate(value, 1)
-        found = (_huge_integer(part, f"{key}.{name}" if key else str(name)) for name, part in items)
-        return next((name for name in found if name is not None), None)
-    return key if isinstance(value, int) and not -(2**63) <= value < 2**63 else None
-
-
-def _one_line(error: BaseException) -> str:
-    return " ".join(str(error).split())[:200] or type(error).__name__
+    name, times = Counter(names).most_common(1)[0] if names else ("", 0)
+    if times > 1:
+        raise InputError(f"{where}: name {name!r} is used {times} times; names must differ")

@@ -1,7 +1,7 @@
-"""What trimesh leaves out of glTF: the node tree, cameras, lights, and a say on what cannot be honoured.
+"""glTF: the node tree, cameras, lights, and a say on what cannot be honoured.
 
-trimesh decodes the primitives (buffers, strips, Draco); the tree is walked here, because trimesh names instances at
-random, keeps one camera of many, and drops whatever hangs below a camera's node.
+The tree is walked here, because trimesh names instances at random, keeps one camera of many, and drops whatever hangs
+below a camera's node.
 """
 
 import json
@@ -27,7 +27,7 @@ HONOURED = re.compile(
 )
 POINTS, TRIANGLES, STRIP, FAN = 0, 4, 5, 6
 LINES = (1, 2, 3)
-DECODED = (POINTS, 1, TRIANGLES, STRIP)  # the modes of which trimesh makes something, in the order of the file
+JSON_CHUNK, BINARY_CHUNK = 0x4E4F534A, 0x004E4942
 
 
 class Node(NamedTuple):
@@ -37,25 +37,27 @@ class Node(NamedTuple):
     matrix: Floats
 
 
-def read_json(path: Path) -> Json:
-    """The JSON of a .gltf, or the first chunk of a .glb. Raises ValueError for what is neither."""
-    data = path.read_bytes()
+def read_json(path: Path) -> tuple[Json, bytes | None]:
+    """The JSON of a .gltf or .glb, and of the latter the bytes of its second chunk. Raises ValueError for neither."""
+    data, chunk = path.read_bytes(), None
     if path.suffix.lower() == ".glb":
         if len(data) < 20 or data[:4] != b"glTF":
             raise ValueError("not a GLB: the first four bytes are not glTF")
-        version, length, chunk, kind = struct.unpack("<IIII", data[4:20])
+        version, length, end, kind = struct.unpack("<IIII", data[4:20])
+        end += 20
         if version != 2:
             raise ValueError(f"glTF version {version}; allowed: 2")
-        if length > len(data) or kind != 0x4E4F534A or 20 + chunk > len(data):
+        if length > len(data) or kind != JSON_CHUNK or end > len(data):
             raise ValueError(f"cut short: {len(data)} bytes of {length}")
-        data = data[20 : 20 + chunk]
+        if end + 8 <= len(data):
+            size, kind = struct.unpack("<II", data[end : end + 8])
+            if kind == BINARY_CHUNK:
+                chunk = data[end + 8 : end + 8 + size]
+        data = data[20:end]
     document = json.loads(data)
     if not isinstance(document, dict):
         raise ValueError("the JSON is not an object")
-    version_text = str(document.get("asset", {}).get("version", ""))
-    if not version_text.startswith("2."):
-        raise ValueError(f"asset.version is {version_text!r:.20}; allowed: 2.x")
-    return document
+    return document, chunk
 
 
 def nodes_of(document: Json) -> Iterator[Node]:
@@ -107,7 +109,7 @@ def cameras_of(document: Json, where: str) -> tuple[list[Camera], list[str]]:
         if "camera" not in node.data:
             continue
         data = document["cameras"][node.data["camera"]]
-        if data.get("type") != "perspective":
+        if data["type"] != "perspective":
             orthographic += 1
             continue
         lens = data["perspective"]
@@ -117,7 +119,7 @@ def cameras_of(document: Json, where: str) -> tuple[list[Camera], list[str]]:
         if not 0.0 < near < (math.inf if far is None else float(far)) or math.isinf(near):
             raise InputError(f"{where}: camera: znear is {near:g} and zfar {far}; allowed: 0 < znear < zfar")
         position, forward = _pose(node, where, "camera")
-        name = _unique(node.data.get("name") or data.get("name") or "camera", [camera.name for camera in cameras])
+        name = _unique(node.data.get("name") or data.get("name") or "camera", {camera.name for camera in cameras})
         # A target as far away as the position is from the origin keeps the direction's digits.
         reach = max(1.0, float(np.linalg.norm(position)))
         cameras.append(
@@ -145,7 +147,7 @@ def lights_of(document: Json, where: str) -> tuple[list[Light], list[str]]:
             continue
         data = document["extensions"]["KHR_lights_punctual"]["lights"][reference["light"]]
         kind = data["type"]
-        name = _unique(node.data.get("name") or data.get("name") or "light", [light.name for light in lights])
+        name = _unique(node.data.get("name") or data.get("name") or "light", {light.name for light in lights})
         position, direction = _pose(node, where, "light")
         if kind == "directional":
             lights.append(Light(name, "directional", direction=vec3(direction)))
@@ -171,7 +173,7 @@ def _pose(node: Node, where: str, what: str) -> tuple[Floats, Floats]:
     return node.matrix[:3, 3], unit(-node.matrix[:3, 2])
 
 
-def _unique(name: str, taken: list[str]) -> str:
+def _unique(name: str, taken: set[str]) -> str:
     """A name fit for file names, with a number when it is taken."""
     name = re.sub(r"[^\w .+-]", "-", str(name))[:80]
     number = 2

@@ -1,6 +1,7 @@
 """Scenes by reference: a built-in name, a scene file, or a mesh file alone."""
 
 import difflib
+import os
 import re
 from pathlib import Path
 
@@ -32,9 +33,9 @@ def load_scene(reference: str | Path, assets: Path | None = None) -> Scene:
         return read_scene_file(path, assets)
     if suffix in MESH_SUFFIXES:
         return read_mesh_scene(path)
-    if isinstance(reference, Path) or path.name != text or path.exists():
+    if isinstance(reference, Path) or path.name != text or os.path.lexists(path):
         kinds = " ".join((".toml", *MESH_SUFFIXES))
-        raise InputError(f"{text}: unknown kind of file; allowed: a built-in scene's name, or {kinds}")
+        raise InputError(f"{text:.200}: unknown kind of file; allowed: a built-in scene's name, or {kinds}")
     raise InputError(f"{text!r:.60} {_not_builtin(text)}")
 
 

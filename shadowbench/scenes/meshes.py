@@ -4,6 +4,7 @@ trimesh is lenient: it empties what it cannot decode and logs what it loses. Thi
 exceptions, warnings and silences become an InputError of one line.
 """
 
+import io
 import logging
 import warnings
 from collections.abc import Iterator
@@ -14,11 +15,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
-from trimesh.exchange.gltf import load_glb, load_gltf
-from trimesh.resolvers import FilePathResolver
 
 from shadowbench.errors import InputError
 from shadowbench.scenes import declared, gltf
+from shadowbench.scenes.gltf_bytes import read_primitives
+from shadowbench.scenes.gltf_layout import Layout, Primitive, checked_layout
 from shadowbench.scenes.model import Camera, Floats, Light, Mesh, Vec3, vec3
 from shadowbench.scenes.triangles import (
     MOST_TRIANGLES,
@@ -31,6 +32,8 @@ from shadowbench.scenes.triangles import (
 
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".off")
 GREY: Vec3 = (0.8, 0.8, 0.8)
+NAMELESS = "geometry_0"
+"""What trimesh calls the only body of bytes that name none."""
 HARMLESS = ("image", "face_normals", "vertex_normals", "texture", "material")
 """Words of trimesh's warnings that lose nothing of a shape."""
 
@@ -116,36 +119,29 @@ def _plain(path: Path, where: str) -> list[Part]:
     if path.suffix.lower() == ".obj":
         # By object, not by material: a body that wears two materials is still one closed body.
         options = {"split_objects": True, "group_material": False}
-    scene = trimesh.load_scene(path, process=False, skip_materials=True, **options)
+    # As bytes, so that nothing that the file names is looked for.
+    data = io.BytesIO(declared.in_utf8(path))
+    data.name = path.name
+    scene = trimesh.load_scene(data, file_type=path.suffix[1:].lower(), process=False, skip_materials=True, **options)
     parts = []
     for name, geometry in scene.geometry.items():
         if isinstance(geometry, trimesh.Trimesh) and len(geometry.faces):
             triangles = _triangles(geometry.vertices, geometry.faces, where)
-            parts.append(Part(path.stem if name == path.name else str(name), triangles, np.eye(4), GREY))
+            parts.append(Part(path.stem if name in (path.name, NAMELESS) else str(name), triangles, np.eye(4), GREY))
     declared.check_counts(path, scene, where)
     return parts
 
 
 def _gltf(path: Path, where: str) -> tuple[list[Part], list[Camera], list[Light], list[str]]:
     """A glTF's instances in the order of its nodes, its cameras and its lights."""
-    document = gltf.read_json(path)
+    raw, chunk = gltf.read_json(path)
+    layout = checked_layout(raw, where)
+    document = layout.model_dump(exclude_none=True)
     gltf.check_supported(document, where)
-    load = load_glb if path.suffix.lower() == ".glb" else load_gltf
-    with path.open("rb") as file:
-        loaded = load(file, resolver=FilePathResolver(str(path)), skip_materials=True)
-    # trimesh keeps the primitives that it decodes in the order of the file, under names of its own.
-    decoded = iter(loaded["geometry"].values())
-    sources: list[list[tuple[Triangles, Vec3]]] = []
-    for mesh in document.get("meshes", []):
-        rows = []
-        for primitive in mesh["primitives"]:
-            mode = primitive.get("mode", gltf.TRIANGLES)
-            arrays = next(decoded) if mode in gltf.DECODED else None
-            if arrays is not None and mode in (gltf.TRIANGLES, gltf.STRIP):
-                positions = _dequantized(arrays["vertices"], document, primitive)
-                color = _base_color(document, primitive)
-                rows.append((_triangles(positions, arrays["faces"], where), color))
-        sources.append(rows)
+    sources: list[list[tuple[Triangles, Vec3]]] = [[] for _ in layout.meshes]
+    for mesh, primitive, positions, corners in read_primitives(layout, chunk, path, where):
+        color = _base_color(layout, primitive)
+        sources[mesh].append((_triangles(positions, corners, where), color))
     parts = []
     for node in gltf.nodes_of(document):
         if "mesh" in node.data:
@@ -158,23 +154,12 @@ def _gltf(path: Path, where: str) -> tuple[list[Part], list[Camera], list[Light]
     return parts, cameras, lights, [*gltf.notes_on(document, where), *camera_notes, *light_notes]
 
 
-def _dequantized(positions: NDArray[Any], document: gltf.Json, primitive: gltf.Json) -> Floats:
-    """KHR_mesh_quantization's normalised integers as the fractions that they stand for; trimesh keeps the integers."""
-    accessor = document["accessors"][primitive["attributes"]["POSITION"]]
-    fractions = positions.astype(np.float64)
-    if accessor.get("normalized") and np.issubdtype(positions.dtype, np.integer):
-        return np.maximum(fractions / np.iinfo(positions.dtype).max, -1.0)
-    return fractions
-
-
-def _base_color(document: gltf.Json, primitive: gltf.Json) -> Vec3:
+def _base_color(layout: Layout, primitive: Primitive) -> Vec3:
     """The material's base colour factor, linear already; grey where a texture would give it."""
-    if "material" not in primitive:
+    if primitive.material is None:
         return GREY
-    surface = document["materials"][primitive["material"]].get("pbrMetallicRoughness", {})
-    if "baseColorFactor" not in surface:
-        return GREY
-    return vec3(np.clip(np.nan_to_num(np.array(surface["baseColorFactor"][:3], dtype=np.float64)), 0.0, 1.0))
+    factor = layout.materials[primitive.material].pbrMetallicRoughness.baseColorFactor
+    return GREY if factor is None else vec3(np.clip(factor[:3], 0.0, 1.0))
 
 
 def _triangles(vertices: NDArray[Any], faces: NDArray[Any], where: str) -> Triangles:

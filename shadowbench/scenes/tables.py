@@ -11,7 +11,10 @@ from shadowbench.scenes.model import Camera, Light, Vec3, vec3
 from shadowbench.scenes.triangles import LARGEST
 from shadowbench.strict import Strict, explain
 
-MOST_COPIES = 100_000
+MOST_COPIES = 50_000
+"""Meshes that a scene places, each copy counted."""
+MOST_NAMED = 1000
+"""Cameras, and lights, of a scene."""
 WIDEST_SPOT = 170.0
 NAME = re.compile(r"\w[\w .+-]{0,79}")
 """Names become file names and columns."""

@@ -20,6 +20,14 @@ class Cell:
     phase: int
 
 
+@dataclass(frozen=True)
+class BiasSweep:
+    """A spec whose bias a study multiplies, and what that makes of it: a factor and a spec each, by rising factor."""
+
+    home: Spec
+    swept: tuple[tuple[float, Spec], ...]
+
+
 @dataclass(frozen=True, eq=False)
 class Block:
     """A view and the cells of all phases, which share its truth and its G-buffer."""
@@ -51,6 +59,7 @@ class Study:
     lights: tuple[str | Light, ...] = ("file",)
     assets: Path | None = None
     about: str = ""
+    sweeps: tuple[BiasSweep, ...] = ()
     notes: tuple[str, ...] = field(default=())
 
     def cells(self) -> tuple[Cell, ...]:

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-import tomllib
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,9 +14,10 @@ from shadowbench.errors import InputError
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import Camera, Coordinates, Light
 from shadowbench.scenes.tables import camera_from_table, light_from_table
-from shadowbench.strict import Strict, explain
-from shadowbench.studies.study import Study
+from shadowbench.strict import Strict, explain, read_toml
+from shadowbench.studies.study import BiasSweep, Study
 from shadowbench.techniques.base import Technique
+from shadowbench.techniques.biases import Bias
 from shadowbench.techniques.params import Row
 from shadowbench.techniques.spec import Spec, format_value, parse_spec
 
@@ -32,11 +33,24 @@ Sizes = Annotated[
 ]
 
 
+MOST_NAMED = 1000
+"""Scenes, views, lights and tables of techniques of a study."""
+
+MOST_SPECS = 10_000
+"""Specs of a study, each map size counted."""
+
+MOST_CELLS = 1_000_000
+"""Cells of a study in one view, each phase counted."""
+
+
+_FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)  # of a bias sweep that names none
+
+
 class StudyFile(Strict):
     """The text of a study file; `technique` absent means every technique at its defaults."""
 
     about: str = ""
-    scenes: list[str] = Field(min_length=1)
+    scenes: list[str] = Field(min_length=1, max_length=MOST_NAMED)
     map_size: Sizes | None = None
     view_size: int = Field(512, ge=1, le=16384, strict=True)
     rounds: int = Field(9, ge=0, le=10_000, strict=True)
@@ -45,21 +59,14 @@ class StudyFile(Strict):
     reference: str = "shadow-map:size=1024"
     time_limit: float = Field(120.0, gt=0, le=86_400)
     memory_limit: float = Field(8.0, gt=0, le=4096)
-    views: list[str | dict[str, Any]] = Field(["file"], min_length=1)
-    lights: list[str | dict[str, Any]] = Field(["file"], min_length=1)
-    technique: list[dict[str, Any]] | None = Field(None, min_length=1)
+    views: list[str | dict[str, Any]] = Field(["file"], min_length=1, max_length=MOST_NAMED)
+    lights: list[str | dict[str, Any]] = Field(["file"], min_length=1, max_length=MOST_NAMED)
+    technique: list[dict[str, Any]] | None = Field(None, min_length=1, max_length=MOST_NAMED)
 
 
 def read_study(file: Path, techniques: Techniques) -> Study:
     """The study of a file; raises InputError for anything wrong in it."""
-    try:
-        table = tomllib.loads(file.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise InputError(f"{file}: no such study file; ours: {', '.join(study_names())}") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{file}: cannot be read: {error}") from None
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise InputError(f"{file}: not TOML: {error}") from None
+    table = read_toml(file, str(file), f"no such study file; ours: {', '.join(study_names())}")
     try:
         text = StudyFile.model_validate(table)
     except ValidationError as error:
@@ -70,6 +77,7 @@ def read_study(file: Path, techniques: Techniques) -> Study:
 def resolve(text: StudyFile, techniques: Techniques, where: str, folder: Path) -> Study:
     """A study from its text: specs crossed and validated, scenes relative to `folder`."""
     notes: list[str] = []
+    sweeps: list[BiasSweep] = []
     cameras: list[str | Camera] = []
     for number, view in enumerate(text.views, start=1):
         table = f"{where}: views {number}"
@@ -88,8 +96,9 @@ def resolve(text: StudyFile, techniques: Techniques, where: str, folder: Path) -
         specs = [
             spec
             for number, lists in enumerate(text.technique, start=1)
-            for spec in _crossed(lists, techniques, f"{where}: technique {number}", notes)
+            for spec in _crossed(lists, techniques, f"{where}: technique {number}", notes, sweeps)
         ]
+    _check_size(specs, text, where)
     return Study(
         scenes=tuple(_scene_reference(scene, folder) for scene in text.scenes),
         specs=tuple(specs),
@@ -104,8 +113,22 @@ def resolve(text: StudyFile, techniques: Techniques, where: str, folder: Path) -
         views=tuple(cameras),
         lights=tuple(lights),
         about=text.about,
+        sweeps=tuple(sweeps),
         notes=tuple(notes),
     )
+
+
+def _check_size(specs: list[Spec], text: StudyFile, where: str) -> None:
+    """Raises InputError for a study that is larger than anybody could run."""
+    sizes = len(text.map_size or [None])
+    sized = sum(sizes if spec.has_size and "size" not in spec.named else 1 for spec in specs)
+    if sized > MOST_SPECS:
+        raise InputError(f"{where}: {sized} specs, each map size counted; allowed are at most {MOST_SPECS}")
+    if sized * text.phases > MOST_CELLS:
+        raise InputError(
+            f"{where}: {sized * text.phases} cells: {sized} specs, each map size counted, in {text.phases} phases; "
+            f"allowed are at most {MOST_CELLS}"
+        )
 
 
 def find_study(name: str) -> Path:
@@ -122,7 +145,7 @@ def study_names() -> list[str]:
 
 def _scene_reference(reference: str, folder: Path) -> str:
     # A word that names no file here is a built-in name misspelt, which `load_scene` knows how to tell.
-    bare = not Path(reference).suffix and Path(reference).name == reference and not (folder / reference).exists()
+    bare = not Path(reference).suffix and Path(reference).name == reference and not os.path.lexists(folder / reference)
     return reference if bare or reference in builtin_names() else str(folder / reference)
 
 
@@ -133,22 +156,29 @@ def _parsed(text: str, techniques: Techniques, where: str) -> Spec:
         raise InputError(f"{where}: {error}") from None
 
 
-def _crossed(table: dict[str, Any], techniques: Techniques, where: str, notes: list[str]) -> list[Spec]:
+def _crossed(
+    table: dict[str, Any], techniques: Techniques, where: str, notes: list[str], sweeps: list[BiasSweep]
+) -> list[Spec]:
     """The specs of one [[technique]]: every combination of its lists.
 
     Combinations that mean nothing are dropped, and said; a value that no combination takes is an InputError.
     """
     if not isinstance(table.get("spec"), str):
-        raise InputError(f"{where}: spec: found {table.get('spec', 'none')!r}; allowed: a technique's spec, as text")
+        raise InputError(
+            f"{where}: spec: found {table.get('spec', 'none')!r:.60}; allowed: a technique's spec, as text"
+        )
     base = _parsed(table["spec"], techniques, where)
     lists = {key: _listed(value) for key, value in table.items() if key not in ("spec", "bias_sweep")}
     factors = _factors(table, where)
     for key, choices in lists.items():
         if key not in base.technique.Params.model_fields:
             allowed = ", ".join(base.technique.Params.model_fields) or "none"
-            raise InputError(f"{where}: unknown parameter {key!r}; parameters of {base.technique.name}: {allowed}")
+            raise InputError(f"{where}: unknown parameter {key!r:.60}; parameters of {base.technique.name}: {allowed}")
         if not choices:
             raise InputError(f"{where}: {key}: found an empty list; allowed: one value or more")
+    count = math.prod(len(choices) for choices in lists.values()) * max(1, len(factors))
+    if count > MOST_SPECS:
+        raise InputError(f"{where}: its lists cross to {count} specs; allowed are at most {MOST_SPECS}")
     made: list[Spec] = []
     dropped: list[InputError] = []
     taken: set[tuple[str, str]] = set()
@@ -162,11 +192,17 @@ def _crossed(table: dict[str, Any], techniques: Techniques, where: str, notes: l
             refused |= dict.fromkeys(chosen - refused.keys(), error)
             continue
         taken |= chosen
+        if not factors:
+            made.append(crossed)
+        swept: dict[float, Spec] = {}
         for factor in factors:
             try:
-                made.append(_swept(crossed, factor))
+                swept[factor] = _swept(crossed, factor)
             except InputError as error:
                 dropped.append(error)
+        made += swept.values()
+        if swept:
+            sweeps.append(BiasSweep(crossed, tuple(sorted(swept.items(), key=lambda pair: pair[0]))))
     for choice, reason in refused.items():
         if choice not in taken:
             raise InputError(f"{where}: {reason}")
@@ -176,28 +212,27 @@ def _crossed(table: dict[str, Any], techniques: Techniques, where: str, notes: l
     return made
 
 
-def _factors(table: dict[str, Any], where: str) -> list[float | None]:
-    """The factors of `bias_sweep`, or one None without it."""
-    if "bias_sweep" not in table:
-        return [None]
-    factors = _listed(table["bias_sweep"])
+def _factors(table: dict[str, Any], where: str) -> list[float]:
+    """The factors of `bias_sweep`, ¼ to 4 where it is only asked for; none without it."""
+    asked = table.get("bias_sweep", False)
+    if isinstance(asked, bool):
+        return list(_FACTORS) if asked else []
+    factors = _listed(asked)
     for factor in factors or [None]:
         if isinstance(factor, bool) or not isinstance(factor, int | float) or not 0 < factor < math.inf:
-            found = "an empty list" if factor is None else repr(factor)
-            raise InputError(f"{where}: bias_sweep: found {found}; allowed: numbers above 0")
+            found = "an empty list" if factor is None else f"{factor!r:.60}"
+            raise InputError(f"{where}: bias_sweep: found {found}; allowed: true, or numbers above 0")
     return factors
 
 
-def _swept(spec: Spec, factor: float | None) -> Spec:
-    """The spec with its computed bias times a factor; raises InputError for a bias that is not computed."""
-    if factor is None:
-        return spec
+def _swept(spec: Spec, factor: float) -> Spec:
+    """The spec with its bias times a factor; raises InputError where there is none, or it has nothing to multiply."""
     bias = getattr(spec.params, "bias", None)
-    if not isinstance(bias, Row) or "scale" not in type(bias).model_fields:
+    if not isinstance(bias, Bias) or not bias.swept:
         found = f", found bias={format_value(bias)}" if isinstance(bias, Row) else ""
-        raise InputError(f"bias_sweep: {spec.technique.name} has no computed bias here{found}")
+        raise InputError(f"bias_sweep: {spec.technique.name} has no bias here that can be multiplied{found}")
     try:
-        row = type(bias)(**{**dict(bias), "scale": bias.scale * factor})  # type: ignore[attr-defined]
+        row = type(bias)(**{**dict(bias), **{name: getattr(bias, name) * factor for name in bias.swept}})
     except ValidationError as error:
         raise explain(f"bias_sweep {factor:g}: {format_value(bias)}", error) from None
     return spec.with_(bias=row)

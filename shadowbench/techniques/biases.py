@@ -8,9 +8,10 @@ MapKind = Literal["2d", "array", "cube"]
 
 
 class Bias(Row):
-    """Family of biases. `maps` names the map kinds that a row serves."""
+    """Family of biases. `maps`: the map kinds that a row serves; `swept`: what a study's `bias_sweep` multiplies."""
 
     maps: ClassVar[frozenset[MapKind]] = frozenset({"2d", "array"})
+    swept: ClassVar[tuple[str, ...]] = ()
     shader = "bias/none.glsl"
 
     @property
@@ -42,6 +43,7 @@ class Constant(Bias):
     name = "constant"
     shader = "bias/constant.glsl"
     maps = frozenset({"2d", "array", "cube"})
+    swept = ("units", "world")
     units: float = param(0.005, "depth in [0, 1] that is subtracted from the receiver's", ge=0, le=1)
     world: float = param(0.0, "metres; takes the place of units where it is above 0", ge=0, metres=True)
 
@@ -56,6 +58,7 @@ class Slope(Bias):
     name = "slope"
     shader = "bias/slope.glsl"
     maps = frozenset({"2d", "array", "cube"})
+    swept = ("max", "min")
     max: float = param(0.05, "depth at grazing light", ge=0, le=1)
     min: float = param(0.005, "depth at steep light", ge=0, le=1)
 
@@ -68,6 +71,7 @@ class PolygonOffset(Bias):
     """glPolygonOffset in the depth pass: by the polygon's own slope, plus units of the smallest step of the format."""
 
     name = "polygon-offset"
+    swept = ("factor", "units")
     factor: float = param(2.0, "times the polygon's steepest depth slope a texel", ge=-100, le=100)
     units: float = param(4.0, "times the smallest step of the depth format", ge=-1e6, le=1e6)
 
@@ -93,6 +97,7 @@ class NormalOffset(Bias):
     name = "normal-offset"
     shader = "bias/normal-offset.glsl"
     maps = frozenset({"2d", "array", "cube"})
+    swept = ("scale",)
     scale: float = param(1.0, "times the filter's reach", ge=0, le=100)
     ulps: float = param(4.0, "steps of the depth format on top", ge=0, le=1e6)
 
@@ -102,6 +107,7 @@ class ReceiverPlane(Bias):
 
     name = "receiver-plane"
     shader = "bias/receiver-plane.glsl"
+    swept = ("slack",)
     gradient: Literal["plane", "derivative"] = param("plane", "from the geometric normal, or by screen derivatives")
     limit: float = param(10.0, "tan θ that the gradient is limited to", gt=0, le=1e6)
     slack: float = param(1.5, "texel widths along the ray, for surfaces that bend within a texel", ge=0, le=1e6)
@@ -114,6 +120,7 @@ class Texel(Bias):
     name = "texel"
     shader = "bias/texel.glsl"
     maps = frozenset({"2d", "array", "cube"})
+    swept = ("scale",)
     scale: float = param(1.0, "times the depth that the slope makes of the filter's reach", ge=0, le=100)
     limit: float = param(16.0, "most, in filter radii · texel widths", gt=0, le=1e6)
     ulps: float = param(4.0, "steps of the depth format on top", ge=0, le=1e6)

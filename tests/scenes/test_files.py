@@ -222,7 +222,7 @@ HUGE = "9" * 400
         (BOX + f"repeat = [{', '.join(3 * ['{ count = 2, step = [1, 0, 0] }'])}]\n", ["at most 2 entries"]),
         (f'about = "{"a" * 201}"\n' + BOX, ["about", "at most 200 characters"]),
         (
-            '[[mesh]]\nshape = "sphere"\nsubdivisions = 7\nrepeat = { count = 99999, step = [1, 0, 0] }\n',
+            '[[mesh]]\nshape = "sphere"\nsubdivisions = 7\nrepeat = { count = 49999, step = [1, 0, 0] }\n',
             ["triangles"],
         ),
         ("[camera]\nposition = [0, 0, 0]\ntarget = [0, 0, 0]\n" + BOX, ["position", "target"]),

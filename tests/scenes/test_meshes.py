@@ -204,17 +204,67 @@ def test_a_draco_file_decodes(tmp_path: Path) -> None:
     assert np.linalg.norm(mesh.vertices, axis=1) == pytest.approx(1.0, abs=1e-3)
 
 
-def test_a_broken_draco_file_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "ball.glb"
+def draco(tmp_path: Path) -> tuple[Path, bytes, int]:
+    """A compressed ball, its bytes, and where in them Draco's begin."""
     scene = trimesh.Scene(trimesh.creation.icosphere(subdivisions=2))
-    path.write_bytes(trimesh.exchange.gltf.export_glb(scene, extension_draco=True))
-    monkeypatch.setattr("DracoPy.decode", lambda *_: (_ for _ in ()).throw(ImportError("no decoder")))
+    data = trimesh.exchange.gltf.export_glb(scene, extension_draco=True)
+    return tmp_path / "ball.glb", data, data.index(b"DRACO")
+
+
+def test_a_broken_draco_file_is_one_line(tmp_path: Path) -> None:
+    path, data, start = draco(tmp_path)
+    path.write_bytes(data[:start] + b"OCARD" + data[start + 5 :])
     with pytest.raises(InputError) as error:
         read_meshes(path)
     one_line(error, "ball.glb", "KHR_draco_mesh_compression")
+
+
+@pytest.mark.parametrize(
+    ("decoder", "word"),
+    [
+        ("import os; os.abort()", "died with code -6"),
+        ("b'x' * (3 << 30)", "MemoryError"),
+        ("while True: pass", "more than 1 s"),
+        ("raise ValueError('first\nsecond')", "ValueError: first second"),
+    ],
+    ids=["dies", "asks for 3 GiB", "hangs", "says two lines"],
+)
+def test_a_decoder_that_fails_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, decoder: str, word: str
+) -> None:
+    path, data, _ = draco(tmp_path)
+    path.write_bytes(data)
+    body = "".join(f"    {line}\n" for line in [decoder.replace("\n", "\\n")])
+    (tmp_path / "DracoPy.py").write_text(f"def decode(blob):\n{body}")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setattr("shadowbench.scenes.draco.LONGEST", 1.0 if "while" in decoder else 20.0)
+    with pytest.raises(InputError) as error:
+        read_meshes(path)
+    one_line(error, "ball.glb", "KHR_draco_mesh_compression", word)
 
 
 def test_listening_to_trimesh_ends_with_the_file(mesh_file: MeshFile) -> None:
     before = list(logging.getLogger("trimesh").handlers)
     read_meshes(mesh_file("a.obj", OBJ + "f 1 2 3\n"))
     assert logging.getLogger("trimesh").handlers == before
+
+
+@pytest.mark.parametrize("name", ["a.obj", "a.off", "a.stl", "a.ply"])
+def test_a_comment_or_name_in_another_code_than_utf8_does_no_harm(mesh_file: MeshFile, name: str) -> None:
+    stl = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
+    text = {
+        "a.obj": "# é\no Säule\n" + OBJ + "f 1 2 3\n",
+        "a.off": "OFF # é\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
+        "a.stl": f"solid Säule\n{stl}endsolid Säule\n",
+        "a.ply": PLY.replace("element vertex", "comment é\nelement vertex") + PLY_FACES.format(1) + "3 0 1 2\n",
+    }[name]
+    assert [len(mesh.faces) for mesh in read_meshes(mesh_file(name, text.encode("latin-1"))).meshes] == [1]
+
+
+@pytest.mark.parametrize("suffix", ["obj", "ply", "stl", "off"])
+def test_a_mesh_without_a_name_has_that_of_its_file(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"knob.{suffix}"
+    trimesh.creation.box().export(path)
+    lines = [line for line in path.read_bytes().splitlines(keepends=True) if not line.startswith(b"o ")]
+    path.write_bytes(b"".join(lines))
+    assert [mesh.name for mesh in read_meshes(path).meshes] == ["knob"]

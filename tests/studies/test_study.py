@@ -1,6 +1,7 @@
 """Study files: what is crossed with what, and one line for what may not stand there."""
 
 import math
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -260,7 +261,7 @@ def test_a_wrong_field_is_one_line(read: ReadStudy, text: str, words: list[str])
 
 def test_a_missing_study_a_folder_and_unreadable_bytes_are_one_line(tmp_path: Path) -> None:
     (tmp_path / "latin.toml").write_bytes(b'about = "\xe9"\n')
-    for file, word in [("none.toml", "no such"), (".", "cannot be read"), ("latin.toml", "cannot be read")]:
+    for file, word in [("none.toml", "no such"), (".", "is not a file"), ("latin.toml", "cannot be read")]:
         with pytest.raises(InputError, match=word) as error:
             read_study(tmp_path / file, KNOWN)
         assert "\n" not in str(error.value)
@@ -287,3 +288,38 @@ def test_different_scenes_views_or_lights_of_one_name_are_refused(read: ReadStud
         list(read(f'views = ["low", {other}]\n' + pair).blocks())
     with pytest.raises(InputError, match="lights of pair: two are called 'noon'"):
         list(read('lights = ["file", { name = "noon", kind = "point", position = [0, 3, 0] }]\n' + pair).blocks())
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (SCENE + "a." * 100_000 + "b = 1\n", ["line 2", "100000 dots"]),
+        (SCENE + "rounds = " + "9" * 5000 + "\n", ["not TOML"]),
+        (SCENE + "rounds = 99999999999999999999\n", ["rounds", "64 bits"]),
+        ("scenes = [" + '"cube-on-plane",' * 1001 + "]\n", ["scenes", "1000"]),
+        ('scenes = ["a\\u0000b"]\ntechnique = [{ spec = "unshadowed" }]\n', []),
+        (f'scenes = ["{"a" * 300}"]\ntechnique = [{{ spec = "unshadowed" }}]\n', []),
+        (SCENE + "map_size = [" + "512," * 10_001 + "]\n", ["specs", "10000"]),
+        (SCENE + "map_size = [" + "512," * 2000 + "]\nphases = 10000\n", ["cells", "1000000"]),
+        (
+            SCENE + f"[[technique]]\nspec = 'shadow-map'\nsize = {[16] * 1000}\nbias_sweep = {[1.0] * 99}\n",
+            ["technique 1", "99000 specs", "10000"],
+        ),
+        (SCENE + f"[[technique]]\nspec = {['x'] * 3000}\n", ["technique 1: spec"]),
+        (SCENE + f"[[technique]]\nspec = 'shadow-map'\n{'k' * 3000} = 1\n", ["unknown parameter"]),
+        (SCENE + f"[[technique]]\nspec = 'shadow-map'\nbias_sweep = [{['x'] * 3000}]\n", ["bias_sweep"]),
+    ],
+)
+def test_a_study_beyond_its_limits_is_refused_before_the_work(read: ReadStudy, text: str, words: list[str]) -> None:
+    with pytest.raises(InputError) as error:
+        next(read(text).blocks())
+    line = str(error.value)
+    assert line.isprintable()
+    assert len(line) < 1000
+    assert [word for word in words if word not in line] == []
+
+
+def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "study.toml")
+    with pytest.raises(InputError, match="is not a file"):
+        read_study(tmp_path / "study.toml", KNOWN)

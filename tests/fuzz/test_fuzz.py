@@ -1,0 +1,46 @@
+"""Every generated file gives a result or one clear line; `python -m tests.fuzz` tries the full count."""
+
+from multiprocessing.pool import ThreadPool
+
+import pytest
+
+from .cases import Case
+from .command import commanded
+from .corrupt import FORMATS, corrupted
+from .generate import generated
+from .pool import verdicts
+
+
+def failures(cases: list[Case]) -> list[str]:
+    found = [(case, verdict) for case, verdict, _ in verdicts(cases, jobs=2)]
+    assert len(found) == len(cases)
+    assert {"result", "refusal"} <= {verdict.kind for _, verdict in found}
+    return [f"{case.kind}: {verdict.line}" for case, verdict in found if verdict.kind == "failure"]
+
+
+def test_a_hundred_files_give_a_result_or_one_line() -> None:
+    assert failures([*generated(80), *(corrupted(kind, k) for kind in FORMATS for k in range(5))]) == []
+
+
+@pytest.mark.slow
+def test_two_thousand_files_give_a_result_or_one_line() -> None:
+    assert failures([*generated(1400, 1), *(corrupted(kind, k) for kind in FORMATS for k in range(100, 200))]) == []
+
+
+@pytest.mark.slow
+def test_the_command_line_gives_a_result_or_one_line() -> None:
+    cases = [case for kind in ("scene", "study", "spec") for case in generated(100, 2, kind)]
+    cases += [corrupted(kind, k) for kind in FORMATS for k in range(20)]
+    found = {}
+    for case, verdict, _ in verdicts(cases, jobs=2):
+        if verdict.small:
+            found[case.kind, verdict.kind] = case
+    kinds = ["scene", "study", "spec", *FORMATS]
+    assert found.keys() == {(kind, answer) for kind in kinds for answer in ("result", "refusal")}
+    with ThreadPool(2) as pool:
+        answers = pool.map(commanded, found.values())
+    assert [
+        f"{case.kind}: {answer.line}"
+        for case, answer in zip(found.values(), answers, strict=True)
+        if answer.kind == "failure"
+    ] == []

@@ -1,0 +1,104 @@
+"""The watchers see what they watch for: a read elsewhere, a write, a hang, a death, memory, a traceback."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from shadowbench.errors import InputError
+
+from . import command, verdict
+from .cases import Case
+from .pool import verdicts
+from .verdict import Verdict, Watch, judged
+
+WATCH = Watch()  # a hook stays for the life of the process
+CASE = Case("scene", "a.toml", {"a.toml": b""})
+
+
+def no_memory() -> None:
+    try:
+        raise MemoryError
+    except MemoryError as error:
+        raise InputError("too large") from error
+
+
+@pytest.mark.parametrize(
+    ("read", "line"),
+    [
+        (lambda main: (main.parents[1] / "outside" / "part.obj").read_bytes(), "read ./outside/part.obj"),
+        (lambda main: main.with_name("new").write_bytes(b"x"), "wrote ./inside/new"),
+        (lambda main: os.mkfifo(main.with_name("new")), "something was written"),
+        (lambda main: int("x"), "ValueError: invalid literal"),
+        (lambda main: no_memory(), "memory: too large"),
+        (lambda main: (_ for _ in ()).throw(InputError("x" * 5000)), "a line of 5000 characters"),
+    ],
+    ids=["reads elsewhere", "writes", "leaves a pipe", "raises", "runs out of memory", "talks too much"],
+)
+def test_a_reader_that_misbehaves_is_a_failure(
+    monkeypatch: pytest.MonkeyPatch, read: Callable[[Path], Any], line: str
+) -> None:
+    def reader(case: Case, main: Path, assets: Path) -> bool:
+        read(main)
+        return True
+
+    monkeypatch.setitem(verdict.READ, "scene", reader)
+    found = judged(CASE, WATCH)
+    assert found.kind == "failure"
+    assert line in found.line
+
+
+def misbehave(case: Case, watch: Watch) -> Verdict:
+    """In a process of the pool."""
+    if case.text == "hang":
+        while True:
+            pass
+    if case.text == "die":
+        os.abort()
+    if case.text == "memory":
+        try:
+            bytearray(4 << 30)
+        except MemoryError:
+            return Verdict("failure", "no memory")
+    return Verdict("result", case.text)
+
+
+def test_a_case_that_hangs_or_kills_its_process_is_named_and_the_others_go_on() -> None:
+    cases = [Case("spec", "", text=text) for text in ("one", "hang", "two", "die", "three", "memory", "four")]
+    found = {case.text: answer for case, answer, _ in verdicts(cases, 2, misbehave, longest=1.0)}
+    assert {text: answer.kind for text, answer in found.items()} == {
+        "one": "result", "two": "result", "three": "result", "four": "result",
+        "hang": "failure", "die": "failure", "memory": "failure",
+    }  # fmt: skip
+    assert "hung" in found["hang"].line
+    assert "code -6" in found["die"].line
+
+
+@pytest.mark.parametrize(
+    ("code", "said", "memory", "written", "line"),
+    [
+        (1, [], 0, [], "exit code 1"),
+        (0, ["Traceback (most recent call last):"], 0, ["out/a.npz"], "a traceback"),
+        (2, ["note: x", "shadowbench: y"], 0, [], "2 lines"),
+        (2, [], 0, [], "0 lines"),
+        (2, ["error"], 0, [], "no line of ours"),
+        (2, ["shadowbench: y"], 0, ["out/a.npz"], "left"),
+        (0, [], 0, ["out/.a.123.npz", "out/a.npz"], "half-written"),
+        (0, [], 0, ["inside/b"], "wrote"),
+        (0, [], 0, [], "wrote only"),
+        (0, [], 5 << 30, ["out/a.npz"], "5.0 GiB"),
+    ],
+)
+def test_a_command_that_misbehaves_is_a_failure(
+    code: int, said: list[str], memory: int, written: list[str], line: str
+) -> None:
+    found = command.answer(code, said, memory, 1.0, {"out": 0}, {"out": 1, **dict.fromkeys(written, 1)})
+    assert found.kind == "failure"
+    assert line in found.line
+
+
+def test_a_command_that_behaves_is_none() -> None:
+    assert command.answer(2, ["shadowbench: y"], 0, 1.0, {"out": 0}, {"out": 0}).kind == "refusal"
+    assert command.answer(0, ["note: x"], 0, 1.0, {"out": 0}, {"out": 1, "out/a.npz": 1}).kind == "result"

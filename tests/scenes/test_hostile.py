@@ -1,0 +1,242 @@
+"""Files made to hang, to fill the memory, to read what is not theirs, or to steer a terminal: each is one line."""
+
+import json
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from trimesh.exchange.gltf import export_glb
+
+from shadowbench.errors import InputError
+from shadowbench.scenes.library import load_scene
+from shadowbench.scenes.meshes import read_meshes
+
+BOX = '[[mesh]]\nshape = "box"\n'
+OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+Write = Callable[..., Path]
+
+
+def refused(path: str | Path, *words: str, assets: Path | None = None) -> None:
+    start = time.monotonic()
+    with pytest.raises(InputError) as error:
+        load_scene(path, assets)
+    line = str(error.value)
+    assert time.monotonic() - start < 10
+    assert line.isprintable()
+    assert len(line) < 1000
+    assert [word for word in words if word not in line] == []
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("a." * 100_000 + "b = 1\n" + BOX, ["line 1", "100000 dots", "200"]),
+        ("[" + "a." * 150 + "a]\n" + "b." * 150 + "b = 1\n" + BOX, ["nested deeper than 20"]),
+        ("a = " + "[" * 30 + "]" * 30 + "\n" + BOX, ["nested deeper than 20"]),
+        ("a = " + "[" * 20_000 + "\n", ["not TOML"]),
+        ("a = " + "9" * 5000 + "\n", ["not TOML"]),
+        ("# " + "x" * 2_000_000 + "\n" + BOX, ["2000000"]),
+        ("[[camera]]\nposition = [0, 0, 1]\ntarget = [0, 0, 0]\n" * 1001 + BOX, ["1001", "1000"]),
+        ('[[light]]\nkind = "directional"\ndirection = [0, -1, 0]\n' * 1001 + BOX, ["1001", "1000"]),
+        (BOX * 50_001, ["mesh: found 50001 tables", "50000"]),
+        (f'"{"k" * 5000}" = 1\n' + BOX, ["unknown field"]),
+    ],
+    ids=[
+        "a key of 100,000 parts", "tables in tables", "lists in lists", "lists without end", "5,000 digits",
+        "2 MB of nothing", "1,001 cameras", "1,001 lights", "50,001 meshes", "a key of 5,000 letters",
+    ],
+)  # fmt: skip
+def test_a_scene_file_beyond_its_limits_is_refused_before_the_work(
+    scene_file: Write, text: str, words: list[str]
+) -> None:
+    refused(scene_file(text), *words)
+
+
+def test_a_file_that_many_tables_name_is_read_once(
+    scene_file: Write, mesh_file: Write, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mesh_file("a.obj", OBJ)
+    asked: list[Path] = []
+    monkeypatch.setattr(
+        "shadowbench.scenes.files.read_meshes", lambda path, where: asked.append(path) or read_meshes(path, where)
+    )
+    scene = load_scene(scene_file('[[mesh]]\nfile = "a.obj"\n' * 50))
+    assert len(scene.meshes) == 50
+    assert len(asked) == 1
+
+
+def test_copies_of_a_file_count_each_of_its_meshes(scene_file: Write, mesh_file: Write) -> None:
+    bodies = "".join(f"o {k}\nf 1 2 3\n" for k in range(3))
+    mesh_file("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n" + bodies)
+    refused(scene_file('[[mesh]]\nfile = "a.obj"\nrepeat = { count = 20000, step = [1, 0, 0] }\n'), "60000 meshes")
+
+
+@pytest.mark.parametrize(
+    "name", ["a" * 300, "a" * 300 + ".toml", "a" * 300 + ".obj", "a" * 300 + ".x", "a\0b", "/" * 5000]
+)
+def test_a_name_that_cannot_be_a_path_is_one_line(name: str) -> None:
+    refused(name)
+
+
+def test_a_line_never_steers_the_terminal(scene_file: Write) -> None:
+    refused(scene_file('[[mesh]]\nfile = "\\u001b[2J\\n\\u202e.obj"\n'), "\\x1b[2J")
+
+
+def test_names_of_a_gltf_that_cannot_be_encoded_are_escaped(gltf_file: Write) -> None:
+    refused(gltf_file(meshes=[{"name": "\ud800\x1b[2J", "primitives": [{"attributes": {"POSITION": 0}, "mode": 6}]}]))
+
+
+def test_a_pipe_is_not_waited_for(tmp_path: Path, scene_file: Write, gltf_file: Write) -> None:
+    for name in ("pipe.obj", "pipe.toml", "pipe.bin"):
+        os.mkfifo(tmp_path / name)
+    refused(tmp_path / "pipe.toml", "is not a file")
+    refused(tmp_path / "pipe.obj", "is not a file")
+    refused(scene_file('[[mesh]]\nfile = "pipe.obj"\n'), "is not a file")
+    refused(gltf_file(buffers=[{"byteLength": 48, "uri": "pipe.bin"}]), "is not a file")
+
+
+# What is not the file's to read.
+
+
+@pytest.fixture
+def outside(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder beside the scene's, with bytes that would do."""
+    folder = tmp_path_factory.mktemp("outside")
+    positions = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], dtype=np.float32)
+    (folder / "part.bin").write_bytes(positions.tobytes() + np.arange(3, dtype=np.uint32).tobytes())
+    (folder / "part.obj").write_text(OBJ)
+    return folder
+
+
+def test_the_buffer_of_a_gltf_lies_in_its_folder(gltf_file: Write, tmp_path: Path, outside: Path) -> None:
+    (tmp_path / "link.bin").symlink_to(outside / "part.bin")
+    (tmp_path / "folder").symlink_to(outside)
+    relative = os.path.relpath(outside / "part.bin", tmp_path)
+    for uri in (str(outside / "part.bin"), relative, relative.replace("/", "%2F"), "link.bin", "folder/part.bin"):
+        refused(gltf_file(buffers=[{"byteLength": 48, "uri": uri}]), "buffers[0]", "outside")
+    (tmp_path / "my part.bin").write_bytes((outside / "part.bin").read_bytes())
+    for uri in ("my%20part.bin", "my part.bin", "./my%20part.bin"):
+        assert len(load_scene(gltf_file(buffers=[{"byteLength": 48, "uri": uri}])).meshes) == 2
+
+
+def test_a_buffer_named_by_a_wrong_folder_is_not_taken_from_beside(
+    gltf_file: Write, tmp_path: Path, outside: Path
+) -> None:
+    (tmp_path / "part.bin").write_bytes((outside / "part.bin").read_bytes())
+    refused(gltf_file(buffers=[{"byteLength": 48, "uri": "elsewhere/part.bin"}]), "is not a file")
+
+
+@pytest.mark.parametrize("uri", ["data:,x", "data:;base64,*", "data:;base64,AAAA", "data:", "file:///etc/passwd", ""])
+def test_a_buffer_that_is_none_is_one_line(gltf_file: Write, uri: str) -> None:
+    refused(gltf_file(buffers=[{"byteLength": 48, "uri": uri}]), "buffers[0]")
+
+
+# A glTF's numbers against its bytes.
+
+
+@pytest.mark.parametrize(
+    ("parts", "words"),
+    [
+        ({"accessor": {"count": 10**10}}, ["accessors[0]", "10000000000 elements"]),
+        ({"accessor": {"count": 10**30}}, ["count"]),
+        ({"accessor": {"count": -1}}, ["count", "-1"]),
+        ({"accessor": {"count": 2.5}}, ["count", "2.5"]),
+        ({"accessor": {"byteOffset": 12}}, ["accessors[0]", "byte 48", "36"]),
+        ({"accessor": {"componentType": 5124}}, ["componentType", "5124"]),
+        ({"accessor": {"type": "VEC2"}}, ["accessors[0]", "VEC3"]),
+        ({"accessor": {"bufferView": 1}}, ["accessors[0]", "bufferView"]),
+        ({"accessor": {"bufferView": 5}}, ["accessors[0].bufferView", "5", "0 to 1"]),
+        ({"accessor": {"bufferView": None}}, ["accessors[0]", "no bufferView"]),
+        ({"bufferViews": [{"buffer": 0, "byteOffset": 40, "byteLength": 36}] * 2}, ["bufferViews[0]", "76", "48"]),
+        ({"bufferViews": [{"buffer": 3, "byteLength": 36}] * 2}, ["bufferViews[0].buffer", "3"]),
+        ({"bufferViews": [{"buffer": 0, "byteLength": 36, "byteStride": 0}] * 2}, ["byteStride"]),
+        ({"meshes": [{"primitives": [{"attributes": {"POSITION": 7}}]}]}, ["POSITION", "7", "0 to 1"]),
+        ({"meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 0}]}]}, ["accessors[0]", "unsigned"]),
+        ({"meshes": [{"primitives": [{"attributes": [0]}]}]}, ["attributes"]),
+        ({"meshes": {"a": 1}}, ["meshes"]),
+        ({"nodes": [{"mesh": 0, "translation": [1, "x", 2]}]}, ["translation", "'x'"]),
+        ({"nodes": [{"mesh": 0, "scale": [1, float("nan"), 1]}]}, ["scale"]),
+        ({"nodes": [{"mesh": 0, "rotation": [0, 0, 0, 0]}]}, ["NaN"]),
+        ({"nodes": [{"mesh": -1}]}, ["mesh", "-1"]),
+        ({"scene": 4}, ["scene", "4"]),
+        ({"asset": {"version": 2}}, ["version"]),
+        ({"asset": []}, ["asset"]),
+        ({"nodes": [{"mesh": 0, "camera": 0}] * 1001, "scenes": [{"nodes": [0]}],
+          "cameras": [{"type": "orthographic"}]}, ["1001 cameras", "1000"]),
+        ({"nodes": [{"mesh": 0, "camera": 0}], "cameras": [{"type": "perspective"}]}, ["cameras[0].perspective"]),
+        ({"nodes": [{"mesh": 0}] * 50_001}, ["nodes", "50000"]),
+    ],
+)  # fmt: skip
+def test_a_gltf_whose_numbers_lie_is_told_where(gltf_file: Write, parts: dict[str, Any], words: list[str]) -> None:
+    refused(gltf_file(**parts), "model.gltf", *words)
+
+
+def test_few_bytes_do_not_stand_for_more_triangles_than_a_scene_has(gltf_file: Write) -> None:
+    many = np.zeros((30_000, 3), dtype=np.float32)
+    primitive = {"attributes": {"POSITION": 0}, "indices": 1}
+    refused(gltf_file(positions=many, meshes=[{"primitives": [primitive] * 2000}]), "60000000 vertices", "30000000")
+    refused(gltf_file(positions=many, nodes=[{"mesh": 0}] * 2000), "60000000 vertices", "30000000")
+
+
+def test_a_chain_of_nodes_is_followed_however_deep(gltf_file: Write) -> None:
+    nodes = [{"children": [k + 1], "translation": [1, 0, 0]} for k in range(20_000)]
+    (mesh, _) = load_scene(gltf_file(nodes=[*nodes, {"mesh": 0}])).meshes
+    assert mesh.vertices[:, 0].min() == 20_000
+
+
+def test_a_glb_without_its_second_chunk_is_one_line(gltf_file: Write, tmp_path: Path) -> None:
+    path = gltf_file("a.glb")
+    data = path.read_bytes()
+    end = 20 + int.from_bytes(data[12:16], "little")
+    path.write_bytes(data[:8] + end.to_bytes(4, "little") + data[12:end])
+    refused(path, "a.glb: buffers[0]", "uri")
+
+
+def test_the_json_of_a_gltf_is_read_once_as_what_it_is(tmp_path: Path, gltf_file: Write) -> None:
+    whole = json.loads(gltf_file("model.gltf").read_text())
+    path = tmp_path / "other.gltf"
+    path.write_bytes(json.dumps({**whole, "nodes": [{"mesh": 0, "name": "mine"}]}).encode("utf-16"))
+    assert load_scene(path).meshes[0].name == "mine"
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "words"),
+    [
+        ("a.stl", "solid a\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendsolid a\n" * 20_000, ["20000 solids", "1000"]),
+        ("a.obj", OBJ + "f " + "1 2 3 " * 100_000, ["a line of more than 100000"]),
+        ("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n300000 " + "0 1 2 " * 100_000, ["a line of more than 100000"]),
+        (
+            "a.obj",
+            "v 0 0 0\n" * 300_000 + "".join(f"o {k}\nf 1 2 3\n" for k in range(20_000)),
+            ["20000 objects over 299999 vertices", "5000000000"],
+        ),
+    ],
+    ids=["20,000 solids of one name", "a polygon without end", "the same as OFF", "20,000 objects"],
+)
+def test_a_mesh_file_that_would_take_the_reader_for_ever_is_refused(
+    mesh_file: Write, name: str, data: str, words: list[str]
+) -> None:
+    refused(mesh_file(name, data), name, *words)
+
+
+def test_what_many_primitives_share_is_decoded_once(tmp_path: Path) -> None:
+    data = export_glb(trimesh.Scene(trimesh.creation.box()), extension_draco=True)
+    length = int.from_bytes(data[12:16], "little")
+    document = json.loads(data[20 : 20 + length])
+    document["meshes"][0]["primitives"] *= 2000
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    path = tmp_path / "a.glb"
+    path.write_bytes(
+        data[:8] + (len(data) - length + len(text)).to_bytes(4, "little") + len(text).to_bytes(4, "little")
+        + data[16:20] + text + data[20 + length :]
+    )  # fmt: skip
+    start = time.monotonic()
+    meshes = read_meshes(path).meshes
+    assert time.monotonic() - start < 10
+    assert (len(meshes), {len(mesh.faces) for mesh in meshes}) == (2000, {12})

@@ -1,0 +1,105 @@
+"""Bias sweeps of study files: what is multiplied, and the curve of acne and contact that is printed of it."""
+
+import csv
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from shadowbench.errors import InputError
+from shadowbench.studies.study import Study
+from shadowbench.studies.study_file import read_study
+from shadowbench.studies.sweeps import curves
+from shadowbench.studies.tables import Interval, SummaryRow
+from shadowbench.techniques.biases import Bias
+from shadowbench.techniques.registry import techniques
+from shadowbench.techniques.spec import format_spec
+
+KNOWN = techniques()
+BIASES = [bias for bias in Bias.table.values() if bias.__module__ == Bias.__module__]
+
+
+def study(folder: Path, lines: str) -> Study:
+    file = folder / "study.toml"
+    file.write_text(f'scenes = ["cube-on-plane"]\nrounds = 0\n[[technique]]\n{lines}\n', encoding="utf-8")
+    return read_study(file, KNOWN)
+
+
+@pytest.mark.parametrize("bias", BIASES, ids=lambda bias: bias.name)
+def test_every_bias_is_multiplied_or_says_that_it_cannot_be(bias: type[Bias], tmp_path: Path) -> None:
+    lines = f"spec = 'shadow-map:bias={bias.name}'\nbias_sweep = [2]"
+    if not bias.swept:
+        with pytest.raises(InputError, match=f"no bias here that can be multiplied, found bias={bias.name}"):
+            study(tmp_path, lines)
+        return
+    (spec,) = study(tmp_path, lines).specs
+    swept = spec.params.bias  # type: ignore[attr-defined]
+    for name in bias.model_fields:
+        assert getattr(swept, name) == getattr(bias(), name) * (2 if name in bias.swept else 1)
+    assert swept != bias()
+
+
+def test_true_means_a_quarter_to_four_times_with_the_spec_itself_among_them(tmp_path: Path) -> None:
+    made = study(tmp_path, "spec = 'shadow-map'\nbias_sweep = true")
+    assert [format_spec(spec) for spec in made.specs] == [
+        "shadow-map:bias=texel(scale=0.25)",
+        "shadow-map:bias=texel(scale=0.5)",
+        "shadow-map",
+        "shadow-map:bias=texel(scale=2.0)",
+        "shadow-map:bias=texel(scale=4.0)",
+    ]
+    (sweep,) = made.sweeps
+    assert [factor for factor, _ in sweep.swept] == [0.25, 0.5, 1, 2, 4]
+    assert [spec for _, spec in sweep.swept] == list(made.specs)
+    without = study(tmp_path, "spec = 'shadow-map'\nbias_sweep = false")
+    assert ([format_spec(spec) for spec in without.specs], without.sweeps) == (["shadow-map"], ())
+
+
+def test_a_factor_beyond_the_bias_limits_is_dropped_and_said(tmp_path: Path) -> None:
+    made = study(tmp_path, "spec = 'shadow-map:bias=constant(units=0.5)'\nbias_sweep = [4, 1]")
+    assert [format_spec(spec) for spec in made.specs] == ["shadow-map:bias=constant(units=0.5)"]
+    assert [factor for sweep in made.sweeps for factor, _ in sweep.swept] == [1]
+    (note,) = made.notes
+    assert "dropped" in note and "bias_sweep 4" in note
+
+
+def test_a_curve_rises_with_the_factor_and_names_the_best(tmp_path: Path) -> None:
+    made = study(tmp_path, "spec = 'shadow-map'\nbias_sweep = [4, 1, 2]")
+
+    def row(scale: float, size: int, iou: float, ssim: float | None) -> SummaryRow:
+        spec = "shadow-map" if scale == 1 else f"shadow-map:bias=texel(scale={scale})"
+        values = {"iou": Interval(iou), "ssim": None if ssim is None else Interval(ssim)}
+        return SummaryRow(spec, size, 1, (), values)
+
+    rows = [
+        row(2.0, 1024, 0.97, 0.99),
+        row(1.0, 1024, 0.98, 0.90),
+        row(4.0, 1024, 0.96, None),
+        row(1.0, 512, 0.95, 0.95),
+        row(4.0, 512, 0.94, 0.93),
+    ]
+    small, large = curves(rows, made.sweeps)
+    assert (small.map_size, [factor for factor, _ in small.rows], small.best) == (512, [1, 4], 1)
+    assert (large.map_size, [factor for factor, _ in large.rows], large.best) == (1024, [1, 2], 2)
+    assert curves(rows, ()) == []
+
+
+def test_a_run_prints_the_curve_with_default_and_best_and_keeps_the_factors(
+    shadowbench: Callable[..., Any], tmp_path: Path
+) -> None:
+    study(tmp_path, "spec = 'shadow-map'\nsize = 128\nbias_sweep = true")
+    arguments = ("run", "-s", tmp_path / "study.toml", "--view-size", "64", "-o", tmp_path / "run", "-q")
+    answer = shadowbench(*arguments)
+    assert answer.code == 0, answer.err
+    curve = answer.out.split("cube-on-plane, bias multiplied: acne against contact (peter-panning)")[1].splitlines()
+    lines = [line.split() for line in curve if line.startswith("shadow-map")]
+    assert [line[2] for line in lines] == ["0.25", "0.5", "1", "2", "4"]
+    assert [line[0] for line in lines if "default" in " ".join(line[7:])] == ["shadow-map"]
+    assert len([line for line in lines if line[-1] == "best"]) == 1
+    assert float(lines[0][3]) >= float(lines[-1][3]), "acne falls as the bias grows"
+    assert float(lines[0][4]) <= float(lines[-1][4]), "contact rises as the bias grows"
+    with (tmp_path / "run" / "table.csv").open(encoding="utf-8") as stream:
+        cells = list(csv.DictReader(stream))
+    assert {cell["bias_of"] for cell in cells} == {"shadow-map"}
+    assert sorted(float(cell["bias_factor"]) for cell in cells) == [0.25, 0.5, 1, 2, 4]
