@@ -16,7 +16,7 @@ float lit_by(float stored, vec2 texel, MapPoint p) {
     // Clamped as the map's own depths are: a plane that runs past the far plane must not lie behind an empty texel, and
     // one that runs past the near plane not in front of the casters that are stored there.
     float depth = p.depth + dot(p.gradient, (texel + 0.5) / map_size - p.uv);
-    float front = p.bias + p.step;
+    float front = p.bias + depth_step;
     depth = REVERSED == 1 ? clamp(depth, 0.0, 1.0 - front) : clamp(depth, front, 1.0);
     return depth_sign * (depth - stored) <= p.bias ? 1.0 : 0.0;
 }

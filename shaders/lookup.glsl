@@ -10,7 +10,7 @@ float map_visibility(Receiver r, int layer) {
     p = map_point(r.position + bias_move(r, p), layer);
     // Casters in front of near are stored at near itself; a bias larger than the receiver's depth would see past them.
     float room = REVERSED == 1 ? 1.0 - p.depth : p.depth;
-    p.bias = min(bias_depth(r, p), max(room - p.step, 0.0));
+    p.bias = min(bias_depth(r, p), max(room - depth_step, 0.0));
     p.gradient = bias_gradient(r, p);
     if (!r.facing || p.axis_distance <= 0.0) return 1.0;
     float beyond = REVERSED == 1 ? -p.depth : p.depth - 1.0;

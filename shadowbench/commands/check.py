@@ -8,14 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 from rich.markup import escape
 from rich.table import Table
 
 from shadowbench.commands.console import err, number, out, print_json, techniques_with
 from shadowbench.errors import InputError
-from shadowbench.reports.folder import Run, read_runs
+from shadowbench.reports.folder import Run, last_keys, read_runs
 from shadowbench.reports.gallery import difference
 from shadowbench.scores.masks import read_mask
 from shadowbench.scores.metrics import METRICS
@@ -80,14 +79,10 @@ def check_command(options: CheckOptions, *, as_json: bool, quiet: bool) -> int:
 
 
 def _last_study(run: Run) -> tuple[Run, int]:
-    """The run with the cells of its last study and of engines alone, and how many others its folder has.
-
-    What was measured before the last change of a default would stand in for a cell that is missing now.
-    """
-    table = run.folder / "table.csv"
-    if not table.is_file():
+    """The run with the cells of its last study and of engines alone, and how many others its folder has."""
+    keys = last_keys(run.folder)
+    if keys is None:
         return run, 0
-    keys = set(pd.read_csv(table, usecols=["key"])["key"])
     rows = tuple(row for row in run.rows if row["key"] in keys or "content" in row)
     return replace(run, rows=rows), len(run.rows) - len(rows)
 

@@ -116,7 +116,11 @@ def depth_target(device: Device, size: int, depth: DepthFormat, kind: Kind = "2d
     for place in places:
         _specify(device, place, kind, internal, size, layers, data)
     what = f"a {depth} target of {size}²" if kind == "2d" else f"{layers} layers of {size}² in {depth}"
-    _check(device, places[0], _DEPTH_SIZE, bits, what)
+    try:
+        _check(device, places[0], _DEPTH_SIZE, bits, what)
+    except RuntimeError:
+        texture.release()
+        raise
     whole, *each = (_framebuffer(device, size) for _ in range(1 if kind == "2d" else 1 + layers))
     texture.attach(whole)
     for layer, framebuffer in enumerate(each):

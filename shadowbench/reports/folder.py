@@ -105,7 +105,12 @@ def _read(folder: Path, label: str) -> Run | Sweep:
         raise InputError(f"{file}: found cells of `run` and of `stress`; allowed: those of one, in a folder of its own")
     about = _about(folder / "run.json")
     if kinds == {True}:
-        points = {tuple(record[name] for name in _PLACE): record for record in scores.values()}
+        keys = last_keys(folder)
+        points = {
+            tuple(record[name] for name in _PLACE): record
+            for record in scores.values()
+            if keys is None or record["key"] in keys
+        }
         return Sweep(label, folder, about, tuple(points.values()), len(scores) - len(points))
     times = [record for record in records if record["kind"] == "time"]
     machine = times[-1].get("machine") if times else None
@@ -119,6 +124,15 @@ def _read(folder: Path, label: str) -> Run | Sweep:
         times={record["key"]: record for record in times if record.get("machine") == machine},
         foreign=sum(record.get("machine") != machine for record in times),
     )
+
+
+def last_keys(folder: Path) -> set[str] | None:
+    """The keys of the cells that were measured, or found measured, last: those of `table.csv`; None without one.
+
+    Beside them, what was measured before the last change of a default would stand for something that is no more.
+    """
+    table = folder / "table.csv"
+    return set(pd.read_csv(table, usecols=["key"])["key"]) if table.is_file() else None
 
 
 def _records(file: Path) -> list[Record]:

@@ -142,7 +142,7 @@ def _cell(
         "place": shot.place,
         "iou": _iou(shot.row["metrics"].get("iou")),
         "said": shot.said,
-        "worst": None if visibility is None or truth is None else _worst(np.abs(visibility - truth)),
+        "worst": None if visibility is None or truth is None else _worst(_wrong(visibility, truth, undecided)),
         "picture": _picture(picture, most) if picture.exists() else None,
         "mask": None if visibility is None else _grey(visibility, most),
         "difference": None if drawn is None else _webp(_shrunk(Image.fromarray(drawn), most), lossless=True),
@@ -164,6 +164,14 @@ def difference(
     if undecided is not None:
         signed[undecided] = 0
     return difference_over(np.rint(198 + 50 * np.rint(truth * 4) / 4), signed)
+
+
+def _wrong(
+    visibility: NDArray[np.float32], truth: NDArray[np.float32], undecided: NDArray[np.bool_] | None
+) -> NDArray[np.float32]:
+    """How far each pixel is off, where that is decided."""
+    error: NDArray[np.float32] = np.abs(visibility - truth)
+    return error if undecided is None else np.where(undecided, np.float32(0), error)
 
 
 def _worst(error: NDArray[np.float32]) -> tuple[float, float]:

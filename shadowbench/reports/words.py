@@ -188,20 +188,20 @@ def stability_headline(found: Stability) -> list[str]:
 def range_text(one: OperatingRange) -> str:
     """A range as `stress` prints it, the count of values that hold, and what is refused."""
     if one.share is None or (one.share == 1 and not one.axis.ordered):
-        return one.text
+        return one.plain
     refused = f"; {_refused(one)} unsupported" if one.unsupported else ""
-    return f"{one.text} ({len(one.held)} of {len(one.swept)}{refused})"
+    return f"{one.plain} ({len(one.held)} of {one.measured}{refused})"
 
 
 def range_facts(one: OperatingRange, light: str) -> dict[str, str]:
     """All that is known of a range, by name."""
-    share = "unsupported" if one.share is None else f"at {len(one.held)} of {len(one.swept)} values"
+    share = "unsupported" if one.share is None else f"at {len(one.held)} of {one.measured} values"
     return {
         "spec": one.spec,
         "light": light,
         "swept axis": f"{one.axis.name}, {value_text(one.axis, one.swept[0])} to {value_text(one.axis, one.swept[-1])}",
         "holds": share,
-        "range": one.text,
+        "range": one.plain,
         "unsupported": _refused(one) or "–",
         "must hold": one.axis.holds,
     }

@@ -15,7 +15,8 @@ from shadowbench.scenes.planes import Plane, find_planes
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.convex import apart, box_planes, corners, view_planes
 
-_ROUNDING = 1e-6  # of the diagonal: more than float32 lifts a plane's own corners off it
+_ROUNDING = 1e-6  # of the diagonal: more than float32 lifts a plane's own corners off it near the origin
+_FLOAT_STEP = 2.0**-23  # of a coordinate: what float32 rounds it by, twice
 
 
 class PlanarProjection(Technique):
@@ -65,7 +66,8 @@ class PlanarProjection(Technique):
         self.drawn = 0
         self.corners = [_corners(geometry, plane) for plane in self.planes]
         low, high = geometry.bounds
-        self.rounding = _ROUNDING * float(np.linalg.norm(high - low))
+        far = float(np.abs(geometry.bounds).max())
+        self.rounding = _ROUNDING * float(np.linalg.norm(high - low)) + _FLOAT_STEP * far
         self.from_center = np.eye(4)
         self.from_center[:3, 3] = (low + high) / 2
         self.shadow_program = stage.program(

@@ -10,7 +10,7 @@ from pydantic import model_validator
 from shadowbench.gl.matrices import view_projection
 from shadowbench.gl.program import Comparison, Sampling, State, Stencil
 from shadowbench.gl.targets import StencilTarget
-from shadowbench.scenes.model import View
+from shadowbench.scenes.model import Floats, View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.culling import looked_at
 from shadowbench.techniques.edges import casters_of
@@ -23,6 +23,8 @@ from shadowbench.techniques.volumes import ArrayVolumes, Faces, Onto, Part, Shad
 # are some of those on its light ray, so that 0 means none as long as no light ray crosses 256. Counted from the eye it
 # is the receiver's number less the eye's, two numbers under 256, and 0 only where they are equal.
 MOST_LAYERS = 2**StencilTarget.bits - 2
+
+_AT_EYE = 1e-6  # of the far plane
 
 _ADDING = Stencil(front=("keep", "keep", "increment"), back=("keep", "keep", "decrement"))
 _SUBTRACTING = Stencil(front=_ADDING.back, back=_ADDING.front)
@@ -115,7 +117,7 @@ class ShadowVolume(Technique):
                 self.depth_program.set(world_to_clip=view_projection(view))
                 self.surfaces.draw(self.stenciled.target, state=State(depth_test="<", color_write=False))
         with frame.timed("volumes", changes="view"):
-            planes = looked_at(frame.view) if self.params.cull else np.empty((0, 4))
+            planes = self._counted_in(frame.view) if self.params.cull else np.empty((0, 4))
             self.volumes.place(frame, view_projection(view), planes)
             self._count("wall", frame)
             if self.params.count == "z-fail":
@@ -123,6 +125,12 @@ class ShadowVolume(Technique):
         with frame.timed("resolve", changes="view"):
             self._resolve(frame)
         return self.visibility
+
+    def _counted_in(self, view: View) -> Floats:
+        """The planes of where a volume changes a count: at what is seen, and by z-pass from the eye on."""
+        if self.params.count == "z-fail":
+            return looked_at(view)
+        return looked_at(replace(view, camera=replace(view.camera, near=_AT_EYE * view.near_far[1])))
 
     def _pulled(self, frame: Frame) -> View:
         """The view with its near plane at the nearest visible surface, but for the rounding of depths.

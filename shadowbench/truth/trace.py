@@ -17,6 +17,7 @@ from shadowbench.truth.rays import Indices, Mask, Receivers, ViewRays
 Single = NDArray[np.float32]
 
 OFFSET = 1e-6  # δ, as a share of the diagonal of casters and visible receivers
+AT_LAMP = 1e-3  # of δ: what is nearer to a lamp than that may be before it or behind
 GRAZING = 1e-4  # N·L up to which a receiver is undecided
 NO_RECEIVER, SHADOWED, LIT = range(3)
 SUBPIXEL = 1 / 256  # the rasteriser's grid, as common as it is
@@ -116,7 +117,7 @@ def _decide(
         rays.shadow_rays(here, 4 * delta),
         rays.shadow_rays(here, delta / 4),
         rays.raised_rays(here, delta),
-        *([] if rays.endless else [shadow_rays._replace(reach=np.maximum(shadow_rays.reach - delta, 0.0))]),
+        *([] if rays.endless else [shadow_rays._replace(reach=np.maximum(shadow_rays.reach - AT_LAMP * delta, 0.0))]),
     ):
         unsure |= rays.blocked(others) != blocked
 

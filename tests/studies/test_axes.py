@@ -63,7 +63,7 @@ def test_values_are_written_shortly() -> None:
 def test_light_and_shadow_are_in_view_at_every_value(axis: Axis) -> None:
     """What shows no shadow, or nothing else, measures nothing."""
     for light in axis.lights:
-        for value in axis.quick:
+        for value in axis.values:
             truth = trace(replace(axis.at(value, light).views[0], size=SMALL), pixel_samples=1)
             judged = truth.receivers & ~truth.undecided
             shadow = judged & (truth.visibility < 0.5)

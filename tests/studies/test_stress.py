@@ -61,7 +61,8 @@ def test_what_the_worker_says_is_a_kind_of_failure(status: str, kind: str) -> No
     [
         ({}, None),
         ({"iou": 0.95, "acne": 0.01, "leak": 0.01}, None),
-        ({"iou": None, "acne": None, "leak": None}, None),
+        ({"acne": None, "leak": None}, None),
+        ({"iou": None}, Failure("unjudged", text="neither the truth nor the mask has a shadow that is decided")),
         ({"iou": 0.9499}, Failure("iou", 0.9499)),
         ({"acne": 0.02, "leak": 0.5}, Failure("leak", 0.5)),
         ({"iou": 0.2, "acne": 0.02}, Failure("acne", 0.02)),
@@ -76,7 +77,7 @@ def test_a_cell_is_out_by_what_is_farthest_out(metrics: dict[str, float | None],
 def test_a_range_ends_where_a_value_is_out_on_either_side_of_home() -> None:
     rows = [row(ELEVATION, value) for value in ELEVATION.values if value not in (85.0, 2.0, 0.5)]
     whole = operating_range(ELEVATION, rows)
-    assert whole.text == "0.1…89.9°"
+    assert (whole.plain, whole.text) == ("0.1…89.9°", "0.1…89.9°; 18 of 21 values")
     rows += [row(ELEVATION, 85.0, leak=0.4), row(ELEVATION, 2.0, acne=0.041), row(ELEVATION, 0.5, "failed: hung: 1 s")]
     found = operating_range(ELEVATION, rows)
     assert found.held[0] == 75.0 and found.held[-1] == 3.0
@@ -93,8 +94,12 @@ def test_a_range_without_its_home_is_empty() -> None:
 def test_what_is_refused_ends_a_range_without_breaking_it() -> None:
     rows = [row(MAP_SIZE, value, "unsupported: too large" if value > 4096 else "ok") for value in MAP_SIZE.values]
     found = operating_range(MAP_SIZE, rows)
-    assert found.text == "16…4096 texels" and found.breaks == () and found.unsupported == (8192, 16384)
-    assert operating_range(MAP_SIZE, [row(MAP_SIZE, 1024, "unsupported: never")]).text == "unsupported"
+    assert (
+        found.text == "16…4096 texels; refused: 8192, 16384"
+        and found.breaks == ()
+        and found.unsupported == (8192, 16384)
+    )
+    assert operating_range(MAP_SIZE, [row(MAP_SIZE, 1024, "unsupported: never")]).plain == "unsupported"
 
 
 def test_words_are_judged_each_alone() -> None:
@@ -126,14 +131,19 @@ def mask(*values: float) -> np.ndarray:
 
 
 def test_flips_are_changes_where_the_truth_stays() -> None:
-    still = truth([1, 1, 1, 1])
-    assert flips([mask(1, 1, 1, 1), mask(1, 1, 1, 0)], [still, still]) == 0.25
-    assert flips([mask(1, 1, 1, 1), mask(1, 1, 1, 0)], [still, truth([1, 1, 1, 0])]) == 0.0
-    assert (
-        flips([mask(1, 1, 1, 1), mask(1, 1, 0, 0)], [still, truth([1, 1, 1, 1], [False, False, False, True])]) == 1 / 3
-    )
-    assert flips([mask(1, 1, 1, 1), mask(1, 1, 1, 1), mask(0, 0, 1, 1)], [still] * 3) == 0.5
-    assert flips([mask(1, 1, 1, 1)] * 2, [still, truth([0, 0, 0, 0])]) is None
+    still = truth([1, 1, 0, 0])
+    assert flips([mask(1, 1, 0, 0), mask(1, 1, 0, 1)], [still, still]) == 0.25
+    assert flips([mask(1, 1, 0, 0), mask(1, 1, 1, 0)], [still, truth([1, 1, 1, 0])]) == 0.0
+    unsure = truth([1, 1, 0, 0], [False, False, False, True])
+    assert flips([mask(1, 1, 0, 0), mask(1, 1, 1, 1)], [still, unsure]) == 1 / 3
+    assert flips([mask(1, 1, 0, 0), mask(1, 1, 0, 0), mask(0, 0, 0, 0)], [still] * 3) == 0.5
+    assert flips([mask(1, 1, 0, 0)] * 2, [still, truth([0, 0, 1, 1])]) is None
+
+
+def test_flips_far_from_every_true_edge_are_none() -> None:
+    still = truth([1, 1, 1, 1, 1, 1, 1, 0, 0, 0])
+    assert flips([mask(1, 1, 1, 1, 1, 1, 1, 0, 0, 0), mask(0, 0, 1, 1, 1, 1, 1, 0, 0, 0)], [still] * 2) == 0.0
+    assert flips([mask(1, 1, 1, 1, 1, 1, 1, 0, 0, 0), mask(1, 1, 1, 1, 1, 1, 0, 0, 0, 0)], [still] * 2) == 1 / 4
 
 
 def test_an_axis_of_parameters_is_of_those_that_have_them(bench: Any) -> None:
@@ -188,7 +198,8 @@ def swept(bench: Any, folder: Path) -> Swept:
 
 def test_what_crashes_costs_its_own_cells_only(swept: Swept) -> None:
     kinds = [(one["axis_value"], one["spec"], getattr(failure(one), "kind", "")) for one in swept.rows]
-    assert kinds == [(value, *end) for value in (50.0, 5.0, 0.05) for end in ENDS]
+    ends = [(value, *end) for value in (50.0, 5.0, 0.05) for end in ENDS]
+    assert kinds == [*ends[:-1], (0.05, "shadow-map", "flips")]
     assert len(swept.steps) == swept.total == 3
 
 
@@ -204,11 +215,11 @@ def test_a_row_is_a_score_record_with_its_place_on_the_axis(swept: Swept, folder
     assert [one["key"] for one in written] == [one["key"] for one in swept.rows]
     assert len({one["key"] for one in written}) == len(written)
     last = swept.rows[-1]
-    assert (last["axis"], last["axis_value"], last["axis_unit"]) == ("camera-step", 0.05, "texels")
+    assert (last["axis"], last["axis_value"], last["axis_unit"]) == ("camera-step", 0.05, "texels of 5.9 mm")
     assert (last["technique"], last["map_size"], last["view_size"], last["phase"]) == ("shadow-map", 256, 256, 0)
     assert (last["scene"], last["light"], last["light_kind"]) == ("camera-step-0.05", "sun", "directional")
     assert set(last["metrics"]) == set(METRICS)
-    assert 0 <= last["flips"] < 0.01
+    assert 0.01 < last["flips"] < 0.05, "the window of a map that is fitted to what is seen moves with the camera"
     assert "flips" not in swept.rows[4]
     assert swept.rows[4]["mask_sha256"] == last["mask_sha256"], "the first frame of a movement is the base scene"
     assert swept.rows[4]["key"] != last["key"]

@@ -126,3 +126,17 @@ def test_chunks_are_all_casters_in_their_order(name: str) -> None:
         assert (casters[start:end].min(axis=(0, 1)) == low).all() and (
             casters[start:end].max(axis=(0, 1)) == high
         ).all()
+
+
+@pytest.mark.parametrize("cull", ["true", "false"])
+def test_counted_from_an_eye_in_a_volume_z_pass_is_as_wrong_as_without_culling(
+    cull, shape, looking, build, studio
+) -> None:
+    """The near plane lies beyond the volume of a plate over the eye, which the picture does not show."""
+    sun = Light("sun", "directional", direction=(0.0, -1.0, 0.05))
+    meshes = [shape("plane", 12.0), shape("box", (0.3, 0.05, 0.3), (0.0, 1.6, 2.0)), shape("box", 0.4, (0.0, 0.2, 0.0))]
+    shot = studio.shot(looking(meshes, sun, 64, eye=(0.0, 1.2, 2.05), target=(0.0, 0.2, 0.0), near=0.6))
+    right, counted = (
+        build(f"shadow-volume:count={count},cull={cull}", shot).draw(shot) for count in ("z-fail", "z-pass")
+    )
+    assert (right != counted).mean() > 0.3

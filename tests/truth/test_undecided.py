@@ -66,7 +66,8 @@ def test_lamp_within_the_offset_of_a_surface_decides_nothing(
 
 
 @pytest.mark.parametrize(
-    ("above", "shadow", "undecided"), [(-3.0, False, False), (0.0, True, True), (0.5, True, True), (3.0, True, False)]
+    ("above", "shadow", "undecided"),
+    [(-3.0, False, False), (-0.01, False, False), (0.0005, True, True), (0.01, True, False)],
 )
 def test_plate_within_the_offset_of_a_lamp_decides_nothing(
     shape: Callable[..., Mesh], looking: Callable[..., View], above: float, shadow: bool, undecided: bool

@@ -61,7 +61,7 @@ def _triangles(count: float, kind: LightKind) -> Setting:
 
 THICKNESS = Axis(
     name="thickness",
-    unit="texels",
+    unit="texels of 5.9 mm",
     values=(30.0, 10.0, 3.0, 1.0, 0.3, 0.1, 0.03, 0.01),
     home=10.0,
     quick=(10.0, 1.0, 0.01),

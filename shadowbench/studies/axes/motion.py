@@ -72,7 +72,7 @@ VOLUME_WALL = Axis(
 )
 CAMERA_STEP = Axis(
     name="camera-step",
-    unit="texels",
+    unit="texels of 5.9 mm",
     values=(0.05, 0.1, 0.25, 0.5, 0.75),
     home=0.05,
     quick=(0.05, 0.5),
