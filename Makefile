@@ -39,5 +39,5 @@ lint: setup
 	$(bin)/lint-imports --no-cache
 
 clean:
-	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks build dist results/latest results/stress results/fuzz results/recommend results/tune
+	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks build dist results/latest results/stress results/fuzz results/recommend results/recommend-check results/tune
 	find shadowbench tests benchmarks -name __pycache__ -prune -exec rm -rf {} +

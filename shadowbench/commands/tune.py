@@ -1,0 +1,176 @@
+"""`tune`: a technique's parameters searched on some scenes, compared with its default and presets on others."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+from rich.markup import escape
+from rich.table import Table
+
+from shadowbench.commands.console import ConsoleReporter, err, number, out, print_json, techniques_with
+from shadowbench.commands.run import map_sizes
+from shadowbench.errors import InputError
+from shadowbench.scenes.library import builtin_names
+from shadowbench.studies.machine import write_run_file
+from shadowbench.studies.study import Block, Study, scenes_of
+from shadowbench.studies.tables import Interval, cells_frame, write_table
+from shadowbench.studies.tune import Entry, Search, Tuning, split
+from shadowbench.studies.tune_cells import Cells
+from shadowbench.studies.tune_space import Space, searched
+from shadowbench.studies.worker import Worker
+from shadowbench.techniques.base import Technique
+from shadowbench.techniques.spec import Spec, format_spec, parse_spec, spec_of
+
+
+@dataclass(frozen=True)
+class TuneOptions:
+    """What the command line says; None leaves the choice to us."""
+
+    spec: str
+    scenes: str | None
+    held_out: str | None
+    params: str | None
+    against: tuple[str, ...]
+    trials: int
+    map_size: str
+    view_size: int
+    phases: int
+    plugins: tuple[Path, ...]
+    assets: Path | None
+
+
+def tune_command(options: TuneOptions, folder: Path, *, as_json: bool, quiet: bool) -> int:
+    """Search, write `table.csv` and `run.json`, print what was found; 3 when a cell failed, else 0."""
+    known = techniques_with(options.plugins)
+    sizes = map_sizes(options.map_size)
+    home = _at(parse_spec(options.spec, known), sizes)
+    names = searched(home, options.params)
+    others = _others(home, options, sizes, known)
+    study = Study(
+        scenes=_listed(options.scenes) or tuple(builtin_names()),
+        specs=(home,),
+        reference=home,
+        map_sizes=sizes,
+        view_size=options.view_size,
+        rounds=0,
+        phases=options.phases,
+        assets=options.assets,
+    )
+    with (
+        ConsoleReporter(quiet) as reporter,
+        Worker(options.plugins) as worker,
+        Cells(study, folder, worker, reporter) as cells,
+    ):
+        if not cells.info.pipeline_statistics:
+            raise InputError(f"{cells.info.renderer} counts no invocations, so there is no cost to tune for")
+        blocks = cells.taking_part(home)
+        tuning, held_out = split([scene.name for scene in scenes_of(blocks)], _listed(options.held_out))
+        reporter.note(f"tuning on {', '.join(tuning)}; held out: {', '.join(held_out)}")
+        space = Space(home, names, cells.refused_rows(home, names, blocks))
+        search = Search(space, cells, _of(blocks, tuning), _of(blocks, held_out))
+        found = search.run(options.trials, others)
+        frame = cells_frame(list(cells.results.values()))
+    write_table(folder / "table.csv", frame)
+    write_run_file(folder / "run.json", cells.info, [], study)
+    if as_json:
+        print_json({"tuning": tuning, "held_out": held_out, **_plain(found)})
+    else:
+        _print(found, len(held_out))
+        if not quiet:
+            out.print(f"{folder / 'table.csv'}: {len(frame)} cells", soft_wrap=True)
+    failed = [status for status in frame["status"] if status.startswith("failed")]
+    if failed:
+        line = f"shadowbench: {len(failed)} of {len(frame)} cells failed; the first: {failed[0]}"
+        err.print(line, markup=False, soft_wrap=True)
+    return 3 if failed else 0
+
+
+def _listed(text: str | None) -> tuple[str, ...]:
+    return tuple(part.strip() for part in text.split(",") if part.strip()) if text else ()
+
+
+def _of(blocks: Sequence[Block], scenes: Sequence[str]) -> list[Block]:
+    return [block for block in blocks if block.scene.name in scenes]
+
+
+def _at(spec: Spec, sizes: Sequence[int]) -> Spec:
+    """A spec that takes the sizes, also where it names one: the comparison is at the same."""
+    sized = spec.with_(size=sizes[0]) if spec.has_size else spec
+    return replace(sized, named=sized.named - {"size"})
+
+
+def _others(
+    home: Spec, options: TuneOptions, sizes: Sequence[int], known: Mapping[str, type[Technique]]
+) -> dict[str, Spec]:
+    """What the tuned is set beside, by name: the technique's presets, and what --against names."""
+    presets = {
+        f"preset={name}": spec_of(home.technique, (("preset", name),), f"preset {name}")
+        for name in home.technique.presets
+    }
+    return {name: _at(spec, sizes) for name, spec in presets.items()} | {
+        text: _at(parse_spec(text, known), sizes) for text in options.against
+    }
+
+
+def _print(found: Tuning, scenes: int) -> None:
+    several = ", with 95% intervals over them" if scenes > 1 else ""
+    held_out = f"{scenes} scene{'s' * (scenes > 1)}{several}"
+    title = f"best at each cost, from the cheapest, and what it is set beside; held out: {held_out}"
+    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+    table.add_column("")
+    table.add_column("spec", overflow="fold", min_width=24)
+    for heading in ("cost", "tuning", "held out", "1 − IoU × tuned", "1 − SSIM × tuned", "acne", "leak", "contact"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for entry in found.front:
+        table.add_row(*_line(entry))
+    table.add_section()
+    for entry in found.others:
+        table.add_row(*_line(entry))
+    out.print(table)
+    out.print("error: √((1 − IoU) · (1 − SSIM)), geometric mean over scenes; × tuned: median over scenes")
+    out.print(_verdict(found), markup=False, soft_wrap=True)
+
+
+def _line(entry: Entry) -> list[str]:
+    return [
+        escape(entry.name),
+        escape(format_spec(entry.spec, size=False)),
+        f"{entry.cost:.2f}",
+        number(entry.tuning),
+        entry.held_out.text(number),
+        *("–" if one is None else one.text(_factor) for one in (entry.iou_ratio, entry.ssim_ratio)),
+        *("–" if value is None else number(value) for value in (entry.acne, entry.leak, entry.contact)),
+    ]
+
+
+def _verdict(found: Tuning) -> str:
+    """Whether the scenes held out speak for another default."""
+    default, tuned = found.others[0], found.tuned
+    if tuned.spec == default.spec:
+        return "the default is the best that was found at its cost"
+    iou, ssim = default.iou_ratio, default.ssim_ratio
+    worse = iou is not None and ssim is not None and (iou.low or 0) > 1 and ssim.median > 1
+    suggested = format_spec(tuned.spec, size=False)
+    if worse:
+        return f"suggested default: {suggested}"
+    return f"the default stands: on the scenes held out it is not surely behind {suggested}"
+
+
+def _factor(value: float) -> str:
+    return f"{value:.3g}"
+
+
+def _plain(found: Tuning) -> dict[str, Any]:
+    def entry(one: Entry) -> dict[str, Any]:
+        values = {item.name: getattr(one, item.name) for item in fields(one)}
+        return {key: asdict(value) if isinstance(value, Interval) else value for key, value in values.items()} | {
+            "spec": format_spec(one.spec, size=False)
+        }
+
+    return {
+        "tuned": entry(found.tuned),
+        "front": [entry(one) for one in found.front],
+        "others": [entry(one) for one in found.others],
+        "verdict": _verdict(found),
+    }

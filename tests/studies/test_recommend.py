@@ -1,0 +1,144 @@
+"""`recommend` from the command line: what it chooses, says, keeps and refuses."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from shadowbench.techniques.biases import Texel
+
+SCENE = """
+[camera]
+position = [0, 3, 6]
+target = [0, 0, 0]
+[light]
+kind = "directional"
+direction = [0.3, -1, 0.2]
+[[mesh]]
+shape = "plane"
+scale = 6
+casts = {floor}
+[[mesh]]
+shape = "box"
+casts = {box}
+translate = [0, {height}, 0]
+"""
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Callable[..., Path]:
+    """A box over a floor."""
+
+    def write(floor: str = "true", box: str = "true", height: float = 0.8) -> Path:
+        file = tmp_path / "box.toml"
+        file.write_text(SCENE.format(floor=floor, box=box, height=height))
+        return file
+
+    return write
+
+
+def lines(folder: Path) -> int:
+    return len((folder / "rows.jsonl").read_text().splitlines())
+
+
+def test_the_choice_meets_the_target_its_rows_are_kept_and_a_second_call_measures_nothing(
+    shadowbench: Callable[..., Any], tmp_path: Path
+) -> None:
+    folder = tmp_path / "rows"
+    command = ("recommend", "sphere-and-torus", "--view-size", "96", "-o", folder)
+    answer = shadowbench(*command, "--json")
+    assert answer.code == 0, answer.err
+    found = json.loads(answer.out)
+    assert found["choice"]["metrics"]["iou"] >= 0.99
+    assert found["ranked_by"] == "work_cost"
+    met = [one for one in found["evidence"] if one["metrics"]["iou"] >= 0.99]
+    assert found["choice"]["cost"] == min(one["cost"] for one in met)
+    assert found["measured"] == lines(folder) <= 0.2 * found["space"]
+    keys = {json.loads(line)["key"] for line in (folder / "rows.jsonl").read_text().splitlines()}
+    assert {one["key"] for one in found["evidence"]} == keys
+    assert (folder / "table.csv").exists() and (folder / "run.json").exists()
+
+    again = shadowbench(*command)
+    assert again.code == 0 and lines(folder) == found["measured"]
+    assert "choice" in again.out and "a software renderer's times are not a GPU's" in again.out
+    assert "not tried: cube-map: answers point and spot light, not directional" in again.out
+    assert f"{found['measured']} of {found['space']} specs measured" in again.out
+
+
+def test_export_writes_parameters_and_whole_shaders(shadowbench: Callable[..., Any], tmp_path: Path) -> None:
+    folder = tmp_path / "made" / "mine"
+    answer = shadowbench(
+        "recommend", "sphere-and-torus", "--view-size", "96", "-o", tmp_path / "rows", "--export", folder, "--json"
+    )
+    assert answer.code == 0, answer.err
+    written = json.loads((folder / "parameters.json").read_text())
+    assert written["spec"] == json.loads(answer.out)["choice"]["spec"]
+    texts = {file.name: file.read_text() for file in folder.iterdir() if file.suffix != ".json"}
+    assert set(texts) == set(written["uniforms"]) and texts
+    chosen = written["parameters"]
+    assert chosen["bias"] == {"name": "texel", **Texel().model_dump()}
+    resolve = next(name for name in texts if name.endswith("-resolve.frag"))
+    assert f"#define SIZE {chosen['size']}\n" in texts[resolve]
+    assert written["uniforms"][resolve]["bias_limit"] == chosen["bias"]["limit"]
+    assert all(text.startswith("#version 410 core\n") and "#include" not in text for text in texts.values())
+    assert all("void main" in text for text in texts.values())
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--min-iou", "1.5"), "--min-iou: found 1.5; allowed: above 0, up to 1"),
+        (("--min-iou", "0"), "--min-iou: found 0; allowed: above 0, up to 1"),
+        (("--min-iou", "nan"), "--min-iou: found nan"),
+        (("--max-edge-px", "-1"), "--max-edge-px: found -1; allowed: 0 and more"),
+        (("--budget-ms", "0"), "--budget-ms: found 0; allowed: above 0"),
+        (("--min-iou", "0.9", "--max-edge-px", "1"), "allowed: one of them"),
+        (("--view", "nowhere"), "nowhere"),
+    ],
+)
+def test_what_nothing_could_mean_is_one_line(
+    shadowbench: Callable[..., Any], tmp_path: Path, options: tuple[str, ...], said: str
+) -> None:
+    answer = shadowbench("recommend", "cube-on-plane", "-o", tmp_path / "rows", *options)
+    assert answer.code == 2 and said in answer.err and len(answer.err.splitlines()) == 1
+    assert not (tmp_path / "rows" / "rows.jsonl").exists()
+
+
+def test_a_budget_on_a_software_renderer_is_refused_with_the_reason(
+    shadowbench: Callable[..., Any], tmp_path: Path
+) -> None:
+    answer = shadowbench("recommend", "cube-on-plane", "--budget-ms", "3", "-o", tmp_path / "rows")
+    assert answer.code == 2
+    assert "software renderer" in answer.err and "--on-this-machine" in answer.err
+
+
+def test_on_this_machine_times_rank_and_an_impossible_budget_is_not_met(
+    shadowbench: Callable[..., Any], tmp_path: Path
+) -> None:
+    command = ("recommend", "cube-on-plane", "--view-size", "64", "-o", tmp_path / "rows", "--on-this-machine")
+    answer = shadowbench(*command, "--budget-ms", "0.0001")
+    assert answer.code == 1
+    assert "closest" in answer.out and "in the way: the budget" in answer.out
+    answer = shadowbench(*command, "--json")
+    assert answer.code == 0
+    found = json.loads(answer.out)
+    assert found["ranked_by"] == "frame_ms" and found["choice"]["cost"] > 0
+
+
+def test_without_casters_it_is_one_line(
+    shadowbench: Callable[..., Any], scene: Callable[..., Path], tmp_path: Path
+) -> None:
+    answer = shadowbench("recommend", scene(floor="false", box="false"), "-o", tmp_path / "rows", "--quiet")
+    assert answer.code == 2 and "no mesh casts a shadow" in answer.err and len(answer.err.splitlines()) == 1
+
+
+def test_where_nothing_seen_is_in_shadow_drawing_none_is_enough(
+    shadowbench: Callable[..., Any], scene: Callable[..., Path], tmp_path: Path
+) -> None:
+    below = scene(floor="true", box="false", height=-3)
+    answer = shadowbench("recommend", below, "--view-size", "64", "-o", tmp_path / "rows", "--json")
+    assert answer.code == 0, answer.err
+    found = json.loads(answer.out)
+    assert found["choice"]["spec"] == "unshadowed" and found["measured"] == 1
