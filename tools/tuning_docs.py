@@ -81,8 +81,8 @@ def tuned(folder: Path) -> Iterator[str]:
     yield "|---|---|---:|---:|---:|---:|---:|---:|---:|---:|"
     others = found["others"]
     yield from (line(one, one["name"] or "best at its cost") for one in found["front"])
-    yield from (line(one, "" if one["name"] == one["spec"] else one["name"]) for one in others)
-    yield f"\n{found['verdict'].capitalize()}.\n"
+    yield from (line(one, one["name"] if one["name"].startswith(("default", "preset")) else "") for one in others)
+    yield f"\n{found['verdict'][0].upper()}{found['verdict'][1:]}.\n"
     yield "## Against published settings\n\nThe tuned, on the scenes held out:\n"
     for one in others:
         if one["name"] in PROMISES:
