@@ -14,12 +14,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from PIL import Image
 
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Light, Scene, View, view_of
 from shadowbench.scores.metrics import score
+from shadowbench.studies.axes.model import NAMES
 from shadowbench.studies.scoring import reference_of
 from shadowbench.studies.session import CellRequest, Drawn
 from shadowbench.studies.worker import Worker
@@ -30,6 +32,7 @@ from shadowbench.techniques.spec import format_value
 from shadowbench.truth.cache import cached_truth
 
 ROOT = Path(__file__).resolve().parent.parent
+RANGES = ROOT / "results" / "ranges.csv"  # of a full `shadowbench stress`
 PAGE, PICTURES = ROOT / "docs" / "techniques.md", ROOT / "docs" / "techniques"
 SIZE, LARGEST = 512, 250_000  # pixels along a side, bytes of a picture
 SHOWN = {"iou": "IoU", "ssim": "SSIM"}
@@ -46,7 +49,10 @@ What each computes, what it needs and what its parameters are. Made by `python t
 techniques themselves; `shadowbench list techniques` prints the same. A spec is a name and parameters:
 `shadow-map:size=2048,filter=pcf(taps=5)`.
 
-Pictures are {size}² pixels, at default parameters. The numbers below them are of the machine that made them.
+Pictures are {size}² pixels, at default parameters. The numbers below them are of the machine that made them. Where a
+technique breaks is what a full `shadowbench stress` found on small scenes of its own: IoU below 0.95, acne or leak
+above 1%, or more than 1% of the receivers at true edges that flip where the truth does not.
+[results/ranges.csv](../results/ranges.csv) has all ranges.
 """
 NUMBERS = re.compile(r"-?\d+\.\d+|…")
 
@@ -158,12 +164,28 @@ def _technique(technique: type[Technique], shown: Shown) -> str:
         "|---|---|",
         *(f"| {kind} | {reason or 'yes'} |" for kind, reason in shown.reasons.items()),
         "",
+        *_broken(technique),
         *_parameters(technique.Params, "No parameters."),
     ]
     if technique.presets:
         lines += ["| preset | stands for |", "|---|---|"]
         lines += [f"| `{name}` | `{items}` |" for name, items in technique.presets.items()] + [""]
     return "\n".join([*lines, f"Source: [{file}](../{file})", ""])
+
+
+def _broken(technique: type[Technique]) -> list[str]:
+    """A line for each axis along which the technique leaves tolerance, a column for each kind of light."""
+    ranges = pd.read_csv(RANGES)
+    ranges = ranges[ranges["spec"] == technique.name]
+    broken = ranges[ranges["breaks_at"].notna()]
+    if broken.empty:
+        return [f"Holds along all {ranges['axis'].nunique()} axes of `shadowbench stress`.", ""]
+    lights = [light for light in NAMES if (ranges["light"] == light).any()]
+    lines = [f"| breaks along | {' | '.join(NAMES[light] for light in lights)} |", "|---" * (len(lights) + 1) + "|"]
+    for axis in dict.fromkeys(broken["axis"]):
+        texts = ranges[ranges["axis"] == axis].set_index("light")["range"]
+        lines.append(f"| {axis} | {' | '.join(str(texts.get(light, '')) for light in lights)} |")
+    return [*lines, ""]
 
 
 def _family(family: type[Row], ours: list[type[Technique]]) -> str:

@@ -31,8 +31,7 @@ class Cascades(Technique):
     the step in sharpness between two cascades shows, and a blend only softens it. Without depth_clamp, casters further
     towards the light than z_mult reaches cast nothing, and a bias in units of depth grows with it. stable holds still
     while the camera moves or turns, but for pixels that pass from one cascade to another, not when its planes or its
-    angle of view change. A bias by screen derivatives breaks where two cascades meet, and where the sun grazes none is
-    enough within its limit (acne). Casters are drawn once a cascade.
+    angle of view change. A bias by screen derivatives breaks where two cascades meet. Casters are drawn once a cascade.
     """
 
     name = "cascades"

@@ -32,9 +32,8 @@ class CubeMap(Technique):
     The faces lie along the world's axes, so that a phase has nothing to shift. A spot is answered as the point light
     that its cone is cut from, and leaves most of the cube unused, as a lamp far outside the scene does. Fails where a
     texel, which grows with the distance, covers more than a pixel (stairs); behind casters thinner than the bias, which
-    grows with the light's slant (leaks); where light grazes so far that the bias reaches its limit (acne: a lamp 1 cm
-    over a floor of 10 m); and in dots along concave edges, where a texel holds the other surface. The published
-    constant bias leaves acne far sooner, all the more under pcf-20, and leaks at contacts.
+    grows with the light's slant (leaks); and in dots along concave edges, where a texel holds the other surface. The
+    published constant bias leaves acne under a low lamp, all the more under pcf-20, and leaks at contacts.
     """
 
     name = "cube-map"
