@@ -55,6 +55,7 @@ def cube() -> View:
         "shadow-map:fit=scene",
         "shadow-map:wrap=edge",
         "shadow-map:far_rule=none",
+        "shadow-map:cull=false",
         "unshadowed",
     ],
 )
@@ -64,7 +65,7 @@ def test_every_parameter_is_in_the_key(spec: str) -> None:
 
 def test_every_parameter_is_varied_above() -> None:
     assert set(ShadowMap.Params.model_fields) == {
-        "size", "depth", "reversed", "bias", "filter", "fit", "wrap", "far_rule",
+        "size", "depth", "reversed", "bias", "filter", "fit", "wrap", "far_rule", "cull",
     }  # fmt: skip
 
 
