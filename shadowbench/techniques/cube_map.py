@@ -100,9 +100,10 @@ class CubeMap(Technique):
             return
         for face in range(FACES):
             planes = np.column_stack([_SIDES[face], -_SIDES[face] @ frame.light.position])
-            self.drawn.append(self.chunks.reaching(frame.light_uniform, planes))
+            drawn = self.chunks.reaching(frame.light_uniform, planes)
             self.depth_program.set(face=face)
-            self.casters.draw(self.map.each[face], state=state, ranges=self.drawn[face])
+            self.casters.draw(self.map.each[face], state=state, ranges=drawn)
+            self.drawn.append(drawn)
 
     def map_image(self) -> NDArray[np.float32]:
         """The faces unfolded into a cross, (3·size, 4·size), as the light sees them: +Z in front, +X to its left."""
