@@ -288,9 +288,10 @@ def test_a_point_on_an_axis_tells_its_value_its_scores_and_its_failure(visit: Ca
     page = visit().page
     charts = page.locator(".chart.axis")
     assert charts.count() == len(AXES)
-    broken = charts.first.locator('.mark-symbol.role-mark path[stroke]:not([stroke="none"])').first
+    chart = charts.nth(AXES.index("map-size"))  # whose smallest maps break
+    broken = chart.locator('.mark-symbol.role-mark path[stroke]:not([stroke="none"])').first
     said = told(page, broken)
-    assert "out of tolerance" in said and "1 − IoU" in said and "°" in said
+    assert "out of tolerance" in said and "1 − IoU" in said and "texels" in said
 
 
 def test_metric_and_light_are_choices_of_all_axes(visit: Callable[..., Visit]) -> None:
