@@ -134,10 +134,11 @@ class Geometry:
 
     @cached_property
     def normals(self) -> Floats:
-        """(F, 3) float64 unit normals; counter-clockwise triangles face their normal."""
+        """(F, 3) float64 unit normals, zero where rounding leaves none; counter-clockwise triangles face theirs."""
         a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
         normals = np.cross(b - a, c - a)
-        unit_normals: Floats = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+        unit_normals: Floats = normals / np.where(lengths > 0, lengths, 1.0)
         return unit_normals
 
     @cached_property
