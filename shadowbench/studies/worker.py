@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import psutil
@@ -139,15 +140,33 @@ class Worker:
 @contextmanager
 def _deaf_to_ctrl_c() -> Iterator[None]:
     """A process started within never hears Ctrl-C, not even while it imports; this one hears it afterwards."""
-    if not hasattr(signal, "pthread_sigmask"):  # Windows: the worker says so itself, a little later
+    with _ctrl_c_later():
+        if not hasattr(signal, "pthread_sigmask"):  # Windows: the worker says so itself, a little later
+            yield
+            return
+        resource_tracker.ensure_running()  # starting it unblocks the signal
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # the process inherits it
+        try:
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _ctrl_c_later() -> Iterator[None]:
+    """Blocked or not, any other thread takes the signal too, and Python then interrupts the main one wherever it is:
+    not so within, where it may be handing over what the new process waits for."""
+    if threading.current_thread() is not threading.main_thread():
         yield
         return
-    resource_tracker.ensure_running()  # starting it unblocks the signal
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    heard: list[tuple[int, FrameType | None]] = []
+    handler = signal.signal(signal.SIGINT, lambda *call: heard.append(call))
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.signal(signal.SIGINT, handler)
+    if heard and callable(handler):
+        handler(*heard[0])
 
 
 def _die_with_parent() -> None:

@@ -1,14 +1,19 @@
 """Runs that are killed or stopped: the next call goes on, nothing is measured twice, no worker is left behind."""
 
 import json
+import multiprocessing
 import os
 import signal
+import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import psutil
 import pytest
+
+from shadowbench.studies.worker import Worker
 
 Records = Callable[..., list[dict[str, Any]]]
 
@@ -130,6 +135,30 @@ def test_ctrl_c_while_the_worker_starts_is_silent_too(start: Any, arguments: Any
     code, _, err = stopped.end()
     assert code == 130
     assert err.splitlines() == ["shadowbench: stopped; the same command goes on from here"]
+
+
+def test_ctrl_c_waits_until_the_worker_has_what_it_reads(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With a second thread, as a progress bar has one: the system gives it the signal that the main one blocks."""
+    handed_over = []
+    start = multiprocessing.get_context("spawn").Process.start
+
+    def interrupted(process: Any) -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.1)  # Python interrupts here, if anywhere
+        handed_over.append(process)
+        start(process)
+
+    monkeypatch.setattr(multiprocessing.get_context("spawn").Process, "start", interrupted)
+    done = threading.Event()
+    other = threading.Thread(target=done.wait)
+    other.start()
+    try:
+        with Worker() as worker, pytest.raises(KeyboardInterrupt):
+            worker.ready()
+    finally:
+        done.set()
+        other.join()
+    assert len(handed_over) == 1
 
 
 @pytest.mark.slow
