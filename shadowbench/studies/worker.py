@@ -154,8 +154,10 @@ def _deaf_to_ctrl_c() -> Iterator[None]:
 
 @contextmanager
 def _ctrl_c_later() -> Iterator[None]:
-    """Blocked or not, any other thread takes the signal too, and Python then interrupts the main one wherever it is:
-    not so within, where it may be handing over what the new process waits for."""
+    """Ctrl-C interrupts nothing within, where this process hands over what the new one waits for; then it does.
+
+    Blocking the signal is not enough: another thread takes it, and Python interrupts the main one all the same.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
