@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from shadowbench.scenes.model import LightKind, View
-from shadowbench.studies.rows import RowStore
 from shadowbench.studies.runner import Reporter, Result, Runner
 from shadowbench.studies.study import Block, Cell, Study
 from shadowbench.studies.worker import Worker
@@ -20,7 +19,7 @@ REFERENCES: Mapping[LightKind, str] = {  # what times are set against: one map t
 class Gauge(Runner):
     """A runner of no fixed study: cells of one view, measured when they are asked for, once.
 
-    Use as a context manager, which holds the folder's rows. rounds: how often a cell is timed, 0 for not at all.
+    Use as a context manager. rounds: how often a cell is timed, 0 for not at all.
     """
 
     def __init__(
@@ -30,13 +29,6 @@ class Gauge(Runner):
         super().__init__(study, folder, worker, reporter)
         self.view = view
 
-    def __enter__(self) -> "Gauge":
-        self._store = RowStore(self.folder)
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._store.close()
-
     def measured(self, specs: Sequence[Spec]) -> list[Result]:
         """The rows of specs, made now or before."""
-        return self._run_block(Block(self.view, tuple(Cell(spec, 0) for spec in specs)), self._store)
+        return self.run_block(Block(self.view, tuple(Cell(spec, 0) for spec in specs)))

@@ -8,7 +8,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,7 +93,7 @@ class Writer:
 
 
 class Runner:
-    """Runs one study into one folder."""
+    """Runs one study into one folder; as a context manager it holds the rows, for blocks to come."""
 
     def __init__(self, study: Study, folder: Path, worker: Worker, reporter: Reporter) -> None:
         self.study, self.folder, self.worker, self.reporter = study, folder, worker, reporter
@@ -102,6 +102,13 @@ class Runner:
         self.notes: list[str] = []
         self._machine = machine_key(self.info)
         self._stage = BlockStage(worker, study)
+
+    def __enter__(self) -> Self:
+        self._store = RowStore(self.folder)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._store.close()
 
     def run(self) -> list[Result]:
         """All cells of the study, measured now or before; raises InputError before anything is written."""
@@ -118,13 +125,10 @@ class Runner:
                 self.notes.append(f"{block.view.name}: nothing is in shadow, so that most scores say nothing")
                 self.reporter.note(self.notes[-1])
             self.reporter.step(block.view.name)
-        store = RowStore(self.folder)
-        try:
+        with self:
             each = 2 if self.study.rounds else 1  # a cell is drawn, then timed
             self.reporter.stage("cells", each * sum(len(block.cells) for block in blocks))
-            return [result for block in blocks for result in self._run_block(block, store)]
-        finally:
-            store.close()
+            return [result for block in blocks for result in self.run_block(block)]
 
     def _notes_on(self, scene: Scene) -> list[str]:
         first = "file" in self.study.views
@@ -137,8 +141,9 @@ class Runner:
             if size > self.info.max_map_size:
                 raise InputError(f"{what} {size}: {self.info.renderer} allows 1 to {self.info.max_map_size}")
 
-    def _run_block(self, block: Block, store: RowStore) -> list[Result]:
-        view = view_key(block.view)
+    def run_block(self, block: Block) -> list[Result]:
+        """The cells of a block, measured now or before; the folder's rows must be held."""
+        view, store = view_key(block.view), self._store
         keys = {cell: self._key(cell, view) for cell in block.cells}
         missing = [cell for cell, key in keys.items() if not _is_done(store.scores.get(key))]
         if missing:
@@ -150,12 +155,12 @@ class Runner:
                 writer.add(lambda: self._write_truth(block.view, truth))
                 for cell in missing:
                     row, drawn = self._score(block, cell, keys[cell], truth, reference)
-                    writer.add(partial(self._write_cell, store, row, drawn))
+                    writer.add(partial(self._write_cell, row, drawn))
                     self.reporter.step(f"{block.scene.name} {format_spec(cell.spec)}")
         for _ in range(len(keys) - len(missing)):
             self.reporter.step(f"{block.scene.name}: measured before")
-        untimed = self._time_block(block, view, keys, store) if self.study.rounds else {}
-        return [Result(store.scores[key], self._time(store, key), untimed.get(cell)) for cell, key in keys.items()]
+        untimed = self._time_block(block, view, keys) if self.study.rounds else {}
+        return [Result(store.scores[key], self._time(key), untimed.get(cell)) for cell, key in keys.items()]
 
     def _key(self, cell: Cell, view: str) -> str:
         return cell_key(cell, view, self.study.coordinates, self.info.renderer)
@@ -185,15 +190,16 @@ class Runner:
         }
         return row, drawn
 
-    def _write_cell(self, store: RowStore, row: Record, drawn: Drawn | None) -> None:
+    def _write_cell(self, row: Record, drawn: Drawn | None) -> None:
         """Images first: a row says that they are there."""
         if drawn is not None:
             write_mask(self._made("masks") / f"{row['key']}.png", drawn.visibility)
             write_picture(self._made("pictures") / f"{row['key']}.png", drawn.picture)
-        store.append(row)
+        self._store.append(row)
 
-    def _time_block(self, block: Block, view: str, keys: dict[Cell, str], store: RowStore) -> dict[Cell, str]:
+    def _time_block(self, block: Block, view: str, keys: dict[Cell, str]) -> dict[Cell, str]:
         """Time what held and has no time yet, phase by phase: a phase is a block of its own. Says what failed."""
+        store = self._store
         untimed: dict[Cell, str] = {}
         steps = 0
         for phase in range(self.study.phases):
@@ -225,9 +231,9 @@ class Runner:
             self.reporter.step(f"{block.scene.name}: nothing to time")
         return untimed
 
-    def _time(self, store: RowStore, key: str) -> Record | None:
+    def _time(self, key: str) -> Record | None:
         """The time record of a key; one of another machine may not stand beside this one's."""
-        row = store.times.get(key)
+        row = self._store.times.get(key)
         return row if row is not None and row.get("machine") == self._machine else None
 
     def _is_timed(self, row: Record | None, reference: str) -> bool:

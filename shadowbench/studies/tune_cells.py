@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from shadowbench.scenes.model import View, view_of
-from shadowbench.studies.rows import Record, RowStore
+from shadowbench.studies.rows import Record
 from shadowbench.studies.runner import Reporter, Result, Runner
 from shadowbench.studies.session import Drawn
 from shadowbench.studies.study import Block, Cell, Study
@@ -21,20 +21,13 @@ from shadowbench.truth.trace import Truth
 class Cells(Runner):
     """A runner that is given specs and blocks as they are asked for; the study says sizes, phases and views.
 
-    Use as a context manager, which holds the folder's rows. Rows alone are kept, neither masks nor pictures.
+    Use as a context manager. Rows alone are kept, neither masks nor pictures.
     """
 
     def __init__(self, study: Study, folder: Path, worker: Worker, reporter: Reporter) -> None:
         super().__init__(study, folder, worker, reporter)
         self._check_sizes()
         self.results: dict[str, Result] = {}
-
-    def __enter__(self) -> "Cells":
-        self._store = RowStore(self.folder)
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._store.close()
 
     def taking_part(self, spec: Spec) -> list[Block]:
         """Every camera and light of the study's scenes, truths traced, where something is in shadow and `spec` answers.
@@ -87,7 +80,7 @@ class Cells(Runner):
         rows: dict[Spec, list[Record]] = {spec: [] for spec in cells}
         for block in blocks:
             together = tuple(cell for own in cells.values() for cell in own)
-            results = iter(self._run_block(replace(block, cells=together), self._store))
+            results = iter(self.run_block(replace(block, cells=together)))
             for spec, own in cells.items():
                 found = list(itertools.islice(results, len(own)))
                 rows[spec] += [one.score for one in found]
@@ -100,5 +93,5 @@ class Cells(Runner):
     def _write_truth(self, view: View, truth: Truth) -> None:
         pass
 
-    def _write_cell(self, store: RowStore, row: Record, drawn: Drawn | None) -> None:
-        store.append(row)
+    def _write_cell(self, row: Record, drawn: Drawn | None) -> None:
+        self._store.append(row)
