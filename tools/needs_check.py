@@ -18,8 +18,9 @@ from shadowbench.needs.survey import Needs, needs
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import View
 from shadowbench.scenes.views import chosen_view
+from shadowbench.studies.drawn import Drawn
 from shadowbench.studies.scoring import mask_record, reference_of
-from shadowbench.studies.session import CellRequest, Drawn
+from shadowbench.studies.session import CellRequest
 from shadowbench.studies.timing import ViewStage
 from shadowbench.studies.worker import Worker
 from shadowbench.truth.cache import cached_truth

@@ -9,8 +9,9 @@ from PIL import Image, ImageDraw, ImageFont
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import view_of
 from shadowbench.scores.metrics import score
+from shadowbench.studies.drawn import Drawn
 from shadowbench.studies.scoring import reference_of
-from shadowbench.studies.session import CellRequest, Drawn
+from shadowbench.studies.session import CellRequest
 from shadowbench.studies.worker import Worker
 from shadowbench.truth.cache import cached_truth
 

@@ -22,8 +22,9 @@ from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Light, Scene, View, view_of
 from shadowbench.scores.metrics import score
 from shadowbench.studies.axes.model import NAMES
+from shadowbench.studies.drawn import Drawn
 from shadowbench.studies.scoring import reference_of
-from shadowbench.studies.session import CellRequest, Drawn
+from shadowbench.studies.session import CellRequest
 from shadowbench.studies.worker import Worker
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.params import Row, TechniqueParams, allowed

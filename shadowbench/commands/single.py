@@ -9,8 +9,9 @@ from shadowbench.errors import InputError, ShadowbenchError
 from shadowbench.scenes.model import View
 from shadowbench.scenes.views import chosen_view, notes_on
 from shadowbench.scores.masks import write_mask
+from shadowbench.studies.drawn import Drawn
 from shadowbench.studies.runner import write_picture
-from shadowbench.studies.session import Drawn, Unsupported
+from shadowbench.studies.session import Unsupported
 from shadowbench.studies.study import Cell
 from shadowbench.studies.timing import request_of
 from shadowbench.studies.worker import CellFailed, Worker

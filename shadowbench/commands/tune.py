@@ -13,10 +13,12 @@ from shadowbench.commands.run import map_sizes
 from shadowbench.errors import InputError
 from shadowbench.scenes.library import builtin_names
 from shadowbench.studies.machine import write_run_file
-from shadowbench.studies.study import Block, Study, scenes_of
+from shadowbench.studies.study import Study, scenes_of
 from shadowbench.studies.tables import Interval, cells_frame, write_table
-from shadowbench.studies.tune import Entry, Search, Tuning, split
+from shadowbench.studies.tune import tune
+from shadowbench.studies.tune_beside import Best, Entry, Tuning
 from shadowbench.studies.tune_cells import Cells
+from shadowbench.studies.tune_folds import folds
 from shadowbench.studies.tune_space import Space, searched
 from shadowbench.studies.worker import Worker
 from shadowbench.techniques.base import Technique
@@ -30,6 +32,7 @@ class TuneOptions:
     spec: str
     scenes: str | None
     held_out: str | None
+    folds: int | None
     params: str | None
     against: tuple[str, ...]
     trials: int
@@ -42,6 +45,9 @@ class TuneOptions:
 
 def tune_command(options: TuneOptions, folder: Path, *, as_json: bool, quiet: bool) -> int:
     """Search, write `table.csv` and `run.json`, print what was found; 3 when a cell failed, else 0."""
+    held_out = _listed(options.held_out)
+    if held_out and options.folds is not None:
+        raise InputError(f"--folds {options.folds} holds out every scene once; allowed: it or --held-out, not both")
     known = techniques_with(options.plugins)
     sizes = map_sizes(options.map_size)
     home = _at(parse_spec(options.spec, known), sizes)
@@ -65,18 +71,16 @@ def tune_command(options: TuneOptions, folder: Path, *, as_json: bool, quiet: bo
         if not cells.info.pipeline_statistics:
             raise InputError(f"{cells.info.renderer} counts no invocations, so there is no cost to tune for")
         blocks = cells.taking_part(home)
-        tuning, held_out = split([scene.name for scene in scenes_of(blocks)], _listed(options.held_out))
-        reporter.note(f"tuning on {', '.join(tuning)}; held out: {', '.join(held_out)}")
+        split = folds([scene.name for scene in scenes_of(blocks)], held_out, options.folds)
         space = Space(home, names, cells.refused_rows(home, names, blocks))
-        search = Search(space, cells, _of(blocks, tuning), _of(blocks, held_out))
-        found = search.run(options.trials, others)
+        found = tune(space, cells, blocks, split, options.trials, others)
         frame = cells_frame(list(cells.results.values()))
     write_table(folder / "table.csv", frame)
     write_run_file(folder / "run.json", cells.info, [], study)
     if as_json:
-        print_json({"tuning": tuning, "held_out": held_out, **_plain(found)})
+        print_json(_plain(found))
     else:
-        _print(found, len(held_out))
+        _print(found)
         if not quiet:
             out.print(f"{folder / 'table.csv'}: {len(frame)} cells", soft_wrap=True)
     failed = [status for status in frame["status"] if status.startswith("failed")]
@@ -88,10 +92,6 @@ def tune_command(options: TuneOptions, folder: Path, *, as_json: bool, quiet: bo
 
 def _listed(text: str | None) -> tuple[str, ...]:
     return tuple(part.strip() for part in text.split(",") if part.strip()) if text else ()
-
-
-def _of(blocks: Sequence[Block], scenes: Sequence[str]) -> list[Block]:
-    return [block for block in blocks if block.scene.name in scenes]
 
 
 def _at(spec: Spec, sizes: Sequence[int]) -> Spec:
@@ -113,29 +113,37 @@ def _others(
     }
 
 
-def _print(found: Tuning, scenes: int) -> None:
-    several = ", with 95% intervals over them" if scenes > 1 else ""
-    held_out = f"{scenes} scene{'s' * (scenes > 1)}{several}"
-    title = f"best at each cost, from the cheapest, and what it is set beside; held out: {held_out}"
+def _print(found: Tuning) -> None:
+    several = len(found.folds) > 1
+    for place, best in enumerate(found.folds, start=1):
+        which = f"fold {place} of {len(found.folds)}: " if several else ""
+        title = f"{which}best at each cost, from the cheapest; held out: {', '.join(best.fold.held_out)}"
+        _print_table(title, best.front)
+        out.print()
+    scenes = sum(len(best.fold.held_out) for best in found.folds)
+    each = ", the tuned in each by the fold that held it out" if several else ""
+    intervals = ", with 95% intervals over them" if scenes > 1 else ""
+    title = f"beside the default and others on {scenes} scene{'s' * (scenes > 1)} held out{each}{intervals}"
+    _print_table(title, (found.tuned, *found.others))
+    out.print("error: √((1 − IoU) · (1 − SSIM)), geometric mean over scenes; × tuned: median over scenes")
+    out.print(_verdict(found), markup=False, soft_wrap=True)
+
+
+def _print_table(title: str, entries: Sequence[Entry]) -> None:
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
     table.add_column("")
     table.add_column("spec", overflow="fold", min_width=24)
     for heading in ("cost", "tuning", "held out", "1 − IoU × tuned", "1 − SSIM × tuned", "acne", "leak", "contact"):
         table.add_column(heading, justify="right", no_wrap=True)
-    for entry in found.front:
-        table.add_row(*_line(entry))
-    table.add_section()
-    for entry in found.others:
+    for entry in entries:
         table.add_row(*_line(entry))
     out.print(table)
-    out.print("error: √((1 − IoU) · (1 − SSIM)), geometric mean over scenes; × tuned: median over scenes")
-    out.print(_verdict(found), markup=False, soft_wrap=True)
 
 
 def _line(entry: Entry) -> list[str]:
     return [
         escape(entry.name),
-        escape(format_spec(entry.spec, size=False)),
+        "each fold's own" if entry.spec is None else escape(format_spec(entry.spec, size=False)),
         f"{entry.cost:.2f}",
         number(entry.tuning),
         entry.held_out.text(number),
@@ -146,12 +154,13 @@ def _line(entry: Entry) -> list[str]:
 
 def _verdict(found: Tuning) -> str:
     """Whether the scenes held out speak for another default."""
-    default, tuned = found.others[0], found.tuned
-    if tuned.spec == default.spec:
+    default = found.others[0]
+    specs = dict.fromkeys(best.tuned.spec for best in found.folds)
+    if list(specs) == [default.spec]:
         return "the default is the best that was found at its cost"
     iou, ssim = default.iou_ratio, default.ssim_ratio
     worse = iou is not None and ssim is not None and (iou.low or 0) > 1 and ssim.median > 1
-    suggested = format_spec(tuned.spec, size=False)
+    suggested = " or ".join(format_spec(spec, size=False) for spec in specs if spec is not None)
     if worse:
         return f"suggested default: {suggested}"
     return f"the default stands: on the scenes held out it is not surely behind {suggested}"
@@ -165,12 +174,15 @@ def _plain(found: Tuning) -> dict[str, Any]:
     def entry(one: Entry) -> dict[str, Any]:
         values = {item.name: getattr(one, item.name) for item in fields(one)}
         return {key: asdict(value) if isinstance(value, Interval) else value for key, value in values.items()} | {
-            "spec": format_spec(one.spec, size=False)
+            "spec": None if one.spec is None else format_spec(one.spec, size=False)
         }
 
+    def fold(best: Best) -> dict[str, Any]:
+        return asdict(best.fold) | {"tuned": entry(best.tuned), "front": [entry(one) for one in best.front]}
+
     return {
+        "folds": [fold(best) for best in found.folds],
         "tuned": entry(found.tuned),
-        "front": [entry(one) for one in found.front],
         "others": [entry(one) for one in found.others],
         "verdict": _verdict(found),
     }

@@ -20,18 +20,21 @@ from shadowbench.scenes.model import Scene, View
 from shadowbench.scenes.views import first_of
 from shadowbench.scores.masks import write_mask
 from shadowbench.scores.reference import Reference
+from shadowbench.studies.drawn import Drawn
 from shadowbench.studies.keys import cell_key, view_key
 from shadowbench.studies.machine import machine_key
 from shadowbench.studies.profile import Profile
 from shadowbench.studies.rows import Record, RowStore
 from shadowbench.studies.scoring import mask_record, reference_of
-from shadowbench.studies.session import DeviceInfo, Drawn, Unsupported
+from shadowbench.studies.session import DeviceInfo, Unsupported
 from shadowbench.studies.study import Block, Cell, Study, scenes_of
 from shadowbench.studies.timing import BlockStage, Untimed, reference_cell, request_of, time_cells
-from shadowbench.studies.worker import CellFailed, Worker
+from shadowbench.studies.worker import AteMemory, CellFailed, Worker
 from shadowbench.techniques.spec import format_spec
 from shadowbench.truth.cache import cached_truth
 from shadowbench.truth.trace import Truth
+
+_KEPT = 0.25  # of the memory limit: cells that were drawn and wait to be timed
 
 
 class Reporter(Protocol):
@@ -172,8 +175,7 @@ class Runner:
         row = {"kind": "score", "key": key, **identity(self.study, block, cell), "renderer": self.info.renderer}
         try:
             with self.profile.of("waiting"):
-                surface = self._stage.open(block)
-                drawn: Drawn = self.worker.call("draw", request_of(cell))
+                surface, drawn = self._draw(block, cell)
         except Unsupported as reason:
             return row | {"status": f"unsupported: {reason}"}, None
         except CellFailed as reason:
@@ -189,6 +191,17 @@ class Runner:
             "assumptions": list(block.scene.notes),
         }
         return row, drawn
+
+    def _draw(self, block: Block, cell: Cell) -> tuple[NDArray[np.int32], Drawn]:
+        """The view's triangle ids and the cell, which the worker keeps for timing while there is room."""
+        keep = int(_KEPT * self.worker.limits.bytes) if self.study.rounds else 0
+        try:
+            return self._stage.open(block), self.worker.call("draw", request_of(cell), False, False, keep)
+        except AteMemory:
+            if not keep:
+                raise
+            # The others that were kept may have been too much beside it; the new worker has none.
+            return self._stage.open(block), self.worker.call("draw", request_of(cell))
 
     def _write_cell(self, row: Record, drawn: Drawn | None) -> None:
         """Images first: a row says that they are there."""

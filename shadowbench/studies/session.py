@@ -4,9 +4,8 @@ The worker process serves these over a pipe; benchmarks call them in their own p
 """
 
 import gc
-import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -23,9 +22,9 @@ from shadowbench.gl.geometry import DeviceGeometry
 from shadowbench.gl.picture import PicturePass
 from shadowbench.scenes.model import AS_FILED, Camera, Coordinates, Light, Scene, View
 from shadowbench.scores.masks import quantise
+from shadowbench.studies.drawn import Drawn, numbers, own_work
 from shadowbench.studies.profile import Profile
 from shadowbench.techniques.base import Frame, Phase, Stage, Technique
-from shadowbench.techniques.filters import Filter
 from shadowbench.techniques.registry import shader_folder, techniques
 from shadowbench.techniques.spec import Spec, parse_spec
 
@@ -56,19 +55,13 @@ class CellRequest:
 
 
 @dataclass(frozen=True, eq=False)
-class Drawn:
-    """One draw of a cell, images with row 0 at the top.
+class Built:
+    """A cell that can be drawn; `prepare_ms`: what building it took."""
 
-    visibility: (N, N) float32 quantised to 16 bits; picture: (N, N, 3) uint8 sRGB, shaded with it; map: (H, W) float32
-    linear depth, where it was asked for and the technique has one.
-    """
-
-    visibility: NDArray[np.float32]
-    picture: NDArray[np.uint8]
-    map: NDArray[np.float32] | None
-    gpu_bytes: int
-    work: dict[str, int]
-    facts: dict[str, float]
+    technique: Technique
+    stage: Stage
+    frame: Frame
+    prepare_ms: float
 
 
 class Unsupported(Exception):
@@ -86,7 +79,8 @@ class Session:
         self._scene: Scene | None = None
         self._geometry: DeviceGeometry | None = None
         self._surface: GBuffer | None = None
-        self._held: list[tuple[Technique, Stage, Frame]] = []
+        self._kept: dict[CellRequest, Built] = {}  # drawn, and not yet held
+        self._held: list[Built] = []
 
     def info(self) -> DeviceInfo:
         """The device and the clock that times it."""
@@ -123,8 +117,7 @@ class Session:
         Camera and light are a view's, in file coordinates, the camera's planes known.
         """
         assert self._scene is not None
-        if self._surface is not None:
-            self._surface.release()
+        self._close()
         self.view = View(self._scene, self._placement.camera(camera), self._placement.light(light), size)
         self._tidy()
         with self._passes():
@@ -134,59 +127,77 @@ class Session:
 
     def unload(self) -> None:
         """Free the view and the scene."""
-        if self._surface is not None:
-            self._surface.release()
-            self._surface = None
+        self._close()
         if self._geometry is not None:
             self._picture_pass.release()
             self._surface_pass.release()
             self._geometry.release()
             self._geometry = None
 
+    def _close(self) -> None:
+        """Free the view, and what is kept of its cells."""
+        while self._kept:
+            self._kept.popitem()[1].stage.release()
+        if self._surface is not None:
+            self._surface.release()
+            self._surface = None
+
     def unsupported(self, request: CellRequest) -> str | None:
         """Why a cell has no answer for the open view, or None."""
         spec = self._spec(request)
         return spec.technique.declines(spec.params, self.view, self.device)
 
-    def draw(self, request: CellRequest, with_map: bool = False, tinted: bool = False) -> Drawn:
+    def draw(self, request: CellRequest, with_map: bool = False, tinted: bool = False, keep: int = 0) -> Drawn:
         """Build, draw once, read back, release. Raises Unsupported, or whatever the technique raises.
 
-        `tinted` multiplies the technique's own colours into the picture, where it has any.
+        `tinted` multiplies the technique's own colours into the picture, where it has any. What was built is kept for
+        `hold` instead, as long as all that is kept for this view takes no more than `keep` bytes.
         """
-        with self._built(request) as (technique, stage, frame):
-            self._tidy()
-            with self._passes():
-                texture = technique.draw(frame)
-            self._tidy()
-            self.device.check(f"drawing {request.spec}")
-            self._check(request, texture)
-            with self.profile.of("read back"):
-                visibility = self._read(request, download(texture)[..., 0])
-            with self._passes():
-                tint = technique.tint() if tinted else None
-                picture = self._picture_pass.draw(frame.surface, self.view, texture, tint)
-            depths = technique.map_image() if with_map else None
-            facts = _numbers(request, technique.facts())
-            with self._passes():
-                # The same frame, index 0, so that the work is that of the frame which is scored: history stays void.
-                work = work_of(self.device, lambda: technique.draw(frame))
-            work = with_cost(work | _own_work(technique, self.view.size**2, facts))
-            return Drawn(visibility, picture, depths, stage.bytes, work, facts)
+        if request in self._kept:
+            self._kept.pop(request).stage.release()
+        built = self._build(request)
+        try:
+            drawn = self._drawn(request, built, with_map, tinted)
+        except BaseException:
+            built.stage.release()
+            raise
+        if sum(other.stage.bytes for other in self._kept.values()) + built.stage.bytes <= keep:
+            self._kept[request] = built
+        else:
+            built.stage.release()
+        return drawn
+
+    def _drawn(self, request: CellRequest, built: Built, with_map: bool, tinted: bool) -> Drawn:
+        technique, frame = built.technique, built.frame
+        self._tidy()
+        with self._passes():
+            texture = technique.draw(frame)
+        self._tidy()
+        self.device.check(f"drawing {request.spec}")
+        self._check(request, texture)
+        with self.profile.of("read back"):
+            visibility = self._read(request, download(texture)[..., 0])
+        with self._passes():
+            tint = technique.tint() if tinted else None
+            picture = self._picture_pass.draw(frame.surface, self.view, texture, tint)
+        depths = technique.map_image() if with_map else None
+        facts = numbers(request.spec, technique.facts())
+        with self._passes():
+            # The same frame, index 0, so that the work is that of the frame which is scored: history stays void.
+            work = work_of(self.device, lambda: technique.draw(frame))
+        work = with_cost(work | own_work(technique, self.view.size**2, facts))
+        return Drawn(visibility, picture, depths, built.stage.bytes, work, facts)
 
     def hold(self, request: CellRequest) -> float:
-        """Build a cell and keep it for timing, warmed up; the milliseconds of building it."""
-        start = time.perf_counter()
-        with self.profile.of("prepare"):
-            technique, stage, frame = self._build(request)
-            self.device.context.finish()
-        prepare_ms = (time.perf_counter() - start) * 1e3
-        self._held.append((technique, stage, frame))
+        """Hold a cell for timing, as it was kept or built anew, warmed up; the milliseconds that building it took."""
+        built = self._kept.pop(request, None) or self._build(request)
+        self._held.append(built)
         for _ in range(WARM_UP):
             self._tidy()
             with self._passes():
                 self._next_draw(-1)()
         self.device.check(f"warming up {request.spec}")
-        return prepare_ms
+        return built.prepare_ms
 
     def time_frame(self, held: int) -> Sample:
         """What a whole frame took of the cell that was held as number `held`, from 0."""
@@ -201,13 +212,13 @@ class Session:
     def let_go(self) -> None:
         """Release what is held."""
         while self._held:
-            self._held.pop()[1].release()
+            self._held.pop().stage.release()
 
     def _next_draw(self, held: int) -> Callable[[], object]:
         """The next draw of a held cell; the frames of its draws are counted up from index 0, the first after build."""
-        technique, stage, frame = self._held[held]
-        self._held[held] = technique, stage, replace(frame, index=frame.index + 1)
-        return partial(technique.draw, frame)
+        built = self._held[held]
+        self._held[held] = replace(built, frame=replace(built.frame, index=built.frame.index + 1))
+        return partial(built.technique.draw, built.frame)
 
     @contextmanager
     def _undisturbed(self, held: int) -> Iterator[Callable[[], object]]:
@@ -256,17 +267,14 @@ class Session:
         except ValueError as error:
             raise ValueError(f"{request.spec} drew {error}") from error
 
-    @contextmanager
-    def _built(self, request: CellRequest) -> Iterator[tuple[Technique, Stage, Frame]]:
-        with self.profile.of("build"):
-            technique, stage, frame = self._build(request)
+    def _build(self, request: CellRequest) -> Built:
+        start = time.perf_counter()
+        with self.profile.of("prepare"):
+            technique, stage, frame = self._assembled(request)
             self.device.context.finish()
-        try:
-            yield technique, stage, frame
-        finally:
-            stage.release()
+        return Built(technique, stage, frame, (time.perf_counter() - start) * 1e3)
 
-    def _build(self, request: CellRequest) -> tuple[Technique, Stage, Frame]:
+    def _assembled(self, request: CellRequest) -> tuple[Technique, Stage, Frame]:
         spec = self._spec(request)
         reason = spec.technique.declines(spec.params, self.view, self.device)
         if reason is not None:
@@ -283,23 +291,3 @@ class Session:
             stage.release()
             raise
         return technique, stage, Frame(self.view, Phase(request.phase), 0, self._surface, self.clock)
-
-
-def _own_work(technique: Technique, pixels: int, facts: dict[str, float]) -> dict[str, int]:
-    """What OpenGL does not count: texture reads of maps, and rays. Taken out of `facts` where they state them.
-
-    A technique with one of our filters reads what its row declares for each pixel of the view.
-    """
-    work: dict[str, int] = {name: int(facts.pop(name)) for name in ("reads", "rays") if name in facts}
-    chosen = getattr(technique.params, "filter", None)
-    if "reads" not in work and isinstance(chosen, Filter):
-        work["reads"] = pixels * chosen.reads
-    return work
-
-
-def _numbers(request: CellRequest, facts: Mapping[str, float]) -> dict[str, float]:
-    """Facts as a row can hold them; raises ValueError for one that is not finite."""
-    for name, value in facts.items():
-        if not math.isfinite(value):
-            raise ValueError(f"{request.spec}: fact {name!r} is {value}; allowed: finite numbers")
-    return {name: float(value) for name, value in facts.items()}

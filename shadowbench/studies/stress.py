@@ -15,12 +15,13 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from shadowbench.scenes.model import LightKind, View
 from shadowbench.scores.masks import write_mask
 from shadowbench.studies.axes import Axis, Setting, Value, shown
+from shadowbench.studies.drawn import Drawn
 from shadowbench.studies.keys import cell_key, view_key
 from shadowbench.studies.ranges import failure
 from shadowbench.studies.rows import Record, RowStore
 from shadowbench.studies.runner import Reporter, write_picture
 from shadowbench.studies.scoring import mask_record, reference_of
-from shadowbench.studies.session import CellRequest, DeviceInfo, Drawn, Unsupported
+from shadowbench.studies.session import CellRequest, DeviceInfo, Unsupported
 from shadowbench.studies.study import Cell
 from shadowbench.studies.timing import ViewStage
 from shadowbench.studies.worker import CellFailed, Worker

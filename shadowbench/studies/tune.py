@@ -1,18 +1,16 @@
 """`tune`: a technique's parameters at their best for each cost, searched on some scenes and compared on others."""
 
-import hashlib
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import pandas as pd
 
 from shadowbench.errors import InputError
 from shadowbench.studies.study import Block
-from shadowbench.studies.tables import Interval
+from shadowbench.studies.tune_beside import Found, Tuning, beside
 from shadowbench.studies.tune_cells import Cells
-from shadowbench.studies.tune_scores import front, geometric_mean, log_error, mean_of, ratio, scene_scores
+from shadowbench.studies.tune_folds import Fold
+from shadowbench.studies.tune_scores import front, log_cost, log_error, scene_scores
 from shadowbench.studies.tune_space import Space
 from shadowbench.studies.worker import CellFailed
 from shadowbench.techniques.spec import Spec, format_spec
@@ -25,59 +23,21 @@ BATCH = 8
 
 _RANDOM = 0.4  # of the trials of a search are random, before it learns
 _SEED = 0
-_DIGITS = 2  # of the logarithm of a cost: what differs by less than 1% costs the same
 
 
-@dataclass(frozen=True)
-class Entry:
-    """A spec and what was measured of it.
+def tune(
+    space: Space, cells: Cells, blocks: Sequence[Block], folds: Sequence[Fold], trials: int, others: Mapping[str, Spec]
+) -> Tuning:
+    """Search so many trials in each fold, as if there were no other, and set what was found beside `others`, by name.
 
-    cost: `work_cost` over the default's; tuning and held_out: √((1 − IoU) · (1 − SSIM)), geometric means over scenes;
-    iou_ratio and ssim_ratio: by how much its 1 − IoU and 1 − SSIM are those of the tuned, medians over the scenes held
-    out; acne, leak and contact: their means over those that have any.
+    Nothing is measured twice. Raises CellFailed as `Search.run` does.
     """
-
-    name: str
-    spec: Spec
-    cost: float
-    tuning: float
-    held_out: Interval
-    iou_ratio: Interval | None
-    ssim_ratio: Interval | None
-    acne: float | None
-    leak: float | None
-    contact: float | None
-
-
-@dataclass(frozen=True)
-class Tuning:
-    """What a search found: the best at each cost, from the cheapest, and what they are set beside.
-
-    The tuned is the best of those that cost no more than the default; the default is the first of `others`.
-    """
-
-    tuned: Entry
-    front: tuple[Entry, ...]
-    others: tuple[Entry, ...]
-
-
-def split(scenes: Sequence[str], held_out: Sequence[str]) -> tuple[list[str], list[str]]:
-    """The scenes to tune on, and those held out: the ones named, or every third in the order of their names' hashes.
-
-    Raises InputError unless there is one of each.
-    """
-    for name in held_out:
-        if name not in scenes:
-            raise InputError(f"--held-out: found {name!r:.60}; allowed are scenes that take part: {', '.join(scenes)}")
-    if not held_out:
-        held_out = sorted(scenes, key=lambda name: hashlib.sha256(name.encode()).hexdigest())[1::3]
-    tuning = [name for name in scenes if name not in held_out]
-    if not tuning or not held_out:
-        raise InputError(
-            f"--scenes: {len(tuning)} to tune on, {len(held_out)} held out ({', '.join(scenes) or 'none takes part'}); "
-            "allowed: at least one of each"
-        )
-    return tuning, [name for name in scenes if name in held_out]
+    found = []
+    for number, fold in enumerate(folds, start=1):
+        which = f"fold {number} of {len(folds)}: " if len(folds) > 1 else ""
+        cells.reporter.note(f"{which}tuning on {', '.join(fold.tuning)}; held out: {', '.join(fold.held_out)}")
+        found.append(Search(space, cells, blocks, fold).run(trials, others))
+    return beside(found)
 
 
 class Search:
@@ -89,14 +49,19 @@ class Search:
     never behind them on the tuning scenes, whatever it is on the others.
     """
 
-    def __init__(self, space: Space, cells: Cells, tuning: Sequence[Block], held_out: Sequence[Block]) -> None:
-        self.space, self.cells, self.tuning, self.held_out = space, cells, tuning, held_out
+    def __init__(self, space: Space, cells: Cells, blocks: Sequence[Block], fold: Fold) -> None:
+        self.space, self.cells, self.fold = space, cells, fold
+        self.tuning = [block for block in blocks if block.scene.name in fold.tuning]
+        self.held_out = [block for block in blocks if block.scene.name in fold.held_out]
         self.default = space.home
         self._tried: dict[Spec, pd.DataFrame] = {}  # what held on the tuning scenes, with its scores
         self._lost: set[Spec] = set()  # what did not
 
-    def run(self, trials: int, others: Mapping[str, Spec]) -> Tuning:
-        """Search, then set the best beside the default and `others`, by name; CellFailed where the default fails."""
+    def run(self, trials: int, others: Mapping[str, Spec]) -> Found:
+        """Search, then measure the best, the default and `others`, by name, on the scenes held out.
+
+        Raises CellFailed where the default fails, or what was found fails on those.
+        """
         named = {"default": self.default, **others}
         outside = sum(self.space.point(spec) is None for spec in named.values())
         self._stage("tuning", trials + outside, self.tuning)
@@ -108,7 +73,7 @@ class Search:
         if near.point(best):  # it has numbers
             self._explore(near, trials // 2, 1, list(self._tried))
         self._try(list(named.values()))
-        return self._beside(named)
+        return self._found(named)
 
     def _explore(self, space: Space, trials: int, goals: int, first: Sequence[Spec]) -> None:
         """Try what Optuna suggests, after those of `first` that the space holds; those tried before are no trials."""
@@ -160,35 +125,16 @@ class Search:
         best = [found[i] for i in kept]
         return best, [spec for spec in best if self._cost(spec) <= 0][-1]
 
-    def _beside(self, named: Mapping[str, Spec]) -> Tuning:
-        """The best and the others on the scenes held out, those that hold on all scenes."""
+    def _found(self, named: Mapping[str, Spec]) -> Found:
+        """The best and the others on the scenes held out."""
         best, tuned = self._best()
         chosen = [spec for spec in dict.fromkeys([*best, *named.values()]) if spec in self._tried]
         self._stage("held out", len(chosen), self.held_out)
         scores = self._scores(chosen, self.held_out)
         _check(tuned, scores)
         _check(self.default, scores)
-
-        def entry(name: str, spec: Spec) -> Entry:
-            own = scores[spec]
-            return Entry(
-                name=name,
-                spec=spec,
-                cost=math.exp(self._cost(spec)),
-                tuning=math.exp(self._error(spec)),
-                held_out=geometric_mean(log_error(own)),
-                iou_ratio=ratio("iou", own, scores[tuned]),
-                ssim_ratio=ratio("ssim", own, scores[tuned]),
-                acne=mean_of("acne", own),
-                leak=mean_of("leak", own),
-                contact=mean_of("contact", own),
-            )
-
-        return Tuning(
-            tuned=entry("tuned", tuned),
-            front=tuple(entry("tuned" if spec == tuned else "", spec) for spec in best if spec in scores),
-            others=tuple(entry(name, spec) for name, spec in named.items() if spec in scores),
-        )
+        tried = {spec: self._tried[spec] for spec in chosen}
+        return Found(self.fold, tuned, best, named, tried, scores)
 
     def _stage(self, name: str, specs: int, blocks: Sequence[Block]) -> None:
         self.cells.reporter.stage(name, specs * self.cells.each(self.default) * len(blocks))
@@ -198,8 +144,7 @@ class Search:
         return float(log_error(self._tried[spec]).mean())
 
     def _cost(self, spec: Spec) -> float:
-        """Mean over the tuning scenes of the logarithm of the cost over the default's."""
-        return round(float((self._tried[spec]["cost"] - self._tried[self.default]["cost"]).mean()), _DIGITS)
+        return log_cost(self._tried[spec], self._tried[self.default])
 
 
 def _check(spec: Spec, scores: Mapping[Spec, pd.DataFrame]) -> None:

@@ -6,9 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from shadowbench.scenes.model import View, view_of
+from shadowbench.studies.drawn import Drawn
 from shadowbench.studies.rows import Record
 from shadowbench.studies.runner import Reporter, Result, Runner
-from shadowbench.studies.session import Drawn
 from shadowbench.studies.study import Block, Cell, Study
 from shadowbench.studies.timing import request_of
 from shadowbench.studies.tune_space import rows_of

@@ -18,6 +18,7 @@ LEAST = 1e-4
 
 ERRORS = ("iou", "ssim")
 _BOOTSTRAPS = 2000
+_COST_DIGITS = 2
 
 
 def scene_scores(rows: Iterable[Record]) -> pd.DataFrame:
@@ -41,6 +42,11 @@ def scene_scores(rows: Iterable[Record]) -> pd.DataFrame:
 def log_error(scores: pd.DataFrame) -> pd.Series:
     """By scene, the mean of log(1 − IoU) and log(1 − SSIM): what is minimised."""
     return scores[list(ERRORS)].mean(axis=1)
+
+
+def log_cost(scores: pd.DataFrame, default: pd.DataFrame) -> float:
+    """The mean over scenes of the logarithm of the cost over the default's, rounded: within 1% costs are the same."""
+    return round(float((scores["cost"] - default["cost"]).mean()), _COST_DIGITS)
 
 
 def geometric_mean(logs: pd.Series) -> Interval:

@@ -20,6 +20,7 @@ from shadowbench.studies.runner import Result
 from shadowbench.studies.scoring import reference_of
 from shadowbench.studies.study import Study
 from shadowbench.studies.tables import cells_frame, summary, write_table
+from shadowbench.studies.worker import AteMemory
 from shadowbench.techniques.shadow_map import ShadowMap
 from shadowbench.truth.cache import cached_truth
 
@@ -282,6 +283,26 @@ def test_cells_that_exceed_the_memory_are_timed_in_several_groups(
     assert run.calls.count("let_go") == 2
     assert [record["reference"] for record in records(run.folder, "time")] == ["unshadowed"] * 2
     assert all(float(cell["ratio"]) > 0 for cell in run.cells)
+
+
+def test_a_cell_is_not_blamed_for_the_memory_of_those_that_wait_to_be_timed(
+    bench: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    call, kept = bench.worker.call, []
+
+    def full(method: str, *arguments: Any) -> Any:
+        if method == "draw":
+            kept.append(arguments[-1] if len(arguments) > 1 else 0)
+            if kept[-1] and len(kept) > 1:
+                bench.worker.stop()
+                raise AteMemory("ate memory")
+        return call(method, *arguments)
+
+    monkeypatch.setattr(bench.worker, "call", full)
+    run = Run(bench, tmp_path / "out", SMALL)
+    assert [bool(bytes) for bytes in kept] == [True, True, False]
+    assert [cell["status"] for cell in run.cells] == ["ok", "ok"]
+    assert "" not in {cell["ratio"] for cell in run.cells}
 
 
 @pytest.mark.parametrize(

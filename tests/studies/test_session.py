@@ -1,6 +1,7 @@
 """A session's own doing around a technique: what it times, and how it counts frames; without GL."""
 
 from collections.abc import Iterator
+from functools import partial
 from itertools import chain, repeat
 from types import SimpleNamespace
 from typing import Any
@@ -32,10 +33,13 @@ class Bare(Session):
         self.params: Any = TechniqueParams()
         self.view: Any = SimpleNamespace(size=2)
         self._picture_pass: Any = SimpleNamespace(draw=lambda surface, view, texture, tint: None)
+        self._kept = {}
+        self._surface = None
         self._held = []
+        self.freed: list[str] = []
         self.indices: list[int] = []
 
-    def _build(self, request: CellRequest) -> Any:
+    def _assembled(self, request: CellRequest) -> Any:
         def draw(frame: Frame) -> np.ndarray:
             self.indices.append(frame.index)
             self.device.draws += 1
@@ -44,7 +48,8 @@ class Bare(Session):
         technique = SimpleNamespace(draw=draw, facts=lambda: self.facts, map_image=lambda: None, params=self.params)
         surface: Any = None
         frame = Frame(self.view, Phase(request.phase), 0, surface, self.clock)
-        return technique, SimpleNamespace(release=lambda: None, bytes=0), frame
+        release = partial(self.freed.append, request.spec)
+        return technique, SimpleNamespace(release=release, bytes=10), frame
 
     def _check(self, request: CellRequest, texture: object) -> None:
         pass
@@ -80,6 +85,32 @@ def test_every_held_cell_has_a_count_of_its_own(bare: Bare) -> None:
     bare.let_go()
     bare.hold(REQUEST)
     assert bare.indices[-2:] == [0, 1]
+
+
+def test_what_was_drawn_is_built_once_where_it_is_kept(bare: Bare, monkeypatch: pytest.MonkeyPatch) -> None:
+    built = []
+    assembled = bare._assembled
+    monkeypatch.setattr(bare, "_assembled", lambda request: (built.append(request.spec), assembled(request))[1])
+    specs = [CellRequest(name) for name in "abc"]
+    for spec in specs:
+        bare.draw(spec, keep=25)  # each takes 10
+    assert bare.freed == ["c"]
+    took = bare._kept[specs[0]].prepare_ms
+    bare.draw(CellRequest("d"))
+    assert bare.freed == ["c", "d"]
+    assert bare.hold(specs[0]) == took
+    bare.hold(specs[2])
+    assert built == ["a", "b", "c", "d", "c"]
+    assert bare.indices[-2 * WARM_UP :] == [0, 1, 0, 1]  # as if it had not been drawn before
+    bare.let_go()
+    bare._close()
+    assert bare.freed == ["c", "d", "c", "a", "b"]
+
+
+def test_a_cell_that_is_drawn_again_takes_the_place_of_the_one_that_was_kept(bare: Bare) -> None:
+    for _ in range(3):
+        bare.draw(REQUEST, keep=25)
+    assert len(bare.freed) == 2
 
 
 def test_a_scored_frame_and_its_work_are_both_without_history(bare: Bare) -> None:
@@ -125,5 +156,5 @@ def test_seconds_are_kept_by_activity(bare: Bare) -> None:
     bare.time_frame(0)
     assert set(bare.spent()) == {"prepare", "passes"}
     bare.draw(REQUEST)
-    assert set(bare.spent()) == {"prepare", "passes", "build", "read back"}
+    assert set(bare.spent()) == {"prepare", "passes", "read back"}
     assert all(seconds >= 0 for seconds in bare.spent().values())
