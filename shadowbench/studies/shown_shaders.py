@@ -12,12 +12,11 @@ from shadowbench.errors import ShadowbenchError
 from shadowbench.gl.device import open_device
 from shadowbench.gl.geometry import DeviceGeometry
 from shadowbench.gl.program import Program
-from shadowbench.gl.shaders import compose
 from shadowbench.scenes.model import Scene
 from shadowbench.techniques.base import TechniqueParams
 from shadowbench.techniques.registry import shader_folder, techniques
 from shadowbench.techniques.spec import parse_spec
-from shadowbench.techniques.stage import Stage, _shader_values
+from shadowbench.techniques.stage import Stage
 
 
 @dataclass(frozen=True)
@@ -47,16 +46,19 @@ class _Recorder(Stage):
         defines: Mapping[str, int | str] = {},
     ) -> Program:
         made = super().program(vertex, fragment, geometry, params=params, defines=defines)
-        names, slots, uniforms = _shader_values(params, self.placement) if params else ({}, {}, {})
-        names |= {name: str(value) for name, value in defines.items()}
+        texts, uniforms = self._latest
         used = {name: value for name, value in uniforms.items() if made.has(name)}
         self.programs += 1
-        for source, suffix in ((vertex, "vert"), (fragment, "frag"), (geometry, "geom")):
-            if source is not None:
-                stem = Path(source).stem if "\n" not in str(source) else "inline"
-                text = compose(source, self._roots, names, slots)
-                self.texts.append(ShaderText(f"{self.programs}-{stem}.{suffix}", text, used))
+        stages = ((vertex, "vert"), (fragment, "frag"), (geometry, "geom"))
+        given = [(source, suffix) for source, suffix in stages if source is not None]
+        for (source, suffix), text in zip(given, texts, strict=True):
+            stem = Path(source).stem if "\n" not in str(source) else "inline"
+            self.texts.append(ShaderText(f"{self.programs}-{stem}.{suffix}", text, used))
         return made
+
+    def _composed(self, *arguments: Any) -> Any:
+        self._latest = super()._composed(*arguments)
+        return self._latest
 
 
 def shaders_of(spec: str, scene: Scene, size: int, plugins: Sequence[Path] = ()) -> list[ShaderText]:

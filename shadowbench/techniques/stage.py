@@ -1,6 +1,6 @@
 """The stage: what a technique builds on. It is fixed between build and release, and frees all that was made on it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -65,13 +65,20 @@ class Stage:
         include slot of its field (`#include <bias>`), and its own parameters follow the same rule (FILTER_TAPS 3);
         floats become uniforms (`bias_max`), lengths in metres being local by then.
         """
-        names, slots, uniforms = _shader_values(params, self.placement) if params else ({}, {}, {})
-        names |= {name: str(value) for name, value in defines.items()}
-        texts = [compose(text, self._roots, names, slots) for text in (vertex, fragment, geometry) if text is not None]
+        sources = [source for source in (vertex, fragment, geometry) if source is not None]
+        texts, uniforms = self._composed(sources, params, defines)
         program = link(self.device, *texts)
         self._held.append(program.linked)
         program.set(**{name: value for name, value in uniforms.items() if program.has(name)})
         return program
+
+    def _composed(
+        self, sources: Sequence[Path | str], params: TechniqueParams | None, defines: Mapping[str, int | str]
+    ) -> tuple[list[str], dict[str, float]]:
+        """The whole texts of a program's shaders, and the uniforms that its parameters make."""
+        names, slots, uniforms = _shader_values(params, self.placement) if params else ({}, {}, {})
+        names |= {name: str(value) for name, value in defines.items()}
+        return [compose(source, self._roots, names, slots) for source in sources], uniforms
 
     def texture(self, size: tuple[int, int] | None = None, components: int = 1, dtype: str = "f4") -> moderngl.Texture:
         """A colour texture, of the image's size unless told otherwise."""
