@@ -144,7 +144,7 @@ def promise(name: str, iou: Interval, ssim: Interval) -> str:
     least = PROMISES[name]
     holds = iou.median >= least and (iou.low or 0) > 1 and ssim.median > 1
     return (
-        f"- `{name}`: 1 − IoU is {iou.text(factor)} times as large, 1 − SSIM {ssim.text(factor)} times. Asked: "
+        f"- `{name}`: 1 − IoU is {iou.text(exact)} times as large, 1 − SSIM {ssim.text(exact)} times. Asked: "
         f"at least {least:g}, its interval above 1, and worse on SSIM: {'holds' if holds else 'does not hold'}."
     )
 
@@ -152,6 +152,11 @@ def promise(name: str, iou: Interval, ssim: Interval) -> str:
 def factor(value: float) -> str:
     """Three digits."""
     return f"{value:.3g}"
+
+
+def exact(value: float) -> str:
+    """Four digits, as three may round to what is asked."""
+    return f"{value:.4g}"
 
 
 def limits(folder: Path) -> Iterator[str]:

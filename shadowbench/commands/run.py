@@ -17,7 +17,7 @@ from shadowbench.studies.profile import ACTIVITIES, MEASURING, share, whole
 from shadowbench.studies.runner import Runner
 from shadowbench.studies.study import Study
 from shadowbench.studies.study_file import find_study, read_study
-from shadowbench.studies.sweeps import Curve, curves, with_factors
+from shadowbench.studies.sweeps import Curve, curves, places, with_factors
 from shadowbench.studies.tables import Slope, SummaryRow, cells_frame, over_scenes, slopes, summary, write_table
 from shadowbench.studies.worker import Limits, Worker
 from shadowbench.techniques.spec import parse_spec
@@ -68,7 +68,8 @@ def run_command(options: RunOptions, folder: Path, *, profile: bool, as_json: bo
         results = runner.run()
         notes = runner.notes
         spent = worker.call("spent") if profile else {}
-    frame = with_factors(cells_frame(results), study.sweeps)
+    swept = places(study.sweeps)
+    frame = with_factors(cells_frame(results), swept)
     write_table(folder / "table.csv", frame)
     write_run_file(folder / "run.json", runner.info, notes, study)
     tables, fits = summary(frame), slopes(frame)
@@ -79,7 +80,7 @@ def run_command(options: RunOptions, folder: Path, *, profile: bool, as_json: bo
         times = times if study.rounds else ""
         for scene, rows in tables.items():
             _print_scene(f"{scene}, best first{times}", rows, [fit for fit in fits if fit.scene == scene])
-            _print_curves(scene, curves(rows, study.sweeps))
+            _print_curves(scene, curves(rows, swept))
         scenes, means = over_scenes(tables)
         if len(scenes) > 1:
             _print_scene(f"mean of the {len(scenes)} scenes in which every cell held", means, [])

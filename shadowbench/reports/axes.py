@@ -15,26 +15,34 @@ def point_of(section: Section, one: Configuration) -> Chart:
     assert error is not None  # only what has a score is drawn
     ms, iqr, ratio = (one.value(name) for name in ("frame_ms", "frame_iqr_ms", "ratio"))
     return {
-        "spec": one.spec,
+        **texts_of(one),
         "full spec": one.full_spec,
         "size": one.map_size,
-        "map": str(one.map_size) if one.map_size else one.technique,
         "error": error.median,
         "drawn": max(error.median, section.floor),
         "low": max(error.median if error.low is None else error.low, section.floor),
         "high": max(error.median if error.high is None else error.high, section.floor),
-        "1 − IoU": error.text(digits),
-        "IoU": f"{1 - error.median:.6g}",
-        "edge px": _text(one, "edge_px"),
-        "SSIM": _text(one, "ssim"),
-        "acne": _text(one, "acne"),
-        "leak": _text(one, "leak"),
         "ms": ms,
         "time": "not timed"
         if ms is None
         else f"{digits(ms)} ms, IQR {'unknown' if iqr is None else f'{digits(iqr)} ms'}",
         "× reference": "–" if ratio is None else digits(ratio),
         "cells": one.row.cells,
+    }
+
+
+def texts_of(one: Configuration) -> Chart:
+    """What is said of a configuration that has a score, wherever it is a point."""
+    error = one.error
+    assert error is not None
+    return {
+        "spec": one.spec,
+        "map": str(one.map_size) if one.map_size else one.technique,
+        "1 − IoU": error.text(digits),
+        "IoU": f"{1 - error.median:.6g}",
+        "edge px": _text(one, "edge_px"),
+        "SSIM": _text(one, "ssim"),
+        **{name: _text(one, name) for name in ("acne", "leak", "contact")},
     }
 
 

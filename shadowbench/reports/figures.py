@@ -10,6 +10,7 @@ from PIL import Image
 from shadowbench.reports.along_axes import axis_figure
 from shadowbench.reports.analysis import Section, specs_of
 from shadowbench.reports.axes import Chart
+from shadowbench.reports.bias_curve import bias_charts
 from shadowbench.reports.charts import default_size, figure, front_chart, pass_chart, size_chart, titled
 from shadowbench.reports.heat_map import heat_map
 from shadowbench.reports.stability import Stability
@@ -23,8 +24,9 @@ _CELL = 64  # units of a heat map's cell, in which its text has room
 def figures(scenes: Mapping[str, Sequence[Section]], swept: Sequence[Stability]) -> Iterator[tuple[str, bytes]]:
     """File name and PNG of every chart.
 
-    SCENE.VIEW-SIZE.front.png, .sizes.png, .passes.png, and where there are several runs the run's label before the
-    kind; of a sweep stability.png and stability.AXIS.png, with its label likewise.
+    SCENE.VIEW-SIZE.front.png, .sizes.png, .passes.png, of each bias that was swept .bias-1.png, and where there are
+    several runs the run's label before the kind; of a sweep stability.png and stability.AXIS.png, with its label
+    likewise.
     """
     every = [section for parts in scenes.values() for section in parts]
     several = len({section.run.label for section in every}) > 1
@@ -38,6 +40,8 @@ def figures(scenes: Mapping[str, Sequence[Section]], swept: Sequence[Stability])
         ):
             if chart is not None:
                 yield _file(f"{stem}.{kind}"), _png(figure(chart, section))
+        for number, (home, chart) in enumerate(bias_charts(section), start=1):
+            yield _file(f"{stem}.bias-{number}"), _png(titled(chart, section.title, f"bias of {home}, multiplied"))
     for found in swept:
         stem = "stability" + (f".{found.sweep.label}" if len(swept) > 1 else "")
         styles = styles_of(found.specs, legend=True)

@@ -13,6 +13,7 @@ from shadowbench.errors import InputError
 from shadowbench.studies.baseline import identity
 from shadowbench.studies.rows import SCHEMA, Record, row_of
 from shadowbench.studies.runner import Result
+from shadowbench.studies.sweeps import Places, places_of
 from shadowbench.studies.tables import cells_frame
 
 _ALLOWED = "a folder that `shadowbench run` or `shadowbench stress` wrote"
@@ -68,6 +69,11 @@ class Run(Folder):
     def frame(self) -> pd.DataFrame:
         """A line a cell, with the columns of `table.csv`, in the order of `results`."""
         return cells_frame(self.results)
+
+    @cached_property
+    def swept(self) -> Places:
+        """The specs whose bias is another's multiplied, as `table.csv` says."""
+        return places_of(self.folder / "table.csv")
 
 
 @dataclass(frozen=True, eq=False)

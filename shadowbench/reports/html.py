@@ -17,6 +17,7 @@ from shadowbench import __version__
 from shadowbench.reports.along_axes import LIMITS, axis_chart, metrics_along
 from shadowbench.reports.analysis import Configuration, Reach, Section, front, specs_of
 from shadowbench.reports.axes import Chart
+from shadowbench.reports.bias_curve import bias_charts
 from shadowbench.reports.charts import default_size, front_chart, pass_chart, size_chart
 from shadowbench.reports.folder import Folder, Run, Sweep
 from shadowbench.reports.gallery import gallery, shots_of_breaks, shots_of_section, side, start_of_section
@@ -137,6 +138,7 @@ def _part(section: Section, styles: Styles, most: int, name: str) -> dict[str, A
         "legend": _legend(styles, specs),
         "front": front_chart(section, styles),
         "sizes": size_chart(section, styles),
+        "biases": bias_charts(section),
         "reaches": [
             (title, steps, [(technique, _reach_cells(row, top), top) for technique, row, top in rows])
             for title, steps, rows in reach_tables(section)

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 from shadowbench.reports.analysis import Section, sections, specs_of
+from shadowbench.reports.bias_curve import bias_charts
 from shadowbench.reports.charts import default_size, figure, front_chart, pass_chart, size_chart
 from shadowbench.reports.folder import read_runs
 from shadowbench.reports.styles import COLORS, SHAPES, Styles, styles_of
@@ -97,3 +98,24 @@ def test_what_was_not_timed_has_no_chart_of_times(section_of: Callable[..., Sect
 def test_no_two_of_many_specs_look_alike() -> None:
     styles = Styles(tuple(map(str, range(len(COLORS) * len(SHAPES)))), legend=True)
     assert len({styles.mark(spec) for spec in styles.specs}) == len(COLORS) * len(SHAPES)
+
+
+def test_a_swept_bias_has_a_chart_with_a_line_for_each_map_size(run_folder: Callable[..., Any]) -> None:
+    specs = {"shadow-map:bias=texel(scale=4.0)": 4.0, "shadow-map": 1.0, "shadow-map:bias=texel(scale=0.5)": 0.5}
+    cells = [Cell(spec, size, 0.01 * factor, None) for spec, factor in specs.items() for size in (1024, 512)]
+    folder = run_folder([*cells, Cell("unshadowed", None, 1.0, None)])
+    lines = [f"{spec},shadow-map,{factor}" for spec, factor in specs.items()]
+    (folder / "table.csv").write_text("\n".join(["spec,bias_of,bias_factor", *lines, "unshadowed,,"]))
+    ((section,),) = sections(read_runs([folder])).values()
+    ((home, chart),) = bias_charts(section)
+    assert home == "shadow-map"
+    points = chart["data"]["values"]
+    assert [(point["map"], point["factor"]) for point in points] == [
+        (size, factor) for size in ("512", "1024") for factor in (0.5, 1.0, 4.0)
+    ]
+    assert [point["factor"] for point in points if point["best"]] == [0.5, 0.5]
+    assert {"×0.5", "×1", "×4", "512", "1024"} <= set(texts(chart))
+
+
+def test_what_was_not_swept_has_no_chart_of_its_bias(section_of: Callable[..., Section]) -> None:
+    assert bias_charts(section_of()) == []

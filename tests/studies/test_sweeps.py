@@ -10,7 +10,7 @@ import pytest
 from shadowbench.errors import InputError
 from shadowbench.studies.study import Study
 from shadowbench.studies.study_file import read_study
-from shadowbench.studies.sweeps import curves
+from shadowbench.studies.sweeps import curves, places
 from shadowbench.studies.tables import Interval, SummaryRow
 from shadowbench.techniques.biases import Bias
 from shadowbench.techniques.registry import techniques
@@ -79,10 +79,10 @@ def test_a_curve_rises_with_the_factor_and_names_the_best(tmp_path: Path) -> Non
         row(1.0, 512, 0.95, 0.95),
         row(4.0, 512, 0.94, 0.93),
     ]
-    small, large = curves(rows, made.sweeps)
+    small, large = curves(rows, places(made.sweeps))
     assert (small.map_size, [factor for factor, _ in small.rows], small.best) == (512, [1, 4], 1)
     assert (large.map_size, [factor for factor, _ in large.rows], large.best) == (1024, [1, 2], 2)
-    assert curves(rows, ()) == []
+    assert curves(rows, {}) == []
 
 
 def test_a_run_prints_the_curve_with_default_and_best_and_keeps_the_factors(

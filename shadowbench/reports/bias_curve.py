@@ -1,0 +1,88 @@
+"""Acne against contact as a bias is multiplied: a chart for each spec that a study swept, a line for each map size."""
+
+from shadowbench.reports.analysis import Configuration, Section
+from shadowbench.reports.axes import Chart, texts_of
+from shadowbench.reports.charts import INK, chart_of
+from shadowbench.reports.styles import COLORS
+from shadowbench.studies.sweeps import Curve, curves
+
+_TICKS = (0.0, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
+_LINEAR_BELOW = 1e-3  # where a share is drawn in proportion: a logarithm has no place for none
+_TOOLTIP = ("spec", "map", "× bias", "acne", "contact", "1 − IoU", "SSIM")
+
+
+def bias_charts(section: Section) -> list[tuple[str, Chart]]:
+    """By swept spec, its chart; none where no bias was swept, or none that lacks acne or contact."""
+    found = curves([one.row for one in section.held], section.run.swept)
+    made = [(home, _chart(section, home, [one for one in found if one.home == home])) for home in _homes(found)]
+    return [(home, chart) for home, chart in made if chart is not None]
+
+
+def _homes(found: list[Curve]) -> list[str]:
+    return list(dict.fromkeys(one.home for one in found))
+
+
+def _chart(section: Section, home: str, found: list[Curve]) -> Chart | None:
+    by_row = {id(one.row): one for one in section.held}
+    points = [
+        point for curve in found for factor, row in curve.rows if (point := _point(curve, factor, by_row[id(row)]))
+    ]
+    if not points:
+        return None
+    maps = list(dict.fromkeys(point["map"] for point in points))
+    x, y = _share(points, "contact", "contact shadow lost (peter-panning)"), _share(points, "acne", "acne")
+    color = {
+        "field": "map",
+        "title": "map size",
+        "scale": {"domain": maps, "range": [COLORS[at % len(COLORS)] for at in range(len(maps))]},
+        "legend": {"orient": "top"} if len(maps) > 1 else None,
+    }
+    tooltip = [{"field": name} for name in _TOOLTIP]
+    layer: list[Chart] = [
+        {
+            "mark": {"type": "line", "strokeWidth": 1.5},
+            "encoding": {"x": x, "y": y, "color": color, "order": {"field": "factor"}},
+        },
+        {
+            "mark": {"type": "point", "filled": True, "size": 70, "strokeWidth": 2},
+            "encoding": {
+                "x": x,
+                "y": y,
+                "color": color,
+                "stroke": {"condition": {"test": "datum.best", "value": INK}, "value": None},
+                "tooltip": tooltip,
+            },
+        },
+        {
+            "mark": {"type": "text", "align": "left", "dx": 7, "dy": -7, "fontSize": 11, "color": INK},
+            "encoding": {"x": x, "y": y, "text": {"field": "× bias"}},
+        },
+    ]
+    return chart_of(f"Acne against contact of {home} in {section.title}", points, layer, 320, pick=False)
+
+
+def _point(curve: Curve, factor: float, one: Configuration) -> Chart | None:
+    acne, contact = one.value("acne"), one.value("contact")
+    if acne is None or contact is None:
+        return None
+    return {
+        **texts_of(one),
+        "× bias": f"×{factor:g}",
+        "factor": factor,
+        "best": factor == curve.best,
+        "y": acne,
+        "x": contact,
+    }
+
+
+def _share(points: list[Chart], name: str, title: str) -> Chart:
+    field = "x" if name == "contact" else "y"
+    most = max(point[field] for point in points)
+    top = next((tick for tick in _TICKS if tick >= most and tick > _LINEAR_BELOW), 1.0)
+    return {
+        "field": field,
+        "type": "quantitative",
+        "title": title,
+        "scale": {"type": "symlog", "constant": _LINEAR_BELOW, "domain": [0, top], "nice": False},
+        "axis": {"values": [tick for tick in _TICKS if tick <= top], "format": "~g", "grid": True},
+    }
