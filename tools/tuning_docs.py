@@ -110,6 +110,23 @@ def tuned(folder: Path) -> Iterator[str]:
         iou, ssim = (ratio(metric, scores[spec], default) for metric in ("iou", "ssim"))
         assert iou is not None and ssim is not None
         yield promise(name, iou, ssim)
+    yield from by_scene(found["folds"], scores)
+
+
+def by_scene(folds: Sequence[dict[str, Any]], scores: dict[str, pd.DataFrame]) -> Iterator[str]:
+    """Where the tuned gains on the constant, and where it loses."""
+    tuned = pd.concat([scores[fold["tuned"]["spec"]].loc[fold["held_out"]] for fold in folds])
+    constant, default = (scores[spec].loc[tuned.index] for spec in (CONSTANT, "shadow-map"))
+    yield f"\n### By scene\n\nThe tuned beside the default and beside `{CONSTANT}`:\n"
+    yield (
+        "| scene | 1 − IoU: tuned | default | constant | 1 − SSIM: tuned | default | constant "
+        "| acne: tuned | constant | contact: tuned | constant |"
+    )
+    yield f"|---|{'---:|' * 10}"
+    for scene in (constant["iou"] - tuned["iou"]).sort_values().index:
+        errors = [np.exp(one.loc[scene, name]) for name in ("iou", "ssim") for one in (tuned, default, constant)]
+        others = [one.loc[scene, name] for name in ("acne", "contact") for one in (tuned, constant)]
+        yield f"| {scene} | {' | '.join(f'{value:.4f}' for value in errors + others)} |"
 
 
 def by_spec(table: Path) -> dict[str, pd.DataFrame]:

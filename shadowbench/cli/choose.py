@@ -73,7 +73,7 @@ def tune(
         str | None,
         typer.Option(metavar="NAME,NAME,...", help="Parameters that are searched  [bias,filter,fit, those it has]."),
     ] = None,
-    trials: Annotated[int, typer.Option(metavar="N", min=1, max=100_000, help="Settings that are tried.")] = 100,
+    trials: Annotated[int, typer.Option(metavar="N", min=1, max=100_000, help="Settings that a search tries.")] = 100,
     against: Annotated[
         list[str] | None,
         typer.Option(metavar="SPEC", help="What else to compare with, beside default and presets; repeatable."),

@@ -160,10 +160,11 @@ def _verdict(found: Tuning) -> str:
         return "the default is the best that was found at its cost"
     iou, ssim = default.iou_ratio, default.ssim_ratio
     worse = iou is not None and ssim is not None and (iou.low or 0) > 1 and ssim.median > 1
-    suggested = " or ".join(format_spec(spec, size=False) for spec in specs if spec is not None)
+    texts = [format_spec(spec, size=False) for spec in specs if spec is not None]
     if worse:
-        return f"suggested default: {suggested}"
-    return f"the default stands: on the scenes held out it is not surely behind {suggested}"
+        return f"suggested default: {' or '.join(texts)}"
+    better = texts[0] if len(texts) == 1 else "what the folds chose"
+    return f"the default stands: on the scenes held out it is not surely behind {better}"
 
 
 def _factor(value: float) -> str:

@@ -5,7 +5,7 @@ own would fill a large map twice.
 """
 
 import ctypes
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -104,6 +104,20 @@ class DepthTarget:
         self.texture.release()
 
 
+def framebuffer_of(
+    depth: DepthTexture, textures: Sequence[moderngl.Texture] = (), layer: int | None = None
+) -> moderngl.Framebuffer:
+    """A framebuffer of a depth texture, or one of its layers, and of colour textures of its size."""
+    context, side = depth.device.context, depth.size
+    # moderngl makes none without an attachment, and clears no depth of one that was made without a depth.
+    placeholder = context.depth_renderbuffer((side, side))
+    framebuffer = context.framebuffer(list(textures), placeholder)
+    placeholder.release()
+    framebuffer.viewport = (0, 0, side, side)
+    depth.attach(framebuffer, layer)
+    return framebuffer
+
+
 def depth_target(device: Device, size: int, depth: DepthFormat, kind: Kind = "2d", layers: int = 1) -> DepthTarget:
     """Layers of size × size, six for a cube; raises RuntimeError when the driver gives another precision."""
     internal, data, bits, step = _FORMATS[depth]
@@ -121,12 +135,10 @@ def depth_target(device: Device, size: int, depth: DepthFormat, kind: Kind = "2d
     except RuntimeError:
         texture.release()
         raise
-    whole, *each = (_framebuffer(device, size) for _ in range(1 if kind == "2d" else 1 + layers))
-    texture.attach(whole)
-    for layer, framebuffer in enumerate(each):
-        texture.attach(framebuffer, layer)
+    whole = framebuffer_of(texture)
+    each = tuple(framebuffer_of(texture, layer=layer) for layer in range(0 if kind == "2d" else layers))
     device.check(what)
-    return DepthTarget(texture, whole, tuple(each), step, layers * size * size * (bits // 8))
+    return DepthTarget(texture, whole, each, step, layers * size * size * (bits // 8))
 
 
 def refused(device: Device, size: int, depth: DepthFormat, kind: Kind = "2d", layers: int = 1) -> str | None:
@@ -145,15 +157,6 @@ def _specify(device: Device, place: int, kind: Kind, internal: int, size: int, l
         device.raw("glTexImage3D", place, 0, internal, size, size, layers, 0, _DEPTH_COMPONENT, data, None)
     else:
         device.raw("glTexImage2D", place, 0, internal, size, size, 0, _DEPTH_COMPONENT, data, None)
-
-
-def _framebuffer(device: Device, size: int) -> moderngl.Framebuffer:
-    """A framebuffer whose depth is about to be attached: moderngl makes none without an attachment."""
-    placeholder = device.context.depth_renderbuffer((1, 1))
-    framebuffer = device.context.framebuffer(depth_attachment=placeholder)
-    placeholder.release()
-    framebuffer.viewport = (0, 0, size, size)
-    return framebuffer
 
 
 @dataclass(frozen=True, eq=False)

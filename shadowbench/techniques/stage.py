@@ -20,6 +20,7 @@ from shadowbench.gl.targets import (
     Kind,
     StencilTarget,
     depth_target,
+    framebuffer_of,
     stencil_target,
 )
 from shadowbench.scenes.model import Placement, Scene
@@ -91,10 +92,10 @@ class Stage:
         self, *textures: moderngl.Texture, depth: moderngl.Texture | DepthTexture | None = None
     ) -> moderngl.Framebuffer:
         """A framebuffer that draws into textures, with a depth texture (of a `depth_target`, say) if given."""
-        theirs = None if isinstance(depth, DepthTexture) else depth
-        framebuffer = self.device.context.framebuffer(list(textures), theirs)
         if isinstance(depth, DepthTexture):
-            depth.attach(framebuffer)
+            framebuffer = framebuffer_of(depth, textures)
+        else:
+            framebuffer = self.device.context.framebuffer(list(textures), depth)
         self._held.append(framebuffer)
         return framebuffer
 
