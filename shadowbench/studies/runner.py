@@ -67,32 +67,39 @@ class Result:
 class Writer:
     """Writes in a thread of its own, in order and one thing at a time, while the worker draws.
 
-    Use as a context manager: all is on disk when it ends. What writing raises is raised by the next `add`, or the end.
+    Nothing is written between `finish` and `start`. Use as a context manager: all is on disk when it ends. What writing
+    raises is raised by the next `finish`, or the end.
     """
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
         self._pool = ThreadPoolExecutor(1)
-        self._last: Future[None] | None = None
+        self._next: list[Callable[[], None]] = []
+        self._begun: list[Future[None]] = []
 
     def __enter__(self) -> "Writer":
         return self
 
     def __exit__(self, *_: object) -> None:
         with self._pool:
-            self._wait()
+            self.start()
+            self.finish()
 
     def add(self, write: Callable[[], None]) -> None:
-        """Begin to write when what came before is on disk."""
-        self._wait()
-        self._last = self._pool.submit(write)
+        """Have it written after the next `start`."""
+        self._next.append(write)
 
-    def _wait(self) -> None:
-        """For the last, of which more would be held in memory otherwise."""
-        last, self._last = self._last, None
-        if last is not None:
-            with self._profile.of("files"):
-                last.result()
+    def start(self) -> None:
+        """Begin to write what was added."""
+        self._begun += [self._pool.submit(write) for write in self._next]
+        self._next = []
+
+    def finish(self) -> None:
+        """Wait until what was begun is on disk; more would be held in memory otherwise."""
+        begun, self._begun = self._begun, []
+        with self._profile.of("files"):
+            for writing in begun:
+                writing.result()
 
 
 class Runner:
@@ -157,7 +164,7 @@ class Runner:
             with Writer(self.profile) as writer:
                 writer.add(lambda: self._write_truth(block.view, truth))
                 for cell in missing:
-                    row, drawn = self._score(block, cell, keys[cell], truth, reference)
+                    row, drawn = self._score(block, cell, keys[cell], truth, reference, writer)
                     writer.add(partial(self._write_cell, row, drawn))
                     self.reporter.step(f"{block.scene.name} {format_spec(cell.spec)}")
         for _ in range(len(keys) - len(missing)):
@@ -169,13 +176,13 @@ class Runner:
         return cell_key(cell, view, self.study.coordinates, self.info.renderer)
 
     def _score(
-        self, block: Block, cell: Cell, key: str, truth: Truth, reference: Reference
+        self, block: Block, cell: Cell, key: str, truth: Truth, reference: Reference, writer: Writer
     ) -> tuple[dict[str, Any], Drawn | None]:
         """A cell's score record, and what it rests on; None for a cell that did not hold."""
         row = {"kind": "score", "key": key, **identity(self.study, block, cell), "renderer": self.info.renderer}
         try:
             with self.profile.of("waiting"):
-                surface, drawn = self._draw(block, cell)
+                surface, drawn = self._draw(block, cell, writer)
         except Unsupported as reason:
             return row | {"status": f"unsupported: {reason}"}, None
         except CellFailed as reason:
@@ -192,16 +199,24 @@ class Runner:
         }
         return row, drawn
 
-    def _draw(self, block: Block, cell: Cell) -> tuple[NDArray[np.int32], Drawn]:
+    def _draw(self, block: Block, cell: Cell, writer: Writer) -> tuple[NDArray[np.int32], Drawn]:
         """The view's triangle ids and the cell, which the worker keeps for timing while there is room."""
         keep = int(_KEPT * self.worker.limits.bytes) if self.study.rounds else 0
         try:
-            return self._stage.open(block), self.worker.call("draw", request_of(cell), False, False, keep)
+            return self._build_and_draw(block, cell, writer, keep)
         except AteMemory:
             if not keep:
                 raise
             # The others that were kept may have been too much beside it; the new worker has none.
-            return self._stage.open(block), self.worker.call("draw", request_of(cell))
+            return self._build_and_draw(block, cell, writer, 0)
+
+    def _build_and_draw(self, block: Block, cell: Cell, writer: Writer, keep: int) -> tuple[NDArray[np.int32], Drawn]:
+        request = request_of(cell)
+        surface = self._stage.open(block)
+        writer.finish()  # building is timed: nothing runs beside it
+        self.worker.call("build", request)
+        writer.start()
+        return surface, self.worker.call("draw", request, False, False, keep)
 
     def _write_cell(self, row: Record, drawn: Drawn | None) -> None:
         """Images first: a row says that they are there."""

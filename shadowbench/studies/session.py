@@ -79,7 +79,7 @@ class Session:
         self._scene: Scene | None = None
         self._geometry: DeviceGeometry | None = None
         self._surface: GBuffer | None = None
-        self._kept: dict[CellRequest, Built] = {}  # drawn, and not yet held
+        self._kept: dict[CellRequest, Built] = {}  # not yet held
         self._held: list[Built] = []
 
     def info(self) -> DeviceInfo:
@@ -147,15 +147,18 @@ class Session:
         spec = self._spec(request)
         return spec.technique.declines(spec.params, self.view, self.device)
 
-    def draw(self, request: CellRequest, with_map: bool = False, tinted: bool = False, keep: int = 0) -> Drawn:
-        """Build, draw once, read back, release. Raises Unsupported, or whatever the technique raises.
+    def build(self, request: CellRequest) -> None:
+        """Build a cell, and keep it for `draw` and `hold`; raises as `draw` does."""
+        if request not in self._kept:
+            self._kept[request] = self._build(request)
 
-        `tinted` multiplies the technique's own colours into the picture, where it has any. What was built is kept for
-        `hold` instead, as long as all that is kept for this view takes no more than `keep` bytes.
+    def draw(self, request: CellRequest, with_map: bool = False, tinted: bool = False, keep: int = 0) -> Drawn:
+        """Build unless it is kept, draw once, read back, release. Raises Unsupported, or whatever the technique raises.
+
+        `tinted` multiplies the technique's own colours into the picture, where it has any. It is kept for `hold`
+        instead, as long as all that is kept for this view takes no more than `keep` bytes.
         """
-        if request in self._kept:
-            self._kept.pop(request).stage.release()
-        built = self._build(request)
+        built = self._kept.pop(request, None) or self._build(request)
         try:
             drawn = self._drawn(request, built, with_map, tinted)
         except BaseException:

@@ -206,6 +206,7 @@ def _time_group(
     """One group, all at once; what fails is left out, and the rest is timed again without it."""
     floor = Cell(Spec(Unshadowed, Unshadowed.Params()), 0)
     name = format_spec(stage.study.reference)
+    again = False
     while group:
         cells = list(dict.fromkeys([floor, *([reference] if reference else []), *group]))
         try:
@@ -219,6 +220,9 @@ def _time_group(
                 yield from _time_group(stage, block, group[:middle], reference, no_ratio)
                 yield from _time_group(stage, block, group[middle:], reference, no_ratio)
                 return
+            if blamed is not None and isinstance(culprit.reason, AteMemory) and not again:
+                again = True  # nor of one alone: the worker had drawn others before; the new one has not
+                continue
             if blamed is None or blamed not in (*group, reference):  # without view or floor there is no time
                 what = "opening the view" if blamed is None else "the floor, unshadowed"
                 yield from (Untimed(cell, f"{what}: {culprit}") for cell in group)

@@ -107,10 +107,16 @@ def test_what_was_drawn_is_built_once_where_it_is_kept(bare: Bare, monkeypatch: 
     assert bare.freed == ["c", "d", "c", "a", "b"]
 
 
-def test_a_cell_that_is_drawn_again_takes_the_place_of_the_one_that_was_kept(bare: Bare) -> None:
-    for _ in range(3):
-        bare.draw(REQUEST, keep=25)
-    assert len(bare.freed) == 2
+def test_what_is_built_beforehand_is_what_is_drawn(bare: Bare) -> None:
+    bare.build(REQUEST)
+    took = bare._kept[REQUEST].prepare_ms
+    bare.build(REQUEST)
+    bare.draw(REQUEST, keep=25)
+    bare.draw(REQUEST, keep=25)
+    assert bare._kept[REQUEST].prepare_ms == took
+    assert bare.freed == []
+    bare.draw(REQUEST)
+    assert bare.freed == [REQUEST.spec]
 
 
 def test_a_scored_frame_and_its_work_are_both_without_history(bare: Bare) -> None:

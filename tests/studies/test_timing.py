@@ -297,6 +297,18 @@ def test_cells_that_eat_memory_together_are_timed_apart() -> None:
     assert held == [*(FLOOR, REFERENCE, SLOW, FAST), *(FLOOR, REFERENCE, SLOW), *(FLOOR, REFERENCE, FAST)]
 
 
+@pytest.mark.parametrize(("times", "kind"), [(1, Timing), (2, Untimed)])
+def test_a_cell_alone_that_eats_memory_is_tried_in_a_fresh_worker(times: int, kind: type) -> None:
+    def fails(method: str, name: str | None) -> Exception | None:
+        often = Counter(worker.calls)["hold", SLOW]
+        return AteMemory("ate memory") if (method, name) == ("hold", SLOW) and often <= times else None
+
+    worker = Scripted(fails=fails)
+    (found,) = timed(worker, SLOW).values()
+    assert isinstance(found, kind)
+    assert Counter(worker.calls)["hold", SLOW] == 2
+
+
 def test_a_technique_with_a_grid_is_compared_at_its_own_phase() -> None:
     study = Study(("scene",), (), spec(REFERENCE))
     assert [reference_cell(study, phase).phase for phase in (0, 1)] == [0, 1]
