@@ -3,7 +3,7 @@
 import dataclasses
 import time
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -20,7 +20,7 @@ from shadowbench.studies.study_file import find_study, read_study
 from shadowbench.studies.sweeps import Curve, curves, places, with_factors
 from shadowbench.studies.tables import Slope, SummaryRow, cells_frame, over_scenes, slopes, summary, write_table
 from shadowbench.studies.worker import Limits, Worker
-from shadowbench.techniques.spec import parse_spec
+from shadowbench.techniques.spec import Spec, format_spec, parse_spec
 
 _COLUMNS = {  # heading: (value, or "error" for 1 − IoU)
     "1 − IoU": "error",
@@ -102,9 +102,10 @@ def study_from(options: RunOptions) -> Study:
     study = read_study(find_study(options.study or "default"), known)
     if options.specs and not (options.study or options.map_size):
         study = replace(study, map_sizes=())  # specs alone mean what they say
+    specs = tuple(parse_spec(text, known) for text in options.specs)
     changes = {
         "scenes": options.scenes,
-        "specs": tuple(parse_spec(text, known) for text in options.specs),
+        "specs": specs,
         "map_sizes": map_sizes(options.map_size),
         "view_size": options.view_size,
         "rounds": options.rounds,
@@ -112,8 +113,15 @@ def study_from(options: RunOptions) -> Study:
         "views": (options.view,) if options.view else None,
         "lights": (options.light,) if options.light else None,
         "assets": options.assets,
+        "notes": (*study.notes, *_sized(specs, options.map_size)),
     }
     return replace(study, **{key: value for key, value in changes.items() if value not in (None, ())})  # type: ignore[arg-type]
+
+
+def _sized(specs: Sequence[Spec], asked: str | None) -> list[str]:
+    """What to say of specs that name a size where --map-size asks for others."""
+    named = [format_spec(spec) for spec in specs if "size" in spec.named] if asked else []
+    return [f"{name} names its size, which --map-size {asked} leaves as it is" for name in named]
 
 
 def map_sizes(text: str | None) -> tuple[int, ...]:

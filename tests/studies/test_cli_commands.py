@@ -45,6 +45,13 @@ def test_run_prints_a_table_and_writes_a_folder(shadowbench: Shadowbench, tmp_pa
     assert run["assumptions"] == []
 
 
+def test_a_spec_that_names_its_size_keeps_it_and_that_is_said(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    specs = ("-t", "shadow-map:size=32", "-t", "shadow-map")
+    answer = shadowbench("run", "cube-on-plane", *specs, "--map-size", "64", *SMALL, "--json", "-o", tmp_path)
+    assert answer.err.splitlines() == ["note: shadow-map:size=32 names its size, which --map-size 64 leaves as it is"]
+    assert sorted(row["map_size"] for row in json.loads(answer.out)["cube-on-plane"]) == [32, 64]
+
+
 def test_specs_without_map_sizes_mean_what_they_say(shadowbench: Shadowbench, tmp_path: Path) -> None:
     answer = shadowbench(*CUBE, "-t", "shadow-map", "--json", "-o", tmp_path)
     sizes = {row["map_size"] for row in json.loads(answer.out)["cube-on-plane"]}
