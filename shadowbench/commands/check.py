@@ -14,7 +14,7 @@ from rich.table import Table
 
 from shadowbench.commands.console import err, number, out, print_json, techniques_with
 from shadowbench.errors import InputError
-from shadowbench.reports.folder import Run, last_keys, read_runs
+from shadowbench.reports.folder import Run, read_runs
 from shadowbench.reports.gallery import difference
 from shadowbench.scores.masks import read_mask
 from shadowbench.scores.metrics import METRICS
@@ -44,7 +44,8 @@ class CheckOptions:
 def check_command(options: CheckOptions, *, as_json: bool, quiet: bool) -> int:
     """Compare, print what changed, write pictures of the worst; 1 if something regressed and was not blessed."""
     tolerances = _tolerances(options.tolerances)
-    run, left = _last_study(read_runs([options.folder])[0])
+    whole = read_runs([options.folder])[0]
+    run = replace(whole, rows=tuple(row for row in whole.rows if row["key"] not in whole.earlier))
     baseline = _baseline(options)
     findings = compare(run.results, baseline.results if baseline else (), tolerances)
     if findings.compared == 0 and not options.update:
@@ -56,8 +57,8 @@ def check_command(options: CheckOptions, *, as_json: bool, quiet: bool) -> int:
     counted = regressed + (findings.of("regressed", times=True) if options.time else [])
     pictures = _write_pictures(run, baseline, regressed) if baseline and not options.update else []
     notes = [*findings.notes, *_untimed(findings, options)]
-    if left:
-        older = _counted(left, "cell")
+    if whole.earlier:
+        older = _counted(len(whole.earlier), "cell")
         notes.append(f"{older} of earlier studies in {options.folder} left out; table.csv has the last")
     if as_json:
         print_json(_as_json(findings, notes, pictures))
@@ -76,15 +77,6 @@ def check_command(options: CheckOptions, *, as_json: bool, quiet: bool) -> int:
         line = f"{pictures[0][0].parent}: {len(pictures)} pictures, {what}: false shadow vermillion, false light blue"
         out.print(line, markup=False, soft_wrap=True)
     return 1 if counted else 0
-
-
-def _last_study(run: Run) -> tuple[Run, int]:
-    """The run with the cells of its last study and of engines alone, and how many others its folder has."""
-    keys = last_keys(run.folder)
-    if keys is None:
-        return run, 0
-    rows = tuple(row for row in run.rows if row["key"] in keys or "content" in row)
-    return replace(run, rows=rows), len(run.rows) - len(rows)
 
 
 def _tolerances(texts: Sequence[str]) -> dict[str, float]:
@@ -147,7 +139,7 @@ def _summary(findings: Findings, baseline: Path) -> str:
         "slower": _cells(findings.of("regressed", times=True)),
     }
     said = [f"{count} {what}" for what, count in counts.items() if count or what in ("regressed", "improved")]
-    same = f", {findings.skipped} of them by equal masks" if findings.skipped else ""
+    same = f", {findings.equal} of them by equal masks" if findings.equal else ""
     return f"{_counted(findings.compared, 'cell')} compared with {baseline}{same}: {', '.join(said)}"
 
 
@@ -203,7 +195,7 @@ def _counted(count: int, what: str) -> str:
 def _as_json(findings: Findings, notes: Sequence[str], pictures: Sequence[tuple[Path, bool]]) -> dict[str, Any]:
     return {
         "compared": findings.compared,
-        "equal_masks": findings.skipped,
+        "equal_masks": findings.equal,
         "timed": findings.timed,
         "regressed": [_change_as_json(change) for change in findings.of("regressed", times=False)],
         "improved": [_change_as_json(change) for change in findings.of("improved", times=False)],

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from shadowbench.commands.console import check_outputs, out
+from shadowbench.commands.console import check_outputs, err, out
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
 from shadowbench.reports.analysis import Section, sections
@@ -38,6 +38,10 @@ def report_command(folders: Sequence[Path], output: Path | None, form: str, quie
             beside.write_text(text, encoding="utf-8")
         what = f"{sum(len(one.rows) for one in (*runs, *sweeps))} cells, {_size(target.stat().st_size)}"
     if not quiet:
+        for run in runs:
+            if run.earlier:
+                which = f"{len(run.earlier)} of {len(run.rows)} cells are of earlier commands; table.csv has the last"
+                err.print(f"note: {run.folder}: {which}", markup=False, soft_wrap=True)
         out.print(f"{target}: {what}", markup=False, soft_wrap=True)
 
 

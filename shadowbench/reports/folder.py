@@ -24,8 +24,8 @@ _PLACE = ("axis", "axis_value", "light_kind", "home_spec")  # of a row on an axi
 class Folder:
     """What somebody measured into a folder. `label` names it in a report; `about` is its `run.json`, empty without one.
 
-    `rows` holds the score of each cell once, as it was measured last; `older` counts those that were measured again
-    since.
+    `rows` holds the score of each cell once: as `table.csv` names it, else as it was measured last; `older` counts the
+    other records of the same cells.
     """
 
     label: str
@@ -55,10 +55,15 @@ class Folder:
 
 @dataclass(frozen=True, eq=False)
 class Run(Folder):
-    """A folder of `run`. `times`: those of the machine that measured last, by key; `foreign` counts the others'."""
+    """A folder of `run`. `times`: those of one machine, by key; `foreign` counts the others'.
+
+    The machine is the one that `run.json` names, or that of the last time where it names none. `earlier` has the keys
+    of the rows that `table.csv` lacks, those of engines aside: cells of earlier commands.
+    """
 
     times: Mapping[str, Record]
     foreign: int
+    earlier: frozenset[str]
 
     @cached_property
     def results(self) -> tuple[Result, ...]:
@@ -103,42 +108,50 @@ def _read(folder: Path, label: str) -> Run | Sweep:
         raise InputError(f"{folder}: no such folder; allowed: {_ALLOWED}")
     file = folder / "rows.jsonl"
     records = _records(file)
-    scores = {record["key"]: record for record in records if record["kind"] == "score"}
+    scores = [record for record in records if record["kind"] == "score"]
+    count = len({record["key"] for record in scores})
     if not scores:
         raise InputError(f"{file}: found no cell; allowed: rows of a run or a sweep that measured something")
-    kinds = {"axis" in record for record in scores.values()}
+    kinds = {"axis" in record for record in scores}
     if len(kinds) > 1:
         raise InputError(f"{file}: found cells of `run` and of `stress`; allowed: those of one, in a folder of its own")
     about = _about(folder / "run.json")
+    keys = _last_keys(folder)
     if kinds == {True}:
-        keys = last_keys(folder)
         points = {
-            tuple(record[name] for name in _PLACE): record
-            for record in scores.values()
-            if keys is None or record["key"] in keys
+            tuple(record[name] for name in _PLACE): record for record in scores if keys is None or record["key"] in keys
         }
-        return Sweep(label, folder, about, tuple(points.values()), len(scores) - len(points))
+        return Sweep(label, folder, about, tuple(points.values()), count - len(points))
     times = [record for record in records if record["kind"] == "time"]
-    machine = times[-1].get("machine") if times else None
-    latest = {identity(record): record for record in scores.values()}
+    machine = about.get("machine_key") or (times[-1].get("machine") if times else None)
+    # A run that finds its rows measured appends none, so that the last of a cell in the file may be another study's.
+    last = {} if keys is None else {identity(record): record for record in scores if record["key"] in keys}
+    cells = {identity(record): record for record in scores} | last
+    earlier = {} if keys is None else {cell: row for cell, row in cells.items() if cell not in last}
     return Run(
         label=label,
         folder=folder,
         about=about,
-        rows=tuple(latest.values()),
-        older=len(scores) - len(latest),
+        rows=tuple(cells.values()),
+        older=count - len(cells),
         times={record["key"]: record for record in times if record.get("machine") == machine},
         foreign=sum(record.get("machine") != machine for record in times),
+        earlier=frozenset(row["key"] for row in earlier.values() if "content" not in row),
     )
 
 
-def last_keys(folder: Path) -> set[str] | None:
+def _last_keys(folder: Path) -> set[str] | None:
     """The keys of the cells that were measured, or found measured, last: those of `table.csv`; None without one.
 
     Beside them, what was measured before the last change of a default would stand for something that is no more.
     """
     table = folder / "table.csv"
-    return set(pd.read_csv(table, usecols=["key"])["key"]) if table.is_file() else None
+    if not table.is_file():
+        return None
+    try:
+        return set(pd.read_csv(table, usecols=["key"], dtype=str)["key"])
+    except ValueError:
+        raise InputError(f"{table}: found no column `key`; allowed: the table of the last command, or none") from None
 
 
 def _records(file: Path) -> list[Record]:

@@ -45,12 +45,13 @@ class Change:
 class Findings:
     """What a check found, worst first. Notes say what could not be compared, and extras.
 
-    `compared` counts cells; of them `skipped` had the same mask, and `timed` times that may stand beside each other.
+    `compared` counts cells; of them `equal` had the same mask and the same scores, `timed` times that may stand
+    beside each other.
     """
 
     changes: tuple[Change, ...]
     compared: int
-    skipped: int
+    equal: int
     timed: int
     notes: tuple[str, ...] = field(default=())
 
@@ -75,7 +76,7 @@ def compare(found: Sequence[Result], baseline: Sequence[Result], tolerances: Map
     then = {identity(result.score): result for result in baseline}
     allowed = {name: tolerances.get(name, metric.tolerance) for name, metric in METRICS.items()}
     changes: list[Change] = []
-    skipped = timed = 0
+    equal = timed = 0
     notes: list[str] = []
     for key, old in then.items():
         new = now.get(key)
@@ -85,10 +86,8 @@ def compare(found: Sequence[Result], baseline: Sequence[Result], tolerances: Map
         if "ok" not in (old.status, new.status) or old.status != new.status:
             changes += _status(old, new)
             continue
-        if _same_mask(old.score, new.score):
-            skipped += 1
-        else:
-            changes += _metrics(old.score, new.score, allowed)
+        equal += _same_mask(old.score, new.score)
+        changes += _metrics(old.score, new.score, allowed)
         if old.score.get("renderer") == new.score.get("renderer"):
             changes += _work(old.score, new.score)
         if _comparable(old, new):
@@ -105,13 +104,14 @@ def compare(found: Sequence[Result], baseline: Sequence[Result], tolerances: Map
     if extra:
         notes.append("1 cell is not in the baseline" if extra == 1 else f"{extra} cells are not in the baseline")
     changes.sort(key=lambda change: -change.excess)
-    return Findings(tuple(changes), len(now.keys() & then.keys()), skipped, timed, tuple(notes))
+    return Findings(tuple(changes), len(now.keys() & then.keys()), equal, timed, tuple(notes))
 
 
 def _same_mask(old: Record, new: Record) -> bool:
-    """Equal masks of equal truths have equal scores; unequal ones say nothing, since renderers differ in last bits."""
-    same = ("mask_sha256", "receivers", "undecided")
-    return all(old.get(name) is not None and old.get(name) == new.get(name) for name in same)
+    """Whether masks are equal and what both sides scored too: an equal mask may have met another truth."""
+    if old.get("mask_sha256") is None or old["mask_sha256"] != new.get("mask_sha256"):
+        return False
+    return all(old["metrics"][name] == new["metrics"][name] for name in old["metrics"].keys() & new["metrics"].keys())
 
 
 def _status(old: Result, new: Result) -> Iterator[Change]:

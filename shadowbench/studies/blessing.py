@@ -19,9 +19,11 @@ from shadowbench.techniques.spec import format_spec
 def bless(results: Sequence[Result], folder: Path) -> None:
     """Write a baseline's `rows.jsonl`, whole or not at all: score records, and the times of cells that have one.
 
-    Raises InputError when a cell failed, since what broke is nothing to hold others to, and for a folder that cannot be
-    written.
+    Raises InputError when a cell failed, since what broke is nothing to hold others to, when there is none at all, and
+    for a folder that cannot be written.
     """
+    if not results:
+        raise InputError("--update: found no cell; allowed: a run that has one or more, those that its table.csv names")
     failed = [result for result in results if result.status.startswith("failed")]
     if failed:
         first = f"{failed[0].score['scene']} {failed[0].score['spec']}: {failed[0].status}"

@@ -60,6 +60,7 @@ def write_run_file(file: Path, info: DeviceInfo, notes: Sequence[str], study: St
         "finished": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         "versions": versions(),
         "machine": machine(),
+        "machine_key": machine_key(info),
         "device": dataclasses.asdict(info),
         "clock": info.clock,
         "assumptions": list(notes),

@@ -18,7 +18,7 @@ from shadowbench.errors import InputError
 from shadowbench.files import replace_file
 from shadowbench.scenes.model import Scene, View
 from shadowbench.scenes.views import first_of
-from shadowbench.scores.masks import write_mask
+from shadowbench.scores.masks import mask_sha256, read_mask, write_mask
 from shadowbench.scores.reference import Reference
 from shadowbench.studies.drawn import Drawn
 from shadowbench.studies.keys import cell_key, view_key
@@ -156,13 +156,13 @@ class Runner:
         view, store = view_key(block.view), self._store
         keys = {cell: self._key(cell, view) for cell in block.cells}
         missing = [cell for cell, key in keys.items() if not _is_done(store.scores.get(key))]
-        if missing:
-            with self.profile.of("truth"):
-                truth = cached_truth(block.view)
-            with self.profile.of("score"):
-                reference = reference_of(truth)
-            with Writer(self.profile) as writer:
-                writer.add(lambda: self._write_truth(block.view, truth))
+        with self.profile.of("truth"):
+            truth = cached_truth(block.view)
+        with Writer(self.profile) as writer:
+            writer.add(lambda: self._write_truth(block.view, truth))
+            if missing:
+                with self.profile.of("score"):
+                    reference = reference_of(truth)
                 for cell in missing:
                     row, drawn = self._score(block, cell, keys[cell], truth, reference, writer)
                     writer.add(partial(self._write_cell, row, drawn))
@@ -271,9 +271,11 @@ class Runner:
         return bool(row.get("reference_key") == reference and row.get("machine") == self._machine)
 
     def _write_truth(self, view: View, truth: Truth) -> None:
+        """Where they differ: a scene that is as it was again measures nothing, but another text's truth is there."""
         folder = self._made("truth")
-        write_mask(folder / f"{view.name}.png", truth.visibility)
-        write_mask(folder / f"{view.name}.undecided.png", truth.undecided.astype(np.float32))
+        for name, mask in ((view.name, truth.visibility), (f"{view.name}.undecided", truth.undecided.astype(float))):
+            if not _shows(folder / f"{name}.png", mask):
+                write_mask(folder / f"{name}.png", mask)
 
     def _made(self, name: str) -> Path:
         folder = self.folder / name
@@ -301,6 +303,13 @@ def write_picture(file: Path, picture: NDArray[np.uint8]) -> None:
     """A (H, W, 3) sRGB or (H, W) grey image as a PNG."""
     with replace_file(file) as beside:
         Image.fromarray(picture).save(beside, format="PNG", compress_level=1)
+
+
+def _shows(file: Path, mask: NDArray[np.floating]) -> bool:
+    try:
+        return mask_sha256(read_mask(file)) == mask_sha256(mask)
+    except InputError:  # absent, or no mask
+        return False
 
 
 def _is_done(row: Record | None) -> bool:

@@ -139,3 +139,18 @@ def test_bad_input_is_one_line(
     answer = shadowbench("report", *arguments)
     assert answer.code == 2 and answer.err.count("\n") == 1 and told in answer.err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_cells_of_earlier_commands_are_counted_in_a_note(
+    shadowbench: Shadowbench, run_folder: Write, tmp_path: Path
+) -> None:
+    last, *others = CELLS
+    folder = run_folder()
+    (folder / "table.csv").write_text(f"key\n{last.key}\n")
+    words = ["report", folder, "--format", "md", "-o", tmp_path / "report.md"]
+    note = f"{len(others)} of {len(CELLS)} cells are of earlier commands; table.csv has the last"
+    answer = shadowbench(*words)
+    assert (answer.code, answer.err) == (0, f"note: {folder}: {note}\n")
+    assert shadowbench(*words, "--quiet").err == ""
+    (folder / "table.csv").write_text("key\n" + "".join(f"{cell.key}\n" for cell in CELLS))
+    assert shadowbench(*words).err == ""

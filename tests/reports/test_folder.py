@@ -35,6 +35,68 @@ def test_times_of_another_machine_do_not_stand_beside_the_last(run_folder: Write
     assert run.foreign == 1
 
 
+def table(folder: Path, *cells: Cell) -> None:
+    """A `table.csv` that names these cells, as the last command leaves it."""
+    (folder / "table.csv").write_text("key\n" + "".join(f"{cell.key}\n" for cell in cells))
+
+
+OLD, NEW = Cell("a", 512, 0.1, 3.0), Cell("a", 512, 0.7, 4.0, version=1)  # one cell, of two texts of a scene
+
+
+@pytest.mark.parametrize(("last", "iou", "ms"), [(OLD, 0.9, 3.0), (NEW, 0.3, 4.0)])
+def test_a_cell_counts_as_the_last_study_has_it(run_folder: Write, last: Cell, iou: float, ms: float) -> None:
+    folder = run_folder([OLD, NEW])  # after them a run of OLD finds its rows and appends none
+    table(folder, last)
+    (run,) = read_runs([folder])
+    (result,) = run.results
+    assert result.score["metrics"]["iou"] == pytest.approx(iou)
+    assert result.time is not None and result.time["frame_ms"] == ms
+    assert (run.older, run.earlier) == (1, frozenset())
+
+
+def test_without_a_table_the_last_of_the_rows_counts(run_folder: Write) -> None:
+    (run,) = read_runs([run_folder([OLD, NEW, OLD])])
+    (result,) = run.results
+    assert (result.score["key"], run.older, run.earlier) == (OLD.key, 1, frozenset())
+
+
+def test_the_order_of_cells_is_that_of_their_first_rows(run_folder: Write) -> None:
+    other = Cell("b", 512, 0.2, 3.0)
+    folder = run_folder([OLD, other, NEW, OLD])
+    assert [row["spec"] for row in read_runs([folder])[0].rows] == ["a", "b"]
+    table(folder, OLD, other)
+    assert [row["spec"] for row in read_runs([folder])[0].rows] == ["a", "b"]
+
+
+def test_a_key_of_digits_alone_is_no_number(run_folder: Write) -> None:
+    folder, key = run_folder([OLD, NEW]), "001234567890123456789012"
+    text = (folder / "rows.jsonl").read_text()
+    (folder / "rows.jsonl").write_text(text.replace(f'"{OLD.key}"', f'"{key}"'))
+    (folder / "table.csv").write_text(f"key\n{key}\n")
+    assert [row["key"] for row in read_runs([folder])[0].rows] == [key]
+
+
+def test_cells_of_earlier_commands_are_known(run_folder: Write) -> None:
+    other = Cell("b", 512, 0.2, 3.0)
+    folder = run_folder([OLD, other, NEW])
+    engine = {**Cell("my-engine", None, 0.1, None).records()[0], "content": "c"}
+    with (folder / "rows.jsonl").open("a") as rows:
+        rows.write(json.dumps(engine) + "\n")
+    table(folder, OLD)
+    (run,) = read_runs([folder])
+    assert len(run.rows) == 3 and run.earlier == {other.key}, "an engine's row is of no study"
+
+
+@pytest.mark.parametrize(("machine", "timed"), [("m0", [True, False]), ("m1", [False, True]), ("m2", [False, False])])
+def test_times_are_those_of_the_machine_that_run_json_names(run_folder: Write, machine: str, timed: list[bool]) -> None:
+    folder = run_folder([Cell("a", 512, 0.1, 3.0, machine="m0"), Cell("a", 1024, 0.1, 4.0, machine="m1")])
+    about = json.loads((folder / "run.json").read_text())
+    (folder / "run.json").write_text(json.dumps(about | {"machine_key": machine}))
+    (run,) = read_runs([folder])
+    assert [result.time is not None for result in run.results] == timed
+    assert run.foreign == timed.count(False)
+
+
 def test_runs_are_called_by_their_folders_or_by_paths_where_those_are_the_same(run_folder: Write) -> None:
     one, other, third = (run_folder([Cell("a", 512, 0.1, 3.0)], name=name) for name in ("x/run", "y/run", "z"))
     assert [run.label for run in read_runs([one, other, third])] == [str(one), str(other), "z"]
@@ -97,6 +159,14 @@ def foreign_rows(folder: Path) -> None:
     (folder / "rows.jsonl").write_text('{"schema": 1, "kind": "score", "key": "1"}\n')
 
 
+def foreign_table(folder: Path) -> None:
+    (folder / "table.csv").write_text("scene,iou\nstairs,0.9\n")
+
+
+def empty_table(folder: Path) -> None:
+    (folder / "table.csv").write_text("")
+
+
 def broken_run_json(folder: Path) -> None:
     (folder / "run.json").write_text("[")
 
@@ -108,6 +178,8 @@ def broken_run_json(folder: Path) -> None:
         (no_rows, r"run: found no rows\.jsonl; allowed: "),
         (empty_rows, r"rows\.jsonl: found no cell; allowed: "),
         (foreign_rows, r"rows\.jsonl line 1: found something else; allowed: "),
+        (foreign_table, r"table\.csv: found no column `key`; allowed: "),
+        (empty_table, r"table\.csv: found no column `key`; allowed: "),
         (broken_run_json, r"run\.json: found something else; allowed: "),
     ],
 )

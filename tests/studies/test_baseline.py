@@ -39,14 +39,20 @@ def test_each_metric_has_its_direction_and_its_tolerance(name: str) -> None:
     assert verdicts([cell(metrics=GOOD | {name: 0.5})], [cell()], **{name: 1.0}) == {}
 
 
-def test_an_equal_mask_of_an_equal_truth_is_not_compared_again() -> None:
-    worse = GOOD | {"iou": 0.1}
-    assert verdicts([cell(mask_sha256="a", metrics=worse)], [cell(mask_sha256="a")]) == {}
-    assert verdicts([cell(mask_sha256="b", metrics=worse)], [cell(mask_sha256="a")]) == {"iou": "regressed"}
-    assert verdicts([cell(mask_sha256="a", metrics=worse, receivers=8)], [cell(mask_sha256="a")]) == {
-        "iou": "regressed"
-    }
-    assert verdicts([cell(mask_sha256="b")], [cell(mask_sha256="a")]) == {}, "another hash alone is no failure"
+def test_an_equal_mask_against_another_truth_has_regressed() -> None:
+    worse = GOOD | {"iou": 0.284}  # as many receivers and undecided pixels, elsewhere
+    assert verdicts([cell(mask_sha256="a", metrics=worse)], [cell(mask_sha256="a")]) == {"iou": "regressed"}
+    assert compare([cell(mask_sha256="a", metrics=worse)], [cell(mask_sha256="a")]).equal == 0
+
+
+def test_a_mask_s_hash_is_information_alone() -> None:
+    same, other = (compare([cell(mask_sha256=found)], [cell(mask_sha256="a")]) for found in "ab")
+    assert (same.changes, same.equal) == ((), 1)
+    assert (other.changes, other.equal) == ((), 0), "another hash alone is no failure"
+    none = compare([cell()], [cell()])
+    assert none.equal == 0, "no hash is equal to none"
+    older = {name: value for name, value in GOOD.items() if name != "acne_soft"}
+    assert compare([cell(mask_sha256="a")], [cell(mask_sha256="a", metrics=older)]).equal == 1
 
 
 def test_a_metric_that_is_lost_has_regressed() -> None:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -109,6 +110,43 @@ def test_a_cell_of_an_earlier_study_does_not_stand_in_for_one_that_is_missing(
     assert answer.err == f"note: 1 cell of earlier studies in {folder} left out; table.csv has the last\n"
 
 
+def test_a_cell_that_the_last_study_found_measured_counts_as_it_was(
+    shadowbench: Shadowbench, now: Callable[..., Path], then: Callable[..., Path], tmp_path: Path
+) -> None:
+    first, second = cell(), cell(key="of-another-text", metrics=WORSE)
+    folder, baseline = now(first, second), then(first)
+    (folder / "table.csv").write_text(f"key\n{first['key']}\n")
+    answer = shadowbench("check", folder, "--baseline", baseline)
+    assert (answer.code, answer.err) == (0, "")
+    assert answer.out.startswith("1 cell compared")
+    assert shadowbench("check", folder, "--baseline", tmp_path / "new", "--update").code == 0
+    assert json.loads((tmp_path / "new" / "rows.jsonl").read_text()) == first
+
+
+def test_rows_of_a_run_that_was_interrupted_are_no_part_of_the_last_study(
+    shadowbench: Shadowbench, now: Callable[..., Path], then: Callable[..., Path]
+) -> None:
+    done, begun = [cell(), cell("cube-map")], cell(key="of-another-text", metrics=WORSE)
+    folder = now(*done, begun)
+    (folder / "table.csv").write_text("key\n" + "".join(f"{one['key']}\n" for one in done))
+    answer = shadowbench("check", folder, "--baseline", then(*done))
+    assert answer.code == 0 and answer.out.endswith(": 0 regressed, 0 improved\n")
+
+
+@pytest.mark.parametrize("before", [True, False])
+def test_update_refuses_a_folder_without_a_cell_of_its_table(
+    shadowbench: Shadowbench, now: Callable[..., Path], tmp_path: Path, before: bool
+) -> None:
+    folder, baseline = now(cell()), tmp_path / "then"
+    (folder / "table.csv").write_text("key\nof-no-row\n")
+    if before:
+        rows(baseline, cell())
+    answer = shadowbench("check", folder, "--baseline", baseline, "--update", "--quiet")
+    assert answer.code == 2 and "--update: found no cell; allowed: " in answer.err
+    kept = baseline / "rows.jsonl"
+    assert (json.loads(kept.read_text()) == cell()) if before else not kept.exists()
+
+
 def test_tolerances_are_the_metrics_or_ones_own(
     shadowbench: Shadowbench, now: Callable[..., Path], then: Callable[..., Path]
 ) -> None:
@@ -137,6 +175,15 @@ def test_a_mask_hash_alone_fails_nothing(
 ) -> None:
     answer = shadowbench("check", now(cell(mask_sha256="a")), "--baseline", then(cell(mask_sha256="b")))
     assert answer.code == 0
+
+
+def test_an_equal_mask_against_another_truth_fails(
+    shadowbench: Shadowbench, now: Callable[..., Path], then: Callable[..., Path]
+) -> None:
+    found, baseline = now(cell(mask_sha256="a", metrics=WORSE)), then(cell(mask_sha256="a"))
+    answer = shadowbench("check", found, "--baseline", baseline)
+    assert answer.code == 1 and "equal masks" not in answer.out
+    assert "1 of them by equal masks" in shadowbench("check", now(cell(mask_sha256="a")), "--baseline", baseline).out
 
 
 def masks(folder: Path, score: dict[str, Any], visibility: np.ndarray) -> None:
@@ -252,3 +299,60 @@ def test_update_brings_the_study_that_makes_the_cells(shadowbench: Shadowbench, 
     study.write_text(SMALL.replace("32", "64"))  # it no longer says what was run
     assert "study.toml" not in shadowbench("check", found, "--baseline", tmp_path / "other", "--update").out
     assert not (tmp_path / "other" / "study.toml").exists()
+
+
+SCENE = """
+name = "changing"
+[camera]
+position = [3.0, 3.0, 4.0]
+target = [0.0, 0.3, 0.0]
+fov_y = 36.0
+[[light]]
+name = "sun"
+kind = "directional"
+direction = [0.5, -1.0, -0.3]
+[[mesh]]
+shape = "plane"
+scale = 8.0
+[[mesh]]
+shape = "box"
+translate = [0.0, 0.5, 0.0]
+"""
+
+
+def test_a_scene_that_is_changed_and_changed_back_is_what_it_was(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    scene, folder, baseline = tmp_path / "changing.toml", tmp_path / "now", tmp_path / "baseline"
+
+    def run(text: str) -> bytes:
+        """The picture of the truth after a run of this text."""
+        scene.write_text(text)
+        words = ["-t", "shadow-map:size=64", "--view-size", "32", "--rounds", "0", "-o", folder, "--quiet"]
+        assert shadowbench("run", scene, *words).code == 0
+        return (folder / "truth" / "changing.camera.sun.32.png").read_bytes()
+
+    other = SCENE.replace("[0.0, 0.5, 0.0]", "[1.0, 1.5, 0.0]")
+    first = run(SCENE)
+    assert shadowbench("check", folder, "--baseline", baseline, "--update").code == 0
+    assert run(other) != first
+    assert shadowbench("check", folder, "--baseline", baseline).code == 1
+    measured = (folder / "rows.jsonl").read_bytes()
+    assert run(SCENE) == first
+    assert (folder / "rows.jsonl").read_bytes() == measured, "nothing was measured again"
+    answer = shadowbench("check", folder, "--baseline", baseline)
+    assert answer.code == 0 and "1 of them by equal masks" in answer.out
+
+    truth = folder / "truth" / "changing.camera.sun.32.png"
+    kept = truth.stat().st_mtime_ns, truth.stat().st_ino
+    assert run(SCENE) == first and (truth.stat().st_mtime_ns, truth.stat().st_ino) == kept, "no need to write it"
+    for spoil in (truth.unlink, partial(truth.write_text, "no picture")):
+        spoil()
+        assert run(SCENE) == first
+
+
+def test_run_json_names_the_machine_as_the_times_do(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    study, folder = tmp_path / "mine.toml", tmp_path / "now"
+    study.write_text(SMALL.replace("rounds = 0", "rounds = 1"))
+    assert shadowbench("run", "-s", study, "-o", folder).code == 0
+    about = json.loads((folder / "run.json").read_text())
+    records = [json.loads(line) for line in (folder / "rows.jsonl").read_text().splitlines()]
+    assert [one["machine"] for one in records if one["kind"] == "time"] == [about["machine_key"]]
