@@ -3,8 +3,6 @@
 Rows go to disk as they are made; a call that finds rows of the same key does nothing again.
 """
 
-from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -30,6 +28,7 @@ from shadowbench.studies.session import DeviceInfo, Unsupported
 from shadowbench.studies.study import Block, Cell, Study, scenes_of
 from shadowbench.studies.timing import BlockStage, Untimed, reference_cell, request_of, time_cells
 from shadowbench.studies.worker import AteMemory, CellFailed, Worker
+from shadowbench.studies.writer import Writer
 from shadowbench.techniques.spec import format_spec
 from shadowbench.truth.cache import cached_truth
 from shadowbench.truth.trace import Truth
@@ -62,44 +61,6 @@ class Result:
     def status(self) -> str:
         """`ok`, `unsupported: …` or `failed: …`, also for a cell that fails only while it is timed."""
         return str(self.score["status"]) if self.untimed is None else f"failed: while timed: {self.untimed}"
-
-
-class Writer:
-    """Writes in a thread of its own, in order and one thing at a time, while the worker draws.
-
-    Nothing is written between `finish` and `start`. Use as a context manager: all is on disk when it ends. What writing
-    raises is raised by the next `finish`, or the end.
-    """
-
-    def __init__(self, profile: Profile) -> None:
-        self._profile = profile
-        self._pool = ThreadPoolExecutor(1)
-        self._next: list[Callable[[], None]] = []
-        self._begun: list[Future[None]] = []
-
-    def __enter__(self) -> "Writer":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        with self._pool:
-            self.start()
-            self.finish()
-
-    def add(self, write: Callable[[], None]) -> None:
-        """Have it written after the next `start`."""
-        self._next.append(write)
-
-    def start(self) -> None:
-        """Begin to write what was added."""
-        self._begun += [self._pool.submit(write) for write in self._next]
-        self._next = []
-
-    def finish(self) -> None:
-        """Wait until what was begun is on disk; more would be held in memory otherwise."""
-        begun, self._begun = self._begun, []
-        with self._profile.of("files"):
-            for writing in begun:
-                writing.result()
 
 
 class Runner:
