@@ -1,7 +1,8 @@
 """For the test suites of engines: the fixture `shadow_accuracy`. Costs next to nothing until it is used."""
 
+import hashlib
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,21 +27,39 @@ class Score(float):
         return score
 
 
+_NONES = pytest.StashKey[list[str]]()
+"""Of a test: a line for each metric that it read and that is None."""
+
+
 class ShadowAccuracy:
     """A mask's scores: every metric of `shadowbench list metrics` is an attribute, None where it is not defined.
 
-    accuracy: all that is known. file: where `save` puts the difference picture.
+    accuracy: all that is known. file: where `save` puts the difference picture. nones: gets a line for each None that
+    is read.
     """
 
-    def __init__(self, accuracy: "Accuracy", file: Path) -> None:
-        self.accuracy, self.file = accuracy, file
+    def __init__(self, accuracy: "Accuracy", file: Path, nones: list[str]) -> None:
+        self.accuracy, self.file, self.nones = accuracy, file, nones
 
     def __getattr__(self, name: str) -> Score | None:
         metrics = self.accuracy.metrics
         if name not in metrics:
             raise AttributeError(f"{name!r} is no metric; there are {', '.join(metrics)}")
         value = metrics[name]
-        return None if value is None else Score(value, name, self)
+        if value is None:
+            self.nones.append(f"{name} is None ({self!r}): {self._empty()}")
+            return None
+        return Score(value, name, self)
+
+    def _empty(self) -> str:
+        """Why a metric has nothing to divide by."""
+        comparison = self.accuracy.comparison
+        scored, truth, mask = comparison.reference.pixels, int(comparison.reference.shadow.sum()), comparison.shadow
+        if not truth and not mask.any():
+            return f"neither the truth nor the mask has a shadow in the {scored} pixels scored"
+        return (
+            f"nothing to measure it on; of {scored} pixels scored {truth} are in shadow, {int(mask.sum())} of the mask"
+        )
 
     def __repr__(self) -> str:
         return f"accuracy of {self.accuracy.handed.name} on {self.accuracy.view.scene.name}"
@@ -83,6 +102,18 @@ def pytest_assertrepr_compare(op: str, left: object, right: object) -> list[str]
     return [f"{sides[0]} {op} {sides[1]} ({score.of!r})", *score.of.explain()]
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Generator[None, None, None]:
+    """Say why a metric is None where a test compared it with a number."""
+    try:
+        yield
+    except TypeError as error:
+        if "'NoneType'" in str(error):
+            for line in item.stash.get(_NONES, []):
+                error.add_note(line)
+        raise
+
+
 @pytest.fixture
 def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[..., ShadowAccuracy]:
     """Scores your engine's shadows against ray tracing.
@@ -90,10 +121,14 @@ def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[
     `assert shadow_accuracy("mask.png", scene="stairs").iou > 0.98`; also `view`, `light` and `assets`, and `lit`,
     `shadowed` and `ambient` in place of a mask, all as `shadowbench score` takes them. mask: a PNG, or an (N, N) array,
     bool or float in [0, 1], uint8 or uint16, row 0 at the top, full = lit; N is the view's size. What is flipped,
-    inverted or not square fails the test.
+    inverted or not square fails the test. A metric that is not defined is None: a comparison with a number is a
+    TypeError, and the failure says why.
     """
     diffs: Path | None = request.config.getoption("--shadow-diffs")
-    name = re.sub(r"[^\w.-]+", "-", request.node.name)[:120]
+    node = request.node
+    plain = re.sub(r"[^\w.-]+", "-", f"{node.path.stem}.{node.name}")[:120]  # a file system takes 255
+    name = f"{plain}-{hashlib.sha256(node.nodeid.encode()).hexdigest()[:8]}"  # no other test has it
+    nones = node.stash.setdefault(_NONES, [])
     made = 0
 
     def measure(
@@ -116,7 +151,8 @@ def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[
             accuracy = accuracy_of(handed, chosen_view(scene, handed.size, view, light, assets))
         except InputError as error:
             pytest.fail(str(error), pytrace=False)
-        return ShadowAccuracy(accuracy, (diffs or tmp_path) / f"{name}{f'-{made}' if made > 1 else ''}.diff.png")
+        file = (diffs or tmp_path) / f"{name}{f'-{made}' if made > 1 else ''}.diff.png"
+        return ShadowAccuracy(accuracy, file, nones)
 
     return measure
 

@@ -62,7 +62,7 @@ but for a view without any shadow. The default target is an IoU of 0.99.
    Left out is what costs more than the best so far, and what cannot meet the target even if its error is {same:g} times
    below the predicted ({other:g} times, of a filter that was not seen yet; {edges:g} times for `edge_px`, which single
    specks move). The cheapest that is expected to meet the target is measured next, else what comes closest, until
-   nothing is left.
+   nothing is left. An error below that of one wrong pixel counts as none.
 
 Nothing makes an error fall as a map grows: a grid that happens to lie well may beat one twice its size, all the more
 where few edges are seen. What is missed for it stands in bold.

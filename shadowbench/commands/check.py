@@ -16,6 +16,7 @@ from shadowbench.commands.console import err, number, out, print_json, technique
 from shadowbench.errors import InputError
 from shadowbench.reports.folder import Run, read_runs
 from shadowbench.reports.gallery import difference
+from shadowbench.reports.words import counted
 from shadowbench.scores.masks import read_mask
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.baseline import MISSING, Change, Findings, compare, identity
@@ -54,11 +55,11 @@ def check_command(options: CheckOptions, *, as_json: bool, quiet: bool) -> int:
             f"map sizes and view size (--update makes {options.folder} the baseline)"
         )
     regressed = findings.of("regressed", times=False)
-    counted = regressed + (findings.of("regressed", times=True) if options.time else [])
+    failing = regressed + (findings.of("regressed", times=True) if options.time else [])
     pictures = _write_pictures(run, baseline, regressed) if baseline and not options.update else []
     notes = [*findings.notes, *_untimed(findings, options)]
     if whole.earlier:
-        older = _counted(len(whole.earlier), "cell")
+        older = counted(len(whole.earlier), "cell")
         notes.append(f"{older} of earlier studies in {options.folder} left out; table.csv has the last")
     if as_json:
         print_json(_as_json(findings, notes, pictures))
@@ -74,9 +75,10 @@ def check_command(options: CheckOptions, *, as_json: bool, quiet: bool) -> int:
         return 0
     if pictures and not as_json and not quiet:
         what = "before and after" if any(before for _, before in pictures) else "after"
-        line = f"{pictures[0][0].parent}: {len(pictures)} pictures, {what}: false shadow vermillion, false light blue"
+        many = f"{counted(len(pictures), 'picture')}, {what}"
+        line = f"{pictures[0][0].parent}: {many}: false shadow orange, false light blue"
         out.print(line, markup=False, soft_wrap=True)
-    return 1 if counted else 0
+    return 1 if failing else 0
 
 
 def _tolerances(texts: Sequence[str]) -> dict[str, float]:
@@ -140,7 +142,7 @@ def _summary(findings: Findings, baseline: Path) -> str:
     }
     said = [f"{count} {what}" for what, count in counts.items() if count or what in ("regressed", "improved")]
     same = f", {findings.equal} of them by equal masks" if findings.equal else ""
-    return f"{_counted(findings.compared, 'cell')} compared with {baseline}{same}: {', '.join(said)}"
+    return f"{counted(findings.compared, 'cell')} compared with {baseline}{same}: {', '.join(said)}"
 
 
 def _print_changes(title: str, changes: list[Change]) -> None:
@@ -186,10 +188,6 @@ def _value(value: Any) -> str:
 
 def _cells(changes: Sequence[Change]) -> int:
     return len({identity(change.score) for change in changes})
-
-
-def _counted(count: int, what: str) -> str:
-    return f"{count} {what}{'' if count == 1 else 's'}"
 
 
 def _as_json(findings: Findings, notes: Sequence[str], pictures: Sequence[tuple[Path, bool]]) -> dict[str, Any]:
@@ -253,6 +251,6 @@ def _difference(run: Run, score: Record, traced: Run) -> NDArray[np.uint8] | Non
 def _update(options: CheckOptions, run: Run) -> str:
     """Make the run the baseline; says what was written."""
     bless(run.results, options.baseline)
-    line = f"{options.baseline / 'rows.jsonl'}: {_counted(len(run.results), 'cell')}, the baseline from now on"
+    line = f"{options.baseline / 'rows.jsonl'}: {counted(len(run.results), 'cell')}, the baseline from now on"
     study = bless_study(run.about, run.results, options.baseline, techniques_with(()))
     return f"{line}; study.toml is {study}" if study else line

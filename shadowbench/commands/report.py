@@ -14,6 +14,7 @@ from shadowbench.reports.folder import Run, read_folders
 from shadowbench.reports.html import html_report
 from shadowbench.reports.markdown import markdown_report
 from shadowbench.reports.stability import Stability, stability
+from shadowbench.reports.words import counted
 from shadowbench.studies.ranges import points_frame
 
 FORMATS = ("html", "md", "csv", "png")
@@ -31,12 +32,12 @@ def report_command(folders: Sequence[Path], output: Path | None, form: str, quie
     runs, sweeps = read_folders(folders)
     scenes, swept = sections(runs), [stability(sweep) for sweep in sweeps]
     if form == "png":
-        what = f"{_write_figures(target, scenes, swept)} charts"
+        what = counted(_write_figures(target, scenes, swept), "chart")
     else:
         text = _text(form, runs, scenes, swept)
         with replace_file(target) as beside:
             beside.write_text(text, encoding="utf-8")
-        what = f"{sum(len(one.rows) for one in (*runs, *sweeps))} cells, {_size(target.stat().st_size)}"
+        what = f"{counted(sum(len(one.rows) for one in (*runs, *sweeps)), 'cell')}, {_size(target.stat().st_size)}"
     if not quiet:
         for run in runs:
             if run.earlier:

@@ -12,6 +12,7 @@ from rich.table import Table
 
 from shadowbench.commands.console import ConsoleReporter, err, number, out, print_json, techniques_with
 from shadowbench.errors import InputError
+from shadowbench.reports.words import counted
 from shadowbench.studies.machine import write_run_file
 from shadowbench.studies.profile import ACTIVITIES, MEASURING, share, whole
 from shadowbench.studies.runner import Runner
@@ -85,7 +86,9 @@ def run_command(options: RunOptions, folder: Path, *, profile: bool, as_json: bo
         if len(scenes) > 1:
             _print_scene(f"mean of the {len(scenes)} scenes in which every cell held", means, [])
         if not quiet:
-            out.print(f"{folder / 'table.csv'}: {len(frame)} cells; masks/ and pictures/ beside it", soft_wrap=True)
+            out.print(
+                f"{folder / 'table.csv'}: {counted(len(frame), 'cell')}; masks/ and pictures/ beside it", soft_wrap=True
+            )
     if profile:
         _print_profile(whole(runner.profile.seconds, spent, time.perf_counter() - start))
     failed = [status for status in frame["status"] if status.startswith("failed")]

@@ -1,5 +1,6 @@
 """`score`: a mask or screenshots of another renderer."""
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -7,10 +8,12 @@ from rich.table import Table
 
 from shadowbench.commands.console import ConsoleReporter, check_outputs, err, number, out, print_json
 from shadowbench.engines.difference import write_difference
+from shadowbench.engines.export import DESCRIPTION
 from shadowbench.engines.pictures import Handed, from_screenshots, mask_from_file
 from shadowbench.engines.scored import Accuracy, accuracy_of
 from shadowbench.engines.store import append_row, check_name
 from shadowbench.errors import InputError
+from shadowbench.scenes.model import View
 from shadowbench.scenes.views import chosen_view, notes_on
 from shadowbench.scores.metrics import METRICS
 
@@ -45,18 +48,19 @@ def score_command(options: ScoreOptions, *, as_json: bool, quiet: bool) -> None:
         for note in notes_on(view, options.view, options.light):
             reporter.note(note)
         accuracy = accuracy_of(handed, view)
+    warnings = [*accuracy.warnings, *_beside(options, view)]
     if options.difference is not None:
         write_difference(options.difference, accuracy.difference())
     new = None
     if options.folder is not None and options.name is not None:
         new = append_row(accuracy, options.name, options.folder)
     if as_json:
-        print_json(_as_json(accuracy))
+        print_json(_as_json(accuracy, warnings))
         return
     _print(accuracy)
     if quiet:
         return
-    for warning in accuracy.warnings:
+    for warning in warnings:
         err.print(f"warning: {warning}", markup=False, soft_wrap=True)
     if options.difference is not None:
         out.print(f"{options.difference}: false shadow orange, false light blue", markup=False, soft_wrap=True)
@@ -76,6 +80,23 @@ def _handed(options: ScoreOptions) -> Handed:
     raise InputError(f"score: found {found}; allowed: MASK, or --lit and --shadowed, with or without --ambient")
 
 
+def _beside(options: ScoreOptions, view: View) -> list[str]:
+    """A line where `export` wrote the scene beside what was handed over, at another size than that has."""
+    given = options.mask or options.shadowed
+    exported = None if given is None else given.parent / DESCRIPTION
+    if given is None or exported is None or not exported.is_file():
+        return []
+    try:
+        described = json.loads(exported.read_text(encoding="utf-8"))
+    except ValueError:  # somebody else's file of that name
+        return []
+    match described:
+        case {"scene": view.scene.name, "image": {"width": int(width)}} if width != view.size:
+            sizes = f"{view.size}², where {exported} says {width}²"
+            return [f"{given}: {sizes}; a mask's size is the view's: scored as the view of {view.size}²"]
+    return []
+
+
 def _print(accuracy: Accuracy) -> None:
     view = accuracy.view
     title = f"{accuracy.handed.name} on {view.scene.name}, {view.camera.name}, {view.light.name}, {view.size}²"
@@ -92,7 +113,7 @@ def _print(accuracy: Accuracy) -> None:
         out.print(f"  {line}", markup=False, soft_wrap=True)
 
 
-def _as_json(accuracy: Accuracy) -> dict[str, object]:
+def _as_json(accuracy: Accuracy, warnings: list[str]) -> dict[str, object]:
     view = accuracy.view
     false_shadow, false_light = accuracy.wrong
     return {
@@ -104,5 +125,5 @@ def _as_json(accuracy: Accuracy) -> dict[str, object]:
         "false_shadow": false_shadow,
         "false_light": false_light,
         "errors": [{"kind": kind.name, "pixels": kind.pixels, "line": kind.line} for kind in accuracy.kinds],
-        "warnings": list(accuracy.warnings),
+        "warnings": warnings,
     }

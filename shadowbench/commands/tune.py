@@ -11,6 +11,7 @@ from rich.table import Table
 from shadowbench.commands.console import ConsoleReporter, err, number, out, print_json, techniques_with
 from shadowbench.commands.run import map_sizes
 from shadowbench.errors import InputError
+from shadowbench.reports.words import counted
 from shadowbench.scenes.library import builtin_names
 from shadowbench.studies.machine import write_run_file
 from shadowbench.studies.study import Study, scenes_of
@@ -82,7 +83,7 @@ def tune_command(options: TuneOptions, folder: Path, *, as_json: bool, quiet: bo
     else:
         _print(found)
         if not quiet:
-            out.print(f"{folder / 'table.csv'}: {len(frame)} cells", soft_wrap=True)
+            out.print(f"{folder / 'table.csv'}: {counted(len(frame), 'cell')}", soft_wrap=True)
     failed = [status for status in frame["status"] if status.startswith("failed")]
     if failed:
         line = f"shadowbench: {len(failed)} of {len(frame)} cells failed; the first: {failed[0]}"

@@ -14,12 +14,14 @@ from shadowbench.scenes.model import Floats, View
 class Casters:
     """The triangles that cast. Exact: all of them are looked at.
 
-    closed: how many of them are in closed parts wound outwards, a part being what hangs together; silhouette: edges
-    that bound what the light sees, from which volumes are extruded; edges: how many there are in all.
+    closed: how many of them are in closed parts wound outwards, a part being what hangs together; open: in parts with a
+    loose edge; all others are in closed parts that are not wound outwards. silhouette: edges that bound what the light
+    sees, from which volumes are extruded; edges: how many there are in all.
     """
 
     triangles: int
     closed: int
+    open: int
     silhouette: int
     edges: int
 
@@ -29,7 +31,7 @@ def casters_of(view: View) -> Casters:
     geometry = view.scene.geometry
     faces = geometry.caster_faces.astype(np.int64)
     if not len(faces):
-        return Casters(0, 0, 0, 0)
+        return Casters(0, 0, 0, 0, 0)
     a, normal = _spanned(geometry.vertices, geometry.caster_faces)
     source, w = view.light.homogeneous
     towards = np.array(source, dtype=a.dtype)[:, None] - w * a if w else np.array(source)[:, None]
@@ -45,9 +47,11 @@ def casters_of(view: View) -> Casters:
     walls = np.add.reduceat((way * np.tile(side, 3))[order], first, dtype=np.int32)
     balance = np.add.reduceat(way[order], first, dtype=np.int32)
     loose = low[order[first[balance != 0]]]
+    closed, is_open = _parted(faces, np.einsum("ij,ij->j", a, normal), loose, len(geometry.vertices))
     return Casters(
         triangles=len(faces),
-        closed=int(np.count_nonzero(_closed(faces, np.einsum("ij,ij->j", a, normal), loose, len(geometry.vertices)))),
+        closed=int(np.count_nonzero(closed)),
+        open=int(np.count_nonzero(is_open)),
         silhouette=int(np.count_nonzero(walls)),
         edges=len(first),
     )
@@ -66,8 +70,10 @@ def _spanned(vertices: Floats, faces: NDArray[np.int32]) -> tuple[Floats, Floats
     return a, normal
 
 
-def _closed(faces: NDArray[np.int64], volume: Floats, loose: NDArray[np.int64], vertices: int) -> NDArray[np.bool_]:
-    """(F,) whether each triangle is of a part without a loose edge, that is wound outwards.
+def _parted(
+    faces: NDArray[np.int64], volume: Floats, loose: NDArray[np.int64], vertices: int
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """(F,) whether each triangle is of a part without a loose edge, that is wound outwards; whether of one with any.
 
     volume: (F,) of each triangle with the origin, of which a part's own is the sum, times six.
     """
@@ -79,5 +85,4 @@ def _closed(faces: NDArray[np.int64], volume: Floats, loose: NDArray[np.int64], 
     is_open[part[loose]] = True
     of = part[faces[:, 0]]
     outwards = np.bincount(of, volume, minlength=parts) > 0
-    closed: NDArray[np.bool_] = (outwards & ~is_open)[of]
-    return closed
+    return (outwards & ~is_open)[of], is_open[of]

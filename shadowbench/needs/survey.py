@@ -48,13 +48,14 @@ def needs(view: View) -> Needs:
     with ThreadPoolExecutor() as pool:
         casters = pool.submit(casters_of, view)
         samples = sampled(view)
+        receivers = pool.submit(receivers_of, samples)
         fitted = fitted_map(samples)
         reach = pool.submit(reach_of, fitted)
         texels = texels_of(fitted)
         depths = depths_of(fitted)
         return Needs(
             light=view.light.kind,
-            receivers=receivers_of(samples),
+            receivers=receivers.result(),
             texels=texels,
             cascades=cascades_of(fitted, texels),
             bits=bits_of(fitted, depths),

@@ -55,17 +55,25 @@ def _rows(needs: Needs) -> Iterator[Told]:
 
 def _receivers(need: Receivers) -> Told:
     number = f"{_share(need.planar)} on planes"
+    if need.planes == 0:
+        return Told("receivers", number, "no plane holds any of what is seen: planar-projection would leave it lit")
+    planes = "1 plane" if need.planes == 1 else f"{need.planes} planes"
     if need.projection_suffices:
-        return Told("receivers", number, f"{need.planes} planes hold all that is seen: planar-projection suffices")
+        hold = "holds" if need.planes == 1 else "hold"
+        return Told("receivers", number, f"{planes} {hold} all that is seen: planar-projection suffices")
     left = 1 - need.planar.value
-    return Told("receivers", number, f"planar-projection, on {need.planes} planes, would leave {left:.2%} of them lit")
+    return Told("receivers", number, f"planar-projection, on {planes}, would leave {left:.2%} of them lit")
 
 
 def _casters(need: Casters) -> Iterator[Told]:
     if need.closed == need.triangles:
         reason = "all are: volumes have an inside, and their walls are counted once"
     else:
-        reason = f"triangles; {need.triangles - need.closed} are in open parts, which volumes count with both signs"
+        turned = need.triangles - need.closed - need.open
+        parts = [f"{need.open} are in open parts"] * (need.open > 0)
+        if turned:
+            parts.append(f"{turned} {'' if parts else 'are '}in closed parts not wound outwards")
+        reason = f"triangles; {', '.join(parts)}, which volumes count with both signs"
     yield Told("closed casters", f"{need.closed} of {need.triangles}", reason)
     reason = f"of {need.edges} are outlines for the light: volumes have so many walls"
     yield Told("silhouette", f"{need.silhouette} edges", reason)
@@ -89,7 +97,9 @@ def _cascades(need: CascadeSizes) -> Iterator[Told]:
     sizes = need.edge_size or need.size
     each = ", ".join(f"{count}: {size:.0f}" for count, size in sizes.items())
     yield Told(
-        "cascades", f"{need.best} × {sizes[need.best]:.0f}", f"have the fewest texels of all; sizes by number: {each}"
+        "cascades",
+        f"{need.best} × {sizes[need.best]:.0f}",
+        f"have the fewest texels of all numbers of cascades; sizes by number: {each}",
     )
     depths = f"the farthest seen is {need.depth_ratio:.3g} times as far as the nearest"
     if need.pay:

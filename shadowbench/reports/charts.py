@@ -4,10 +4,19 @@ from collections.abc import Sequence
 
 from shadowbench.reports.analysis import Section, front
 from shadowbench.reports.axes import Chart, error_axis, label, log_axis, point_of, zero_rule
-from shadowbench.reports.styles import COLORS, Styles
+from shadowbench.reports.styles import Styles
 from shadowbench.reports.words import digits, times_are
 
 INK, _GRID = "#1a1a1a", "#e6e6e6"
+# Okabe & Ito's six again, and ten of L* 36 to 84, each as far as can be from those before it and white, by CIEDE2000.
+PASS_COLORS = (
+    *("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8900C4", "#626200"),
+    *("#B1D83B", "#B1003B", "#FFB19D", "#898989", "#006262", "#D8C4FF", "#8976FF", "#9DD8C4"),
+)
+_PASS_TIMES = [
+    "ms of passes timed one by one, each finished before the next,",
+    "so that their sum may exceed the frame; tick: the whole frame, timed apart",
+]
 _TOOLTIP = [
     "spec",
     "full spec",
@@ -120,7 +129,10 @@ def size_chart(section: Section, styles: Styles) -> Chart | None:
 
 
 def pass_chart(section: Section, size: int | None) -> Chart | None:
-    """The time of each pass, stacked, of every spec at one map size or without a map; None where no pass was timed."""
+    """The time of each pass of every spec at one map size or without a map; None where no pass was timed.
+
+    Passes are stacked as their spec draws them, one after the other.
+    """
     shown = sorted(
         (one for one in section.timed if one.passes and one.map_size in (None, size)),
         key=lambda one: one.value("frame_ms") or 0.0,
@@ -133,7 +145,7 @@ def pass_chart(section: Section, size: int | None) -> Chart | None:
             "spec": one.spec,
             "row": row,
             "pass": made.name,
-            "rank": names.index(made.name),
+            "rank": rank,
             "ms": made.ms,
             "time": f"{digits(made.ms)} ms",
             "again": _CHANGES.get(made.changes, made.changes),
@@ -142,12 +154,12 @@ def pass_chart(section: Section, size: int | None) -> Chart | None:
             "first": made is one.passes[0],
         }
         for row, one in enumerate(shown)
-        for made in one.passes
+        for rank, made in enumerate(one.passes)
     ]
-    marks = [COLORS[index % len(COLORS)] for index in range(len(names))]
+    marks = [PASS_COLORS[index % len(PASS_COLORS)] for index in range(len(names))]
     y = {"field": "row", "type": "ordinal", "axis": None, "scale": {"paddingInner": 0.55, "paddingOuter": 0.4}}
     where = f"map size {size}" if size else "no maps"
-    x = {"field": "ms", "type": "quantitative", "title": "ms; tick: the whole frame, timed apart"}
+    x = {"field": "ms", "type": "quantitative", "title": _PASS_TIMES}
     first = [{"filter": "datum.first"}]
     layer: list[Chart] = [
         {
@@ -167,7 +179,7 @@ def pass_chart(section: Section, size: int | None) -> Chart | None:
         },
         {
             "transform": first,
-            "mark": {"type": "tick", "color": INK, "thickness": 2, "bandSize": 18},
+            "mark": {"type": "tick", "color": INK, "thickness": 3, "bandSize": 20, "stroke": "white", "opacity": 1},
             "encoding": {"y": y, "x": {"field": "frame", "type": "quantitative"}},
         },
         {

@@ -29,6 +29,11 @@ def digits(value: float) -> str:
     return f"{value:#.3g}".rstrip(".") if value and abs(value) >= 1e-4 else f"{value:.2g}"
 
 
+def counted(count: int, what: str) -> str:
+    """`1 cell`, `2 cells`."""
+    return f"{count} {what}{'' if count == 1 else 's'}"
+
+
 def sentence(text: str) -> str:
     """With a capital and a full stop."""
     return text[:1].upper() + text[1:] + "."
@@ -136,14 +141,17 @@ def machine_facts(run: Run | Sweep) -> list[tuple[str, str]]:
     """Name and value of everything that is known of how a run or a sweep was made."""
     about = run.about
     machine, device = (about.get(name, {}) for name in ("machine", "device"))
-    older = f"; {run.older} older records of the same cells left out" if run.older else ""
-    foreign = f"; {run.foreign} times of another machine left out" if isinstance(run, Run) and run.foreign else ""
+    cells = counted(len(run.rows), "cell")
+    older = f"; {counted(run.older, 'older record')} of the same cells left out" if run.older else ""
+    foreign = (
+        f"; {counted(run.foreign, 'time')} of another machine left out" if isinstance(run, Run) and run.foreign else ""
+    )
     # A sweep is not timed.
     study, clock = (about.get("study", {}), about.get("clock")) if isinstance(run, Run) else ({}, None)
     facts = [
         ("command", about.get("command", "unknown: no run.json")),
         ("finished", about.get("finished")),
-        ("rows", f"{len(run.rows)} cells, all that the folder holds, of this and earlier commands{older}{foreign}"),
+        ("rows", f"{cells}, all that the folder holds, of this and earlier commands{older}{foreign}"),
         ("renderer", f"{run.renderer}{' (software)' if run.software else ''}"),
         ("processor", machine.get("processor") and f"{machine['processor']}, {machine.get('cores')} cores"),
         ("memory", machine.get("memory_gib") and f"{machine['memory_gib']} GiB"),
@@ -181,7 +189,7 @@ def stability_headline(found: Stability) -> list[str]:
         spec, axis, _ = found.unfinished[0]
         lines.append(f"Left out as unfinished: {len(found.unfinished)}, the first `{spec}` along {axis}.")
     if found.unknown:
-        lines.append(f"Left out as not of this version's axes: {found.unknown} cells.")
+        lines.append(f"Left out as not of this version's axes: {counted(found.unknown, 'cell')}.")
     return lines or ["Nothing here has a range."]
 
 

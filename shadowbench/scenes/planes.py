@@ -137,11 +137,15 @@ def _cells(
     # Off the round numbers that modelled planes have, on which rounding would decide.
     cells = np.floor(parts / _CELL + 0.37).astype(np.int64)
     _, cell = np.unique(cells @ _MIXING, return_inverse=True)
+    # Most triangles of curved bodies share a cell with too little area, and so a layer with less: out before sorting.
+    enough = np.flatnonzero(np.bincount(cell, areas)[cell] >= least / 2)
+    normals, middles, areas = normals[enough], middles[enough], areas[enough]
+    named, cell = np.unique(cell[enough], return_inverse=True)
     # Heights are along one normal a cell, its largest triangle's: those of small ones scatter.
     order = np.lexsort([-areas, cell])
     largest = order[np.flatnonzero(np.diff(cell[order], prepend=-1))]
     heights = np.einsum("ij,ij->i", middles, normals[largest][cell])
-    layers = np.column_stack([cell, np.floor(heights / layer + 0.37).astype(np.int64)])
+    layers = np.column_stack([named[cell], np.floor(heights / layer + 0.37).astype(np.int64)])
     _, within = np.unique(layers @ _MIXING[:2], return_inverse=True)
     for group in (within, cell):
         totals = np.bincount(group, areas)
@@ -150,7 +154,7 @@ def _cells(
         for index in np.argsort(-np.round(totals, 9), kind="stable"):  # rounding must not order equal areas
             if totals[index] < least / 2:
                 break
-            yield order[ends[index - 1] if index else 0 : ends[index]]
+            yield enough[order[ends[index - 1] if index else 0 : ends[index]]]
 
 
 def _fitted(corners: Floats, areas: Floats) -> Floats:

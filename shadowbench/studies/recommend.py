@@ -1,11 +1,13 @@
 """`recommend`: the cheapest spec that meets a target in one view, measured as it is searched for."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from shadowbench.needs.survey import Needs, needs
 from shadowbench.scenes.model import View
+from shadowbench.scores.edges import edge_pixels
 from shadowbench.studies.runner import Result
 from shadowbench.studies.search import Search, Tried
 from shadowbench.studies.space import Excluded, needed_space, no_choices, start_size, whole_space
@@ -34,14 +36,20 @@ class Target:
         return 1 - self.value if self.metric == "iou" else self.value
 
     def error(self, metrics: Mapping[str, float | None]) -> float:
-        """How far from the truth a row is, 0 at best. A metric is null where there is no shadow, and none is drawn."""
+        """How far from the truth a row is, 0 at best.
+
+        IoU is null where there is no shadow and none is drawn. A distance of edges is null where neither mask has an
+        edge, even if one is dark all over and the other lit: infinite, then, unless their shadows are the same.
+        """
         value = metrics[self.metric]
         if value is None:
-            return 0.0
+            return 0.0 if metrics["iou"] in (None, 1.0) else math.inf
         return 1 - value if self.metric == "iou" else value
 
     def text(self, error: float) -> str:
-        """An error in the target's own terms: `IoU 0.9712`, `edges 0.21 px off`."""
+        """An error in the target's own terms: `IoU 0.9712`, `edges 0.21 px off`; an infinite one in words."""
+        if math.isinf(error):
+            return "no edges to compare, and other shadows"
         return f"IoU {1 - error:.4f}" if self.metric == "iou" else f"edges {error:.3g} px off"
 
     def __str__(self) -> str:
@@ -113,6 +121,7 @@ def recommend(
         measure=tried,
         margins=MARGINS[target.metric],
         price=1.0 if unit == "work" else 0.0,
+        least=least_error(truth, target.metric),
     )
     best = search.run()
     if best is not None and target.budget_ms is not None and best.cost > target.budget_ms:
@@ -132,6 +141,14 @@ def recommend(
         better=_better(search.tried, best),
         needs=found,
     )
+
+
+def least_error(truth: Truth, metric: Literal["iou", "edge_px"]) -> float:
+    """About the error of one wrong pixel: errors come in whole ones, of the shadow or of its edge."""
+    valid = truth.receivers & ~truth.undecided
+    shadow = valid & (truth.visibility < 0.5)
+    counted = shadow if metric == "iou" else edge_pixels(shadow, valid & ~shadow)
+    return 1 / max(int(counted.sum()), 1)
 
 
 def tried_of(spec: Spec, result: Result, target: Target, unit: Unit) -> Tried:
@@ -169,7 +186,8 @@ def runners_up(tried: Sequence[Tried], best: Tried | None, target: Target) -> tu
 
 def _cheaper(tried: Sequence[Tried], best: Tried | None) -> Tried | None:
     """The most accurate of what saves a tenth of the choice's cost or more."""
-    less = [one for one in tried if best is not None and one.cost <= SAVED * best.cost]
+    cheaper = [one for one in tried if best is not None and one.cost <= SAVED * best.cost]
+    less = [one for one in cheaper if math.isfinite(one.error)]  # no target relaxes to an infinite one
     return min(less, key=lambda one: (one.error, one.cost), default=None)
 
 

@@ -68,7 +68,8 @@ class Search:
 
     pixels: of the picture; start: the map size that needs predict for a group's first look; measure: None for a spec
     that did not hold; margins: how many times an error may be below what another size, and another filter, let expect;
-    price: of a unit of work, 1 where costs are work, 0 where nothing is known of it: then less is left out.
+    price: of a unit of work, 1 where costs are work, 0 where nothing is known of it: then less is left out; least: the
+    smallest error above 0 that there is: where less is expected, there may be none.
     """
 
     space: Sequence[Spec]
@@ -78,6 +79,7 @@ class Search:
     measure: Callable[[Spec], Tried | None]
     margins: tuple[float, float]
     price: float = 1.0
+    least: float = TINY
     tried: list[Tried] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -129,11 +131,11 @@ class Search:
 
     def _next(self) -> Spec | None:
         """The cheapest that is expected to meet the target, else the one that comes closest; None when none may."""
-        enough = self.enough
+        enough, within = self.enough, max(self.limit, self.least)
         paying = [(spec, place, cost) for spec, place in self._left.items() if (cost := self.cost(place)) < enough]
         judged = [(spec, cost, *self.error(place)) for spec, place, cost in paying]
-        alive = [(spec, cost, error) for spec, cost, error, margin in judged if error / margin <= self.limit]
-        expected = [one for one in alive if one[2] <= self.limit]
+        alive = [(spec, cost, error) for spec, cost, error, margin in judged if error / margin <= within]
+        expected = [one for one in alive if one[2] <= within]
         if expected:
             return min(expected, key=lambda one: (one[1], one[2]))[0]
         return min(alive, key=lambda one: (one[2], one[1]))[0] if alive else None
@@ -187,12 +189,18 @@ class Search:
     def _ratios(self, filter: str, other: str) -> list[float]:
         """What a filter's error was to another's, at the same size in any group."""
         groups = [self._lines(seen) for seen in self._seen.values()]
-        both = [(lines.get(filter, {}), lines.get(other, {})) for lines in groups]
+        both = [(_numbers(lines.get(filter, {})), _numbers(lines.get(other, {}))) for lines in groups]
         return [max(a[size], TINY) / max(b[size], TINY) for a, b in both for size in a.keys() & b.keys()]
 
 
 def extrapolated(errors: dict[int, float], size: int) -> float:
-    """The error at a size from those at others: a line in logarithms through the two nearest."""
+    """The error at a size from those at others: a line in logarithms through the two nearest.
+
+    Infinite ones are on no line. Where all are, a map that is no larger is no better; of a larger nothing is known: 0.
+    """
+    if not _numbers(errors):
+        return math.inf if size <= max(errors) else 0.0
+    errors = _numbers(errors)
     near = _nearest(errors, size)
     first = math.log(max(errors[near[0]], TINY))
     slope = SLOPE
@@ -200,6 +208,11 @@ def extrapolated(errors: dict[int, float], size: int) -> float:
         rise = math.log(max(errors[near[1]], TINY)) - first
         slope = min(max(-rise / math.log(near[1] / near[0]), SLOPES[0]), SLOPES[1])
     return math.exp(first - slope * math.log(size / near[0]))
+
+
+def _numbers(errors: dict[int, float]) -> dict[int, float]:
+    """The finite ones."""
+    return {size: error for size, error in errors.items() if math.isfinite(error)}
 
 
 def _nearest(sizes: Iterable[int], size: int) -> list[int]:

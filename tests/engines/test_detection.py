@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from shadowbench.engines.encoding import seems_encoded
+from shadowbench.engines.encoding import Reading, reading_of
 from shadowbench.engines.orientation import misorientation
 from shadowbench.engines.shift import shift_of
 
@@ -89,16 +89,31 @@ def test_an_encoded_mask_is_told_from_a_linear_one(
     name: str, times: int, drawn: Callable, comparison: Callable
 ) -> None:
     mask = blurred(drawn(name), times)
-    assert seems_encoded(comparison(mask, name)) is False
-    assert seems_encoded(comparison(srgb(mask), name)) is True
+    assert reading_of(comparison(mask, name)) == Reading(None, False)
+    assert reading_of(comparison(srgb(mask), name)) == Reading(None, True)
 
 
-def test_an_encoded_mask_that_is_shifted_too_is_found(drawn: Callable, comparison: Callable) -> None:
-    both = comparison(srgb(drawn("stairs", shift=(1, 0.5))), "stairs")
-    shift = shift_of(both)
-    assert shift is not None  # though not within 0.1: edges that are too light look moved into the shadow
-    assert seems_encoded(both, shift) is True
+@pytest.mark.parametrize("name", SCENES)
+def test_an_encoded_mask_that_is_shifted_too_is_told_its_own_shift(
+    name: str, drawn: Callable, comparison: Callable
+) -> None:
+    mask = drawn(name, shift=(1, 0.5))  # once encoded, its edges look moved into the shadow
+    for values, encoded in ((mask, False), (srgb(mask), True)):
+        found = reading_of(comparison(values, name))
+        assert (found.encoded, found.umbra) == (encoded, None) and found.shift is not None
+        np.testing.assert_allclose(found.shift, (1, 0.5), atol=0.1)
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("umbra", [0.1, 0.3, 0.6])
+@pytest.mark.parametrize("hard", [False, True])
+def test_a_linear_mask_that_is_never_dark_is_not_taken_for_an_encoded_one(
+    name: str, umbra: float, hard: bool, drawn: Callable, comparison: Callable
+) -> None:
+    found = reading_of(comparison(umbra + (1 - umbra) * drawn(name, hard=hard), name))
+    assert (found.encoded, found.shift) == (False, None)
+    assert found.umbra == pytest.approx(umbra, abs=2e-3)
 
 
 def test_nothing_is_said_of_the_encoding_of_a_hard_mask(drawn: Callable, comparison: Callable) -> None:
-    assert seems_encoded(comparison(drawn("stairs", hard=True), "stairs")) is None
+    assert reading_of(comparison(drawn("stairs", hard=True), "stairs")) == Reading(None)

@@ -1,5 +1,6 @@
 """The pytest plug-in, in a suite of its own, as an engine would have it."""
 
+import re
 import statistics
 import subprocess
 import sys
@@ -86,7 +87,47 @@ def test_without_a_folder_the_picture_goes_to_the_tests_own(suite: Callable, tmp
         f"--basetemp={tmp_path / 'base'}",
     )
     assert done.returncode == 1 and "0.98 < iou 0 (accuracy of" in done.stdout
-    assert [file.name for file in (tmp_path / "base").rglob("*.png")] == ["test_it.diff.png"]
+    (picture,) = (tmp_path / "base").rglob("*.png")
+    assert re.fullmatch(r"test_engine\.test_it-[0-9a-f]{8}\.diff\.png", picture.name)
+
+
+def test_no_two_tests_share_a_picture(suite: Callable, tmp_path: Path) -> None:
+    long = "x" * 200
+    text = (
+        "import pytest\n"
+        "def accurate(shadow_accuracy):\n"
+        '    assert shadow_accuracy("empty.png", scene="stairs").iou > 0.98\n'
+        f'@pytest.mark.parametrize("case", ["a{long}", "b{long}", "{long}a", "{long}b", "a b", "a/b"])\n'
+        "def test_it(shadow_accuracy, case):\n    accurate(shadow_accuracy)\n"
+        "class TestOne:\n    def test_it(self, shadow_accuracy):\n        accurate(shadow_accuracy)\n"
+    )
+    diffs = tmp_path / "diffs"
+    (tmp_path / "engine" / "test_another.py").write_text(text)
+    done = suite(text, "--shadow-diffs", str(diffs))
+    assert "14 failed" in done.stdout
+    assert len(list(diffs.iterdir())) == 14
+
+
+def test_a_metric_that_is_not_defined_is_none_and_a_comparison_says_why(suite: Callable, tmp_path: Path) -> None:
+    scene = (
+        'name = "bare"\ncamera = { position = [0.0, 2.0, 3.0], target = [0.0, 0.0, 0.0] }\n'
+        'light = { kind = "directional", direction = [0.2, -1.0, 0.1] }\nmesh = [{ shape = "plane", scale = 9.0 }]\n'
+    )
+    (tmp_path / "engine" / "bare.toml").write_text(scene)
+    done = suite(
+        "def test_read(shadow_accuracy):\n"
+        '    assert shadow_accuracy("empty.png", scene="bare.toml").iou is None\n'
+        "def test_compared(shadow_accuracy):\n"
+        '    assert shadow_accuracy("empty.png", scene="bare.toml").iou > 0.98\n'
+        "def test_contact(shadow_accuracy):\n"
+        '    assert shadow_accuracy("mask.png", scene="bare.toml").contact < 0.1\n'
+        "def test_of_its_own():\n"
+        "    assert None > 0.98\n"
+    )
+    assert "3 failed, 1 passed" in done.stdout
+    assert "iou is None (accuracy of empty.png on bare): neither the truth nor the mask has a shadow in" in done.stdout
+    assert "contact is None (accuracy of mask.png on bare): nothing to measure it on; of" in done.stdout
+    assert done.stdout.count(" is None (") == 2 and "pytest_plugin.py" not in done.stdout
 
 
 def test_bad_input_is_a_failure_of_one_line(suite: Callable) -> None:

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from shadowbench.engines.encoding import seems_encoded
+from shadowbench.engines.encoding import reading_of
 from shadowbench.engines.orientation import misorientation
-from shadowbench.engines.shift import shift_of
+from shadowbench.engines.scored import seems_of_another
 from shadowbench.scores.masks import read_mask
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -45,9 +45,9 @@ def test_no_mask_of_ours_is_taken_for_turned_shifted_or_encoded(
     alarms = []
     for row in held:
         one = comparison(read_mask(tmp_path / "run" / "masks" / f"{row['key']}.png"), row["scene"])
-        shift = shift_of(one)
-        found = misorientation(one.visibility, one.reference), shift, seems_encoded(one, shift) or None
-        if any(found):
+        reading = reading_of(one)
+        found = misorientation(one.visibility, one.reference), reading.shift, reading.encoded or None, reading.umbra
+        if any(found) or seems_of_another(one):
             alarms.append((row["scene"], row["spec"], row["map_size"], found))
     assert alarms == []
 

@@ -69,13 +69,49 @@ def test_a_shift_and_an_encoding_are_warned_of_and_scored_as_they_are(
     for values, key, line in (
         (drawn(SCENE, shift=(0.5, -1)), "shift_px", "seems shifted by 0.50 px to the right and 1.00 px up; scored as"),
         (srgb(drawn(SCENE)), "srgb_encoded", "seems to be sRGB-encoded"),
+        (0.3 + 0.7 * drawn(SCENE), "umbra", "its shadow is 0.30, not 0; scored as it is"),
     ):
         write_mask(file, values)
         answer = shadowbench("score", SCENE, file)
         assert answer.code == 0 and line in answer.err
         found = json.loads(shadowbench("score", SCENE, file, "--json").out)
-        assert found["input"][key] and line in found["warnings"][0]
+        assert found["input"][key] and line in found["warnings"][0] and len(found["warnings"]) == 1
         assert found["metrics"] == score(read_mask(file), reference(SCENE))
+
+
+def test_a_mask_of_another_scene_is_warned_of_and_an_empty_or_a_dark_one_is_not(
+    shadowbench: Callable, drawn: Callable, tmp_path: Path
+) -> None:
+    file, line = (
+        tmp_path / "mask.png",
+        "has little in common with the truth; is it a mask of this scene, view and light?",
+    )
+    for values, told in (
+        (drawn("spot-lamp"), True),
+        (drawn(SCENE), False),
+        (np.ones((256, 256)), False),
+        (np.zeros((256, 256)), False),
+    ):
+        write_mask(file, values)
+        assert (line in shadowbench("score", SCENE, file).err) == told
+
+
+def test_a_mask_of_another_size_than_the_export_beside_it_is_warned_of(
+    shadowbench: Callable, drawn: Callable, tmp_path: Path
+) -> None:
+    assert shadowbench("export", SCENE, tmp_path, "--view-size", "256").code == 0
+    file = tmp_path / "mask.png"
+    for size, told in ((256, False), (128, True)):
+        write_mask(file, drawn(SCENE, size))
+        answer = shadowbench("score", SCENE, file)
+        line = (
+            f"128², where {tmp_path / 'view.json'} says 256²; a mask's size is the view's: scored as the view of 128²"
+        )
+        assert (answer.code, line in answer.err) == (0, told)
+        found = json.loads(shadowbench("score", SCENE, file, "--json").out)
+        assert (found["view_size"], len(found["warnings"])) == (size, int(told))
+    (tmp_path / "view.json").write_text("of another program", encoding="utf-8")
+    assert shadowbench("score", SCENE, file).err == ""
 
 
 def test_screenshots_give_the_scores_of_the_mask_behind_them(

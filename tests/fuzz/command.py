@@ -103,6 +103,7 @@ def answer(
 ) -> Verdict:
     """The verdict on an exit code, the lines of stderr, bytes, seconds, and the files before and after."""
     line = said[-1] if said else ""
+    lines = [text for text in said if not text.startswith("note: ")]  # what was assumed until then
     written = sorted(after.keys() - before.keys())
     changed = sorted(name for name in before if name != "out" and after.get(name) != before[name])
     problems = [
@@ -110,7 +111,8 @@ def answer(
         (memory > MOST_MEMORY, f"{memory / 2**30:.1f} GiB resident"),
         (code not in (0, 2), f"exit code {code}"),
         (any("Traceback" in text or "Warning" in text for text in said), "a traceback or a warning"),
-        (code == 2 and len(said) != 1, f"{len(said)} lines"),
+        (code == 2 and len(lines) != 1, f"{len(lines)} lines beside notes"),
+        (code == 2 and said[-1:] != lines[-1:], "a note after the error"),
         (code == 2 and not line.startswith("shadowbench: "), "no line of ours"),
         (bool(changed), f"changed {changed[:3]}"),
         (any(not name.startswith("out") for name in written), f"wrote {written[:3]}"),

@@ -81,7 +81,12 @@ def test_a_case_that_hangs_or_kills_its_process_is_named_and_the_others_go_on() 
     [
         (1, [], 0, [], "exit code 1"),
         (0, ["Traceback (most recent call last):"], 0, ["out/a.npz"], "a traceback"),
-        (2, ["note: x", "shadowbench: y"], 0, [], "2 lines"),
+        (2, ["x", "shadowbench: y"], 0, [], "2 lines"),
+        (2, ["warning: x", "shadowbench: y"], 0, [], "2 lines"),
+        (2, ["shadowbench: x", "note: a", "shadowbench: y"], 0, [], "2 lines"),
+        (2, ["note: x", "  and more", "shadowbench: y"], 0, [], "2 lines"),
+        (2, ["shadowbench: y", "note: x"], 0, [], "a note after the error"),
+        (2, ["note: x"], 0, [], "0 lines"),
         (2, [], 0, [], "0 lines"),
         (2, ["error"], 0, [], "no line of ours"),
         (2, ["shadowbench: y"], 0, ["out/a.npz"], "left"),
@@ -100,5 +105,6 @@ def test_a_command_that_misbehaves_is_a_failure(
 
 
 def test_a_command_that_behaves_is_none() -> None:
-    assert command.answer(2, ["shadowbench: y"], 0, 1.0, {"out": 0}, {"out": 0}).kind == "refusal"
+    for said in (["shadowbench: y"], ["note: x", "note: z", "shadowbench: y"]):
+        assert command.answer(2, said, 0, 1.0, {"out": 0}, {"out": 0}) == ("refusal", "shadowbench: y", True)
     assert command.answer(0, ["note: x"], 0, 1.0, {"out": 0}, {"out": 1, "out/a.npz": 1}).kind == "result"

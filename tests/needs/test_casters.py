@@ -5,6 +5,8 @@ import pytest
 import trimesh
 
 from shadowbench.needs.casters import casters_of
+from shadowbench.needs.survey import needs
+from shadowbench.needs.words import told
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import Light, Mesh
 from shadowbench.scenes.views import chosen_view
@@ -39,6 +41,23 @@ def test_a_box_turned_inside_out_is_not_closed() -> None:
     turned = Mesh("turned", mesh.vertices, mesh.faces[:, ::-1].copy())
     assert casters_of(looking([turned], SUN)).closed == 0
     assert casters_of(looking([turned], SUN)).silhouette == 6
+
+
+def test_words_say_which_casters_are_open_and_which_are_wound_inwards() -> None:
+    mesh = box(1.0, (0.0, 0.5, 0.0))
+    turned = Mesh("turned", mesh.vertices + np.array([2.0, 0.0, 0.0]), mesh.faces[:, ::-1].copy())
+
+    def reason(*meshes: Mesh) -> str:
+        return {row.need: row.reason for row in told(needs(looking(meshes, SUN)))}["closed casters"]
+
+    signs = "which volumes count with both signs"
+    assert casters_of(looking([plate(9.0), mesh, turned], SUN)).open == 2
+    assert reason(plate(9.0), mesh, turned) == (
+        f"triangles; 2 are in open parts, 12 in closed parts not wound outwards, {signs}"
+    )
+    assert reason(plate(9.0), mesh) == f"triangles; 2 are in open parts, {signs}"
+    assert reason(plate(9.0, casts=False), turned) == f"triangles; 12 are in closed parts not wound outwards, {signs}"
+    assert reason(plate(9.0, casts=False), mesh).startswith("all are")
 
 
 def test_a_ball_has_the_outlines_that_lie_between_triangles_turned_to_the_light_and_away(light: Light) -> None:

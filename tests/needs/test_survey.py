@@ -13,6 +13,7 @@ import pytest
 import trimesh
 
 from shadowbench.errors import InputError
+from shadowbench.gl.device import Device
 from shadowbench.needs.receivers import receivers_of
 from shadowbench.needs.sampling import sampled
 from shadowbench.needs.survey import needs
@@ -20,6 +21,9 @@ from shadowbench.needs.words import told
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import Light, Mesh
 from shadowbench.scenes.views import chosen_view
+from shadowbench.techniques.base import Stage
+from shadowbench.techniques.planar_projection import PlanarProjection
+from shadowbench.techniques.registry import shader_folder
 from shadowbench.truth.trace import trace
 from tests.needs.conftest import box, from_above, looking, plate
 
@@ -56,6 +60,60 @@ def test_planes_hold_all_of_a_box_on_a_ground_and_none_of_a_ball() -> None:
     made = trimesh.creation.icosphere(4)
     ball = Mesh("ball", np.asarray(made.vertices), np.asarray(made.faces, dtype=np.int32))
     assert receivers_of(sampled(looking([ball], SUN))).planar.value < 0.2
+
+
+def test_planes_too_small_for_the_whole_hold_nothing_though_they_are_all_that_is_seen() -> None:
+    """A table that fills the picture is no plane for the technique beside 400 m of ground: it draws no shadow there."""
+    table, above = box(1.0, (0.0, -0.5, 0.0)), box(0.1, (0.0, 0.3, 0.0), "above")
+    seen = from_above([plate(400.0, (0.0, -1.0, 0.0)), table, above], SUN, width=0.8)
+    found = receivers_of(sampled(seen))
+    assert found.shadowed.value > 0 and found.planar.value == 0.0 and found.planes == 0
+    assert not found.projection_suffices
+    assert "no plane holds any of what is seen" in {row.need: row.reason for row in told(needs(seen))}["receivers"]
+    alone = receivers_of(sampled(from_above([table, above], SUN, width=0.8)))
+    assert alone.planar.value == 1.0 and alone.planes == 2
+
+
+def test_planes_beyond_the_largest_that_are_taken_hold_nothing() -> None:
+    most = PlanarProjection.Params().count
+    far = [plate(3.0, (0.0, -1.0 - k, 0.0), f"plate {k}") for k in range(most)]
+    for below, planar in ((far[1:], 1.0), (far, 0.0)):
+        found = receivers_of(sampled(from_above([plate(2.0), *below], SUN, width=1.0)))
+        assert found.planar.value == planar and found.planes == planar
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_what_lies_on_planes_lies_on_those_that_projection_draws(name: str, device: Device, studio: Any) -> None:
+    view = chosen_view(name, 64)
+    shot = studio.shot(view)
+    folder = shader_folder(PlanarProjection)
+    stage = Stage(shot.view.scene, device, (64, 64), shot.geometry, shot.placement, folder)
+    technique = PlanarProjection(PlanarProjection.Params())
+    technique.build(stage)
+    of = np.full(len(view.scene.geometry.faces), -1)
+    for index, plane in enumerate(technique.planes):
+        of[plane.triangles] = index
+    stage.release()
+    samples = sampled(view)
+    found, seen = receivers_of(samples), of[samples.triangle]
+    assert found.planar.value == np.mean(seen >= 0)
+    assert found.planes == len(np.unique(seen[seen >= 0]))
+
+
+def test_one_plane_holds_and_two_hold() -> None:
+    def reason(*meshes: Mesh) -> str:
+        return {row.need: row.reason for row in told(needs(from_above(meshes, SUN)))}["receivers"]
+
+    assert reason(plate(8.0)).startswith("1 plane holds all that is seen")
+    assert reason(plate(8.0), plate(0.5, (0.0, 0.1, 0.0))).startswith("2 planes hold all that is seen")
+    ball = trimesh.creation.icosphere(3, radius=0.4)
+    round_one = Mesh("ball", np.asarray(ball.vertices), np.asarray(ball.faces, dtype=np.int32))
+    assert reason(plate(50.0), round_one).startswith("planar-projection, on 1 plane, would leave")
+
+
+def test_cascades_are_compared_with_other_numbers_of_cascades() -> None:
+    rows = {row.need: row.reason for row in told(needs(chosen_view("cube-on-plane", 64)))}
+    assert rows["cascades"].startswith("have the fewest texels of all numbers of cascades; sizes by number")
 
 
 def test_without_casters_there_is_nothing_to_need() -> None:

@@ -1,8 +1,12 @@
 """Charts: nothing falls off an axis, and no axis holds the times of two machines."""
 
 import math
+import re
 from collections.abc import Callable
 from typing import Any
+
+import numpy as np
+from skimage.color import deltaE_ciede2000, rgb2lab
 
 from shadowbench.reports.analysis import Section, sections, specs_of
 from shadowbench.reports.bias_curve import bias_charts
@@ -88,6 +92,48 @@ def test_passes_are_those_of_one_map_size_and_of_what_has_no_map(section_of: Cal
     assert {bar["spec"] for bar in chart["data"]["values"]} == {"shadow-map", "unshadowed", "ray-traced"}
 
 
+def test_passes_are_stacked_as_each_spec_draws_them(section_of: Callable[..., Section]) -> None:
+    orders = {"a": ("depth", "blur", "resolve"), "b": ("resolve", "depth"), "c": ("blur", "again", "depth")}
+    section = section_of(
+        [Cell(spec, 512, 0.1, 9.0, passes=tuple((one, 1.0) for one in order)) for spec, order in orders.items()]
+    )
+    chart = pass_chart(section, 512)
+    assert chart is not None
+    bars = sorted(chart["data"]["values"], key=lambda bar: bar["rank"])
+    assert {spec: tuple(bar["pass"] for bar in bars if bar["spec"] == spec) for spec in orders} == orders
+    assert chart["layer"][0]["encoding"]["order"] == {"field": "rank"}
+
+
+def test_each_of_many_passes_has_a_colour_of_its_own(section_of: Callable[..., Section]) -> None:
+    names = [f"pass {number}" for number in range(16)]
+    chart = pass_chart(section_of([Cell("a", 512, 0.1, 9.0, passes=tuple((name, 1.0) for name in names))]), 512)
+    assert chart is not None
+    scale = chart["layer"][0]["encoding"]["color"]["scale"]
+    assert scale["domain"] == names and len(set(scale["range"])) == 16
+    levels = [[int(color[at : at + 2], 16) / 255 for at in (1, 3, 5)] for color in (*scale["range"], "#ffffff")]
+    lab = rgb2lab(levels)
+    apart = deltaE_ciede2000(lab[:, None], lab[None]) + 100 * np.eye(len(lab))
+    assert apart.min() > 20, "a difference of 2 can just be seen side by side"
+
+
+def test_the_chart_of_passes_says_why_they_do_not_add_up(section_of: Callable[..., Section]) -> None:
+    section = section_of()
+    chart = pass_chart(section, 1024)
+    assert chart is not None
+    said = " ".join(reversed(texts(figure(chart, section))))
+    assert "passes timed one by one, each finished before the next," in said
+    assert "so that their sum may exceed the frame; tick: the whole frame, timed apart" in said
+
+
+def test_the_page_says_so_too_and_counts_one_thing_as_one(
+    run_folder: Callable[..., Any], page_of: Callable[..., str]
+) -> None:
+    page = " ".join(page_of(run_folder([Cell("a", 512, 0.1, 3.0)])).split())
+    assert "each finished before the next, so that their sum may exceed the frame" in page
+    assert "1 cell on" in page and "1 cell, all that" in page and "The only configuration as a table" in page
+    assert not re.search(r"\b1 (cells|pictures|records|times|configurations)\b", page)
+
+
 def test_what_was_not_timed_has_no_chart_of_times(section_of: Callable[..., Section]) -> None:
     section = section_of([Cell("a", 512, 0.1, None)])
     styles = styles_of(specs_of([section]), legend=True)
@@ -103,9 +149,11 @@ def test_no_two_of_many_specs_look_alike() -> None:
 def test_a_swept_bias_has_a_chart_with_a_line_for_each_map_size(run_folder: Callable[..., Any]) -> None:
     specs = {"shadow-map:bias=texel(scale=4.0)": 4.0, "shadow-map": 1.0, "shadow-map:bias=texel(scale=0.5)": 0.5}
     cells = [Cell(spec, size, 0.01 * factor, None) for spec, factor in specs.items() for size in (1024, 512)]
-    folder = run_folder([*cells, Cell("unshadowed", None, 1.0, None)])
-    lines = [f"{spec},shadow-map,{factor}" for spec, factor in specs.items()]
-    (folder / "table.csv").write_text("\n".join(["spec,bias_of,bias_factor", *lines, "unshadowed,,"]))
+    floor = Cell("unshadowed", None, 1.0, None)
+    folder = run_folder([*cells, floor])
+    lines = [f"{one.key},{one.spec},{one.map_size},shadow-map,{specs[one.spec]}" for one in cells]
+    head = "key,spec,map_size,bias_of,bias_factor"
+    (folder / "table.csv").write_text("\n".join([head, *lines, f"{floor.key},unshadowed,,,"]))
     ((section,),) = sections(read_runs([folder])).values()
     ((home, chart),) = bias_charts(section)
     assert home == "shadow-map"

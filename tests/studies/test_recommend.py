@@ -26,6 +26,27 @@ casts = {box}
 translate = [0, {height}, 0]
 """
 
+DARK_TABLE = """
+[camera]
+position = [0.0, 2.2, 0.9]
+target = [0.0, 1.0, 0.0]
+fov_y = 30.0
+[light]
+kind = "directional"
+direction = [0.4, -1.0, -0.2]
+[[mesh]]
+shape = "plane"
+scale = {ground}
+[[mesh]]
+shape = "box"
+scale = [2.0, 1.0, 2.0]
+translate = [0.0, 0.5, 0.0]
+[[mesh]]
+shape = "box"
+scale = [12.0, 0.1, 12.0]
+translate = [-1.2, 4.0, 0.6]
+"""
+
 
 @pytest.fixture
 def scene(tmp_path: Path) -> Callable[..., Path]:
@@ -132,6 +153,22 @@ def test_without_casters_it_is_one_line(
 ) -> None:
     answer = shadowbench("recommend", scene(floor="false", box="false"), "-o", tmp_path / "rows", "--quiet")
     assert answer.code == 2 and "no mesh casts a shadow" in answer.err and len(answer.err.splitlines()) == 1
+
+
+@pytest.mark.parametrize("ground", [400.0, 40.0])
+@pytest.mark.parametrize("target", [("--max-edge-px", "0.5"), ("--min-iou", "1")])
+def test_a_picture_that_is_dark_all_over_is_not_met_by_drawing_no_shadow(
+    shadowbench: Callable[..., Any], tmp_path: Path, target: tuple[str, str], ground: float
+) -> None:
+    """It has no edge to be off; the table is a plane for the technique on the smaller ground only."""
+    file = tmp_path / "dark.toml"
+    file.write_text(DARK_TABLE.format(ground=ground))
+    answer = shadowbench("recommend", file, "--view-size", "64", "-o", tmp_path / "rows", "--json", *target)
+    assert answer.code == 0, answer.err
+    found = json.loads(answer.out)
+    assert found["choice"]["metrics"]["iou"] == 1.0 and found["choice"]["metrics"]["edge_px"] is None
+    projected = [one["metrics"]["iou"] for one in found["evidence"] if one["spec"] == "planar-projection"]
+    assert projected == ([1.0] if ground == 40.0 else [])
 
 
 def test_where_nothing_seen_is_in_shadow_drawing_none_is_enough(

@@ -3,16 +3,20 @@
 import dataclasses
 import math
 from collections.abc import Callable
+from typing import Literal
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shadowbench.commands.recommend_words import in_the_way
+from shadowbench.commands.recommend_words import in_the_way, step_lines
 from shadowbench.needs.survey import Needs, needs
 from shadowbench.scenes.model import View
-from shadowbench.studies.recommend import Target, recommend
+from shadowbench.scores import score
+from shadowbench.studies.recommend import Target, least_error, recommend
 from shadowbench.studies.runner import Result
+from shadowbench.studies.scoring import reference_of
 from shadowbench.studies.search import Search, Tried, extrapolated, place_of
 from shadowbench.studies.space import needed_space, no_choices, specs_of, start_size, whole_space
 from shadowbench.techniques.registry import techniques
@@ -110,6 +114,85 @@ def test_a_spec_that_does_not_hold_is_passed_over() -> None:
     best = Search(sun_space(), 0.05, PIXELS, lambda spec: 1024, measure, MARGINS).run()
     assert best is not None and best.spec.technique.name != "cascades"
     assert [spec.map_size for spec in cascades] == [1024] * 3 + [256] * 3  # smaller might have held, larger not
+
+
+@pytest.mark.parametrize("limit", [0.0, 1e-9])
+def test_a_target_without_any_error_is_searched_for_among_maps(limit: float) -> None:
+    """Errors come in whole pixels of the shadow: below one there is none, and predictions never are 0."""
+    pixel = 1 / 5000
+
+    class Counted(Model):
+        def tried(self, spec: Spec) -> Tried:
+            one = super().tried(spec)
+            return dataclasses.replace(one, error=round(one.error / pixel) * pixel)
+
+    model, space = Counted(sharpness=0.2, spread=1, slope=1, vertices=0, volume=300), sun_space()
+    best = Search(space, limit, PIXELS, lambda spec: 256, model.measure, MARGINS, least=pixel).run()
+    met = [one for one in map(model.tried, space) if one.error == 0]
+    assert best is not None and best.error == 0 and best.spec.map_size is not None
+    assert best.cost <= 1.15 * min(one.cost for one in met)
+    assert len(model.asked) <= 0.2 * len(whole_space(KNOWN, "directional", 16384))
+
+
+@pytest.mark.parametrize("metric", ["iou", "edge_px"])
+def test_one_wrong_pixel_is_about_the_least_error(
+    metric: Literal["iou", "edge_px"], truth_of: Callable[..., Truth]
+) -> None:
+    truth = truth_of("cube-on-plane", 64)
+    reference = reference_of(truth)
+    found = least_error(truth, metric)
+    for y, x in np.argwhere(reference.edge)[::7]:
+        mask = truth.visibility.copy()
+        mask[y, x] = 1.0
+        error = Target(metric, 0.5).error(score(mask, reference))
+        assert 0.4 * found < error < 4 * found
+
+
+def test_an_error_without_a_number_says_nothing_of_larger_maps_and_all_of_smaller_ones() -> None:
+    assert extrapolated({256: math.inf}, 128) == extrapolated({256: math.inf}, 256) == math.inf
+    assert extrapolated({256: math.inf, 512: math.inf}, 1024) == 0.0
+    assert extrapolated({256: math.inf, 512: 0.02}, 1024) == pytest.approx(0.01)
+    assert extrapolated({256: 0.08, 512: 0.02, 1024: math.inf}, 2048) < 0.01
+
+    class Coarse(Model):
+        def tried(self, spec: Spec) -> Tried:
+            one = super().tried(spec)
+            coarse = (spec.map_size or 0) < 1024
+            return dataclasses.replace(one, error=math.inf if coarse else one.error)
+
+    model, space = Coarse(sharpness=10, spread=0, slope=1, vertices=0, volume=300), sun_space()
+    best = searched(model, 0.02, space, start=300)
+    met = [one for one in map(model.tried, space) if one.error <= 0.02]
+    assert best is not None and best.cost == min(one.cost for one in met)
+
+
+@pytest.mark.parametrize(
+    ("iou", "error"), [(None, 0.0), (1.0, 0.0), (0.0, math.inf), (0.98, math.inf)], ids=["none", "same", "lit", "most"]
+)
+def test_without_any_edge_nothing_is_off_only_where_the_shadows_are_the_same(iou: float | None, error: float) -> None:
+    assert Target("edge_px", 0.5).error({"edge_px": None, "iou": iou}) == error
+    assert Target("edge_px", 0.5).error({"edge_px": 0.25, "iou": iou}) == 0.25
+
+
+def test_what_has_no_edge_to_compare_is_said_so_and_relaxes_no_target(
+    builtin: Callable[..., View], truth_of: Callable[..., Truth]
+) -> None:
+    known = {name: KNOWN[name] for name in ("shadow-map", "unshadowed")}
+
+    def measure(spec: Spec) -> Result:
+        assert spec.map_size is not None
+        same = spec.map_size >= 512
+        row = {"status": "ok", "key": "", "gpu_bytes": spec.map_size**2, "work": {"cost": spec.map_size**2}}
+        metrics = {"edge_px": None, "iou": 1.0 if same else 0.2, "contact": 0.0, "leak": 0.0, "acne": 0.0}
+        return Result(row | {"metrics": metrics}, None)
+
+    view, truth, target = builtin("street", 128), truth_of("street", 128), Target("edge_px", 0.5)
+    found = recommend(view, truth, target, "work", known, 1024, measure)
+    assert found.choice is not None and found.choice.spec.map_size == 512
+    assert step_lines(found)[0] == "relaxed: nothing that was measured costs a tenth less"
+    none = recommend(view, truth, target, "work", known, 256, measure)
+    assert none.choice is None
+    assert in_the_way(none)[0].endswith(": no edges to compare, and other shadows")
 
 
 def test_of_two_that_cost_alike_the_one_of_fewer_bytes_is_chosen() -> None:

@@ -5,12 +5,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import pytest
 
 from shadowbench.errors import InputError
 from shadowbench.studies.study import Study
 from shadowbench.studies.study_file import read_study
-from shadowbench.studies.sweeps import curves, places
+from shadowbench.studies.sweeps import Places, curves, places, places_of, with_factors
 from shadowbench.studies.tables import Interval, SummaryRow
 from shadowbench.techniques.biases import Bias
 from shadowbench.techniques.registry import techniques
@@ -103,3 +104,56 @@ def test_a_run_prints_the_curve_with_default_and_best_and_keeps_the_factors(
         cells = list(csv.DictReader(stream))
     assert {cell["bias_of"] for cell in cells} == {"shadow-map"}
     assert sorted(float(cell["bias_factor"]) for cell in cells) == [0.25, 0.5, 1, 2, 4]
+
+
+def test_sweeps_that_meet_are_whole_each_and_a_table_names_a_spec_s_own(tmp_path: Path) -> None:
+    made = study(
+        tmp_path,
+        "spec = 'shadow-map'\nsize = [256, 512]\nbias = ['constant(units=0.25)', 'constant(units=0.5)']\n"
+        "bias_sweep = [0.5, 1, 2]",
+    )
+    values = {"iou": Interval(0.9), "ssim": Interval(0.9)}
+    cells = list(dict.fromkeys((format_spec(spec, size=False), spec.map_size) for spec in made.specs))
+    assert len(cells) == 8
+    rows = [SummaryRow(spec, size, 1, (), values) for spec, size in cells]
+    frame = pd.DataFrame(cells, columns=["spec", "map_size"])
+
+    def told(found: Places) -> list[tuple[str, int | None, list[tuple[float, str]]]]:
+        return [
+            (one.home, one.map_size, [(factor, row.spec) for factor, row in one.rows]) for one in curves(rows, found)
+        ]
+
+    def bias(units: float) -> str:
+        return f"shadow-map:bias=constant(units={units})"
+
+    found = places(made.sweeps)
+    assert told(found) == [
+        (bias(home), size, [(factor, bias(home * factor)) for factor in (0.5, 1, 2)])
+        for home in (0.25, 0.5)
+        for size in (256, 512)
+    ]
+    table = with_factors(frame, found)
+    steps = [(0.125, 0.25, 0.5), (0.25, 0.25, 1), (0.5, 0.5, 1), (1.0, 0.5, 2)]
+    own = [(bias(units), bias(home), factor) for units, home, factor in steps]
+    assert sorted(set(zip(table["spec"], table["bias_of"], table["bias_factor"], strict=True))) == own
+    table.to_csv(tmp_path / "table.csv", index=False)
+    assert told(places_of(tmp_path / "table.csv")) == told(found)
+
+
+def test_a_sweep_of_one_map_size_says_nothing_of_another(tmp_path: Path) -> None:
+    made = study(
+        tmp_path,
+        "spec = 'shadow-map:bias=constant(units=0.25)'\nsize = 256\nbias_sweep = [1, 2]\n"
+        "[[technique]]\nspec = 'shadow-map:bias=constant(units=0.5)'\nsize = 512\nbias_sweep = [1]",
+    )
+    specs = [(format_spec(spec, size=False), spec.map_size) for spec in made.specs]
+    table = with_factors(pd.DataFrame(specs, columns=["spec", "map_size"]), places(made.sweeps))
+    assert table["bias_factor"].tolist() == [1, 2, 1]
+    assert "bias_also" not in table
+
+
+def test_a_bias_of_nothing_has_one_point(tmp_path: Path) -> None:
+    made = study(tmp_path, "spec = 'shadow-map:bias=constant(units=0)'\nbias_sweep = [0.5, 1, 2]")
+    assert [place for several in places(made.sweeps).values() for place in several] == [
+        ("shadow-map:bias=constant(units=0.0)", 1)
+    ]

@@ -1,0 +1,60 @@
+"""The plug-ins in examples/ draw what they say, through `run` as anybody calls it."""
+
+import csv
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PLUGINS = {
+    "sphere_proxies.py": "sphere-proxies",
+    "variance_shadow_map.py": "variance-shadow-map",
+}
+NO_PLUGINS = {"vtk_shadows.py"}  # plays the engine in tests/engines/test_real_masks.py
+BALL = """
+name = "ball"
+camera = { position = [2.0, 3.0, 4.0], target = [0.3, 0.3, 0.0] }
+light = { kind = "directional", direction = [0.8, -1.0, -0.3] }
+mesh = [{ shape = "plane", scale = 6.0 }, { shape = "sphere", translate = [0.0, 1.0, 0.0] }]
+"""
+
+
+@pytest.fixture
+def iou(shadowbench: Callable[..., Any], tmp_path: Path) -> Callable[..., dict[str, float]]:
+    """The IoU of specs on a scene, by spec, as `run` writes it."""
+
+    def run(scene: str | Path, file: str, *specs: str, view_size: int = 256) -> dict[str, float]:
+        asked = [part for spec in specs for part in ("-t", spec)]
+        options = ("--view-size", str(view_size), "--rounds", "1", "-o", tmp_path / "run", "-q")
+        answer = shadowbench("run", scene, *asked, "--plugin", ROOT / "examples" / file, *options)
+        assert answer.code == 0, answer.err
+        with (tmp_path / "run" / "table.csv").open(newline="", encoding="utf-8") as stream:
+            rows = list(csv.DictReader(stream))
+        assert [row["status"] for row in rows] == ["ok"] * len(specs)
+        return {row["spec"]: float(row["iou"]) for row in rows}
+
+    return run
+
+
+def test_every_example_is_tested() -> None:
+    assert {file.name for file in (ROOT / "examples").glob("*.py")} == {*PLUGINS, *NO_PLUGINS}
+
+
+def test_variance_shadow_map_draws_the_lamp_s_shadow_nearly_as_a_hard_map_does(iou: Callable[..., Any]) -> None:
+    found = iou("spot-lamp", "variance_shadow_map.py", "variance-shadow-map", "shadow-map", "unshadowed")
+    assert found["unshadowed"] == 0
+    assert 1 - found["variance-shadow-map"] < 0.2
+    assert found["variance-shadow-map"] < found["shadow-map"], "light bleeds where casters lie over each other"
+
+
+def test_variance_shadow_map_draws_a_sun_s_shadow_too(iou: Callable[..., Any]) -> None:
+    assert iou("cube-on-plane", "variance_shadow_map.py", "variance-shadow-map")["variance-shadow-map"] > 0.8
+
+
+def test_sphere_proxies_are_right_for_a_ball_and_wrong_for_a_cube(iou: Callable[..., Any], tmp_path: Path) -> None:
+    (tmp_path / "ball.toml").write_text(BALL, encoding="utf-8")
+    exact = f"sphere-proxies:scale={3**-0.5!r}"  # the half diagonal of a ball's bounds is √3 of its radius
+    assert iou(tmp_path / "ball.toml", "sphere_proxies.py", exact)[exact] > 0.98
+    assert 0.3 < iou("cube-on-plane", "sphere_proxies.py", "sphere-proxies")["sphere-proxies"] < 0.8
