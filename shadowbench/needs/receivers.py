@@ -3,8 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shadowbench.needs.sampling import Estimate, Samples
+from shadowbench.scenes.model import Scene
 from shadowbench.scenes.planes import find_planes
 from shadowbench.techniques.planar_projection import PlanarProjection
 
@@ -30,13 +32,18 @@ class Receivers:
         return self.planar.value >= ENOUGH
 
 
-def receivers_of(samples: Samples) -> Receivers:
-    """What is seen of the planes that `planar-projection` takes at its defaults, out of all that receives."""
-    limits, geometry = PlanarProjection.Params(), samples.view.scene.geometry
+def planes_of(scene: Scene) -> NDArray[np.int64]:
+    """(T,) which of the planes each triangle lies on that `planar-projection` takes at its defaults, −1 for none."""
+    limits, geometry = PlanarProjection.Params(), scene.geometry
     of_triangle = np.full(len(geometry.faces), -1)
     taken = find_planes(geometry, geometry.receives, limits.share, limits.count, limits.tolerance)
     for index, plane in enumerate(taken):
         of_triangle[plane.triangles] = index
+    return of_triangle
+
+
+def receivers_of(samples: Samples, of_triangle: NDArray[np.int64]) -> Receivers:
+    """What is seen of the planes, (T,) as `planes_of` has them, out of all that receives."""
     plane_of = of_triangle[samples.triangle]
     lies, everything = plane_of >= 0, np.arange(len(samples.pixel))
     side = -(-samples.view.size // samples.step)

@@ -10,7 +10,7 @@ from shadowbench.needs.depth import BiasNeed, DepthBits, bias_of, bits_of, depth
 from shadowbench.needs.maps import fitted_map
 from shadowbench.needs.penumbra import Penumbra, penumbra_of
 from shadowbench.needs.reach import Reach, reach_of
-from shadowbench.needs.receivers import Receivers, receivers_of
+from shadowbench.needs.receivers import Receivers, planes_of, receivers_of
 from shadowbench.needs.sampling import sampled
 from shadowbench.needs.texels import Texels, texels_of
 from shadowbench.scenes.model import LightKind, View
@@ -46,16 +46,16 @@ def needs(view: View) -> Needs:
         )
     # What takes longest with many triangles runs beside the rest: NumPy and Embree let each other.
     with ThreadPoolExecutor() as pool:
+        planes = pool.submit(planes_of, view.scene)
         casters = pool.submit(casters_of, view)
         samples = sampled(view)
-        receivers = pool.submit(receivers_of, samples)
         fitted = fitted_map(samples)
         reach = pool.submit(reach_of, fitted)
         texels = texels_of(fitted)
         depths = depths_of(fitted)
         return Needs(
             light=view.light.kind,
-            receivers=receivers.result(),
+            receivers=receivers_of(samples, planes.result()),
             texels=texels,
             cascades=cascades_of(fitted, texels),
             bits=bits_of(fitted, depths),

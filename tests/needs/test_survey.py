@@ -14,8 +14,8 @@ import trimesh
 
 from shadowbench.errors import InputError
 from shadowbench.gl.device import Device
-from shadowbench.needs.receivers import receivers_of
-from shadowbench.needs.sampling import sampled
+from shadowbench.needs.receivers import Receivers, planes_of, receivers_of
+from shadowbench.needs.sampling import Samples, sampled
 from shadowbench.needs.survey import needs
 from shadowbench.needs.words import told
 from shadowbench.scenes.library import builtin_names
@@ -54,23 +54,27 @@ def test_samples_are_the_receivers_and_shadows_of_the_truth(light: Light) -> Non
     np.testing.assert_allclose(metres, truth.blocker.ravel()[samples.pixel[blocked]], rtol=1e-4, atol=1e-5)
 
 
+def seen_by(samples: Samples) -> Receivers:
+    return receivers_of(samples, planes_of(samples.view.scene))
+
+
 def test_planes_hold_all_of_a_box_on_a_ground_and_none_of_a_ball() -> None:
-    flat = receivers_of(sampled(looking([plate(8.0), box(0.8, (0.0, 0.4, 0.0))], SUN)))
+    flat = seen_by(sampled(looking([plate(8.0), box(0.8, (0.0, 0.4, 0.0))], SUN)))
     assert flat.planar.value == 1.0 and flat.projection_suffices
     made = trimesh.creation.icosphere(4)
     ball = Mesh("ball", np.asarray(made.vertices), np.asarray(made.faces, dtype=np.int32))
-    assert receivers_of(sampled(looking([ball], SUN))).planar.value < 0.2
+    assert seen_by(sampled(looking([ball], SUN))).planar.value < 0.2
 
 
 def test_planes_too_small_for_the_whole_hold_nothing_though_they_are_all_that_is_seen() -> None:
     """A table that fills the picture is no plane for the technique beside 400 m of ground: it draws no shadow there."""
     table, above = box(1.0, (0.0, -0.5, 0.0)), box(0.1, (0.0, 0.3, 0.0), "above")
     seen = from_above([plate(400.0, (0.0, -1.0, 0.0)), table, above], SUN, width=0.8)
-    found = receivers_of(sampled(seen))
+    found = seen_by(sampled(seen))
     assert found.shadowed.value > 0 and found.planar.value == 0.0 and found.planes == 0
     assert not found.projection_suffices
     assert "no plane holds any of what is seen" in {row.need: row.reason for row in told(needs(seen))}["receivers"]
-    alone = receivers_of(sampled(from_above([table, above], SUN, width=0.8)))
+    alone = seen_by(sampled(from_above([table, above], SUN, width=0.8)))
     assert alone.planar.value == 1.0 and alone.planes == 2
 
 
@@ -78,7 +82,7 @@ def test_planes_beyond_the_largest_that_are_taken_hold_nothing() -> None:
     most = PlanarProjection.Params().count
     far = [plate(3.0, (0.0, -1.0 - k, 0.0), f"plate {k}") for k in range(most)]
     for below, planar in ((far[1:], 1.0), (far, 0.0)):
-        found = receivers_of(sampled(from_above([plate(2.0), *below], SUN, width=1.0)))
+        found = seen_by(sampled(from_above([plate(2.0), *below], SUN, width=1.0)))
         assert found.planar.value == planar and found.planes == planar
 
 
@@ -95,7 +99,7 @@ def test_what_lies_on_planes_lies_on_those_that_projection_draws(name: str, devi
         of[plane.triangles] = index
     stage.release()
     samples = sampled(view)
-    found, seen = receivers_of(samples), of[samples.triangle]
+    found, seen = seen_by(samples), of[samples.triangle]
     assert found.planar.value == np.mean(seen >= 0)
     assert found.planes == len(np.unique(seen[seen >= 0]))
 
