@@ -109,8 +109,8 @@ def framebuffer_of(
 ) -> moderngl.Framebuffer:
     """A framebuffer of a depth texture, or one of its layers, and of colour textures of its size."""
     context, side = depth.device.context, depth.size
-    # moderngl makes none without an attachment, and clears no depth of one that was made without a depth.
-    placeholder = context.depth_renderbuffer((side, side))
+    # moderngl makes none without an attachment, none of several sizes, and one that clears no depth where it had none.
+    placeholder = context.depth_renderbuffer((side, side) if textures else (1, 1))
     framebuffer = context.framebuffer(list(textures), placeholder)
     placeholder.release()
     framebuffer.viewport = (0, 0, side, side)

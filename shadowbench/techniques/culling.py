@@ -29,8 +29,8 @@ class CasterChunks:
         self.ends = np.append(first[1:], self.triangles)[: len(first)]
         self.boxes = np.zeros((0, 2, 3))
         if len(first):
-            places = geometry.vertices[geometry.caster_faces]
-            low, high = np.minimum.reduceat(places.min(axis=1), first), np.maximum.reduceat(places.max(axis=1), first)
+            places = geometry.vertices[geometry.caster_faces].reshape(-1, 3)
+            low, high = np.minimum.reduceat(places, 3 * first), np.maximum.reduceat(places, 3 * first)
             self.boxes = np.stack([low, high], axis=1)
 
     def reaching(self, light: tuple[float, ...], *regions: Floats) -> Ranges | None:

@@ -22,7 +22,9 @@ class CasterHull:
         geometry = scene.geometry
         concerned = geometry.casts | geometry.receives  # a sky that does neither must not widen the map
         faces = geometry.faces[concerned] if concerned.any() else geometry.faces
-        vertices = geometry.vertices[np.unique(faces)]
+        used = np.zeros(len(geometry.vertices), dtype=bool)
+        used[faces] = True  # far quicker than np.unique
+        vertices = geometry.vertices[used]
         self.bounds = bounds_of(vertices)
         self.extent = float(np.abs(self.bounds).max())
         self.points = hull_points(vertices)
