@@ -206,7 +206,7 @@ def test_the_worst_differences_are_drawn_before_beside_after(
     (found / "check" / "of-the-last-time.png").touch()
     masks(found, bad, np.ones((SIDE, SIDE)))
     answer = shadowbench("check", found, "--baseline", baseline)
-    assert "1 pictures, after" in answer.out
+    assert "1 picture, after" in answer.out
     (picture,) = (found / "check").iterdir()
     assert picture.name == "1.s.shadow-map_filter=pcf_taps=5_.512.png"
     after = np.asarray(Image.open(picture))
