@@ -122,6 +122,6 @@ class Texel(Bias):
     maps = frozenset({"2d", "array", "cube"})
     swept = ("scale",)
     scale: float = param(1.0, "times the depth that the slope makes of the filter's reach", ge=0, le=100)
-    limit: float = param(16.0, "most, in filter radii · texel widths", gt=0, le=1e6)
+    limit: float = param(16.0, "most, in filter radii · texel widths; twice that under a lamp", gt=0, le=1e6)
     ulps: float = param(4.0, "steps of the depth format on top", ge=0, le=1e6)
     grazing: float = param(50.0, "tan θ from which the receiver moves along its normal instead", ge=0, le=1e6)
