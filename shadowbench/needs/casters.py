@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
-from shadowbench.scenes.model import Floats, View
+from shadowbench.scenes.model import Floats, View, crosses_of
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,8 @@ def casters_of(view: View) -> Casters:
     faces = geometry.caster_faces.astype(np.int64)
     if not len(faces):
         return Casters(0, 0, 0, 0, 0)
-    a, normal = _spanned(geometry.vertices, geometry.caster_faces)
+    a = np.ascontiguousarray(geometry.vertices.take(geometry.caster_faces[:, 0], axis=0).T)
+    normal = crosses_of(geometry.vertices, geometry.caster_faces)
     source, w = view.light.homogeneous
     towards = np.array(source, dtype=a.dtype)[:, None] - w * a if w else np.array(source)[:, None]
     side = np.where(np.einsum("ij,ij->j", *np.broadcast_arrays(normal, towards)) > 0, np.int8(1), np.int8(-1))
@@ -55,19 +56,6 @@ def casters_of(view: View) -> Casters:
         silhouette=int(np.count_nonzero(walls)),
         edges=len(first),
     )
-
-
-def _spanned(vertices: Floats, faces: NDArray[np.int32]) -> tuple[Floats, Floats]:
-    """(3, F) first corners, and normals as long as twice the area; counter-clockwise triangles face theirs."""
-    a, b, c = (np.ascontiguousarray(vertices.take(faces[:, k], axis=0).T) for k in range(3))
-    b -= a
-    c -= a
-    normal = np.empty_like(a)
-    for k in range(3):
-        i, j = (k + 1) % 3, (k + 2) % 3
-        np.multiply(b[i], c[j], out=normal[k])
-        normal[k] -= b[j] * c[i]
-    return a, normal
 
 
 def _parted(

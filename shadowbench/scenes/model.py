@@ -135,21 +135,35 @@ class Geometry:
     @cached_property
     def normals(self) -> Floats:
         """(F, 3) float64 unit normals, zero where rounding leaves none; counter-clockwise triangles face theirs."""
-        a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
-        normals = np.cross(b - a, c - a)
-        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-        unit_normals: Floats = normals / np.where(lengths > 0, lengths, 1.0)
-        return unit_normals
+        crosses = crosses_of(self.vertices, self.faces)
+        lengths = np.linalg.norm(crosses, axis=0)
+        lengths[lengths == 0] = 1.0
+        return np.ascontiguousarray((crosses / lengths).T)
 
     @cached_property
     def bounds(self) -> Floats:
         """(2, 3) lowest and highest corner of the vertices in use."""
-        return bounds_of(self.vertices[np.unique(self.faces)])
+        used = np.zeros(len(self.vertices), dtype=bool)
+        used[self.faces] = True
+        return bounds_of(self.vertices[used])
 
     @cached_property
     def caster_faces(self) -> NDArray[np.int32]:
         """(C, 3) int32: the faces that cast."""
         return self.faces if bool(self.casts.all()) else self.faces[self.casts]
+
+
+def crosses_of(vertices: Floats, faces: NDArray[np.int32]) -> Floats:
+    """(3, F) normals as long as twice the area; counter-clockwise triangles face theirs. np.cross takes longer."""
+    a, b, c = (np.ascontiguousarray(vertices.take(faces[:, k], axis=0).T) for k in range(3))
+    b -= a
+    c -= a
+    crosses = np.empty_like(a)
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        np.multiply(b[i], c[j], out=crosses[k])
+        crosses[k] -= b[j] * c[i]
+    return crosses
 
 
 def bounds_of(points: Floats) -> Floats:

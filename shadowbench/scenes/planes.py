@@ -9,13 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.scenes.model import Floats, Geometry
+from shadowbench.scenes.model import Floats, Geometry, crosses_of
 
 # Votes are counted in cells this wide, in normals and in shares of the diagonal: above the scatter of small triangles
 # whose corners were rounded. Planes that share a cell are told apart by looking.
 _CELL = 2.0**-11
 _LOOSE = 10.0  # tolerances within which a first guess, the plane of one triangle, gathers what it is a part of
 _FAILURES = 16  # guesses of one cell that may come to nothing, since each looks at all triangles
+_EQUAL = 1e-9  # shares of the area that differ by less are the same: rounding must not order them
 _SPARE = 2  # times as many planes as asked for are looked at, since the next may be larger than the last
 _MIXING = np.random.default_rng(0).integers(-(2**62), 2**62, 9)
 
@@ -49,23 +50,21 @@ def find_planes(
     low, high = geometry.bounds
     center, diagonal = (low + high) / 2, float(np.linalg.norm(high - low))
     points = (geometry.vertices - center) / diagonal
-    corner, second, third = (points[faces[:, k]] for k in range(3))
     normals = geometry.normals[searched]
-    areas = np.linalg.norm(np.cross(second - corner, third - corner), axis=1)
+    areas = np.linalg.norm(crosses_of(points, faces), axis=0)
     areas /= areas.sum()
-    offsets = -np.einsum("ij,ij->i", normals, corner)
+    offsets = -np.einsum("ij,ij->i", normals, points.take(faces[:, 0], axis=0))
     look = _Look(points, faces, areas, tolerance)
     chance = np.random.default_rng(0)
 
     found: list[Plane] = []
-    middles = (corner + second + third) / 3
-    for cell in _cells(normals, offsets, middles, areas, least, _LOOSE * tolerance):
+    for cell in _cells(normals, offsets, points, faces, areas, least, _LOOSE * tolerance):
         failures = 0
         while failures < _FAILURES and len(found) < _SPARE * most:
             cell = cell[look.free[cell]]
             total = np.cumsum(areas[cell])
             large = sorted((plane.share for plane in found), reverse=True)[most - 1 : most]
-            if not len(cell) or total[-1] < max([least / 2, *large]):
+            if not len(cell) or total[-1] < max([least / 2, *large]) - _EQUAL:
                 break
             # The largest is the most exact; if it is alone, one by lot, where much area has many chances.
             lot = np.searchsorted(total, chance.random() * total[-1]) if failures else 0
@@ -81,7 +80,7 @@ def find_planes(
             look.free &= ~own
             filed = np.append(equation[:3], equation[3] * diagonal - equation[:3] @ center)
             found.append(Plane(filed, np.flatnonzero(searched)[own], share, float(distances[own].max()) * diagonal))
-    return tuple(sorted(found, key=lambda plane: -plane.share)[:most])
+    return tuple(sorted(found, key=lambda plane: (-round(plane.share / _EQUAL), plane.triangles[0]))[:most])
 
 
 @dataclass(eq=False)
@@ -123,7 +122,13 @@ class _Look:
 
 
 def _cells(
-    normals: Floats, offsets: Floats, middles: Floats, areas: Floats, least: float, layer: float
+    normals: Floats,
+    offsets: Floats,
+    points: Floats,
+    faces: NDArray[np.int32],
+    areas: Floats,
+    least: float,
+    layer: float,
 ) -> Iterator[NDArray[np.int64]]:
     """Triangles of alike planes, largest first: of layers, largest area first, then once more of whole cells.
 
@@ -132,14 +137,17 @@ def _cells(
     half of `least` is enough to be looked at.
     """
     # n nᵀ and the plane's point nearest to the centre are the same for n and −n, and have no seam between them.
-    squares = normals * np.roll(normals, 1, axis=1)
-    parts = np.hstack([normals**2, squares, normals * offsets[:, None]])
-    # Off the round numbers that modelled planes have, on which rounding would decide.
-    cells = np.floor(parts / _CELL + 0.37).astype(np.int64)
-    _, cell = np.unique(cells @ _MIXING, return_inverse=True)
-    # Most triangles of curved bodies share a cell with too little area, and so a layer with less: out before sorting.
-    enough = np.flatnonzero(np.bincount(cell, areas)[cell] >= least / 2)
-    normals, middles, areas = normals[enough], middles[enough], areas[enough]
+    columns = np.ascontiguousarray(normals.T)
+    parts = [*columns**2, *(columns * np.roll(columns, 1, axis=0)), *(columns * offsets)]
+    cell = np.zeros(len(normals), dtype=np.int64)
+    for part, factor in zip(parts, _MIXING, strict=True):
+        # Off the round numbers that modelled planes have, on which rounding would decide.
+        cell += np.floor(part / _CELL + 0.37).astype(np.int64) * factor
+    # Most triangles of curved bodies share a cell with too little area, and so a layer with less: out before sorting,
+    # by the upper bits alone, which some cells share.
+    bits = (cell >> 48) + (1 << 15)
+    enough = np.flatnonzero(np.bincount(bits, areas)[bits] >= least / 2)
+    normals, middles, areas = normals[enough], points[faces[enough]].mean(axis=1), areas[enough]
     named, cell = np.unique(cell[enough], return_inverse=True)
     # Heights are along one normal a cell, its largest triangle's: those of small ones scatter.
     order = np.lexsort([-areas, cell])
@@ -151,7 +159,7 @@ def _cells(
         totals = np.bincount(group, areas)
         order = np.lexsort([-areas, group])
         ends = np.cumsum(np.bincount(group))
-        for index in np.argsort(-np.round(totals, 9), kind="stable"):  # rounding must not order equal areas
+        for index in np.argsort(-np.round(totals / _EQUAL), kind="stable"):
             if totals[index] < least / 2:
                 break
             yield enough[order[ends[index - 1] if index else 0 : ends[index]]]
