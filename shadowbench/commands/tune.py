@@ -158,7 +158,7 @@ def _verdict(found: Tuning) -> str:
     default = found.others[0]
     specs = dict.fromkeys(best.tuned.spec for best in found.folds)
     if list(specs) == [default.spec]:
-        return "the default is the best that was found at its cost"
+        return "the default stands: nothing at its cost was surely better on the scenes that were tuned on"
     iou, ssim = default.iou_ratio, default.ssim_ratio
     worse = iou is not None and ssim is not None and (iou.low or 0) > 1 and ssim.median > 1
     texts = [format_spec(spec, size=False) for spec in specs if spec is not None]

@@ -18,9 +18,10 @@ Scores = Mapping[Spec, pd.DataFrame]
 class Found:
     """What the search of a fold chose, and the `scene_scores` of each spec on its scenes.
 
-    `front`: the best at each cost, from the cheapest; `tuned`: the best of those that cost no more than the default;
-    `others`: what it is set beside, the default first. `tuning` has all of them that hold on the tuning scenes,
-    `held_out` those of them that hold on the other scenes too: at least the tuned and the default.
+    `front`: the best at each cost, from the cheapest; `tuned`: the best of those that cost no more than the default, or
+    the default, where that is not surely better on the tuning scenes; `others`: what it is set beside, the default
+    first. `tuning` has all of them that hold on the tuning scenes, `held_out` those of them that hold on the other
+    scenes too: at least the tuned and the default.
     """
 
     fold: Fold
@@ -54,7 +55,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class Best:
-    """The best at each cost of a fold, from the cheapest; the tuned is one of them."""
+    """The best at each cost of a fold, from the cheapest, and the tuned at the end where it is none of them."""
 
     fold: Fold
     tuned: Entry
@@ -90,7 +91,8 @@ def beside(found: Sequence[Found]) -> Tuning:
 
 
 def _best(found: Found) -> Best:
-    scored = {spec: _Scored.of([(found, spec)]) for spec in found.front if spec in found.held_out}
+    shown = dict.fromkeys([*found.front, found.tuned])
+    scored = {spec: _Scored.of([(found, spec)]) for spec in shown if spec in found.held_out}
     tuned = scored[found.tuned]
     entries = {spec: one.entry("tuned" if spec == found.tuned else "", spec, tuned) for spec, one in scored.items()}
     return Best(found.fold, entries[found.tuned], tuple(entries.values()))

@@ -65,6 +65,12 @@ def ratio(metric: str, scores: pd.DataFrame, over: pd.DataFrame) -> Interval | N
     return interval(np.exp(scores[metric] - over[metric]).tolist())
 
 
+def surely_less(scores: pd.DataFrame, than: pd.DataFrame) -> bool:
+    """Whether the error is less over scenes, its interval included; of one scene there is none, and less is less."""
+    change = geometric_mean(log_error(scores) - log_error(than))
+    return (change.median if change.high is None else change.high) < 1
+
+
 def mean_of(metric: str, scores: pd.DataFrame) -> float | None:
     """The mean over scenes of a metric as it is; None where no scene has it."""
     mean = float(scores[metric].mean())

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import optuna
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -20,7 +21,15 @@ from shadowbench.studies.tune import tune as tune_folds
 from shadowbench.studies.tune_beside import Found, Tuning, beside
 from shadowbench.studies.tune_cells import Cells
 from shadowbench.studies.tune_folds import Fold, folds
-from shadowbench.studies.tune_scores import LEAST, front, geometric_mean, log_error, ratio, scene_scores
+from shadowbench.studies.tune_scores import (
+    LEAST,
+    front,
+    geometric_mean,
+    log_error,
+    ratio,
+    scene_scores,
+    surely_less,
+)
 from shadowbench.studies.tune_space import REACH, USUAL, Space, searched, span
 from shadowbench.techniques.params import in_metres
 from shadowbench.techniques.registry import own_techniques, techniques
@@ -185,6 +194,22 @@ def test_one_fold_is_its_own_pool() -> None:
     assert found.tuned.spec == A
 
 
+def test_a_default_that_stands_is_the_tuned_after_the_best_at_each_cost() -> None:
+    first = searched_fold("bc", "a", A, {A: 0.01, SHADOW_MAP: 0.02, D: 0.04})
+    stands = beside([replace(first, tuned=SHADOW_MAP)])
+    assert [(one.spec, one.name) for one in stands.folds[0].front] == [(A, ""), (SHADOW_MAP, "tuned")]
+    assert stands.tuned.spec == SHADOW_MAP and stands.tuned.held_out == stands.others[0].held_out
+
+
+def test_an_error_is_surely_less_where_its_whole_interval_is() -> None:
+    than = scene_scores([row(scene, 0.02) for scene in "abc"])
+    assert surely_less(scene_scores([row(scene, 0.01) for scene in "abc"]), than)
+    assert not surely_less(scene_scores([row("a", 0.001), row("b", 0.019), row("c", 0.021)]), than)
+    assert not surely_less(than, than)
+    alone = scene_scores([row("a", 0.02)])
+    assert surely_less(scene_scores([row("a", 0.01)]), alone) and not surely_less(alone, alone)
+
+
 def test_what_fails_in_a_fold_is_set_beside_nothing() -> None:
     first = searched_fold("b", "a", A, {A: 0.01, SHADOW_MAP: 0.02, D: 0.04})
     second = searched_fold("a", "b", A, {A: 0.01, SHADOW_MAP: 0.02})
@@ -347,6 +372,13 @@ def test_folds_hold_every_scene_out_once(shadowbench: Callable[..., Any], tmp_pa
     chosen = {fold["tuned"]["spec"] for fold in found["folds"]}
     assert found["tuned"]["spec"] == (None if len(chosen) > 1 else chosen.pop())
     assert found["others"][0]["iou_ratio"]["low"] is not None
+    frame = pd.read_csv(tmp_path / "t" / "table.csv")
+    frame["error"] = (1 - frame["iou"]) * (1 - frame["ssim"])
+    errors = frame.pivot_table(index="scene", columns="spec", values="error")
+    for fold in found["folds"]:  # the interval of two scenes holds both
+        tuned, default = (errors.loc[fold["tuning"], spec] for spec in (fold["tuned"]["spec"], "shadow-map"))
+        assert fold["tuned"]["spec"] == "shadow-map" or (tuned < default).all()
+        assert fold["tuned"] in fold["front"]
     shown = shadowbench(*tune, "--quiet").out
     for number, (scene,) in enumerate(held_out, start=1):
         assert f"fold {number} of 3: best at each cost, from the cheapest; held out: {scene}" in shown
