@@ -20,7 +20,7 @@ from shadowbench.scenes.model import View
 from shadowbench.scenes.views import chosen_view
 from shadowbench.studies.drawn import Drawn
 from shadowbench.studies.scoring import mask_record, reference_of
-from shadowbench.studies.session import CellRequest
+from shadowbench.studies.session import CellRequest, Unsupported
 from shadowbench.studies.timing import ViewStage
 from shadowbench.studies.worker import Worker
 from shadowbench.truth.cache import cached_truth
@@ -98,8 +98,14 @@ def check(view: View, stage: ViewStage) -> Checked:
         metrics: Metrics = mask_record(drawn.visibility, truth, reference)["metrics"]
         return metrics
 
+    def edge_p95(spec: str) -> float | None:
+        try:
+            return measure(spec)["edge_p95"]
+        except Unsupported:  # a map that the driver refuses
+            return None
+
     def edge_size(spec: str) -> float | None:
-        return first_below(SIZES, 1.0, lambda size: measure(f"{spec},size={size}")["edge_p95"])
+        return first_below(SIZES, 1.0, lambda size: edge_p95(f"{spec},size={size}"))
 
     edges, several = predicted.texels.edge_size, predicted.cascades
     return Checked(

@@ -82,9 +82,13 @@ def _key(view: View, pixel_samples: int, light_samples: int) -> str:
 
 
 def _forget_oldest(folder: Path) -> None:
-    files = sorted(folder.glob("*.npz"), key=lambda file: file.stat().st_mtime, reverse=True)
+    """Other processes may forget the same truths meanwhile."""
+    kept = []
+    for file in folder.glob("*.npz"):
+        with suppress(FileNotFoundError):
+            kept.append((file.stat().st_mtime, file.stat().st_size, file))
     total = 0
-    for file in files:
-        total += file.stat().st_size
+    for _, size, file in sorted(kept, reverse=True):
+        total += size
         if total > KEPT_BYTES:
             file.unlink(missing_ok=True)

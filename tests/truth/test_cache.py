@@ -145,6 +145,16 @@ def test_oldest_truths_go_first(view: View, empty_folder: Path, monkeypatch: pyt
     assert not oldest.exists()
 
 
+def test_a_truth_that_another_process_forgot_is_passed_over(
+    view: View, empty_folder: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (empty_folder / "gone.npz").symlink_to("nowhere")  # listed, and no longer there
+    truth = cached_truth(view)
+    assert caplog.messages == []
+    assert any(file.exists() for file in empty_folder.iterdir())
+    assert_equal(cached_truth(view), truth)
+
+
 def test_folder_is_made(view: View, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SHADOWBENCH_CACHE", str(tmp_path / "a" / "b"))
     assert cache_folder() == tmp_path / "a" / "b"
