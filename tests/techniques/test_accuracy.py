@@ -37,6 +37,18 @@ def test_a_fine_map_of_a_small_view(name, builtin, truth_of, mask, scored) -> No
     assert scores["iou"] >= (0.9985 if name == "cube-on-plane" else 0.99)
 
 
+def test_under_a_lamp_no_slant_of_flat_ground_is_in_half_a_shadow(builtin, truth_of, mask, scored) -> None:
+    """A side of the box is lit at 2°: with half the limit, which a sun has, texels beside a pixel darken it."""
+    scores = {
+        limit: scored(
+            mask(f"shadow-map:bias=texel(limit={limit}),size=2048", builtin("spot-lamp")), truth_of("spot-lamp")
+        )
+        for limit in (8, 16)
+    }
+    assert scores[16]["acne_soft"] < 0.2 * scores[8]["acne_soft"]
+    assert scores[16]["ssim"] >= 0.99
+
+
 @pytest.mark.slow
 def test_defaults_on_the_cube(studio, build, builtin, truth_of, scored) -> None:
     view, truth = builtin("cube-on-plane", 1024), truth_of("cube-on-plane", 1024)
