@@ -10,7 +10,7 @@ from pathlib import Path
 
 from shadowbench import gl, scores, truth
 from shadowbench.data import SOURCES, data_folder, source_digest
-from shadowbench.scenes import model
+from shadowbench.scenes import model, planes
 from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.model import Coordinates, View
 from shadowbench.studies import scoring, session
@@ -22,7 +22,7 @@ from shadowbench.techniques.spec import format_spec
 
 _LIBRARIES = ("embreex", "moderngl", "numpy", "pyglm", "scikit-image", "scipy")
 _PACKAGES = tuple(Path(str(package.__file__)).parent for package in (gl, truth, scores))
-_MODULES = tuple(Path(str(module.__file__)) for module in (model, scoring, session))
+_MODULES = tuple(Path(str(module.__file__)) for module in (model, planes, scoring, session))
 _TECHNIQUES = Path(str(registry.__file__)).parent
 
 

@@ -188,6 +188,7 @@ EDITED = [
     ("truth/rays.py", "unshadowed", True),
     ("scores/ssim.py", "unshadowed", True),
     ("scenes/model.py", "unshadowed", True),
+    ("scenes/planes.py", "planar-projection", True),
     ("studies/session.py", "unshadowed", True),
     ("studies/scoring.py", "unshadowed", True),
     ("studies/tables.py", "unshadowed", False),
