@@ -83,8 +83,7 @@ def _handed(options: ScoreOptions) -> Handed:
 def _beside(options: ScoreOptions, view: View) -> list[str]:
     """A line where `export` wrote the scene beside what was handed over, at another size than that has."""
     given = options.mask or options.shadowed
-    exported = None if given is None else given.parent / DESCRIPTION
-    if given is None or exported is None or not exported.is_file():
+    if given is None or not (exported := given.parent / DESCRIPTION).is_file():
         return []
     try:
         described = json.loads(exported.read_text(encoding="utf-8"))

@@ -124,7 +124,7 @@ def _print(found: Tuning) -> None:
     scenes = sum(len(best.fold.held_out) for best in found.folds)
     each = ", the tuned in each by the fold that held it out" if several else ""
     intervals = ", with 95% intervals over them" if scenes > 1 else ""
-    title = f"beside the default and others on {scenes} scene{'s' * (scenes > 1)} held out{each}{intervals}"
+    title = f"beside the default and others on {counted(scenes, 'scene')} held out{each}{intervals}"
     _print_table(title, (found.tuned, *found.others))
     out.print("error: √((1 − IoU) · (1 − SSIM)), geometric mean over scenes; × tuned: median over scenes")
     out.print(_verdict(found), markup=False, soft_wrap=True)

@@ -8,7 +8,7 @@ import numpy as np
 from shadowbench.needs.maps import FLAT, FittedMap
 from shadowbench.needs.sampling import Samples
 from shadowbench.needs.texels import Texels, edge_size
-from shadowbench.scenes.model import Floats, View, bounds_of
+from shadowbench.scenes.model import Floats, View, bounds_of, used_by
 from shadowbench.techniques.lights import LightSpace
 from shadowbench.techniques.splits import Practical, slices
 
@@ -81,4 +81,4 @@ def _concerned_bounds(view: View) -> Floats:
     concerned = geometry.casts | geometry.receives
     if concerned.all():
         return geometry.bounds
-    return bounds_of(geometry.vertices[np.unique(geometry.faces[concerned])])
+    return bounds_of(used_by(geometry.faces[concerned], geometry.vertices))

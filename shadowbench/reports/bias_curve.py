@@ -14,12 +14,9 @@ _TOOLTIP = ("spec", "map", "× bias", "acne", "contact", "1 − IoU", "SSIM")
 def bias_charts(section: Section) -> list[tuple[str, Chart]]:
     """By swept spec, its chart; none where no bias was swept, or none that lacks acne or contact."""
     found = curves([one.row for one in section.held], section.run.swept)
-    made = [(home, _chart(section, home, [one for one in found if one.home == home])) for home in _homes(found)]
+    homes = dict.fromkeys(one.home for one in found)
+    made = [(home, _chart(section, home, [one for one in found if one.home == home])) for home in homes]
     return [(home, chart) for home, chart in made if chart is not None]
-
-
-def _homes(found: list[Curve]) -> list[str]:
-    return list(dict.fromkeys(one.home for one in found))
 
 
 def _chart(section: Section, home: str, found: list[Curve]) -> Chart | None:
@@ -30,7 +27,7 @@ def _chart(section: Section, home: str, found: list[Curve]) -> Chart | None:
     if not points:
         return None
     maps = list(dict.fromkeys(point["map"] for point in points))
-    x, y = _share(points, "contact", "contact shadow lost (peter-panning)"), _share(points, "acne", "acne")
+    x, y = _share(points, "x", "contact shadow lost (peter-panning)"), _share(points, "y", "acne")
     color = {
         "field": "map",
         "title": "map size",
@@ -75,8 +72,7 @@ def _point(curve: Curve, factor: float, one: Configuration) -> Chart | None:
     }
 
 
-def _share(points: list[Chart], name: str, title: str) -> Chart:
-    field = "x" if name == "contact" else "y"
+def _share(points: list[Chart], field: str, title: str) -> Chart:
     most = max(point[field] for point in points)
     top = next((tick for tick in _TICKS if tick >= most and tick > _LINEAR_BELOW), 1.0)
     return {

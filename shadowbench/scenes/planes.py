@@ -58,7 +58,7 @@ def find_planes(
     chance = np.random.default_rng(0)
 
     found: list[Plane] = []
-    for cell in _cells(normals, offsets, points, faces, areas, least, _LOOSE * tolerance):
+    for cell in _cells(look, normals, offsets, least):
         failures = 0
         while failures < _FAILURES and len(found) < _SPARE * most:
             cell = cell[look.free[cell]]
@@ -121,15 +121,7 @@ class _Look:
         return np.where(self.free, np.maximum(np.maximum(first, second), third), np.inf)
 
 
-def _cells(
-    normals: Floats,
-    offsets: Floats,
-    points: Floats,
-    faces: NDArray[np.int32],
-    areas: Floats,
-    least: float,
-    layer: float,
-) -> Iterator[NDArray[np.int64]]:
+def _cells(look: _Look, normals: Floats, offsets: Floats, least: float) -> Iterator[NDArray[np.int64]]:
     """Triangles of alike planes, largest first: of layers, largest area first, then once more of whole cells.
 
     A stack of sheets has much area in a cell and little in a plane: by layers the largest planes come first. What
@@ -146,14 +138,14 @@ def _cells(
     # Most triangles of curved bodies share a cell with too little area, and so a layer with less: out before sorting,
     # by the upper bits alone, which some cells share.
     bits = (cell >> 48) + (1 << 15)
-    enough = np.flatnonzero(np.bincount(bits, areas)[bits] >= least / 2)
-    normals, middles, areas = normals[enough], points[faces[enough]].mean(axis=1), areas[enough]
+    enough = np.flatnonzero(np.bincount(bits, look.areas)[bits] >= least / 2)
+    normals, middles, areas = normals[enough], look.points[look.faces[enough]].mean(axis=1), look.areas[enough]
     named, cell = np.unique(cell[enough], return_inverse=True)
     # Heights are along one normal a cell, its largest triangle's: those of small ones scatter.
     order = np.lexsort([-areas, cell])
     largest = order[np.flatnonzero(np.diff(cell[order], prepend=-1))]
     heights = np.einsum("ij,ij->i", middles, normals[largest][cell])
-    layers = np.column_stack([named[cell], np.floor(heights / layer + 0.37).astype(np.int64)])
+    layers = np.column_stack([named[cell], np.floor(heights / (_LOOSE * look.tolerance) + 0.37).astype(np.int64)])
     _, within = np.unique(layers @ _MIXING[:2], return_inverse=True)
     for group in (within, cell):
         totals = np.bincount(group, areas)

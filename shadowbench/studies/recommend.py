@@ -5,9 +5,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 from shadowbench.needs.survey import Needs, needs
 from shadowbench.scenes.model import View
-from shadowbench.scores.edges import edge_pixels
+from shadowbench.scores.split import Split
 from shadowbench.studies.runner import Result
 from shadowbench.studies.search import Search, Tried
 from shadowbench.studies.space import Excluded, needed_space, no_choices, start_size, whole_space
@@ -145,10 +147,8 @@ def recommend(
 
 def least_error(truth: Truth, metric: Literal["iou", "edge_px"]) -> float:
     """About the error of one wrong pixel: errors come in whole ones, of the shadow or of its edge."""
-    valid = truth.receivers & ~truth.undecided
-    shadow = valid & (truth.visibility < 0.5)
-    counted = shadow if metric == "iou" else edge_pixels(shadow, valid & ~shadow)
-    return 1 / max(int(counted.sum()), 1)
+    split = Split(truth.visibility, truth.receivers & ~truth.undecided)
+    return 1 / max(int(np.count_nonzero(split.shadow if metric == "iou" else split.edge)), 1)
 
 
 def tried_of(spec: Spec, result: Result, target: Target, unit: Unit) -> Tried:

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from shadowbench.gl.clock import Changes
-from shadowbench.scenes.model import Floats, Light, Placement, Scene, View, bounds_of
+from shadowbench.scenes.model import Floats, Light, Placement, Scene, View, bounds_of, used_by
 from shadowbench.techniques.convex import box_planes, corners, frustum_planes, hull_points, view_planes
 from shadowbench.techniques.lights import Box, LightSpace, LightView, light_space
 from shadowbench.techniques.params import Row, param
@@ -22,9 +22,7 @@ class CasterHull:
         geometry = scene.geometry
         concerned = geometry.casts | geometry.receives  # a sky that does neither must not widen the map
         faces = geometry.faces[concerned] if concerned.any() else geometry.faces
-        used = np.zeros(len(geometry.vertices), dtype=bool)
-        used[faces] = True  # far quicker than np.unique
-        vertices = geometry.vertices[used]
+        vertices = used_by(faces, geometry.vertices)
         self.bounds = bounds_of(vertices)
         self.extent = float(np.abs(self.bounds).max())
         self.points = hull_points(vertices)

@@ -4,7 +4,7 @@ import moderngl
 import numpy as np
 
 from shadowbench.gl.program import Sampling, State
-from shadowbench.scenes.model import Floats, Light, bounds_of, perpendicular_basis, unit
+from shadowbench.scenes.model import Floats, Light, bounds_of, perpendicular_basis, unit, used_by
 from shadowbench.techniques.base import Frame, Stage
 from shadowbench.techniques.edges import Casters
 from shadowbench.techniques.reduction import Bounds
@@ -22,7 +22,7 @@ class LayerBound:
 
     def __init__(self, stage: Stage, casters: Casters) -> None:
         geometry = stage.scene.geometry
-        self._corners = bounds_of(geometry.vertices[np.unique(geometry.caster_faces)])
+        self._corners = bounds_of(used_by(geometry.caster_faces, geometry.vertices))
         program = "shadow-volume/corner.vert", "shadow-volume/layers.frag"
         self._fill = stage.program(*program, "shadow-volume/layers.geom")
         self._outline = stage.program(*program, "shadow-volume/outline.geom")

@@ -10,7 +10,7 @@ from shadowbench.gl.device import Device
 from shadowbench.gl.geometry import TRIANGLE_DEFINES, by_triangle
 from shadowbench.gl.matrices import view_projection
 from shadowbench.gl.program import Sampling, State, Texture
-from shadowbench.scenes.model import Floats, Geometry, View, bounds_of, vec3
+from shadowbench.scenes.model import Floats, Geometry, View, bounds_of, used_by, vec3
 from shadowbench.scenes.planes import Plane, find_planes
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.convex import apart, box_planes, corners, view_planes
@@ -137,5 +137,5 @@ def _planes(geometry: Geometry, params: PlanarProjection.Params, most: int) -> t
 
 def _corners(geometry: Geometry, plane: Plane) -> Floats:
     """(N, 3) corners of the box around a plane's triangles."""
-    bounds = bounds_of(geometry.vertices[np.unique(geometry.faces[plane.triangles])])
+    bounds = bounds_of(used_by(geometry.faces[plane.triangles], geometry.vertices))
     return corners(box_planes(bounds), float(np.abs(bounds).max()))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.model import Floats, View
+from shadowbench.scenes.model import Floats, View, bounds_of, used_by
 from shadowbench.truth.embree import RAYS_A_SLICE, over_slices
 from shadowbench.truth.rays import Indices, Mask, Receivers, ViewRays
 
@@ -96,8 +96,8 @@ def _diagonal(view: View, visible: Floats) -> float:
     geometry = view.scene.geometry
     low, high = visible[:, 0].min(axis=0), visible[:, 1].max(axis=0)
     if len(geometry.caster_faces):
-        casters = geometry.vertices[np.unique(geometry.caster_faces)]
-        low, high = np.minimum(low, casters.min(axis=0)), np.maximum(high, casters.max(axis=0))
+        casters = bounds_of(used_by(geometry.caster_faces, geometry.vertices))
+        low, high = np.minimum(low, casters[0]), np.maximum(high, casters[1])
     if not np.isfinite(low).all():
         low, high = geometry.bounds
     return float(np.linalg.norm(high - low))

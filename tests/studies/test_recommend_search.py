@@ -174,17 +174,21 @@ def test_without_any_edge_nothing_is_off_only_where_the_shadows_are_the_same(iou
     assert Target("edge_px", 0.5).error({"edge_px": 0.25, "iou": iou}) == 0.25
 
 
+def texels_cost(spec: Spec, metrics: dict[str, float | None]) -> Result:
+    """A cell of a map without acne, whose work and bytes are its texels."""
+    assert spec.map_size is not None
+    row = {"status": "ok", "key": "", "gpu_bytes": spec.map_size**2, "work": {"cost": spec.map_size**2}}
+    return Result(row | {"metrics": {"acne": 0.0, **metrics}}, None)
+
+
 def test_what_has_no_edge_to_compare_is_said_so_and_relaxes_no_target(
     builtin: Callable[..., View], truth_of: Callable[..., Truth]
 ) -> None:
     known = {name: KNOWN[name] for name in ("shadow-map", "unshadowed")}
 
     def measure(spec: Spec) -> Result:
-        assert spec.map_size is not None
-        same = spec.map_size >= 512
-        row = {"status": "ok", "key": "", "gpu_bytes": spec.map_size**2, "work": {"cost": spec.map_size**2}}
-        metrics = {"edge_px": None, "iou": 1.0 if same else 0.2, "contact": 0.0, "leak": 0.0, "acne": 0.0}
-        return Result(row | {"metrics": metrics}, None)
+        same = (spec.map_size or 0) >= 512
+        return texels_cost(spec, {"edge_px": None, "iou": 1.0 if same else 0.2, "contact": 0.0, "leak": 0.0})
 
     view, truth, target = builtin("street", 128), truth_of("street", 128), Target("edge_px", 0.5)
     found = recommend(view, truth, target, "work", known, 1024, measure)
@@ -283,9 +287,7 @@ def test_where_nothing_meets_the_target_the_closest_is_told_and_what_stands_in_t
 
     def measure(spec: Spec) -> Result:
         assert spec.map_size is not None
-        iou = 1 - 20 / spec.map_size
-        row = {"status": "ok", "key": "", "gpu_bytes": spec.map_size**2, "work": {"cost": spec.map_size**2}}
-        return Result(row | {"metrics": {"iou": iou, "contact": 0.1, "leak": 0.3, "acne": 0.0}}, None)
+        return texels_cost(spec, {"iou": 1 - 20 / spec.map_size, "contact": 0.1, "leak": 0.3})
 
     view, truth, target = builtin("street", 128), truth_of("street", 128), Target("iou", 0.99)
     found = recommend(view, truth, target, "work", known, 1024, measure)
