@@ -67,9 +67,11 @@ def _extents(samples: Samples, space: LightSpace, place: Floats, count: int) -> 
     parts = slices(view.camera, Practical().depths(*view.near_far, count), 0.0)
     for part in parts:
         box = space.box(part.corners_within(bounds, float(np.abs(bounds).max())))
-        here = place[:, free]
-        outside = ((here < box.low[:, None]) | (here > box.high[:, None])).any(axis=0)
-        inside = ~outside | (part is parts[-1])  # outside the last, rounding alone leaves any
+        inside = np.full(len(free), True)
+        if part is not parts[-1]:  # outside the last, rounding alone leaves any
+            for row, low, high in zip(place, box.low, box.high, strict=True):
+                at = row.take(free)
+                inside &= (at >= low) & (at <= high)
         extents[:, free[inside]] = np.maximum((box.high - box.low)[:2, None], FLAT)
         free = free[~inside]
     return extents

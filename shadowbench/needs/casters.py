@@ -29,26 +29,33 @@ class Casters:
 def casters_of(view: View) -> Casters:
     """The casters of a view. Vertices at one place are one, as scene files are loaded."""
     geometry = view.scene.geometry
-    faces = geometry.caster_faces.astype(np.int64)
+    faces, count = geometry.caster_faces, len(geometry.vertices)
     if not len(faces):
         return Casters(0, 0, 0, 0, 0)
-    a = np.ascontiguousarray(geometry.vertices.take(geometry.caster_faces[:, 0], axis=0).T)
-    normal = crosses_of(geometry.vertices, geometry.caster_faces)
+    a = np.ascontiguousarray(geometry.vertices.take(faces[:, 0], axis=0).T)
+    normal = crosses_of(geometry.vertices, faces)
     source, w = view.light.homogeneous
     towards = np.array(source, dtype=a.dtype)[:, None] - w * a if w else np.array(source)[:, None]
-    side = np.where(np.einsum("ij,ij->j", *np.broadcast_arrays(normal, towards)) > 0, np.int8(1), np.int8(-1))
+    lit = np.einsum("ij,ij->j", *np.broadcast_arrays(normal, towards)) > 0
 
-    start, end = faces.T.ravel(), np.roll(faces, -1, axis=1).T.ravel()  # side k of all triangles, then side k + 1
-    low, high = np.minimum(start, end), np.maximum(start, end)
-    edge = low * len(geometry.vertices) + high
-    order = np.argsort(edge)
-    first = np.flatnonzero(np.diff(edge[order], prepend=-1))
-    way = np.where(start < end, np.int8(1), np.int8(-1))
+    # Each side of a triangle is a number, its edge's first: sorting numbers is faster than sorting their places.
+    columns = np.ascontiguousarray(faces.T)
+    start, end = columns.ravel(), np.roll(columns, -1, axis=0).ravel()  # side k of all triangles, then side k + 1
+    sides = np.minimum(start, end).astype(np.int64)
+    sides *= count
+    sides += np.maximum(start, end)
+    sides <<= 2
+    sides |= (start < end).view(np.int8) << 1
+    sides |= np.tile(lit.view(np.int8), 3)
+    sides.sort()
+    way, side = (sides >> 1 & 1).astype(np.int8) * 2 - 1, (sides & 1).astype(np.int8) * 2 - 1
+    sides >>= 2
+    first = np.flatnonzero(np.diff(sides, prepend=-1))
     # Each triangle adds its walls in the sense that the light sees it; where they cancel there is none.
-    walls = np.add.reduceat((way * np.tile(side, 3))[order], first, dtype=np.int32)
-    balance = np.add.reduceat(way[order], first, dtype=np.int32)
-    loose = low[order[first[balance != 0]]]
-    closed, is_open = _parted(faces, np.einsum("ij,ij->j", a, normal), loose, len(geometry.vertices))
+    walls = np.add.reduceat(way * side, first, dtype=np.int32)
+    balance = np.add.reduceat(way, first, dtype=np.int32)
+    loose = sides[first[balance != 0]] // count
+    closed, is_open = _parted(faces, np.einsum("ij,ij->j", a, normal), loose, count)
     return Casters(
         triangles=len(faces),
         closed=int(np.count_nonzero(closed)),
@@ -59,13 +66,13 @@ def casters_of(view: View) -> Casters:
 
 
 def _parted(
-    faces: NDArray[np.int64], volume: Floats, loose: NDArray[np.int64], vertices: int
+    faces: NDArray[np.int32], volume: Floats, loose: NDArray[np.int64], vertices: int
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """(F,) whether each triangle is of a part without a loose edge, that is wound outwards; whether of one with any.
 
     volume: (F,) of each triangle with the origin, of which a part's own is the sum, times six.
     """
-    links = np.concatenate([faces[:, :2], faces[:, 1:]]).astype(np.int32)
+    links = np.concatenate([faces[:, :2], faces[:, 1:]])
     ones = np.ones(len(links), dtype=np.int8)
     graph = csr_matrix((ones, (links[:, 0], links[:, 1])), shape=(vertices, vertices))
     parts, part = connected_components(graph, directed=False)

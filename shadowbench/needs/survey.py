@@ -44,8 +44,8 @@ def needs(view: View) -> Needs:
         raise InputError(
             f"{view.scene.name}: no mesh casts a shadow, so that nothing needs a technique but `unshadowed`"
         )
-    # What takes longest with many triangles runs beside the rest: NumPy and Embree let each other.
-    with ThreadPoolExecutor() as pool:
+    # What takes longest with many triangles runs beside the rest, one after the other: all at once wait for memory.
+    with ThreadPoolExecutor(1) as pool:
         planes = pool.submit(planes_of, view.scene)
         casters = pool.submit(casters_of, view)
         samples = sampled(view)
@@ -55,12 +55,12 @@ def needs(view: View) -> Needs:
         depths = depths_of(fitted)
         return Needs(
             light=view.light.kind,
-            receivers=receivers_of(samples, planes.result()),
             texels=texels,
             cascades=cascades_of(fitted, texels),
             bits=bits_of(fitted, depths),
             bias=bias_of(fitted, depths),
             penumbra=penumbra_of(samples),
+            receivers=receivers_of(samples, planes.result()),
             casters=casters.result(),
             reach=reach.result(),
             pixels=(-(-view.size // samples.step)) ** 2,

@@ -130,9 +130,10 @@ def _cells(look: _Look, normals: Floats, offsets: Floats, least: float) -> Itera
     """
     # n nᵀ and the plane's point nearest to the centre are the same for n and −n, and have no seam between them.
     columns = np.ascontiguousarray(normals.T)
-    parts = [*columns**2, *(columns * np.roll(columns, 1, axis=0)), *(columns * offsets)]
     cell = np.zeros(len(normals), dtype=np.int64)
-    for part, factor in zip(parts, _MIXING, strict=True):
+    for k, factor in enumerate(_MIXING):
+        axis = columns[k % 3]
+        part = axis * (axis, columns[k % 3 - 1], offsets)[k // 3]
         # Off the round numbers that modelled planes have, on which rounding would decide.
         cell += np.floor(part / _CELL + 0.37).astype(np.int64) * factor
     # Most triangles of curved bodies share a cell with too little area, and so a layer with less: out before sorting,
