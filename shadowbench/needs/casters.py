@@ -38,7 +38,8 @@ def casters_of(view: View) -> Casters:
     towards = np.array(source, dtype=a.dtype)[:, None] - w * a if w else np.array(source)[:, None]
     lit = np.einsum("ij,ij->j", *np.broadcast_arrays(normal, towards)) > 0
 
-    # Each side of a triangle is a number, its edge's first: sorting numbers is faster than sorting their places.
+    # A side is one number: its edge, the way it runs along that, whether the light sees its triangle. Numbers sort
+    # faster than their places do.
     columns = np.ascontiguousarray(faces.T)
     start, end = columns.ravel(), np.roll(columns, -1, axis=0).ravel()  # side k of all triangles, then side k + 1
     sides = np.minimum(start, end).astype(np.int64)
