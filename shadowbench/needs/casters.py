@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 
-from shadowbench.scenes.model import Floats, View, crosses_of
+from shadowbench.scenes.model import Floats, View, in_slices
 
 
 @dataclass(frozen=True)
@@ -32,31 +32,30 @@ def casters_of(view: View) -> Casters:
     faces, count = geometry.caster_faces, len(geometry.vertices)
     if not len(faces):
         return Casters(0, 0, 0, 0, 0)
-    a = np.ascontiguousarray(geometry.vertices.take(faces[:, 0], axis=0).T)
-    normal = crosses_of(geometry.vertices, faces)
-    source, w = view.light.homogeneous
-    towards = np.array(source, dtype=a.dtype)[:, None] - w * a if w else np.array(source)[:, None]
-    lit = np.einsum("ij,ij->j", *np.broadcast_arrays(normal, towards)) > 0
-
-    # A side is one number: its edge, the way it runs along that, whether the light sees its triangle. Numbers sort
-    # faster than their places do.
-    columns = np.ascontiguousarray(faces.T)
-    start, end = columns.ravel(), np.roll(columns, -1, axis=0).ravel()  # side k of all triangles, then side k + 1
-    sides = np.minimum(start, end).astype(np.int64)
-    sides *= count
-    sides += np.maximum(start, end)
-    sides <<= 2
-    sides |= (start < end).view(np.int8) << 1
-    sides |= np.tile(lit.view(np.int8), 3)
+    crosses = geometry.crosses if faces is geometry.faces else geometry.crosses[:, geometry.casts]
+    source, w = (np.array(part)[..., None] for part in view.light.homogeneous)
+    volume, numbers = np.empty(len(faces)), np.empty((3, len(faces)), dtype=np.int64)
+    for part in in_slices(len(faces)):
+        cross, start = crosses[:, part], np.ascontiguousarray(faces[part].T)
+        a = geometry.vertices.take(start[0], axis=0).T
+        volume[part] = (a * cross).sum(axis=0)
+        lit = ((source - w * a) * cross).sum(axis=0) > 0
+        # A side is one number: its edge, the way it runs along that, whether the light sees its triangle. Numbers sort
+        # faster than their places do.
+        end = np.roll(start, -1, axis=0)
+        edge = np.minimum(start, end).astype(np.int64) * count + np.maximum(start, end)
+        numbers[:, part] = edge << 2 | (start < end) << 1 | lit
+    sides = numbers.ravel()
     sides.sort()
-    way, side = (sides >> 1 & 1).astype(np.int8) * 2 - 1, (sides & 1).astype(np.int8) * 2 - 1
+    bits = sides.astype(np.int8)  # the lowest
+    way, side = (bits & 2) - 1, 2 * (bits & 1) - 1
     sides >>= 2
-    first = np.flatnonzero(np.diff(sides, prepend=-1))
+    first = np.append(0, np.flatnonzero(sides[1:] != sides[:-1]) + 1)
     # Each triangle adds its walls in the sense that the light sees it; where they cancel there is none.
     walls = np.add.reduceat(way * side, first, dtype=np.int32)
     balance = np.add.reduceat(way, first, dtype=np.int32)
     loose = sides[first[balance != 0]] // count
-    closed, is_open = _parted(faces, np.einsum("ij,ij->j", a, normal), loose, count)
+    closed, is_open = _parted(faces, volume, loose, count)
     return Casters(
         triangles=len(faces),
         closed=int(np.count_nonzero(closed)),

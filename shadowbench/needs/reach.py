@@ -4,19 +4,20 @@ Conservative: what is seen is kept in a grid across the light, in each cell the 
 if a cell that its bounds touch holds something behind its nearest corner.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from shadowbench.needs.footprint import Footprint
 from shadowbench.needs.maps import FittedMap
 from shadowbench.needs.rays import Indices, Mask
-from shadowbench.scenes.model import Floats
+from shadowbench.scenes.model import Floats, in_slices
 from shadowbench.techniques.lights import LightSpace
 
 CELLS = 1024  # along a side of the grid; a power of two
 ROUNDING = 1e-6  # of depths and bounds
+LEVELS = CELLS.bit_length()  # of the grid, each of blocks of 2 × 2 of the last, down to one cell
+_OFFSETS = np.cumsum([0, *((CELLS >> k) ** 2 for k in range(LEVELS - 1))])
 IN_FRONT = 1e-6  # local length in front of a lamp, nearer than which a triangle is kept whatever it can reach
 
 
@@ -44,13 +45,17 @@ def reach_of(fitted: FittedMap) -> Reach:
         if not seen.place.shape[1]:
             continue
         places, ahead = _projected(geometry.vertices, space)
-        low, high = _bounds(places, faces)
-        beyond = np.zeros(len(faces), dtype=bool)
-        if space.perspective:
-            behind = np.count_nonzero(ahead[faces] <= IN_FRONT, axis=1)
-            beyond = behind > 0
-            matters |= beyond & (behind < 3)  # through the lamp's own plane: no bounds
-        matters |= ~beyond & _touches(seen, samples.step, low, high)
+        grid = _grid(seen, samples.step)
+        for part in in_slices(len(faces)):
+            corners = faces[part].T
+            beyond = np.zeros(corners.shape[1], dtype=bool)
+            if space.perspective:
+                behind = np.count_nonzero(ahead.take(corners) <= IN_FRONT, axis=0)
+                beyond = behind > 0
+                matters[part] |= beyond & (behind < 3)  # through the lamp's own plane: no bounds
+            a, b, c = (places.take(corner, axis=1) for corner in corners)
+            low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+            matters[part] |= ~beyond & _touches(grid, low, high)
     return Reach(len(faces), int((~matters).sum()), matters, samples.step == 1)
 
 
@@ -64,32 +69,43 @@ def _projected(vertices: Floats, space: LightSpace) -> tuple[Floats, Floats]:
     return np.stack([x / in_front, y / in_front, ahead]), ahead
 
 
-def _bounds(places: Floats, faces: NDArray[np.int32]) -> tuple[Floats, Floats]:
-    """(3, F) lowest and highest of each triangle."""
-    rows = np.ascontiguousarray(places.T)
-    a, b, c = (rows.take(faces[:, k], axis=0) for k in range(3))
-    low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
-    return np.ascontiguousarray(low.T), np.ascontiguousarray(high.T)
+@dataclass(frozen=True, eq=False)
+class _Grid:
+    """What is seen, across the light.
 
+    start, end: (2, 1) its corners; cell: (2, 1) a cell's size; farthest: (cells,) the farthest depth in each, of all
+    levels in one row, so that a level is an offset.
+    """
 
-def _touches(seen: Footprint, step: int, low: Floats, high: Floats) -> Mask:
-    """(F,) whether triangles with these bounds may stand before what is seen, all of a pixel and a half step of it."""
-    half = np.abs(seen.jacobian).sum(axis=1) * ((step + 1) / 2)
-    depth = seen.place[2] + (np.abs(seen.slope) * half).sum(axis=0)
-    start, end = seen.place[:2] - half, seen.place[:2] + half
-    corner, far_corner = start.min(axis=1)[:, None], end.max(axis=1)[:, None]
-    cell = np.maximum(far_corner - corner, ROUNDING) / (CELLS - 2)
+    start: Floats
+    end: Floats
+    cell: Floats
+    farthest: Floats
 
-    def cells(places: Floats) -> Indices:
-        found: Indices = np.clip((places - corner) / cell + 1.0, 0.0, CELLS - 1.0).astype(np.intp)
+    def cells(self, places: Floats) -> Indices:
+        """(2, N) those in which places are, of the finest level."""
+        found: Indices = np.clip((places - self.start) / self.cell + 1.0, 0.0, CELLS - 1.0).astype(np.intp)
         return found
 
-    farthest = _pyramid(cells(start), cells(end), depth)
-    first, last = cells(low[:2] - ROUNDING * cell), cells(high[:2] + ROUNDING * cell)
-    outside = (high[:2] < corner).any(axis=0) | (low[:2] > far_corner).any(axis=0)
+
+def _grid(seen: Footprint, step: int) -> _Grid:
+    """What is seen, with all of a pixel and a half step of it."""
+    half = np.abs(seen.jacobian).sum(axis=1) * ((step + 1) / 2)
+    depth = seen.place[2] + (np.abs(seen.slope) * half).sum(axis=0)
+    low, high = seen.place[:2] - half, seen.place[:2] + half
+    start, end = low.min(axis=1)[:, None], high.max(axis=1)[:, None]
+    grid = _Grid(start, end, np.maximum(end - start, ROUNDING) / (CELLS - 2), np.empty(0))
+    levels = _pyramid(grid.cells(low), grid.cells(high), depth)
+    return replace(grid, farthest=np.concatenate([level.ravel() for level in levels]))
+
+
+def _touches(grid: _Grid, low: Floats, high: Floats) -> Mask:
+    """(F,) whether triangles with these bounds may stand before what is seen."""
+    first, last = grid.cells(low[:2] - ROUNDING * grid.cell), grid.cells(high[:2] + ROUNDING * grid.cell)
+    outside = (high[:2] < grid.start).any(axis=0) | (low[:2] > grid.end).any(axis=0)
     within = np.flatnonzero(~outside)
     touches = np.zeros(low.shape[1], dtype=bool)
-    found = _farthest(farthest, first[:, within], last[:, within])
+    found = _farthest(grid.farthest, first[:, within], last[:, within])
     touches[within] = found >= low[2, within] - ROUNDING * (1 + np.abs(low[2, within]))
     return touches
 
@@ -104,7 +120,7 @@ def _level(first: Indices, last: Indices) -> Indices:
 def _pyramid(first: Indices, last: Indices, depth: Floats) -> list[Floats]:
     """The farthest depth in each cell of ranges (2, N) of cells, and level by level in blocks of 2 × 2 of them."""
     level = _level(first, last)
-    levels = [np.full((CELLS >> k, CELLS >> k), -np.inf) for k in range(int(np.log2(CELLS)) + 1)]
+    levels = [np.full((CELLS >> k, CELLS >> k), -np.inf) for k in range(LEVELS)]
     # Wide ranges go to coarse levels, and from there down to all that is below them.
     for k in reversed(range(len(levels))):
         mine, grid = level == k, levels[k]
@@ -121,13 +137,10 @@ def _pyramid(first: Indices, last: Indices, depth: Floats) -> list[Floats]:
     return levels
 
 
-def _farthest(levels: list[Floats], first: Indices, last: Indices) -> Floats:
+def _farthest(row: Floats, first: Indices, last: Indices) -> Floats:
     """(F,) the farthest depth in ranges (2, F) of cells, or in somewhat more than them."""
     level = _level(first, last)
-    # All levels in one row, so that a triangle's level is an offset.
-    offsets = np.cumsum([0, *(grid.size for grid in levels[:-1])])
-    row = np.concatenate([grid.ravel() for grid in levels])
-    side, offset = CELLS >> level, offsets[level]
+    side, offset = CELLS >> level, _OFFSETS[level]
     found = np.full(first.shape[1], -np.inf)
     for x in (first[0] >> level, last[0] >> level):
         for y in (first[1] >> level, last[1] >> level):

@@ -44,7 +44,7 @@ def needs(view: View) -> Needs:
         raise InputError(
             f"{view.scene.name}: no mesh casts a shadow, so that nothing needs a technique but `unshadowed`"
         )
-    # What takes longest with many triangles runs beside the rest, one after the other: all at once wait for memory.
+    # What takes long with many triangles runs beside the rest, one after the other: all at once took no less time.
     with ThreadPoolExecutor(1) as pool:
         planes = pool.submit(planes_of, view.scene)
         casters = pool.submit(casters_of, view)
@@ -60,9 +60,9 @@ def needs(view: View) -> Needs:
             bits=bits_of(fitted, depths),
             bias=bias_of(fitted, depths),
             penumbra=penumbra_of(samples),
+            reach=reach.result(),
             receivers=receivers_of(samples, planes.result()),
             casters=casters.result(),
-            reach=reach.result(),
             pixels=(-(-view.size // samples.step)) ** 2,
             view_size=view.size,
         )

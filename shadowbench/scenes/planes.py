@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.scenes.model import Floats, Geometry, crosses_of
+from shadowbench.scenes.model import Floats, Geometry, in_slices
 
 # Votes are counted in cells this wide, in normals and in shares of the diagonal: above the scatter of small triangles
 # whose corners were rounded. Planes that share a cell are told apart by looking.
@@ -51,7 +51,7 @@ def find_planes(
     center, diagonal = (low + high) / 2, float(np.linalg.norm(high - low))
     points = (geometry.vertices - center) / diagonal
     normals = geometry.normals[searched]
-    areas = np.linalg.norm(crosses_of(points, faces), axis=0)
+    areas = np.linalg.norm(geometry.crosses, axis=0)[searched]
     areas /= areas.sum()
     offsets = -np.einsum("ij,ij->i", normals, points.take(faces[:, 0], axis=0))
     look = _Look(points, faces, areas, tolerance)
@@ -117,8 +117,12 @@ class _Look:
     def distances(self, equation: Floats) -> Floats:
         """(F,) of the furthest corner of each triangle that is free."""
         off = np.abs(self.points @ equation[:3] + equation[3])
-        first, second, third = (off[self.faces[:, k]] for k in range(3))
-        return np.where(self.free, np.maximum(np.maximum(first, second), third), np.inf)
+        furthest = np.empty(len(self.faces))
+        for part in in_slices(len(self.faces)):
+            first, second, third = (off.take(self.faces[part, k]) for k in range(3))
+            furthest[part] = np.maximum(np.maximum(first, second), third)
+        furthest[~self.free] = np.inf
+        return furthest
 
 
 def _cells(look: _Look, normals: Floats, offsets: Floats, least: float) -> Iterator[NDArray[np.int64]]:
@@ -129,13 +133,12 @@ def _cells(look: _Look, normals: Floats, offsets: Floats, least: float) -> Itera
     half of `least` is enough to be looked at.
     """
     # n nᵀ and the plane's point nearest to the centre are the same for n and −n, and have no seam between them.
-    columns = np.ascontiguousarray(normals.T)
     cell = np.zeros(len(normals), dtype=np.int64)
-    for k, factor in enumerate(_MIXING):
-        axis = columns[k % 3]
-        part = axis * (axis, columns[k % 3 - 1], offsets)[k // 3]
-        # Off the round numbers that modelled planes have, on which rounding would decide.
-        cell += np.floor(part / _CELL + 0.37).astype(np.int64) * factor
+    for part in in_slices(len(normals)):
+        n = np.ascontiguousarray(normals[part].T)
+        for column, factor in zip((*n**2, *(n * np.roll(n, 1, axis=0)), *(n * offsets[part])), _MIXING, strict=True):
+            # Off the round numbers that modelled planes have, on which rounding would decide.
+            cell[part] += np.floor(column / _CELL + 0.37).astype(np.int64) * factor
     # Most triangles of curved bodies share a cell with too little area, and so a layer with less: out before sorting,
     # by the upper bits alone, which some cells share.
     bits = (cell >> 48) + (1 << 15)

@@ -14,7 +14,7 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
-from shadowbench.scenes.model import Floats
+from shadowbench.scenes.model import Floats, in_slices
 
 Result = TypeVar("Result")
 Vectors = Floats | NDArray[np.float32]
@@ -68,6 +68,5 @@ class Tracer:
 
 def over_slices(work: Callable[[slice], Result], count: int, size: int = RAYS_A_SLICE) -> Iterator[Result]:
     """`work` on slices of `count` things, in order, one thread a core: Embree and NumPy both let go of the GIL."""
-    slices = [slice(start, min(start + size, count)) for start in range(0, count, size)]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        yield from pool.map(work, slices)
+        yield from pool.map(work, in_slices(count, size))
