@@ -194,8 +194,8 @@ def test_a_million_triangles_take_less_than_two_seconds() -> None:
             start = time.perf_counter()
             work(view)
             times.append(time.perf_counter() - start)
-    # Machines are shared, and one may be half as fast as an hour ago: what takes 0.8 s on a quiet one says by how much.
-    assert min(taken) < 2.0 * count / 1e6 * max(1.0, min(plain) / 0.8)
+    # Machines are shared. In a slow hour it is held against a plain part of itself, of which it takes about 1.9.
+    assert min(taken) < max(2.0 * count / 1e6, 2.5 * min(plain))
 
 
 def tree_and_edges(view: View) -> None:
