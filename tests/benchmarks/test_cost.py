@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy import ndimage
 
 from shadowbench.scenes.model import View
 from shadowbench.scores import reference, split
@@ -34,17 +33,12 @@ def test_a_cell_of_1024_pixels_a_side_is_scored_in_a_quarter_of_a_second(
     against = reference_of(truth)
     mask = np.roll(truth.visibility, (1, 2), axis=(0, 1))
     mask_record(mask, truth, against, truth.triangle)
-    seconds, plain = [], []
-    for _ in range(7):
-        for times, work in (
-            (seconds, lambda: mask_record(mask, truth, against, truth.triangle)),
-            (plain, lambda: ndimage.distance_transform_edt(mask < 0.5)),
-        ):
-            start = time.process_time()
-            work()
-            times.append(time.process_time() - start)
-    # Machines are shared. In a slow hour it is held against a plain distance transform, of which it takes about two.
-    assert min(seconds) < max(0.25, 2.5 * min(plain))
+    seconds = []
+    for _ in range(5):
+        start = time.process_time()
+        mask_record(mask, truth, against, truth.triangle)
+        seconds.append(time.process_time() - start)
+    assert min(seconds) < 0.25
 
 
 def test_what_only_the_truth_decides_is_found_once(truth_of: Callable[..., Truth], monkeypatch: Any) -> None:
