@@ -7,7 +7,7 @@ class ShadowbenchError(Exception):
     exit_code = 3
 
     def __init__(self, line: str = "") -> None:
-        super().__init__(_printable(" ".join(line.split())))
+        super().__init__(printable(" ".join(line.split())))
 
 
 class InputError(ShadowbenchError):
@@ -20,6 +20,6 @@ class NoGLError(ShadowbenchError):
     """No OpenGL context could be made, or it is older than 4.1."""
 
 
-def _printable(line: str) -> str:
-    """The line with escapes for what would steer a terminal or cannot be encoded, as names from files may."""
+def printable(line: str) -> str:
+    """A line with escapes for what would steer a terminal or cannot be encoded, as names from files may."""
     return "".join(part if part.isprintable() else ascii(part)[1:-1] for part in line)

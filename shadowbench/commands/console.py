@@ -19,7 +19,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from shadowbench.errors import InputError
+from shadowbench.errors import InputError, printable
 from shadowbench.files import replace_file
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ class ConsoleReporter(logging.Handler):
         """Print a line once."""
         if not self._quiet and line not in self._noted:
             self._noted.add(line)
-            err.print(f"note: {line}", markup=False, soft_wrap=True)
+            err.print(f"note: {printable(line)}", markup=False, soft_wrap=True)
 
     def stage(self, name: str, total: int) -> None:
         """Begin a bar in place of the last."""

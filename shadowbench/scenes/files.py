@@ -16,7 +16,16 @@ from shadowbench.scenes.assumed import camera_for, left_out, mesh_bounds, sun_fo
 from shadowbench.scenes.meshes import Contents, read_meshes
 from shadowbench.scenes.model import Camera, Floats, Light, Mesh, Scene
 from shadowbench.scenes.shapes import SHAPES, build_shape
-from shadowbench.scenes.tables import MOST_COPIES, MOST_NAMED, MeshTable, Name, camera_from_table, light_from_table
+from shadowbench.scenes.tables import (
+    MOST_COPIES,
+    MOST_NAMED,
+    NAME,
+    NAMES,
+    MeshTable,
+    Name,
+    camera_from_table,
+    light_from_table,
+)
 from shadowbench.scenes.triangles import MOST_TRIANGLES, Triangles, checked, transformed, without_zero_area
 from shadowbench.strict import Strict, explain, read_toml, short
 
@@ -54,6 +63,12 @@ def read_scene_file(path: Path, assets: Path | None = None) -> Scene:
     Raises InputError, one line, for whatever is wrong with it. A camera or light that it lacks is assumed.
     """
     document = read_document(path)
+    name = document.name or path.stem
+    if not NAME.fullmatch(name):
+        raise InputError(
+            f"{path.name!r:.90}: a scene without a name is called after its file; "
+            f'rename the file or add name = "…" at its top, {NAMES}'
+        )
     notes: list[str] = []
     cameras = _cameras(document, path.name)
     lights = _lights(document, path.name, notes)
@@ -97,7 +112,6 @@ def read_scene_file(path: Path, assets: Path | None = None) -> Scene:
         light, note = sun_for(path.name)
         lights, notes = [light], [*notes, note]
     notes += left_out(dropped, path.name)
-    name = document.name or path.stem
     return Scene(name, tuple(meshes), tuple(cameras), tuple(lights), tuple(notes), dropped)
 
 

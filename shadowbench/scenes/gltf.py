@@ -16,7 +16,7 @@ import numpy as np
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.model import Camera, Floats, Light, unit, vec3
-from shadowbench.scenes.tables import WIDEST_SPOT
+from shadowbench.scenes.tables import LONGEST_NAME, WIDEST_SPOT, name_from
 
 Json = dict[str, Any]
 
@@ -119,7 +119,7 @@ def cameras_of(document: Json, where: str) -> tuple[list[Camera], list[str]]:
         if not 0.0 < near < (math.inf if far is None else float(far)) or math.isinf(near):
             raise InputError(f"{where}: camera: znear is {near:g} and zfar {far}; allowed: 0 < znear < zfar")
         position, forward = _pose(node, where, "camera")
-        name = _unique(node.data.get("name") or data.get("name") or "camera", {camera.name for camera in cameras})
+        name = _unique(node.data.get("name") or data.get("name"), "camera", {camera.name for camera in cameras})
         # A target as far away as the position is from the origin keeps the direction's digits.
         reach = max(1.0, float(np.linalg.norm(position)))
         cameras.append(
@@ -147,7 +147,7 @@ def lights_of(document: Json, where: str) -> tuple[list[Light], list[str]]:
             continue
         data = document["extensions"]["KHR_lights_punctual"]["lights"][reference["light"]]
         kind = data["type"]
-        name = _unique(node.data.get("name") or data.get("name") or "light", {light.name for light in lights})
+        name = _unique(node.data.get("name") or data.get("name"), "light", {light.name for light in lights})
         position, direction = _pose(node, where, "light")
         if kind == "directional":
             lights.append(Light(name, "directional", direction=vec3(direction)))
@@ -173,13 +173,13 @@ def _pose(node: Node, where: str, what: str) -> tuple[Floats, Floats]:
     return node.matrix[:3, 3], unit(-node.matrix[:3, 2])
 
 
-def _unique(name: str, taken: set[str]) -> str:
-    """A name fit for file names, with a number when it is taken."""
-    name = re.sub(r"[^\w .+-]", "-", str(name))[:80]
+def _unique(name: object, default: str, taken: set[str]) -> str:
+    """A name as scene files allow it, with a number when it is taken."""
+    plain = (name_from(str(name or "")) or default)[:LONGEST_NAME]
     number = 2
-    candidate = name
+    candidate = plain
     while candidate in taken:
-        candidate, number = f"{name}-{number}", number + 1
+        candidate, number = f"{plain[: LONGEST_NAME - len(f'-{number}')]}-{number}", number + 1
     return candidate
 
 

@@ -2,7 +2,6 @@
 
 import difflib
 import os
-import re
 from pathlib import Path
 
 from shadowbench.data import data_folder
@@ -11,6 +10,7 @@ from shadowbench.scenes.assumed import camera_for, ground_for, left_out, mesh_bo
 from shadowbench.scenes.files import read_document, read_scene_file
 from shadowbench.scenes.meshes import MESH_SUFFIXES, read_meshes
 from shadowbench.scenes.model import Scene
+from shadowbench.scenes.tables import NAME, NAMES, name_from
 
 LONGEST_PATH = 4096
 
@@ -27,6 +27,8 @@ def load_scene(reference: str | Path, assets: Path | None = None) -> Scene:
     suffix = path.suffix.lower()
     if "\0" in text or not text or len(text) > LONGEST_PATH:
         raise InputError(f"scene {text!r:.60}: neither a built-in scene nor a path")
+    if not _is_utf8(text):
+        raise InputError(f"{text!r:.200}: the path is no UTF-8; rename the file or folder")
     if assets is not None and not assets.is_dir():
         raise InputError(f"--assets {assets}: no such folder")
     if suffix == ".toml":
@@ -41,6 +43,12 @@ def load_scene(reference: str | Path, assets: Path | None = None) -> Scene:
 
 def read_mesh_scene(path: Path) -> Scene:
     """A mesh file as a scene: its own cameras and lights if it is a glTF, and what it lacks assumed, noted."""
+    name = name_from(path.stem)
+    if not NAME.fullmatch(name):
+        raise InputError(
+            f"{path.name!r:.90}: a mesh file alone is a scene called after it; rename the file, to {NAMES}, "
+            f'or name it in a scene file with name = "…"'
+        )
     contents = read_meshes(path)
     meshes, notes = list(contents.meshes), list(contents.notes)
     bounds = mesh_bounds(meshes, path.name)
@@ -56,7 +64,6 @@ def read_mesh_scene(path: Path) -> Scene:
         light, note = sun_for(path.name)
         lights, notes = (light,), [*notes, note]
     notes += left_out(contents.dropped, path.name)
-    name = re.sub(r"[^\w .+-]", "-", path.stem)
     return Scene(name, tuple(meshes), cameras, lights, tuple(notes), contents.dropped)
 
 
@@ -70,6 +77,14 @@ def builtin_about(name: str) -> str:
     if name not in builtin_names():
         raise InputError(f"{name!r:.60} {_not_builtin(name)}")
     return read_document(data_folder("scenes") / f"{name}.toml").about
+
+
+def _is_utf8(text: str) -> bool:
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def _not_builtin(name: str) -> str:

@@ -19,6 +19,9 @@ Vec3 = tuple[float, float, float]
 LightKind = Literal["directional", "spot", "point"]
 Coordinates = Literal["relative", "absolute"]
 
+LONGEST_VIEW_NAME = 200
+"""Bytes of UTF-8. File systems allow 255 for a file's name, of which endings and temporary names need some."""
+
 
 def vec3(values: Sequence[float] | Floats) -> Vec3:
     """Three numbers as a hashable tuple of floats."""
@@ -304,7 +307,7 @@ def view_of(scene: Scene, camera: Camera, light: Light, size: int) -> View:
     By the scene's bounds: far is the distance to their farthest corner, near the depth that a point at their nearest
     distance has in the picture's corner, but at least far/10⁴; each a thousandth wider, so that a face lying on the
     bounds is not cut by rounding. Planes that a file gives are clamped to that range, so that no depth range is spent
-    on emptiness.
+    on emptiness. Raises InputError for planes that leave out the scene and for names too long to call files.
     """
     low, high = scene.geometry.bounds
     position = np.asarray(camera.position)
@@ -319,4 +322,10 @@ def view_of(scene: Scene, camera: Camera, light: Light, size: int) -> View:
             f"camera {camera.name!r} of {scene.name} looks at nothing: its planes {camera.near} and {camera.far} m "
             f"leave out the scene, which lies between {nearest:.4g} and {farthest:.4g} m"
         )
-    return View(scene, replace(camera, near=near, far=far), light, size)
+    view = View(scene, replace(camera, near=near, far=far), light, size)
+    if (taken := len(view.name.encode())) > LONGEST_VIEW_NAME:
+        raise InputError(
+            f"scene {scene.name!r}, camera {camera.name!r}, light {light.name!r}: their names, which call files, take "
+            f"{taken} bytes together; allowed are {LONGEST_VIEW_NAME}"
+        )
+    return view

@@ -16,8 +16,10 @@ MOST_COPIES = 50_000
 MOST_NAMED = 1000
 """Cameras, and lights, of a scene."""
 WIDEST_SPOT = 170.0
-NAME = re.compile(r"\w[\w .+-]{0,79}")
-"""Names become file names and columns."""
+LONGEST_NAME = 80
+NAME = re.compile(rf"\w[\w .+-]{{0,{LONGEST_NAME - 1}}}")
+"""Names become file names and cells of a CSV file: no line breaks, and no =, +, - or @ that would begin a formula."""
+NAMES = f"up to {LONGEST_NAME} letters, digits, spaces, or any of _ . + -, the first a letter, a digit or _"
 
 
 def _number(value: object) -> float:
@@ -57,8 +59,16 @@ def _color(value: object) -> Vec3:
 
 def _name(value: object) -> str:
     if not isinstance(value, str) or not NAME.fullmatch(value):
-        raise ValueError(f"found {value!r:.60}; allowed: up to 80 letters, digits, spaces, or any of _ . + -")
+        raise ValueError(f"found {value!r:.60}; allowed: {NAMES}")
     return value
+
+
+def name_from(text: str) -> str:
+    """A foreign name with `-` for each character that a name may not hold, and what may not begin it left out.
+
+    Possibly empty or longer than a name may be.
+    """
+    return re.sub(r"[^\w .+-]", "-", text).lstrip(" .+-")
 
 
 Number = Annotated[float, BeforeValidator(_number)]

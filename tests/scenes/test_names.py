@@ -1,0 +1,118 @@
+"""Names of scenes, cameras and lights: checked before any work, since they become file names and columns."""
+
+import os
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from shadowbench.errors import InputError
+from shadowbench.scenes.library import load_scene
+from shadowbench.scenes.model import Scene, view_of
+from shadowbench.scenes.tables import NAME
+
+BOX = '[[mesh]]\nshape = "box"\n'
+OBJ = "v 0 0 0\nv 1 0 0\nv 0 0 -1\nf 1 2 3\n"
+Write = Callable[..., Path]
+
+BAD_STEMS = ["=cmd|' C calc'!A0", "+1", "-1", "@SUM(A1)", "two\nlines", "a\rb", "a\tb", "x" * 81, "\udcff"]
+"""Formulas to a spreadsheet, what breaks a line, what is too long, a byte that is no UTF-8."""
+
+
+@pytest.mark.parametrize("stem", BAD_STEMS)
+def test_a_scene_file_that_cannot_lend_its_name_is_told_to_state_one(scene_file: Write, stem: str) -> None:
+    with pytest.raises(InputError) as error:
+        load_scene(scene_file(BOX, f"{stem}.toml"))
+    line = str(error.value)
+    assert line.isprintable() and len(line) < 500
+    if "\udcff" not in stem:
+        assert 'name = "…"' in line and "up to 80 letters" in line
+
+
+@pytest.mark.parametrize("stem", [stem for stem in BAD_STEMS if "\udcff" not in stem])
+def test_a_scene_file_that_states_a_name_may_be_called_anything(scene_file: Write, stem: str) -> None:
+    assert load_scene(scene_file('name = "mine"\n' + BOX, f"{stem}.toml")).name == "mine"
+
+
+@pytest.mark.parametrize(
+    ("stem", "name"),
+    [
+        ("=cmd|' C calc'!A0", "cmd-- C calc--A0"),
+        ("-1", "1"),
+        ("model (1)", "model -1-"),
+        ("two\nlines", "two-lines"),
+        ("Łuk 2.5+", "Łuk 2.5+"),
+    ],
+)
+def test_a_mesh_file_lends_what_a_name_may_hold(mesh_file: Write, stem: str, name: str) -> None:
+    assert load_scene(mesh_file(f"{stem}.obj", OBJ)).name == name
+
+
+@pytest.mark.parametrize("stem", ["x" * 81, "(((", "\udcff"])
+def test_a_mesh_file_that_cannot_lend_one_is_told_how_to_get_one(mesh_file: Write, stem: str) -> None:
+    with pytest.raises(InputError, match=r"name = \"…\"|UTF-8") as error:
+        load_scene(mesh_file(f"{stem}.obj", OBJ))
+    assert str(error.value).isprintable()
+
+
+def test_names_in_a_gltf_begin_as_names_do(gltf_file: Write) -> None:
+    cameras = [{"type": "perspective", "perspective": {"yfov": 1.0, "znear": 0.1}, "name": "=A1"}] * 3
+    nodes: list[dict[str, Any]] = [
+        {"mesh": 0},
+        {"camera": 0, "translation": [0, 0, 5]},
+        {"camera": 1, "name": "y" * 200},
+        {"camera": 2, "name": "y" * 200},
+        {"camera": 2, "name": "()"},
+    ]
+    scene = load_scene(gltf_file(nodes=nodes, cameras=cameras, scenes=[{"nodes": list(range(5))}]))
+    names = [camera.name for camera in scene.cameras]
+    assert names == ["A1", "y" * 80, "y" * 78 + "-2", "camera"]
+    assert all(NAME.fullmatch(name) for name in names)
+
+
+def named(scene: str, camera: str, light: str) -> Scene:
+    box = load_scene("cube-on-plane")
+    return Scene(scene, box.meshes, (with_name(box.cameras[0], camera),), (with_name(box.lights[0], light),))
+
+
+def with_name(thing: Any, name: str) -> Any:
+    return type(thing)(**{**vars(thing), "name": name})
+
+
+def test_the_file_names_of_a_view_fit_a_file_system(tmp_path: Path) -> None:
+    """Three names of 80 characters each are within their limits, and too many bytes for one file name."""
+    scene = named("Ł" * 60, "c" * 20, "l" * 30)
+    view = view_of(scene, scene.cameras[0], scene.lights[0], 16384)
+    (tmp_path / f".{view.name}.undecided.{'0' * 12}.png").touch()
+    for names in (("s" * 80, "c" * 80, "l" * 80), ("漢" * 70, "camera", "light")):
+        scene = named(*names)
+        with pytest.raises(InputError, match=r"\d+ bytes together; allowed are 200"):
+            view_of(scene, scene.cameras[0], scene.lights[0], 64)
+
+
+def test_a_note_never_steers_the_terminal(shadowbench: Callable[..., Any], mesh_file: Write, tmp_path: Path) -> None:
+    file = mesh_file("a\x1b[2J\nb.obj", OBJ)
+    answer = shadowbench("truth", file, "-o", tmp_path / "a.npz", "--view-size", "8", "--pixel-samples", "1")
+    assert answer.code == 0
+    assert "\x1b" not in answer.err and r"\x1b[2J" in answer.err
+    assert all(line.startswith("note: ") for line in answer.err.splitlines())
+
+
+@pytest.mark.skipif(os.name != "posix", reason="file names of bytes")
+def test_a_path_that_is_no_utf8_is_refused_before_the_work(
+    shadowbench: Callable[..., Any], tmp_path: Path, mesh_file: Write
+) -> None:
+    file = mesh_file("\udcff.obj", OBJ)
+    answer = shadowbench("run", file, "-t", "unshadowed", "--rounds", "0", "-o", tmp_path / "out")
+    assert (answer.code, answer.err.count("\n")) == (2, 1)
+    assert "UTF-8" in answer.err and not (tmp_path / "out").exists()
+
+
+def test_what_a_table_holds_is_no_formula(shadowbench: Callable[..., Any], scene_file: Write, tmp_path: Path) -> None:
+    file = scene_file('name = "a.b"\n' + BOX, "=1+1.toml")
+    arguments = ("-t", "unshadowed", "--rounds", "0", "--view-size", "8", "-q", "-o", tmp_path / "out")
+    assert shadowbench("run", file, *arguments).code == 0
+    cells = (tmp_path / "out" / "table.csv").read_text(encoding="utf-8").splitlines()[1].split(",")
+    assert not [cell for cell in cells if re.match(r'"?[=+@\t\r]|-\D', cell)]
