@@ -42,6 +42,7 @@ def score_command(options: ScoreOptions, *, as_json: bool, quiet: bool) -> None:
     if options.name is not None:
         check_name(options.name)
     check_outputs(".png", options.difference)
+    _check_difference(options)
     handed = _handed(options)
     with ConsoleReporter(quiet) as reporter:
         view = chosen_view(options.scene, handed.size, options.view, options.light, options.assets)
@@ -78,6 +79,14 @@ def _handed(options: ScoreOptions) -> Handed:
     given = {"MASK": options.mask, "--lit": options.lit, "--shadowed": options.shadowed, "--ambient": options.ambient}
     found = " and ".join(key for key, value in given.items() if value is not None) or "neither"
     raise InputError(f"score: found {found}; allowed: MASK, or --lit and --shadowed, with or without --ambient")
+
+
+def _check_difference(options: ScoreOptions) -> None:
+    """Raise InputError for a difference that would be written over what is scored."""
+    drawn = options.difference
+    for given in (options.mask, options.lit, options.shadowed, options.ambient):
+        if drawn is not None and given is not None and drawn.exists() and given.exists() and drawn.samefile(given):
+            raise InputError(f"--diff {drawn}: is one of the pictures to score; name another file")
 
 
 def _beside(options: ScoreOptions, view: View) -> list[str]:

@@ -5,16 +5,19 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from PIL import Image
 
 from shadowbench.errors import InputError
-from shadowbench.scores.masks import LEVELS, quantise, read_mask
+from shadowbench.scores.masks import LEVELS, open_png, quantise, read_mask
+
+LARGEST = 4096
+"""Pixels along a side of what is handed over: few bytes stand for many pixels, and scoring takes 130 bytes for each."""
 
 DARKEST = 1 / 64
 """Linear light, of full scale, by which a lit pixel must be brighter than its ambient one to be scored."""
 CLIPPED = 0.999
 """Linear luminance from which a picture may be cut off: what is brighter looks the same."""
 
+_PICTURE = "allowed: a PNG, grey or RGB"
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear sRGB; ITU-R BT.709
 _PLAIN = {"L": 255, "RGB": 255, "I;16": LEVELS, "I": LEVELS}
 _REDUCED = {"P": "RGB", "RGBA": "RGB", "LA": "L", "1": "L"}  # without transparency
@@ -41,10 +44,9 @@ class Handed:
 
 
 def mask_from_file(file: Path) -> Handed:
-    """A linear grey PNG of 8 or 16 bits, full = lit; InputError if it is another file, or not square."""
-    visibility = read_mask(file)
-    _check_square(str(file), visibility.shape)
-    return Handed(str(file), visibility)
+    """A linear grey PNG of 8 or 16 bits, full = lit; InputError if it is another file, not square or too large."""
+    _side_of(file)
+    return Handed(str(file), read_mask(file))
 
 
 def mask_from_array(values: ArrayLike, name: str = "mask") -> Handed:
@@ -53,7 +55,8 @@ def mask_from_array(values: ArrayLike, name: str = "mask") -> Handed:
     full = {np.dtype(np.uint8): 255, np.dtype(np.uint16): LEVELS}.get(array.dtype, 1)
     if array.dtype.kind not in "bf" and full == 1:
         raise InputError(f"{name}: found an array of {array.dtype}; allowed: float in [0, 1], bool, uint8, uint16")
-    _check_square(name, array.shape)
+    if array.ndim != 2 or array.shape[0] != array.shape[1] or array.size == 0:
+        raise InputError(f"{name}: found {_size(array.shape)} pixels; allowed: a square, as the view is")
     try:
         return Handed(name, quantise(array.astype(np.float64) / full))
     except ValueError as error:
@@ -64,16 +67,14 @@ def from_screenshots(lit: Path, shadowed: Path, ambient: Path | None = None) -> 
     """Visibility (shadowed − ambient) / (lit − ambient) of PNG screenshots, sRGB-encoded; ambient is 0 if absent.
 
     Colours are reduced to their luminance. Where lit − ambient is below 1/64 nothing can be told: 1, not measurable.
-    InputError for files that are no PNG, not square, or of different sizes.
+    InputError for files that are no PNG, not square, too large, or of different sizes.
     """
     files = [lit, shadowed, *([ambient] if ambient else [])]
+    sides = [_side_of(file) for file in files]
+    for file, side in zip(files, sides, strict=True):
+        if side != sides[0]:
+            raise InputError(f"{file}: found {side} × {side} pixels; allowed: {sides[0]} × {sides[0]}, as {lit}")
     pictures = [read_luminance(file) for file in files]
-    _check_square(str(lit), pictures[0].shape)
-    for file, picture in zip(files, pictures, strict=True):
-        if picture.shape != pictures[0].shape:
-            raise InputError(
-                f"{file}: found {_size(picture.shape)} pixels; allowed: {_size(pictures[0].shape)}, as {lit}"
-            )
     floor = pictures[2] if ambient else np.zeros_like(pictures[0])
     range_of_light = pictures[0] - floor
     measurable = range_of_light >= DARKEST
@@ -83,17 +84,11 @@ def from_screenshots(lit: Path, shadowed: Path, ambient: Path | None = None) -> 
 
 def read_luminance(file: Path) -> NDArray[np.float64]:
     """(H, W) linear luminance in [0, 1] of a PNG, grey or in colour, decoded from sRGB; transparency is left out."""
-    allowed = "allowed: a PNG, grey or RGB"
-    try:
-        with Image.open(file, formats=["PNG"]) as opened:
-            image = opened.convert(_REDUCED[opened.mode]) if opened.mode in _REDUCED else opened
-            if image.mode not in _PLAIN:
-                raise InputError(f"{file}: found a PNG of mode {image.mode}; {allowed}")
-            levels = np.asarray(image) / _PLAIN[image.mode]
-    except FileNotFoundError:
-        raise InputError(f"{file}: no such file; {allowed}") from None
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError):
-        raise InputError(f"{file}: cannot be read as an image; {allowed}") from None
+    with open_png(file, _PICTURE) as opened:
+        image = opened.convert(_REDUCED[opened.mode]) if opened.mode in _REDUCED else opened
+        if image.mode not in _PLAIN:
+            raise InputError(f"{file}: found a PNG of mode {image.mode}; {_PICTURE}")
+        levels = np.asarray(image) / _PLAIN[image.mode]
     linear = decode_srgb(levels)
     luminance: NDArray[np.float64] = linear @ _LUMINANCE if linear.ndim == 3 else linear
     return luminance
@@ -105,9 +100,14 @@ def decode_srgb(encoded: ArrayLike) -> NDArray[np.float64]:
     return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
 
 
-def _check_square(name: str, shape: tuple[int, ...]) -> None:
-    if len(shape) != 2 or shape[0] != shape[1] or shape[0] == 0:
-        raise InputError(f"{name}: found {_size(shape)} pixels; allowed: a square, as the view is")
+def _side_of(file: Path) -> int:
+    """Pixels along a side of a PNG, by its header; InputError if it is none, not square or too large."""
+    allowed = f"allowed: a square PNG of at most {LARGEST} × {LARGEST} pixels"
+    with open_png(file, allowed) as image:
+        width, height = image.size
+    if width != height or width > LARGEST:
+        raise InputError(f"{file}: found {width} × {height} pixels; {allowed}")
+    return width
 
 
 def _size(shape: tuple[int, ...]) -> str:

@@ -32,6 +32,8 @@ def shift_of(comparison: Comparison) -> Shift | None:
     seen, and that part is 0.
     """
     reference = comparison.reference
+    if np.count_nonzero(reference.valid) < _FEWEST:  # one pixel has no gradient either
+        return None
     weight = reference.valid.astype(np.float32)
     shift = (0.0, 0.0)
     for sigma in _SMOOTHING:

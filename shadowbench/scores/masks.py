@@ -1,6 +1,9 @@
 """Visibility as 16-bit levels: what is scored, what is stored, and that the two are the same numbers."""
 
 import hashlib
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -43,14 +46,29 @@ def read_mask(path: str | Path) -> NDArray[np.float32]:
     What `write_mask` stored comes back as `quantise` gave it, bit for bit. InputError for any other file.
     """
     allowed = "allowed: a grey PNG of 8 or 16 bits"
+    with open_png(path, allowed) as image:
+        if image.mode not in _FULL_SCALE:
+            raise InputError(f"{path}: found a PNG of mode {image.mode}; {allowed}")
+        return _from_levels(np.asarray(image), _FULL_SCALE[image.mode])
+
+
+@contextmanager
+def open_png(path: str | Path, allowed: str) -> Iterator[Image.Image]:
+    """A PNG whose size and mode are known and whose pixels are decoded when they are asked for.
+
+    InputError, which ends with `allowed`, for what is no regular file or no PNG, also where decoding it fails.
+    """
+    if not Path(path).is_file():  # a pipe would be waited for
+        raise InputError(f"{path}: {'is not a file' if Path(path).exists() else 'no such file'}; {allowed}")
     try:
-        with Image.open(path, formats=["PNG"]) as image:
-            if image.mode not in _FULL_SCALE:
-                raise InputError(f"{path}: found a PNG of mode {image.mode}; {allowed}")
-            return _from_levels(np.asarray(image), _FULL_SCALE[image.mode])
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file; {allowed}") from error
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            image = Image.open(path, formats=["PNG"])
+        with image:
+            yield image
+    except Image.DecompressionBombError as error:
+        raise InputError(f"{path}: found more than {2 * (Image.MAX_IMAGE_PIXELS or 0)} pixels; {allowed}") from error
+    except (OSError, SyntaxError, ValueError) as error:
         raise InputError(f"{path}: cannot be read as an image; {allowed}") from error
 
 

@@ -1,11 +1,15 @@
 """Visibility of masks and screenshots: decoded, in linear light, and refused where it cannot be."""
 
+import os
+import struct
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
+from PIL.PngImagePlugin import PngImageFile
 
 from shadowbench.engines.pictures import decode_srgb, from_screenshots, mask_from_array, mask_from_file, read_luminance
 from shadowbench.errors import InputError
@@ -18,6 +22,18 @@ def encoded(linear: float) -> float:
 
 def flat(value: float, side: int = 8) -> np.ndarray:
     return np.full((side, side), value)
+
+
+def blank_png(width: int, height: int) -> bytes:
+    """A white 8-bit grey PNG, made a row at a time."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    header = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
+    packer = zlib.compressobj(9)
+    rows = b"".join(packer.compress(b"\0" + b"\xff" * width) for _ in range(height)) + packer.flush()
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", rows) + chunk(b"IEND", b"")
 
 
 def test_srgb_is_decoded_as_the_standard_says() -> None:
@@ -119,3 +135,33 @@ def test_other_files_are_refused(png: Callable, tmp_path: Path) -> None:
         with pytest.raises(InputError) as caught:
             call()
         assert line in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("size", [(4097, 4097), (13_000, 13_000), (30_000, 30_000), (40, 30_000)])
+def test_a_picture_is_refused_for_its_size_before_it_is_decoded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, size: tuple[int, int]
+) -> None:
+    """Few bytes stand for many pixels: decoding 13,000² of them takes gigabytes."""
+    file = tmp_path / "large.png"
+    file.write_bytes(blank_png(*size))
+    decoded = []
+    monkeypatch.setattr(PngImageFile, "load", lambda image: decoded.append(image))
+    for read in (lambda: mask_from_file(file), lambda: from_screenshots(file, file)):
+        with pytest.raises(InputError, match=r"large\.png: .*pixels; allowed: a square PNG of at most 4096 × 4096"):
+            read()
+    assert decoded == []
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pipes in the file system")
+def test_a_pipe_or_a_folder_is_no_picture(tmp_path: Path, png: Callable) -> None:
+    os.mkfifo(tmp_path / "pipe.png")
+    (tmp_path / "folder.png").mkdir()
+    square = png("square.png", flat(1))
+    for file in (tmp_path / "pipe.png", tmp_path / "folder.png"):
+        for read, files in (
+            (mask_from_file, [file]),
+            (from_screenshots, [file, square]),
+            (from_screenshots, [square, square, file]),
+        ):
+            with pytest.raises(InputError, match=rf"{file.name}: is not a file; allowed: "):
+                read(*files)

@@ -225,6 +225,37 @@ def test_bad_input_is_one_line(
     assert line in answer.err and answer.err.count("\n") == 1
 
 
+@pytest.mark.parametrize("size", [1, 2, 3, 7, 8])
+def test_pictures_of_few_pixels_are_scored(shadowbench: Callable, png: Callable, tmp_path: Path, size: int) -> None:
+    for values in (np.ones((size, size)), np.zeros((size, size)), np.full((size, size), 0.5)):
+        mask = png("small.png", values)
+        answer = shadowbench("score", SCENE, mask, "--json", "--diff", tmp_path / "diff.png")
+        assert answer.code == 0 and json.loads(answer.out)["view_size"] == size
+    lit = png("lit.png", np.ones((size, size)))
+    assert shadowbench("score", SCENE, "--lit", lit, "--shadowed", mask, "-o", tmp_path, "--name", "x").code == 0
+
+
+def test_the_difference_is_not_drawn_over_what_is_scored(
+    shadowbench: Callable, mask: Path, png: Callable, tmp_path: Path
+) -> None:
+    (tmp_path / "link.png").symlink_to(mask)
+    lit, ambient = png("lit.png", np.ones((8, 8))), png("ambient.png", np.zeros((8, 8)))
+    pictures = ("--lit", lit, "--shadowed", lit, "--ambient", ambient)
+    before = {file: file.read_bytes() for file in (mask, lit, ambient)}
+    for given, over in (
+        ((mask,), mask),
+        ((mask,), mask.parent / "." / ".." / tmp_path.name / mask.name),
+        ((tmp_path / "link.png",), mask),
+        (pictures, lit),
+        (pictures, ambient),
+    ):
+        answer = shadowbench("score", SCENE, *given, "--diff", over)
+        assert (answer.code, answer.out) == (2, "")
+        assert "--diff" in answer.err and "is one of the pictures to score; name another file" in answer.err
+        assert answer.err.count("\n") == 1
+    assert before == {file: file.read_bytes() for file in before}
+
+
 def test_scoring_imports_no_gl() -> None:
     code = (
         "import sys; from shadowbench.engines import export, scored, store; import shadowbench.pytest_plugin; "
