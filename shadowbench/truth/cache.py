@@ -9,9 +9,11 @@ from contextlib import suppress
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import platformdirs
+from numpy.typing import NDArray
 
 from shadowbench.data import source_digest
 from shadowbench.errors import InputError
@@ -20,6 +22,17 @@ from shadowbench.scenes import model
 from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.model import View
 from shadowbench.truth.trace import Truth, trace
+
+_RANGES: dict[str, tuple[type[np.generic], float, float]] = {
+    "visibility": (np.float32, 0, 1),
+    "receivers": (np.bool_, 0, 1),
+    "undecided": (np.bool_, 0, 1),
+    "area": (np.float32, 0, 1),
+    "blocker": (np.float32, 0, np.inf),
+    "cosine": (np.float32, 0, 1 + 1e-6),  # of vectors that are rounded
+    "diagonal": (np.float64, np.finfo(np.float64).tiny, np.finfo(np.float64).max),
+}
+"""Type, lowest and highest value of a truth's arrays, but `triangle`, whose range is the scene's."""
 
 _log = logging.getLogger(__name__)
 
@@ -32,7 +45,7 @@ def cached_truth(view: View, pixel_samples: int = 4, light_samples: int = 1) -> 
     Where the cache cannot be read it is traced, where it cannot be written the truth is not kept: a logged warning.
     """
     file = cache_folder() / f"{_key(view, pixel_samples, light_samples)}.npz"
-    kept = read_truth(file)
+    kept = read_truth(file, view)
     if kept is not None:
         with suppress(OSError):  # a folder that may only be read serves all the same
             file.touch()
@@ -60,15 +73,29 @@ def write_truth(file: Path, truth: Truth) -> None:
         np.savez_compressed(stream, **truth.arrays())  # type: ignore[arg-type]  # the stub types allow_pickle alone
 
 
-def read_truth(file: Path) -> Truth | None:
-    """The truth in a file, None when it is missing, unreadable, cut short, damaged or something else."""
+def read_truth(file: Path, view: View) -> Truth | None:
+    """The truth of a view in a file, None when it is missing, unreadable, cut short, damaged or of something else."""
+    if not file.is_file():  # a pipe would be waited for
+        return None
     try:
         # np.load leaves a file that it cannot read open, unless it is given one.
         with file.open("rb") as stream, np.load(stream) as arrays:
             values = {name: arrays[name] for name in arrays.files}
-        return Truth(**{**values, "diagonal": float(values["diagonal"])})
-    except (OSError, zipfile.BadZipFile, zlib.error, EOFError, ValueError, KeyError, TypeError):
+    except (OSError, zipfile.BadZipFile, zlib.error, EOFError, ValueError, TypeError, AttributeError):
         return None
+    return Truth(**{**values, "diagonal": float(values["diagonal"])}) if _is_truth(values, view) else None
+
+
+def _is_truth(values: dict[str, NDArray[Any]], view: View) -> bool:
+    """Whether arrays have the names, types, sizes and ranges of a truth of a view."""
+    ranges = {**_RANGES, "triangle": (np.int32, -1, len(view.scene.geometry.faces) - 1)}
+    if values.keys() != ranges.keys():
+        return False
+    for name, (kind, low, high) in ranges.items():
+        array, shape = values[name], () if name == "diagonal" else (view.size, view.size)
+        if array.dtype != kind or array.shape != shape or not ((array >= low) & (array <= high)).all():  # NaN neither
+            return False
+    return True
 
 
 @cache

@@ -1,5 +1,6 @@
 """A truth is traced once for what it depends on."""
 
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -7,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shadowbench.scenes.model import Light, Mesh, View
+from shadowbench.scenes.model import Light, Mesh, View, view_of
 from shadowbench.truth import cache
-from shadowbench.truth.cache import cache_folder, cached_truth, read_truth
+from shadowbench.truth.cache import cache_folder, cached_truth, read_truth, write_truth
 from shadowbench.truth.trace import Truth, trace
 
 
@@ -116,7 +117,7 @@ def test_file_cut_short_is_traced_again(share: float, view: View, empty_folder: 
     content = file.read_bytes()
     file.write_bytes(content[: int(len(content) * share)])
     assert_equal(cached_truth(view), first)
-    kept = read_truth(file)
+    kept = read_truth(file, view)
     assert kept is not None
     assert_equal(kept, first)
 
@@ -131,9 +132,89 @@ def test_damaged_file_is_traced_again(place: int, view: View, empty_folder: Path
     assert_equal(cached_truth(view), first)
 
 
-def test_file_of_something_else_is_no_truth(tmp_path: Path) -> None:
+def test_file_of_something_else_is_no_truth(view: View, tmp_path: Path) -> None:
     np.savez(tmp_path / "other.npz", visibility=np.zeros(3))
-    assert read_truth(tmp_path / "other.npz") is None
+    assert read_truth(tmp_path / "other.npz", view) is None
+
+
+def with_pixel(name: str, value: float) -> Callable[[dict[str, np.ndarray]], None]:
+    """One pixel, in the middle of the picture, or the diagonal has another value."""
+
+    def change(arrays: dict[str, np.ndarray]) -> None:
+        arrays[name] = arrays[name].copy()
+        arrays[name][(16, 16) if arrays[name].ndim else ()] = value
+
+    return change
+
+
+def every_other_pixel(arrays: dict[str, np.ndarray]) -> None:
+    arrays.update({name: array[::2, ::2] for name, array in arrays.items() if array.ndim})
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        every_other_pixel,
+        lambda arrays: arrays.update(visibility=arrays["visibility"].astype(np.float64)),
+        lambda arrays: arrays.update(receivers=arrays["receivers"].astype(np.uint8)),
+        lambda arrays: arrays.update(triangle=arrays["triangle"].astype(np.int64)),
+        lambda arrays: arrays.update(triangle=arrays["triangle"].astype(">i4")),
+        lambda arrays: arrays.update(area=arrays["area"][:, :-1]),
+        lambda arrays: arrays.update(cosine=arrays["cosine"][..., None]),
+        lambda arrays: arrays.update(diagonal=np.array([1.0, 2.0])),
+        lambda arrays: arrays.update(diagonal=np.array("long")),
+        lambda arrays: arrays.update(more=np.zeros(3)),
+        lambda arrays: arrays.pop("undecided"),
+        lambda arrays: arrays.clear(),
+        *(with_pixel(name, np.nan) for name in ("visibility", "area", "blocker", "cosine", "diagonal")),
+        *(with_pixel(name, np.inf) for name in ("visibility", "area", "cosine", "diagonal")),
+        *(with_pixel(name, value) for name in ("visibility", "area", "cosine") for value in (-0.01, 1.01)),
+        with_pixel("blocker", -1.0),
+        with_pixel("diagonal", 0.0),
+        with_pixel("triangle", -2),
+        with_pixel("triangle", 14),
+    ],
+)  # fmt: skip
+def test_readable_but_wrong_truth_is_made_again(
+    change: Callable[[dict[str, np.ndarray]], object], view: View, empty_folder: Path
+) -> None:
+    assert len(view.scene.geometry.faces) == 14
+    first = cached_truth(view)
+    (file,) = empty_folder.iterdir()
+    arrays: dict[str, np.ndarray] = dict(first.arrays())
+    change(arrays)
+    np.savez_compressed(file, **arrays)
+    assert_equal(cached_truth(view), first)
+    kept = read_truth(file, view)
+    assert kept is not None, "it has healed"
+    assert_equal(kept, first)
+
+
+def test_single_array_in_a_truth_s_place_is_made_again(view: View, empty_folder: Path) -> None:
+    first = cached_truth(view)
+    (file,) = empty_folder.iterdir()
+    with file.open("wb") as stream:
+        np.save(stream, first.visibility)
+    assert_equal(cached_truth(view), first)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pipes in the file system")
+def test_pipe_in_a_truth_s_place_is_not_waited_for(view: View, empty_folder: Path) -> None:
+    first = cached_truth(view)
+    (file,) = empty_folder.iterdir()
+    file.unlink()
+    os.mkfifo(file)
+    assert_equal(cached_truth(view), first)
+
+
+def test_every_truth_passes_its_check(view: View, tmp_path: Path) -> None:
+    """Also of a lamp, which shines on a part, and of a view that misses the scene in most pixels."""
+    lamp = Light("lamp", "spot", (0.0, -1.0, 0.0), position=(0.3, 2.0, 0.2), angle=0.8)
+    back = np.subtract(view.camera.position, view.camera.target) * 20 + view.camera.target
+    away = replace(view.camera, position=tuple(back), near=None, far=None)
+    for one in (view, replace(view, light=lamp), view_of(view.scene, away, view.light, 64)):
+        write_truth(tmp_path / "truth.npz", trace(one))
+        assert read_truth(tmp_path / "truth.npz", one) is not None
 
 
 def test_oldest_truths_go_first(view: View, empty_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
