@@ -10,7 +10,7 @@ from shadowbench.gl.gbuffer import GBuffer, download
 from shadowbench.gl.geometry import TRIANGLE_DEFINES, DeviceGeometry
 from shadowbench.gl.program import Drawable, Sampling, link
 from shadowbench.gl.shaders import compose
-from shadowbench.scenes.model import View
+from shadowbench.scenes.model import View, unit, vec3
 
 
 class PicturePass:
@@ -35,7 +35,7 @@ class PicturePass:
         self._program.set(
             light=(*xyz, w),
             eye=view.camera.position,
-            cone_axis=view.light.direction,
+            cone_axis=vec3(unit(view.light.direction)),
             cos_half_angle=view.light.cos_half_angle,
         )
         color = self._device.context.texture((view.size, view.size), 4, dtype="f1")

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.scenes.model import Floats, View
+from shadowbench.scenes.model import Floats, View, unit
 from shadowbench.truth.embree import NEVER, Tracer
 from shadowbench.truth.rays import EDGE_ON, dot
 
@@ -80,8 +80,8 @@ def lighting(view: View, casters: Tracer, met: Surfaces, above: float) -> Lighti
     cosine = dot(met.normal, to_light)
     receives = cosine > FACING
     if view.light.kind == "spot":
-        axis = np.array(view.light.direction) / np.linalg.norm(view.light.direction)
-        receives &= -dot(to_light, axis[:, None]) >= view.light.cos_half_angle
+        axis = unit(view.light.direction)[:, None]
+        receives &= -dot(to_light, axis) >= view.light.cos_half_angle
     ahead = above / np.maximum(cosine, FACING)
     reach = np.maximum(length - ahead, 0.0) if w else np.full(len(length), NEVER)
     left = casters.distance((met.point + to_light * ahead).T, to_light.T, reach)

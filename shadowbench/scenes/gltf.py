@@ -16,7 +16,7 @@ import numpy as np
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.model import Camera, Floats, Light, unit, vec3
-from shadowbench.scenes.tables import LONGEST_NAME, WIDEST_SPOT, name_from
+from shadowbench.scenes.tables import LONGEST_NAME, NARROWEST, WIDEST_SPOT, name_from
 
 Json = dict[str, Any]
 
@@ -114,8 +114,10 @@ def cameras_of(document: Json, where: str) -> tuple[list[Camera], list[str]]:
             continue
         lens = data["perspective"]
         fov, near, far = float(lens["yfov"]), float(lens["znear"]), lens.get("zfar")
-        if not 0.0 < fov < math.pi:
-            raise InputError(f"{where}: camera: yfov is {fov:g} rad; allowed: above 0, below pi")
+        if not math.radians(NARROWEST) <= fov < math.pi:
+            raise InputError(
+                f"{where}: camera: yfov is {fov:g} rad; allowed: {math.radians(NARROWEST):.3g} to below pi"
+            )
         if not 0.0 < near < (math.inf if far is None else float(far)) or math.isinf(near):
             raise InputError(f"{where}: camera: znear is {near:g} and zfar {far}; allowed: 0 < znear < zfar")
         position, forward = _pose(node, where, "camera")

@@ -21,6 +21,8 @@ Coordinates = Literal["relative", "absolute"]
 
 LONGEST_VIEW_NAME = 200
 """Bytes of UTF-8. File systems allow 255 for a file's name, of which endings and temporary names need some."""
+NEAREST_TARGET = 1e-12
+"""Distance of a camera's target, as a share of the coordinates that it is the difference of: float64 has 2e-16."""
 
 
 def vec3(values: Sequence[float] | Floats) -> Vec3:
@@ -44,8 +46,8 @@ def perpendicular_basis(back: Floats, up: Sequence[float] | Floats) -> Floats:
 
     An `up` along `back` is replaced by the axis that `back` leans on least, so every direction has a basis.
     """
-    right = np.cross(np.asarray(up, dtype=np.float64), back)
-    if np.linalg.norm(right) < 1e-6 * np.linalg.norm(up):
+    right = np.cross(unit(up), back)
+    if np.linalg.norm(right) < 1e-6:
         right = np.cross(np.eye(3)[np.argmin(np.abs(back))], back)
     right = unit(right)
     return np.stack([right, np.cross(back, right), back])
@@ -307,10 +309,18 @@ def view_of(scene: Scene, camera: Camera, light: Light, size: int) -> View:
     By the scene's bounds: far is the distance to their farthest corner, near the depth that a point at their nearest
     distance has in the picture's corner, but at least far/10⁴; each a thousandth wider, so that a face lying on the
     bounds is not cut by rounding. Planes that a file gives are clamped to that range, so that no depth range is spent
-    on emptiness. Raises InputError for planes that leave out the scene and for names too long to call files.
+    on emptiness. Raises InputError for planes that leave out the scene, a target that is as good as the
+    position, and names too long to call files.
     """
     low, high = scene.geometry.bounds
     position = np.asarray(camera.position)
+    apart = float(np.abs(np.subtract(camera.position, camera.target)).max())
+    least = NEAREST_TARGET * float(np.abs([camera.position, camera.target, (low + high) / 2]).max())
+    if apart < least:
+        raise InputError(
+            f"camera {camera.name!r} of {scene.name}: position and target are {apart:.3g} m apart, which rounding may "
+            f"turn anywhere; they must be at least {least:.3g} m apart here"
+        )
     farthest = float(np.linalg.norm(np.maximum(np.abs(low - position), np.abs(high - position))))
     nearest = float(np.linalg.norm(np.maximum(np.maximum(low - position, position - high), 0.0)))
     nearest /= np.sqrt(1 + 2 * np.tan(camera.fov_y / 2) ** 2)

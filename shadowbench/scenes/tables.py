@@ -16,6 +16,8 @@ MOST_COPIES = 50_000
 MOST_NAMED = 1000
 """Cameras, and lights, of a scene."""
 WIDEST_SPOT = 170.0
+NARROWEST = 0.01
+"""Degrees of a field of view: the float32 of a picture cannot tell the pixels of a narrower one."""
 LONGEST_NAME = 80
 NAME = re.compile(rf"\w[\w .+-]{{0,{LONGEST_NAME - 1}}}")
 """Names become file names and cells of a CSV file: no line breaks, and no =, +, - or @ that would begin a formula."""
@@ -86,7 +88,7 @@ class CameraTable(Strict):
     name: Name | None = None
     position: Three
     target: Three
-    fov_y: Number = Field(36.0, gt=0.0, lt=180.0)
+    fov_y: Number = Field(36.0, ge=NARROWEST, lt=180.0)
     up: Direction = (0.0, 1.0, 0.0)
     near: Number | None = Field(None, gt=0.0)
     far: Number | None = Field(None, gt=0.0)

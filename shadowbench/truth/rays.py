@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.scenes.model import Floats, View
+from shadowbench.scenes.model import Floats, View, unit
 from shadowbench.truth.embree import NEVER, Tracer
 
 Mask = NDArray[np.bool_]
@@ -82,7 +82,7 @@ class ViewRays:
         self._from_light: Tracer | None = None
         if self._light_w and np.abs(light).max() < FROM_LIGHT:
             self._from_light = Tracer(geometry.vertices - self._light[:, 0], geometry.caster_faces)
-        self._axis = np.array(view.light.direction)[:, None] / np.linalg.norm(view.light.direction)
+        self._axis = unit(view.light.direction)[:, None]
         self._cos_half_angle = view.light.cos_half_angle
 
         # A plane shows one side to a point, so normals are turned to the camera once and not for each hit.

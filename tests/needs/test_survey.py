@@ -5,6 +5,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -52,6 +53,15 @@ def test_samples_are_the_receivers_and_shadows_of_the_truth(light: Light) -> Non
     blocked = samples.shadowed & decided[samples.pixel]
     metres = samples.blocker[blocked] / samples.placement.scale
     np.testing.assert_allclose(metres, truth.blocker.ravel()[samples.pixel[blocked]], rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize("length", [1e-170, 1e17])
+def test_the_length_of_a_spot_s_direction_changes_nothing(length: float) -> None:
+    meshes = [plate(8.0), box(0.8, (0.0, 0.4, 0.0))]
+    usual = Light("spot", "spot", (-0.5, -1.0, 0.25), (2.0, 4.0, -0.8), 1.2)
+    light = replace(usual, direction=(-0.5 * length, -1.0 * length, 0.25 * length))
+    found, expected = (sampled(looking(meshes, one)) for one in (light, usual))
+    np.testing.assert_array_equal(found.pixel, expected.pixel)
 
 
 def seen_by(samples: Samples) -> Receivers:

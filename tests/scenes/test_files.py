@@ -228,7 +228,7 @@ HUGE = "9" * 400
         ("[camera]\nposition = [0, 0, 0]\ntarget = [0, 0, 0]\n" + BOX, ["position", "target"]),
         ("[camera]\nposition = [0, 0, 0]\n" + BOX, ["target"]),
         (CAMERA + "fov_y = 180\n" + BOX, ["fov_y", "180"]),
-        (CAMERA + "fov_y = 0\n" + BOX, ["fov_y: found 0.0; allowed: greater than 0"]),
+        (CAMERA + "fov_y = 0\n" + BOX, ["fov_y: found 0.0; allowed: greater than or equal to 0.01"]),
         (CAMERA + "fov_y = -20\n" + BOX, ["fov_y"]),
         (CAMERA + 'fov_y = "36"\n' + BOX, ["fov_y"]),
         (CAMERA + "up = [0, 0, 0]\n" + BOX, ["up"]),

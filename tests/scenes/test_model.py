@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene, view_of
+from shadowbench.scenes.tables import NARROWEST, camera_from_table
 
 FLOOR = Mesh(
     "floor",
@@ -69,3 +70,36 @@ def test_planes_that_leave_out_the_scene_are_said() -> None:
     camera = Camera("camera", (0.0, 3.0, 8.0), (0.0, 0.0, 0.0), 0.6, near=500.0, far=900.0)
     with pytest.raises(InputError, match=r"looks at nothing: its planes 500\.0 and 900\.0 m leave out the scene"):
         view_of(Scene("floor", (FLOOR,), (camera,), (SUN,)), camera, SUN, 64)
+
+
+@pytest.mark.parametrize("length", [5e-324, 1e-320, 1e-170, 1e-40, 1e17])
+def test_the_length_of_up_changes_nothing(length: float) -> None:
+    camera = Camera("camera", (3.0, 2.0, 4.0), (0.0, 0.5, 0.0), 0.6, up=(0.0, length, 0.0))
+    usual = Camera("camera", camera.position, camera.target, 0.6)
+    np.testing.assert_allclose(camera.basis(), usual.basis(), atol=1e-15)
+    np.testing.assert_allclose(camera.basis() @ camera.basis().T, np.eye(3), atol=1e-15)
+
+
+@pytest.mark.parametrize("apart", [1e-170, 1e-17, 1e-13])
+def test_a_target_that_rounding_takes_to_the_camera_is_told(apart: float) -> None:
+    """Seen from the scene's centre both are at one place, and the camera looks nowhere."""
+    floor = Mesh("floor", FLOOR.vertices + np.array([0.0, 0.0, 1.7]), FLOOR.faces)
+    camera = Camera("camera", (0.0, 0.0, 0.0), (apart, 0.0, 0.0), 0.6)
+    with pytest.raises(InputError, match=r"camera 'camera' of floor: position and target are \S+ m apart") as error:
+        view_of(Scene("floor", (floor,), (camera,), (SUN,)), camera, SUN, 64)
+    assert "they must be at least 1.7e-12 m apart here" in str(error.value)
+
+
+def test_a_target_a_nanometre_away_is_a_direction_like_any() -> None:
+    place, way = np.array([1.0, 2.0, 3.0]), np.array([1.0, 2.0, 0.0])
+    camera = Camera("camera", tuple(place), tuple(place - 2.0**-30 * way), 0.6)
+    view, _ = view_of(Scene("floor", (FLOOR,), (camera,), (SUN,)), camera, SUN, 64).placed()
+    np.testing.assert_allclose(view.camera.basis()[2], way / math.sqrt(5), atol=1e-6)
+
+
+def test_a_field_of_view_that_float32_cannot_draw_is_refused() -> None:
+    table = {"position": [0, 1, 5], "target": [0, 0, 0]}
+    assert camera_from_table(table | {"fov_y": NARROWEST}, "a.toml").fov_y == math.radians(NARROWEST)
+    for fov in (1e-300, 1e-6, 0.99 * NARROWEST):
+        with pytest.raises(InputError, match=r"fov_y: found .*; allowed: greater than or equal to 0.01"):
+            camera_from_table(table | {"fov_y": fov}, "a.toml")

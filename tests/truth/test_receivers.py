@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shadowbench.scenes.model import Floats, Light, Mesh, View
+from shadowbench.scenes.model import Floats, Light, LightKind, Mesh, View
 from shadowbench.truth.trace import OFFSET, trace
 
 Shape = Callable[..., Mesh]
@@ -51,6 +51,21 @@ def test_receivers_lie_inside_a_spots_cone(shape: Shape, looking: Looking, on_gr
     assert 0.02 < inside.mean() < 0.9
     assert (truth.receivers == inside)[~truth.undecided].all()
     assert (truth.receivers != inside).sum() == 0
+
+
+@pytest.mark.parametrize("kind", ["directional", "spot"])
+@pytest.mark.parametrize("length", [1e-320, 1e-170, 1e-40, 1e17, 1e200])
+def test_the_length_of_a_direction_changes_nothing(
+    shape: Shape, looking: Looking, kind: LightKind, length: float
+) -> None:
+    meshes = [shape("plane", 8.0), shape("box", at=(0, 0.5, 0))]
+    usual = Light("light", kind, (-0.5, -1.0, 0.25), (1.0, 2.0, -0.4), math.radians(40.0))
+    light = replace(usual, direction=(-0.5 * length, -1.0 * length, 0.25 * length))
+    found, expected = (trace(looking(meshes, one, size=96)) for one in (light, usual))
+    assert found.receivers.any()
+    for name in ("receivers", "visibility", "triangle"):
+        same = getattr(found, name) == getattr(expected, name)
+        assert same[~expected.undecided].all()
 
 
 def test_ground_seen_from_below_is_no_receiver_of_a_light_above(shape: Shape, looking: Looking, sun: Light) -> None:
