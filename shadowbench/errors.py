@@ -1,5 +1,8 @@
 """The errors a user can meet, and the exit code of each."""
 
+LONGEST_LINE = 1000
+"""Characters of a line for people: what it quotes may be of any length, such as a plug-in's message."""
+
 
 class ShadowbenchError(Exception):
     """A failure that is told in one line of printable characters, whatever it quotes, instead of a traceback."""
@@ -7,7 +10,7 @@ class ShadowbenchError(Exception):
     exit_code = 3
 
     def __init__(self, line: str = "") -> None:
-        super().__init__(printable(" ".join(line.split())))
+        super().__init__(one_line(line))
 
 
 class InputError(ShadowbenchError):
@@ -18,6 +21,12 @@ class InputError(ShadowbenchError):
 
 class NoGLError(ShadowbenchError):
     """No OpenGL context could be made, or it is older than 4.1."""
+
+
+def one_line(text: str, longest: int = LONGEST_LINE) -> str:
+    """A text as one printable line of at most `longest` characters, the last of them … where it is cut."""
+    line = printable(" ".join(text[: 10 * longest].split()))
+    return line if len(line) <= longest else line[: longest - 1] + "…"
 
 
 def printable(line: str) -> str:

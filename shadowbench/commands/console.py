@@ -4,7 +4,7 @@ import json
 import logging
 import sys
 from collections.abc import Mapping, Sequence
-from contextlib import redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +21,7 @@ from rich.progress import (
 
 from shadowbench.errors import InputError, printable
 from shadowbench.files import replace_file
+from shadowbench.studies.printed import Cut
 
 if TYPE_CHECKING:
     from shadowbench.techniques.base import Technique
@@ -83,10 +84,11 @@ class ConsoleReporter(logging.Handler):
 
 
 def techniques_with(plugins: Sequence[Path]) -> Mapping[str, "type[Technique]"]:
-    """All techniques by name; what a plug-in prints while it is loaded does not get between the results."""
+    """All techniques by name; what a plug-in prints while it is loaded goes to stderr, and is cut."""
     from shadowbench.techniques.registry import techniques  # and with it moderngl, which not every command needs
 
-    with redirect_stdout(sys.stderr):
+    stream = Cut(sys.stderr)
+    with redirect_stdout(stream), redirect_stderr(stream):
         return techniques(plugins)
 
 

@@ -14,6 +14,7 @@ from typing import Literal, get_args
 import moderngl
 
 from shadowbench.gl.device import Device
+from shadowbench.scenes.tables import LONGEST_NAME
 
 Changes = Literal["light", "view", "frame"]
 QUERIES = "gl_time_elapsed"
@@ -84,7 +85,9 @@ class Clock:
 
     @contextmanager
     def timed(self, name: str, changes: Changes = "frame") -> Iterator[None]:
-        """Bracket one pass; raises ValueError when `changes` is none of its three words."""
+        """Bracket one pass; ValueError when `changes` is none of its three words, or `name` beyond LONGEST_NAME."""
+        if len(name) > LONGEST_NAME:
+            raise ValueError(f"pass {name!r:.60}… has a name of {len(name)} characters; allowed: {LONGEST_NAME}")
         if changes not in get_args(Changes):
             raise ValueError(f"pass {name!r}: changes is {changes!r}; allowed: {', '.join(get_args(Changes))}")
         if self._passes is None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from shadowbench.scenes.tables import LONGEST_NAME
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.filters import Filter
 
@@ -40,8 +41,12 @@ def own_work(technique: Technique, pixels: int, facts: dict[str, float]) -> dict
 
 
 def numbers(spec: str, facts: Mapping[str, float]) -> dict[str, float]:
-    """Facts as a row can hold them; raises ValueError for one that is not finite."""
+    """Facts as a row can hold them; raises ValueError for one that is not finite, or has a name beyond LONGEST_NAME."""
     for name, value in facts.items():
+        if len(name) > LONGEST_NAME:
+            raise ValueError(
+                f"{spec}: fact {name!r:.60}… has a name of {len(name)} characters; allowed: {LONGEST_NAME}"
+            )
         if not math.isfinite(value):
             raise ValueError(f"{spec}: fact {name!r} is {value}; allowed: finite numbers")
     return {name: float(value) for name, value in facts.items()}

@@ -15,6 +15,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from shadowbench.errors import one_line
 from shadowbench.gl.clock import Clock, PassTimes, Sample, with_cost, work_of
 from shadowbench.gl.device import Device, open_device
 from shadowbench.gl.gbuffer import GBuffer, SurfacePass, download
@@ -65,7 +66,10 @@ class Built:
 
 
 class Unsupported(Exception):
-    """A technique cannot answer a view; the text says why."""
+    """A technique cannot answer a view; the text, one line, says why."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(one_line(reason))
 
 
 class Session:
@@ -145,7 +149,8 @@ class Session:
     def unsupported(self, request: CellRequest) -> str | None:
         """Why a cell has no answer for the open view, or None."""
         spec = self._spec(request)
-        return spec.technique.declines(spec.params, self.view, self.device)
+        reason = spec.technique.declines(spec.params, self.view, self.device)
+        return None if reason is None else one_line(reason)
 
     def build(self, request: CellRequest) -> None:
         """Build a cell, and keep it for `draw` and `hold`; raises as `draw` does."""

@@ -6,12 +6,13 @@ import logging
 import multiprocessing
 import os
 import signal
+import subprocess
 import sys
 import threading
 import time
 import traceback
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
@@ -22,8 +23,9 @@ from typing import Any
 import psutil
 
 import shadowbench
-from shadowbench.errors import ShadowbenchError
+from shadowbench.errors import LONGEST_LINE, ShadowbenchError, one_line
 from shadowbench.gl.program import ShaderError
+from shadowbench.studies.printed import pass_on
 from shadowbench.studies.session import Session, Unsupported
 
 _POLL_S = 0.05
@@ -59,6 +61,7 @@ class Worker:
         self._plugins = [Path(plugin).resolve() for plugin in plugins]
         self._process: multiprocessing.process.BaseProcess | None = None
         self._pipe: Connection | None = None
+        self._printed: threading.Thread | None = None
 
     def __enter__(self) -> "Worker":
         return self
@@ -85,10 +88,13 @@ class Worker:
         # Spawned, not forked: a GL context or Embree's threads do not survive a fork.
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
-        self._process = context.Process(target=_serve, args=(theirs, self._plugins), daemon=True)
+        printed, printing = context.Pipe(duplex=False)
+        self._process = context.Process(target=_serve, args=(theirs, printing, self._plugins), daemon=True)
         with _deaf_to_ctrl_c():
             self._process.start()
         theirs.close()
+        printing.close()
+        self._printed = pass_on(printed) if os.name == "posix" else None
         self.generation += 1
         try:
             self._answer(_START_S)
@@ -128,13 +134,30 @@ class Worker:
         return f"crashed: the worker ended with code {code}"
 
     def stop(self) -> None:
-        """End the worker, by force."""
+        """End the worker and what its plug-ins started, by force."""
         if self._process is not None and self._process.pid is not None:
+            family = _family(self._process.pid)
+            if os.name == "posix":
+                with suppress(ProcessLookupError):  # it has not made its group yet, or all of it is gone
+                    os.killpg(self._process.pid, signal.SIGKILL)
             self._process.kill()
             self._process.join()
+            for process in family:
+                with suppress(psutil.NoSuchProcess):
+                    process.kill()
+        if self._printed is not None:
+            self._printed.join(1)  # what was printed last
         if self._pipe is not None:
             self._pipe.close()
-        self._process = self._pipe = None
+        self._process = self._pipe = self._printed = None
+
+
+def _family(worker: int) -> list[psutil.Process]:
+    """The processes below a worker."""
+    try:
+        return psutil.Process(worker).children(recursive=True)
+    except psutil.NoSuchProcess:
+        return []
 
 
 @contextmanager
@@ -184,11 +207,36 @@ def _die_with_parent() -> None:
         threading.Thread(target=lambda: (parent.join(), os._exit(1)), daemon=True).start()
 
 
-def _serve(pipe: Connection, plugins: list[Path]) -> None:
+_GUARD = """
+import os, signal, sys, time
+while os.getppid() == int(sys.argv[1]):
+    time.sleep(0.2)
+os.killpg(0, signal.SIGKILL)
+"""
+
+
+def _take_children_along() -> None:
+    """Have what plug-ins start end with this process, however it ends: by a group of its own, and a guard in that.
+
+    What leaves the group for a session of its own ends only where `Worker.stop` still finds it below this process.
+    """
+    if os.name == "posix":
+        os.setpgid(0, 0)
+        quiet = subprocess.DEVNULL
+        guard = [sys.executable, "-I", "-S", "-c", _GUARD, str(os.getpid())]
+        subprocess.Popen(guard, stdin=quiet, stdout=quiet, stderr=quiet)
+
+
+def _serve(pipe: Connection, printing: Connection, plugins: list[Path]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _die_with_parent()
+    _take_children_along()
     logging.getLogger("shadowbench").setLevel(logging.ERROR)  # the parent has said what it left out
-    os.dup2(2, 1)  # what a plug-in prints must not get between the parent's results
+    if os.name == "posix":
+        # What a plug-in prints must not get between the parent's results, and there may be much of it.
+        os.dup2(printing.fileno(), 2)
+    os.dup2(2, 1)
+    printing.close()
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(line_buffering=True)  # this process ends by force, which flushes nothing
     try:
@@ -221,5 +269,5 @@ def _told(error: Exception) -> str:
     package = str(Path(shadowbench.__file__).parent)
     ours = [frame for frame in frames if not frame.filename.startswith(package)]
     place = (ours or frames)[-1]
-    first_line = (str(error).splitlines() or [""])[0]
+    first_line = one_line((str(error).splitlines() or [""])[0], LONGEST_LINE // 2)
     return f"{type(error).__name__}: {first_line} ({os.path.basename(place.filename)}:{place.lineno})"

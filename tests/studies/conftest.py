@@ -61,6 +61,7 @@ WILD = (
     + '''
 import ctypes
 import os
+import subprocess
 import sys
 import time
 
@@ -75,8 +76,13 @@ class Does(Wild):
     class Params(Wild.Params):
         """Parameters of does."""
 
+        verbose: bool = param(False, "whether reasons are long")
         what: str = param("nothing", "the misdeed")
         after: int = param(0, "draws that go well")
+
+    @classmethod
+    def unsupported(cls, params, view, device):
+        return "reasons\\n" * 6_000_000 if params.verbose else None
 
     def draw(self, frame):
         self.draws = getattr(self, "draws", 0) + 1
@@ -142,8 +148,53 @@ class Does(Wild):
         print("loud")
         os.write(1, b"louder\\n")
 
+    def do_shout(self, texture):
+        raise ValueError("shout " * 8_000_000)
+
+    def do_shout_in_one_word(self, texture):
+        raise ValueError("\\x1b" * 50_000_000)
+
+    def do_print_much(self, texture):
+        for stream in (1, 2):
+            os.write(stream, b"first words\\n")
+        for _ in range(50):
+            sys.stdout.write("much " * 200_000)
+        sys.stderr.write("\\nlast words\\n")
+
+    def do_leave_processes(self, texture):
+        # A child; a grandchild whose parent is gone; one that was forked.
+        sleep = [sys.executable, "-c", "import time; time.sleep(600)"]
+        orphan = "import subprocess, sys; subprocess.Popen(sys.argv[1:]).pid"
+        pids = [subprocess.Popen(sleep).pid]
+        subprocess.run([sys.executable, "-c", orphan, *sleep], check=True)
+        forked = os.fork()
+        if forked == 0:
+            time.sleep(600)
+            os._exit(0)
+        with open(os.environ["PIDS"], "w") as file:
+            file.write(" ".join(map(str, [*pids, forked])))
+
+    def do_leave_processes_and_abort(self, texture):
+        self.do_leave_processes(texture)
+        os.abort()
+
+    def do_leave_processes_and_hang(self, texture):
+        self.do_leave_processes(texture)
+        # In a session of its own, where no signal to the worker's group reaches it.
+        subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"], start_new_session=True)
+        time.sleep(600)
+
+    def do_leave_processes_and_eat(self, texture):
+        self.do_leave_processes(texture)
+        self.do_eat(texture)
+
     def facts(self):
+        if self.params.what == "long-fact":
+            return {"f" * 50_000_000: 1.0}
         return {"odd": float("nan") if self.params.what == "odd-facts" else 1.0}
+
+    def do_long_fact(self, texture):
+        return texture
 
     def do_odd_facts(self, texture):
         return texture
