@@ -1,12 +1,13 @@
 """What a check calls worse, better, or nothing at all."""
 
 import math
+import statistics
 from typing import Any
 
 import pytest
 
 from shadowbench.scores.metrics import METRICS
-from shadowbench.studies.baseline import compare
+from shadowbench.studies.baseline import SIGNIFICANT, compare
 from shadowbench.studies.runner import Result
 
 GOOD = {name: 0.9 if metric.better == "higher" else 0.1 for name, metric in METRICS.items()}
@@ -124,6 +125,21 @@ def test_time_needs_a_factor_and_a_significance() -> None:
     assert verdicts([cell(time=TIME | {"ratio": 1.7})], [old]) == {"time": "improved"}
     assert verdicts([cell(time=TIME | {"ratio": 2.1})], [old]) == {}, "5% is below the factor"
     assert verdicts([cell(time=TIME | {"ratio": 2.3, "ratio_iqr": 2.0})], [old]) == {}, "within the noise"
+
+
+def test_the_significance_of_a_time_is_that_of_two_medians_of_normal_samples() -> None:
+    """Of n values with density f, the median's standard error is 1 / (2 f(median) √n); an IQR tells σ."""
+    normal = statistics.NormalDist()
+    ends, sizes, ratios = (0.3, 0.1), (16, 100), (2.0, 2.5)
+    sides = [{"ratio": ratio, "ratio_iqr": iqr, "n": n} for ratio, iqr, n in zip(ratios, ends, sizes, strict=True)]
+    old, new = (cell(time=TIME | side) for side in sides)
+    (change,) = compare([new], [old]).changes
+    sigmas = [iqr / (normal.inv_cdf(0.75) - normal.inv_cdf(0.25)) for iqr in ends]
+    errors = [
+        sigma / (2 * normal.pdf(0) * math.sqrt(n)) / ratio
+        for sigma, n, ratio in zip(sigmas, sizes, ratios, strict=True)
+    ]
+    assert change.excess * SIGNIFICANT == pytest.approx(math.log(2.5 / 2.0) / math.hypot(*errors), rel=1e-4)
 
 
 @pytest.mark.parametrize("change", [{"machine": "x"}, {"clock": "gpu"}, {"reference": "y"}, {"ratio": None}])

@@ -17,11 +17,12 @@ def result(
     untimed: str | None = None,
     light: str = "sun",
     spec: str = "t",
+    phase: int = 0,
     **of: Any,
 ) -> Result:
     """A cell's rows; further words are the time's."""
     score = {
-        "scene": "cube", "view": view, "light": light, "phase": 0, "technique": "t", "spec": spec, "map_size": size,
+        "scene": "cube", "view": view, "light": light, "phase": phase, "technique": "t", "spec": spec, "map_size": size,
         "view_size": 8, "renderer": "r", "status": "ok", "key": "k", "metrics": dict.fromkeys(METRICS) | {"iou": iou},
     }  # fmt: skip
     return Result(score, of or None, untimed)
@@ -69,11 +70,12 @@ def test_an_error_is_the_complement_with_its_ends_exchanged() -> None:
     assert Interval(0.75, 0.5, 1.0).complement() == Interval(0.25, 0.0, 0.5)
 
 
-def test_a_slope_is_fitted_for_each_view_alone() -> None:
-    # Errors of c / size in one view and c / size² in the other: slopes −1 and −2.
+@pytest.mark.parametrize("apart", [{"view": "b"}, {"phase": 1}])
+def test_a_slope_is_fitted_for_each_view_and_phase_alone(apart: dict[str, Any]) -> None:
+    # Errors of c / size in one and c / size² in the other: slopes −1 and −2.
     cells = [
-        result(1 - scale * (64 / size) ** power, view, size)
-        for view, scale, power in [("a", 0.5, 1), ("b", 0.1, 2)]
+        result(1 - scale * (64 / size) ** power, size=size, **of)
+        for of, scale, power in [({}, 0.5, 1), (apart, 0.1, 2)]
         for size in (64, 128, 256)
     ]
     (found,) = slopes(cells_frame(cells))
