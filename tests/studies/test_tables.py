@@ -61,6 +61,22 @@ def test_the_interval_is_the_middle_95_percent_of_the_median() -> None:
     assert found.high == pytest.approx(200 + 1.96 * 10, abs=2)
 
 
+def test_of_the_resampled_medians_a_fortieth_lies_beyond_either_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Ramp:
+        """In place of chance: resamples whose medians are 0, 1, 2, …"""
+
+        def choice(self, values: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+            assert shape[1] == len(values)
+            return np.broadcast_to(np.arange(shape[0])[:, None], shape)
+
+    monkeypatch.setattr(np.random, "default_rng", lambda seed: Ramp())
+    found = interval([1.0, 2.0, 3.0])
+    assert found is not None and found.low is not None and found.high is not None
+    last = found.low + found.high
+    assert last > 1000, "enough for ends that hold still"
+    assert found.low == pytest.approx(last / 40)
+
+
 def test_a_single_value_has_no_interval_and_none_has_nothing() -> None:
     assert interval([3.0]) == Interval(3.0)
     assert interval([]) is interval([float("nan")]) is None
@@ -81,6 +97,25 @@ def test_a_slope_is_fitted_for_each_view_and_phase_alone(apart: dict[str, Any]) 
     (found,) = slopes(cells_frame(cells))
     assert (found.slope.low, found.slope.median, found.slope.high) == pytest.approx((-2, -1.5, -1))
     assert found.sizes == (64, 128, 256)
+
+
+def test_a_cell_without_an_error_has_no_logarithm_and_takes_no_part_in_a_slope() -> None:
+    cells = [result(1 - 64 / size, size=size) for size in (128, 256)] + [result(1.0, size=512), result(1.0, size=64)]
+    (found,) = slopes(cells_frame(cells))
+    assert (found.slope.median, found.sizes) == (pytest.approx(-1), (128, 256))
+
+
+def test_one_size_has_no_slope() -> None:
+    assert slopes(cells_frame([result(0.5), result(0.5, size=None), result(0.9, "b")])) == []
+
+
+def test_a_summary_holds_times_but_not_how_they_were_taken() -> None:
+    (row,) = summary(cells_frame([result(frame_ms=1.0, frame_iqr_ms=0.1, added_ms=0.5, ratio=2.0, n=9, clock="gpu")]))[
+        "cube"
+    ]
+    assert {"frame_ms", "frame_iqr_ms", "added_ms", "ratio"} <= row.values.keys()
+    assert row.values["ratio"] == Interval(2.0)
+    assert not {"n", "clock"} & row.values.keys()
 
 
 def test_times_that_were_added_are_columns_after_all_others() -> None:

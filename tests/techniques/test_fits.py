@@ -12,10 +12,10 @@ from scipy.optimize import linprog
 from scipy.spatial import HalfspaceIntersection, QhullError
 
 from shadowbench.gl.clock import Clock
-from shadowbench.scenes.model import AS_FILED, Light, Scene, unit
+from shadowbench.scenes.model import AS_FILED, Light, unit
 from shadowbench.techniques.base import Frame, Phase
 from shadowbench.techniques.convex import box_planes, corners, frustum_planes, hull_points
-from shadowbench.techniques.fits import CasterHull, Fit
+from shadowbench.techniques.fits import Fit
 from shadowbench.techniques.lights import Box, LightView, light_space
 
 SIZE = 128
@@ -275,17 +275,6 @@ def test_map_and_clip_space_agree(kind: str, reversed_depth: bool) -> None:
     assert on_map[:, 2] / on_map[:, 3] == pytest.approx(1 - depth if reversed_depth else depth)
     axial = -((points[:, :3] - space.origin) @ space.basis.T)[:, 2]
     assert seen.linear(on_map[:, 2] / on_map[:, 3], reversed_depth) == pytest.approx((axial - 1) / 4)
-
-
-@pytest.mark.parametrize(
-    ("kind", "place", "farthest"),
-    [("directional", 64.0, 2.0), ("spot", 64.0, 64.0), ("point", 64.0, 64.0), ("point", 1.0, 2.0)],
-)
-def test_the_position_step_is_half_a_float32_spacing_of_the_farthest_place(shape, kind, place, farthest) -> None:
-    """Rounding to nearest moves a place by no more; a lamp outside the scene is such a place, a sun is none."""
-    hull = CasterHull(Scene("test", (shape("box", [4.0, 2.0, 1.0]),), (), ()))
-    light = Light(kind, kind, (0.0, -1.0, 0.0), (0.0, -place, 0.5), 1.0)
-    assert hull.position_step(light) == np.spacing(np.float32(farthest)) / 2
 
 
 @pytest.mark.parametrize("direction", [(0.0, -1.0, 0.0), (0.0, 1.0, 0.0), (1e-9, -1.0, 0.0), (0.3, 0.2, -0.9)])

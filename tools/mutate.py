@@ -1,0 +1,288 @@
+"""Plants small faults in the modules that make numbers, one at a time, and runs the tests that should notice.
+
+A mutant is a module with one number × 1.1 or ÷ 1.1 (the next integer where only an integer will do) or one comparison
+changed, at module level too. It is killed if a test fails or hangs. A survivor needs a reason in tools/mutants.toml;
+the command exits with 1 if one has none, with 2 if the tests fail without any fault.
+"""
+
+import argparse
+import ast
+import gc
+import importlib
+import importlib.util
+import multiprocessing
+import os
+import random
+import re
+import signal
+import sys
+import tempfile
+import time
+import tomllib
+from collections import Counter, deque
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from importlib.abc import Loader, MetaPathFinder
+from multiprocessing.connection import Connection, wait
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parent.parent
+REASONS = ROOT / "tools" / "mutants.toml"
+FITS = ["tests/techniques/test_fits.py", "tests/techniques/test_window.py"]
+# By module, tests that run in one process: a worker that a test starts would import the unchanged module.
+TESTS = {
+    "shadowbench/techniques/fits.py": FITS,
+    "shadowbench/techniques/lights.py": FITS,
+    "shadowbench/scores/*.py": ["tests/scores"],
+    "shadowbench/studies/baseline.py": ["tests/studies/test_baseline.py"],
+    "shadowbench/studies/tables.py": ["tests/studies/test_tables.py"],
+}
+# With what they import, these are imported once, before children are forked.
+WARM = ("shadowbench.cli", "tests.conftest", "hypothesis.extra.numpy", "scipy.optimize", "skimage.metrics")
+FLIPPED = {"<": ["<=", ">="], "<=": ["<", ">"], ">": [">=", "<="], ">=": [">", "<"], "==": ["!="], "!=": ["=="]}
+NUMBER = re.compile(rb"[\d._]+(e[+-]?\d+)?")
+NO_INTEGER = re.compile(r"^E +\w*(Error|Exception)\b.*(integer|'int'|'float')", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """A module's source with one change; `instead` is tried where the change fails for not being an integer."""
+
+    module: str
+    line: int
+    function: str
+    before: str
+    after: str
+    source: str = field(repr=False)
+    instead: "Mutant | None" = None
+
+    def __str__(self) -> str:
+        return f"{self.module}:{self.line} {self.function}\n  - {self.before}\n  + {self.after}"
+
+
+def mutants_of(module: str) -> list[Mutant]:
+    """All mutants of a module, in the order of its syntax tree."""
+    source = (ROOT / module).read_bytes()
+    starts = [0, *(match.end() for match in re.finditer(rb"\n", source))]
+
+    def change(begin: int, end: int, new: str, function: str, instead: Mutant | None = None) -> Mutant:
+        changed = source[:begin] + new.encode() + source[end:]
+        row = sum(start <= begin for start in starts) - 1
+        before, after = (text.split(b"\n")[row].decode().strip() for text in (source, changed))
+        return Mutant(module, row + 1, function or "(module)", before, after, changed.decode(), instead)
+
+    def find(node: Any, function: str) -> Iterator[Mutant]:
+        if isinstance(node, ast.Constant) and type(node.value) in (int, float):
+            begin, end = starts[node.lineno - 1] + node.col_offset, starts[node.end_lineno - 1] + node.end_col_offset
+            if NUMBER.fullmatch(source[begin:end]):  # places within f-strings are wrong before Python 3.12
+                for new, integer in moved(node.value):
+                    yield change(begin, end, new, function, (integer and change(begin, end, integer, function)) or None)
+        elif isinstance(node, ast.Compare):
+            for left, right in zip([node.left, *node.comparators], node.comparators, strict=False):
+                begin, end = (
+                    starts[left.end_lineno - 1] + left.end_col_offset,
+                    starts[right.lineno - 1] + right.col_offset,
+                )
+                operator = re.search(rb"[<>=!]=|[<>]", source[begin:end])
+                for new in FLIPPED[operator[0].decode()] if operator else ():
+                    yield change(begin + operator.start(), begin + operator.end(), new, function)
+        for child in ast.iter_child_nodes(node):
+            named = isinstance(child, ast.FunctionDef | ast.ClassDef)
+            yield from find(child, f"{function}.{child.name}".lstrip(".") if named else function)
+
+    return list(find(ast.parse(source), ""))
+
+
+def moved(value: float) -> Iterator[tuple[str, str]]:
+    """A number moved up and down, as source; beside each the integer to try if it must be one, or nothing."""
+    for scaled, step in ((value * 1.1, 1), (value / 1.1, -1)):
+        if value == 0:
+            scaled = step if isinstance(value, int) else 0.1 * step
+        integer = (value + step if abs(value) < 10 else round(scaled)) if isinstance(value, int) and value else None
+        new = repr(scaled) if isinstance(scaled, int) else repr(float(f"{scaled:.6g}"))
+        yield f"({new})" if scaled < 0 else new, "" if integer is None else repr(integer)
+
+
+class Planted(MetaPathFinder, Loader):
+    """Imports a mutant in place of its module."""
+
+    def __init__(self, mutant: Mutant) -> None:
+        self.name, self.file = mutant.module.removesuffix(".py").replace("/", "."), str(ROOT / mutant.module)
+        self.source = mutant.source
+
+    def find_spec(self, fullname: str, path: Any, target: Any = None) -> Any:  # noqa: D102
+        own = fullname == self.name
+        return importlib.util.spec_from_file_location(fullname, self.file, loader=self) if own else None
+
+    def exec_module(self, module: Any) -> None:  # noqa: D102
+        exec(compile(self.source, self.file, "exec"), module.__dict__)
+
+
+@dataclass
+class Outcome:
+    """Of pytest: its exit code, None for a hang or a crash; the first failure; seconds by test."""
+
+    code: int | None = None
+    failed: str = ""
+    said: str = ""
+    seconds: Counter[str] = field(default_factory=Counter)
+
+
+@dataclass
+class Watch:
+    """A pytest plug-in: runs the likeliest test first and notes what happens."""
+
+    order: dict[str, tuple[float, ...]]
+    outcome: Outcome = field(default_factory=Outcome)
+
+    def pytest_collection_modifyitems(self, items: list[Any]) -> None:  # noqa: D102
+        items.sort(key=lambda item: self.order.get(item.nodeid, ()))
+
+    def pytest_runtest_logreport(self, report: Any) -> None:  # noqa: D102
+        self.outcome.seconds[report.nodeid] += report.duration
+        if report.failed and not self.outcome.failed:
+            self.outcome.failed, self.outcome.said = report.nodeid, str(report.longrepr)
+
+
+def run_tests(
+    end: Connection, tests: Sequence[str], mutant: Mutant | None, order: dict[str, tuple[float, ...]]
+) -> None:
+    """In a child: pytest on a mutant, or on the modules as they are."""
+    os.setsid()  # what a test starts ends with it
+    null = os.open(os.devnull, os.O_RDWR)
+    for stream in (0, 1, 2) if mutant else (0,):
+        os.dup2(null, stream)
+    import pytest
+    from hypothesis import HealthCheck, Phase, settings
+
+    # The same examples for every mutant, no deadline on a busy machine, and no time for a smaller example.
+    quick = {"phases": [Phase.explicit, Phase.generate], "suppress_health_check": list(HealthCheck)}
+    settings.register_profile("mutate", deadline=None, derandomize=True, database=None, **quick)
+    settings.load_profile("mutate")
+    watch = Watch(order)
+    if mutant:
+        sys.meta_path.insert(0, Planted(mutant))
+    options = ["-x", "-q", "-p", "no:cacheprovider", "-m", "not slow and not alone", "--timeout=60"]
+    options.append(f"--basetemp={tempfile.gettempdir()}/{os.getpid()}")
+    options.append("--assert=plain")  # rewriting takes longer, and would import the unchanged module
+    watch.outcome.code = int(pytest.main([*options, *tests], plugins=[watch]))
+    end.send(watch.outcome)
+    os._exit(0)
+
+
+def outcomes(
+    mutants: Sequence[Mutant | None], tests: Sequence[str], jobs: int, seconds: Counter[str]
+) -> Iterator[tuple[Mutant | None, Outcome]]:
+    """Every mutant (None: no fault) with its outcome, as they come. `seconds`: by test, without a fault."""
+    fork = multiprocessing.get_context("fork")
+    kills: Counter[tuple[str, str]] = Counter()
+    waiting, running = deque(mutants), {}
+    try:
+        while waiting or running:
+            while waiting and len(running) < jobs:
+                mutant = waiting.popleft()
+                function = mutant.function if mutant else ""
+                order = {test: (-kills[function, test], -kills["", test], took) for test, took in seconds.items()}
+                pipe, end = fork.Pipe(duplex=False)
+                process = fork.Process(target=run_tests, args=(end, tests, mutant, order))
+                process.start()
+                end.close()
+                limit = 60 + 4 * seconds.total() if seconds else 600
+                running[pipe] = mutant, process, time.monotonic() + limit
+            ready = wait(list(running), timeout=1.0)
+            for pipe, (mutant, process, until) in list(running.items()):
+                if pipe not in ready and time.monotonic() < until:
+                    continue
+                try:
+                    outcome = pipe.recv() if pipe in ready else Outcome()
+                except EOFError:  # it crashed
+                    outcome = Outcome()
+                end_group(process)
+                del running[pipe]
+                if (
+                    mutant
+                    and mutant.instead
+                    and (NO_INTEGER.search(outcome.said) or (not outcome.failed and outcome.code != 0))
+                ):
+                    waiting.appendleft(mutant.instead)
+                    continue
+                kills.update([(mutant.function if mutant else "", outcome.failed), ("", outcome.failed)])
+                yield mutant, outcome
+    finally:
+        for _, process, _ in running.values():
+            end_group(process)
+
+
+def end_group(process: Any) -> None:
+    """End a child and what its tests left running."""
+    try:
+        os.killpg(process.pid, signal.SIGKILL)
+    except ProcessLookupError:
+        process.kill()
+    process.join()
+
+
+def warm_up() -> None:
+    """Import other packages here, once, and leave ours to the children. No GL context is made: it would not survive."""
+    sys.path.insert(0, str(ROOT))
+    for name in WARM:
+        importlib.import_module(name)
+    for name in [name for name in sys.modules if name.partition(".")[0] in ("shadowbench", "tests")]:
+        del sys.modules[name]
+    gc.freeze()  # children need not look through all this for garbage
+
+
+def main() -> int:
+    """Run the command."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("modules", nargs="*", help="parts of modules' paths; all if none")
+    parser.add_argument("--jobs", type=int, default=1, help="mutants at a time")
+    parser.add_argument("--sample", type=int, metavar="N", help="N mutants by chance, the same each time")
+    parser.add_argument("--list", action="store_true", help="name the mutants and run nothing")
+    asked = parser.parse_args()
+    os.chdir(ROOT)
+    tests = {str(file.relative_to(ROOT)): TESTS[glob] for glob in TESTS for file in sorted(ROOT.glob(glob))}
+    tests = {file: of for file, of in tests.items() if not asked.modules or any(part in file for part in asked.modules)}
+    mutants = [mutant for module in tests for mutant in mutants_of(module)]
+    if asked.sample:
+        mutants = random.Random(0).sample(mutants, min(asked.sample, len(mutants)))
+    if asked.list:
+        print(*mutants, f"{len(mutants)} mutants", sep="\n")
+        return 0
+    reasons = {
+        (entry["module"], entry["function"], entry["before"], after): entry["why"]
+        for entry in tomllib.loads(REASONS.read_text(encoding="utf-8"))["survivor"]
+        for after in entry["after"]
+    }
+    began, survivors = time.monotonic(), []
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "LP_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    with tempfile.TemporaryDirectory() as cache:  # no mutant changes the truth
+        os.environ["SHADOWBENCH_CACHE"] = tempfile.tempdir = cache
+        warm_up()
+        sys.dont_write_bytecode, sys.pycache_prefix = False, cache
+        controls = {tuple(of): Counter() for of in tests.values()}
+        for of in controls:
+            ((_, control),) = outcomes([None], of, 1, Counter())
+            if control.code != 0:
+                print(f"{' '.join(of)} fails without a fault")
+                return 2
+            controls[of] = control.seconds
+        for module, of in tests.items():
+            mine, killed = [mutant for mutant in mutants if mutant.module == module], 0
+            for mutant, outcome in outcomes(mine, of, asked.jobs, controls[tuple(of)]):
+                if outcome.code != 0:
+                    killed += 1
+                    continue
+                why = reasons.get((module, mutant.function, mutant.before, mutant.after))
+                print(mutant, f"  {why or 'NO REASON in tools/mutants.toml'}", sep="\n", flush=True)
+                survivors.append(why)
+            print(f"{module}: {killed} of {len(mine)} killed", flush=True)
+    killed = len(mutants) - len(survivors)
+    print(f"{killed} of {len(mutants)} killed ({killed / max(len(mutants), 1):.1%}), {time.monotonic() - began:.0f} s")
+    return 0 if all(survivors) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
