@@ -29,7 +29,7 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
 REASONS = ROOT / "tools" / "mutants.toml"
-FITS = ["tests/techniques/test_fits.py", "tests/techniques/test_window.py"]
+FITS = [f"tests/techniques/test_{name}.py" for name in ("window", "light_view", "fits")]
 # By module, tests that run in one process: a worker that a test starts would import the unchanged module.
 TESTS = {
     "shadowbench/techniques/fits.py": FITS,
