@@ -1,8 +1,8 @@
 """Plants small faults in the modules that make numbers, one at a time, and runs the tests that should notice.
 
-A mutant is a module with one number × 1.1 or ÷ 1.1 (the next integer where only an integer will do) or one comparison
-changed, at module level too. It is killed if a test fails or hangs. A survivor needs a reason in tools/mutants.toml;
-the command exits with 1 if one has none, with 2 if the tests fail without any fault.
+A mutant is a module with one number × 1.1 or ÷ 1.1 (± 1 for an integer that is compared, or where only an integer
+will do) or one comparison changed, at module level too. It is killed if a test fails or hangs. A survivor needs a
+reason in tools/mutants.toml; the command exits with 1 if one has none, with 2 if the tests fail without any fault.
 """
 
 import argparse
@@ -72,11 +72,11 @@ def mutants_of(module: str) -> list[Mutant]:
         before, after = (text.split(b"\n")[row].decode().strip() for text in (source, changed))
         return Mutant(module, row + 1, function or "(module)", before, after, changed.decode(), instead)
 
-    def find(node: Any, function: str) -> Iterator[Mutant]:
+    def find(node: Any, function: str, compared: bool = False) -> Iterator[Mutant]:
         if isinstance(node, ast.Constant) and type(node.value) in (int, float):
             begin, end = starts[node.lineno - 1] + node.col_offset, starts[node.end_lineno - 1] + node.end_col_offset
             if NUMBER.fullmatch(source[begin:end]):  # places within f-strings are wrong before Python 3.12
-                for new, integer in moved(node.value):
+                for new, integer in moved(node.value, compared):
                     yield change(begin, end, new, function, (integer and change(begin, end, integer, function)) or None)
         elif isinstance(node, ast.Compare):
             for left, right in zip([node.left, *node.comparators], node.comparators, strict=False):
@@ -89,19 +89,22 @@ def mutants_of(module: str) -> list[Mutant]:
                     yield change(begin + operator.start(), begin + operator.end(), new, function)
         for child in ast.iter_child_nodes(node):
             named = isinstance(child, ast.FunctionDef | ast.ClassDef)
-            yield from find(child, f"{function}.{child.name}".lstrip(".") if named else function)
+            inner = f"{function}.{child.name}".lstrip(".") if named else function
+            yield from find(child, inner, isinstance(node, ast.Compare))
 
     return list(find(ast.parse(source), ""))
 
 
-def moved(value: float) -> Iterator[tuple[str, str]]:
+def moved(value: float, compared: bool) -> Iterator[tuple[str, str]]:
     """A number moved up and down, as source; beside each the integer to try if it must be one, or nothing."""
+    whole = isinstance(value, int)
     for scaled, step in ((value * 1.1, 1), (value / 1.1, -1)):
-        if value == 0:
-            scaled = step if isinstance(value, int) else 0.1 * step
-        integer = (value + step if abs(value) < 10 else round(scaled)) if isinstance(value, int) and value else None
-        new = repr(scaled) if isinstance(scaled, int) else repr(float(f"{scaled:.6g}"))
-        yield f"({new})" if scaled < 0 else new, "" if integer is None else repr(integer)
+        integer = value + step if abs(value) < 10 else round(scaled)
+        if whole and (compared or not value):  # counts that are compared would not notice a tenth
+            yield f"({integer})" if integer < 0 else f"{integer}", ""
+        else:
+            scaled = scaled or 0.1 * step
+            yield f"({scaled:.6g})" if scaled < 0 else repr(float(f"{scaled:.6g}")), f"{integer}" if whole else ""
 
 
 class Planted(MetaPathFinder, Loader):
