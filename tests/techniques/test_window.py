@@ -47,7 +47,7 @@ def test_a_spot_s_window_ends_with_its_cone() -> None:
 def test_a_box_without_a_width_has_texels_of_a_millionth_of_its_depth(depth: float, narrowest: float) -> None:
     """And at least of a millionth of the scene, as for a point, so that nothing is divided by zero."""
     shown = window(box((0.5, 0.5), (0.5, 0.5), (1.0, 1.0 + depth)), SUN, 10, 1.0, (0.0, 0.0))
-    assert (shown.high - shown.low)[:2] == pytest.approx(narrowest * 10 / 8, rel=1e-3)
+    assert (shown.high - shown.low)[:2] == pytest.approx(narrowest * 10 / 8, rel=1e-3, abs=0)
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 4, 5])
