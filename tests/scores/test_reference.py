@@ -42,6 +42,13 @@ def test_the_edge_zone_is_eight_pixels_on_both_sides(truth, half_plane):
     assert np.flatnonzero(reference.edge_zone[10]).tolist() == list(range(56, 72))
 
 
+def test_the_edge_zone_of_one_pixel_is_round(truth):
+    """The border is half a pixel from the pixel's centre."""
+    y, x = np.mgrid[:31, :31] - 15
+    reference = truth(np.where((x == 0) & (y == 0), 0.0, 1.0))
+    np.testing.assert_array_equal(reference.edge_zone, x**2 + y**2 <= 8.5**2)
+
+
 def test_a_gap_of_invalid_pixels_is_no_edge(truth, half_plane):
     receivers = np.ones((128, 128), bool)
     receivers[:, 64] = False
