@@ -21,6 +21,7 @@ import time
 import tomllib
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib.abc import Loader, MetaPathFinder
 from multiprocessing.connection import Connection, wait
@@ -47,18 +48,26 @@ NO_INTEGER = re.compile(r"^E +\w*(Error|Exception)\b.*(integer|'int'|'float')", 
 
 @dataclass(frozen=True)
 class Mutant:
-    """A module's source with one change; `instead` is tried where the change fails for not being an integer."""
+    """A module's source with one change, or none; `instead` is tried where that fails for not being an integer."""
 
     module: str
     line: int
     function: str
     before: str
     after: str
-    source: str = field(repr=False)
+    source: str = ""
     instead: "Mutant | None" = None
+
+    @property
+    def key(self) -> tuple[str, str, str, str]:
+        """What a reason in the file names it by; no line number, which any edit changes."""
+        return self.module, self.function, self.before, self.after
 
     def __str__(self) -> str:
         return f"{self.module}:{self.line} {self.function}\n  - {self.before}\n  + {self.after}"
+
+
+UNCHANGED = Mutant("", 0, "", "", "")
 
 
 def mutants_of(module: str) -> list[Mutant]:
@@ -80,10 +89,8 @@ def mutants_of(module: str) -> list[Mutant]:
                     yield change(begin, end, new, function, (integer and change(begin, end, integer, function)) or None)
         elif isinstance(node, ast.Compare):
             for left, right in zip([node.left, *node.comparators], node.comparators, strict=False):
-                begin, end = (
-                    starts[left.end_lineno - 1] + left.end_col_offset,
-                    starts[right.lineno - 1] + right.col_offset,
-                )
+                begin = starts[left.end_lineno - 1] + left.end_col_offset
+                end = starts[right.lineno - 1] + right.col_offset
                 operator = re.search(rb"[<>=!]=|[<>]", source[begin:end])
                 for new in FLIPPED[operator[0].decode()] if operator else ():
                     yield change(begin + operator.start(), begin + operator.end(), new, function)
@@ -148,13 +155,11 @@ class Watch:
             self.outcome.failed, self.outcome.said = report.nodeid, str(report.longrepr)
 
 
-def run_tests(
-    end: Connection, tests: Sequence[str], mutant: Mutant | None, order: dict[str, tuple[float, ...]]
-) -> None:
-    """In a child: pytest on a mutant, or on the modules as they are."""
+def run_tests(end: Connection, tests: Sequence[str], mutant: Mutant, order: dict[str, tuple[float, ...]]) -> None:
+    """In a child: pytest on a mutant."""
     os.setsid()  # what a test starts ends with it
     null = os.open(os.devnull, os.O_RDWR)
-    for stream in (0, 1, 2) if mutant else (0,):
+    for stream in (0, 1, 2) if mutant.source else (0,):
         os.dup2(null, stream)
     import pytest
     from hypothesis import HealthCheck, Phase, settings
@@ -163,11 +168,10 @@ def run_tests(
     quick = {"phases": [Phase.explicit, Phase.generate], "suppress_health_check": list(HealthCheck)}
     settings.register_profile("mutate", deadline=None, derandomize=True, database=None, **quick)
     settings.load_profile("mutate")
-    watch = Watch(order)
-    if mutant:
+    if mutant.source:
         sys.meta_path.insert(0, Planted(mutant))
-    options = ["-x", "-q", "-p", "no:cacheprovider", "-m", "not slow and not alone", "--timeout=60"]
-    options.append(f"--basetemp={tempfile.gettempdir()}/{os.getpid()}")
+    watch, folder = Watch(order), f"--basetemp={tempfile.gettempdir()}/{os.getpid()}"
+    options = ["-x", "-q", "-p", "no:cacheprovider", "-m", "not slow and not alone", "--timeout=60", folder]
     options.append("--assert=plain")  # rewriting takes longer, and would import the unchanged module
     watch.outcome.code = int(pytest.main([*options, *tests], plugins=[watch]))
     end.send(watch.outcome)
@@ -175,43 +179,36 @@ def run_tests(
 
 
 def outcomes(
-    mutants: Sequence[Mutant | None], tests: Sequence[str], jobs: int, seconds: Counter[str]
-) -> Iterator[tuple[Mutant | None, Outcome]]:
-    """Every mutant (None: no fault) with its outcome, as they come. `seconds`: by test, without a fault."""
-    fork = multiprocessing.get_context("fork")
+    mutants: Sequence[Mutant], tests: Sequence[str], jobs: int, seconds: Counter[str]
+) -> Iterator[tuple[Mutant, Outcome]]:
+    """Every mutant with its outcome, as they come. `seconds`: of each test without a fault."""
+    fork, limit = multiprocessing.get_context("fork"), 60 + 4 * seconds.total() if seconds else 600
     kills: Counter[tuple[str, str]] = Counter()
     waiting, running = deque(mutants), {}
     try:
         while waiting or running:
             while waiting and len(running) < jobs:
                 mutant = waiting.popleft()
-                function = mutant.function if mutant else ""
-                order = {test: (-kills[function, test], -kills["", test], took) for test, took in seconds.items()}
+                order = {test: (-kills[mutant.function, test], -kills["", test], seconds[test]) for test in seconds}
                 pipe, end = fork.Pipe(duplex=False)
                 process = fork.Process(target=run_tests, args=(end, tests, mutant, order))
                 process.start()
                 end.close()
-                limit = 60 + 4 * seconds.total() if seconds else 600
                 running[pipe] = mutant, process, time.monotonic() + limit
             ready = wait(list(running), timeout=1.0)
-            for pipe, (mutant, process, until) in list(running.items()):
-                if pipe not in ready and time.monotonic() < until:
-                    continue
+            for pipe in [pipe for pipe in running if pipe in ready or time.monotonic() > running[pipe][2]]:
                 try:
                     outcome = pipe.recv() if pipe in ready else Outcome()
                 except EOFError:  # it crashed
                     outcome = Outcome()
+                mutant, process, _ = running.pop(pipe)
                 end_group(process)
-                del running[pipe]
-                if (
-                    mutant
-                    and mutant.instead
-                    and (NO_INTEGER.search(outcome.said) or (not outcome.failed and outcome.code != 0))
-                ):
+                refused = NO_INTEGER.search(outcome.said) or (not outcome.failed and outcome.code != 0)
+                if mutant.instead and refused:
                     waiting.appendleft(mutant.instead)
-                    continue
-                kills.update([(mutant.function if mutant else "", outcome.failed), ("", outcome.failed)])
-                yield mutant, outcome
+                else:
+                    kills.update([(mutant.function, outcome.failed), ("", outcome.failed)])
+                    yield mutant, outcome
     finally:
         for _, process, _ in running.values():
             end_group(process)
@@ -219,10 +216,9 @@ def outcomes(
 
 def end_group(process: Any) -> None:
     """End a child and what its tests left running."""
-    try:
+    with suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
-    except ProcessLookupError:
-        process.kill()
+    process.kill()
     process.join()
 
 
@@ -253,37 +249,38 @@ def main() -> int:
     if asked.list:
         print(*mutants, f"{len(mutants)} mutants", sep="\n")
         return 0
+    entries = tomllib.loads(REASONS.read_text(encoding="utf-8"))["survivor"]
     reasons = {
-        (entry["module"], entry["function"], entry["before"], after): entry["why"]
-        for entry in tomllib.loads(REASONS.read_text(encoding="utf-8"))["survivor"]
-        for after in entry["after"]
+        (of["module"], of["function"], of["before"], after): of["why"] for of in entries for after in of["after"]
     }
-    began, survivors = time.monotonic(), []
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "LP_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    with tempfile.TemporaryDirectory() as cache:  # no mutant changes the truth
+    began, survivors, hung = time.monotonic(), [], 0
+    with tempfile.TemporaryDirectory() as cache:  # of truths, which no mutant changes, and of compiled modules
         os.environ["SHADOWBENCH_CACHE"] = tempfile.tempdir = cache
         warm_up()
         sys.dont_write_bytecode, sys.pycache_prefix = False, cache
-        controls = {tuple(of): Counter() for of in tests.values()}
-        for of in controls:
-            ((_, control),) = outcomes([None], of, 1, Counter())
+        controls = {}
+        for of in {tuple(of) for of in tests.values()}:
+            ((_, control),) = outcomes([UNCHANGED], of, 1, Counter())
             if control.code != 0:
-                print(f"{' '.join(of)} fails without a fault")
+                print(f"{' '.join(of)} fails without a fault: {control.failed}\n{control.said}")
                 return 2
             controls[of] = control.seconds
         for module, of in tests.items():
-            mine, killed = [mutant for mutant in mutants if mutant.module == module], 0
+            mine, alive = [mutant for mutant in mutants if mutant.module == module], 0
             for mutant, outcome in outcomes(mine, of, asked.jobs, controls[tuple(of)]):
-                if outcome.code != 0:
-                    killed += 1
-                    continue
-                why = reasons.get((module, mutant.function, mutant.before, mutant.after))
-                print(mutant, f"  {why or 'NO REASON in tools/mutants.toml'}", sep="\n", flush=True)
-                survivors.append(why)
-            print(f"{module}: {killed} of {len(mine)} killed", flush=True)
+                hung += outcome.code is None
+                if outcome.code == 0:
+                    alive += 1
+                    survivors.append(reasons.get(mutant.key))
+                    print(mutant, f"  {survivors[-1] or 'NO REASON in tools/mutants.toml'}", sep="\n", flush=True)
+            print(f"{module}: {len(mine) - alive} of {len(mine)} killed", flush=True)
     killed = len(mutants) - len(survivors)
-    print(f"{killed} of {len(mutants)} killed ({killed / max(len(mutants), 1):.1%}), {time.monotonic() - began:.0f} s")
+    print(
+        f"{killed} of {len(mutants)} killed ({killed / max(len(mutants), 1):.1%}), {hung} of them by a crash or a hang"
+    )
+    print(f"{survivors.count(None)} survivors without a reason; {time.monotonic() - began:.0f} s")
     return 0 if all(survivors) else 1
 
 

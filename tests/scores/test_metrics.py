@@ -324,8 +324,9 @@ def test_a_shadow_too_thin_for_an_interior_does_not_leak(truth, half_plane):
     assert score(half_plane(3), truth(half_plane(3)))["leak"] is None
 
 
-def test_an_image_smaller_than_a_window_has_no_ssim(truth, half_plane):
-    scores = score(half_plane(4, 10, 10), truth(half_plane(4, 10, 10)))
+@pytest.mark.parametrize("side", [6, 10])
+def test_an_image_smaller_than_a_window_has_no_ssim(truth, half_plane, side):
+    scores = score(half_plane(4, side, side), truth(half_plane(4, side, side)))
     assert scores["ssim"] is None
     assert scores["ssim_edge"] is None
     assert scores["edge_px"] == 0

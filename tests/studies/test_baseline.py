@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from shadowbench.scores.metrics import METRICS
+from shadowbench.studies import baseline
 from shadowbench.studies.baseline import compare
 from shadowbench.studies.runner import Result
 
@@ -130,6 +131,10 @@ def test_work_that_moved_is_measured_in_fiftieths_or_in_ones_where_that_is_more(
     assert excess == {"draws": 3, "fragments": pytest.approx(1.5)}
 
 
+def test_counts_are_exact() -> None:
+    assert verdicts([cell(work={"draws": 2.05})], [cell(work={"draws": 2})]) == {"draws": "regressed"}
+
+
 def test_bytes_are_exact() -> None:
     assert verdicts([cell(gpu_bytes=101)], [cell()]) == {"gpu_bytes": "regressed"}
 
@@ -157,6 +162,23 @@ def test_the_significance_of_a_time_is_that_of_two_medians_of_normal_samples() -
         for sigma, n, ratio in zip(sigmas, sizes, ratios, strict=True)
     ]
     assert 3 * change.excess == pytest.approx(math.log(2.5 / 2.0) / math.hypot(*errors), rel=1e-4)
+
+
+def test_a_time_that_is_just_as_far_as_is_significant_is_no_change(monkeypatch: pytest.MonkeyPatch) -> None:
+    old, new = cell(time=TIME), cell(time=TIME | {"ratio": 2.3})
+    monkeypatch.setattr(baseline, "SIGNIFICANT", 1.0)
+    (change,) = compare([new], [old]).changes
+    monkeypatch.setattr(baseline, "SIGNIFICANT", change.excess)
+    assert verdicts([new], [old]) == {}
+
+
+def test_without_a_tolerance_or_a_spread_a_millionth_of_a_millionth_is_the_unit() -> None:
+    """So that nothing is divided by zero, and the larger move still comes first."""
+    moved = compare([cell(metrics=GOOD | {"iou": 0.4})], [cell()], {"iou": 0.0})
+    assert [change.excess for change in moved.changes] == pytest.approx([0.5e12])
+    steady = TIME | {"ratio_iqr": 0.0}
+    (change,) = compare([cell(time=steady | {"ratio": 2.3})], [cell(time=steady)]).changes
+    assert 3 * change.excess == pytest.approx(math.log(2.3 / 2.0) * 1e12)
 
 
 @pytest.mark.parametrize("change", [{"machine": "x"}, {"clock": "gpu"}, {"reference": "y"}, {"ratio": None}])
