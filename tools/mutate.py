@@ -255,7 +255,7 @@ def main() -> int:
     }
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "LP_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    began, survivors, hung = time.monotonic(), [], 0
+    began, survivors, hung = time.monotonic(), {}, 0
     with tempfile.TemporaryDirectory() as cache:  # of truths, which no mutant changes, and of compiled modules
         os.environ["SHADOWBENCH_CACHE"] = tempfile.tempdir = cache
         warm_up()
@@ -268,20 +268,22 @@ def main() -> int:
                 return 2
             controls[of] = control.seconds
         for module, of in tests.items():
-            mine, alive = [mutant for mutant in mutants if mutant.module == module], 0
+            mine, earlier = [mutant for mutant in mutants if mutant.module == module], len(survivors)
             for mutant, outcome in outcomes(mine, of, asked.jobs, controls[tuple(of)]):
                 hung += outcome.code is None
                 if outcome.code == 0:
-                    alive += 1
-                    survivors.append(reasons.get(mutant.key))
-                    print(mutant, f"  {survivors[-1] or 'NO REASON in tools/mutants.toml'}", sep="\n", flush=True)
-            print(f"{module}: {len(mine) - alive} of {len(mine)} killed", flush=True)
+                    why = survivors[mutant] = reasons.get(mutant.key)
+                    print(mutant, f"  {why or 'NO REASON in tools/mutants.toml'}", sep="\n", flush=True)
+            print(f"{module}: {len(mine) - len(survivors) + earlier} of {len(mine)} killed", flush=True)
     killed = len(mutants) - len(survivors)
     print(
         f"{killed} of {len(mutants)} killed ({killed / max(len(mutants), 1):.1%}), {hung} of them by a crash or a hang"
     )
-    print(f"{survivors.count(None)} survivors without a reason; {time.monotonic() - began:.0f} s")
-    return 0 if all(survivors) else 1
+    unused = reasons.keys() - {mutant.key for mutant in survivors}
+    for module, function, before, after in sorted(key for key in unused if key[0] in tests and not asked.sample):
+        print(f"a reason that no survivor needs: {module} {function}\n  - {before}\n  + {after}")
+    print(f"{list(survivors.values()).count(None)} survivors without a reason; {time.monotonic() - began:.0f} s")
+    return 0 if all(survivors.values()) else 1
 
 
 if __name__ == "__main__":
