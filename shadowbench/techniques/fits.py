@@ -29,8 +29,8 @@ class CasterHull:
 
     def position_step(self, light: Light) -> float:
         """The local length by which float32 rounds places in the scene, as seen from a light."""
-        reach = float(np.abs(light.position).max()) if light.kind != "directional" else 0.0
-        return 2.0**-24 * max(self.extent, reach)
+        farthest = self.extent if light.kind == "directional" else max(self.extent, *map(abs, light.position))
+        return 2.0**-24 * farthest
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,6 +41,13 @@ def test_rounding_beyond_the_range_is_clipped():
     np.testing.assert_array_equal(quantise([[-1e-7, 1 + 5e-7]]), [[0, 1]])
 
 
+@pytest.mark.parametrize(("edge", "outwards"), [(0.0, -1), (1.0, 1)])
+def test_a_millionth_beyond_the_range_is_rounding_and_more_is_not(edge, outwards):
+    assert quantise([[edge + outwards * 1e-6]])[0, 0] == edge
+    with pytest.raises(ValueError, match=r"outside \[0, 1\] in 1 of 2 pixels"):
+        quantise([[edge + outwards * 1.05e-6, edge + outwards * 1e-6]])
+
+
 @pytest.mark.parametrize(
     ("bad", "message"),
     [

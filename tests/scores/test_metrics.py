@@ -46,6 +46,12 @@ def test_every_metric_has_a_row_that_explains_it():
     assert "prefers a displaced edge to a smooth one" in METRICS["ssim"].help
 
 
+def test_a_share_may_move_by_a_thousandth_an_edge_by_a_twentieth_of_a_pixel_and_its_worst_by_half_a_one():
+    tolerances = {name: metric.tolerance for name, metric in METRICS.items()}
+    assert (tolerances.pop("edge_px"), tolerances.pop("edge_p95")) == (1 / 20, 1 / 2)
+    assert set(tolerances.values()) == {1 / 1000}
+
+
 def test_scores_are_plain_floats_in_the_tables_order(truth, disc):
     scores = score(disc(29), truth(disc(30), blocker=np.zeros((128, 128))))
     assert list(scores) == list(METRICS)
@@ -318,8 +324,9 @@ def test_a_shadow_too_thin_for_an_interior_does_not_leak(truth, half_plane):
     assert score(half_plane(3), truth(half_plane(3)))["leak"] is None
 
 
-def test_an_image_smaller_than_a_window_has_no_ssim(truth, half_plane):
-    scores = score(half_plane(4, 10, 10), truth(half_plane(4, 10, 10)))
+@pytest.mark.parametrize("side", [6, 10])
+def test_an_image_smaller_than_a_window_has_no_ssim(truth, half_plane, side):
+    scores = score(half_plane(4, side, side), truth(half_plane(4, side, side)))
     assert scores["ssim"] is None
     assert scores["ssim_edge"] is None
     assert scores["edge_px"] == 0

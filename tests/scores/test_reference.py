@@ -42,6 +42,13 @@ def test_the_edge_zone_is_eight_pixels_on_both_sides(truth, half_plane):
     assert np.flatnonzero(reference.edge_zone[10]).tolist() == list(range(56, 72))
 
 
+def test_the_edge_zone_of_one_pixel_is_round(truth):
+    """The border is half a pixel from the pixel's centre."""
+    y, x = np.mgrid[:31, :31] - 15
+    reference = truth(np.where((x == 0) & (y == 0), 0.0, 1.0))
+    np.testing.assert_array_equal(reference.edge_zone, x**2 + y**2 <= 8.5**2)
+
+
 def test_a_gap_of_invalid_pixels_is_no_edge(truth, half_plane):
     receivers = np.ones((128, 128), bool)
     receivers[:, 64] = False
@@ -58,6 +65,7 @@ def test_the_border_of_the_image_is_no_edge(truth):
 @pytest.mark.parametrize(("side", "width"), [(8, 1), (52, 1), (54, 2), (128, 4)])
 def test_the_boundary_is_a_fiftieth_of_the_diagonal_wide_and_at_least_a_pixel(truth, half_plane, side, width):
     reference = truth(half_plane(side // 2, side, side))
+    assert reference.boundary_width == width
     assert np.flatnonzero(reference.boundary[0]).tolist() == list(range(side // 2 - width, side // 2))
 
 
@@ -77,12 +85,18 @@ def test_contact_is_shadow_with_a_near_blocker(truth, half_plane):
         ({"diagonal": 0.0}, "diagonal is 0.0"),
         ({"diagonal": np.nan}, "diagonal is nan"),
         ({"cosine": np.full((4, 4), np.nan)}, "cosine is negative, NaN or infinite in 16"),
+        ({"cosine": np.array([[0.0, -0.5, -1e-6, 1.0]] * 4)}, "cosine is negative, NaN or infinite in 8"),
         ({"visibility": np.full((4, 4), 2.0)}, "outside"),
     ],
 )
 def test_a_truth_that_contradicts_itself_is_refused(truth, wrong, message):
     with pytest.raises(ValueError, match=message):
         truth(**({"visibility": np.ones((4, 4))} | wrong))
+
+
+def test_a_scene_may_be_of_any_size(truth):
+    for diagonal in (1e-6, 1.0, 1e6):
+        assert truth([[0.0, 1.0]], diagonal=diagonal, blocker=np.full((1, 2), diagonal / 51)).contact[0, 0]
 
 
 def test_normals_matter_only_where_there_is_a_receiver(truth):

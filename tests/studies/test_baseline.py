@@ -1,11 +1,13 @@
 """What a check calls worse, better, or nothing at all."""
 
 import math
+import statistics
 from typing import Any
 
 import pytest
 
 from shadowbench.scores.metrics import METRICS
+from shadowbench.studies import baseline
 from shadowbench.studies.baseline import compare
 from shadowbench.studies.runner import Result
 
@@ -37,6 +39,13 @@ def test_each_metric_has_its_direction_and_its_tolerance(name: str) -> None:
         within = GOOD | {name: GOOD[name] + sign * step / 2 * metric.tolerance}
         assert verdicts([cell(metrics=within)], [cell()]) == {}
     assert verdicts([cell(metrics=GOOD | {name: 0.5})], [cell()], **{name: 1.0}) == {}
+
+
+def test_a_move_by_just_the_tolerance_is_no_change() -> None:
+    for after in (0.5, 1.0):
+        found, baseline = cell(metrics=GOOD | {"iou": after}), cell(metrics=GOOD | {"iou": 0.75})
+        assert verdicts([found], [baseline], iou=0.25) == {}
+        assert list(verdicts([found], [baseline], iou=0.2499)) == ["iou"]
 
 
 def test_an_equal_mask_against_another_truth_has_regressed() -> None:
@@ -114,6 +123,18 @@ def test_work_is_exact_but_for_invocations(work: dict[str, int], expected: dict[
     assert not elsewhere.changes and "another" in elsewhere.notes[0]
 
 
+def test_work_that_moved_is_measured_in_fiftieths_or_in_ones_where_that_is_more() -> None:
+    old = cell(work={"draws": 2, "fragments": 1000})
+    excess = {
+        change.what: change.excess for change in compare([cell(work={"draws": 5, "fragments": 1030})], [old]).changes
+    }
+    assert excess == {"draws": 3, "fragments": pytest.approx(1.5)}
+
+
+def test_counts_are_exact() -> None:
+    assert verdicts([cell(work={"draws": 2.05})], [cell(work={"draws": 2})]) == {"draws": "regressed"}
+
+
 def test_bytes_are_exact() -> None:
     assert verdicts([cell(gpu_bytes=101)], [cell()]) == {"gpu_bytes": "regressed"}
 
@@ -122,8 +143,42 @@ def test_time_needs_a_factor_and_a_significance() -> None:
     old = cell(time=TIME)
     assert verdicts([cell(time=TIME | {"ratio": 2.3})], [old]) == {"time": "regressed"}
     assert verdicts([cell(time=TIME | {"ratio": 1.7})], [old]) == {"time": "improved"}
-    assert verdicts([cell(time=TIME | {"ratio": 2.1})], [old]) == {}, "5% is below the factor"
+    for ratio in (2.1, 1.9, 2.2):
+        assert verdicts([cell(time=TIME | {"ratio": ratio})], [old]) == {}, "at most a tenth is below the factor"
+    assert compare([cell(time=TIME), cell(size=64)], [old, cell(size=64)]).timed == 1
     assert verdicts([cell(time=TIME | {"ratio": 2.3, "ratio_iqr": 2.0})], [old]) == {}, "within the noise"
+
+
+def test_the_significance_of_a_time_is_that_of_two_medians_of_normal_samples() -> None:
+    """The standard error of n values' median is 1 / (2 √n f) where f is their density; three are significant."""
+    normal = statistics.NormalDist()
+    ends, sizes, ratios = (0.3, 0.1), (16, 100), (2.0, 2.5)
+    sides = [{"ratio": ratio, "ratio_iqr": iqr, "n": n} for ratio, iqr, n in zip(ratios, ends, sizes, strict=True)]
+    old, new = (cell(time=TIME | side) for side in sides)
+    (change,) = compare([new], [old]).changes
+    sigmas = [iqr / (normal.inv_cdf(0.75) - normal.inv_cdf(0.25)) for iqr in ends]
+    errors = [
+        sigma / (2 * normal.pdf(0) * math.sqrt(n)) / ratio
+        for sigma, n, ratio in zip(sigmas, sizes, ratios, strict=True)
+    ]
+    assert 3 * change.excess == pytest.approx(math.log(2.5 / 2.0) / math.hypot(*errors), rel=1e-4)
+
+
+def test_a_time_that_is_just_as_far_as_is_significant_is_no_change(monkeypatch: pytest.MonkeyPatch) -> None:
+    old, new = cell(time=TIME), cell(time=TIME | {"ratio": 2.3})
+    monkeypatch.setattr(baseline, "SIGNIFICANT", 1.0)
+    (change,) = compare([new], [old]).changes
+    monkeypatch.setattr(baseline, "SIGNIFICANT", change.excess)
+    assert verdicts([new], [old]) == {}
+
+
+def test_without_a_tolerance_or_a_spread_a_millionth_of_a_millionth_is_the_unit() -> None:
+    """So that nothing is divided by zero, and the larger move still comes first."""
+    moved = compare([cell(metrics=GOOD | {"iou": 0.4})], [cell()], {"iou": 0.0})
+    assert [change.excess for change in moved.changes] == pytest.approx([0.5e12])
+    steady = TIME | {"ratio_iqr": 0.0}
+    (change,) = compare([cell(time=steady | {"ratio": 2.3})], [cell(time=steady)]).changes
+    assert 3 * change.excess == pytest.approx(math.log(2.3 / 2.0) * 1e12)
 
 
 @pytest.mark.parametrize("change", [{"machine": "x"}, {"clock": "gpu"}, {"reference": "y"}, {"ratio": None}])

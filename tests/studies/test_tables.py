@@ -17,11 +17,12 @@ def result(
     untimed: str | None = None,
     light: str = "sun",
     spec: str = "t",
+    phase: int = 0,
     **of: Any,
 ) -> Result:
     """A cell's rows; further words are the time's."""
     score = {
-        "scene": "cube", "view": view, "light": light, "phase": 0, "technique": "t", "spec": spec, "map_size": size,
+        "scene": "cube", "view": view, "light": light, "phase": phase, "technique": "t", "spec": spec, "map_size": size,
         "view_size": 8, "renderer": "r", "status": "ok", "key": "k", "metrics": dict.fromkeys(METRICS) | {"iou": iou},
     }  # fmt: skip
     return Result(score, of or None, untimed)
@@ -60,6 +61,20 @@ def test_the_interval_is_the_middle_95_percent_of_the_median() -> None:
     assert found.high == pytest.approx(200 + 1.96 * 10, abs=2)
 
 
+def test_of_the_resampled_medians_a_fortieth_lies_beyond_either_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Ramp:
+        """In place of chance: resamples whose medians are 0, 1, 2, …"""
+
+        def choice(self, values: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+            assert shape[1] == len(values)
+            return np.broadcast_to(np.arange(shape[0])[:, None], shape)
+
+    monkeypatch.setattr(np.random, "default_rng", lambda seed: Ramp())
+    found = interval([1.0, 2.0, 3.0])
+    assert found is not None and found.low is not None and found.high is not None
+    assert (found.low, found.high) == pytest.approx((1999 / 40, 1999 * 39 / 40)), "of 2,000"
+
+
 def test_a_single_value_has_no_interval_and_none_has_nothing() -> None:
     assert interval([3.0]) == Interval(3.0)
     assert interval([]) is interval([float("nan")]) is None
@@ -69,16 +84,36 @@ def test_an_error_is_the_complement_with_its_ends_exchanged() -> None:
     assert Interval(0.75, 0.5, 1.0).complement() == Interval(0.25, 0.0, 0.5)
 
 
-def test_a_slope_is_fitted_for_each_view_alone() -> None:
-    # Errors of c / size in one view and c / size² in the other: slopes −1 and −2.
+@pytest.mark.parametrize("apart", [{"view": "b"}, {"phase": 1}])
+def test_a_slope_is_fitted_for_each_view_and_phase_alone(apart: dict[str, Any]) -> None:
+    # Errors of c / size in one and c / size² in the other: slopes −1 and −2.
     cells = [
-        result(1 - scale * (64 / size) ** power, view, size)
-        for view, scale, power in [("a", 0.5, 1), ("b", 0.1, 2)]
+        result(1 - scale * (64 / size) ** power, size=size, **of)
+        for of, scale, power in [({}, 0.5, 1), (apart, 0.1, 2)]
         for size in (64, 128, 256)
     ]
     (found,) = slopes(cells_frame(cells))
     assert (found.slope.low, found.slope.median, found.slope.high) == pytest.approx((-2, -1.5, -1))
     assert found.sizes == (64, 128, 256)
+
+
+def test_a_cell_without_an_error_has_no_logarithm_and_takes_no_part_in_a_slope() -> None:
+    cells = [result(1 - 64 / size, size=size) for size in (128, 256)] + [result(1.0, size=512), result(1.0, size=64)]
+    (found,) = slopes(cells_frame(cells))
+    assert (found.slope.median, found.sizes) == (pytest.approx(-1), (128, 256))
+
+
+def test_one_size_has_no_slope() -> None:
+    assert slopes(cells_frame([result(0.5), result(0.5, size=None), result(0.9, "b")])) == []
+
+
+def test_a_summary_holds_times_but_not_how_they_were_taken() -> None:
+    (row,) = summary(cells_frame([result(frame_ms=1.0, frame_iqr_ms=0.1, added_ms=0.5, ratio=2.0, n=9, clock="gpu")]))[
+        "cube"
+    ]
+    assert {"frame_ms", "frame_iqr_ms", "added_ms", "ratio"} <= row.values.keys()
+    assert row.values["ratio"] == Interval(2.0)
+    assert not {"n", "clock"} & row.values.keys()
 
 
 def test_times_that_were_added_are_columns_after_all_others() -> None:

@@ -252,6 +252,18 @@ def test_the_map_image_is_a_cross_of_distances(shape, looking, build, studio) ->
     assert cross[129, 130:195] == pytest.approx(cross[130, 130:195], rel=0.02)
 
 
+@pytest.mark.parametrize("depth", ["d16", "d24", "d32f"])
+def test_the_farthest_point_is_stored_nearer_than_an_empty_texel(depth, looking, build, studio) -> None:
+    """The tip of a tent, in the middle of the upper face, is farther from the lamp than all else."""
+    rim = [[0.02, 1.9, -0.2], [-0.2, 1.9, 0.02], [-0.02, 1.9, 0.2], [0.2, 1.9, -0.02]]
+    tent = Mesh("tent", np.array([[0.0, 2.0, 0.0], *rim]), np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1]]))
+    one = build(f"cube-map:size=65,depth={depth}", shot := studio.shot(looking([tent], lamp(0.0, 0.0, 0.0), 32)))
+    one.draw(shot)
+    above = one.technique.map.texture.read()[2]
+    assert above[32, 32] < above[0, 0] == 1
+    assert above[32, 32] * one.technique.facts()["depth_range_m"] == pytest.approx(2, rel=2**-15)
+
+
 def test_a_published_bias_in_metres_is_acne_where_the_light_grazes(builtin, mask, truth_of, scored) -> None:
     """And peter-panning at contacts: 5 cm along the ray are more than a hook is thick."""
     view, truth = builtin("lamp-by-wall"), truth_of("lamp-by-wall")

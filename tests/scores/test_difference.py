@@ -1,0 +1,13 @@
+import numpy as np
+import pytest
+
+from shadowbench.scores.difference import difference_over
+
+
+@pytest.mark.parametrize(("sign", "color"), [(-1, "d55e00"), (1, "0072b2")])
+def test_false_shadow_is_vermillion_and_false_light_blue(sign, color):
+    """As Okabe and Ito (2008) give them; the weaker the error, the more of the picture is left."""
+    signed = sign * np.array([[0.0, 0.5, 1.0]])
+    red, green, blue = bytes.fromhex(color)
+    expected = [[200, 200, 200], [(200 + red) / 2, (200 + green) / 2, (200 + blue) / 2], [red, green, blue]]
+    assert difference_over(np.full((1, 3), 200.0), signed)[0].tolist() == np.rint(expected).tolist()

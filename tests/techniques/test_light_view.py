@@ -1,0 +1,102 @@
+"""The space of a light and a map's view of it: what each number says of the others."""
+
+import math
+
+import numpy as np
+import pytest
+
+from shadowbench.scenes.model import Light, unit
+from shadowbench.techniques.lights import Box, LightSpace, LightView, light_space
+
+KINDS = ["directional", "spot"]
+
+
+def space_of(kind: str) -> LightSpace:
+    return light_space(Light(kind, kind, (0.3, -1.0, 0.2), (0.4, 3.0, -0.2), 1.0))
+
+
+def view_of(kind: str) -> LightView:
+    return LightView(space_of(kind), Box(np.array([-0.4, -0.3, 1.0]), np.array([0.2, 0.5, 5.0])), 64)
+
+
+def along(
+    kind: str, distance: np.ndarray, across: float | np.ndarray = 0.1, up: float | np.ndarray = 0.2
+) -> np.ndarray:
+    """(N, 4) points at distances along the light's axis and as far beside it as a box counts."""
+    space, widen = space_of(kind), distance if kind == "spot" else np.ones_like(distance)
+    points = space.origin + np.column_stack([across * widen, up * widen, -distance]) @ space.basis
+    return np.column_stack([points, np.ones(len(points))])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_box_holds_angles_at_unit_distance_or_lengths_and_distances(kind: str) -> None:
+    points = np.vstack([along(kind, np.array([2.0]), -0.3, 0.1), along(kind, np.array([4.0]), 0.2, -0.5)])[:, :3]
+    box = space_of(kind).box(points)
+    assert box.low == pytest.approx((-0.3, -0.5, 2)) and box.high == pytest.approx((0.2, 0.1, 4))
+
+
+def test_a_sun_s_distances_are_those_from_the_plane_through_the_origin() -> None:
+    space = space_of("directional")
+    points = np.random.default_rng(0).normal(size=(50, 3))
+    distances = points @ unit((0.3, -1.0, 0.2))
+    box = space.box(points)
+    assert (box.low[2], box.high[2]) == pytest.approx((distances.min(), distances.max()))
+    assert np.array_equal(space.origin, np.zeros(3))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_matrix_is_the_basis_about_the_origin(kind: str) -> None:
+    space = space_of(kind)
+    points = np.random.default_rng(1).normal(size=(20, 3))
+    found = np.column_stack([points, np.ones(20)]) @ space.matrix.T
+    assert found[:, :3] == pytest.approx((points - space.origin) @ space.basis.T) and (found[:, 3] == 1).all()
+
+
+def test_a_spot_s_base_window_is_as_wide_as_its_cone_and_a_sun_s_has_no_end() -> None:
+    assert space_of("spot").half == pytest.approx(math.tan(0.5)) and space_of("directional").half == math.inf
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_depth_scale_is_the_slope_of_depth_over_distance(kind: str) -> None:
+    seen, distance, step = view_of(kind), np.linspace(1, 5, 9), 1e-6
+    depths = [
+        (places @ seen.to_map().T)[:, 2:] for places in (along(kind, distance - step), along(kind, distance + step))
+    ]
+    near, far = (places[:, 0] / places[:, 1] for places in depths)
+    expected = seen.depth_scale / (distance**2 if kind == "spot" else 1)
+    assert (far - near) / (2 * step) == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_texel_is_that_part_of_the_map(kind: str) -> None:
+    seen = view_of(kind)
+    assert seen.texel == pytest.approx((0.6 / 64, 0.8 / 64))
+    width, height = seen.texel
+    corner, across, up = (
+        (along(kind, np.array([2.0]), *place) @ seen.to_map().T)[0] for place in ((0, 0), (width, 0), (0, height))
+    )
+    assert (across / across[3] - corner / corner[3])[:2] * 64 == pytest.approx((1, 0), abs=1e-9)
+    assert (up / up[3] - corner / corner[3])[:2] * 64 == pytest.approx((0, 1), abs=1e-9)
+
+
+@pytest.mark.parametrize("reversed_depth", [False, True])
+@pytest.mark.parametrize("kind", KINDS)
+def test_linear_depth_is_the_share_of_the_way_from_near_to_far(kind: str, reversed_depth: bool) -> None:
+    seen, distance = view_of(kind), np.linspace(1, 5, 9)
+    place = along(kind, distance) @ seen.to_map(reversed_depth).T
+    assert seen.linear(place[:, 2] / place[:, 3], reversed_depth) == pytest.approx((distance - 1) / 4)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_planes_bound_what_the_map_shows_and_all_before_it(kind: str) -> None:
+    seen, random = view_of(kind), np.random.default_rng(3)
+    distance = random.uniform(0.2, 7, 500)
+    points = along(kind, distance, *random.uniform(-0.8, 0.8, (2, 500)))
+    place = points @ seen.to_map().T
+    u, v, depth = (place[:, :3] / place[:, 3:]).T
+    shown = (np.abs(u - 0.5) <= 0.5) & (np.abs(v - 0.5) <= 0.5) & (depth <= 1)
+    assert 50 < shown.sum() < 300
+    assert np.array_equal((points @ seen.planes.T >= 0).all(axis=1), shown)
+    on_a_side = along(kind, distance, -0.4, 0.5) @ seen.planes.T
+    assert on_a_side[:, [0, 3]] == pytest.approx(0, abs=1e-12) and (on_a_side[:, [1, 2]] > 0).all()
+    assert (along(kind, np.array([5.0])) @ seen.planes.T)[0, 4] == pytest.approx(0, abs=1e-12)
