@@ -116,11 +116,30 @@ def test_the_same_study_run_twice(tmp_path: Path, shadowbench: Callable[..., Any
     assert "work differs: cube-on-plane shadow-map 64" in answer.out
 
 
+@pytest.mark.alone
+def test_a_folder_that_was_timed_again_is_compared_with_itself(tmp_path: Path, shadowbench: Callable[..., Any]) -> None:
+    (tmp_path / "study.toml").write_text(STUDY)
+    command = ("run", "-s", tmp_path / "study.toml", "-o", tmp_path / "out", "-q")
+    assert shadowbench(*command).code == 0
+    once = shadowbench("repeat", tmp_path / "out")
+    assert once.code == 2 and "no cell was timed twice" in once.err and "--time-again" in once.err
+    rows_file = tmp_path / "out" / "rows.jsonl"
+    assert shadowbench(*command).code == 0
+    before = rows_file.read_text().splitlines()
+    assert [json.loads(line)["kind"] for line in before].count("time") == 4, "a second call times nothing"
+    assert shadowbench(*command, "--time-again").code == 0
+    added = [json.loads(line) for line in rows_file.read_text().splitlines()[len(before) :]]
+    assert [row["kind"] for row in added] == ["time"] * 4
+    found = json.loads(shadowbench("repeat", tmp_path / "out", "--json").out)
+    (ranking,) = found["rankings"]
+    assert (ranking["cells"], ranking["tau"], found["holds"]) == (4, 1, True)
+
+
 def test_what_cannot_be_compared_is_one_line(tmp_path: Path, shadowbench: Callable[..., Any]) -> None:
     run = ["run", "cube-on-plane", "-t", "unshadowed", "--view-size", "16", "--rounds", "0", "-q", "-o"]
     assert shadowbench(*run, tmp_path / "a").code == shadowbench(*run, tmp_path / "b").code == 0
     for arguments, expected in (
-        ((tmp_path / "a", tmp_path / "a"), "named twice"),
+        ((tmp_path / "a", tmp_path / "a"), "named twice; named once,"),
         ((tmp_path / "a", tmp_path / "b"), "no two cells differ sharply"),
         ((tmp_path / "a", tmp_path / "none"), "no such folder"),
     ):
