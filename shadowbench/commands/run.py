@@ -93,7 +93,7 @@ def run_command(options: RunOptions, folder: Path, *, profile: bool, as_json: bo
         times = "; times of a software renderer, not of a GPU" if runner.info.software else "; times of this GPU"
         times = times if study.rounds else ""
         for scene, rows in tables.items():
-            notes = [*filter(None, [phase_note(rows)]), *time_notes(references[scene], any(row.wide for row in rows))]
+            notes = [*_notes(rows), *time_notes(references[scene], any(row.wide for row in rows))]
             _print_scene(f"{scene}, best first{times}", rows, [fit for fit in fits if fit.scene == scene], notes)
             _print_curves(scene, curves(rows, swept))
         scenes, means = over_scenes(tables)
@@ -168,9 +168,6 @@ def _estimate(study: Study) -> str:
 
 def _print_scene(title: str, rows: list[SummaryRow], fits: list[Slope], notes: list[str]) -> None:
     """A line for each spec and map size that held, best first; then what did not hold, the slopes, and notes."""
-    cells = max(row.cells for row in rows)
-    if cells > 1 and not title.startswith("mean"):
-        title += f"; medians of up to {cells} cells (views × phases), the error with its 95% interval"
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
     table.add_column("spec", overflow="fold", min_width=24)
     table.add_column("map", justify="right", no_wrap=True)
@@ -202,6 +199,13 @@ def _print_scene(title: str, rows: list[SummaryRow], fits: list[Slope], notes: l
     for line in notes:
         out.print(f"  {line}", markup=False, soft_wrap=True)
     out.print()
+
+
+def _notes(rows: list[SummaryRow]) -> list[str]:
+    """Of how many cells a table's numbers are medians, and which maps were scored in one phase."""
+    cells = max(row.cells for row in rows)
+    medians = f"medians of up to {cells} cells (views × phases), the error with its 95% interval" if cells > 1 else None
+    return [note for note in (medians, phase_note(rows)) if note is not None]
 
 
 def _print_curves(scene: str, found: list[Curve]) -> None:

@@ -161,7 +161,7 @@ def phase_note(rows: Sequence[SummaryRow]) -> str | None:
     if not any(row.anecdote for row in mapped):
         return None
     which = "" if all(row.anecdote for row in mapped) else "maps without an interval: "
-    return f"{which}one phase, an anecdote: with the map's grid elsewhere, a larger map may be the better or the worse"
+    return f"{which}one phase, an anecdote: another position of the map's grid may reverse which of two maps is better"
 
 
 def over_scenes(tables: Mapping[str, Sequence[SummaryRow]]) -> tuple[list[str], list[SummaryRow]]:
