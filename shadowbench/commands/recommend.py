@@ -214,7 +214,7 @@ def _print(found: Recommendation, info: DeviceInfo, folder: Path) -> None:
         table.add_row(place_name, *_cells(found, one))
     out.print(table)
     lines = step_lines(found) if found.choice else in_the_way(found)
-    for line in [*lines, *time_notes(found.reference, False), *excluded_lines(found)]:
+    for line in [*lines, *time_notes(found.reference), *excluded_lines(found)]:
         out.print(line, markup=False, soft_wrap=True)
     out.print(
         f"{found.measured} of {found.whole} specs measured; rows by key, masks and pictures in {folder}",

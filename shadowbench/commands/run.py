@@ -93,7 +93,8 @@ def run_command(options: RunOptions, folder: Path, *, profile: bool, as_json: bo
         times = "; times of a software renderer, not of a GPU" if runner.info.software else "; times of this GPU"
         times = times if study.rounds else ""
         for scene, rows in tables.items():
-            notes = [*_notes(rows), *time_notes(references[scene], any(row.wide for row in rows))]
+            rough = [row.wide for row in rows if row.values["frame_ms"] is not None]
+            notes = [*_notes(rows), *time_notes(references[scene], rough)]
             _print_scene(f"{scene}, best first{times}", rows, [fit for fit in fits if fit.scene == scene], notes)
             _print_curves(scene, curves(rows, swept))
         scenes, means = over_scenes(tables)

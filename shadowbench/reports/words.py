@@ -51,7 +51,7 @@ def times_are(run: Run) -> str:
 def section_notes(section: Section) -> list[str]:
     """What a reader must know of a section: maps of one phase, the reference of its times, which times are rough."""
     rows = [one.row for one in section.held]
-    rough = any(one.row.wide for one in section.timed)
+    rough = [one.row.wide for one in section.timed]
     return [*filter(None, [phase_note(rows)]), *time_notes(section.reference, rough)]
 
 

@@ -5,6 +5,7 @@ measured in turn with the cell is, so that tables, charts and choices use ratios
 time of the reference.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,8 +67,8 @@ def by_one_reference(table: pd.DataFrame) -> tuple[pd.DataFrame, ReferenceTime |
     return shown, ReferenceTime(str(name), ms, float(blocks.min()), float(blocks.max()), len(blocks), left_out)
 
 
-def time_notes(reference: ReferenceTime | None, wide: bool) -> list[str]:
-    """What the reader of a table must know of its times; `wide`: whether one of them is marked."""
+def time_notes(reference: ReferenceTime | None, rough: Sequence[bool] = ()) -> list[str]:
+    """What the reader of a table must know of its times; `rough`: of each of them whether it is marked."""
     if reference is None:
         return []
     name, blocks = reference.name, f"{reference.blocks} block{'' if reference.blocks == 1 else 's'}"
@@ -77,8 +78,9 @@ def time_notes(reference: ReferenceTime | None, wide: bool) -> list[str]:
     if reference.drifted:
         span = f"{reference.shortest_ms:.3g} to {reference.longest_ms:.3g} ms"
         notes.append(f"the machine was not equally busy: {name} took {span}; ratios hold, milliseconds are rough")
-    if wide:
-        notes.append("~: the middle half of the rounds spans more than a third of the time; more --rounds tell")
+    if any(rough):
+        count = f"{sum(rough)} of {len(rough)} times"
+        notes.append(f"~: {count} are rough: the middle half of the rounds spans more than a third; more --rounds tell")
     if reference.left_out:
         count = f"{reference.left_out} cell{'' if reference.left_out == 1 else 's'}"
         notes.append(f"times of {count} left out: no ratio to {name}")

@@ -1,9 +1,11 @@
 """Study files: what is crossed with what, and one line for what may not stand there."""
 
+import json
 import math
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -355,3 +357,17 @@ def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "study.toml")
     with pytest.raises(InputError, match="is not a file"):
         read_study(tmp_path / "study.toml", KNOWN)
+
+
+@pytest.mark.slow
+def test_the_default_of_the_demo_errs_less_with_each_larger_map(
+    shadowbench: Callable[..., Any], tmp_path: Path
+) -> None:
+    command = ("run", "-s", "demo", "-t", "shadow-map", "--phases", "8", "--rounds", "0", "--json", "-o", tmp_path)
+    tables = json.loads(shadowbench(*command).out)
+    assert len(tables) == 3
+    for rows in tables.values():
+        errors = {row["map_size"]: 1 - row["values"]["iou"]["median"] for row in rows}
+        falling = [errors[size] for size in (512, 1024, 2048, 4096)]
+        assert falling == sorted(set(falling), reverse=True)
+        assert {row["phases"] for row in rows} == {8}

@@ -71,13 +71,13 @@ def test_a_time_against_another_reference_or_none_stands_beside_no_other() -> No
     assert left[columns].isna().all(axis=None)
     assert frame["frame_ms"].notna().sum() == 3
     assert reference is not None and (reference.ms, reference.left_out) == (15, 2)
-    assert "times of 2 cells left out: no ratio to shadow-map:size=1024" in time_notes(reference, False)
+    assert "times of 2 cells left out: no ratio to shadow-map:size=1024" in time_notes(reference)
 
 
 def test_without_any_ratio_there_is_no_time() -> None:
     frame, reference = by_one_reference(cells_frame([timed("none", 5.0, ratio=None, ratio_iqr=None)]))
     assert reference is None and frame["frame_ms"].isna().all()
-    assert time_notes(reference, False) == []
+    assert time_notes(reference) == []
 
 
 def test_each_table_has_a_reference_of_its_own() -> None:
@@ -94,7 +94,7 @@ def test_a_table_says_where_the_reference_took_longer_by_more_than_a_quarter(lon
     assert DRIFT == 1.25
     reference = by_one_reference(cells_frame([timed("a", 1.0), timed("b", 1.0, longest)]))[1]
     assert reference is not None and reference.drifted is drifted
-    assert any("not equally busy" in note for note in time_notes(reference, False)) is drifted
+    assert any("not equally busy" in note for note in time_notes(reference)) is drifted
 
 
 @pytest.mark.parametrize(("spread", "wide"), [(0.99 * WIDE, False), (1.01 * WIDE, True)])
@@ -105,9 +105,9 @@ def test_a_time_whose_own_rounds_spread_is_marked(spread: float, wide: bool) -> 
 
 def test_notes_name_the_reference_and_the_mark() -> None:
     reference = by_one_reference(cells_frame(MIXED))[1]
-    first, *others = time_notes(reference, wide=True)
+    first, *others = time_notes(reference, [True, False])
     assert (
         first
         == "milliseconds are ratios to shadow-map:size=1024, timed in turn with it, × its median of 15 ms over 2 blocks"
     )
-    assert any(note.startswith("~: ") for note in others)
+    assert any(note.startswith("~: 1 of 2 times are rough") for note in others)
