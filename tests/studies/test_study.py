@@ -360,9 +360,7 @@ def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_default_of_the_demo_errs_less_with_each_larger_map(
-    shadowbench: Callable[..., Any], tmp_path: Path
-) -> None:
+def test_the_demo_s_default_errs_less_with_each_larger_map(shadowbench: Callable[..., Any], tmp_path: Path) -> None:
     command = ("run", "-s", "demo", "-t", "shadow-map", "--phases", "8", "--rounds", "0", "--json", "-o", tmp_path)
     tables = json.loads(shadowbench(*command).out)
     assert len(tables) == 3
