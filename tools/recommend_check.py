@@ -13,7 +13,7 @@ from pathlib import Path
 
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.views import chosen_view
-from shadowbench.studies.gauge import REFERENCES, Gauge
+from shadowbench.studies.gauge import Gauge
 from shadowbench.studies.recommend import MARGINS, Target, recommend, tried_of
 from shadowbench.studies.runner import Result
 from shadowbench.studies.search import Tried
@@ -21,7 +21,7 @@ from shadowbench.studies.space import GRID, whole_space
 from shadowbench.studies.worker import Worker
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import Spec, format_spec, parse_spec
+from shadowbench.techniques.spec import Spec, format_spec
 from shadowbench.truth.cache import cached_truth
 
 LARGER = ("2CylinderEngine.glb", "armadillo.obj", "bgfx_tree.obj", "retroufo.gltf")
@@ -141,7 +141,7 @@ def check(
     truth = cached_truth(view)
     largest = worker.call("info").max_map_size
     space = whole_space(known, view.light.kind, largest)
-    with Gauge(view, parse_spec(REFERENCES[view.light.kind], known), 0, folder, worker, _Silent()) as gauge:
+    with Gauge(view, 0, folder, worker, _Silent()) as gauge:
         rows: dict[Spec, Result] = dict(zip(space, gauge.measured(space), strict=True))
     lines = {}
     for target in TARGETS:

@@ -62,9 +62,14 @@ def run(
             metavar="N",
             min=1,
             max=10000,
-            help="Positions of the map's texels to score; more than one give medians with intervals  [1].",
+            help="Positions of the map's texels to score; more than one give medians with intervals, of which the "
+            "first is timed  [the study's; with -t and neither study nor --map-size, 1].",
         ),
     ] = None,
+    time_again: Annotated[
+        bool,
+        typer.Option("--time-again", help="Time cells that have a time once more; `repeat DIR` compares the two."),
+    ] = False,
     view: ViewName = None,
     light: Annotated[
         str | None, typer.Option("--light", metavar="NAME", help="A light of the scene, by its name  [each in turn].")
@@ -87,8 +92,8 @@ def run(
     from shadowbench.commands.run import RunOptions, run_command
 
     options = RunOptions(
-        tuple(scenes or ()), study, tuple(techniques or ()), map_size, view_size, rounds, phases, view, light,
-        tuple(plugin or ()), assets,
+        tuple(scenes or ()), study, tuple(techniques or ()), map_size, view_size, rounds, phases, time_again,
+        view, light, tuple(plugin or ()), assets,
     )  # fmt: skip
     raise typer.Exit(run_command(options, output, profile=profile, as_json=json, quiet=quiet))
 

@@ -86,10 +86,21 @@ def check(
     raise typer.Exit(check_command(options, as_json=json, quiet=quiet))
 
 
-@app.command(epilog="For example  shadowbench repeat results/monday results/tuesday")
+@app.command(
+    epilog="\b\nFor example\n"
+    "  shadowbench repeat results/monday results/tuesday\n"
+    "  shadowbench run -s demo --time-again && shadowbench repeat results/latest"
+)
 def repeat(
     first: Annotated[Path, typer.Argument(metavar="DIR", help="A run folder.")],
-    second: Annotated[Path, typer.Argument(metavar="DIR", help="The same study, run again into a folder of its own.")],
+    second: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="[DIR]",
+            help="The same study, run again into a folder of its own; without it, the last two times of each cell in "
+            "the first folder, as `run --time-again` leaves them.",
+        ),
+    ] = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:

@@ -1,5 +1,6 @@
 """`recommend`: the cheapest spec that meets a target in a view."""
 
+import dataclasses
 import json
 import math
 from collections.abc import Mapping
@@ -15,7 +16,7 @@ from shadowbench.commands.recommend_words import excluded_lines, in_the_way, ste
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
 from shadowbench.scenes.views import chosen_view, notes_on
-from shadowbench.studies.gauge import REFERENCES, Gauge
+from shadowbench.studies.gauge import Gauge
 from shadowbench.studies.machine import write_run_file
 from shadowbench.studies.recommend import Recommendation, Target, Unit, recommend
 from shadowbench.studies.runner import Result
@@ -23,9 +24,10 @@ from shadowbench.studies.search import Tried
 from shadowbench.studies.session import DeviceInfo
 from shadowbench.studies.shown_shaders import shaders_of
 from shadowbench.studies.tables import cells_frame, write_table
+from shadowbench.studies.times import time_notes
 from shadowbench.studies.worker import Worker
 from shadowbench.techniques.params import Row
-from shadowbench.techniques.spec import Spec, format_spec, parse_spec
+from shadowbench.techniques.spec import Spec, format_spec
 from shadowbench.truth.cache import cached_truth
 
 ROUNDS = 9
@@ -65,8 +67,7 @@ def recommend_command(options: RecommendOptions, folder: Path, *, as_json: bool,
         truth = cached_truth(view)
         rounds = ROUNDS if unit == "ms" else 0
         results: list[Result] = []
-        reference = parse_spec(REFERENCES[view.light.kind], known)
-        with Gauge(view, reference, rounds, folder, worker, reporter) as gauge:
+        with Gauge(view, rounds, folder, worker, reporter) as gauge:
             reporter.stage("measuring", 1)
 
             def measure(spec: Spec) -> Result:
@@ -160,6 +161,7 @@ def as_values(found: Recommendation, info: DeviceInfo) -> dict[str, Any]:
         "view_size": found.view.size,
         "target": {"metric": found.target.metric, "value": found.target.value, "budget_ms": found.target.budget_ms},
         "ranked_by": "work_cost" if found.unit == "work" else "frame_ms",
+        "reference": None if found.reference is None else dataclasses.asdict(found.reference),
         "renderer": info.renderer,
         "choice": _values(found.choice),
         "closest": _values(found.closest),
@@ -212,7 +214,7 @@ def _print(found: Recommendation, info: DeviceInfo, folder: Path) -> None:
         table.add_row(place_name, *_cells(found, one))
     out.print(table)
     lines = step_lines(found) if found.choice else in_the_way(found)
-    for line in [*lines, *excluded_lines(found)]:
+    for line in [*lines, *time_notes(found.reference), *excluded_lines(found)]:
         out.print(line, markup=False, soft_wrap=True)
     out.print(
         f"{found.measured} of {found.whole} specs measured; rows by key, masks and pictures in {folder}",

@@ -1,6 +1,7 @@
-"""`repeat`: two runs of one study, and whether they say the same."""
+"""`repeat`: two runs of one study, in two folders or in one, and whether they say the same."""
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.markup import escape
@@ -10,20 +11,21 @@ from shadowbench.commands.console import number, out, print_json
 from shadowbench.errors import InputError
 from shadowbench.reports.folder import read_runs
 from shadowbench.studies.repeat import APART, ENOUGH, Repeat, compare_runs
+from shadowbench.studies.runner import Result
 
 
-def repeat_command(first: Path, second: Path, as_json: bool, quiet: bool) -> int:
-    """Print how well the runs agree, and unless `quiet` what that means; 1 where they do not."""
-    if first.resolve() == second.resolve():
-        raise InputError(f"{second}: is named twice; allowed: two runs of one study, in folders of their own")
-    one, other = read_runs([first, second])
-    if one.renderer != other.renderer:
-        raise InputError(f"{second}: found rows of {other.renderer}; allowed: of {one.renderer}, as in {first}")
-    found = compare_runs(one.results, other.results)
+def repeat_command(first: Path, second: Path | None, as_json: bool, quiet: bool) -> int:
+    """Print how well the runs agree, and unless `quiet` what that means; 1 where they do not.
+
+    Without `second`, the last two times of each cell of `first` are compared.
+    """
+    one, other = _timed_twice(first) if second is None else _two_folders(first, second)
+    found = compare_runs(one, other)
     holds = found.ranked_alike and not found.unequal
     if not any(ranking.sharp for ranking in found.rankings):
         raise InputError(
-            f"{second}: no two cells differ sharply in both runs; allowed: runs of one study on one machine, timed"
+            f"{second or first}: no two cells differ sharply in both runs; "
+            "allowed: runs of one study on one machine, timed"
         )
     if as_json:
         rankings = [dataclasses.asdict(ranking) | {"tau": ranking.tau} for ranking in found.rankings]
@@ -31,6 +33,23 @@ def repeat_command(first: Path, second: Path, as_json: bool, quiet: bool) -> int
     else:
         _print(found, quiet)
     return 0 if holds else 1
+
+
+def _two_folders(first: Path, second: Path) -> tuple[Sequence[Result], Sequence[Result]]:
+    if first.resolve() == second.resolve():
+        raise InputError(f"{second}: is named twice; named once, the last two times of its cells are compared")
+    one, other = read_runs([first, second])
+    if one.renderer != other.renderer:
+        raise InputError(f"{second}: found rows of {other.renderer}; allowed: of {one.renderer}, as in {first}")
+    return one.results, other.results
+
+
+def _timed_twice(folder: Path) -> tuple[Sequence[Result], Sequence[Result]]:
+    (run,) = read_runs([folder])
+    if not run.times_before:
+        raise InputError(f"{folder}: no cell was timed twice; `shadowbench run … --time-again` times cells once more")
+    before = [Result(result.score, run.times_before.get(result.score["key"])) for result in run.results]
+    return before, run.results
 
 
 def _print(found: Repeat, quiet: bool) -> None:

@@ -1,6 +1,7 @@
 """`run`: a study from options, the run, its table."""
 
 import dataclasses
+import operator
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -19,7 +20,18 @@ from shadowbench.studies.runner import Runner
 from shadowbench.studies.study import Study
 from shadowbench.studies.study_file import find_study, read_study
 from shadowbench.studies.sweeps import Curve, curves, places, with_factors
-from shadowbench.studies.tables import Slope, SummaryRow, cells_frame, over_scenes, slopes, summary, write_table
+from shadowbench.studies.tables import (
+    Slope,
+    SummaryRow,
+    cells_frame,
+    over_scenes,
+    phase_note,
+    reference_times,
+    slopes,
+    summary,
+    write_table,
+)
+from shadowbench.studies.times import time_notes
 from shadowbench.studies.worker import Limits, Worker
 from shadowbench.techniques.spec import Spec, format_spec, parse_spec
 
@@ -51,6 +63,7 @@ class RunOptions:
     view_size: int | None
     rounds: int | None
     phases: int | None
+    time_again: bool
     view: str | None
     light: str | None
     plugins: tuple[Path, ...]
@@ -65,26 +78,28 @@ def run_command(options: RunOptions, folder: Path, *, profile: bool, as_json: bo
     with ConsoleReporter(quiet) as reporter, Worker(options.plugins, limits) as worker:
         if not options.scenes and not options.study:
             reporter.note(_estimate(study))
-        runner = Runner(study, folder, worker, reporter)
+        runner = Runner(study, folder, worker, reporter, options.time_again)
         results = runner.run()
-        notes = runner.notes
+        assumed = runner.notes
         spent = worker.call("spent") if profile else {}
     swept = places(study.sweeps)
     frame = with_factors(cells_frame(results), swept)
     write_table(folder / "table.csv", frame)
-    write_run_file(folder / "run.json", runner.info, notes, study)
-    tables, fits = summary(frame), slopes(frame)
+    write_run_file(folder / "run.json", runner.info, assumed, study)
+    tables, references, fits = summary(frame), reference_times(frame), slopes(frame)
     if as_json:
         print_json({scene: [dataclasses.asdict(row) for row in rows] for scene, rows in tables.items()})
     else:
         times = "; times of a software renderer, not of a GPU" if runner.info.software else "; times of this GPU"
         times = times if study.rounds else ""
         for scene, rows in tables.items():
-            _print_scene(f"{scene}, best first{times}", rows, [fit for fit in fits if fit.scene == scene])
+            rough = [row.wide for row in rows if row.values["frame_ms"] is not None]
+            notes = [*_notes(rows), *time_notes(references[scene], rough)]
+            _print_scene(f"{scene}, best first{times}", rows, [fit for fit in fits if fit.scene == scene], notes)
             _print_curves(scene, curves(rows, swept))
         scenes, means = over_scenes(tables)
         if len(scenes) > 1:
-            _print_scene(f"mean of the {len(scenes)} scenes in which every cell held", means, [])
+            _print_scene(f"mean of the {len(scenes)} scenes in which every cell held", means, [], [])
         if not quiet:
             out.print(
                 f"{folder / 'table.csv'}: {counted(len(frame), 'cell')}; masks/ and pictures/ beside it", soft_wrap=True
@@ -104,7 +119,9 @@ def study_from(options: RunOptions) -> Study:
     known = techniques_with(options.plugins)
     study = read_study(find_study(options.study or "default"), known)
     if options.specs and not (options.study or options.map_size):
-        study = replace(study, map_sizes=())  # specs alone mean what they say
+        study = replace(study, map_sizes=(), phases=1)  # specs alone mean what they say
+    if options.specs or options.phases:
+        study = replace(study, own_phases={})
     specs = tuple(parse_spec(text, known) for text in options.specs)
     changes = {
         "scenes": options.scenes,
@@ -143,17 +160,15 @@ def map_sizes(text: str | None) -> tuple[int, ...]:
 def _estimate(study: Study) -> str:
     """Rough, from a machine of two cores without a GPU; a GPU takes less."""
     cells = study.cells()
-    pixels = sum(study.view_size**2 + (cell.spec.map_size or 0) ** 2 for cell in cells) * len(study.scenes)
-    seconds = pixels * 1e-9 * 12 * (study.rounds * 4 / 3 + 4)
+    frames = [(study.rounds * 4 / 3 if cell.phase == 0 else 0) + 4 for cell in cells]
+    pixels = [study.view_size**2 + (cell.spec.map_size or 0) ** 2 for cell in cells]
+    seconds = sum(map(operator.mul, pixels, frames)) * 1e-9 * 12 * len(study.scenes)
     count = len(cells) * len(study.scenes)
     return f"{count} cells on {len(study.scenes)} scenes: about {max(seconds, 5):.0f} s on two cores without a GPU"
 
 
-def _print_scene(title: str, rows: list[SummaryRow], fits: list[Slope]) -> None:
-    """A line for each spec and map size that held, best first; then what did not hold, and the slopes."""
-    cells = max(row.cells for row in rows)
-    if cells > 1 and not title.startswith("mean"):
-        title += f"; medians of {cells} cells (views × phases), the error with its 95% interval"
+def _print_scene(title: str, rows: list[SummaryRow], fits: list[Slope], notes: list[str]) -> None:
+    """A line for each spec and map size that held, best first; then what did not hold, the slopes, and notes."""
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
     table.add_column("spec", overflow="fold", min_width=24)
     table.add_column("map", justify="right", no_wrap=True)
@@ -179,9 +194,19 @@ def _print_scene(title: str, rows: list[SummaryRow], fits: list[Slope]) -> None:
             out.print(f"  {row.spec} {row.map_size or ''}: {share}{status}", markup=False, soft_wrap=True)
     for fit in fits:
         sizes = f"{fit.sizes[0]} to {fit.sizes[-1]}"
-        line = f"  slope of log(1 − IoU) over log(size), {sizes}: {fit.slope.text(_signed)}  {fit.spec}"
+        slope = fit.slope.text(_signed) + (", one phase" if fit.phases == 1 else "")
+        line = f"  slope of log(1 − IoU) over log(size), {sizes}: {slope}  {fit.spec}"
         out.print(line, markup=False, soft_wrap=True)
+    for line in notes:
+        out.print(f"  {line}", markup=False, soft_wrap=True)
     out.print()
+
+
+def _notes(rows: list[SummaryRow]) -> list[str]:
+    """Of how many cells a table's numbers are medians, and which maps were scored in one phase."""
+    cells = max(row.cells for row in rows)
+    medians = f"medians of up to {cells} cells (views × phases), the error with its 95% interval" if cells > 1 else None
+    return [note for note in (medians, phase_note(rows)) if note is not None]
 
 
 def _print_curves(scene: str, found: list[Curve]) -> None:
@@ -203,13 +228,15 @@ def _print_curves(scene: str, found: list[Curve]) -> None:
 
 
 def _cell(row: SummaryRow, key: str) -> str:
-    """The error with its interval, the median alone of all else."""
+    """The error with its interval, the median alone of all else; a time that is rough is marked."""
     value = row.values.get("iou" if key == "error" else key)
     if value is None:
         return "–"
     if key == "gpu_bytes":
         return f"{value.median / 2**20:.1f}"
-    return value.complement().text(number) if key == "error" else number(value.median)
+    if key == "error":
+        return value.complement().text(number)
+    return f"~{number(value.median)}" if key == "frame_ms" and row.wide else number(value.median)
 
 
 def _signed(value: float) -> str:

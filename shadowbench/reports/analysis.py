@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import pandas as pd
 
 from shadowbench.reports.folder import Run
-from shadowbench.studies.tables import Interval, SummaryRow, interval, summary, titles
+from shadowbench.studies.tables import Interval, SummaryRow, interval, summary_rows, titles
+from shadowbench.studies.times import ReferenceTime, by_one_reference
 
 IOU_STEPS = (0.95, 0.99, 0.999)
 EDGE_STEPS = (1.0, 0.5, 0.25)
@@ -14,7 +15,7 @@ EDGE_STEPS = (1.0, 0.5, 0.25)
 
 @dataclass(frozen=True)
 class Pass:
-    """The median time of a pass, and when it has to be drawn again."""
+    """The median time of a pass, by the table's reference, and when it has to be drawn again."""
 
     name: str
     ms: float
@@ -61,13 +62,15 @@ class Configuration:
 class Section:
     """What one run measured in one scene under one light.
 
-    `configurations` stand best first; `floor` is where no error is drawn.
+    `frame` has its times by one time of `reference`, which is None where nothing has a ratio; `configurations` stand
+    best first; `floor` is where no error is drawn.
     """
 
     run: Run
     scene: str
     title: str
     frame: pd.DataFrame
+    reference: ReferenceTime | None
     configurations: tuple[Configuration, ...]
 
     @property
@@ -103,11 +106,12 @@ def sections(runs: Sequence[Run]) -> dict[str, list[Section]]:
     """By title, the sections of every run that measured it. Other lights, view sizes or coordinates are another."""
     found: dict[str, list[Section]] = {}
     for run in runs:
-        for (scene, size, coordinates), frame in run.frame.groupby(
+        for (scene, size, coordinates), measured in run.frame.groupby(
             [titles(run.frame), "view_size", "coordinates"], sort=False, dropna=False
         ):
             title = f"{scene}, {size}² view" + (f", {coordinates} coordinates" if coordinates == "absolute" else "")
-            section = Section(run, str(scene), title, frame, tuple(_configurations(run, frame)))
+            frame, reference = by_one_reference(measured)
+            section = Section(run, str(scene), title, frame, reference, tuple(_configurations(run, frame)))
             found.setdefault(title, []).append(section)
     return found
 
@@ -118,10 +122,9 @@ def specs_of(sections: Sequence[Section]) -> list[str]:
 
 
 def _configurations(run: Run, frame: pd.DataFrame) -> list[Configuration]:
-    (rows,) = summary(frame).values()
     return [
         Configuration(str(group["technique"].iloc[0]), str(group["full_spec"].iloc[0]), row, _passes(run, group))
-        for row in rows
+        for row in summary_rows(frame)
         for group in [frame[(frame["spec"] == row.spec) & _of_size(frame["map_size"], row.map_size)]]
     ]
 
@@ -136,7 +139,7 @@ def _passes(run: Run, group: pd.DataFrame) -> tuple[Pass, ...]:
     passes = []
     for name in names:
         held = [time["passes"][name] for time in times if time and name in time["passes"]]
-        median = interval([one["ms"] for one in held])
+        median = interval(group[f"pass_{name}_ms"].tolist())
         if median is not None:
             passes.append(Pass(name, median.median, str(held[0].get("changes", "frame"))))
     return tuple(passes)

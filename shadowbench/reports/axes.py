@@ -14,6 +14,7 @@ def point_of(section: Section, one: Configuration) -> Chart:
     error = one.error
     assert error is not None  # only what has a score is drawn
     ms, iqr, ratio = (one.value(name) for name in ("frame_ms", "frame_iqr_ms", "ratio"))
+    rough = "; rough" if one.row.wide else ""
     return {
         **texts_of(one),
         "full spec": one.full_spec,
@@ -25,9 +26,10 @@ def point_of(section: Section, one: Configuration) -> Chart:
         "ms": ms,
         "time": "not timed"
         if ms is None
-        else f"{digits(ms)} ms, IQR {'unknown' if iqr is None else f'{digits(iqr)} ms'}",
+        else f"{digits(ms)} ms, IQR {'unknown' if iqr is None else f'{digits(iqr)} ms'}{rough}",
         "× reference": "–" if ratio is None else digits(ratio),
         "cells": one.row.cells,
+        "phases": one.row.phases,
     }
 
 

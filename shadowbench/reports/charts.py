@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from shadowbench.reports.analysis import Section, front
 from shadowbench.reports.axes import Chart, error_axis, label, log_axis, point_of, zero_rule
 from shadowbench.reports.styles import Styles
-from shadowbench.reports.words import digits, times_are
+from shadowbench.reports.words import digits, section_notes, times_are
 
 INK, _GRID = "#1a1a1a", "#e6e6e6"
 # Okabe & Ito's six again, and ten of L* 36 to 84, each as far as can be from those before it and white, by CIEDE2000.
@@ -30,6 +30,7 @@ _TOOLTIP = [
     "time",
     "× reference",
     "cells",
+    "phases",
 ]
 
 
@@ -207,7 +208,7 @@ def default_size(section: Section) -> int | None:
 
 def figure(chart: Chart, section: Section) -> Chart:
     """The chart as it stands alone in a paper: with a title, and a width; its legend is in it."""
-    return titled(chart, section.title, f"{section.run.renderer}; {times_are(section.run)}")
+    return titled(chart, section.title, f"{section.run.renderer}; {times_are(section.run)}", *section_notes(section))
 
 
 def titled(chart: Chart, title: str, *below: str, width: int | None = 760) -> Chart:

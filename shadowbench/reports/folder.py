@@ -55,13 +55,15 @@ class Folder:
 
 @dataclass(frozen=True, eq=False)
 class Run(Folder):
-    """A folder of `run`. `times`: those of one machine, by key; `foreign` counts the others'.
+    """A folder of `run`. `times`: the last of one machine, by key; `foreign` counts the others'.
 
+    `times_before`: of the cells that this machine timed several times, the time before the last.
     The machine is the one that `run.json` names, or that of the last time where it names none. `earlier` has the keys
     of the rows that `table.csv` lacks, those of engines aside: cells of earlier commands.
     """
 
     times: Mapping[str, Record]
+    times_before: Mapping[str, Record]
     foreign: int
     earlier: frozenset[str]
 
@@ -124,6 +126,13 @@ def _read(folder: Path, label: str) -> Run | Sweep:
         return Sweep(label, folder, about, tuple(points.values()), count - len(points))
     times = [record for record in records if record["kind"] == "time"]
     machine = about.get("machine_key") or (times[-1].get("machine") if times else None)
+    last_times: dict[str, Record] = {}
+    times_before: dict[str, Record] = {}
+    for record in times:
+        if record.get("machine") == machine:
+            if record["key"] in last_times:
+                times_before[record["key"]] = last_times[record["key"]]
+            last_times[record["key"]] = record
     # A run that finds its rows measured appends none, so that the last of a cell in the file may be another study's.
     last = {} if keys is None else {identity(record): record for record in scores if record["key"] in keys}
     cells = {identity(record): record for record in scores} | last
@@ -134,7 +143,8 @@ def _read(folder: Path, label: str) -> Run | Sweep:
         about=about,
         rows=tuple(cells.values()),
         older=count - len(cells),
-        times={record["key"]: record for record in times if record.get("machine") == machine},
+        times=last_times,
+        times_before=times_before,
         foreign=sum(record.get("machine") != machine for record in times),
         earlier=frozenset(row["key"] for row in earlier.values() if "content" not in row),
     )

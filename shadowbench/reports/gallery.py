@@ -2,6 +2,7 @@
 
 import base64
 import io
+import math
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -63,19 +64,20 @@ class Gallery:
 
 def shots_of_section(section: Section) -> list[Shot]:
     """The cells that held, in their first phase, by view and light."""
-    results = [section.run.results[int(index)] for index in section.frame.index]
-    held = [result for result in results if result.score["status"] == "ok"]
-    first = min((result.score.get("phase") or 0 for result in held), default=0)
+    times = section.frame["frame_ms"]
+    cells = [(section.run.results[int(index)], float(times[index])) for index in section.frame.index]
+    held = [(result.score, ms) for result, ms in cells if result.score["status"] == "ok"]
+    first = min((score.get("phase") or 0 for score, _ in held), default=0)
     software = " (software renderer)" if section.run.software else ""
     shots = []
-    for score, time in ((result.score, result.time) for result in held):
+    for score, ms in held:
         if (score.get("phase") or 0) != first:
             continue
         iou, edge = (score["metrics"].get(name) for name in ("iou", "edge_px"))
         said = [
             _iou(iou),
             "edge –" if edge is None else f"edge {digits(edge)} px",
-            f"{digits(time['frame_ms'])} ms{software}" if time else "not timed",
+            "not timed" if math.isnan(ms) else f"{digits(ms)} ms{software}",
         ]
         place = f"{score['view']}, {score['light']}"
         shots.append(Shot(score, score["spec"], score["map_size"], place, ", ".join(said)))

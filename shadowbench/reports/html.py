@@ -34,10 +34,12 @@ from shadowbench.reports.words import (
     reach_tables,
     reach_text,
     refusals,
+    section_notes,
     sentence,
     stability_headline,
     times_are,
     tolerances,
+    value_of,
     warned,
 )
 from shadowbench.scores.metrics import METRICS
@@ -133,6 +135,7 @@ def _part(section: Section, styles: Styles, most: int, name: str) -> dict[str, A
         "timed": bool(section.timed),
         "cells": section.cells,
         "headline": headline(section),
+        "notes": section_notes(section),
         "refusals": refusals(section),
         "warned": warned(section),
         "legend": _legend(styles, specs),
@@ -213,11 +216,10 @@ _TIMES = {
 def table_row(one: Configuration) -> list[str]:
     """Map size, error, the other metrics, times, cells: the values of a configuration, as text."""
     error = one.error
-    values = [one.value(name) for name in (*_COLUMNS, *_TIMES.values())]
     return [
         str(one.map_size or ""),
         "–" if error is None else error.text(digits),
-        *("–" if value is None else digits(value) for value in values),
+        *(value_of(one, name) for name in (*_COLUMNS, *_TIMES.values())),
         str(one.row.cells),
     ]
 

@@ -15,10 +15,12 @@ from shadowbench.reports.words import (
     reach_tables,
     reach_text,
     refusals,
+    section_notes,
     sentence,
     stability_headline,
     times_are,
     tolerances,
+    value_of,
     warned,
 )
 
@@ -59,10 +61,11 @@ def _section(section: Section) -> list[str]:
     blocks = [*headline(section)]
     if section.timed:
         blocks.append(f"*{sentence(times_are(section.run))}* Bold: on the Pareto front of error and time.")
+    blocks += [_cell(sentence(line)) for line in section_notes(section)]
     best = front(section)
     rows = [
         [_bold(f"`{one.spec}`", one in best), str(one.map_size or ""), error.text(digits)]
-        + ["–" if (value := one.value(name)) is None else digits(value) for name in _COLUMNS.values()]
+        + [value_of(one, name) for name in _COLUMNS.values()]
         for one in section.held
         if (error := one.error)
     ]

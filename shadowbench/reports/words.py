@@ -18,6 +18,8 @@ from shadowbench.reports.folder import Run, Sweep
 from shadowbench.reports.stability import Stability, whole
 from shadowbench.studies.axes.model import NAMES, shown
 from shadowbench.studies.ranges import TOLERANCES, OperatingRange, value_text
+from shadowbench.studies.tables import phase_note
+from shadowbench.studies.times import time_notes
 
 SOFTWARE = "times of a software renderer: for trends only, no GPU's"
 RAY_TRACED = "ray-traced"  # the technique that is the truth's own method: where the speed axis ends
@@ -44,6 +46,19 @@ def times_are(run: Run) -> str:
     if run.software is None:
         return "times of an unknown machine (no run.json)"
     return SOFTWARE if run.software else f"times of {run.renderer}"
+
+
+def section_notes(section: Section) -> list[str]:
+    """What a reader must know of a section: maps of one phase, the reference of its times, which times are rough."""
+    rows = [one.row for one in section.held]
+    rough = [one.row.wide for one in section.timed]
+    return [*filter(None, [phase_note(rows)]), *time_notes(section.reference, rough)]
+
+
+def value_of(one: Configuration, name: str) -> str:
+    """A metric or a time as text; a frame time that is rough is marked."""
+    value = one.value(name)
+    return "–" if value is None else f"{'~' if name == 'frame_ms' and one.row.wide else ''}{digits(value)}"
 
 
 def headline(section: Section) -> list[str]:
@@ -74,7 +89,7 @@ def _cost(reach: Reach) -> str:
     if reach.factor is not None and reach.extra_ms == 0:
         return f"{step} costs no more"
     factor = "" if reach.factor is None else f", × {digits(reach.factor)}"
-    return f"{step} costs {digits(reach.ms)} ms{factor} (`{reach.cheapest.label}`)"
+    return f"{step} costs {value_of(reach.cheapest, 'frame_ms')} ms{factor} (`{reach.cheapest.label}`)"
 
 
 def refusals(section: Section) -> list[tuple[str, str]]:
@@ -127,7 +142,7 @@ def reach_text(reach: Reach, best: str) -> tuple[str, str, str]:
     extra = ""
     if reach.extra_ms is not None and reach.factor is not None:
         extra = "no more" if reach.extra_ms == 0 else f"{reach.extra_ms:+.3g} ms, × {digits(reach.factor)}"
-    return f"{digits(reach.ms)} ms", reach.cheapest.label, extra
+    return f"{value_of(reach.cheapest, 'frame_ms')} ms", reach.cheapest.label, extra
 
 
 def _best(configurations: Sequence[Configuration], metric: str) -> str:

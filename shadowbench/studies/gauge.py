@@ -1,19 +1,15 @@
 """Measures single cells of one view as they are asked for, through the runner, into one folder of rows."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
-from shadowbench.scenes.model import LightKind, View
+from shadowbench.scenes.model import View
+from shadowbench.studies.references import REFERENCE
 from shadowbench.studies.runner import Reporter, Result, Runner
 from shadowbench.studies.study import Block, Cell, Study
 from shadowbench.studies.worker import Worker
-from shadowbench.techniques.spec import Spec
-
-REFERENCES: Mapping[LightKind, str] = {  # what times are set against: one map that answers the light
-    "directional": "shadow-map:size=1024",
-    "spot": "shadow-map:size=1024",
-    "point": "cube-map:size=1024",
-}
+from shadowbench.techniques.shadow_map import ShadowMap
+from shadowbench.techniques.spec import Spec, parse_spec
 
 
 class Gauge(Runner):
@@ -22,9 +18,8 @@ class Gauge(Runner):
     Use as a context manager. rounds: how often a cell is timed, 0 for not at all.
     """
 
-    def __init__(
-        self, view: View, reference: Spec, rounds: int, folder: Path, worker: Worker, reporter: Reporter
-    ) -> None:
+    def __init__(self, view: View, rounds: int, folder: Path, worker: Worker, reporter: Reporter) -> None:
+        reference = parse_spec(REFERENCE, {ShadowMap.name: ShadowMap})
         study = Study((view.scene.name,), (reference,), reference, view_size=view.size, rounds=rounds)
         super().__init__(study, folder, worker, reporter)
         self.view = view

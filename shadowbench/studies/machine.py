@@ -17,6 +17,7 @@ import psutil
 
 from shadowbench import __version__
 from shadowbench.files import replace_file
+from shadowbench.studies.references import name_of
 from shadowbench.studies.session import DeviceInfo
 from shadowbench.studies.study import Study
 from shadowbench.techniques.spec import format_spec
@@ -67,7 +68,7 @@ def write_run_file(file: Path, info: DeviceInfo, notes: Sequence[str], study: St
         "study": {
             "scenes": list(study.scenes),
             "specs": [format_spec(spec) for spec in study.specs],
-            "reference": format_spec(study.reference),
+            "reference": name_of(study.reference),
             "view_size": study.view_size,
             "rounds": study.rounds,
             "phases": study.phases,

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -13,6 +13,8 @@ from shadowbench.scores.split import Split
 from shadowbench.studies.runner import Result
 from shadowbench.studies.search import Search, Tried
 from shadowbench.studies.space import Excluded, needed_space, no_choices, start_size, whole_space
+from shadowbench.studies.tables import cells_frame
+from shadowbench.studies.times import ReferenceTime, by_one_reference
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.spec import Spec, format_spec
 from shadowbench.truth.trace import Truth
@@ -65,7 +67,8 @@ class Recommendation:
 
     runners_up: of each technique that was tried, but the choice's own best row, the next; tried: all that held;
     refused: specs that did not, by reason; measured: how many; whole: specs of the whole space; cheaper, better: the
-    next on either side of the choice among what was tried, None at the ends.
+    next on either side of the choice among what was tried, None at the ends; reference: what milliseconds are shown by,
+    None where costs are work.
     """
 
     view: View
@@ -81,6 +84,7 @@ class Recommendation:
     cheaper: Tried | None
     better: Tried | None
     needs: Needs
+    reference: ReferenceTime | None
 
     @property
     def measured(self) -> int:
@@ -110,8 +114,11 @@ def recommend(
 
     def tried(spec: Spec) -> Tried | None:
         result = measure(spec)
-        if result.status != "ok":
-            refused[format_spec(spec)] = result.status
+        status = result.status
+        if status == "ok" and unit == "ms" and _ratio(result) is None:
+            status = f"failed: no ratio to the reference: {result.time and result.time['no_ratio']}"
+        if status != "ok":
+            refused[format_spec(spec)] = status
             return None
         return tried_of(spec, result, target, unit)
 
@@ -125,7 +132,10 @@ def recommend(
         price=1.0 if unit == "work" else 0.0,
         least=least_error(truth, target.metric),
     )
-    best = search.run()
+    best, tried_all, reference = search.run(), search.tried, None
+    if unit == "ms" and search.tried:
+        tried_all, reference = in_milliseconds(search.tried)
+        best = tried_all[search.tried.index(best)] if best else None
     if best is not None and target.budget_ms is not None and best.cost > target.budget_ms:
         best = None
     return Recommendation(
@@ -133,15 +143,16 @@ def recommend(
         target=target,
         unit=unit,
         choice=best,
-        closest=None if best else closest(search.tried, target),
-        runners_up=runners_up(search.tried, best, target),
-        tried=tuple(sorted(search.tried, key=lambda one: (one.cost, one.bytes, one.error))),
+        closest=None if best else closest(tried_all, target),
+        runners_up=runners_up(tried_all, best, target),
+        tried=tuple(sorted(tried_all, key=lambda one: (one.cost, one.bytes, one.error))),
         refused=refused,
         excluded=tuple(out),
         whole=len(whole),
-        cheaper=_cheaper(search.tried, best),
-        better=_better(search.tried, best),
+        cheaper=_cheaper(tried_all, best),
+        better=_better(tried_all, best),
         needs=found,
+        reference=reference,
     )
 
 
@@ -152,17 +163,33 @@ def least_error(truth: Truth, metric: Literal["iou", "edge_px"]) -> float:
 
 
 def tried_of(spec: Spec, result: Result, target: Target, unit: Unit) -> Tried:
-    """A row as the search sees it. What vertices cost is in milliseconds their share of the work."""
+    """A row as the search sees it, by its work, or where `unit` is ms by its ratio to the reference.
+
+    What vertices cost is then their share of the work.
+    """
     row = result.score
     work = row["work"]
     vertices = float(work.get("vertices", 0) + work.get("geometry", 0))
     if unit == "work":
         cost, fixed = float(work["cost"]), vertices
     else:
-        assert result.time is not None
-        cost = float(result.time["frame_ms"])
+        ratio = _ratio(result)
+        assert ratio is not None
+        cost = ratio
         fixed = cost * vertices / work["cost"] if "cost" in work else 0.0
     return Tried(spec, cost, fixed, int(row["gpu_bytes"]), target.error(row["metrics"]), result)
+
+
+def in_milliseconds(tried: Sequence[Tried]) -> tuple[list[Tried], ReferenceTime]:
+    """What costs ratios to the reference, each measured in a block of its own, by one time of that reference."""
+    _, reference = by_one_reference(cells_frame([one.result for one in tried if one.result is not None]))
+    assert reference is not None
+    return [replace(one, cost=one.cost * reference.ms, fixed=one.fixed * reference.ms) for one in tried], reference
+
+
+def _ratio(result: Result) -> float | None:
+    ratio = None if result.time is None else result.time["ratio"]
+    return None if ratio is None else float(ratio)
 
 
 def closest(tried: Sequence[Tried], target: Target) -> Tried | None:

@@ -1,6 +1,7 @@
 """Runs a study: truths first, then every cell drawn and scored alone, then those that held timed together.
 
-Rows go to disk as they are made; a call that finds rows of the same key does nothing again.
+Phases are scored, and the first of them is timed. Rows go to disk as they are made; a call that finds rows of the same
+key does nothing again.
 """
 
 from dataclasses import dataclass
@@ -64,10 +65,16 @@ class Result:
 
 
 class Runner:
-    """Runs one study into one folder; as a context manager it holds the rows, for blocks to come."""
+    """Runs one study into one folder; as a context manager it holds the rows, for blocks to come.
 
-    def __init__(self, study: Study, folder: Path, worker: Worker, reporter: Reporter) -> None:
+    time_again: whether cells that have a time get another, beside which the old one stays in the rows.
+    """
+
+    def __init__(
+        self, study: Study, folder: Path, worker: Worker, reporter: Reporter, time_again: bool = False
+    ) -> None:
         self.study, self.folder, self.worker, self.reporter = study, folder, worker, reporter
+        self.time_again = time_again
         self.profile = Profile()
         self.info: DeviceInfo = worker.call("info")
         self.notes: list[str] = []
@@ -97,8 +104,9 @@ class Runner:
                 self.reporter.note(self.notes[-1])
             self.reporter.step(block.view.name)
         with self:
-            each = 2 if self.study.rounds else 1  # a cell is drawn, then timed
-            self.reporter.stage("cells", each * sum(len(block.cells) for block in blocks))
+            cells = [cell for block in blocks for cell in block.cells]
+            timed = [cell for cell in cells if self._wants_time(cell)]
+            self.reporter.stage("cells", len(cells) + len(timed))
             return [result for block in blocks for result in self.run_block(block)]
 
     def _notes_on(self, scene: Scene) -> list[str]:
@@ -130,8 +138,12 @@ class Runner:
                     self.reporter.step(f"{block.scene.name} {format_spec(cell.spec)}")
         for _ in range(len(keys) - len(missing)):
             self.reporter.step(f"{block.scene.name}: measured before")
-        untimed = self._time_block(block, view, keys) if self.study.rounds else {}
+        untimed = self._time_block(block, view, keys)
         return [Result(store.scores[key], self._time(key), untimed.get(cell)) for cell, key in keys.items()]
+
+    def _wants_time(self, cell: Cell) -> bool:
+        """Whether the study times a cell: the other phases differ in their errors alone."""
+        return self.study.rounds > 0 and cell.phase == 0
 
     def _key(self, cell: Cell, view: str) -> str:
         return cell_key(cell, view, self.study.coordinates, self.info.renderer)
@@ -162,7 +174,7 @@ class Runner:
 
     def _draw(self, block: Block, cell: Cell, writer: Writer) -> tuple[NDArray[np.int32], Drawn]:
         """The view's triangle ids and the cell, which the worker keeps for timing while there is room."""
-        keep = int(_KEPT * self.worker.limits.bytes) if self.study.rounds else 0
+        keep = int(_KEPT * self.worker.limits.bytes) if self._wants_time(cell) else 0
         try:
             return self._build_and_draw(block, cell, writer, keep)
         except AteMemory:
@@ -187,36 +199,39 @@ class Runner:
         self._store.append(row)
 
     def _time_block(self, block: Block, view: str, keys: dict[Cell, str]) -> dict[Cell, str]:
-        """Time what held and has no time yet, phase by phase: a phase is a block of its own. Says what failed."""
+        """Time what held and has no time yet. Says what failed."""
         store = self._store
         untimed: dict[Cell, str] = {}
+        reference = self._key(reference_cell(self.study, block.view.light.kind), view)
+        wanted = [cell for cell in keys if self._wants_time(cell)]
+        held = [cell for cell in wanted if store.scores[keys[cell]]["status"] == "ok"]
+        timed = {
+            cell: row
+            for cell in held
+            if not self.time_again and self._is_timed(row := store.times.get(keys[cell]), reference)
+        }
+        lacking = {cell for cell, row in timed.items() if _lacks_ratio(row)}
+        sizes = {
+            cell: int(store.scores[keys[cell]]["gpu_bytes"]) for cell in held if cell in lacking or cell not in timed
+        }
+        about = {"reference_key": reference, "machine": self._machine}
         steps = 0
-        for phase in range(self.study.phases):
-            reference = self._key(reference_cell(self.study, phase), view)
-            held = [cell for cell, key in keys.items() if cell.phase == phase and store.scores[key]["status"] == "ok"]
-            times = {cell: store.times.get(keys[cell]) for cell in held}
-            lacking = {cell for cell in held if self._is_timed(times[cell], reference) and _lacks_ratio(times[cell])}
-            cells = [cell for cell in held if cell in lacking or not self._is_timed(times[cell], reference)]
-            if not cells:
-                continue
-            about = {"reference_key": reference, "machine": self._machine}
-            sizes = {cell: int(store.scores[keys[cell]]["gpu_bytes"]) for cell in cells}
-            with self.profile.of("waiting"):
-                for timing in time_cells(self._stage, block, sizes, lacking):
-                    if isinstance(timing, Untimed):
-                        lost = "no time" if timing.cell in cells else "no ratios to this reference"
-                        spec = format_spec(timing.cell.spec)
-                        self.reporter.note(f"{block.scene.name} {spec}: {lost}: {timing.reason}")
-                        if timing.cell in cells:
-                            untimed[timing.cell] = timing.reason
-                    else:
-                        record = {"kind": "time", "key": keys[timing.cell], **about, **timing.record()}
-                        with self.profile.of("files"):
-                            store.append(record)
-                    if timing.cell in cells:
-                        steps += 1
-                        self.reporter.step(f"{block.scene.name}: timed")
-        for _ in range(len(keys) - steps):
+        with self.profile.of("waiting"):
+            for timing in time_cells(self._stage, block, sizes, lacking) if sizes else ():
+                if isinstance(timing, Untimed):
+                    lost = "no time" if timing.cell in sizes else "no ratios to this reference"
+                    spec = format_spec(timing.cell.spec)
+                    self.reporter.note(f"{block.scene.name} {spec}: {lost}: {timing.reason}")
+                    if timing.cell in sizes:
+                        untimed[timing.cell] = timing.reason
+                else:
+                    record = {"kind": "time", "key": keys[timing.cell], **about, **timing.record()}
+                    with self.profile.of("files"):
+                        store.append(record)
+                if timing.cell in sizes:
+                    steps += 1
+                    self.reporter.step(f"{block.scene.name}: timed")
+        for _ in range(len(wanted) - steps):
             self.reporter.step(f"{block.scene.name}: nothing to time")
         return untimed
 
@@ -227,7 +242,7 @@ class Runner:
 
     def _is_timed(self, row: Record | None, reference: str) -> bool:
         """Whether a time record is as good as this study asks for: as many rounds, the same reference, this machine."""
-        if row is None or row["n"] < self.study.rounds:
+        if row is None or row["n"] < self.study.rounds or "reference_ms" not in row:
             return False
         return bool(row.get("reference_key") == reference and row.get("machine") == self._machine)
 

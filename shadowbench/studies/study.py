@@ -1,7 +1,7 @@
 """Studies: what is crossed with what, and the blocks of cells that come of it."""
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -43,7 +43,10 @@ class Block:
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """A study with everything resolved but the scenes, which are loaded one at a time."""
+    """A study with everything resolved but the scenes, which are loaded one at a time.
+
+    own_phases: of the specs that have others than the study's `phases`.
+    """
 
     scenes: tuple[str, ...]
     specs: tuple[Spec, ...]
@@ -52,6 +55,7 @@ class Study:
     view_size: int = 512
     rounds: int = 9
     phases: int = 1
+    own_phases: Mapping[Spec, int] = field(default_factory=dict)
     coordinates: Coordinates = "relative"
     time_limit: float = 120.0
     memory_limit: float = 8.0
@@ -63,13 +67,14 @@ class Study:
     notes: tuple[str, ...] = field(default=())
 
     def cells(self) -> tuple[Cell, ...]:
-        """The cells of one view: phases of techniques that have a grid, one cell of the others."""
-        return tuple(
-            Cell(spec, phase)
-            for phase in range(self.phases)
-            for spec in sized(self.specs, self.map_sizes)
-            if phase == 0 or spec.technique.phased
-        )
+        """The cells of one view, phase by phase: phases of techniques that have a grid, one cell of the others."""
+        cells = [
+            Cell(one, phase)
+            for spec in self.specs
+            for one in sized([spec], self.map_sizes)
+            for phase in range(self.own_phases.get(spec, self.phases) if spec.technique.phased else 1)
+        ]
+        return tuple(sorted(dict.fromkeys(cells), key=lambda cell: cell.phase))
 
     def blocks(self) -> Iterator[Block]:
         """All blocks, scene by scene; raises InputError for a scene that cannot be read."""

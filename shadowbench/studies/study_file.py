@@ -78,6 +78,7 @@ def resolve(text: StudyFile, techniques: Techniques, where: str, folder: Path) -
     """A study from its text: specs crossed and validated, scenes relative to `folder`."""
     notes: list[str] = []
     sweeps: list[BiasSweep] = []
+    own_phases: dict[Spec, int] = {}
     cameras: list[str | Camera] = []
     for number, view in enumerate(text.views, start=1):
         table = f"{where}: views {number}"
@@ -93,12 +94,15 @@ def resolve(text: StudyFile, techniques: Techniques, where: str, folder: Path) -
     if text.technique is None:
         specs = [parse_spec(name, techniques) for name in techniques]
     else:
-        specs = [
-            spec
-            for number, lists in enumerate(text.technique, start=1)
-            for spec in _crossed(lists, techniques, f"{where}: technique {number}", notes, sweeps)
-        ]
-    _check_size(specs, text, where)
+        specs = []
+        for number, lists in enumerate(text.technique, start=1):
+            table = f"{where}: technique {number}"
+            made = _crossed(lists, techniques, table, notes, sweeps)
+            phases = _phases(lists, table)
+            if phases is not None:
+                own_phases |= {spec: max(phases, own_phases.get(spec, 1)) for spec in made}
+            specs += made
+    _check_size(specs, own_phases, text, where)
     return Study(
         scenes=tuple(_scene_reference(scene, folder) for scene in text.scenes),
         specs=tuple(specs),
@@ -107,6 +111,7 @@ def resolve(text: StudyFile, techniques: Techniques, where: str, folder: Path) -
         view_size=text.view_size,
         rounds=text.rounds,
         phases=text.phases,
+        own_phases=own_phases,
         coordinates=text.coordinates,
         time_limit=text.time_limit,
         memory_limit=text.memory_limit,
@@ -118,15 +123,16 @@ def resolve(text: StudyFile, techniques: Techniques, where: str, folder: Path) -
     )
 
 
-def _check_size(specs: list[Spec], text: StudyFile, where: str) -> None:
+def _check_size(specs: list[Spec], own_phases: Mapping[Spec, int], text: StudyFile, where: str) -> None:
     """Raises InputError for a study that is larger than anybody could run."""
     sizes = len(text.map_size or [None])
-    sized = sum(sizes if spec.has_size and "size" not in spec.named else 1 for spec in specs)
-    if sized > MOST_SPECS:
-        raise InputError(f"{where}: {sized} specs, each map size counted; allowed are at most {MOST_SPECS}")
-    if sized * text.phases > MOST_CELLS:
+    sized = [sizes if spec.has_size and "size" not in spec.named else 1 for spec in specs]
+    if sum(sized) > MOST_SPECS:
+        raise InputError(f"{where}: {sum(sized)} specs, each map size counted; allowed are at most {MOST_SPECS}")
+    cells = sum(count * own_phases.get(spec, text.phases) for count, spec in zip(sized, specs, strict=True))
+    if cells > MOST_CELLS:
         raise InputError(
-            f"{where}: {sized * text.phases} cells: {sized} specs, each map size counted, in {text.phases} phases; "
+            f"{where}: {cells} cells, each map size and phase of {len(specs)} specs counted; "
             f"allowed are at most {MOST_CELLS}"
         )
 
@@ -168,7 +174,7 @@ def _crossed(
             f"{where}: spec: found {table.get('spec', 'none')!r:.60}; allowed: a technique's spec, as text"
         )
     base = _parsed(table["spec"], techniques, where)
-    lists = {key: _listed(value) for key, value in table.items() if key not in ("spec", "bias_sweep")}
+    lists = {key: _listed(value) for key, value in table.items() if key not in ("spec", "bias_sweep", "phases")}
     factors = _factors(table, where)
     for key, choices in lists.items():
         if key not in base.technique.Params.model_fields:
@@ -210,6 +216,14 @@ def _crossed(
         raise InputError(f"{where}: {dropped[0]}")
     notes.extend(dict.fromkeys(f"{where}: dropped: {error}" for error in dropped))
     return made
+
+
+def _phases(table: dict[str, Any], where: str) -> int | None:
+    """A table's own `phases`; None where it leaves them to the study."""
+    phases = table.get("phases")
+    if phases is not None and (isinstance(phases, bool) or not isinstance(phases, int) or not 1 <= phases <= 10_000):
+        raise InputError(f"{where}: phases: found {phases!r:.60}; allowed: a whole number from 1 to 10000")
+    return phases
 
 
 def _factors(table: dict[str, Any], where: str) -> list[float]:

@@ -1,6 +1,6 @@
 """Rows joined into tables: `table.csv`, a line a cell, and the summary that is printed."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,11 +11,13 @@ import pandas as pd
 from shadowbench.files import replace_file
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.runner import Result
+from shadowbench.studies.times import WIDE, ReferenceTime, by_one_reference
 from shadowbench.studies.timing import REDRAWN
 
 _IDENTITY = ["scene", "view", "light", "phase", "technique", "spec", "map_size", "view_size", "renderer", "status"]
 _TIMES = ["frame_ms", "frame_iqr_ms", "added_ms", "ratio", "n", "clock"]
-_MORE_TIMES = ["wall_ms", *(f"{moved}_ms" for moved in REDRAWN)]  # ours, after the promised columns
+_TOTALS = ["wall_ms", *(f"{moved}_ms" for moved in REDRAWN)]
+_MORE_TIMES = ["ratio_iqr", "reference", "reference_ms", *_TOTALS]  # ours, after the promised columns
 _BOOTSTRAPS = 2000
 
 
@@ -81,13 +83,28 @@ class Interval:
 
 @dataclass(frozen=True)
 class SummaryRow:
-    """A technique's cells in a table at one map size: how many held, and the statuses of those that did not."""
+    """A technique's cells in a table at one map size: how many held, and the statuses of those that did not.
+
+    phases: positions of the map's grid that held; times are by one time of the table's reference.
+    """
 
     spec: str
     map_size: int | None
     cells: int
     refused: tuple[str, ...]
     values: dict[str, Interval | None]
+    phases: int = 1
+
+    @property
+    def wide(self) -> bool:
+        """Whether the rounds spread so far that the time is rough."""
+        ms, iqr = self.values.get("frame_ms"), self.values.get("frame_iqr_ms")
+        return ms is not None and iqr is not None and iqr.median > WIDE * ms.median
+
+    @property
+    def anecdote(self) -> bool:
+        """Whether a map was scored at one position of its grid alone."""
+        return self.map_size is not None and self.cells > 0 and self.phases == 1
 
 
 def interval(values: Sequence[float]) -> Interval | None:
@@ -112,22 +129,42 @@ def titles(frame: pd.DataFrame) -> pd.Series:
 
 
 def summary(frame: pd.DataFrame) -> dict[str, list[SummaryRow]]:
-    """By scene and light, best first: the median of every metric and time over views and phases."""
-    tables: dict[str, list[SummaryRow]] = {}
-    for scene, of_scene in frame.groupby(titles(frame), sort=False):
-        rows = []
-        for _, group in of_scene.groupby(["spec", "map_size"], sort=False, dropna=False):
-            spec, size = str(group["spec"].iloc[0]), group["map_size"].iloc[0]
-            held = group[group["status"] == "ok"]
-            names = [*METRICS, *_TIMES[:4], *_MORE_TIMES, "gpu_bytes"]
-            values = {name: interval(held[name].tolist()) for name in names}
-            refused = tuple(group.loc[group["status"] != "ok", "status"])
-            rows.append(SummaryRow(spec, None if pd.isna(size) else int(size), len(held), refused, values))
-        tables[str(scene)] = sorted(rows, key=_error)
-    return tables
+    """By scene and light, best first: medians over views and phases; times by one time of the table's reference."""
+    return {
+        str(scene): summary_rows(by_one_reference(table)[0])
+        for scene, table in frame.groupby(titles(frame), sort=False)
+    }
 
 
-def over_scenes(tables: dict[str, list[SummaryRow]]) -> tuple[list[str], list[SummaryRow]]:
+def reference_times(frame: pd.DataFrame) -> dict[str, ReferenceTime | None]:
+    """By scene and light, what the times of `summary` are shown by; None where nothing has a ratio."""
+    return {str(scene): by_one_reference(table)[1] for scene, table in frame.groupby(titles(frame), sort=False)}
+
+
+def summary_rows(table: pd.DataFrame) -> list[SummaryRow]:
+    """The rows of one table, whose times are by one reference, best first."""
+    rows = []
+    for _, group in table.groupby(["spec", "map_size"], sort=False, dropna=False):
+        spec, size = str(group["spec"].iloc[0]), group["map_size"].iloc[0]
+        held = group[group["status"] == "ok"]
+        names = [*METRICS, *_TIMES[:4], *_TOTALS, "gpu_bytes"]
+        values = {name: interval(held[name].tolist()) for name in names}
+        refused = tuple(group.loc[group["status"] != "ok", "status"])
+        size = None if pd.isna(size) else int(size)
+        rows.append(SummaryRow(spec, size, len(held), refused, values, held["phase"].nunique()))
+    return sorted(rows, key=_error)
+
+
+def phase_note(rows: Sequence[SummaryRow]) -> str | None:
+    """What to say of maps that were scored at one position of their grid; None where there are none."""
+    mapped = [row for row in rows if row.map_size is not None and row.cells]
+    if not any(row.anecdote for row in mapped):
+        return None
+    which = "" if all(row.anecdote for row in mapped) else "maps without an interval: "
+    return f"{which}one phase, an anecdote: another position of the map's grid may reverse which of two maps is better"
+
+
+def over_scenes(tables: Mapping[str, Sequence[SummaryRow]]) -> tuple[list[str], list[SummaryRow]]:
     """The scenes in which every cell held, and the mean over them of each spec and map size, best first.
 
     Means over different sets of scenes could not be compared. A spec that held nowhere takes no part; times are left
@@ -160,12 +197,13 @@ def _error(row: SummaryRow) -> tuple[bool, float, str, int]:
 
 @dataclass(frozen=True)
 class Slope:
-    """How the error of a spec falls with its map: d log(1 − IoU) / d log(size)."""
+    """How the error of a spec falls with its map: d log(1 − IoU) / d log(size), over so many phases."""
 
     scene: str
     spec: str
     sizes: tuple[int, ...]
     slope: Interval
+    phases: int = 1
 
 
 def slopes(frame: pd.DataFrame) -> list[Slope]:
@@ -183,5 +221,6 @@ def slopes(frame: pd.DataFrame) -> list[Slope]:
                 fits.append(float(np.polyfit(np.log(sizes), np.log(1 - one["iou"].astype(float)), 1)[0]))
         slope = interval(fits)
         if slope is not None:
-            found.append(Slope(str(scene), str(spec), tuple(sorted({int(s) for s in group["map_size"]})), slope))
+            drawn = tuple(sorted({int(size) for size in group["map_size"]}))
+            found.append(Slope(str(scene), str(spec), drawn, slope, group["phase"].nunique()))
     return found

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.gl.clock import QUERIES, Changes, PassTimes, Sample
-from shadowbench.scenes.model import Coordinates, View
+from shadowbench.scenes.model import Coordinates, LightKind, View
+from shadowbench.studies.references import name_of, reference_for
 from shadowbench.studies.session import CellRequest, Unsupported
 from shadowbench.studies.study import Block, Cell, Study
 from shadowbench.studies.worker import AteMemory, CellFailed, Worker
@@ -29,9 +30,9 @@ def request_of(cell: Cell) -> CellRequest:
     return CellRequest(format_spec(cell.spec, full=True), cell.phase)
 
 
-def reference_cell(study: Study, phase: int) -> Cell:
-    """The cell that the ratios of a phase are over."""
-    return Cell(study.reference, phase if study.reference.technique.phased else 0)
+def reference_cell(study: Study, kind: LightKind) -> Cell:
+    """The cell that ratios are over under a kind of light."""
+    return Cell(reference_for(study.reference, kind), 0)
 
 
 class ViewStage:
@@ -104,6 +105,7 @@ class Timing:
 
         `still_ms`, `camera_ms`, `light_ms`: the passes' medians summed over those that REDRAWN names; None for a
         technique that times no pass.
+        `reference_ms`: the median of the reference in the same group.
         `wall_ms` is there when queries measured: a GPU's timer does not see what the CPU does, such as a fit.
         """
         frames = self.times.frames_ms
@@ -118,6 +120,7 @@ class Timing:
             "wall_ms": wall_ms if self.times.clock == QUERIES else None,
             "added_ms": float(np.median(frames - self.floor.frames_ms)),
             "reference": self.reference,
+            "reference_ms": None,
             "ratio": None,
             "ratio_iqr": None,
             "ratio_quartiles": None,
@@ -132,6 +135,7 @@ class Timing:
             for moved, redrawn in REDRAWN.items()
         }
         if self.reference_times is not None:
+            record["reference_ms"] = float(np.median(self.reference_times.frames_ms))
             ratios = frames / self.reference_times.frames_ms
             record["ratio"], record["ratio_iqr"] = _median_iqr(ratios)
             record["ratio_quartiles"] = [float(end) for end in np.percentile(ratios, [25, 75])]
@@ -157,20 +161,20 @@ class Untimed:
 def time_cells(
     stage: BlockStage, block: Block, sizes: Mapping[Cell, int], lacking: Container[Cell] = ()
 ) -> Iterator[Timing | Untimed]:
-    """Time cells of one block and phase; `sizes` are their GPU bytes.
+    """Time cells of one block; `sizes` are their GPU bytes.
 
     Those in `lacking` have times and lack only the ratio: they are left out when the reference fails again. An Untimed
     that is none of the cells is the reference: it fails, and the cells have no ratios.
     """
-    reference: Cell | None = reference_cell(stage.study, next(iter(sizes)).phase)
+    wanted = reference_cell(stage.study, block.view.light.kind)
+    reference: Cell | None = wanted
     no_ratio = None
-    if reference not in sizes:
-        assert reference is not None
+    if wanted not in sizes:
         try:  # one that fails must not take every group with it
             stage.open(block)
-            stage.worker.call("draw", request_of(reference))
+            stage.worker.call("draw", request_of(wanted))
         except (CellFailed, Unsupported) as reason:
-            yield Untimed(reference, str(reason))
+            yield Untimed(wanted, str(reason))
             reference, no_ratio = None, _status(reason)
     limit = _SHARE * stage.worker.limits.bytes
     group: list[Cell] = []
@@ -205,7 +209,7 @@ def _time_group(
 ) -> Iterator[Timing | Untimed]:
     """One group, all at once; what fails is left out, and the rest is timed again without it."""
     floor = Cell(Spec(Unshadowed, Unshadowed.Params()), 0)
-    name = format_spec(stage.study.reference)
+    name = name_of(reference_cell(stage.study, block.view.light.kind).spec)
     again = False
     while group:
         cells = list(dict.fromkeys([floor, *([reference] if reference else []), *group]))

@@ -18,8 +18,9 @@ from shadowbench.reports.analysis import (
     time_to_accuracy,
 )
 from shadowbench.reports.folder import read_runs
+from shadowbench.reports.gallery import shots_of_section
 from shadowbench.reports.markdown import markdown_report
-from shadowbench.reports.words import headline, reach_tables, refusals, warned
+from shadowbench.reports.words import headline, reach_tables, refusals, section_notes, warned
 from tests.reports.conftest import CELLS, RECEIVERS, Cell
 
 SMALL = st.integers(0, 5).map(float)  # few values, so that ties are met
@@ -132,6 +133,53 @@ def test_the_headline_says_what_is_best_and_what_accuracy_costs(section_of: Call
     assert "`ray-traced`, no wrong pixel" in first and "without ray tracing `shadow-map at 2048`, 0.500%" in first
     assert second.startswith("On this software renderer IoU 0.95 costs 5.00 ms (`shadow-map at 512`)")
     assert "IoU 0.99 costs 20.0 ms, × 4.00" in second
+
+
+LOADED = (
+    Cell("slow", 512, 0.009, 18.0, ratio_iqr=0.9),
+    Cell("fast", 512, 0.005, 16.0, reference_ms=20.0),  # while the machine took twice as long for everything
+    Cell("shadow-map", 1024, 0.02, 10.0),
+)
+
+
+def test_front_prices_and_passes_are_by_ratios_whatever_the_machine_did_meanwhile(
+    section_of: Callable[..., Section],
+) -> None:
+    section = section_of(LOADED)
+    assert [one.label for one in front(section)] == ["fast at 512"]
+    assert "IoU 0.95 costs 12.0 ms (`fast at 512`)" in headline(section)[-1]
+    ms = {one.spec: one.value("frame_ms") for one in section.timed}
+    assert ms == pytest.approx({"slow": 1.8 * 15, "fast": 0.8 * 15, "shadow-map": 15})
+    passes = {one.spec: [made.ms for made in one.passes] for one in section.timed}
+    assert passes["slow"] == pytest.approx([1.5, 3.0]) and passes["fast"] == pytest.approx([0.75, 1.5])
+    assert {shot.spec: shot.said.split(", ")[-1] for shot in shots_of_section(section)} == {
+        "slow": "27.0 ms (software renderer)",
+        "fast": "12.0 ms (software renderer)",
+        "shadow-map": "15.0 ms (software renderer)",
+    }
+
+
+def test_a_section_says_what_its_times_are_by_and_which_are_rough(section_of: Callable[..., Section]) -> None:
+    section = section_of(LOADED)
+    notes = section_notes(section)
+    assert "milliseconds are ratios to shadow-map:size=1024" in notes[1] and "15 ms over 2 blocks" in notes[1]
+    assert "not equally busy: shadow-map:size=1024 took 10 to 20 ms" in notes[2]
+    assert notes[3].startswith("~: ")
+    text = markdown_report([section.run], {section.title: [section]}, [])
+    assert "| ~27.0 |" in text and "| 12.0 |" in text
+    assert all(note[1:] in text for note in notes)
+    assert section_notes(section_of((Cell("unshadowed", None, 1.0, None),), name="untimed")) == []
+
+
+def test_maps_of_one_phase_are_called_so(section_of: Callable[..., Section]) -> None:
+    def note(*cells: Cell, name: str) -> str:
+        return section_notes(section_of(cells, name=name))[0]
+
+    alone = [Cell("a", size, 0.1, None) for size in (512, 1024)]
+    assert note(*alone, name="one").startswith("one phase, an anecdote")
+    again = Cell("a", 512, 0.2, None, phase=1)
+    assert note(*alone, again, name="some").startswith("maps without an interval: one phase, an anecdote")
+    assert section_notes(section_of((alone[0], again), name="two")) == []
 
 
 def test_a_run_without_times_has_no_prices(section_of: Callable[..., Section]) -> None:

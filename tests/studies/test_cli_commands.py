@@ -35,7 +35,8 @@ def test_run_prints_a_table_and_writes_a_folder(shadowbench: Shadowbench, tmp_pa
     assert lines[1].split()[:3] == ["spec", "map", "1"]
     assert [line.split()[:2] for line in lines[2:4]] == [["shadow-map", "128"], ["shadow-map", "64"]]
     assert lines[4].startswith("  slope of log(1 − IoU) over log(size), 64 to 128: -")
-    assert "2 cells" in answer.out
+    assert "medians of up to 8 cells" in lines[5] and "one phase" not in answer.out
+    assert "16 cells" in answer.out
     assert answer.err == ""
     assert {file.name for file in tmp_path.iterdir()} == {
         "rows.jsonl", "table.csv", "run.json", "masks", "pictures", "truth",
@@ -50,6 +51,20 @@ def test_a_spec_that_names_its_size_keeps_it_and_that_is_said(shadowbench: Shado
     answer = shadowbench("run", "cube-on-plane", *specs, "--map-size", "64", *SMALL, "--json", "-o", tmp_path)
     assert answer.err.splitlines() == ["note: shadow-map:size=32 names its size, which --map-size 64 leaves as it is"]
     assert sorted(row["map_size"] for row in json.loads(answer.out)["cube-on-plane"]) == [32, 64]
+
+
+def test_one_phase_is_called_so(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    """What speaks of map sizes has eight phases unless told otherwise; specs alone have one."""
+    sizes = ("run", "cube-on-plane", "-t", "shadow-map", "--map-size", "64,128", "--phases", "1", *SMALL)
+    alone = shadowbench(*sizes, "-o", tmp_path / "sizes").out
+    assert ", one phase  shadow-map\n" in alone and "  one phase, an anecdote" in alone
+    specs = shadowbench(*CUBE, "-o", tmp_path / "specs").out
+    assert "  one phase, an anecdote" in specs and "2 cells; masks/" in specs
+
+
+def test_a_table_says_what_its_milliseconds_are(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    out = shadowbench("run", "lamp-by-wall", *CUBE[2:], "-o", tmp_path).out
+    assert "  milliseconds are ratios to cube-map:size=1024, timed in turn with it, × its median of " in out
 
 
 def test_specs_without_map_sizes_mean_what_they_say(shadowbench: Shadowbench, tmp_path: Path) -> None:

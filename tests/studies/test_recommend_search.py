@@ -14,7 +14,7 @@ from shadowbench.commands.recommend_words import in_the_way, step_lines
 from shadowbench.needs.survey import Needs, needs
 from shadowbench.scenes.model import View
 from shadowbench.scores import score
-from shadowbench.studies.recommend import Target, least_error, recommend
+from shadowbench.studies.recommend import Target, in_milliseconds, least_error, recommend, tried_of
 from shadowbench.studies.runner import Result
 from shadowbench.studies.scoring import reference_of
 from shadowbench.studies.search import Search, Tried, extrapolated, place_of
@@ -197,6 +197,25 @@ def test_what_has_no_edge_to_compare_is_said_so_and_relaxes_no_target(
     none = recommend(view, truth, target, "work", known, 256, measure)
     assert none.choice is None
     assert in_the_way(none)[0].endswith(": no edges to compare, and other shadows")
+
+
+def test_on_a_machine_costs_are_ratios_by_one_time_of_the_reference() -> None:
+    """Each cell is timed in a block of its own: what the machine did meanwhile must not choose between them."""
+    target = Target("iou", 0.9, budget_ms=9.0)
+    specs = [parse_spec(f"shadow-map:size={size}", KNOWN) for size in (512, 1024)]
+
+    def tried(spec: Spec, frame_ms: float, reference_ms: float) -> Tried:
+        result = texels_cost(spec, {"iou": 0.95})
+        names = {"scene": "s", "view": "v", "light": "l", "phase": 0, "spec": str(spec.map_size), "technique": "t"}
+        time = {"frame_ms": frame_ms, "ratio": frame_ms / reference_ms, "ratio_iqr": 0.0, "reference": "r"}
+        timed = Result(dict(result.score) | names, time | {"reference_ms": reference_ms})
+        return tried_of(spec, timed, target, "ms")
+
+    busy, quiet = tried(specs[0], 8.0, 16.0), tried(specs[1], 6.0, 8.0)
+    assert (busy.cost, quiet.cost) == (0.5, 0.75)
+    found, reference = in_milliseconds([busy, quiet])
+    assert [one.cost for one in found] == [0.5 * 12, 0.75 * 12]
+    assert (reference.name, reference.ms, reference.drifted) == ("r", 12, True)
 
 
 def test_of_two_that_cost_alike_the_one_of_fewer_bytes_is_chosen() -> None:

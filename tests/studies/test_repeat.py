@@ -116,11 +116,40 @@ def test_the_same_study_run_twice(tmp_path: Path, shadowbench: Callable[..., Any
     assert "work differs: cube-on-plane shadow-map 64" in answer.out
 
 
+def test_a_folder_that_was_timed_again_is_compared_with_itself(tmp_path: Path, shadowbench: Callable[..., Any]) -> None:
+    (tmp_path / "study.toml").write_text(STUDY.replace("rounds = 9", "rounds = 1"))
+    command = ("run", "-s", tmp_path / "study.toml", "-o", tmp_path / "out", "-q")
+    assert shadowbench(*command).code == 0
+    once = shadowbench("repeat", tmp_path / "out")
+    assert once.code == 2 and "no cell was timed twice" in once.err and "--time-again" in once.err
+    rows_file = tmp_path / "out" / "rows.jsonl"
+
+    def times() -> list[dict[str, Any]]:
+        return [row for row in map(json.loads, rows_file.read_text().splitlines()) if row["kind"] == "time"]
+
+    assert shadowbench(*command).code == 0 and len(times()) == 4, "a second call times nothing"
+    assert shadowbench(*command, "--time-again").code == 0
+    keys = [row["key"] for row in times()]
+    assert len(keys) == 8 and set(keys[:4]) == set(keys[4:])
+
+    scores = [line for line in rows_file.read_text().splitlines() if '"score"' in line]
+    for last, tau in ((1, 1), (-1, -1)):  # the second times in the order of the first, and against it
+        known = {key: 2.0**place for place, key in enumerate(sorted(set(keys)))}
+        ratios = [known[key] ** (1 if at < 4 else last) for at, key in enumerate(keys)]
+        changed = [
+            row | {"ratio": ratio, "ratio_quartiles": [ratio, ratio]}
+            for row, ratio in zip(times(), ratios, strict=True)
+        ]
+        rows_file.write_text("\n".join([*scores, *map(json.dumps, changed), ""]))
+        (ranking,) = json.loads(shadowbench("repeat", tmp_path / "out", "--json").out)["rankings"]
+        assert (ranking["cells"], ranking["sharp"], ranking["tau"]) == (4, 6, tau)
+
+
 def test_what_cannot_be_compared_is_one_line(tmp_path: Path, shadowbench: Callable[..., Any]) -> None:
     run = ["run", "cube-on-plane", "-t", "unshadowed", "--view-size", "16", "--rounds", "0", "-q", "-o"]
     assert shadowbench(*run, tmp_path / "a").code == shadowbench(*run, tmp_path / "b").code == 0
     for arguments, expected in (
-        ((tmp_path / "a", tmp_path / "a"), "named twice"),
+        ((tmp_path / "a", tmp_path / "a"), "named twice; named once,"),
         ((tmp_path / "a", tmp_path / "b"), "no two cells differ sharply"),
         ((tmp_path / "a", tmp_path / "none"), "no such folder"),
     ):

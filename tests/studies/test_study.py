@@ -1,9 +1,11 @@
 """Study files: what is crossed with what, and one line for what may not stand there."""
 
+import json
 import math
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -12,9 +14,10 @@ from shadowbench.errors import InputError
 from shadowbench.studies.study import Block, Study
 from shadowbench.studies.study_file import find_study, read_study, study_names
 from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import format_spec
+from shadowbench.techniques.spec import format_spec, parse_spec
 
 SCENE = 'scenes = ["cube-on-plane"]\n'
+HOME = "shadow-map"
 KNOWN = techniques()
 ReadStudy = Callable[[str], Study]
 
@@ -153,6 +156,33 @@ def test_only_techniques_with_a_grid_have_phases(read: ReadStudy) -> None:
     ]
 
 
+def test_phases_may_be_given_for_one_technique(read: ReadStudy) -> None:
+    own = '[[technique]]\nspec = "shadow-map"\nphases = 3\n[[technique]]\nspec = "cascades"\n'
+    none = '[[technique]]\nspec = "unshadowed"\nphases = 3\n'
+
+    def phases(text: str) -> dict[str, list[int]]:
+        cells = read(text).cells()
+        assert [cell.phase for cell in cells] == sorted(cell.phase for cell in cells)
+        return {
+            spec: [cell.phase for cell in cells if format_spec(cell.spec) == spec]
+            for spec in {format_spec(cell.spec) for cell in cells}
+        }
+
+    sized = phases(SCENE + "map_size = [64, 128]\n" + own + none)
+    assert sized["shadow-map:size=64"] == sized["shadow-map:size=128"] == [0, 1, 2]
+    assert sized["cascades:size=64"] == sized["unshadowed"] == [0]
+    assert phases(SCENE + "phases = 2\n" + own) == {"shadow-map": [0, 1, 2], "cascades": [0, 1]}
+
+
+def test_the_studies_that_speak_of_map_sizes_move_the_grid() -> None:
+    demo, default = (read_study(find_study(name), KNOWN) for name in ("demo", "default"))
+    assert {cell.phase for cell in default.cells() if cell.spec.technique.phased} == set(range(8))
+    usual = {(cell.spec.map_size, cell.phase) for cell in demo.cells() if format_spec(cell.spec, size=False) == HOME}
+    assert usual == {(size, phase) for size in (512, 1024, 2048, 4096) for phase in range(8)}
+    webgl = format_spec(parse_spec("shadow-map:preset=webgl", KNOWN), size=False)
+    assert {c.spec.map_size for c in demo.cells() if format_spec(c.spec, size=False) == webgl} == {512, 4096}
+
+
 def test_a_sweep_multiplies_the_computed_bias(read: ReadStudy) -> None:
     study = read(SCENE + '[[technique]]\nspec = "shadow-map:bias=texel(scale=2)"\nbias_sweep = [0.25, 1, 4]\n')
     assert [spec.params.bias.scale for spec in study.specs] == [0.5, 2, 8]  # type: ignore[attr-defined]
@@ -243,6 +273,9 @@ ONE = '[[technique]]\nspec = "shadow-map"\n'
         (SCENE + ONE + "taps = 3\n", ["technique 1", "'taps'", "filter"]),
         (SCENE + ONE + ONE + "size = [64, 0]\n", ["technique 2", "size", "0"]),
         (SCENE + ONE + 'bias = ["texel", "velvet"]\n', ["technique 1", "'velvet'", "slope"]),
+        (SCENE + ONE + "phases = 0\n", ["technique 1", "phases", "0", "1 to 10000"]),
+        (SCENE + ONE + "phases = true\n", ["technique 1", "phases", "True"]),
+        (SCENE + ONE + "phases = [8]\n", ["technique 1", "phases", "[8]"]),
         (SCENE + ONE + "bias = []\n", ["technique 1", "bias"]),
         (SCENE + ONE + 'bias_sweep = [1, "two"]\n', ["technique 1", "bias_sweep", "'two'"]),
         (SCENE + ONE + "bias_sweep = [-1]\n", ["technique 1", "bias_sweep", "-1"]),
@@ -301,6 +334,7 @@ def test_different_scenes_views_or_lights_of_one_name_are_refused(read: ReadStud
         (f'scenes = ["{"a" * 300}"]\ntechnique = [{{ spec = "unshadowed" }}]\n', []),
         (SCENE + "map_size = [" + "512," * 10_001 + "]\n", ["specs", "10000"]),
         (SCENE + "map_size = [" + "512," * 2000 + "]\nphases = 10000\n", ["cells", "1000000"]),
+        (SCENE + "map_size = [" + "512," * 2000 + "]\n" + ONE + "phases = 10000\n", ["20000000 cells", "1000000"]),
         (
             SCENE + f"[[technique]]\nspec = 'shadow-map'\nsize = {[16] * 1000}\nbias_sweep = {[1.0] * 99}\n",
             ["technique 1", "99000 specs", "10000"],
@@ -323,3 +357,15 @@ def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "study.toml")
     with pytest.raises(InputError, match="is not a file"):
         read_study(tmp_path / "study.toml", KNOWN)
+
+
+@pytest.mark.slow
+def test_the_demo_s_default_errs_less_with_each_larger_map(shadowbench: Callable[..., Any], tmp_path: Path) -> None:
+    command = ("run", "-s", "demo", "-t", "shadow-map", "--phases", "8", "--rounds", "0", "--json", "-o", tmp_path)
+    tables = json.loads(shadowbench(*command).out)
+    assert len(tables) == 3
+    for rows in tables.values():
+        errors = {row["map_size"]: 1 - row["values"]["iou"]["median"] for row in rows}
+        falling = [errors[size] for size in (512, 1024, 2048, 4096)]
+        assert falling == sorted(set(falling), reverse=True)
+        assert {row["phases"] for row in rows} == {8}

@@ -28,8 +28,15 @@ def result(
     return Result(score, of or None, untimed)
 
 
+def timed(ratio: float, reference_ms: float = 10.0) -> dict[str, Any]:
+    times = {"frame_ms": ratio * reference_ms, "ratio": ratio, "ratio_iqr": 0.01}
+    return times | {"reference": "r", "reference_ms": reference_ms}
+
+
 def test_a_summary_is_the_median_over_views() -> None:
-    cells = [result(iou, view, frame_ms=ms) for iou, view, ms in [(0.1, "a", 1.0), (0.2, "b", 2.0), (0.9, "c", 30.0)]]
+    cells = [
+        result(iou, view, **timed(ratio)) for iou, view, ratio in [(0.1, "a", 0.1), (0.2, "b", 0.2), (0.9, "c", 3)]
+    ]
     (row,) = summary(cells_frame(cells))["cube"]
     iou, ms = row.values["iou"], row.values["frame_ms"]
     assert iou is not None and ms is not None

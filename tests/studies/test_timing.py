@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from shadowbench.gl.clock import QUERIES, WALL, PassTimes, Sample
+from shadowbench.studies.references import name_of
 from shadowbench.studies.session import CellRequest, Unsupported
 from shadowbench.studies.study import Block, Cell, Study
 from shadowbench.studies.timing import BlockStage, Timing, Untimed, reference_cell, time_cells
@@ -110,7 +111,7 @@ def timed(worker: Scripted, *names: str, rounds: int = 3, reference: str = REFER
     """What is said of each cell, by its spec."""
     study = Study(("scene",), tuple(map(spec, names)), spec(reference), rounds=rounds)
     cells = tuple(map(cell, names))
-    view: Any = SimpleNamespace(scene=None, camera=None, light=None, size=1)
+    view: Any = SimpleNamespace(scene=None, camera=None, light=SimpleNamespace(kind="directional"), size=1)
     stage = BlockStage(worker, study)  # type: ignore[arg-type]
     found = time_cells(stage, Block(view, cells), dict.fromkeys(cells, 1), **options)
     return {format_spec(one.cell.spec): one for one in found}
@@ -136,7 +137,7 @@ def test_a_ratio_is_the_cell_over_the_reference_of_the_same_round() -> None:
     row = record(Scripted(), SLOW)
     assert row["ratio"] == np.median([30 / 10, 20 / 40, 100 / 20]) == 3
     assert row["ratio_iqr"] == (3 + 5) / 2 - (0.5 + 3) / 2
-    assert (row["reference"], row["no_ratio"]) == (REFERENCE, None)
+    assert (row["reference"], row["reference_ms"], row["no_ratio"]) == (REFERENCE, 20, None)
     assert row["ratio_quartiles"] == [(0.5 + 3) / 2, (3 + 5) / 2]
     itself = record(Scripted(), REFERENCE)
     assert (itself["ratio"], itself["ratio_iqr"]) == (1, 0)
@@ -309,8 +310,17 @@ def test_a_cell_alone_that_eats_memory_is_tried_in_a_fresh_worker(times: int, ki
     assert Counter(worker.calls)["hold", SLOW] == 2
 
 
-def test_a_technique_with_a_grid_is_compared_at_its_own_phase() -> None:
-    study = Study(("scene",), (), spec(REFERENCE))
-    assert [reference_cell(study, phase).phase for phase in (0, 1)] == [0, 1]
-    study = Study(("scene",), (), spec(FLOOR))
-    assert [reference_cell(study, phase).phase for phase in (0, 1)] == [0, 0]
+@pytest.mark.parametrize(
+    ("chosen", "names"),
+    [
+        ("shadow-map", {"directional": "shadow-map:size=1024", "spot": "shadow-map:size=1024"}),
+        ("shadow-map:fit=scene,size=64", {"spot": "shadow-map:fit=scene,size=64"}),
+        ("cascades:size=512", {"directional": "cascades:size=512", "spot": "unshadowed"}),
+        ("cube-map:size=64", {"directional": "unshadowed", "point": "cube-map:size=64"}),
+        ("ray-traced", {"directional": "ray-traced", "spot": "ray-traced", "point": "ray-traced"}),
+    ],
+)
+def test_a_kind_of_light_that_the_reference_does_not_answer_has_its_own(chosen: str, names: dict[str, str]) -> None:
+    study = Study(("scene",), (), spec(chosen))
+    for kind, name in ({"point": "cube-map:size=1024"} | names).items():
+        assert name_of(reference_cell(study, kind).spec) == name  # type: ignore[arg-type]
