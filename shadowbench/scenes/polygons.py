@@ -136,8 +136,8 @@ def _cut(ring: Floats, normal: Floats) -> Integers | None:
     ring = ring / (np.abs(ring).max() or 1.0)
     # Moved along the normal into the plane of two axes: corners of an axis-aligned polygon keep every digit.
     flat = np.ascontiguousarray(ring[:, axes] - ring[:, [axis]] * (normal[axes] / (normal[axis] or 1.0)))
-    cut = mapbox_earcut.triangulate_float64(flat, np.array([len(flat)], dtype=np.uint32)).reshape(-1, 3)
-    cut = cut.astype(np.int64)
+    found = mapbox_earcut.triangulate_float64(flat, np.array([len(flat)], dtype=np.uint32))
+    cut: Integers = found.reshape(-1, 3).astype(np.int64)
     area = _area(flat[None]).sum()
     doubled = _area(flat[cut])
     if not area > 0.0 or abs(np.abs(doubled).sum() - area) > 1e-6 * area:
@@ -157,7 +157,7 @@ def _area(flat: Floats) -> Floats:
 
 
 def _mended(cut: Integers, flat: Floats) -> Integers:
-    """The triangles, with the corners that earcut leaves out, those on a straight line, so that their outline is the ring.
+    """The triangles, and the corners on straight lines that earcut leaves out: their outline is the ring again.
 
     A neighbouring polygon has these corners too: without them the surface would have a gap as wide as rounding.
     """
@@ -183,14 +183,16 @@ def _mended(cut: Integers, flat: Floats) -> Integers:
     for a, b in pairwise([*ring, ring[0]]):
         walk(b, a)
     waiting = [edge for edge in owner if loose[edge] > 0]
-    while waiting:
+    while waiting and len(triangles) < len(ring) - 2:
         a, b = edge = waiting.pop()
-        corners = np.array([*near[a], *near[b]])
+        if loose[edge] <= 0:
+            continue
+        number = owner[edge]
+        corners = np.array(sorted((near[a] | near[b]).difference(triangles[number])), dtype=np.int64)
         between = corners[_lie_on(flat[first[corners]] - flat[first[a]], flat[first[b]] - flat[first[a]])]
-        if loose[edge] <= 0 or not len(between):
+        if not len(between):
             continue
         middle = int(between[0])
-        number = owner[edge]
         (far,) = set(triangles[number]) - {a, b}
         triangles[number] = [a, middle, far]
         owner |= {(a, middle): number, (middle, b): len(triangles), (b, far): len(triangles)}
