@@ -167,7 +167,7 @@ def _gltf(path: Path, where: str) -> tuple[list[Part], list[Camera], list[Light]
         sources[mesh].append((_triangles(positions, corners, where), color))
     parts = []
     for node in gltf.nodes_of(document):
-        if "mesh" in node.data:
+        if "mesh" in node.data and node.visible:
             rows = sources[node.data["mesh"]]
             name = str(node.data.get("name") or document["meshes"][node.data["mesh"]].get("name") or "mesh")
             for k, (triangles, color) in enumerate(rows, 1):
