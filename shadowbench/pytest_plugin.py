@@ -118,7 +118,7 @@ def pytest_runtest_call(item: pytest.Item) -> Generator[None, None, None]:
 def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[..., ShadowAccuracy]:
     """Scores your engine's shadows against ray tracing.
 
-    `assert shadow_accuracy("mask.png", scene="stairs").iou > 0.98`; also `view`, `light` and `assets`, and `lit`,
+    `assert shadow_accuracy("mask.png", scene="stairs").iou > 0.98`; also `view`, `light`, `assets` and `up`, and `lit`,
     `shadowed` and `ambient` in place of a mask, all as `shadowbench score` takes them. mask: a PNG, or an (N, N) array,
     bool or float in [0, 1], uint8 or uint16, row 0 at the top, full = lit; N is the view's size. What is flipped,
     inverted or not square fails the test. A metric that is not defined is None: a comparison with a number is a
@@ -138,6 +138,7 @@ def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[
         view: str | None = None,
         light: str | None = None,
         assets: Path | None = None,
+        up: str | None = None,
         **screenshots: Any,
     ) -> ShadowAccuracy:
         from shadowbench.engines.scored import accuracy_of
@@ -148,7 +149,7 @@ def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[
         made += 1
         try:
             handed = _handed(mask, screenshots)
-            accuracy = accuracy_of(handed, chosen_view(scene, handed.size, view, light, assets))
+            accuracy = accuracy_of(handed, chosen_view(scene, handed.size, view, light, assets, up))
         except InputError as error:
             pytest.fail(str(error), pytrace=False)
         file = (diffs or tmp_path) / f"{name}{f'-{made}' if made > 1 else ''}.diff.png"

@@ -14,6 +14,7 @@ from shadowbench.cli.options import (
     Plugins,
     Quiet,
     SceneArgument,
+    Up,
     ViewName,
     ViewSize,
 )
@@ -28,6 +29,7 @@ def needs(
     view: ViewName = None,
     light: LightName = None,
     assets: Assets = None,
+    up: Up = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -37,7 +39,7 @@ def needs(
     """
     from shadowbench.commands.needs import needs_command
 
-    needs_command(scene, view_size or 512, view, light, assets, json, quiet)
+    needs_command(scene, view_size or 512, view, light, assets, up, json, quiet)
 
 
 @app.command(
@@ -85,6 +87,7 @@ def tune(
     ] = 2,
     plugin: Plugins = None,
     assets: Assets = None,
+    up: Up = None,
     output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder of rows and table.")] = Path(
         "results/tune"
     ),
@@ -102,7 +105,7 @@ def tune(
 
     options = TuneOptions(
         technique, scenes, held_out, folds, params, tuple(against or ()), trials,
-        map_size, view_size or 512, phases, tuple(plugin or ()), assets,
+        map_size, view_size or 512, phases, tuple(plugin or ()), assets, up,
     )  # fmt: skip
     raise typer.Exit(tune_command(options, output, as_json=json, quiet=quiet))
 
@@ -136,6 +139,7 @@ def recommend(
     light: LightName = None,
     plugin: Plugins = None,
     assets: Assets = None,
+    up: Up = None,
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="DIR", help="Folder of the rows, which are measured once.")
     ] = Path("results/recommend"),
@@ -152,6 +156,6 @@ def recommend(
 
     options = RecommendOptions(
         scene, min_iou, max_edge_px, budget_ms, on_this_machine, export, view_size or 512, view, light,
-        tuple(plugin or ()), assets,
+        tuple(plugin or ()), assets, up,
     )  # fmt: skip
     raise typer.Exit(recommend_command(options, output, as_json=json, quiet=quiet))

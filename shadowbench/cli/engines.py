@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from shadowbench.cli.options import Assets, Json, LightName, Quiet, SceneArgument, ViewName, ViewSize
+from shadowbench.cli.options import Assets, Json, LightName, Quiet, SceneArgument, Up, ViewName, ViewSize
 
 app = typer.Typer()
 
@@ -18,6 +18,7 @@ def export(
     view: ViewName = None,
     light: LightName = None,
     assets: Assets = None,
+    up: Up = None,
     quiet: Quiet = False,
 ) -> None:
     """Write a view for your engine: scene.glb, view.json, truth.png.
@@ -27,7 +28,7 @@ def export(
     """
     from shadowbench.commands.export import export_command
 
-    export_command(scene, folder, view_size or 512, view, light, assets, quiet)
+    export_command(scene, folder, view_size or 512, view, light, assets, up, quiet)
 
 
 @app.command(
@@ -60,6 +61,7 @@ def score(
         Path | None, typer.Option(metavar="FILE.png", help="The difference: false shadow orange, false light blue.")
     ] = None,
     assets: Assets = None,
+    up: Up = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -70,5 +72,5 @@ def score(
     """
     from shadowbench.commands.score import ScoreOptions, score_command
 
-    options = ScoreOptions(scene, mask, lit, shadowed, ambient, view, light, assets, output, name, diff)
+    options = ScoreOptions(scene, mask, lit, shadowed, ambient, view, light, assets, up, output, name, diff)
     score_command(options, as_json=json, quiet=quiet)

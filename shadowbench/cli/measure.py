@@ -15,6 +15,7 @@ from shadowbench.cli.options import (
     Plugins,
     Quiet,
     SceneArgument,
+    Up,
     ViewName,
     ViewSize,
 )
@@ -76,6 +77,7 @@ def run(
     ] = None,
     plugin: Plugins = None,
     assets: Assets = None,
+    up: Up = None,
     profile: Annotated[bool, typer.Option("--profile", help="Print where the time went.")] = False,
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="DIR", help="Folder of the table, masks and pictures.")
@@ -93,7 +95,7 @@ def run(
 
     options = RunOptions(
         tuple(scenes or ()), study, tuple(techniques or ()), map_size, view_size, rounds, phases, time_again,
-        view, light, tuple(plugin or ()), assets,
+        view, light, tuple(plugin or ()), assets, up,
     )  # fmt: skip
     raise typer.Exit(run_command(options, output, profile=profile, as_json=json, quiet=quiet))
 
@@ -110,6 +112,7 @@ def truth(
     view: ViewName = None,
     light: LightName = None,
     assets: Assets = None,
+    up: Up = None,
     quiet: Quiet = False,
 ) -> None:
     """Ray-trace the shadows of a view, and write them as NumPy arrays.
@@ -121,7 +124,7 @@ def truth(
     """
     from shadowbench.commands.single import truth_command
 
-    truth_command(scene, output, view_size or 512, pixel_samples, view, light, assets, quiet)
+    truth_command(scene, output, view_size or 512, pixel_samples, view, light, assets, up, quiet)
 
 
 @app.command(
@@ -148,6 +151,7 @@ def render(
     light: LightName = None,
     plugin: Plugins = None,
     assets: Assets = None,
+    up: Up = None,
     quiet: Quiet = False,
 ) -> None:
     """Draw one picture with a technique's shadows, and if asked its mask and its map."""
@@ -155,7 +159,7 @@ def render(
 
     render_command(
         scene, tuple(technique), output, mask, map, tint, view_size or 512, view, light, tuple(plugin or ()), assets,
-        quiet,
+        up, quiet,
     )  # fmt: skip
 
 

@@ -15,6 +15,10 @@ Assets = Annotated[
     Path | None,
     typer.Option(metavar="DIR", help="A folder that a scene file's meshes may lie in, beside the scene's own."),
 ]
+Up = Annotated[
+    str | None,
+    typer.Option(metavar="y|z", help="The axis that points up in an OBJ, PLY, STL or OFF file, which do not say  [y]."),
+]
 ViewSize = Annotated[
     int | None, typer.Option(metavar="N", min=1, max=16384, help="Pixels along a side of the picture  [512].")
 ]

@@ -9,11 +9,18 @@ from shadowbench.truth.cache import cached_truth
 
 
 def export_command(
-    scene: str, folder: Path, view_size: int, view: str | None, light: str | None, assets: Path | None, quiet: bool
+    scene: str,
+    folder: Path,
+    view_size: int,
+    view: str | None,
+    light: str | None,
+    assets: Path | None,
+    up: str | None,
+    quiet: bool,
 ) -> None:
     """Write a view's model, description and truth into a folder."""
     with ConsoleReporter(quiet) as reporter:
-        chosen = chosen_view(scene, view_size, view, light, assets)
+        chosen = chosen_view(scene, view_size, view, light, assets, up)
         for note in notes_on(chosen, view, light):
             reporter.note(note)
         for mesh in chosen.scene.meshes:

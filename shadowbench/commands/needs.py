@@ -12,11 +12,18 @@ from shadowbench.scenes.views import chosen_view, notes_on
 
 
 def needs_command(
-    scene: str, view_size: int, view: str | None, light: str | None, assets: Path | None, as_json: bool, quiet: bool
+    scene: str,
+    view_size: int,
+    view: str | None,
+    light: str | None,
+    assets: Path | None,
+    up: str | None,
+    as_json: bool,
+    quiet: bool,
 ) -> None:
     """Look at a view and print what it needs."""
     with ConsoleReporter(quiet) as reporter:
-        chosen = chosen_view(scene, view_size, view, light, assets)
+        chosen = chosen_view(scene, view_size, view, light, assets, up)
         for note in notes_on(chosen, view, light):
             reporter.note(note)
         found = needs(chosen)

@@ -49,6 +49,7 @@ class RecommendOptions:
     light: str | None
     plugins: tuple[Path, ...]
     assets: Path | None
+    up: str | None
 
 
 def recommend_command(options: RecommendOptions, folder: Path, *, as_json: bool, quiet: bool) -> int:
@@ -58,7 +59,7 @@ def recommend_command(options: RecommendOptions, folder: Path, *, as_json: bool,
     if options.export is not None:
         _check_folder(options.export)
     with ConsoleReporter(quiet) as reporter, Worker(options.plugins) as worker:
-        view = chosen_view(options.scene, options.view_size, options.view, options.light, options.assets)
+        view = chosen_view(options.scene, options.view_size, options.view, options.light, options.assets, options.up)
         info: DeviceInfo = worker.call("info")
         unit = _unit(options, info)
         for note in notes_on(view, options.view, options.light):

@@ -68,6 +68,7 @@ class RunOptions:
     light: str | None
     plugins: tuple[Path, ...]
     assets: Path | None
+    up: str | None
 
 
 def run_command(options: RunOptions, folder: Path, *, profile: bool, as_json: bool, quiet: bool) -> int:
@@ -133,6 +134,7 @@ def study_from(options: RunOptions) -> Study:
         "views": (options.view,) if options.view else None,
         "lights": (options.light,) if options.light else None,
         "assets": options.assets,
+        "up": options.up,
         "notes": (*study.notes, *_sized(specs, options.map_size)),
     }
     return replace(study, **{key: value for key, value in changes.items() if value not in (None, ())})  # type: ignore[arg-type]

@@ -30,6 +30,7 @@ class ScoreOptions:
     view: str | None
     light: str | None
     assets: Path | None
+    up: str | None
     folder: Path | None
     name: str | None
     difference: Path | None
@@ -45,7 +46,7 @@ def score_command(options: ScoreOptions, *, as_json: bool, quiet: bool) -> None:
     _check_difference(options)
     handed = _handed(options)
     with ConsoleReporter(quiet) as reporter:
-        view = chosen_view(options.scene, handed.size, options.view, options.light, options.assets)
+        view = chosen_view(options.scene, handed.size, options.view, options.light, options.assets, options.up)
         for note in notes_on(view, options.view, options.light):
             reporter.note(note)
         accuracy = accuracy_of(handed, view)

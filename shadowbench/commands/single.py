@@ -28,12 +28,13 @@ def truth_command(
     view: str | None,
     light: str | None,
     assets: Path | None,
+    up: str | None,
     quiet: bool,
 ) -> None:
     """Trace a view and write its arrays."""
     check_outputs(".npz", output)
     with ConsoleReporter(quiet) as reporter:
-        truth = cached_truth(_view(scene, view, light, view_size, assets, reporter), pixel_samples)
+        truth = cached_truth(_view(scene, view, light, view_size, assets, up, reporter), pixel_samples)
     write_truth(output, truth)
     if not quiet:
         receivers = int(truth.receivers.sum())
@@ -58,6 +59,7 @@ def render_command(
     light: str | None,
     plugins: tuple[Path, ...],
     assets: Path | None,
+    up: str | None,
     quiet: bool,
 ) -> None:
     """Draw a view with one technique and write the pictures that were asked for."""
@@ -71,7 +73,7 @@ def render_command(
     if tint and spec.technique.name not in tinted:
         raise InputError(f"--tint: {spec.technique.name} has no colours of its own; allowed: {', '.join(tinted)}")
     with ConsoleReporter(quiet) as reporter:
-        chosen = _view(scene, view, light, view_size, assets, reporter)
+        chosen = _view(scene, view, light, view_size, assets, up, reporter)
     with Worker(plugins) as worker:
         largest = worker.call("info").max_map_size
         if (spec.map_size or 0) > largest:
@@ -96,10 +98,16 @@ def render_command(
 
 
 def _view(
-    scene: str, view: str | None, light: str | None, size: int, assets: Path | None, reporter: ConsoleReporter
+    scene: str,
+    view: str | None,
+    light: str | None,
+    size: int,
+    assets: Path | None,
+    up: str | None,
+    reporter: ConsoleReporter,
 ) -> View:
     """The view that the options name, its assumptions printed."""
-    chosen = chosen_view(scene, size, view, light, assets)
+    chosen = chosen_view(scene, size, view, light, assets, up)
     for note in notes_on(chosen, view, light):
         reporter.note(note)
     return chosen

@@ -42,6 +42,7 @@ class TuneOptions:
     phases: int
     plugins: tuple[Path, ...]
     assets: Path | None
+    up: str | None
 
 
 def tune_command(options: TuneOptions, folder: Path, *, as_json: bool, quiet: bool) -> int:
@@ -63,6 +64,7 @@ def tune_command(options: TuneOptions, folder: Path, *, as_json: bool, quiet: bo
         rounds=0,
         phases=options.phases,
         assets=options.assets,
+        up=options.up,
     )
     with (
         ConsoleReporter(quiet) as reporter,

@@ -28,6 +28,11 @@ def mesh_bounds(meshes: Sequence[Mesh], where: str) -> Floats:
     return bounds
 
 
+def up_for(where: str) -> str:
+    """The line that says which axis was taken as up in a file of a format that does not say."""
+    return f"no up axis in {where}: assumed y; --up z takes z"
+
+
 def camera_for(bounds: Floats, where: str) -> tuple[Camera, str]:
     """A camera that sees a sphere around the bounds, and the line that says so."""
     center, diagonal = bounds.mean(axis=0), float(np.linalg.norm(bounds[1] - bounds[0]))

@@ -22,19 +22,22 @@ Json = dict[str, Any]
 
 # Required extensions that change nothing in the geometry, or that are honoured.
 HONOURED = re.compile(
-    r"KHR_draco_mesh_compression|KHR_mesh_quantization|KHR_lights_punctual"
+    r"KHR_draco_mesh_compression|KHR_mesh_quantization|KHR_lights_punctual|KHR_node_visibility"
     r"|(KHR|EXT|MSFT)_texture_\w+|KHR_materials_\w+|KHR_xmp\w*|EXT_lights_image_based"
 )
+TOLD = {"EXT_mesh_gpu_instancing"}
+"""Extensions that are not honoured and have a line of their own in `notes_on`."""
 POINTS, TRIANGLES, STRIP, FAN = 0, 4, 5, 6
 LINES = (1, 2, 3)
 JSON_CHUNK, BINARY_CHUNK = 0x4E4F534A, 0x004E4942
 
 
 class Node(NamedTuple):
-    """A node of the default scene: its JSON and its (4, 4) float64 transform to the world."""
+    """A node of the default scene: its JSON, its (4, 4) float64 transform to the world, whether it is to be seen."""
 
     data: Json
     matrix: Floats
+    visible: bool
 
 
 def read_json(path: Path) -> tuple[Json, bytes | None]:
@@ -68,17 +71,19 @@ def nodes_of(document: Json) -> Iterator[Node]:
     else:
         children = {child for node in nodes for child in node.get("children", [])}
         roots = [index for index in range(len(nodes)) if index not in children]
-    waiting = [(index, np.eye(4)) for index in reversed(roots)]
+    waiting = [(index, np.eye(4), True) for index in reversed(roots)]
     seen: set[int] = set()
     while waiting:
-        index, parent = waiting.pop()
+        index, parent, visible = waiting.pop()
         if index in seen or not 0 <= index < len(nodes):
             raise ValueError(f"node {index} is missing, has two parents or is its own ancestor")
         seen.add(index)
         node = nodes[index]
         matrix = parent @ _local_matrix(node)
-        waiting.extend((child, matrix) for child in reversed(node.get("children", [])))
-        yield Node(node, matrix)
+        # By KHR_node_visibility a hidden node hides all below it, meshes and lights, but no camera.
+        visible = visible and node.get("extensions", {}).get("KHR_node_visibility", {}).get("visible", True)
+        waiting.extend((child, matrix, visible) for child in reversed(node.get("children", [])))
+        yield Node(node, matrix, visible)
 
 
 def _local_matrix(node: Json) -> Floats:
@@ -140,12 +145,12 @@ def cameras_of(document: Json, where: str) -> tuple[list[Camera], list[str]]:
 
 
 def lights_of(document: Json, where: str) -> tuple[list[Light], list[str]]:
-    """The KHR_lights_punctual lights of the scene, and a line for each cone that had to be narrowed."""
+    """The visible KHR_lights_punctual lights of the scene, and a line for each thing of theirs that is not honoured."""
     lights: list[Light] = []
     notes = []
     for node in nodes_of(document):
         reference = node.data.get("extensions", {}).get("KHR_lights_punctual")
-        if reference is None:
+        if reference is None or not node.visible:
             continue
         data = document["extensions"]["KHR_lights_punctual"]["lights"][reference["light"]]
         kind = data["type"]
@@ -165,6 +170,10 @@ def lights_of(document: Json, where: str) -> tuple[list[Light], list[str]]:
             lights.append(Light(name, "spot", direction=vec3(direction), position=vec3(position), angle=angle))
         else:
             raise InputError(f"{where}: light {name}: type {kind!r:.40}; allowed: directional, point, spot")
+        if "range" in data and kind != "directional":
+            notes.append(f"{where}: light {name}: range {data['range']:g} m not honoured: it reaches everywhere")
+        if data.get("intensity", 1.0) == 0.0:
+            notes.append(f"{where}: light {name}: intensity 0 not honoured: it shines and casts shadows")
     return lights, notes
 
 
@@ -214,7 +223,15 @@ def notes_on(document: Json, where: str) -> list[str]:
     )
     lines = sum(p.get("mode", TRIANGLES) in (POINTS, *LINES) for p in primitives)
     instanced = sum("EXT_mesh_gpu_instancing" in node.get("extensions", {}) for node in document.get("nodes", []))
+    hidden = sum(not node.visible and "mesh" in node.data for node in nodes_of(document))
+    dark = sum(
+        not node.visible and "KHR_lights_punctual" in node.data.get("extensions", {}) for node in nodes_of(document)
+    )
+    extensions = {*document.get("extensionsUsed", []), *document.get("extensions", {})}
+    ignored = sorted(name for name in extensions if not HONOURED.fullmatch(name) and name not in TOLD)
     found = [
+        (hidden, "mesh(es) of hidden nodes left out"),
+        (dark, "light(s) of hidden nodes left out"),
         (see_through, "see-through material(s) drawn opaque"),
         (len(document.get("animations", [])), "animation(s) drawn still, as the nodes stand"),
         (sum("skin" in node for node in document.get("nodes", [])), "skinned mesh(es) drawn still, undeformed"),
@@ -222,4 +239,8 @@ def notes_on(document: Json, where: str) -> list[str]:
         (lines, "primitive(s) of points or lines left out: they have no surface"),
         (instanced, "GPU-instanced node(s) drawn once"),
     ]
-    return [f"{where}: {count} {line}" for count, line in found if count]
+    notes = [f"{where}: {count} {line}" for count, line in found if count]
+    if ignored:
+        told = ", ".join(f"{name:.40}" for name in ignored[:5]) + ", ..." * (len(ignored) > 5)
+        notes.append(f"{where}: drawn as if the file did not use {told}")
+    return notes

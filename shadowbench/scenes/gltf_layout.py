@@ -45,9 +45,16 @@ class LightReference(Part):
     light: Count
 
 
+class Visibility(Part):
+    """Whether a node and what hangs on it are to be seen."""
+
+    visible: bool = Field(True, strict=True)
+
+
 class NodeExtensions(Part):
     """Of a node."""
 
+    KHR_node_visibility: Visibility | None = None
     KHR_lights_punctual: LightReference | None = None
     EXT_mesh_gpu_instancing: Any = None
 
@@ -168,6 +175,8 @@ class LightTable(Part):
     name: str | None = None
     type: str = Field(strict=True)
     spot: Cone | None = None
+    range: Number | None = None
+    intensity: Number | None = None
 
 
 class Lights(Part):
@@ -180,6 +189,7 @@ class Extensions(Part):
     """Of the file."""
 
     KHR_lights_punctual: Lights | None = None
+    CESIUM_RTC: Any = None
 
 
 class Layout(Part):
@@ -196,6 +206,7 @@ class Layout(Part):
     materials: list[Material] = []
     cameras: list[CameraTable] = []
     animations: list[Any] = []
+    extensionsUsed: list[str] = []
     extensionsRequired: list[str] = []
     extensions: Extensions = Extensions()
 

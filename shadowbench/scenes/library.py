@@ -2,25 +2,31 @@
 
 import difflib
 import os
+from dataclasses import replace
 from pathlib import Path
 
 from shadowbench.data import data_folder
 from shadowbench.errors import InputError
-from shadowbench.scenes.assumed import camera_for, ground_for, left_out, mesh_bounds, sun_for
+from shadowbench.scenes.assumed import camera_for, ground_for, left_out, mesh_bounds, sun_for, up_for
 from shadowbench.scenes.files import read_document, read_scene_file
 from shadowbench.scenes.meshes import MESH_SUFFIXES, read_meshes
 from shadowbench.scenes.model import Scene
 from shadowbench.scenes.tables import NAME, NAMES, name_from
 
 LONGEST_PATH = 4096
+WITHOUT_UP = (".obj", ".ply", ".stl", ".off")
+"""Formats that do not say which axis points up; a glTF's is y."""
 
 
-def load_scene(reference: str | Path, assets: Path | None = None) -> Scene:
+def load_scene(reference: str | Path, assets: Path | None = None, up: str | None = None) -> Scene:
     """The scene that `reference` names: a built-in, a `.toml`, or a mesh file, which gets a ground, camera and sun.
 
-    `assets` is a second folder in which a scene file's meshes may lie. Raises InputError, one line, for anything wrong.
+    `assets` is a second folder in which a scene file's meshes may lie. `up`, y or z, is the axis that points up in a
+    mesh file of a format that does not say. Raises InputError, one line, for anything wrong.
     """
     text = str(reference)
+    if up is not None:
+        _check_up(up, text)
     if text in builtin_names():
         return read_scene_file(data_folder("scenes") / f"{text}.toml", assets)
     path = Path(text)
@@ -34,14 +40,25 @@ def load_scene(reference: str | Path, assets: Path | None = None) -> Scene:
     if suffix == ".toml":
         return read_scene_file(path, assets)
     if suffix in MESH_SUFFIXES:
-        return read_mesh_scene(path)
+        return read_mesh_scene(path, up)
     if isinstance(reference, Path) or path.name != text or os.path.lexists(path):
         kinds = " ".join((".toml", *MESH_SUFFIXES))
         raise InputError(f"{text:.200}: unknown kind of file; allowed: a built-in scene's name, or {kinds}")
     raise InputError(f"{text!r:.60} {_not_builtin(text)}")
 
 
-def read_mesh_scene(path: Path) -> Scene:
+def _check_up(up: str, reference: str) -> None:
+    if up not in ("y", "z"):
+        raise InputError(f"--up: found {up!r:.60}; allowed: y, z")
+    if Path(reference).suffix.lower() not in WITHOUT_UP:
+        kinds = " ".join(WITHOUT_UP)
+        raise InputError(
+            f"--up {up}: {reference:.200} says what is up; allowed with mesh files that do not ({kinds}); "
+            "a scene file turns its meshes by rotate = [-90, 0, 0]"
+        )
+
+
+def read_mesh_scene(path: Path, up: str | None = None) -> Scene:
     """A mesh file as a scene: its own cameras and lights if it is a glTF, and what it lacks assumed, noted."""
     name = name_from(path.stem)
     if not NAME.fullmatch(name):
@@ -51,6 +68,10 @@ def read_mesh_scene(path: Path) -> Scene:
         )
     contents = read_meshes(path)
     meshes, notes = list(contents.meshes), list(contents.notes)
+    if up is None and path.suffix.lower() in WITHOUT_UP:
+        notes.append(up_for(path.name))
+    if up == "z":
+        meshes = [replace(mesh, vertices=mesh.vertices[:, [0, 2, 1]] * [1.0, 1.0, -1.0] + 0.0) for mesh in meshes]
     bounds = mesh_bounds(meshes, path.name)
     cameras, lights = contents.cameras, contents.lights
     ground = ground_for(meshes, bounds, path.name)

@@ -1,7 +1,7 @@
-"""Mesh files through trimesh: instances placed, welded, without zero-area triangles.
+"""Mesh files: instances placed, welded, without zero-area triangles.
 
-trimesh is lenient: it empties what it cannot decode and logs what it loses. This is the one boundary at which its
-exceptions, warnings and silences become an InputError of one line.
+trimesh reads STL. It is lenient: it empties what it cannot decode and logs what it loses. This is the one boundary at
+which exceptions, warnings and silences of readers become an InputError of one line.
 """
 
 import io
@@ -17,13 +17,19 @@ import trimesh
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
-from shadowbench.scenes import declared, gltf
+from shadowbench.scenes import gltf
+from shadowbench.scenes.declared import checked_stl
 from shadowbench.scenes.gltf_bytes import read_primitives
 from shadowbench.scenes.gltf_layout import Layout, Primitive, checked_layout
 from shadowbench.scenes.model import Camera, Floats, Light, Mesh, Vec3, vec3
+from shadowbench.scenes.obj import read_obj
+from shadowbench.scenes.off import read_off
+from shadowbench.scenes.ply import read_ply
+from shadowbench.scenes.polygons import triangulated
 from shadowbench.scenes.triangles import (
     MOST_TRIANGLES,
     Triangles,
+    check_indices,
     checked,
     transformed,
     welded,
@@ -31,6 +37,7 @@ from shadowbench.scenes.triangles import (
 )
 
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".off")
+READERS = {".obj": read_obj, ".off": read_off, ".ply": read_ply}
 GREY: Vec3 = (0.8, 0.8, 0.8)
 NAMELESS = "geometry_0"
 """What trimesh calls the only body of bytes that name none."""
@@ -64,7 +71,8 @@ def read_meshes(path: Path, where: str | None = None) -> Contents:
     empty, cut short, of an unknown kind, without triangles, or with coordinates or indices that make no sense.
     """
     where = where or path.name
-    if path.suffix.lower() not in MESH_SUFFIXES:
+    suffix = path.suffix.lower()
+    if suffix not in MESH_SUFFIXES:
         raise InputError(f"{where}: unknown kind {path.suffix!r:.20}; allowed: {' '.join(MESH_SUFFIXES)}")
     try:
         if not path.is_file():
@@ -73,17 +81,18 @@ def read_meshes(path: Path, where: str | None = None) -> Contents:
             raise InputError(f"{where}: the file is empty")
         with np.errstate(all="ignore"):
             with _strictly(where):
-                if path.suffix.lower() in (".glb", ".gltf"):
+                if suffix in (".glb", ".gltf"):
                     parts, cameras, lights, notes = _gltf(path, where)
                 else:
-                    parts, cameras, lights, notes = _plain(path, where), [], [], declared.notes_on(path)
+                    parts, notes = (_stl(path, where), []) if suffix == ".stl" else _polygonal(path, where)
+                    cameras, lights = [], []
             return _assembled(parts, cameras, lights, notes, where)
     except InputError:
         raise
     except (Exception, RecursionError) as error:  # a corrupt file makes the readers raise nearly anything
         reason = " ".join(str(error).split())[:160]
         told = f"{type(error).__name__}: {reason}" if reason else type(error).__name__
-        raise InputError(f"{where}: cannot be read as {path.suffix.lower()}: {told}") from error
+        raise InputError(f"{where}: cannot be read as {suffix}: {told}") from error
 
 
 def _assembled(parts: list[Part], cameras: list[Camera], lights: list[Light], notes: list[str], where: str) -> Contents:
@@ -112,24 +121,38 @@ def _compact(triangles: Triangles) -> Triangles:
     return Triangles(triangles.vertices[used], faces.reshape(-1, 3).astype(np.int32))
 
 
-def _plain(path: Path, where: str) -> list[Part]:
-    """An OBJ, PLY, STL or OFF file: a part for each object or solid that it names."""
-    declared.check_text(path, where)
-    options: dict[str, Any] = {}
-    if path.suffix.lower() == ".obj":
-        # By object, not by material: a body that wears two materials is still one closed body.
-        options = {"split_objects": True, "group_material": False}
+def _polygonal(path: Path, where: str) -> tuple[list[Part], list[str]]:
+    """An OBJ, PLY or OFF file: a part for each object that it names."""
+    polygons = READERS[path.suffix.lower()](path.read_bytes(), where)
+    checked(Triangles(polygons.vertices, np.zeros((0, 3), dtype=np.int32)), where)
+    faces, polygon, notes = triangulated(polygons, where)
+    owners = polygons.owners[polygon]
+    order = np.argsort(owners, kind="stable")
+    bounds = np.searchsorted(owners[order], np.arange(len(polygons.names) + 1))
+    parts = [
+        Part(name or path.stem, welded(polygons.vertices, faces[order[start:end]]), np.eye(4), GREY)
+        for name, start, end in zip(polygons.names, bounds, bounds[1:], strict=False)
+        if start < end
+    ]
+    return parts, [*polygons.notes, *notes]
+
+
+def _stl(path: Path, where: str) -> list[Part]:
+    """An STL file: a part for each solid that it names."""
     # As bytes, so that nothing that the file names is looked for.
-    data = io.BytesIO(declared.in_utf8(path))
+    data = io.BytesIO(checked_stl(path.read_bytes(), where))
     data.name = path.name
-    scene = trimesh.load_scene(data, file_type=path.suffix[1:].lower(), process=False, skip_materials=True, **options)
-    parts = []
-    for name, geometry in scene.geometry.items():
-        if isinstance(geometry, trimesh.Trimesh) and len(geometry.faces):
-            triangles = _triangles(geometry.vertices, geometry.faces, where)
-            parts.append(Part(path.stem if name in (path.name, NAMELESS) else str(name), triangles, np.eye(4), GREY))
-    declared.check_counts(path, scene, where)
-    return parts
+    scene = trimesh.load_scene(data, file_type="stl", process=False)
+    return [
+        Part(
+            path.stem if name in (path.name, NAMELESS) else str(name),
+            _triangles(geometry.vertices, geometry.faces, where),
+            np.eye(4),
+            GREY,
+        )
+        for name, geometry in scene.geometry.items()
+        if isinstance(geometry, trimesh.Trimesh) and len(geometry.faces)
+    ]
 
 
 def _gltf(path: Path, where: str) -> tuple[list[Part], list[Camera], list[Light], list[str]]:
@@ -144,7 +167,7 @@ def _gltf(path: Path, where: str) -> tuple[list[Part], list[Camera], list[Light]
         sources[mesh].append((_triangles(positions, corners, where), color))
     parts = []
     for node in gltf.nodes_of(document):
-        if "mesh" in node.data:
+        if "mesh" in node.data and node.visible:
             rows = sources[node.data["mesh"]]
             name = str(node.data.get("name") or document["meshes"][node.data["mesh"]].get("name") or "mesh")
             for k, (triangles, color) in enumerate(rows, 1):
@@ -168,10 +191,7 @@ def _triangles(vertices: NDArray[Any], faces: NDArray[Any], where: str) -> Trian
     indices = np.asarray(faces, dtype=np.int64).reshape(-1, 3)
     if len(indices) == 0:
         return Triangles(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32))
-    low, high = int(indices.min()), int(indices.max())
-    if low < 0 or high >= len(vertices):
-        wrong = low if low < 0 else high
-        raise InputError(f"{where}: a triangle uses vertex {wrong}; the mesh has {len(vertices)}, counted from 0")
+    check_indices(indices, len(vertices), where)
     return welded(checked(Triangles(vertices, np.zeros((0, 3), dtype=np.int32)), where).vertices, indices)
 
 

@@ -1,6 +1,6 @@
 """Triangle lists made fit for tracing: welded, without zero-area triangles, finite, placed in the world."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,15 @@ def welded(vertices: Floats, faces: NDArray[np.integer]) -> Triangles:
     rows = np.ascontiguousarray(vertices[used] + 0.0)  # + 0.0 makes −0 equal to 0 byte by byte
     _, first, inverse = np.unique(rows.view("V24").ravel(), return_index=True, return_inverse=True)
     return Triangles(rows[first], inverse[faces].reshape(-1, 3).astype(np.int32))
+
+
+def check_indices(indices: NDArray[Any], count: int, where: str) -> NDArray[np.int64]:
+    """The indices as int64; InputError if one of them is not that of one of `count` vertices."""
+    wrong = ~((indices >= 0) & (indices < count) & (indices == np.floor(indices)))
+    if wrong.any():
+        found = indices[wrong][0]
+        raise InputError(f"{where}: a triangle uses vertex {found:g}; the mesh has {count}, counted from 0")
+    return indices.astype(np.int64)
 
 
 def transformed(triangles: Triangles, matrix: Floats) -> Triangles:

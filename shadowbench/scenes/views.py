@@ -15,15 +15,20 @@ Named = TypeVar("Named", Camera, Light)
 
 
 def chosen_view(
-    scene: str | Path, size: int, camera: str | None = None, light: str | None = None, assets: Path | None = None
+    scene: str | Path,
+    size: int,
+    camera: str | None = None,
+    light: str | None = None,
+    assets: Path | None = None,
+    up: str | None = None,
 ) -> View:
     """The view of size × size pixels of a scene by reference; its first camera and light unless they are named.
 
-    `assets` is a second folder in which a scene file's meshes may lie. Raises InputError for what there is not.
+    `assets` and `up` are those of `load_scene`. Raises InputError for what there is not.
     """
     if not 1 <= size <= LARGEST:
         raise InputError(f"view size {size}: allowed are 1 to {LARGEST}")
-    loaded = load_scene(scene, assets)
+    loaded = load_scene(scene, assets, up)
     chosen = named(loaded.cameras, camera, "view") if camera else loaded.cameras[0]
     lamp = named(loaded.lights, light, "light") if light else loaded.lights[0]
     return view_of(loaded, chosen, lamp, size)

@@ -62,6 +62,7 @@ class Study:
     views: tuple[str | Camera, ...] = ("file",)
     lights: tuple[str | Light, ...] = ("file",)
     assets: Path | None = None
+    up: str | None = None
     about: str = ""
     sweeps: tuple[BiasSweep, ...] = ()
     notes: tuple[str, ...] = field(default=())
@@ -80,7 +81,7 @@ class Study:
         """All blocks, scene by scene; raises InputError for a scene that cannot be read."""
         files: dict[str, str] = {}
         for reference in dict.fromkeys(self.scenes):
-            scene = load_scene(reference, self.assets)
+            scene = load_scene(reference, self.assets, self.up)
             first = files.setdefault(scene.name, reference)
             if first != reference:
                 raise InputError(f"two scenes are called {scene.name!r}: {first} and {reference}; names must differ")

@@ -1,0 +1,105 @@
+"""Lines of numbers in the text of a mesh file: where they are, what they hold, and which of them is wrong."""
+
+import re
+import warnings
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shadowbench.errors import InputError
+from shadowbench.scenes.polygons import Integers
+
+LONGEST_LINE = 100_000
+"""Bytes: a polygon of thousands of corners."""
+BLANKS = b" \t\v\f"
+BLANK = np.isin(np.arange(256), np.frombuffer(BLANKS, dtype=np.uint8))
+INTEGER = re.compile(rb"[-+]?\d+")
+DECIMAL = re.compile(rb"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?(nan|inf|infinity)", re.IGNORECASE)
+
+
+class Lines(NamedTuple):
+    """The lines of `text` that hold something: (L,) where each begins, blanks aside, and where it ends."""
+
+    text: bytes
+    starts: Integers
+    ends: Integers
+
+    def chosen(self, which: NDArray[np.bool_] | slice, skip: int = 0) -> "Lines":
+        """Some of the lines, without their first `skip` bytes."""
+        return Lines(self.text, self.starts[which] + skip, self.ends[which])
+
+    def line(self, k: int) -> bytes:
+        """The text of a line."""
+        return self.text[self.starts[k] : self.ends[k]]
+
+    def number(self, k: int) -> int:
+        """The number in the file, from 1, of a line."""
+        return 1 + self.text.count(b"\n", 0, int(self.starts[k]))
+
+
+class Rows(NamedTuple):
+    """The numbers of lines: (N,) values, and for each line where its own begin and how many they are."""
+
+    values: NDArray[Any]
+    starts: Integers
+    counts: Integers
+
+
+def with_newlines(data: bytes) -> bytes:
+    """The text of a file with one kind of line end, also after the last line."""
+    return data.replace(b"\r\n", b"\n").replace(b"\r", b"\n") + b"\n"
+
+
+def without_comments(text: bytes) -> bytes:
+    """The text with blanks in place of what follows a #, so that everything stays where it is."""
+    return re.sub(rb"#[^\n]*", lambda found: b" " * len(found[0]), text)
+
+
+def lines_of(text: bytes, where: str) -> Lines:
+    """The lines of a text that ends with a newline; InputError for one that is too long."""
+    letters = np.frombuffer(text, dtype=np.uint8)
+    ends = np.flatnonzero(letters == ord("\n"))
+    starts = np.concatenate([[0], ends[:-1] + 1])
+    if len(ends) and int((ends - starts).max()) > LONGEST_LINE:
+        raise InputError(f"{where}: a line of more than {LONGEST_LINE} bytes; allowed are shorter ones")
+    indented = np.flatnonzero(BLANK[letters[starts]])
+    while len(indented):
+        starts[indented] += 1
+        indented = indented[BLANK[letters[starts[indented]]]]
+    said = starts < ends
+    return Lines(text, starts[said], ends[said])
+
+
+def numbers(lines: Lines, where: str, integers: bool = False, dropped: bytes = b"") -> Rows:
+    """The float64 or int64 numbers of lines, without what matches the pattern `dropped`.
+
+    Raises InputError with the line and the word that is not a number.
+    """
+    text = b"".join([lines.text[a:b] for a, b in zip(lines.starts.tolist(), (lines.ends + 1).tolist(), strict=True)])
+    if dropped:
+        text = re.sub(dropped, b"", text)
+    letters = np.frombuffer(text, dtype=np.uint8)
+    ends = letters == ord("\n")
+    apart = BLANK[letters] | ends
+    words = np.flatnonzero(~apart & np.concatenate([[True], apart[:-1]]))
+    first = np.searchsorted(words, np.concatenate([[0], np.flatnonzero(ends)]))
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", DeprecationWarning)  # how NumPy says that it met no number
+            values = np.fromstring(text, dtype=np.int64 if integers else np.float64, sep=" ")
+    except (DeprecationWarning, ValueError):
+        values = np.zeros(0)
+    if len(values) != len(words):
+        raise _not_a_number(lines, text, INTEGER if integers else DECIMAL, where)
+    return Rows(values, first[:-1], np.diff(first))
+
+
+def _not_a_number(lines: Lines, text: bytes, pattern: re.Pattern[bytes], where: str) -> InputError:
+    allowed = "integers" if pattern is INTEGER else "numbers"
+    for k, line in enumerate(text.split(b"\n")):
+        for word in line.split():
+            if not pattern.fullmatch(word):
+                told = f"found {word.decode('utf-8', errors='replace')!r:.40}"
+                return InputError(f"{where}: line {lines.number(k)}: {told}; allowed: {allowed}")
+    return InputError(f"{where}: a line cannot be read as {allowed}")

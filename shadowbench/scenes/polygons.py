@@ -1,0 +1,222 @@
+"""Faces of any number of corners cut into triangles, concave ones and ones whose holes are bridged too.
+
+A polygon whose fan from the first corner is right keeps it. Others are projected along their Newell normal, the sum of
+the cross products of neighbouring corners, and cut by earcut.
+"""
+
+from collections import Counter, defaultdict
+from itertools import pairwise
+from typing import NamedTuple, TypeVar
+
+import mapbox_earcut
+import numpy as np
+from numpy.typing import NDArray
+
+from shadowbench.errors import InputError
+from shadowbench.scenes.model import Floats, in_slices
+from shadowbench.scenes.triangles import FLATTEST, MOST_TRIANGLES
+
+Integers = NDArray[np.int64]
+Number = TypeVar("Number", bound=np.generic)
+
+MOST_WORK = 2_500_000_000
+"""Sum of the squared corner counts of the polygons that earcut gets: seconds."""
+FLAT_ENOUGH = 1e-3
+"""Of a polygon's extent: what stands out of its plane by less is what coordinates of few digits do."""
+
+
+class Polygons(NamedTuple):
+    """Faces as a file has them, over vertices that they share.
+
+    vertices: (V, 3) float64; corners: (C,) int64, polygon after polygon, into them; counts: (P,) int64, the corners of
+    each polygon; owners: (P,) int64, the body of each, into `names`, where None is a body without a name.
+    """
+
+    vertices: Floats
+    corners: Integers
+    counts: Integers
+    owners: Integers
+    names: tuple[str | None, ...]
+    notes: list[str]
+
+
+def gather(values: NDArray[Number], starts: Integers, counts: Integers) -> NDArray[Number]:
+    """The stretches of `values` that begin at `starts` and are `counts` long, one after another."""
+    ends = np.cumsum(counts)
+    index = np.repeat(starts - (ends - counts), counts) + np.arange(int(counts.sum()))
+    gathered: NDArray[Number] = values[index]
+    return gathered
+
+
+def triangulated(polygons: Polygons, where: str) -> tuple[Integers, Integers, list[str]]:
+    """(F, 3) int64 triangles in the order of their polygons, the polygon of each, and a line for each kind of trouble.
+
+    The corners must be indices of finite vertices. Raises InputError for too many triangles, or too large polygons.
+    """
+    vertices, corners, counts = polygons.vertices, polygons.corners, polygons.counts
+    sizes = np.maximum(counts - 2, 0)
+    total = int(sizes.sum())
+    if total > MOST_TRIANGLES:
+        raise InputError(f"{where}: {total} triangles; a scene may have {MOST_TRIANGLES}")
+    starts, rows = np.cumsum(counts) - counts, np.cumsum(sizes) - sizes
+    owner = np.repeat(np.arange(len(counts)), sizes)
+    second = starts[owner] + 1 + np.arange(total) - rows[owner]
+    faces = corners[np.stack([starts[owner], second, second + 1], axis=1)]
+    many = np.flatnonzero(counts > 3)
+    bent = crossing = work = 0
+    kept = np.ones(total, dtype=bool)
+    for part in in_slices(len(many)):
+        chosen = many[part]
+        fans = _fans(vertices[gather(faces, rows[chosen], sizes[chosen])], sizes[chosen])
+        bent += int(fans.bent.sum())
+        for k in np.flatnonzero(~fans.right):
+            polygon = chosen[k]
+            size, row = int(counts[polygon]), int(rows[polygon])
+            work += size**2
+            if work > MOST_WORK:
+                raise InputError(f"{where}: concave polygons of up to {counts.max()} corners take too long; split them")
+            ring = corners[starts[polygon] : starts[polygon] + size]
+            cut = _cut(vertices[ring], fans.normals[k])
+            if cut is None:
+                crossing += int(fans.solid[k])
+            else:
+                faces[row : row + len(cut)] = ring[cut]
+                kept[row + len(cut) : row + size - 2] = False
+    found = [
+        (int((counts < 3).sum()), "face(s) of fewer than 3 corners left out"),
+        (bent, "polygon(s) not planar: cut as seen along their mean normal"),
+        (crossing, "polygon(s) that cross themselves: cut as fans from their first corner"),
+    ]
+    return faces[kept], owner[kept], [f"{where}: {count} {line}" for count, line in found if count]
+
+
+class _Fans(NamedTuple):
+    """Of each polygon: its unit Newell normal, whether its fan is right, out of plane, and of any area."""
+
+    normals: Floats
+    right: NDArray[np.bool_]
+    bent: NDArray[np.bool_]
+    solid: NDArray[np.bool_]
+
+
+def _fans(triangles: Floats, sizes: Integers) -> _Fans:
+    """What to think of the fans of polygons, given as (T, 3, 3) corners, `sizes` triangles for each polygon."""
+    first = np.cumsum(sizes) - sizes
+    left, right = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    extent = np.maximum.reduceat(np.maximum(np.abs(left), np.abs(right)).max(axis=1), first)
+    scale = np.repeat(np.where(extent > 0.0, extent, 1.0), sizes)[:, None]
+    left, right = left / scale, right / scale
+    crosses = np.cross(left, right)
+    newell = np.add.reduceat(crosses, first)
+    length = np.linalg.norm(newell, axis=1)
+    normals = newell / np.where(length > 0.0, length, 1.0)[:, None]
+    normal = np.repeat(normals, sizes, axis=0)
+    doubled = np.einsum("ij,ij->i", crosses, normal)
+    squares = np.stack([np.einsum("ij,ij->i", edge, edge) for edge in (left, right, right - left)])
+    area = FLATTEST * squares.max(axis=0)
+    # A triangle without area is left out later: harmless between two corners that coincide, else it loses a corner.
+    sound = (doubled > area) | (squares.min(axis=0) == 0.0)
+    turned = np.add.reduceat(np.arctan2(doubled, np.einsum("ij,ij->i", left, right)), first)
+    heights = np.stack([np.einsum("ij,ij->i", edge, normal) for edge in (left, right)])
+    lowest = np.minimum(np.minimum.reduceat(heights.min(axis=0), first), 0.0)
+    highest = np.maximum(np.maximum.reduceat(heights.max(axis=0), first), 0.0)
+    return _Fans(
+        normals,
+        right=np.logical_and.reduceat(sound, first) & (turned < 2 * np.pi) & (length > FLATTEST),
+        bent=highest - lowest > FLAT_ENOUGH,
+        solid=np.logical_or.reduceat(np.linalg.norm(crosses, axis=1) > area, first),
+    )
+
+
+def _cut(ring: Floats, normal: Floats) -> Integers | None:
+    """(T, 3) triangles of a polygon's (N, 3) corners; None if they would not add up to its area."""
+    axis = int(np.argmax(np.abs(normal)))
+    axes = [(axis + 1) % 3, (axis + 2) % 3][:: 1 if normal[axis] > 0.0 else -1]
+    ring = ring - ring[0]
+    ring = ring / (np.abs(ring).max() or 1.0)
+    # Moved along the normal into the plane of two axes: corners of an axis-aligned polygon keep every digit.
+    flat = np.ascontiguousarray(ring[:, axes] - ring[:, [axis]] * (normal[axes] / (normal[axis] or 1.0)))
+    found = mapbox_earcut.triangulate_float64(flat, np.array([len(flat)], dtype=np.uint32))
+    cut: Integers = found.reshape(-1, 3).astype(np.int64)
+    area = _area(flat[None]).sum()
+    doubled = _area(flat[cut])
+    if not area > 0.0 or abs(np.abs(doubled).sum() - area) > 1e-6 * area:
+        return None
+    edges = flat[cut] - flat[np.roll(cut, -1, axis=1)]
+    cut = cut[doubled > FLATTEST * np.einsum("ijk,ijk->ij", edges, edges).max(axis=1)]
+    if len(cut) < len(ring) - 2:
+        cut = _mended(cut, flat)
+    return cut if len(cut) <= len(ring) - 2 else None
+
+
+def _area(flat: Floats) -> Floats:
+    """(…,) twice the signed areas of (…, N, 2) polygons."""
+    following = np.roll(flat, -1, axis=-2)
+    area: Floats = (flat[..., 0] * following[..., 1] - flat[..., 1] * following[..., 0]).sum(axis=-1)
+    return area
+
+
+def _mended(cut: Integers, flat: Floats) -> Integers:
+    """The triangles, and the corners on straight lines that earcut leaves out: their outline is the ring again.
+
+    A neighbouring polygon has these corners too: without them the surface would have a gap as wide as rounding.
+    """
+    _, first, place = np.unique(flat, axis=0, return_index=True, return_inverse=True)
+    ring = place.tolist()
+    triangles = [[ring[k] for k in triangle] for triangle in cut.tolist()]
+    # Where the triangles' outline is not the ring: its edges and, reversed, those of the ring, in closed walks
+    # without area.
+    loose: Counter[tuple[int, int]] = Counter()
+    near: defaultdict[int, set[int]] = defaultdict(set)
+
+    def walk(a: int, b: int) -> None:
+        if loose[b, a] > 0:
+            loose[b, a] -= 1
+        elif a != b:
+            loose[a, b] += 1
+            near[a].add(b)
+            near[b].add(a)
+
+    owner = {(t[k - 1], t[k]): number for number, t in enumerate(triangles) for k in range(3)}
+    for a, b in owner:
+        walk(a, b)
+    for a, b in pairwise([*ring, ring[0]]):
+        walk(b, a)
+    waiting = [edge for edge in owner if loose[edge] > 0]
+    while waiting and len(triangles) < len(ring) - 2:
+        a, b = edge = waiting.pop()
+        if loose[edge] <= 0:
+            continue
+        number = owner[edge]
+        corners = np.array(sorted((near[a] | near[b]).difference(triangles[number])), dtype=np.int64)
+        between = corners[_lie_on(flat[first[corners]] - flat[first[a]], flat[first[b]] - flat[first[a]])]
+        if not len(between):
+            continue
+        middle = int(between[0])
+        (far,) = set(triangles[number]) - {a, b}
+        triangles[number] = [a, middle, far]
+        owner |= {(a, middle): number, (middle, b): len(triangles), (b, far): len(triangles)}
+        triangles.append([middle, b, far])
+        loose[edge] -= 1
+        for half in ((a, middle), (middle, b)):
+            walk(*half)
+            waiting.append(half)
+    # What is left is seen edge-on: nothing in a planar polygon, a triangle that stands upright in another.
+    for a, b in list(loose):
+        while loose[a, b] > 0:
+            path = [a, b]
+            loose[a, b] -= 1
+            while path[-1] != a:
+                end = path[-1]
+                path.append(next(v for v in near[end] if loose[end, v] > 0))
+                loose[end, path[-1]] -= 1
+            triangles += [[a, path[k + 1], path[k]] for k in range(1, len(path) - 2)]
+    return first[np.array(triangles)]
+
+
+def _lie_on(points: Floats, edge: Floats) -> NDArray[np.bool_]:
+    """(N,) whether points stand between the ends of an edge that begins at the origin, but for rounding."""
+    along, across = points @ edge, points @ np.array([-edge[1], edge[0]])
+    square = edge @ edge
+    between: NDArray[np.bool_] = (np.abs(across) <= 10 * FLATTEST * square) & (along > 0.0) & (along < square)
+    return between
