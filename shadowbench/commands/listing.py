@@ -15,6 +15,7 @@ from shadowbench.techniques.params import Row, TechniqueParams, allowed
 from shadowbench.techniques.spec import format_value
 
 EXAMPLE = "shadow-map:size=2048,filter=pcf(taps=5)"
+TOGETHER = "bias=polygon-offset(2,4)+normal-offset"
 
 
 def list_command(what: str, plugins: tuple[Path, ...], as_json: bool, quiet: bool, name: str = "") -> None:
@@ -114,7 +115,8 @@ def _print_table(title: str, rows: list[dict[str, Any]]) -> None:
 
 def _print_techniques(rows: list[dict[str, Any]]) -> None:
     """Each with its parameters and presets; then what may stand for a bias, a filter, a fit, each kind once."""
-    out.print(f"Written name:parameter=value,… such as {EXAMPLE}\n", markup=False)
+    out.print(f"Written name:parameter=value,… such as {EXAMPLE}", markup=False)
+    out.print(f"Biases that act together are joined by a plus: {TOGETHER}\n", markup=False)
     families: list[tuple[str, list[dict[str, Any]]]] = []
     for row in rows:
         out.print(f"{row['name']}: {row['help']}", markup=False)

@@ -101,6 +101,8 @@ class Space:
         for name, info in fields.items():
             value, path = getattr(params, name), above + name
             if isinstance(value, Row):
+                if type(value) not in rows_of(info):  # biases that act together
+                    return None
                 inner = self._steps_of(value, type(value).model_fields, f"{path}.{value.name}.")
                 if inner is None or value.name in self._refused.get(path, ()):
                     return None

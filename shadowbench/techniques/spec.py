@@ -13,6 +13,7 @@ from pydantic import ValidationError
 
 from shadowbench.errors import InputError
 from shadowbench.strict import explain
+from shadowbench.techniques.biases import Sum
 from shadowbench.techniques.grammar import Call, Reader
 from shadowbench.techniques.params import Row, TechniqueParams
 
@@ -96,6 +97,8 @@ def _validated(technique: "type[Technique]", values: dict[str, Any], where: str)
 
 def format_value(value: Any, full: bool = False) -> str:
     """A parameter's value as a spec writes it; `full` writes defaults of rows too."""
+    if isinstance(value, Sum):
+        return "+".join(format_value(part, full) for part in value.parts)
     if isinstance(value, Row):
         inner = _format_items(value, full, skip=())
         return f"{value.name}({inner})" if inner else value.name
