@@ -7,7 +7,7 @@ from typing import Any
 from rich.table import Table
 
 from shadowbench.commands.console import out, print_json, techniques_with
-from shadowbench.errors import InputError
+from shadowbench.errors import InputError, alternatives
 from shadowbench.scenes.library import builtin_about, builtin_names
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.study_file import find_study, read_study, study_names
@@ -30,7 +30,7 @@ def list_command(what: str, plugins: tuple[Path, ...], as_json: bool, quiet: boo
         "studies": lambda: _studies(plugins),
     }
     if what and what not in makers:
-        raise InputError(f"list: found {what!r}; allowed: {', '.join(makers)}")
+        raise InputError(f"list: found {what!r:.60}{alternatives(what, makers)}")
     listed = {kind: make() for kind, make in makers.items() if what in ("", kind)}
     if name:
         listed = {kind: _only(name, rows, kind) for kind, rows in listed.items()}
@@ -44,7 +44,7 @@ def list_command(what: str, plugins: tuple[Path, ...], as_json: bool, quiet: boo
 def _only(name: str, rows: list[dict[str, Any]], kind: str) -> list[dict[str, Any]]:
     found = [row for row in rows if row["name"] == name]
     if not found:
-        raise InputError(f"list {kind}: found {name!r:.60}; allowed: {', '.join(row['name'] for row in rows)}")
+        raise InputError(f"list {kind}: found {name!r:.60}{alternatives(name, [row['name'] for row in rows])}")
     return found
 
 

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field, ValidationError
 
 from shadowbench.data import data_folder
-from shadowbench.errors import InputError
+from shadowbench.errors import InputError, alternatives
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import Camera, Coordinates, Light
 from shadowbench.scenes.tables import camera_from_table, light_from_table
@@ -66,7 +66,7 @@ class StudyFile(Strict):
 
 def read_study(file: Path, techniques: Techniques) -> Study:
     """The study of a file; raises InputError for anything wrong in it."""
-    table = read_toml(file, str(file), f"no such study file; ours: {', '.join(study_names())}")
+    table = read_toml(file, str(file), f"no such study file{alternatives(file, study_names(), 'ours')}")
     try:
         text = StudyFile.model_validate(table)
     except ValidationError as error:
@@ -172,8 +172,9 @@ def _crossed(
     factors = _factors(table, where)
     for key, choices in lists.items():
         if key not in base.technique.Params.model_fields:
-            allowed = ", ".join(base.technique.Params.model_fields) or "none"
-            raise InputError(f"{where}: unknown parameter {key!r:.60}; parameters of {base.technique.name}: {allowed}")
+            names = [*base.technique.Params.model_fields, "bias_sweep"]
+            known = alternatives(key, names, f"parameters of {base.technique.name}")
+            raise InputError(f"{where}: unknown parameter {key!r:.60}{known}")
         if not choices:
             raise InputError(f"{where}: {key}: found an empty list; allowed: one value or more")
     count = math.prod(len(choices) for choices in lists.values()) * max(1, len(factors))
