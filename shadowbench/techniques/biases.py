@@ -197,7 +197,7 @@ class Sum(Bias):
 
     @property
     def cull(self) -> Literal["", "front"]:
-        return "front" if any(part.cull for part in self.parts) else ""
+        return next((part.cull for part in self.parts if part.cull), "")
 
     @property
     def depth_units(self) -> float | None:
