@@ -18,14 +18,4 @@ float tan_slope(Receiver r, MapPoint p) {
     return sin_slope(r, p) * p.axis_distance / (r.distance * max(r.cosine, 1e-6));
 }
 
-#include <bias>
-
-#ifndef BIAS_HAS_MOVE
-vec3 bias_move(Receiver r, MapPoint p) { return vec3(0.0); }
-#endif
-#ifndef BIAS_HAS_DEPTH
-float bias_depth(Receiver r, MapPoint p) { return 0.0; }
-#endif
-#ifndef BIAS_HAS_GRADIENT
-vec2 bias_gradient(Receiver r, MapPoint p) { return vec2(0.0); }
-#endif
+#include "bias/whole.glsl"

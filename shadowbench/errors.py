@@ -1,5 +1,8 @@
 """The errors a user can meet, and the exit code of each."""
 
+import difflib
+from collections.abc import Iterable
+
 LONGEST_LINE = 1000
 """Characters of a line for people: what it quotes may be of any length, such as a plug-in's message."""
 
@@ -21,6 +24,18 @@ class InputError(ShadowbenchError):
 
 class NoGLError(ShadowbenchError):
     """No OpenGL context could be made, or it is older than 4.1."""
+
+
+def alternatives(found: object, names: Iterable[str], heading: str = "allowed", none: str = "none") -> str:
+    """The end of a line about a name that is none of `names`: `; did you mean 'elevation'? allowed: elevation, gap`.
+
+    The question stands there for a near miss alone; `none` stands for no names at all.
+    """
+    known = list(names)
+    folded = {name.casefold(): name for name in reversed(known)}
+    near = difflib.get_close_matches(str(found)[:100].casefold(), folded, n=1)
+    question = f"; did you mean {folded[near[0]]!r}?" if near else ";"
+    return f"{question} {heading}: {', '.join(known) or none}"
 
 
 def one_line(text: str, longest: int = LONGEST_LINE) -> str:

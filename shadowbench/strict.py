@@ -7,7 +7,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
-from shadowbench.errors import InputError
+from shadowbench.errors import InputError, alternatives
 
 LONGEST = 2_000_000
 """Bytes of a TOML file; they are written by hand, or by a script for some thousand meshes."""
@@ -73,8 +73,9 @@ class Strict(BaseModel):
         if isinstance(values, dict):
             for key in values:
                 if key not in cls.model_fields:
-                    allowed = ", ".join(cls.model_fields) or "none at all"
-                    raise ValueError(f"unknown field {key!r:.60}; allowed: {allowed}")
+                    raise ValueError(
+                        f"unknown field {key!r:.60}{alternatives(key, cls.model_fields, none='none at all')}"
+                    )
         return values
 
 

@@ -1,5 +1,7 @@
 import os
 import stat
+import subprocess
+from pathlib import Path
 
 import pytest
 
@@ -65,3 +67,12 @@ def test_a_folder_is_no_file_name(tmp_path):
     with pytest.raises(InputError, match="results: is a folder"), replace_file(tmp_path / "results"):
         pass
     assert names(tmp_path) == ["results"]
+
+
+def test_a_report_in_the_checkout_is_ignored_by_git():
+    root = Path(__file__).resolve().parent.parent
+    if not (root / ".git").exists():
+        pytest.skip("no checkout")
+    ignored = ["git", "-C", root, "check-ignore", "--quiet"]
+    assert subprocess.run([*ignored, "report.html"]).returncode == 0
+    assert subprocess.run([*ignored, "docs/report.html"]).returncode == 1

@@ -48,7 +48,8 @@ HEAD = """\
 
 What each computes, what it needs and what its parameters are. Made by `python tools/technique_docs.py` from the
 techniques themselves; `shadowbench list techniques` prints the same. A spec is a name and parameters:
-`shadow-map:size=2048,filter=pcf(taps=5)`.
+`shadow-map:size=2048,filter=pcf(taps=5)`. Biases that act together are joined by a plus:
+`bias=polygon-offset(2,4)+normal-offset`.
 
 Pictures are {size}² pixels, at default parameters. The numbers below them are of the machine that made them. Where a
 technique breaks is what a full `shadowbench stress` found on small scenes of its own: IoU below 0.95, acne or leak

@@ -28,7 +28,7 @@ void main() {
     float lit = r.cosine > 0.0 && dot(-r.to_light, normalize(cone_axis)) >= cos_half_angle ? texelFetch(visibility, pixel, 0).r : 0.0;
     float diffuse = 0.85 * max(r.cosine, 0.0);
     float specular = 0.12 * pow(max(dot(r.normal, normalize(r.to_light + to_eye)), 0.0), 32.0);
-    // A little more from above than from below keeps unlit shapes readable.
-    vec3 ambient = albedo * (0.12 + 0.06 * r.normal.y);
+    // More from above and from one side keeps unlit shapes readable: an unlit face of a box looks like no shadow.
+    vec3 ambient = albedo * (0.12 + dot(r.normal, vec3(0.03, 0.06, -0.03)));
     color = vec4(srgb(clamp(ambient + lit * (albedo * diffuse + specular), 0.0, 1.0)), 1.0);
 }

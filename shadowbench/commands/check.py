@@ -13,7 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from shadowbench.commands.console import err, number, out, print_json, techniques_with
-from shadowbench.errors import InputError
+from shadowbench.errors import InputError, alternatives
 from shadowbench.reports.folder import Run, read_runs
 from shadowbench.reports.gallery import difference
 from shadowbench.reports.words import counted
@@ -91,7 +91,8 @@ def _tolerances(texts: Sequence[str]) -> dict[str, float]:
         except ValueError:
             tolerance = math.nan
         if name not in METRICS:
-            raise InputError(f"--tolerance: found {text!r:.60}; allowed: METRIC=X, METRIC one of {', '.join(METRICS)}")
+            known = alternatives(name, METRICS, "allowed: METRIC=X, METRIC one of")
+            raise InputError(f"--tolerance: found {text!r:.60}{known}")
         if not 0 <= tolerance < math.inf:
             raise InputError(f"--tolerance {name}: found {value!r:.40}; allowed: a number, 0 or more")
         found[name] = tolerance

@@ -71,11 +71,11 @@ class ConsoleReporter(logging.Handler):
             self._noted.add(line)
             err.print(f"note: {printable(line)}", markup=False, soft_wrap=True)
 
-    def stage(self, name: str, total: int) -> None:
-        """Begin a bar in place of the last."""
+    def stage(self, name: str, total: int, what: str = "") -> None:
+        """Begin a bar in place of the last; `what` it begins with stands behind it."""
         if self._task is not None:
             self._progress.remove_task(self._task)
-        self._task = self._progress.add_task(name, total=total, what="")
+        self._task = self._progress.add_task(name, total=total, what=what)
 
     def step(self, what: str) -> None:
         """Advance the bar."""
@@ -112,6 +112,24 @@ def check_outputs(suffix: str, *files: Path | None) -> None:
             pass
         if file.suffix.lower() != suffix:
             raise InputError(f"{file}: found a name that ends with {file.suffix or 'no suffix'!r}; allowed: {suffix}")
+
+
+def check_folder(folder: Path, own: str = "rows.jsonl") -> None:
+    """Raise InputError where files lie in a folder, hidden ones aside, and not `own`, the one that tells it is ours."""
+    try:
+        found = sorted(file.name for file in folder.iterdir() if not file.name.startswith("."))
+    except OSError:  # no such folder yet, or one that cannot be written either, which is told there
+        return
+    if found and own not in found:
+        allowed = f"a new folder, an empty one, or one with {own}"
+        raise InputError(f"{folder}: found other files, such as {found[0]:.60}; allowed: {allowed}")
+
+
+def say_unsupported(statuses: Sequence[str]) -> None:
+    """Say on stderr, as a command's last line, that nothing was drawn as all of its cells are unsupported."""
+    if statuses and all(status.startswith("unsupported") for status in statuses):
+        which = "the only cell is" if len(statuses) == 1 else f"all {len(statuses)} cells are"
+        err.print(f"shadowbench: nothing was drawn, {which} {statuses[0]}", markup=False, soft_wrap=True)
 
 
 def print_json(value: Any) -> None:

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from shadowbench.commands.console import ConsoleReporter, out
-from shadowbench.engines.export import export_view
+from shadowbench.commands.console import ConsoleReporter, check_folder, out
+from shadowbench.engines.export import DESCRIPTION, export_view
 from shadowbench.scenes.views import chosen_view, notes_on
 from shadowbench.truth.cache import cached_truth
 
@@ -19,6 +19,7 @@ def export_command(
     quiet: bool,
 ) -> None:
     """Write a view's model, description and truth into a folder."""
+    check_folder(folder, DESCRIPTION)
     with ConsoleReporter(quiet) as reporter:
         chosen = chosen_view(scene, view_size, view, light, assets, up)
         for note in notes_on(chosen, view, light):

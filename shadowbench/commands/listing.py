@@ -7,7 +7,7 @@ from typing import Any
 from rich.table import Table
 
 from shadowbench.commands.console import out, print_json, techniques_with
-from shadowbench.errors import InputError
+from shadowbench.errors import InputError, alternatives
 from shadowbench.scenes.library import builtin_about, builtin_names
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.study_file import find_study, read_study, study_names
@@ -15,6 +15,7 @@ from shadowbench.techniques.params import Row, TechniqueParams, allowed
 from shadowbench.techniques.spec import format_value
 
 EXAMPLE = "shadow-map:size=2048,filter=pcf(taps=5)"
+TOGETHER = "bias=polygon-offset(2,4)+normal-offset"
 
 
 def list_command(what: str, plugins: tuple[Path, ...], as_json: bool, quiet: bool, name: str = "") -> None:
@@ -29,7 +30,7 @@ def list_command(what: str, plugins: tuple[Path, ...], as_json: bool, quiet: boo
         "studies": lambda: _studies(plugins),
     }
     if what and what not in makers:
-        raise InputError(f"list: found {what!r}; allowed: {', '.join(makers)}")
+        raise InputError(f"list: found {what!r:.60}{alternatives(what, makers)}")
     listed = {kind: make() for kind, make in makers.items() if what in ("", kind)}
     if name:
         listed = {kind: _only(name, rows, kind) for kind, rows in listed.items()}
@@ -43,7 +44,7 @@ def list_command(what: str, plugins: tuple[Path, ...], as_json: bool, quiet: boo
 def _only(name: str, rows: list[dict[str, Any]], kind: str) -> list[dict[str, Any]]:
     found = [row for row in rows if row["name"] == name]
     if not found:
-        raise InputError(f"list {kind}: found {name!r:.60}; allowed: {', '.join(row['name'] for row in rows)}")
+        raise InputError(f"list {kind}: found {name!r:.60}{alternatives(name, [row['name'] for row in rows])}")
     return found
 
 
@@ -114,7 +115,8 @@ def _print_table(title: str, rows: list[dict[str, Any]]) -> None:
 
 def _print_techniques(rows: list[dict[str, Any]]) -> None:
     """Each with its parameters and presets; then what may stand for a bias, a filter, a fit, each kind once."""
-    out.print(f"Written name:parameter=value,… such as {EXAMPLE}\n", markup=False)
+    out.print(f"Written name:parameter=value,… such as {EXAMPLE}", markup=False)
+    out.print(f"Biases that act together are joined by a plus: {TOGETHER}\n", markup=False)
     families: list[tuple[str, list[dict[str, Any]]]] = []
     for row in rows:
         out.print(f"{row['name']}: {row['help']}", markup=False)

@@ -11,7 +11,7 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
-from shadowbench.commands.console import ConsoleReporter, number, out, print_json, techniques_with
+from shadowbench.commands.console import ConsoleReporter, check_folder, number, out, print_json, techniques_with
 from shadowbench.commands.recommend_words import excluded_lines, in_the_way, step_lines
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
@@ -56,6 +56,7 @@ def recommend_command(options: RecommendOptions, folder: Path, *, as_json: bool,
     """Search, write rows, table and pictures, print the choice; 1 where nothing meets the target."""
     target = target_of(options)
     known = techniques_with(options.plugins)
+    check_folder(folder)
     if options.export is not None:
         _check_folder(options.export)
     with ConsoleReporter(quiet) as reporter, Worker(options.plugins) as worker:

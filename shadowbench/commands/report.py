@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from shadowbench.commands.console import check_outputs, err, out
+from shadowbench.commands.console import ConsoleReporter, check_outputs, err, out
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
 from shadowbench.reports.analysis import Section, sections
@@ -29,14 +29,18 @@ def report_command(folders: Sequence[Path], output: Path | None, form: str, quie
         check_outputs(f".{form}", target)
     elif target.exists() and not target.is_dir():
         raise InputError(f"{target}: found a file; allowed: a folder, for the charts")
-    runs, sweeps = read_folders(folders)
-    scenes, swept = sections(runs), [stability(sweep) for sweep in sweeps]
-    if form == "png":
-        what = counted(_write_figures(target, scenes, swept), "chart")
-    else:
-        text = _text(form, runs, scenes, swept)
-        with replace_file(target) as beside:
-            beside.write_text(text, encoding="utf-8")
+    with ConsoleReporter(quiet) as reporter:
+        reporter.stage("reading", 1, ", ".join(map(str, folders)))
+        runs, sweeps = read_folders(folders)
+        scenes, swept = sections(runs), [stability(sweep) for sweep in sweeps]
+        reporter.stage("charts and pictures", 1, str(target))
+        if form == "png":
+            what = counted(_write_figures(target, scenes, swept), "chart")
+        else:
+            text = _text(form, runs, scenes, swept)
+            with replace_file(target) as beside:
+                beside.write_text(text, encoding="utf-8")
+    if form != "png":
         what = f"{counted(sum(len(one.rows) for one in (*runs, *sweeps)), 'cell')}, {_size(target.stat().st_size)}"
     if not quiet:
         for run in runs:

@@ -11,7 +11,16 @@ from pathlib import Path
 from rich.markup import escape
 from rich.table import Table
 
-from shadowbench.commands.console import ConsoleReporter, err, number, out, print_json, techniques_with
+from shadowbench.commands.console import (
+    ConsoleReporter,
+    check_folder,
+    err,
+    number,
+    out,
+    print_json,
+    say_unsupported,
+    techniques_with,
+)
 from shadowbench.errors import InputError
 from shadowbench.reports.words import counted
 from shadowbench.studies.machine import write_run_file
@@ -74,6 +83,7 @@ class RunOptions:
 def run_command(options: RunOptions, folder: Path, *, profile: bool, as_json: bool, quiet: bool) -> int:
     """Run, write `table.csv` and `run.json`, print a table per scene; 3 when a cell failed, else 0."""
     study = study_from(options)
+    check_folder(folder)
     limits = Limits(study.time_limit, int(study.memory_limit * 2**30))
     start = time.perf_counter()
     with ConsoleReporter(quiet) as reporter, Worker(options.plugins, limits) as worker:
@@ -101,12 +111,17 @@ def run_command(options: RunOptions, folder: Path, *, profile: bool, as_json: bo
         scenes, means = over_scenes(tables)
         if len(scenes) > 1:
             _print_scene(f"mean of the {len(scenes)} scenes in which every cell held", means, [], [])
+        held = [row for rows in tables.values() for row in rows if row.cells]
+        if held and out.width < _WIDE:
+            dropped = ", ".join(name for name in _columns(held, False) if name not in _columns(held, True))
+            where = f"{folder / 'table.csv'} or a terminal of {_WIDE}"
+            out.print(f"columns left out at {out.width} characters, see {where}: {dropped}", soft_wrap=True)
         if not quiet:
-            out.print(
-                f"{folder / 'table.csv'}: {counted(len(frame), 'cell')}; masks/ and pictures/ beside it", soft_wrap=True
-            )
+            beside = "; masks/ and pictures/ beside it" if (frame["status"] == "ok").any() else ""
+            out.print(f"{folder / 'table.csv'}: {counted(len(frame), 'cell')}{beside}", soft_wrap=True)
     if profile:
         _print_profile(whole(runner.profile.seconds, spent, time.perf_counter() - start))
+    say_unsupported(list(frame["status"]))
     failed = [status for status in frame["status"] if status.startswith("failed")]
     if failed:
         first = failed[0].removeprefix("failed: ")
@@ -117,6 +132,10 @@ def run_command(options: RunOptions, folder: Path, *, profile: bool, as_json: bo
 
 def study_from(options: RunOptions) -> Study:
     """The study that the options make; raises InputError for what they get wrong."""
+    stray = [scene for scene in options.scenes if scene.isdecimal()]
+    if options.map_size is not None and stray:
+        together = ",".join([options.map_size, *stray])
+        raise InputError(f"--map-size: found {options.map_size!r:.60} and {stray[0]!r:.60} apart; allowed: {together}")
     known = techniques_with(options.plugins)
     study = read_study(find_study(options.study or "default"), known)
     if options.specs and not (options.study or options.map_size):
@@ -174,12 +193,7 @@ def _print_scene(title: str, rows: list[SummaryRow], fits: list[Slope], notes: l
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
     table.add_column("spec", overflow="fold", min_width=24)
     table.add_column("map", justify="right", no_wrap=True)
-    lacking = {key for key in _OPTIONAL if all(row.values.get(key) is None for row in rows)}
-    columns = {
-        heading: key
-        for heading, key in _COLUMNS.items()
-        if key not in lacking and (out.width >= _WIDE or key in _NARROW)
-    }
+    columns = _columns(rows, out.width < _WIDE)
     for heading in columns:
         table.add_column(heading, justify="right", no_wrap=True)
     for row in rows:
@@ -209,6 +223,12 @@ def _notes(rows: list[SummaryRow]) -> list[str]:
     cells = max(row.cells for row in rows)
     medians = f"medians of up to {cells} cells (views × phases), the error with its 95% interval" if cells > 1 else None
     return [note for note in (medians, phase_note(rows)) if note is not None]
+
+
+def _columns(rows: Sequence[SummaryRow], narrow: bool) -> dict[str, str]:
+    """The columns of a table, by heading: few on a narrow terminal; no optional one that no row has."""
+    lacking = {key for key in _OPTIONAL if all(row.values.get(key) is None for row in rows)}
+    return {heading: key for heading, key in _COLUMNS.items() if key not in lacking and (key in _NARROW or not narrow)}
 
 
 def _print_curves(scene: str, found: list[Curve]) -> None:

@@ -1,12 +1,13 @@
 """`score`: a mask or screenshots of another renderer."""
 
 import json
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 
 from rich.table import Table
 
-from shadowbench.commands.console import ConsoleReporter, check_outputs, err, number, out, print_json
+from shadowbench.commands.console import ConsoleReporter, check_folder, check_outputs, err, number, out, print_json
 from shadowbench.engines.difference import write_difference
 from shadowbench.engines.export import DESCRIPTION
 from shadowbench.engines.pictures import Handed, from_screenshots, mask_from_file
@@ -44,6 +45,8 @@ def score_command(options: ScoreOptions, *, as_json: bool, quiet: bool) -> None:
         check_name(options.name)
     check_outputs(".png", options.difference)
     _check_difference(options)
+    if options.folder is not None:
+        check_folder(options.folder)
     handed = _handed(options)
     with ConsoleReporter(quiet) as reporter:
         view = chosen_view(options.scene, handed.size, options.view, options.light, options.assets, options.up)
@@ -72,13 +75,19 @@ def score_command(options: ScoreOptions, *, as_json: bool, quiet: bool) -> None:
 
 
 def _handed(options: ScoreOptions) -> Handed:
-    """A mask, or screenshots; InputError for both, neither or half of it."""
+    """A mask, or screenshots; InputError for both, neither or half of them."""
     if options.mask is not None and options.lit is options.shadowed is options.ambient is None:
         return mask_from_file(options.mask)
     if options.mask is None and options.lit is not None and options.shadowed is not None:
         return from_screenshots(options.lit, options.shadowed, options.ambient)
+    if options.mask is options.lit is options.shadowed is options.ambient is None:
+        command = f"shadowbench score {shlex.quote(options.scene)}"
+        raise InputError(
+            f"score: found neither a mask nor screenshots of {options.scene:.200}; allowed: {command} MASK.png, or "
+            f"{command} --lit LIT.png --shadowed SHADOWED.png; shadowbench export says what to draw"
+        )
     given = {"MASK": options.mask, "--lit": options.lit, "--shadowed": options.shadowed, "--ambient": options.ambient}
-    found = " and ".join(key for key, value in given.items() if value is not None) or "neither"
+    found = " and ".join(key for key, value in given.items() if value is not None)
     raise InputError(f"score: found {found}; allowed: MASK, or --lit and --shadowed, with or without --ambient")
 
 

@@ -7,8 +7,16 @@ from pathlib import Path
 from rich.markup import escape
 from rich.table import Table
 
-from shadowbench.commands.console import ConsoleReporter, err, out, print_json, techniques_with
-from shadowbench.errors import InputError
+from shadowbench.commands.console import (
+    ConsoleReporter,
+    check_folder,
+    err,
+    out,
+    print_json,
+    say_unsupported,
+    techniques_with,
+)
+from shadowbench.errors import InputError, alternatives
 from shadowbench.studies.axes import AXES, Axis
 from shadowbench.studies.axes.model import NAMES, VIEW_SIZE
 from shadowbench.studies.machine import write_run_file
@@ -49,6 +57,7 @@ def stress_command(options: StressOptions, folder: Path, *, as_json: bool, quiet
     """
     axes = _axes(options.axes)
     specs = _specs(options)
+    check_folder(folder)
     with ConsoleReporter(quiet) as reporter, Worker(options.plugins, LIMITS) as worker:
         sweep = Sweep(specs, folder, worker, reporter)
         rows = sweep.run(axes, options.quick)
@@ -64,13 +73,14 @@ def stress_command(options: StressOptions, folder: Path, *, as_json: bool, quiet
             _print(format_spec(spec), [one for one in ranges if one.spec == format_spec(spec)])
         if not quiet:
             out.print(f"{folder / 'ranges.csv'}: {len(ranges)} ranges of {len(rows)} cells", soft_wrap=True)
+    say_unsupported([str(row["status"]) for row in rows])
     return _exit_code(rows)
 
 
 def _axes(names: Sequence[str]) -> list[Axis]:
     for name in names:
         if name not in AXES:
-            raise InputError(f"--axis: found {name!r:.60}; allowed: {', '.join(AXES)}")
+            raise InputError(f"--axis: found {name!r:.60}{alternatives(name, AXES)}")
     return [axis for axis in AXES.values() if not names or axis.name in names]
 
 

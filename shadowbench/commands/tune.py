@@ -8,7 +8,7 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
-from shadowbench.commands.console import ConsoleReporter, err, number, out, print_json, techniques_with
+from shadowbench.commands.console import ConsoleReporter, check_folder, err, number, out, print_json, techniques_with
 from shadowbench.commands.run import map_sizes
 from shadowbench.errors import InputError
 from shadowbench.reports.words import counted
@@ -66,6 +66,7 @@ def tune_command(options: TuneOptions, folder: Path, *, as_json: bool, quiet: bo
         assets=options.assets,
         up=options.up,
     )
+    check_folder(folder)
     with (
         ConsoleReporter(quiet) as reporter,
         Worker(options.plugins) as worker,

@@ -11,6 +11,7 @@ from shadowbench.studies.axes import AXES, Axis, Value
 from shadowbench.studies.axes.model import NAMES
 from shadowbench.studies.ranges import Break, OperatingRange, operating_ranges
 from shadowbench.studies.rows import Record
+from shadowbench.techniques.unshadowed import Unshadowed
 
 Line = tuple[str, LightKind]
 """A spec under a kind of light: a row of the heat map, a line of the charts."""
@@ -21,13 +22,15 @@ class Stability:
     """The operating ranges of a sweep. Specs stand best first, axes and lights as `stress` prints them.
 
     unknown: rows at axes or values that this version does not have; unfinished: spec, axis and light of those that
-    were stopped before the value from which a range is searched. Both are left out of `ranges`.
+    were stopped before the value from which a range is searched; floor: rows of `unshadowed`, which every score is read
+    against and which breaks wherever there is a shadow. All three are left out of `ranges`.
     """
 
     sweep: Sweep
     ranges: tuple[OperatingRange, ...]
     unknown: int
     unfinished: tuple[tuple[str, str, str], ...]
+    floor: int
 
     @property
     def axes(self) -> list[Axis]:
@@ -71,13 +74,18 @@ class Stability:
 
 def stability(sweep: Sweep) -> Stability:
     """The ranges of a sweep's rows."""
-    known = [row for row in sweep.rows if row["axis"] in AXES and row["axis_value"] in AXES[row["axis"]].values]
+    subjects = [row for row in sweep.rows if row["technique"] != Unshadowed.name]
+    known = [row for row in subjects if row["axis"] in AXES and row["axis_value"] in AXES[row["axis"]].values]
     begun = dict.fromkeys((row["home_spec"], row["axis"], row["light_kind"]) for row in known)
     homed = {(row["home_spec"], row["axis"], row["light_kind"]) for row in known if _from_here(row)}
     rows = [row for row in known if (row["home_spec"], row["axis"], row["light_kind"]) in homed]
     ranges = operating_ranges(AXES.values(), rows)
     return Stability(
-        sweep, tuple(ranges), len(sweep.rows) - len(known), tuple(one for one in begun if one not in homed)
+        sweep,
+        tuple(ranges),
+        unknown=len(subjects) - len(known),
+        unfinished=tuple(one for one in begun if one not in homed),
+        floor=len(sweep.rows) - len(subjects),
     )
 
 

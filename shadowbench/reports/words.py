@@ -205,7 +205,11 @@ def stability_headline(found: Stability) -> list[str]:
         lines.append(f"Left out as unfinished: {len(found.unfinished)}, the first `{spec}` along {axis}.")
     if found.unknown:
         lines.append(f"Left out as not of this version's axes: {counted(found.unknown, 'cell')}.")
-    return lines or ["Nothing here has a range."]
+    if found.floor:
+        lines.append(
+            f"Left out as the floor that every score is read against: {counted(found.floor, 'cell')} unshadowed."
+        )
+    return lines if texts else ["Nothing here has a range.", *lines]
 
 
 def range_text(one: OperatingRange) -> str:

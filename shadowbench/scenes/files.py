@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import Field, ValidationError
 
-from shadowbench.errors import InputError
+from shadowbench.errors import InputError, alternatives
 from shadowbench.scenes.assumed import camera_for, left_out, mesh_bounds, sun_for
 from shadowbench.scenes.meshes import Contents, read_meshes
 from shadowbench.scenes.model import Camera, Floats, Light, Mesh, Scene
@@ -155,7 +155,8 @@ def _of_shape(table: MeshTable, parameters: dict[str, object], where: str) -> tu
         allowed = [*MeshTable.model_fields, *SHAPES[shape].parameters.model_fields]
         for key in parameters:
             if key not in allowed:
-                raise InputError(f"{where}: unknown field {key!r:.60}; allowed with {shape}: {', '.join(allowed)}")
+                known = alternatives(key, allowed, f"allowed with {shape}")
+                raise InputError(f"{where}: unknown field {key!r:.60}{known}")
     triangles = build_shape(shape, parameters, where)
     return (Mesh(table.name or shape, triangles.vertices, triangles.faces),)
 

@@ -1,12 +1,11 @@
 """Scenes by reference: a built-in name, a scene file, or a mesh file alone."""
 
-import difflib
 import os
 from dataclasses import replace
 from pathlib import Path
 
 from shadowbench.data import data_folder
-from shadowbench.errors import InputError
+from shadowbench.errors import InputError, alternatives
 from shadowbench.scenes.assumed import camera_for, ground_for, left_out, mesh_bounds, sun_for, up_for
 from shadowbench.scenes.files import read_document, read_scene_file
 from shadowbench.scenes.meshes import MESH_SUFFIXES, read_meshes
@@ -109,7 +108,4 @@ def _is_utf8(text: str) -> bool:
 
 
 def _not_builtin(name: str) -> str:
-    names = builtin_names()
-    near = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
-    hint = f"; did you mean {near[0]!r}?" if near else ""
-    return f"is no built-in scene{hint} (built-in: {', '.join(names)}; or give a .toml or mesh file)"
+    return f"is no built-in scene{alternatives(name, builtin_names())}; or a .toml or mesh file"

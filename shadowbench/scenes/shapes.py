@@ -13,7 +13,7 @@ import trimesh
 from pydantic import Field, ValidationError
 from trimesh import creation
 
-from shadowbench.errors import InputError
+from shadowbench.errors import InputError, alternatives
 from shadowbench.scenes import generators
 from shadowbench.scenes.triangles import Triangles, welded, without_zero_area
 from shadowbench.strict import Strict, explain
@@ -112,7 +112,7 @@ SHAPES: dict[str, Shape] = {
 def build_shape(name: str, parameters: dict[str, object], where: str) -> Triangles:
     """The triangles of a shape with its own parameters; an InputError that begins with `where` otherwise."""
     if name not in SHAPES:
-        raise InputError(f"{where}: shape: unknown {name!r:.60}; allowed: {', '.join(SHAPES)}")
+        raise InputError(f"{where}: shape: unknown {name!r:.60}{alternatives(name, SHAPES)}")
     shape = SHAPES[name]
     try:
         validated = shape.parameters.model_validate(parameters)

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
-from shadowbench.errors import InputError
+from shadowbench.errors import InputError, alternatives
 from shadowbench.scenes.model import Camera, Light, Vec3, vec3
 from shadowbench.scenes.triangles import LARGEST
 from shadowbench.strict import Strict, explain
@@ -191,7 +191,7 @@ def light_from_table(table: object, where: str, default_name: str = "light") -> 
     kind = table.get("kind") if isinstance(table, dict) else None
     if not isinstance(kind, str) or kind not in LIGHT_TABLES:
         found = "none" if kind is None else f"{kind!r:.60}"
-        raise InputError(f"{where}: kind: found {found}; allowed: {', '.join(LIGHT_TABLES)}")
+        raise InputError(f"{where}: kind: found {found}{alternatives(kind, LIGHT_TABLES)}")
     try:
         row = LIGHT_TABLES[kind].model_validate(table)
     except ValidationError as error:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TypeVar
 
-from shadowbench.errors import InputError
+from shadowbench.errors import InputError, alternatives
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Camera, Light, View, view_of
 
@@ -56,4 +56,4 @@ def named(things: Sequence[Named], name: str, where: str) -> Named:
     for thing in things:
         if thing.name == name:
             return thing
-    raise InputError(f"{where}: found {name!r:.60}; allowed: {', '.join(thing.name for thing in things)}")
+    raise InputError(f"{where}: found {name!r:.60}{alternatives(name, [thing.name for thing in things])}")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from PIL import Image
+from PIL import Image, ImageFile
 
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
@@ -43,17 +43,19 @@ def write_mask(path: str | Path, visibility: ArrayLike) -> None:
 def read_mask(path: str | Path) -> NDArray[np.float32]:
     """Visibility (H, W) float32 in [0, 1] of a linear grey PNG of 8 or 16 bits, full = lit, row 0 at the top.
 
-    What `write_mask` stored comes back as `quantise` gave it, bit for bit. InputError for any other file.
+    One of 8 bits in colour is grey if its channels are equal everywhere. What `write_mask` stored comes back as
+    `quantise` gave it, bit for bit. InputError for any other file.
     """
-    allowed = "allowed: a grey PNG of 8 or 16 bits"
+    allowed = "allowed: a grey PNG of 8 or 16 bits, or one of 8 in colour whose channels are equal"
     with open_png(path, allowed) as image:
-        if image.mode not in _FULL_SCALE:
+        grey = _grey(image)
+        if grey.mode not in _FULL_SCALE:
             raise InputError(f"{path}: found a PNG of mode {image.mode}; {allowed}")
-        return _from_levels(np.asarray(image), _FULL_SCALE[image.mode])
+        return _from_levels(np.asarray(grey), _FULL_SCALE[grey.mode])
 
 
 @contextmanager
-def open_png(path: str | Path, allowed: str) -> Iterator[Image.Image]:
+def open_png(path: str | Path, allowed: str) -> Iterator[ImageFile.ImageFile]:
     """A PNG whose size and mode are known and whose pixels are decoded when they are asked for.
 
     InputError, which ends with `allowed`, for what is no regular file or no PNG, also where decoding it fails.
@@ -70,6 +72,19 @@ def open_png(path: str | Path, allowed: str) -> Iterator[Image.Image]:
         raise InputError(f"{path}: found more than {2 * (Image.MAX_IMAGE_PIXELS or 0)} pixels; {allowed}") from error
     except (OSError, SyntaxError, ValueError) as error:
         raise InputError(f"{path}: cannot be read as an image; {allowed}") from error
+
+
+def _grey(image: ImageFile.ImageFile) -> Image.Image:
+    """A channel of an RGB image of three that are equal, or of an RGBA one that is opaque too; else the image.
+
+    Pillow would read the high bytes alone of 16 bits in colour: such an image is left as it is, too.
+    """
+    if image.mode not in ("RGB", "RGBA") or "16" in str(image.tile[0][3]):
+        return image
+    red, green, blue, *alpha = image.split()
+    opaque = all(one.getextrema() == (255, 255) for one in alpha)
+    same = all(np.array_equal(np.asarray(one), np.asarray(red)) for one in (green, blue))
+    return red if same and opaque else image
 
 
 def mask_sha256(visibility: ArrayLike) -> str:

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field, ValidationError
 
 from shadowbench.data import data_folder
-from shadowbench.errors import InputError
+from shadowbench.errors import InputError, alternatives
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import Camera, Coordinates, Light
 from shadowbench.scenes.tables import camera_from_table, light_from_table
@@ -66,7 +66,7 @@ class StudyFile(Strict):
 
 def read_study(file: Path, techniques: Techniques) -> Study:
     """The study of a file; raises InputError for anything wrong in it."""
-    table = read_toml(file, str(file), f"no such study file; ours: {', '.join(study_names())}")
+    table = read_toml(file, str(file), f"no such study file{alternatives(file, study_names(), 'ours')}")
     try:
         text = StudyFile.model_validate(table)
     except ValidationError as error:
@@ -178,8 +178,9 @@ def _crossed(
     factors = _factors(table, where)
     for key, choices in lists.items():
         if key not in base.technique.Params.model_fields:
-            allowed = ", ".join(base.technique.Params.model_fields) or "none"
-            raise InputError(f"{where}: unknown parameter {key!r:.60}; parameters of {base.technique.name}: {allowed}")
+            names = [*base.technique.Params.model_fields, "bias_sweep"]
+            known = alternatives(key, names, f"parameters of {base.technique.name}")
+            raise InputError(f"{where}: unknown parameter {key!r:.60}{known}")
         if not choices:
             raise InputError(f"{where}: {key}: found an empty list; allowed: one value or more")
     count = math.prod(len(choices) for choices in lists.values()) * max(1, len(factors))
@@ -242,11 +243,11 @@ def _factors(table: dict[str, Any], where: str) -> list[float]:
 def _swept(spec: Spec, factor: float) -> Spec:
     """The spec with its bias times a factor; raises InputError where there is none, or it has nothing to multiply."""
     bias = getattr(spec.params, "bias", None)
-    if not isinstance(bias, Bias) or not bias.swept:
+    if not isinstance(bias, Bias) or not any(part.swept for part in bias.parts):
         found = f", found bias={format_value(bias)}" if isinstance(bias, Row) else ""
         raise InputError(f"bias_sweep: {spec.technique.name} has no bias here that can be multiplied{found}")
     try:
-        row = type(bias)(**{**dict(bias), **{name: getattr(bias, name) * factor for name in bias.swept}})
+        row = bias.times(factor)
     except ValidationError as error:
         raise explain(f"bias_sweep {factor:g}: {format_value(bias)}", error) from None
     return spec.with_(bias=row)

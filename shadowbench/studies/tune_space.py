@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 
 from pydantic.fields import FieldInfo
 
-from shadowbench.errors import InputError
+from shadowbench.errors import InputError, alternatives
 from shadowbench.techniques.params import Row, TechniqueParams, in_metres
 from shadowbench.techniques.spec import Spec
 
@@ -101,6 +101,8 @@ class Space:
         for name, info in fields.items():
             value, path = getattr(params, name), above + name
             if isinstance(value, Row):
+                if type(value) not in rows_of(info):  # biases that act together
+                    return None
                 inner = self._steps_of(value, type(value).model_fields, f"{path}.{value.name}.")
                 if inner is None or value.name in self._refused.get(path, ()):
                     return None
@@ -164,19 +166,18 @@ def searched(home: Spec, text: str | None) -> tuple[str, ...]:
     """The parameters that `--params` names, or the usual ones; raises InputError for none, or one that cannot be."""
     fields: Mapping[str, FieldInfo] = home.technique.Params.model_fields
     able = [name for name, info in fields.items() if _searchable(info) and name != "size"]
-    allowed = ", ".join(able) or f"none, as {home.technique.name} has no parameter that can be searched"
+    none = f"none, as {home.technique.name} has no parameter that can be searched"
     if text is None:
         usual = tuple(name for name in USUAL if name in fields)
         if not usual:
-            raise InputError(
-                f"{home.technique.name} has no {', '.join(USUAL[:-1])} or {USUAL[-1]}; --params: {allowed}"
-            )
+            lacking = f"{', '.join(USUAL[:-1])} or {USUAL[-1]}"
+            raise InputError(f"{home.technique.name} has no {lacking}; --params: {', '.join(able) or none}")
         return usual
     names = tuple(dict.fromkeys(part.strip() for part in text.split(",")))
     for name in names:
         if name not in able:
             why = "; the map's size is what --map-size states" if name == "size" else ""
-            raise InputError(f"--params: found {name!r:.60}; allowed: {allowed}{why}")
+            raise InputError(f"--params: found {name!r:.60}{alternatives(name, able, none=none)}{why}")
     return names
 
 

@@ -1,18 +1,41 @@
 """Biases: what keeps a surface from shadowing itself. A row and, where it needs one, a shader file in `bias/`."""
 
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, Self
 
+from pydantic import BeforeValidator, model_validator
+
+from shadowbench.techniques.grammar import Call, parse_value
 from shadowbench.techniques.params import Row, param
 
 MapKind = Literal["2d", "array", "cube"]
 
 
 class Bias(Row):
-    """Family of biases. `maps`: the map kinds that a row serves; `swept`: what a study's `bias_sweep` multiplies."""
+    """Family of biases. `maps`: the map kinds that a row serves; `swept`: what a study's `bias_sweep` multiplies.
+
+    Several that act together are a `Sum`, written with `+`.
+    """
 
     maps: ClassVar[frozenset[MapKind]] = frozenset({"2d", "array"})
     swept: ClassVar[tuple[str, ...]] = ()
     shader = "bias/none.glsl"
+
+    @classmethod
+    def chosen(cls, value: "Row | str | Call") -> "Bias":
+        """The bias, or the sum of biases, that a spec's value names; raises ValueError with the names allowed."""
+        value = parse_value(value) if isinstance(value, str) else value
+        if isinstance(value, Call) and value.name == "+":
+            return Sum(**value.keywords(["first", "second"]))
+        return value if isinstance(value, Sum) else super().chosen(value)
+
+    @property
+    def parts(self) -> "tuple[Bias, ...]":
+        """The biases that act together."""
+        return (self,)
+
+    def times(self, factor: float) -> Self:
+        """The same with what is `swept` multiplied; raises ValidationError beyond a parameter's limits."""
+        return type(self)(**{**dict(self), **{name: getattr(self, name) * factor for name in self.swept}})
 
     @property
     def polygon_offset(self) -> tuple[float, float]:
@@ -50,6 +73,23 @@ class Constant(Bias):
     @property
     def depth_units(self) -> float | None:
         return None if self.world > 0 else self.units
+
+
+class BeforeDivide(Bias):
+    """Subtracted before the division by w, as published code that calls textureProj does.
+
+    For a directional light, w being 1, the same as `constant`. For a spot w is the distance along its axis in metres:
+    as a length along the axis the bias grows with that distance, not with its square as `constant` does.
+    """
+
+    name = "before-divide"
+    shader = "bias/before-divide.glsl"
+    swept = ("units",)
+    units: float = param(0.01, "homogeneous depth that is subtracted from the receiver's", ge=0, le=1)
+
+    @property
+    def depth_units(self) -> float | None:
+        return self.units
 
 
 class Slope(Bias):
@@ -125,3 +165,41 @@ class Texel(Bias):
     limit: float = param(16.0, "most, in filter radii · texel widths; twice that under a lamp", gt=0, le=1e6)
     ulps: float = param(4.0, "steps of the depth format on top", ge=0, le=1e6)
     grazing: float = param(50.0, "tan θ from which the receiver moves along its normal instead", ge=0, le=1e6)
+
+
+class Sum(Bias):
+    """Biases that act together, `polygon-offset(2,4)+before-divide(0.01)`: offsets, moves and depths add up.
+
+    No row of the family's table, but what specs join of them; `second` may be a sum again.
+    """
+
+    shader = "bias/sum.glsl"
+    first: Annotated[Bias, BeforeValidator(Bias.chosen)]
+    second: Annotated[Bias, BeforeValidator(Bias.chosen)]
+
+    @model_validator(mode="after")
+    def _has_one_form(self) -> Self:
+        if isinstance(self.first, Sum):
+            raise ValueError("first: found a sum; allowed: one bias")
+        return self
+
+    @property
+    def parts(self) -> tuple[Bias, ...]:
+        return (self.first, *self.second.parts)
+
+    def times(self, factor: float) -> Self:
+        return type(self)(first=self.first.times(factor), second=self.second.times(factor))
+
+    @property
+    def polygon_offset(self) -> tuple[float, float]:
+        factors, units = zip(*(part.polygon_offset for part in self.parts), strict=True)
+        return (sum(factors), sum(units))
+
+    @property
+    def cull(self) -> Literal["", "front"]:
+        return next((part.cull for part in self.parts if part.cull), "")
+
+    @property
+    def depth_units(self) -> float | None:
+        fixed = [part.depth_units for part in self.parts if part.depth_units is not None]
+        return sum(fixed) if fixed else None

@@ -1,10 +1,12 @@
 """The grammar of specs, read from left to right.
 
 spec  = name [":" item {"," item}]          item = key "=" value
-value = number | word ["(" argument {"," argument} ")"]       argument = [key "="] value
+value = one {"+" one}        one = number | word ["(" argument {"," argument} ")"]        argument = [key "="] value
 """
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +15,7 @@ from shadowbench.errors import InputError
 WORD = r"[A-Za-z0-9][\w-]*"
 _TOKEN = re.compile(
     r"\s*(?:(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w-]))"
-    rf"|(?P<word>{WORD})|(?P<mark>[=(),:]))"
+    rf"|(?P<word>{WORD})|(?P<mark>[=(),:+]))"
 )
 
 LONGEST = 1000
@@ -25,7 +27,7 @@ DEEPEST = 8
 
 @dataclass(frozen=True)
 class Call:
-    """A word with its own parameters: `slope(max=0.05)`."""
+    """A word with its own parameters: `slope(max=0.05)`; of values that are added, `+` with both sides."""
 
     name: str
     arguments: tuple[tuple[str | None, Any], ...]
@@ -71,6 +73,22 @@ class Reader:
             raise self.fail("a comma or the end")
 
     def value(self) -> Any:
+        first = self.one()
+        if not self.token("mark", "+"):
+            return first
+        with self.deeper("+"):
+            return Call("+", ((None, first), (None, self.value())))
+
+    @contextmanager
+    def deeper(self, word: str) -> Iterator[None]:
+        """One call within another; raises InputError beyond DEEPEST."""
+        self.depth += 1
+        if self.depth > DEEPEST:
+            raise InputError(f"spec {self.text!r}: {word} is nested deeper than {DEEPEST} calls")
+        yield
+        self.depth -= 1
+
+    def one(self) -> Any:
         number = self.token("number")
         if number is not None:
             return int(number) if re.fullmatch(r"[-+]?\d+", number) else float(number)
@@ -78,11 +96,8 @@ class Reader:
         if word is None:
             raise self.fail("a number or a word")
         if self.token("mark", "("):
-            self.depth += 1
-            if self.depth > DEEPEST:
-                raise InputError(f"spec {self.text!r}: {word} is nested deeper than {DEEPEST} calls")
-            arguments = self.items(named=False)
-            self.depth -= 1
+            with self.deeper(word):
+                arguments = self.items(named=False)
             if not self.token("mark", ")"):
                 raise self.fail("')'")
             return Call(word, arguments)

@@ -11,9 +11,10 @@ from shadowbench.techniques.filters import Filter
 from shadowbench.techniques.lights import LightView
 
 
-def without_meaning(kind: MapKind, *rows: Bias | Filter) -> str | None:
-    """Why one of the rows does not serve a kind of map, in words; None when all do."""
+def without_meaning(kind: MapKind, bias: Bias, filter: Filter) -> str | None:
+    """Why bias or filter does not serve a kind of map, in words; None when both do."""
     names = {"2d": "a 2-D map", "array": "an array of maps", "cube": "a cube map"}
+    rows: tuple[Bias | Filter, ...] = (*bias.parts, filter)
     return next((f"{row.name} has no meaning for {names[kind]}" for row in rows if kind not in row.maps), None)
 
 

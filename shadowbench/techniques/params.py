@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Literal, Self, get_args, get_origin
 from pydantic import BeforeValidator, Field
 from pydantic.fields import FieldInfo
 
+from shadowbench.errors import alternatives
 from shadowbench.strict import Strict
 from shadowbench.techniques.grammar import Call, parse_value
 
@@ -77,7 +78,7 @@ class Row(Strict):
             value = parse_value(value)
         call = value if isinstance(value, Call) else Call(f"{value!s:.60}", ())
         if call.name not in cls.table:
-            raise ValueError(f"unknown {cls.__name__.lower()} {call.name!r}; allowed: {', '.join(cls.table)}")
+            raise ValueError(f"unknown {cls.__name__.lower()} {call.name!r}{alternatives(call.name, cls.table)}")
         row = cls.table[call.name]
         return row(**call.keywords(list(row.model_fields)))
 

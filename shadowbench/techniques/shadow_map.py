@@ -35,7 +35,7 @@ class ShadowMap(Technique):
         "constant": "fit=scene,bias=constant(0.005),filter=hard",
         "webgl": "fit=scene,bias=constant(0.001),filter=hard,size=512",
         "offset": "fit=scene,bias=polygon-offset(2,4),filter=hardware",
-        "dither": "fit=scene,bias=polygon-offset(2,4),filter=dither-4",
+        "dither": "fit=scene,bias=polygon-offset(2,4)+before-divide(0.01),filter=dither-4",
         "fixed": "fit=fixed,bias=slope,filter=pcf(taps=3)",
     }
 

@@ -4,15 +4,15 @@
 uses a preset, and `parse_spec(format_spec(s)) == s`.
 """
 
-import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
-from shadowbench.errors import InputError
+from shadowbench.errors import InputError, alternatives
 from shadowbench.strict import explain
+from shadowbench.techniques.biases import Sum
 from shadowbench.techniques.grammar import Call, Reader
 from shadowbench.techniques.params import Row, TechniqueParams
 
@@ -56,9 +56,7 @@ def parse_spec(text: str, techniques: "Mapping[str, type[Technique]]") -> Spec:
     if name is None:
         raise reader.fail("a technique's name")
     if name not in techniques:
-        near = difflib.get_close_matches(name, techniques, n=1)
-        hint = f"; did you mean {near[0]!r}?" if near else ";"
-        raise InputError(f"unknown technique {name!r:.60}{hint} allowed: {', '.join(sorted(techniques))}")
+        raise InputError(f"unknown technique {name!r:.60}{alternatives(name, sorted(techniques))}")
     items: tuple[tuple[str | None, Any], ...] = ()
     if reader.token("mark", ":"):
         items = reader.items(named=True)
@@ -77,9 +75,9 @@ def spec_of(technique: "type[Technique]", items: tuple[tuple[str | None, Any], .
         written.add(key)
         if key == "preset":
             if value not in technique.presets:
-                allowed = ", ".join(technique.presets) or "none"
                 found = _shown(value)
-                raise InputError(f"spec {where!r}: unknown preset {found!r}; presets of {technique.name}: {allowed}")
+                known = alternatives(found, technique.presets, f"presets of {technique.name}")
+                raise InputError(f"spec {where!r}: unknown preset {found!r}{known}")
             reader = Reader(technique.presets[value])
             values.update({str(k): v for k, v in reader.items(named=True)})
         else:
@@ -96,6 +94,8 @@ def _validated(technique: "type[Technique]", values: dict[str, Any], where: str)
 
 def format_value(value: Any, full: bool = False) -> str:
     """A parameter's value as a spec writes it; `full` writes defaults of rows too."""
+    if isinstance(value, Sum):
+        return "+".join(format_value(part, full) for part in value.parts)
     if isinstance(value, Row):
         inner = _format_items(value, full, skip=())
         return f"{value.name}({inner})" if inner else value.name

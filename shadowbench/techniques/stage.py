@@ -64,7 +64,7 @@ class Stage:
 
         Ints, bools and choices of `params` become #defines (SIZE 1024, REVERSED 0, WRAP_BORDER 1), a row fills the
         include slot of its field (`#include <bias>`), and its own parameters follow the same rule (FILTER_TAPS 3);
-        floats become uniforms (`bias_max`), lengths in metres being local by then.
+        floats become uniforms (`bias_max`), lengths in metres being local by then; `metre` is the local length of one.
         """
         sources = [source for source in (vertex, fragment, geometry) if source is not None]
         texts, uniforms = self._composed(sources, params, defines)
@@ -79,6 +79,7 @@ class Stage:
         """The whole texts of a program's shaders, and the uniforms that its parameters make."""
         names, slots, uniforms = _shader_values(params, self.placement) if params else ({}, {}, {})
         names |= {name: str(value) for name, value in defines.items()}
+        uniforms["metre"] = self.placement.length(1.0)
         return [compose(source, self._roots, names, slots) for source in sources], uniforms
 
     def texture(self, size: tuple[int, int] | None = None, components: int = 1, dtype: str = "f4") -> moderngl.Texture:

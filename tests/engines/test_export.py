@@ -120,10 +120,10 @@ def test_the_example_is_a_mask_without_an_error(shadowbench: Callable, tmp_path:
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
-        (("stairs", "{}", "--view", "no"), "view: found 'no'; allowed: camera"),
-        (("stairs", "{}", "--light", "no"), "light: found 'no'; allowed: light"),
+        (("stairs", "{}/new", "--view", "no"), "view: found 'no'; allowed: camera"),
+        (("stairs", "{}/new", "--light", "no"), "light: found 'no'; allowed: light"),
         (("stairs", "{}/file/x"), "cannot be made"),
-        (("nowhere", "{}"), "is no built-in scene"),
+        (("nowhere", "{}/new"), "is no built-in scene"),
     ],
 )
 def test_bad_input_is_one_line(shadowbench: Callable, tmp_path: Path, arguments: tuple[str, ...], line: str) -> None:

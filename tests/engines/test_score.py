@@ -206,7 +206,11 @@ def test_errors_are_told_by_their_kind(comparison: Callable, reference: Callable
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
-        ((), "found neither; allowed: MASK, or --lit and --shadowed"),
+        (
+            (),
+            f"found neither a mask nor screenshots of {SCENE}; allowed: shadowbench score {SCENE} MASK.png, or "
+            f"shadowbench score {SCENE} --lit LIT.png --shadowed SHADOWED.png; shadowbench export says what to draw",
+        ),
         (("{mask}", "--lit", "{mask}"), "found MASK and --lit; allowed: MASK, or"),
         (("--lit", "{mask}"), "found --lit; allowed"),
         (("{mask}", "--name", "x"), "found one of them; allowed: both"),

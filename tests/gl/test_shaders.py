@@ -49,6 +49,27 @@ def test_a_slot_takes_the_file_that_was_put_into_it(tmp_path: Path) -> None:
     assert "none" in compose(text, [tmp_path], slots={"bias": "none.glsl"})
 
 
+def test_a_file_may_be_taken_under_other_names_too(tmp_path: Path) -> None:
+    """Names that begin with the old one and an underscore, also in what the file includes; `p.bias` is no such name."""
+    write(
+        tmp_path,
+        bias="#include <bias>\nfloat bias_depth(P p) { return p.bias; }  // with unbiased_x",
+        sum='#include "bias.glsl" with bias = bias_a\n#include "bias.glsl" with bias = bias_b\nfloat bias_depth();',
+        slope="#define BIAS_HAS_DEPTH\nuniform float bias_max;",
+    )
+    slots = {"bias": "sum.glsl", "bias_a": "slope.glsl", "bias_b": "slope.glsl"}
+    assert compose("#include <bias>\n", [tmp_path], slots=slots).split("\n")[1:] == [
+        "#define BIAS_A_HAS_DEPTH",
+        "uniform float bias_a_max;",
+        "float bias_a_depth(P p) { return p.bias; }  // with unbiased_x",
+        "#define BIAS_B_HAS_DEPTH",
+        "uniform float bias_b_max;",
+        "float bias_b_depth(P p) { return p.bias; }  // with unbiased_x",
+        "float bias_depth();",
+        "",
+    ]
+
+
 def test_an_empty_slot_is_named(tmp_path: Path) -> None:
     with pytest.raises(KeyError, match="bias"):
         compose("#include <bias>\n", [tmp_path])

@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
+from rich.console import Console
 
+from shadowbench.commands import console, report
 from shadowbench.reports import gallery
 from shadowbench.reports.gallery import difference
 from shadowbench.scores.difference import FALSE_LIGHT, FALSE_SHADOW
@@ -154,3 +156,27 @@ def test_cells_of_earlier_commands_are_counted_in_a_note(
     assert shadowbench(*words, "--quiet").err == ""
     (folder / "table.csv").write_text("key\n" + "".join(f"{cell.key}\n" for cell in CELLS))
     assert shadowbench(*words).err == ""
+
+
+def test_what_is_read_is_shown_before_the_first_chart(
+    run_folder: Write, shadowbench: Shadowbench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    terminal = Console(file=io.StringIO(), force_terminal=True, width=300)
+    monkeypatch.setattr(console, "err", terminal)
+    shown: dict[str, str] = {}
+
+    def noted(name: str) -> Callable[..., Any]:
+        function = getattr(report, name)
+
+        def call(*arguments: Any) -> Any:
+            shown[name] = terminal.file.getvalue()  # type: ignore[attr-defined]
+            return function(*arguments)
+
+        return call
+
+    for name in ("read_folders", "html_report"):
+        monkeypatch.setattr(report, name, noted(name))
+    folder, page = run_folder(), tmp_path / "page.html"
+    assert shadowbench("report", folder, "-o", page).code == 0
+    assert "reading" in shown["read_folders"] and str(folder) in shown["read_folders"]
+    assert "charts and pictures" in shown["html_report"] and str(page) in shown["html_report"]

@@ -1,9 +1,11 @@
 """The stability page: what a sweep's heat map, lines, tables and pictures say is what its rows hold."""
 
+import base64
 import csv
 import io
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +20,11 @@ from shadowbench.reports.heat_map import NOTHING, heat_map, is_dark, shade
 from shadowbench.reports.stability import Stability
 from shadowbench.reports.styles import styles_of
 from shadowbench.reports.words import range_text, stability_headline
+from shadowbench.scores.masks import read_mask
 from shadowbench.studies.axes import AXES
-from shadowbench.studies.ranges import TOLERANCES
-from tests.reports.conftest import CELLS, POINTS, Point, galleries, scripts, swept, texts
+from shadowbench.studies.axes.model import NAMES
+from shadowbench.studies.ranges import TOLERANCES, value_text
+from tests.reports.conftest import CELLS, POINTS, Point, color_of, galleries, scripts, swept, texts
 
 Chart = dict[str, Any]
 Shadowbench = Callable[..., Any]
@@ -72,7 +76,7 @@ def test_the_share_is_that_of_the_values_around_home(stability_of: Make) -> None
         ("shadow-map, sun", "volume-wall"): pytest.approx(7 / 15),
         ("cube-map, sun", "mesh"): pytest.approx(6 / 7),
         ("cube-map, sun", "elevation"): None,
-        ("unshadowed, sun", "elevation"): 0,
+        ("planar-projection, sun", "elevation"): 0,
     }
 
 
@@ -82,7 +86,7 @@ def test_a_cell_says_what_holds_or_how_it_breaks(stability_of: Make) -> None:
     assert found["shadow-map, sun", "elevation"]["text"] == "0.5…89.9\nnot 0.2\nacne 25.0%"
     assert found["shadow-map, sun", "volume-wall"]["text"] == "1e-6…0.5\nnot 0\ncrash"
     assert found["cube-map, sun", "mesh"]["text"] == "6 of 7\nleak 3.00%"
-    assert found["unshadowed, sun", "elevation"]["text"] == "not 50\nleak 100%"
+    assert found["planar-projection, sun", "elevation"]["text"] == "not 50\nleak 100%"
 
 
 def test_unsupported_is_no_number_and_struck_out(stability_of: Make) -> None:
@@ -108,7 +112,7 @@ def test_the_heat_map_is_drawn_with_every_text(stability_of: Make) -> None:
 
 
 def test_rows_stand_best_first(stability_of: Make) -> None:
-    assert stability_of().specs == ["shadow-map", "cube-map", "unshadowed"]
+    assert stability_of().specs == ["shadow-map", "cube-map", "planar-projection"]
 
 
 def luminance(color: str) -> float:
@@ -195,12 +199,45 @@ def test_every_break_that_drew_has_its_pictures(sweep_folder: Write, page_of: Ca
         ("shadow-map", "elevation 0.2°, sun"),
         ("shadow-map", "map-size 16 texels, sun"),
         ("cube-map", "mesh open, sun"),
-        ("unshadowed", "elevation 50°, sun"),
+        ("planar-projection", "elevation 50°, sun"),
     }
     for one in shown["cells"]:
         assert all(one[name].startswith("data:image/webp;base64,") for name in ("picture", "mask", "difference"))
         assert shown["truths"][one["place"]].startswith("data:image/webp;base64,")
     assert "acne 25.00%: IoU 0.80000" in {one["said"] for one in shown["cells"]}
+
+
+def test_a_break_is_shown_with_its_own_picture_and_mask(sweep_folder: Write, page_of: Callable[..., str]) -> None:
+    folder = sweep_folder(pictures=True)
+    (shown,) = galleries(page_of(folder))
+    keys = {
+        (one.spec, f"{one.axis} {value_text(AXES[one.axis], one.value)}, {NAMES[one.light]}"): one.key for one in POINTS
+    }
+    for one in shown["cells"]:
+        key = keys[one["spec"], one["place"]]
+        mask = read_mask(folder / "masks" / f"{key}.png")
+        assert np.abs(pixels(one["mask"])[..., 0] - 255 * mask).max() <= 1
+        expected = (0.2 + 0.8 * mask[..., None]) * color_of(key)
+        assert np.abs(pixels(one["picture"]) - expected).mean() < 6, "lossy"
+
+
+def test_the_floor_is_no_subject(stability_of: Make, sweep_folder: Write, page_of: Callable[..., str]) -> None:
+    floor = [replace(one, iou=0.0, leak=1.0) for one in swept("unshadowed", "elevation")]
+    found = stability_of([*POINTS, *floor])
+    assert found.ranges and found.ranges == stability_of(name="without").ranges
+    assert stability_headline(found)[-1] == (
+        "Left out as the floor that every score is read against: 21 cells unshadowed."
+    )
+    page = page_of(sweep_folder([*POINTS, *floor], name="page", pictures=True))
+    (shown,) = galleries(page)
+    assert "unshadowed" not in {one["spec"] for one in shown["cells"]}
+    assert stability_headline(stability_of(floor, name="alone"))[0] == "Nothing here has a range."
+
+
+def pixels(uri: str) -> np.ndarray:
+    """(N, N, 3) of an image in a page."""
+    with Image.open(io.BytesIO(base64.b64decode(uri.partition(",")[2]))) as image:
+        return np.asarray(image.convert("RGB")).astype(float)
 
 
 def test_a_break_without_a_picture_is_named(sweep_folder: Write, page_of: Callable[..., str]) -> None:

@@ -1,4 +1,6 @@
 import hashlib
+import struct
+import zlib
 
 import numpy as np
 import pytest
@@ -106,9 +108,39 @@ def test_an_8_bit_mask_is_full_at_255_and_lies_on_the_levels(tmp_path):
     np.testing.assert_array_equal(quantise(visibility), visibility)
 
 
+@pytest.mark.parametrize("mode", ["RGB", "RGBA"])
+def test_a_mask_in_colour_whose_channels_are_equal_is_grey(tmp_path, mode):
+    grey = Image.fromarray(np.arange(256, dtype=np.uint8).reshape(16, 16))
+    grey.save(tmp_path / "grey.png")
+    grey.convert(mode).save(tmp_path / "colour.png")
+    assert np.array_equal(read_mask(tmp_path / "colour.png"), read_mask(tmp_path / "grey.png"))
+
+
+@pytest.mark.parametrize("channel", [0, 1, 2, 3])
+def test_one_pixel_that_is_coloured_or_transparent_makes_no_mask(tmp_path, channel):
+    levels = np.full((4, 4, 4), 255, np.uint8)
+    levels[2, 1, channel] = 254
+    Image.fromarray(levels).save(tmp_path / "colour.png")
+    with pytest.raises(InputError, match=r"mode RGBA; allowed: .* 8 in colour whose channels are equal"):
+        read_mask(tmp_path / "colour.png")
+
+
+def test_sixteen_bits_in_colour_are_no_mask_as_half_of_them_would_be_lost(tmp_path):
+    def chunk(name: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+
+    header = struct.pack(">IIBBBBB", 2, 2, 16, 2, 0, 0, 0)
+    rows = zlib.compress(2 * (b"\0" + 2 * 3 * b"\x12\x34"))
+    png = b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", rows) + chunk(b"IEND", b"")
+    (tmp_path / "deep.png").write_bytes(png)
+    with pytest.raises(InputError, match=r"deep\.png: found a PNG of mode RGB; allowed"):
+        read_mask(tmp_path / "deep.png")
+
+
 @pytest.mark.parametrize("mode", ["RGB", "RGBA", "LA", "P", "1"])
 def test_a_mask_in_colour_is_refused_by_name(tmp_path, mode):
-    Image.new(mode, (4, 4)).save(tmp_path / "colour.png")
+    color = (9, 9, 8) if mode == "RGB" else 0  # none is transparent
+    Image.new(mode, (4, 4), color).save(tmp_path / "colour.png")
     with pytest.raises(InputError, match=rf"colour\.png: found a PNG of mode {mode}; allowed: a grey PNG"):
         read_mask(tmp_path / "colour.png")
 

@@ -13,8 +13,10 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
+from rich.console import Console
 
 from shadowbench import __version__
+from shadowbench.commands import run
 from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import view_of
 from shadowbench.scores.masks import read_mask
@@ -65,6 +67,44 @@ def test_one_phase_is_called_so(shadowbench: Shadowbench, tmp_path: Path) -> Non
 def test_a_table_says_what_its_milliseconds_are(shadowbench: Shadowbench, tmp_path: Path) -> None:
     out = shadowbench("run", "lamp-by-wall", *CUBE[2:], "-o", tmp_path).out
     assert "  milliseconds are ratios to cube-map:size=1024, timed in turn with it, × its median of " in out
+
+
+def test_a_command_that_drew_nothing_says_so_in_its_last_line(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    lamp = ["run", "room-with-lamp", "-t", "shadow-map", *SMALL]
+    why = "unsupported: a point light shines all round, one 2-D map sees less than half of it"
+    alone = shadowbench(*lamp, "-o", tmp_path / "one")
+    assert (alone.code, alone.err) == (0, f"shadowbench: nothing was drawn, the only cell is {why}\n")
+    assert "masks/" not in alone.out
+    two = shadowbench(*lamp, "-t", "shadow-map:wrap=edge", "-o", tmp_path / "two")
+    assert two.err == f"shadowbench: nothing was drawn, all 2 cells are {why}\n"
+    some = shadowbench(*lamp, "-t", "unshadowed", "-o", tmp_path / "some")
+    assert "nothing was drawn" not in some.err and "masks/" in some.out
+
+
+def test_a_sweep_that_drew_nothing_says_so_in_its_last_line(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    too_large = "shadow-map:size=65536"
+    answer = shadowbench("stress", "-t", too_large, "--quick", "--axis", "through-up", "-o", tmp_path)
+    assert answer.code == 0
+    assert answer.err.startswith("shadowbench: nothing was drawn, all 6 cells are unsupported: map size 65536: ")
+    assert answer.err.count("\n") == 1
+
+
+def test_a_narrow_table_says_what_it_leaves_out(
+    shadowbench: Shadowbench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = [*CUBE[:-1], "0", "-o", tmp_path]
+    wide = shadowbench(*words).out
+    assert "left out" not in wide
+    monkeypatch.setattr(run, "out", Console(highlight=False, width=80))
+    narrow = shadowbench(*words).out
+    shown = narrow.splitlines()[1]
+    (line,) = [line for line in narrow.splitlines() if "left out" in line]
+    assert line == (
+        f"columns left out at 80 characters, see {tmp_path / 'table.csv'} or a terminal of 110: "
+        "IoU soft, edge px, acne, leak, contact, MiB"
+    )
+    for heading in line.rpartition(": ")[2].split(", "):
+        assert heading in wide.splitlines()[1] and heading not in shown
 
 
 def test_specs_without_map_sizes_mean_what_they_say(shadowbench: Shadowbench, tmp_path: Path) -> None:

@@ -77,6 +77,8 @@ FILES = {
     "polar.toml": 'scenes = ["cube-on-plane"]\ncoordinates = "polar"\n',
     "nothing.toml": "scenes = []\n",
     "none.toml": "rounds = 3\n",
+    "fov.toml": CAMERA + "fovy = 30\n" + SCENE,
+    "crossed.toml": 'scenes = ["cube-on-plane"]\n[[technique]]\nspec = "shadow-map"\nfilters = ["hard"]\n',
     "size.toml": 'scenes = ["cube-on-plane"]\n[[technique]]\nspec = "shadow-map"\nsize = 0\n',
 }
 
@@ -234,6 +236,44 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
         ["shadow-map", "room-with-lamp", "point light"],
     ),
     "a missing assets folder": ([*RUN[:1], "{in}/good.toml", "--assets", "{in}/none", "-o", "{out}"], ["--assets"]),
+    "map sizes by spaces": (
+        ["run", "cube-on-plane", "--map-size", "512", "1024", "2048", "-o", "{out}"],
+        ["--map-size", "'512' and '1024' apart", "allowed: 512,1024,2048"],
+    ),
+    "a run into somebody's folder": ([*RUN[:-1], "{in}"], ["/in: found other files, such as away.toml", "rows.jsonl"]),
+    "a sweep into somebody's folder": (["stress", "--quick", "-o", "{in}"], ["/in: found other files", "rows.jsonl"]),
+    "a search into somebody's folder": (["tune", "-t", "shadow-map", "-o", "{in}"], ["/in: found other files"]),
+    "a choice into somebody's folder": (["recommend", "stairs", "-o", "{in}"], ["/in: found other files"]),
+    "an export into somebody's folder": (
+        ["export", "cube-on-plane", "{in}"],
+        ["/in: found other files, such as away.toml; allowed: a new folder, an empty one, or one with view.json"],
+    ),
+    "a near miss of a technique": ([*RUN, "-t", "shadow-mop"], ["did you mean 'shadow-map'? allowed: cascades"]),
+    "a near miss of a parameter": ([*RUN, "-t", "shadow-map:filtre=pcf"], ["'filtre'; did you mean 'filter'?"]),
+    "a near miss of a row": ([*RUN, "-t", "shadow-map:bias=polygonoffset"], ["did you mean 'polygon-offset'?"]),
+    "a near miss of a row's parameter": ([*RUN, "-t", "shadow-map:filter=pcf(tap=3)"], ["did you mean 'taps'?"]),
+    "a near miss of a preset": ([*RUN, "-t", "shadow-map:preset=WebGL1"], ["did you mean 'webgl'? presets of"]),
+    "a near miss of an axis": (["stress", "--axis", "elevaton", "-o", "{out}"], ["did you mean 'elevation'? allowed"]),
+    "a near miss of a study": (["run", "-s", "presest", "-o", "{out}"], ["did you mean 'presets'? ours: "]),
+    "a near miss of a metric": (
+        ["check", "{in}", "--baseline", "{in}", "--tolerance", "ancne=3"],
+        ["--tolerance: found 'ancne=3'; did you mean 'acne'? allowed: METRIC=X"],
+    ),
+    "a near miss of a listed metric": (["list", "metrics", "edge_pix"], ["did you mean 'edge_px'?"]),
+    "a near miss of a list": (["list", "scene"], ["did you mean 'scenes'?"]),
+    "a near miss of a scene's field": (
+        ["run", "{in}/unknown.toml", "-o", "{out}"],
+        ["unknown field 'colour'; did you mean 'color'? allowed with box"],
+    ),
+    "a near miss of a camera's field": (["run", "{in}/fov.toml", "-o", "{out}"], ["'fovy'; did you mean 'fov_y'?"]),
+    "a near miss of a study's field": (["run", "-s", "{in}/study.toml", "-o", "{out}"], ["did you mean 'rounds'?"]),
+    "a near miss of a study's parameter": (
+        ["run", "-s", "{in}/crossed.toml", "-o", "{out}"],
+        ["unknown parameter 'filters'; did you mean 'filter'? parameters of shadow-map"],
+    ),
+    "a near miss of a searched parameter": (["tune", "-t", "shadow-map", "--params", "bais"], ["did you mean 'bias'?"]),
+    "a near miss of a light": ([*RUN, "--light", "lihgt"], ["found 'lihgt'; did you mean 'light'? allowed: light"]),
+    "a near miss of nothing": ([*RUN, "-t", "shadow-map:zzz=3"], ["unknown field 'zzz'; allowed: fit, size"]),
     "an unknown list": (["list", "shaders"], ["'shaders'", "techniques, scenes, metrics, studies"]),
 }  # fmt: skip
 

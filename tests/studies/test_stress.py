@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from shadowbench.scores.masks import mask_sha256, read_mask
 from shadowbench.scores.metrics import METRICS
@@ -231,6 +232,34 @@ def test_masks_and_truth_are_kept_of_what_is_out_of_tolerance(swept: Swept, fold
     half = swept.rows[3]
     assert mask_sha256(read_mask(folder / "masks" / f"{half['key']}.png")) == half["mask_sha256"]
     assert (folder / "truth" / "elevation-5.camera.sun.256.undecided.png").exists()
+
+
+@pytest.mark.parametrize("axis", [ELEVATION, AXES["light-step"]], ids=lambda axis: axis.name)
+def test_the_picture_of_a_break_is_drawn_with_the_mask_beside_it(bench: Any, tmp_path: Path, axis: Axis) -> None:
+    """Lit pixels look as they do without any shadows, and those in shadow are darker."""
+    bench.worker.limits = Limits()
+    specs = ["unshadowed", "shadow-map:bias=none,filter=hard,size=128", "shadow-map:filter=hard,size=16"]
+    floor, *others = Swept(bench, tmp_path, specs, short(axis)).rows
+    masks, pictures = (
+        {one["key"]: np.asarray(Image.open(tmp_path / kind / f"{one['key']}.png"), float) for one in (floor, *others)}
+        for kind in ("masks", "pictures")
+    )
+    lit = pictures[floor["key"]].mean(axis=-1)
+    assert (masks[floor["key"]] == 65535).all()
+    for one in others:
+        shown, dark = pictures[one["key"]].mean(axis=-1), masks[one["key"]] == 0
+        assert 0.005 < dark.mean() < 0.9, "there is something to see"
+        assert np.array_equal(shown[~dark], lit[~dark])
+        assert (shown[dark] < lit[dark]).mean() > 0.99
+
+
+def test_faces_turned_away_from_the_light_can_be_told_apart(bench: Any, tmp_path: Path) -> None:
+    """The box of the base scene has two that are seen: alike, they would look like its shadow."""
+    bench.worker.limits = Limits()
+    (row,) = Swept(bench, tmp_path, ["unshadowed"], short(ELEVATION)).rows
+    picture = np.asarray(Image.open(tmp_path / "pictures" / f"{row['key']}.png"), float).mean(axis=-1)
+    grounds, counts = np.unique(np.rint(picture[picture < 130]), return_counts=True)
+    assert (counts > 100).sum() >= 2, dict(zip(grounds, counts, strict=True))
 
 
 def test_a_second_sweep_measures_only_what_failed(bench: Any, swept: Swept, folder: Path) -> None:

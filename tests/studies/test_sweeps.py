@@ -41,6 +41,14 @@ def test_every_bias_is_multiplied_or_says_that_it_cannot_be(bias: type[Bias], tm
     assert swept != bias()
 
 
+def test_all_parts_of_a_bias_are_multiplied(tmp_path: Path) -> None:
+    lines = "spec = 'shadow-map:bias=polygon-offset(2,4)+front-cull+constant(0.01)'\nbias_sweep = [2]"
+    (spec,) = study(tmp_path, lines).specs
+    assert "bias=polygon-offset(factor=4.0,units=8.0)+front-cull+constant(units=0.02)" in format_spec(spec)
+    with pytest.raises(InputError, match="no bias here that can be multiplied, found bias=none"):
+        study(tmp_path, "spec = 'shadow-map:bias=none+front-cull'\nbias_sweep = [2]")
+
+
 def test_true_means_a_quarter_to_four_times_with_the_spec_itself_among_them(tmp_path: Path) -> None:
     made = study(tmp_path, "spec = 'shadow-map'\nbias_sweep = true")
     assert [format_spec(spec) for spec in made.specs] == [

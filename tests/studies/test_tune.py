@@ -63,7 +63,9 @@ def test_the_default_and_every_preset_are_points_of_the_space_or_said_not_to_be(
 
 def test_published_constants_of_the_shadow_map_lie_in_its_space() -> None:
     space = Space(SHADOW_MAP, USUAL)
-    assert all(space.point(parse_spec(f"shadow-map:preset={name}", KNOWN)) for name in SHADOW_MAP.technique.presets)
+    presets = {name: parse_spec(f"shadow-map:preset={name}", KNOWN) for name in SHADOW_MAP.technique.presets}
+    outside = [name for name, spec in presets.items() if space.point(spec) is None]
+    assert outside == ["dither"], "biases that act together are measured beside the search, which is for one"
     assert space.point(parse_spec("shadow-map:bias=texel(scale=99)", KNOWN)) is None
     refusing = Space(SHADOW_MAP, USUAL, {"bias": frozenset({"slope"})})
     assert refusing.point(parse_spec("shadow-map:preset=course", KNOWN)) is None

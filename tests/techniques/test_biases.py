@@ -11,6 +11,9 @@ import numpy as np
 import pytest
 
 from shadowbench.scenes.model import Light, Mesh, unit
+from shadowbench.techniques.biases import Bias
+from shadowbench.techniques.registry import techniques
+from shadowbench.techniques.spec import parse_spec
 
 SIZE = 160
 TILTS = [5.0, 30.0, 60.0, 75.0]  # degrees between the plane's normal and the light
@@ -116,6 +119,74 @@ def test_front_faces_left_out_cast_by_their_backs(shape, looking, sun, mask) -> 
     assert (mask(spec, view) < 0.5).sum() > 200
     assert (mask(spec, lit) == 1).all()
     assert (mask("shadow-map:fit=scene,filter=hard,size=512", lit) < 0.5).sum() > 200
+
+
+@pytest.mark.parametrize("bias", sorted(name for name, row in Bias.table.items() if "2d" in row.maps))
+@pytest.mark.parametrize("filter_", ["hard", "hardware"])
+def test_a_bias_and_none_is_that_bias(builtin, mask, bias: str, filter_: str) -> None:
+    view, spec = builtin("spot-lamp", SIZE), f"shadow-map:fit=scene,filter={filter_},size=256,bias="
+    alone = mask(f"{spec}{bias}", view)
+    assert np.array_equal(alone, mask(f"{spec}{bias}+none", view))
+    assert np.array_equal(alone, mask(f"{spec}none+{bias}", view))
+
+
+@pytest.mark.parametrize(
+    ("whole", "parts"),
+    [
+        ("polygon-offset(2,4)", "polygon-offset(0.5,1)+polygon-offset(0.5,1)+polygon-offset(1,2)"),
+        ("constant(0.0078125)", "constant(0.00390625)+before-divide(0.00390625)"),
+        ("normal-offset(2,0)", "normal-offset(1,0)+normal-offset(1,0)"),
+    ],
+)
+def test_the_parts_of_a_bias_add_up_to_it(builtin, mask, whole: str, parts: str) -> None:
+    view, spec = builtin("sphere-and-torus", SIZE), "shadow-map:fit=scene,filter=hard,size=256,bias="
+    together = mask(f"{spec}{parts}", view)
+    assert np.array_equal(together, mask(f"{spec}{whole}", view))
+    assert not np.array_equal(together, mask(f"{spec}{parts.partition('+')[0]}", view))
+
+
+def test_front_faces_are_left_out_beside_another_bias(builtin, mask) -> None:
+    view, spec = builtin("sphere-and-torus", SIZE), "shadow-map:fit=scene,filter=hard,size=256,bias="
+    both = mask(f"{spec}constant(0.001)+front-cull", view)
+    assert np.array_equal(both, mask(f"{spec}front-cull+constant(0.001)", view))
+    assert not np.array_equal(both, mask(f"{spec}constant(0.001)", view))
+
+
+@pytest.mark.parametrize("scene", ["cube-on-plane", "sphere-and-torus", "colonnade"])
+def test_dither_as_published_has_no_acne_and_without_its_constant_it_has(
+    builtin, truth_of, mask, scored, scene: str
+) -> None:
+    view, truth = builtin(scene, 256), truth_of(scene, 256)
+    published = scored(mask("shadow-map:preset=dither,size=512", view), truth)
+    offset_alone = scored(mask("shadow-map:preset=dither,bias=polygon-offset(2,4),size=512", view), truth)
+    assert published["acne"] < 0.002 < 0.005 < offset_alone["acne"]
+    assert published["iou"] > offset_alone["iou"]
+
+
+def test_what_is_fixed_in_depth_is_told_in_metres(builtin, build, studio) -> None:
+    shot = studio.shot(builtin("cube-on-plane", 32))
+    facts = {}
+    for bias in ("polygon-offset", "before-divide(0.01)", "polygon-offset+before-divide(0.01)+constant(0.02)"):
+        one = build(f"shadow-map:fit=scene,size=64,bias={bias}", shot)
+        one.draw(shot)
+        facts[bias] = one.technique.facts()
+    none, part, whole = facts.values()
+    assert "bias_m" not in none
+    assert part["bias_m"] == pytest.approx(0.01 * part["depth_range_m"])
+    assert whole["bias_m"] == pytest.approx(0.03 * whole["depth_range_m"])
+
+
+@pytest.mark.parametrize(
+    ("spec", "refused"),
+    [
+        ("cube-map:bias=texel+polygon-offset", "polygon-offset has no meaning for a cube map"),
+        ("cube-map:bias=before-divide+texel", "before-divide has no meaning for a cube map"),
+        ("cube-map:bias=front-cull+constant(world=0.05)", None),
+    ],
+)
+def test_a_sum_serves_the_maps_that_all_its_parts_serve(spec: str, refused: str | None, device, builtin) -> None:
+    parsed = parse_spec(spec, techniques())
+    assert parsed.technique.unsupported(parsed.params, builtin("room-with-lamp", 16), device) == refused
 
 
 def test_no_bias_is_acne_and_the_defaults_are_not(builtin, truth_of, mask, scored) -> None:

@@ -35,6 +35,7 @@ class MapLookup:
             else:
                 self.depth = (axial - near) / (far - near)
         low, high = seen.box.low, seen.box.high
+        self.axial = axial
         self.u, self.v = (x - low[0]) / (high[0] - low[0]) * size, (y - low[1]) / (high[1] - low[1]) * size
         light, w = shot.view.light.homogeneous
         to_light = np.asarray(light) - w * shot.position[..., :3]
@@ -148,6 +149,22 @@ def test_dither_takes_four_taps_by_the_parity_of_the_pixel(looked_up, kind, widt
 def test_slope_bias_as_published(looked_up, kind: str) -> None:
     mask, lookup = looked_up(kind, "filter=hard,bias=slope(max=0.05,min=0.005)", 0.0)
     lookup.bias = np.maximum(0.05 * (1 - lookup.cosine), 0.005)
+    check(mask, lookup.nearest(), lookup, ROUNDING)
+
+
+@pytest.mark.parametrize("kind", SCENES)
+def test_before_the_divide_a_bias_is_part_of_the_homogeneous_depth(looked_up, studio, builtin, kind: str) -> None:
+    """(z − 0.03)/w, w being 1 for a directional light and for a spot metres along its axis."""
+    mask, lookup = looked_up(kind, "filter=hard,bias=before-divide(0.03)", 0.0)
+    metres = lookup.axial / studio.shot(builtin(SCENES[kind], SIZE)).placement.scale
+    lookup.bias = np.broadcast_to(0.03 / (metres if kind == "spot" else 1.0), metres.shape)
+    check(mask, lookup.nearest(), lookup, ROUNDING)
+
+
+@pytest.mark.parametrize("kind", SCENES)
+def test_of_two_biases_the_sum_is_subtracted(looked_up, kind: str) -> None:
+    mask, lookup = looked_up(kind, "filter=hard,bias=constant(0.004)+slope(max=0.05,min=0.005)", 0.0)
+    lookup.bias = 0.004 + np.maximum(0.05 * (1 - lookup.cosine), 0.005)
     check(mask, lookup.nearest(), lookup, ROUNDING)
 
 

@@ -9,9 +9,9 @@ from pydantic import ValidationError
 
 from shadowbench.errors import InputError
 from shadowbench.techniques.base import Technique
-from shadowbench.techniques.biases import Bias, Constant, PolygonOffset, Slope
-from shadowbench.techniques.filters import PCF, Filter, Hardware
-from shadowbench.techniques.fits import Fit, SceneFit
+from shadowbench.techniques.biases import BeforeDivide, Bias, Constant, PolygonOffset, Slope, Sum
+from shadowbench.techniques.filters import PCF, PCF20, Dither4, Filter, Hard, Hardware
+from shadowbench.techniques.fits import Fit, Fixed, SceneFit
 from shadowbench.techniques.grammar import parse_value
 from shadowbench.techniques.params import Row
 from shadowbench.techniques.registry import techniques
@@ -23,7 +23,8 @@ ALL = techniques()
 def values_of(field: Any) -> st.SearchStrategy[Any]:
     """Values that a field of a parameter model allows."""
     if isinstance(field.default, Row):
-        return st.one_of([rows(row) for row in field.default.family().table.values()])
+        single = st.one_of([rows(row) for row in field.default.family().table.values()])
+        return st.one_of(single, sums(single)) if isinstance(field.default, Bias) else single
     if get_origin(field.annotation) is Literal:
         return st.sampled_from(get_args(field.annotation))
     if field.annotation is bool:
@@ -42,6 +43,12 @@ def values_of(field: Any) -> st.SearchStrategy[Any]:
 
 def rows(row: type[Row]) -> st.SearchStrategy[Row]:
     return st.builds(row, **{key: values_of(field) for key, field in row.model_fields.items()})
+
+
+def sums(single: st.SearchStrategy[Bias]) -> st.SearchStrategy[Bias]:
+    """Two biases or three that act together."""
+    two = st.builds(Sum, first=single, second=single)
+    return st.one_of(two, st.builds(Sum, first=single, second=two))
 
 
 def specs(technique: type[Technique]) -> st.SearchStrategy[Spec]:
@@ -127,12 +134,36 @@ def test_a_preset_stands_for_its_items(name: str, preset: str) -> None:
 
 
 def test_the_published_presets() -> None:
-    course = parse_spec("shadow-map:preset=course", ALL).params
-    assert (course.fit, course.bias, course.filter) == (SceneFit(), Slope(max=0.05, min=0.005), PCF(taps=3))
-    webgl = parse_spec("shadow-map:preset=webgl", ALL).params
-    assert (webgl.bias, webgl.size) == (Constant(units=0.001), 512)
-    offset = parse_spec("shadow-map:preset=offset", ALL).params
-    assert (offset.bias, offset.filter) == (PolygonOffset(factor=2.0, units=4.0), Hardware())
+    slope, offset = Slope(max=0.05, min=0.005), PolygonOffset(factor=2.0, units=4.0)
+    published: dict[str, dict[str, object]] = {
+        "course": {"fit": SceneFit(), "bias": slope, "filter": PCF(taps=3)},
+        "constant": {"fit": SceneFit(), "bias": Constant(units=0.005), "filter": Hard()},
+        "webgl": {"fit": SceneFit(), "bias": Constant(units=0.001), "filter": Hard(), "size": 512},
+        "offset": {"fit": SceneFit(), "bias": offset, "filter": Hardware()},
+        "dither": {
+            "fit": SceneFit(),
+            "bias": Sum(first=offset, second=BeforeDivide(units=0.01)),
+            "filter": Dither4(width=2.5),
+        },
+        "fixed": {
+            "fit": Fixed(half=10.0, near=1.0, far=7.5, distance=4.58, fov=45.0),
+            "bias": slope,
+            "filter": PCF(taps=3),
+        },
+    }
+    technique = ALL["shadow-map"]
+    assert {name: parse_spec(f"shadow-map:preset={name}", ALL).params for name in technique.presets} == {
+        name: technique.Params(**values) for name, values in published.items()
+    }
+    lamp = parse_spec("cube-map:preset=course", ALL)
+    assert lamp.params == lamp.technique.Params(bias=Constant(world=0.05), filter=PCF20(spread=1 / 25))
+
+
+def test_biases_that_act_together_are_joined_by_plus() -> None:
+    spec = parse_spec("shadow-map:bias = polygon-offset(2,4) + normal-offset+constant(0.001)", ALL)
+    assert format_spec(spec) == "shadow-map:bias=polygon-offset+normal-offset+constant(units=0.001)"
+    with pytest.raises(ValidationError, match="found a sum; allowed: one bias"):
+        Sum(first=Sum(first=Slope(), second=Slope()), second=Slope())
 
 
 def test_later_keys_override_a_preset_and_a_preset_overrides_earlier_keys() -> None:
@@ -162,6 +193,10 @@ MISTAKES = {
     "shadow-map:size=512;wrap=edge": "expected a comma or the end, found ';wrap=edge'",
     "shadow-map:size=512 wrap=edge": "expected a comma or the end",
     "shadow-map size=512": "expected a comma or the end",
+    "shadow-map:bias=slope+": "expected a number or a word, found its end",
+    "shadow-map:bias=slope+heavy": "bias.second: unknown bias 'heavy'; allowed: none, constant",
+    "shadow-map:bias=slope+2": "expected a comma or the end",
+    "shadow-map:fit=scene+view": r"fit: unknown fit '\+'; allowed: fixed, scene",
     "shadow-map:bias=slope(0.1": r"expected '\)'",
     "shadow-map:bias=slope(0.1,)": "expected a number or a word",
     "shadow-map:bias=slope(max=)": "expected a number or a word",
@@ -203,7 +238,7 @@ def test_a_mistake_is_one_line_that_names_the_spec(text: str) -> None:
     assert repr(text) in message or "unknown technique" in message
 
 
-@given(st.text(alphabet="abd=,():0123.-_ eslopthwmxin\n", max_size=40))
+@given(st.text(alphabet="abd=,+():0123.-_ eslopthwmxin\n", max_size=40))
 def test_no_text_raises_anything_but_one_line(text: str) -> None:
     for spec in (text, f"shadow-map:{text}", f"shadow-map:bias={text}"):
         message = ""
@@ -227,6 +262,7 @@ def test_every_parameter_has_one_line_of_help(name: str) -> None:
     [
         ("shadow-map:size=" + "9" * 5000, ["5016 characters", "1000"]),
         ("shadow-map:bias=" + "a(" * 400, ["nested deeper than 8"]),
+        ("shadow-map:bias=" + "none+" * 10 + "none", ["nested deeper than 8"]),
         ("shadow-map:bias=" + "9" * 300, ["bias"]),
         ("shadow-map:size=" + "9" * 300, ["size"]),
         ("shadow-map:size=1e999", ["size"]),
