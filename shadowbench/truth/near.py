@@ -8,11 +8,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from shadowbench.scenes.model import Floats, Geometry
+from shadowbench.scenes.model import Floats, Geometry, in_slices
 from shadowbench.truth.rays import Indices, Mask, Receivers, dot
 
 CHILDREN = 8  # of a node of the tree
 MORTON_BITS = 10  # a coordinate
+GROUPS_AT_ONCE = 1 << 10  # of receivers: each may have a thousand triangles about it
 PAIRS_AT_ONCE = 1 << 16  # of a stretch and a triangle, so that a core's cache holds what is computed of them
 AT_SURFACE = 1e-9  # local length along L up to which a crossing is rounding: of a triangle in the receiver's own plane
 FLAT = 1e-14  # local height above the receiver's plane up to which a triangle lies in it
@@ -39,9 +40,9 @@ class NearCasters:
     def blocked(self, receivers: Receivers, height: float, block: Indices, eye: Floats) -> tuple[Floats, Mask]:
         """(N,) distance along L to the nearest caster within `height` above each surface, inf for none; (N,) doubt.
 
-        Neither the receiver's own triangle nor one in its plane blocks. In doubt are receivers that no other caster
-        blocks than what covers them so closely, as the eye at (3, 1) sees it, that they may be points of it. `block`
-        (N,) are any numbers: receivers of one triangle and block are searched for together, and should lie together.
+        A receiver's own triangle does not block it, nor does any in its plane. Doubtful is a receiver that is blocked
+        only by what, seen from `eye` (3, 1), covers it so closely that the eye may see that instead. `block` (N,), any
+        numbers: casters near receivers of one triangle and block are searched for together.
         """
         length = np.minimum(height / receivers.cosine, receivers.distance)
         to_light = np.broadcast_to(receivers.to_light, receivers.point.shape)
@@ -75,21 +76,23 @@ class NearCasters:
         low = np.minimum.reduceat(np.minimum(starts, ends), first, axis=1)
         high = np.maximum.reduceat(np.maximum(starts, ends), first, axis=1)
 
-        group, caster = self._overlapping(low, high)
-        own = triangle[first[group]]
-        up = self._normals[:, own]
-        up = up * np.sign(dot(up, ways[:, order[first[group]]]))
-        base = self._vertices[:, self._faces[own, 0]]
-        heights = [dot(up, corner - base) for corner in self._corners(caster)]
-        may = (caster != own) & (np.maximum.reduce(heights) > FLAT) & (np.minimum.reduce(heights) < height)
-        group, caster = group[may], caster[may]
+        for some in in_slices(len(first), GROUPS_AT_ONCE):
+            group, caster = self._overlapping(low[:, some], high[:, some])
+            group += some.start
+            own = triangle[first[group]]
+            up = self._normals[:, own]
+            up = up * np.sign(dot(up, ways[:, order[first[group]]]))
+            base = self._vertices[:, self._faces[own, 0]]
+            heights = [dot(up, corner - base) for corner in self._corners(caster)]
+            may = (caster != own) & (np.maximum.reduce(heights) > FLAT) & (np.minimum.reduce(heights) < height)
+            group, caster = group[may], caster[may]
 
-        pairs = np.cumsum(count[group])
-        parts = np.searchsorted(pairs, np.arange(PAIRS_AT_ONCE, pairs[-1] if len(pairs) else 0, PAIRS_AT_ONCE))
-        for part in np.split(np.arange(len(group)), parts):
-            many = count[group[part]]
-            within = np.arange(many.sum()) - np.repeat(np.cumsum(many) - many, many)
-            yield order[np.repeat(first[group[part]], many) + within], np.repeat(caster[part], many)
+            pairs = np.cumsum(count[group])
+            full = np.searchsorted(pairs, np.arange(PAIRS_AT_ONCE, pairs.max(initial=0), PAIRS_AT_ONCE))
+            for part in np.split(np.arange(len(group)), full):
+                many = count[group[part]]
+                within = np.arange(many.sum()) - np.repeat(np.cumsum(many) - many, many)
+                yield order[np.repeat(first[group[part]], many) + within], np.repeat(caster[part], many)
 
     def _overlapping(self, low: Floats, high: Floats) -> tuple[Indices, Indices]:
         """Which boxes, (3, Q) their lowest and highest corners, overlap those of which triangles: (K,) each."""

@@ -1,6 +1,8 @@
 """The ray-traced truth of a view: which receivers see the light, and which pixels nobody can decide.
 
-A pixel is undecided when its answer changes with less than the rasteriser's grid, or with the ray's offset.
+A pixel is undecided when its answer changes with less than the rasteriser's grid, or with the ray's offset δ. Where
+light grazes, a ray begins so far along L that casters lower than δ stand before its beginning: those are met from the
+surface itself.
 """
 
 from dataclasses import dataclass, fields
@@ -13,14 +15,14 @@ from shadowbench.errors import InputError
 from shadowbench.scenes.model import Floats, View, bounds_of, used_by
 from shadowbench.truth.embree import RAYS_A_SLICE, over_slices
 from shadowbench.truth.near import NearCasters
-from shadowbench.truth.rays import Indices, Mask, Receivers, ViewRays
+from shadowbench.truth.rays import Indices, Mask, Receivers, ShadowRays, ViewRays
 
 Single = NDArray[np.float32]
 
 OFFSET = 1e-6  # δ, as a share of the diagonal of casters and visible receivers
 AT_LAMP = 1e-3  # of δ: what is nearer to a lamp than that may be before it or behind
 GRAZING = 1e-4  # N·L up to which a receiver is undecided
-LOW_LIGHT = 0.02  # N·L up to which casters nearer than δ/(N·L) are looked for
+LOW_LIGHT = 0.02  # N·L up to which casters below the shadow ray's beginning count: it is then 50 δ or more along L
 NO_RECEIVER, SHADOWED, LIT = range(3)
 SUBPIXEL = 1 / 256  # the rasteriser's grid, as common as it is
 
@@ -116,15 +118,6 @@ def _decide(
     shadow_rays = rays.shadow_rays(here, delta)
     blocked = rays.blocked(shadow_rays)
 
-    unsure = np.zeros(len(here.rays), dtype=bool)
-    for others in (
-        rays.shadow_rays(here, 4 * delta),
-        rays.shadow_rays(here, delta / 4),
-        rays.raised_rays(here, delta),
-        *([] if rays.endless else [shadow_rays._replace(reach=np.maximum(shadow_rays.reach - AT_LAMP * delta, 0.0))]),
-    ):
-        unsure |= rays.blocked(others) != blocked
-
     aside = product((0.5 - SUBPIXEL, 0.5 + SUBPIXEL), repeat=2)
     steps = (np.arange(pixel_samples) + 0.5) / pixel_samples
     samples = [_sample(rays, rows, across, down, delta) for across, down in (*aside, *product(steps, repeat=2))]
@@ -132,7 +125,7 @@ def _decide(
     blocker = np.full(len(triangle), np.inf)
     blocker[here.rays[blocked]] = rays.blockers(shadow_rays.only(blocked))
     undecided = np.zeros(len(triangle), dtype=bool)
-    undecided[here.rays] = unsure
+    undecided[here.rays] = _depends_on_offset(rays, here, shadow_rays, blocked, delta)
 
     low = [here.only(_in_low_light(here)), *(receivers for _, receivers in samples)]
     sample = np.repeat(np.arange(len(low)), [len(receivers.rays) for receivers in low])
@@ -143,7 +136,7 @@ def _decide(
     centre = sample == 0
     ray = together.rays[centre]
     blocker[ray] = np.minimum(blocker[ray], distance[centre])
-    undecided[ray] &= ~hidden[centre]  # no offset had a part in it
+    undecided[ray] &= ~hidden[centre]  # whatever the offset: it was met from the surface itself
     undecided[ray] |= covered[centre] & (codes[0, ray] == LIT)
 
     undecided[here.rays] |= (here.cosine <= GRAZING) | (2 * delta > here.distance * here.cosine)
@@ -164,6 +157,21 @@ def _decide(
         "blocker": blocker,
         "cosine": cosine,
     }
+
+
+def _depends_on_offset(
+    rays: ViewRays, receivers: Receivers, shadow_rays: ShadowRays, blocked: Mask, delta: float
+) -> Mask:
+    """(R,) whether other beginnings of the shadow rays, or an end a little before the lamp, answer otherwise."""
+    depends = np.zeros(len(blocked), dtype=bool)
+    for others in (
+        rays.shadow_rays(receivers, 4 * delta),
+        rays.shadow_rays(receivers, delta / 4),
+        rays.raised_rays(receivers, delta),
+        *([] if rays.endless else [shadow_rays._replace(reach=np.maximum(shadow_rays.reach - AT_LAMP * delta, 0.0))]),
+    ):
+        depends |= rays.blocked(others) != blocked
+    return depends
 
 
 def _sample(

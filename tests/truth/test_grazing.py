@@ -54,6 +54,33 @@ def test_shadow_of_a_wall_no_higher_than_the_offset_is_right_and_decided(
     assert found.wrong == 0
 
 
+LOW_SUN = Light("sun", "directional", (1.0, -0.0007, 0.2))
+
+
+@pytest.mark.parametrize("kind", ["directional", "spot", "point"])
+def test_second_copy_of_a_surface_leaves_it_lit_and_decided(
+    kind: Any, shape: Callable[..., Mesh], looking: Callable[..., View]
+) -> None:
+    light = Light(kind, kind, LOW_SUN.direction, (-3.9, 0.004, -0.5), math.radians(60.0))
+    copies = [shape("terrain", (PLANE, 0.001, PLANE), cells=16, waves=1.0, seed=3) for _ in range(2)]
+    alone, doubled = (trace(looking(meshes, light, 256), pixel_samples=1) for meshes in (copies[:1], copies))
+    assert (doubled.visibility == alone.visibility).all()
+    assert (doubled.undecided == alone.undecided).all()
+    assert (alone.receivers & (alone.cosine < LOW) & (alone.visibility == 1) & ~alone.undecided).sum() > 1000
+
+
+@pytest.mark.parametrize("above", [1e-9, 1e-8, 5e-8, 3e-7])
+def test_sheet_that_float32_cannot_tell_from_what_it_lies_on_is_right_or_undecided(
+    above: float, shape: Callable[..., Mesh], looking: Callable[..., View], judged: Judge
+) -> None:
+    """Above the ground by that share of the diagonal: its own surface is lit, the ground below it is not seen."""
+    sheet = shape("plane", PLANE / 2, (0.0, above * DIAGONAL, 0.0))
+    view = looking([shape("plane", PLANE), sheet], LOW_SUN, 64)
+    found = judged(view, trace(view, pixel_samples=1), pixels=np.arange(64 * 64))
+    assert found.wrong == 0
+    assert found.lit.sum() > 1000
+
+
 VIEWS: list[tuple[str, Any, float]] = [
     *((file, "as given", 0.0) for file in FILES),
     *((file, "directional", 0.3) for file in FILES),
@@ -82,7 +109,7 @@ def low_light(scene: Scene, kind: Any, low: float) -> Light:
 
 
 def grazing_pixels(truth: Truth) -> np.ndarray:
-    """Flat indices of receivers in grazing light: half of them below LOWEST, if there are, and half of each at edges."""
+    """Flat indices of receivers in grazing light: half below LOWEST, if there are, and half of each at edges."""
     random = np.random.default_rng(11)
     chosen: list[np.ndarray] = []
     for lowest, most in ((GRAZING, LOWEST), (LOWEST, LOW)):
