@@ -4,6 +4,7 @@ All in float64 and local coordinates; Embree's float32 only chooses triangles. V
 NumPy takes a fraction of the time that it takes on (N, 3).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -17,6 +18,7 @@ Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
 FROM_LIGHT = 2.0  # local lengths from the centre up to which shadow rays begin at the light
+BLOCK = 32  # pixels side by side
 EDGE_ON = 1e-6  # |N·ray| below which a hit cannot be refined
 
 
@@ -56,6 +58,30 @@ class Receivers:
     distance: Floats | float
     cosine: Floats
 
+    def only(self, chosen: Mask) -> "Receivers":
+        """The chosen among them."""
+        return Receivers(
+            self.rays[chosen],
+            self.triangle[chosen],
+            self.point[:, chosen],
+            self.to_light if self.to_light.shape[1] == 1 else self.to_light[:, chosen],
+            self.distance if isinstance(self.distance, float) else self.distance[chosen],
+            self.cosine[chosen],
+        )
+
+    @classmethod
+    def together(cls, parts: "Sequence[Receivers]") -> "Receivers":
+        """The receivers of all parts, which are of one view."""
+        shared = parts[0].to_light.shape[1] == 1
+        return cls(
+            np.concatenate([part.rays for part in parts]),
+            np.concatenate([part.triangle for part in parts]),
+            np.concatenate([part.point for part in parts], axis=1),
+            parts[0].to_light if shared else np.concatenate([part.to_light for part in parts], axis=1),
+            parts[0].distance if shared else np.concatenate([part.distance for part in parts]),
+            np.concatenate([part.cosine for part in parts]),
+        )
+
 
 class ViewRays:
     """The rays of a view that is in local coordinates."""
@@ -72,9 +98,9 @@ class ViewRays:
         right, up, back = camera.basis()[:, :, None]
         slope = np.tan(camera.fov_y / 2)
         self._right, self._up, self._ahead = right * slope, up * slope, -back
-        self._eye = np.array(camera.position)[:, None]
+        self.eye = np.array(camera.position)[:, None]
         low, high = geometry.bounds
-        self._gap = float(np.linalg.norm((low + high) / 2 - self._eye[:, 0]) - np.linalg.norm(high - low) / 2)
+        self._gap = float(np.linalg.norm((low + high) / 2 - self.eye[:, 0]) - np.linalg.norm(high - low) / 2)
 
         light, self._light_w = view.light.homogeneous
         self._light = np.array(light)[:, None]
@@ -87,7 +113,7 @@ class ViewRays:
 
         # A plane shows one side to a point, so normals are turned to the camera once and not for each hit.
         normals, corners = geometry.normals.T, geometry.vertices[geometry.faces[:, 0]].T
-        below = dot(normals, corners) - dot(normals, self._eye)
+        below = dot(normals, corners) - dot(normals, self.eye)
         self._below = -np.abs(below)  # of each plane, from the eye along its normal
         self._normals = np.ascontiguousarray(normals * -np.sign(below))
         self._receives = np.append(geometry.receives, False)  # the last for a triangle of −1
@@ -109,7 +135,7 @@ class ViewRays:
         start: Floats | float = self._near
         if self._gap > self._near:
             start = np.maximum(self._near, self._gap / np.sqrt(dot(directions, directions)))
-        triangle = self._all.nearest(single(self._eye + directions * start), single(directions), self._far - start)
+        triangle = self._all.nearest(single(self.eye + directions * start), single(directions), self._far - start)
         return triangle.astype(np.intp)
 
     def edge_on(self, directions: Floats, triangle: Indices) -> Mask:
@@ -152,6 +178,10 @@ class ViewRays:
         reach = NEVER if self._light_w == 0 else np.maximum(receivers.distance - ahead, 0.0)
         return ShadowRays(origins, receivers.to_light, ahead, reach)
 
+    def blocks(self, receivers: Receivers) -> Indices:
+        """(R,) the part of the image that each lies in, a number."""
+        return receivers.rays % self._size // BLOCK
+
     @property
     def endless(self) -> bool:
         """Whether shadow rays have no end: the light is directional."""
@@ -181,7 +211,7 @@ class ViewRays:
     def _points(self, directions: Floats, triangle: Indices, normal: Floats) -> Floats:
         toward = np.minimum(dot(normal, directions), -EDGE_ON)
         depth = self._below.take(triangle) / toward
-        return self._eye + directions * np.clip(depth, self._near, self._far)
+        return self.eye + directions * np.clip(depth, self._near, self._far)
 
     def _toward_light(self, points: Floats) -> tuple[Floats, Floats]:
         to_light = self._light - points

@@ -1,6 +1,8 @@
 """The ray-traced truth of a view: which receivers see the light, and which pixels nobody can decide.
 
-A pixel is undecided when its answer changes with less than the rasteriser's grid, or with the ray's offset.
+A pixel is undecided when its answer changes with less than the rasteriser's grid, or with the ray's offset δ. Where
+light grazes, a ray begins so far along L that casters lower than δ stand before its beginning: those are met from the
+surface itself.
 """
 
 from dataclasses import dataclass, fields
@@ -12,13 +14,15 @@ from numpy.typing import NDArray
 from shadowbench.errors import InputError
 from shadowbench.scenes.model import Floats, View, bounds_of, used_by
 from shadowbench.truth.embree import RAYS_A_SLICE, over_slices
-from shadowbench.truth.rays import Indices, Mask, Receivers, ViewRays
+from shadowbench.truth.near import NearCasters
+from shadowbench.truth.rays import Indices, Mask, Receivers, ShadowRays, ViewRays
 
 Single = NDArray[np.float32]
 
 OFFSET = 1e-6  # δ, as a share of the diagonal of casters and visible receivers
 AT_LAMP = 1e-3  # of δ: what is nearer to a lamp than that may be before it or behind
 GRAZING = 1e-4  # N·L up to which a receiver is undecided
+LOW_LIGHT = 0.02  # N·L up to which casters below the shadow ray's beginning count: it is then 50 δ or more along L
 NO_RECEIVER, SHADOWED, LIT = range(3)
 SUBPIXEL = 1 / 256  # the rasteriser's grid, as common as it is
 
@@ -76,9 +80,11 @@ def trace(view: View, pixel_samples: int = 4, light_samples: int = 1) -> Truth:
         )
     diagonal = _diagonal(placed, np.array([extent for _, extent in first]))
     delta = OFFSET * diagonal
+    near = NearCasters(placed.scene.geometry)
 
     def decide(rows: slice) -> dict[str, NDArray[np.generic]]:
-        return _decide(rays, rows, triangle[rows.start * view.size : rows.stop * view.size], delta, pixel_samples)
+        part = triangle[rows.start * view.size : rows.stop * view.size]
+        return _decide(rays, near, rows, part, delta, pixel_samples)
 
     parts = list(over_slices(decide, view.size, rows_a_slice))
     shape = (view.size, view.size)
@@ -104,7 +110,7 @@ def _diagonal(view: View, visible: Floats) -> float:
 
 
 def _decide(
-    rays: ViewRays, rows: slice, triangle: Indices, delta: float, pixel_samples: int
+    rays: ViewRays, near: NearCasters, rows: slice, triangle: Indices, delta: float, pixel_samples: int
 ) -> dict[str, NDArray[np.generic]]:
     """All of Truth's per-pixel arrays but `triangle` for some rows, flat and in local lengths."""
     directions = rays.directions(rows)
@@ -112,32 +118,35 @@ def _decide(
     shadow_rays = rays.shadow_rays(here, delta)
     blocked = rays.blocked(shadow_rays)
 
-    unsure = (here.cosine <= GRAZING) | (2 * delta > here.distance * here.cosine)
-    for others in (
-        rays.shadow_rays(here, 4 * delta),
-        rays.shadow_rays(here, delta / 4),
-        rays.raised_rays(here, delta),
-        *([] if rays.endless else [shadow_rays._replace(reach=np.maximum(shadow_rays.reach - AT_LAMP * delta, 0.0))]),
-    ):
-        unsure |= rays.blocked(others) != blocked
-
-    code = _coded(here, blocked, len(triangle))
-    undecided = rays.edge_on(directions, triangle)
-    undecided[here.rays] |= unsure
-    for across, down in product((0.5 - SUBPIXEL, 0.5 + SUBPIXEL), repeat=2):
-        undecided |= _sample(rays, rows, across, down, delta) != code
-
-    counted, seen = np.zeros((2, len(triangle)), dtype=np.int32)
+    aside = product((0.5 - SUBPIXEL, 0.5 + SUBPIXEL), repeat=2)
     steps = (np.arange(pixel_samples) + 0.5) / pixel_samples
-    for across, down in product(steps, repeat=2):
-        sample = _sample(rays, rows, float(across), float(down), delta)
-        counted += sample != NO_RECEIVER
-        seen += sample == LIT
-    receivers, visible = code != NO_RECEIVER, code != SHADOWED
-    area = np.where(receivers & (counted > 0), seen / np.maximum(counted, 1), visible)
-
+    samples = [_sample(rays, rows, across, down, delta) for across, down in (*aside, *product(steps, repeat=2))]
+    codes = np.stack([_coded(here, blocked, len(triangle)), *(code for code, _ in samples)])
     blocker = np.full(len(triangle), np.inf)
     blocker[here.rays[blocked]] = rays.blockers(shadow_rays.only(blocked))
+    undecided = np.zeros(len(triangle), dtype=bool)
+    undecided[here.rays] = _depends_on_offset(rays, here, shadow_rays, blocked, delta)
+
+    low = [here.only(_in_low_light(here)), *(receivers for _, receivers in samples)]
+    sample = np.repeat(np.arange(len(low)), [len(receivers.rays) for receivers in low])
+    together = Receivers.together(low)
+    distance, covered = near.blocked(together, 4 * delta, rays.blocks(together), rays.eye)
+    hidden = np.isfinite(distance)
+    codes[sample[hidden], together.rays[hidden]] = SHADOWED
+    centre = sample == 0
+    ray = together.rays[centre]
+    blocker[ray] = np.minimum(blocker[ray], distance[centre])
+    undecided[ray] &= ~hidden[centre]  # whatever the offset: it was met from the surface itself
+    undecided[ray] |= covered[centre] & (codes[0, ray] == LIT)
+
+    undecided[here.rays] |= (here.cosine <= GRAZING) | (2 * delta > here.distance * here.cosine)
+    undecided |= rays.edge_on(directions, triangle)
+    undecided |= (codes[1:5] != codes[0]).any(axis=0)
+
+    code, inside = codes[0], codes[5:]
+    receivers, visible = code != NO_RECEIVER, code != SHADOWED
+    counted, seen = (inside != NO_RECEIVER).sum(axis=0), (inside == LIT).sum(axis=0)
+    area = np.where(receivers & (counted > 0), seen / np.maximum(counted, 1), visible)
     cosine = np.zeros(len(triangle), dtype=np.float32)
     cosine[here.rays] = here.cosine
     return {
@@ -150,11 +159,34 @@ def _decide(
     }
 
 
-def _sample(rays: ViewRays, rows: slice, across: float, down: float, delta: float) -> NDArray[np.uint8]:
-    """What one point of each pixel of some rows is, flat."""
+def _depends_on_offset(
+    rays: ViewRays, receivers: Receivers, shadow_rays: ShadowRays, blocked: Mask, delta: float
+) -> Mask:
+    """(R,) whether other beginnings of the shadow rays, or an end a little before the lamp, answer otherwise."""
+    depends = np.zeros(len(blocked), dtype=bool)
+    for others in (
+        rays.shadow_rays(receivers, 4 * delta),
+        rays.shadow_rays(receivers, delta / 4),
+        rays.raised_rays(receivers, delta),
+        *([] if rays.endless else [shadow_rays._replace(reach=np.maximum(shadow_rays.reach - AT_LAMP * delta, 0.0))]),
+    ):
+        depends |= rays.blocked(others) != blocked
+    return depends
+
+
+def _sample(
+    rays: ViewRays, rows: slice, across: float, down: float, delta: float
+) -> tuple[NDArray[np.uint8], Receivers]:
+    """What one point of each pixel of some rows is, flat; and those in low light for which no ray finds a blocker."""
     directions = rays.directions(rows, across, down)
     receivers = rays.receivers(directions, rays.nearest(directions))
-    return _coded(receivers, rays.blocked(rays.shadow_rays(receivers, delta)), directions.shape[1])
+    blocked = rays.blocked(rays.shadow_rays(receivers, delta))
+    return _coded(receivers, blocked, directions.shape[1]), receivers.only(_in_low_light(receivers) & ~blocked)
+
+
+def _in_low_light(receivers: Receivers) -> Mask:
+    low: Mask = (receivers.cosine > GRAZING) & (receivers.cosine < LOW_LIGHT)
+    return low
 
 
 def _coded(receivers: Receivers, blocked: Mask, count: int) -> NDArray[np.uint8]:

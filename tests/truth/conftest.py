@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from scipy.ndimage import binary_dilation
 
-from shadowbench.scenes.model import Camera, Floats, Geometry, Light, Mesh, Scene, View, view_of
+from shadowbench.scenes.model import Camera, Floats, Light, Mesh, Scene, View, view_of
 from shadowbench.truth.trace import Truth
+
+from .oracle import answers
 
 Place = tuple[float, float, float]
 
@@ -109,92 +111,23 @@ def lowered() -> Callable[[View, float], View]:
     return make
 
 
-TRIANGLES_AT_ONCE = 1024
-
-
-class Crossings(NamedTuple):
-    """All pairs of a ray and a triangle that it goes through: (K,) each, t in lengths of the ray."""
-
-    ray: np.ndarray
-    triangle: np.ndarray
-    t: Floats
-
-
-def crossings(origins: Floats, directions: Floats, geometry: Geometry, faces: np.ndarray, about: Floats) -> Crossings:
-    """By Plücker coordinates: a line goes through a triangle when it passes all three edges on the same side.
-
-    about: (3,) the point that coordinates are taken from; one that all rays pass through costs no digits.
-    """
-    origins = origins - about
-    rays = np.hstack([directions, np.cross(origins, directions)])
-    parts = []
-    for start in range(0, len(faces), TRIANGLES_AT_ONCE):
-        corners = [geometry.vertices[faces[start : start + TRIANGLES_AT_ONCE, k]] - about for k in range(3)]
-        sides = [
-            rays @ np.hstack([np.cross(a, b - a), b - a]).T
-            for a, b in zip(corners, corners[1:] + corners[:1], strict=True)
-        ]
-        low = np.minimum(np.minimum(sides[0], sides[1]), sides[2])
-        high = np.maximum(np.maximum(sides[0], sides[1]), sides[2])
-        ray, triangle = np.nonzero((low >= 0) | (high <= 0))
-        a, b, c = (corner[triangle] for corner in corners)
-        normal = np.cross(b - a, c - a)
-        toward = (normal * directions[ray]).sum(axis=1)
-        real = toward != 0
-        t = (normal * (a - origins[ray])).sum(axis=1)[real] / toward[real]
-        parts.append((ray[real], triangle[real] + start, t))
-    return Crossings(*(np.concatenate(column) for column in zip(*parts, strict=True)))
-
-
-def by_brute_force(view: View, directions: Floats) -> tuple[np.ndarray, np.ndarray]:
-    """(receiver, lit) of some rays from the eye."""
-    geometry, light = view.scene.geometry, view.light
-    eye = np.broadcast_to(view.camera.position, directions.shape)
-    near, far = view.near_far
-    seen = crossings(eye, directions, geometry, geometry.faces, np.array(view.camera.position))
-    between = np.flatnonzero((seen.t >= near) & (seen.t <= far))
-    between = between[np.argsort(seen.t[between], kind="stable")]
-    hit, first = np.unique(seen.ray[between], return_index=True)
-    triangle, t = seen.triangle[between][first], seen.t[between][first]
-
-    points = eye[hit] + directions[hit] * t[:, None]
-    position, w = light.homogeneous
-    to_light = position - w * points
-    distance = np.linalg.norm(to_light, axis=1)
-    to_light /= distance[:, None]
-    reach = distance if w else np.full(len(hit), np.inf)
-    normal = geometry.normals[triangle]
-    normal = normal * -np.sign((normal * directions[hit]).sum(axis=1))[:, None]
-    cosine = (normal * to_light).sum(axis=1)
-    faces_light = cosine > 0
-    if light.kind == "spot":
-        faces_light &= -(to_light @ light.direction) >= light.cos_half_angle * np.linalg.norm(light.direction)
-    receiver = np.zeros(len(directions), dtype=bool)
-    receiver[hit] = faces_light & geometry.receives[triangle]
-
-    delta = 1e-6 * np.linalg.norm(geometry.bounds[1] - geometry.bounds[0])
-    above = delta / np.where(cosine > 0, cosine, 1.0)
-    caster_of = np.flatnonzero(geometry.casts)
-    about = np.array(position) if w else points.mean(axis=0)
-    blockers = crossings(points, to_light, geometry, geometry.faces[caster_of], about)
-    in_the_way = (blockers.t > above[blockers.ray]) & (blockers.t < reach[blockers.ray])
-    in_the_way &= caster_of[blockers.triangle] != triangle[blockers.ray]
-    lit = np.ones(len(directions), dtype=bool)
-    lit[hit[blockers.ray[in_the_way]]] = False
-    return receiver, lit | ~receiver
-
-
-def sampled_pixels(truth: Truth, count: int) -> np.ndarray:
-    """Flat indices of `count` pixels: three of five within two pixels of an edge, the rest anywhere."""
+def near_edges(truth: Truth) -> np.ndarray:
+    """(size, size) bool: within two pixels of where receivers begin or shadows do."""
     code = truth.receivers + truth.visibility
     edges = np.zeros(code.shape, dtype=bool)
     edges[:, 1:] |= code[:, 1:] != code[:, :-1]
     edges[1:] |= code[1:] != code[:-1]
-    near = np.flatnonzero(binary_dilation(edges, iterations=2))
+    near: np.ndarray = binary_dilation(edges, iterations=2)
+    return near
+
+
+def sampled_pixels(truth: Truth, count: int) -> np.ndarray:
+    """Flat indices of `count` pixels: three of five within two pixels of an edge, the rest anywhere."""
+    edges = np.flatnonzero(near_edges(truth))
     random = np.random.default_rng(7)
-    near_edges = random.choice(near, min(3 * count // 5, len(near)), replace=False)
-    anywhere = random.choice(code.size, min(2 * count // 5, code.size), replace=False)
-    return np.unique(np.concatenate([near_edges, anywhere]))
+    at_edges = random.choice(edges, min(3 * count // 5, len(edges)), replace=False)
+    anywhere = random.choice(truth.visibility.size, min(2 * count // 5, truth.visibility.size), replace=False)
+    return np.unique(np.concatenate([at_edges, anywhere]))
 
 
 class Judged(NamedTuple):
@@ -210,15 +143,12 @@ class Judged(NamedTuple):
 def judged(pixel_rays: Callable[[View], tuple[Floats, Floats]]) -> Callable[..., Judged]:
     """A truth against every triangle and every ray, in float64 and the file's own units: no tree, no float32.
 
-    The shadow ray starts at the hit itself. A triangle does not shadow itself, and of the others those count that lie
-    farther along the ray than δ/(N·L), where the definition of the truth lets the ray begin. That leans on no answer of
-    the tracer: δ is 1e-6 of the scene's own diagonal, and pixels for which four times as much or as little matters are
-    undecided.
+    `oracle` says how; `count` pixels by `sampled_pixels`, or just the `pixels` given.
     """
 
-    def judge(view: View, truth: Truth, count: int = 2000) -> Judged:
-        pixels = sampled_pixels(truth, count)
-        receiver, lit = by_brute_force(view, pixel_rays(view)[1][pixels])
+    def judge(view: View, truth: Truth, count: int = 2000, pixels: np.ndarray | None = None) -> Judged:
+        pixels = sampled_pixels(truth, count) if pixels is None else pixels
+        receiver, lit = answers(view, pixel_rays(view)[1][pixels])
         decided = ~truth.undecided.ravel()[pixels]
         wrong = (truth.receivers.ravel()[pixels] != receiver) | ((truth.visibility.ravel()[pixels] == 1) != lit)
         return Judged(receiver[decided], lit[decided], decided, int((wrong & decided).sum()))

@@ -1,0 +1,195 @@
+"""What float64 says of a view's pixels, every triangle against every ray, and fractions where float64 is in doubt.
+
+No tree, no float32, no offset, nothing of the tracer: the receiver is the triangle that the pixel's ray meets first, P
+the point where it does, and P is in shadow where another caster meets the segment from P to the light. P itself is no
+part of the segment, so that a triangle in the receiver's own plane never blocks.
+"""
+
+from fractions import Fraction
+from typing import NamedTuple
+
+import numpy as np
+
+from shadowbench.scenes.model import Floats, Geometry, View
+
+TRIANGLES_AT_ONCE = 1024
+DOUBT = 1e-12  # of the lengths that enter a sign; rounding is a thousandth of it
+
+Exact = tuple[Fraction, Fraction, Fraction]
+
+
+class Crossings(NamedTuple):
+    """All pairs of a ray and a triangle that it goes through or may go through: (K,) each, sorted by ray, then t.
+
+    t: in lengths of the ray. sure: whether it goes through the triangle, and not at its origin, whatever is rounded.
+    """
+
+    ray: np.ndarray
+    triangle: np.ndarray
+    t: Floats
+    sure: np.ndarray
+
+
+def crossings(origins: Floats, directions: Floats, geometry: Geometry, faces: np.ndarray, about: Floats) -> Crossings:
+    """By Plücker coordinates: a line goes through a triangle when it passes all three edges on the same side.
+
+    directions: (N, 3) unit; about: (3,) the point that coordinates are taken from; one that all rays pass through costs
+    no digits. Rays that may run within a triangle's plane go through it at t = 0, unsurely.
+    """
+    extent = np.linalg.norm(geometry.bounds[1] - geometry.bounds[0])
+    origins = origins - about
+    rays = np.hstack([directions, np.cross(origins, directions)])
+    rounding = DOUBT * np.linalg.norm(rays, axis=1)[:, None]
+    parts = []
+    for start in range(0, len(faces), TRIANGLES_AT_ONCE):
+        corners = [geometry.vertices[faces[start : start + TRIANGLES_AT_ONCE, k]] - about for k in range(3)]
+        low, high = np.full((2, len(rays), len(corners[0])), np.inf)
+        high = -high
+        for a, b in zip(corners, corners[1:] + corners[:1], strict=True):
+            edge = np.hstack([np.cross(a, b - a), b - a])
+            side = rays @ (edge / np.maximum(np.linalg.norm(edge, axis=1), 1e-300)[:, None]).T
+            low, high = np.minimum(low, side), np.maximum(high, side)
+        ray, triangle = np.nonzero((low >= -rounding) | (high <= rounding))
+        through = ((low > rounding) | (high < -rounding))[ray, triangle]
+        a, b, c = (corner[triangle] for corner in corners)
+        normal = np.cross(b - a, c - a)
+        normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+        toward = (normal * directions[ray]).sum(axis=1)
+        height = (normal * (a - origins[ray])).sum(axis=1)
+        t = np.divide(height, toward, out=np.zeros(len(ray)), where=np.abs(toward) > DOUBT)
+        parts.append((ray, triangle + start, t, through & (np.abs(height) > DOUBT * extent) & (np.abs(toward) > DOUBT)))
+    ray, triangle, t, sure = (np.concatenate(column) for column in zip(*parts, strict=True))
+    order = np.lexsort((t, ray))
+    return Crossings(ray[order], triangle[order], t[order], sure[order])
+
+
+def answers(view: View, directions: Floats) -> tuple[np.ndarray, np.ndarray]:
+    """(N,) whether each of some rays from the eye shows a receiver, and whether it is lit; (N, 3) directions."""
+    geometry, light = view.scene.geometry, view.light
+    hit, triangle, t = first_hits(view, directions)
+    points = np.array(view.camera.position) + directions[hit] * t[:, None]
+    position, w = light.homogeneous
+    to_light = position - w * points
+    distance = np.linalg.norm(to_light, axis=1)
+    to_light /= distance[:, None]
+    normal = geometry.normals[triangle]
+    normal = normal * -np.sign((normal * directions[hit]).sum(axis=1))[:, None]
+    faces_light = (normal * to_light).sum(axis=1) > 0
+    if light.kind == "spot":
+        faces_light &= -(to_light @ light.direction) >= light.cos_half_angle * np.linalg.norm(light.direction)
+    receiver = np.zeros(len(directions), dtype=bool)
+    receiver[hit] = faces_light & geometry.receives[triangle]
+
+    caster_of = np.flatnonzero(geometry.casts)
+    about = np.array(position) if w else points.mean(axis=0)
+    found = crossings(points, to_light, geometry, geometry.faces[caster_of], about)
+    caster = caster_of[found.triangle]
+    extent = np.linalg.norm(geometry.bounds[1] - geometry.bounds[0])
+    left = (distance if w else np.full(len(hit), np.inf))[found.ray] - found.t
+    blocks = found.sure & (found.t > 0) & (left > DOUBT * extent) & (caster != triangle[found.ray])
+    may = ~found.sure | (np.abs(left) <= DOUBT * extent)
+    blocked = np.zeros(len(hit), dtype=bool)
+    blocked[found.ray[blocks]] = True
+    may &= ~blocked[found.ray] & (caster != triangle[found.ray])
+    for k in np.flatnonzero(may):
+        ray = found.ray[k]
+        blocked[ray] |= blocks_exactly(view, directions[hit[ray]], triangle[ray], caster[k])
+    lit = np.ones(len(directions), dtype=bool)
+    lit[hit[blocked]] = False
+    return receiver, lit | ~receiver
+
+
+def first_hits(view: View, directions: Floats) -> tuple[np.ndarray, np.ndarray, Floats]:
+    """(H,) the rays from the eye that meet a triangle between the camera's planes, the first they meet, and t."""
+    geometry, eye = view.scene.geometry, np.array(view.camera.position)
+    lengths = np.linalg.norm(directions, axis=1)
+    near, far = view.near_far
+    origins = np.broadcast_to(eye, directions.shape)
+    found = crossings(origins, directions / lengths[:, None], geometry, geometry.faces, eye)
+    t = found.t / lengths[found.ray]
+    seen = np.flatnonzero((t >= near) & (t <= far))
+    hit, first = np.unique(found.ray[seen], return_index=True)
+    chosen = seen[first]
+    margin = DOUBT * np.linalg.norm(geometry.bounds[1] - geometry.bounds[0])
+    for k, start in enumerate(first):
+        rivals = seen[start : first[k + 1] if k + 1 < len(first) else None]
+        if found.sure[rivals[0]] and (len(rivals) == 1 or t[rivals[1]] > t[rivals[0]] + margin):
+            continue
+        exact = [(plane_t(view, directions[hit[k]], found.triangle[rival]), rival) for rival in rivals]
+        inside = [(s, rival) for s, rival in exact if s and meets(view, directions[hit[k]], s, found.triangle[rival])]
+        chosen[k] = min(inside)[1] if inside else -1
+    kept = chosen >= 0
+    return hit[kept], found.triangle[chosen[kept]], t[chosen[kept]]
+
+
+def fractions_of(values: Floats) -> Exact:
+    x, y, z = (Fraction(float(value)) for value in values)
+    return x, y, z
+
+
+def minus(a: Exact, b: Exact) -> Exact:
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+def along(origin: Exact, direction: Exact, t: Fraction) -> Exact:
+    return origin[0] + direction[0] * t, origin[1] + direction[1] * t, origin[2] + direction[2] * t
+
+
+def dot(a: Exact, b: Exact) -> Fraction:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def cross(a: Exact, b: Exact) -> Exact:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def corners_of(view: View, triangle: int) -> tuple[Exact, Exact, Exact]:
+    geometry = view.scene.geometry
+    a, b, c = (fractions_of(corner) for corner in geometry.vertices[geometry.faces[triangle]])
+    return a, b, c
+
+
+def to_plane(origin: Exact, direction: Exact, corners: tuple[Exact, Exact, Exact]) -> Fraction | None:
+    """How far along a ray lies a triangle's plane, None where the ray runs within or beside it."""
+    a, b, c = corners
+    normal = cross(minus(b, a), minus(c, a))
+    toward = dot(normal, direction)
+    return dot(normal, minus(a, origin)) / toward if toward else None
+
+
+def in_triangle(point: Exact, corners: tuple[Exact, Exact, Exact]) -> bool:
+    """Whether a point of a triangle's plane lies within it or on its border."""
+    a, b, c = corners
+    normal = cross(minus(b, a), minus(c, a))
+    sides = [dot(normal, cross(minus(q, p), minus(point, p))) for p, q in ((a, b), (b, c), (c, a))]
+    return min(sides) >= 0
+
+
+def plane_t(view: View, direction: Floats, triangle: int) -> Fraction | None:
+    """How far along a ray from the eye lies a triangle's plane."""
+    return to_plane(fractions_of(view.camera.position), fractions_of(direction), corners_of(view, triangle))
+
+
+def meets(view: View, direction: Floats, t: Fraction, triangle: int) -> bool:
+    """Whether a ray from the eye is within a triangle at t."""
+    return in_triangle(
+        along(fractions_of(view.camera.position), fractions_of(direction), t), corners_of(view, triangle)
+    )
+
+
+def blocks_exactly(view: View, direction: Floats, receiver: int, caster: int) -> bool:
+    """Whether a caster meets the open segment from where a ray from the eye meets the receiver's plane to the light."""
+    t = plane_t(view, direction, receiver)
+    if t is None:
+        raise ValueError("a receiver seen edge-on")
+    point = along(fractions_of(view.camera.position), fractions_of(direction), t)
+    light = view.light
+    if light.kind == "directional":
+        to_light = fractions_of(-np.array(light.direction))
+    else:
+        to_light = minus(fractions_of(light.position), point)
+    corners = corners_of(view, caster)
+    s = to_plane(point, to_light, corners)
+    if s is None or s <= 0 or (light.kind != "directional" and s >= 1):
+        return False
+    return in_triangle(along(point, to_light, s), corners)
