@@ -23,14 +23,12 @@ demo: setup
 	@echo "Pictures: results/latest/pictures/"
 
 test: lint
-	$(bin)/pytest -q -m "not slow and not alone" $(two_cores)
-	$(bin)/pytest -q -m "not slow and alone"
+	$(bin)/pytest -q -m "not slow" $(two_cores)
 
 test-slow:
 	@sh tools/setup.sh chromium
-	$(bin)/pytest -q -m "slow and not alone" $(two_cores)
-	$(bin)/pytest -q -m "slow and alone"
-	$(gl_4_1) $(bin)/pytest -q -m "not slow and not alone" $(two_cores) tests/gl tests/techniques tests/laws
+	$(bin)/pytest -q -m slow $(two_cores)
+	$(gl_4_1) $(bin)/pytest -q -m "not slow" $(two_cores) tests/gl tests/techniques tests/laws
 
 lint: setup
 	$(bin)/ruff format --check

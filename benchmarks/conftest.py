@@ -8,8 +8,10 @@ pytest-benchmark times one cell after the other, where `shadowbench run` takes t
 meanwhile falls on some and not on others. Follow one cell over time with these numbers; take ratios from `run`.
 """
 
-from collections.abc import Iterator
+import os
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -110,6 +112,21 @@ def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> Non
 @pytest.fixture(scope="session")
 def growth(request: pytest.FixtureRequest) -> Growth:
     return request.config.stash[_GROWTH]
+
+
+@pytest.fixture(scope="session")
+def scene_file() -> Callable[[str], str | Path]:
+    """A built-in's name as it is; a mesh in the folder of larger scenes, which do not travel with the repository."""
+
+    def find(name: str) -> str | Path:
+        if "." not in name:
+            return name
+        file = Path(__file__).resolve().parents[1] / os.environ.get("SHADOWBENCH_SCENES", "../shared/scenes") / name
+        if not file.exists():
+            pytest.skip(f"no {file}; SHADOWBENCH_SCENES names its folder")
+        return file
+
+    return find
 
 
 @pytest.fixture(scope="session")

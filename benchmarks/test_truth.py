@@ -7,9 +7,8 @@ slices, one thread a core; `trace` is everything: trees built, rays made and hit
 `ratio` is each one's rays per second over those of `plain`, which runs in the same process just before.
 """
 
-import os
 import statistics
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -58,16 +57,6 @@ class Load(NamedTuple):
     rays: int
 
 
-def scene_file(name: str) -> str | Path:
-    """A built-in's name as it is; a mesh in the folder of larger scenes, which do not travel with the repository."""
-    if "." not in name:
-        return name
-    file = Path(__file__).resolve().parents[1] / os.environ.get("SHADOWBENCH_SCENES", "../shared/scenes") / name
-    if not file.exists():
-        pytest.skip(f"no {file}; SHADOWBENCH_SCENES names its folder")
-    return file
-
-
 def asked_by(view: View, pixel_samples: int) -> list[Question]:
     """All that a trace asks Embree, but the one ray with which a tracer builds its tree."""
     questions: list[Question] = []
@@ -99,7 +88,7 @@ def joined(questions: list[Question]) -> Iterator[Question]:
 
 
 @pytest.fixture(scope="module", params=SCENES)
-def load(request: pytest.FixtureRequest) -> Load:
+def load(request: pytest.FixtureRequest, scene_file: Callable[[str], str | Path]) -> Load:
     scene = load_scene(scene_file(request.param))
     view = view_of(scene, scene.cameras[0], scene.lights[0], SIZE)
     questions = list(joined(asked_by(view, pixel_samples=1)))

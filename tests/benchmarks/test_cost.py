@@ -1,44 +1,14 @@
-"""What scoring may cost, and that the truth's side of it is found once a view."""
+"""What scoring costs, counted: the truth's side of it is found once a view."""
 
-import os
-import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import pytest
 
-from shadowbench.scenes.model import View
 from shadowbench.scores import reference, split
 from shadowbench.studies.scoring import mask_record, reference_of
-from shadowbench.truth.trace import Truth, trace
-
-
-@pytest.fixture
-def one_core() -> Iterator[None]:
-    if not hasattr(os, "sched_setaffinity"):
-        pytest.skip("no way to keep to one core here")
-    allowed = os.sched_getaffinity(0)
-    os.sched_setaffinity(0, {min(allowed)})
-    yield
-    os.sched_setaffinity(0, allowed)
-
-
-@pytest.mark.alone
-def test_a_cell_of_1024_pixels_a_side_is_scored_in_a_quarter_of_a_second(
-    builtin: Callable[..., View], one_core: None
-) -> None:
-    truth = trace(builtin("colonnade", 1024), pixel_samples=1)
-    against = reference_of(truth)
-    mask = np.roll(truth.visibility, (1, 2), axis=(0, 1))
-    mask_record(mask, truth, against, truth.triangle)
-    seconds = []
-    for _ in range(5):
-        start = time.process_time()
-        mask_record(mask, truth, against, truth.triangle)
-        seconds.append(time.process_time() - start)
-    assert min(seconds) < 0.25
+from shadowbench.truth.trace import Truth
 
 
 def test_what_only_the_truth_decides_is_found_once(truth_of: Callable[..., Truth], monkeypatch: Any) -> None:

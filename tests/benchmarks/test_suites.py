@@ -74,12 +74,11 @@ def test_a_selection_carries_its_scores_and_two_saved_runs_can_be_compared(tmp_p
     assert {name: told[name] for name in METRICS} == {name: float(ran[name]) for name in METRICS}
     assert (told["mask_sha256"], str(told["work_cost"])) == (ran["mask_sha256"], ran["work_cost"])
     assert len(list((tmp_path / "saved").rglob("*.json"))) == 2
-    compared = bench(suite, "-k", chosen, storage, "--benchmark-compare=0001", "--benchmark-compare-fail=median:900%")
+    compared = bench(suite, "-k", chosen, storage, "--benchmark-compare=0001")
     assert "(0001_" in compared and "(NOW)" in compared
 
 
 @pytest.mark.slow
-@pytest.mark.alone
 def test_growth_is_fitted_printed_and_saved(tmp_path: Path) -> None:
     file = tmp_path / "growth.json"
     chosen = "(test_triangles and unshadowed and (1280 or 20480)) or (test_a_cell and (512 or 1024))"

@@ -143,30 +143,6 @@ def test_software_is_timed_by_the_wall_and_a_gpu_by_its_own_queries(device: Devi
     assert Clock(device).name == ("finish+wall" if device.software else "gl_time_elapsed")
 
 
-@pytest.mark.alone
-def test_the_passes_add_up_to_the_frame(device: Device, busy) -> None:
-    clock = Clock(device)
-
-    def frame() -> None:
-        for name in ("map", "resolve"):
-            with clock.timed(name):
-                busy()
-
-    frame()
-    rounds = [(clock.frame(frame).ms, sum(clock.passes(frame).ms.values())) for _ in range(15)]
-    frames, passes = map(min, zip(*rounds, strict=True))
-    assert passes == pytest.approx(frames, rel=0.3)
-
-
-@pytest.mark.alone
-def test_twice_the_work_takes_about_twice_the_time(device: Device, busy) -> None:
-    clock = Clock(device)
-    busy()
-    rounds = [(clock.frame(busy).ms, clock.frame(lambda: (busy(), busy())).ms) for _ in range(15)]
-    once, twice = map(min, zip(*rounds, strict=True))
-    assert 1.4 * once < twice < 3 * once
-
-
 def test_work_of_a_fullscreen_triangle(device: Device, busy) -> None:
     work = work_of(device, busy)
     assert work["draws"] == 1

@@ -76,13 +76,12 @@ class Does(Wild):
     class Params(Wild.Params):
         """Parameters of does."""
 
-        verbose: bool = param(False, "whether reasons are long")
         what: str = param("nothing", "the misdeed")
         after: int = param(0, "draws that go well")
 
     @classmethod
     def unsupported(cls, params, view, device):
-        return "reasons\\n" * 6_000_000 if params.verbose else None
+        return "reasons\\n" * 6_000_000 if params.what == "decline" else None
 
     def draw(self, frame):
         self.draws = getattr(self, "draws", 0) + 1

@@ -1,4 +1,4 @@
-"""One cell timed as if it were two: the arithmetic on known times, and what is found here."""
+"""One cell timed as if it were two: the arithmetic on known times."""
 
 from collections import Counter
 from types import SimpleNamespace
@@ -8,8 +8,8 @@ import pytest
 
 from shadowbench.commands import doctor
 from shadowbench.gl.clock import QUERIES, WALL, Sample
-from shadowbench.studies.noise import ALLOWED, CELL, ROUNDS, SERIES, Noise, noise
-from shadowbench.studies.worker import CellFailed, Worker
+from shadowbench.studies.noise import CELL, ROUNDS, SERIES, Noise, noise
+from shadowbench.studies.worker import CellFailed
 
 
 class Scripted:
@@ -81,9 +81,3 @@ def test_doctor_says_when_noise_is_too_much_or_was_not_measured(monkeypatch: pyt
     assert "mean nothing" not in told(monkeypatch, True, WALL, Noise(1.05, 1.1, 45, 3.0, WALL))["noise_is"]
     assert "mean nothing" in told(monkeypatch, True, WALL, Noise(1.06, 1.1, 45, 3.0, WALL))["noise_is"]
     assert told(monkeypatch, True, WALL, CellFailed("crashed: SIGSEGV")) == {"noise": "not measured: crashed: SIGSEGV"}
-
-
-@pytest.mark.alone
-def test_the_same_cell_timed_as_two_is_within_five_percent() -> None:
-    with Worker() as worker:
-        assert 1 <= noise(worker).ratio <= ALLOWED

@@ -44,8 +44,8 @@ def test_a_message_without_end_is_cut(worker: Worker, what: str) -> None:
 
 def test_a_reason_without_end_is_cut(worker: Worker) -> None:
     with pytest.raises(Unsupported) as reason:
-        draw(worker, "verbose=true")
-    line = worker.call("unsupported", CellRequest("does:verbose=true"))
+        draw(worker, "what=decline")
+    line = worker.call("unsupported", CellRequest("does:what=decline"))
     assert line == str(reason.value)
     assert line.startswith("reasons reasons ") and line.endswith("…") and len(line) == LONGEST_LINE
 

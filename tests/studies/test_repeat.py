@@ -84,7 +84,7 @@ STUDY = """
 scenes = ["cube-on-plane"]
 map_size = [64, 1024]
 view_size = 64
-rounds = 9
+rounds = 1
 reference = "shadow-map:size=64"
 [[technique]]
 spec = "unshadowed"
@@ -95,12 +95,22 @@ spec = "ray-traced"
 """
 
 
-@pytest.mark.alone
+def with_ratios(file: Path) -> None:
+    """Times as they would be on a machine without noise: what was measured here is no part of the test."""
+    lines = [json.loads(line) for line in file.read_text().splitlines()]
+    times = [line for line in lines if line["kind"] == "time"]
+    assert len(times) == 4
+    for number, line in enumerate(times, 1):
+        line |= {"ratio": float(number), "ratio_quartiles": [float(number)] * 2}
+    file.write_text("".join(json.dumps(line) + "\n" for line in lines))
+
+
 def test_the_same_study_run_twice(tmp_path: Path, shadowbench: Callable[..., Any]) -> None:
     (tmp_path / "study.toml").write_text(STUDY)
     folders = [tmp_path / name for name in "ab"]
     for folder in folders:
         assert shadowbench("run", "-s", tmp_path / "study.toml", "-o", folder, "-q").code == 0
+        with_ratios(folder / "rows.jsonl")
     answer = shadowbench("repeat", *folders)
     assert answer.code == 0, answer.out
     assert "work: 4 of 4 cells did exactly the same" in answer.out

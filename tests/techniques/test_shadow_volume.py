@@ -1,7 +1,5 @@
 """Shadow volumes: exact but for pixels that the rasteriser's grid lets in, however they are extruded and counted."""
 
-import statistics
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -420,17 +418,3 @@ def test_silhouettes_draw_fewer_triangles(armadillo, build, device, monkeypatch)
     assert drawn[TRIANGLE, "cap"] == drawn[SILHOUETTE, "cap"]
     assert walls >= 10 * few_walls  # found: 14.8
     assert walls + drawn[TRIANGLE, "cap"] >= 3.2 * (few_walls + drawn[SILHOUETTE, "cap"])  # found: 5.1
-
-
-@pytest.mark.slow
-@pytest.mark.alone
-def test_silhouettes_are_faster(armadillo, build, device) -> None:
-    built = {spec: build(spec, armadillo) for spec in (SILHOUETTE, TRIANGLE)}
-    times: dict[str, list[float]] = {spec: [] for spec in built}
-    for _ in range(6):
-        for spec, one in built.items():
-            device.context.finish()
-            start = time.perf_counter()
-            one.draw(armadillo)
-            times[spec].append(time.perf_counter() - start)
-    assert statistics.median(times[TRIANGLE][1:]) >= 5 * statistics.median(times[SILHOUETTE][1:])  # found: 7.8

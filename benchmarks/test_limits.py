@@ -1,0 +1,249 @@
+"""What time and memory may be at most: each call beside a fixed piece of work, in turn with it and in one process.
+
+    pytest benchmarks/test_limits.py
+
+`ratio` is the fastest round of a call over the fastest of what it is held against; it may be `most`. What a limit is
+about is said in the suite too, as far as it can be counted: rays, calls, modules, primitives.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import psutil
+import pytest
+import trimesh
+from pytest_benchmark.fixture import BenchmarkFixture
+
+from shadowbench.needs.survey import needs
+from shadowbench.scenes.library import load_scene
+from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, view_of
+from shadowbench.scenes.shapes import build_shape
+from shadowbench.studies.noise import ALLOWED, noise
+from shadowbench.studies.scoring import mask_record, reference_of
+from shadowbench.studies.session import CellRequest
+from shadowbench.studies.worker import Worker
+from shadowbench.truth.cache import cached_truth
+
+ROUNDS = 7
+Call = Callable[[], object]
+
+
+@pytest.fixture
+def held(benchmark: BenchmarkFixture, request: pytest.FixtureRequest) -> Callable[..., None]:
+    """Times a call in turn with another, and fails when it takes more than `most` times as long; or less than `least`.
+
+    Both by the timer of the test's mark, the wall clock if it names none. Nothing is held with --benchmark-disable.
+    """
+    timer = request.node.get_closest_marker("benchmark").kwargs.get("timer", time.perf_counter)
+
+    def hold(call: Call, beside: Call, most: float, least: float = 0.0, rounds: int = ROUNDS) -> None:
+        times: list[float] = []
+
+        def before() -> None:
+            start = timer()
+            beside()
+            times.append(timer() - start)
+
+        benchmark.pedantic(call, setup=before, rounds=rounds, warmup_rounds=1)
+        if benchmark.stats is None:
+            return
+        ratio = min(benchmark.stats.stats.data) / min(times)
+        benchmark.extra_info |= {"ratio": round(ratio, 3), "least": least, "most": most, "beside_s": min(times)}
+        print(f"\nratio {ratio:.3g}, allowed {least:g} to {most:g}", end=" ")
+        assert least <= ratio <= most
+
+    return hold
+
+
+@pytest.fixture
+def fixed_work() -> Call:
+    """The same on every machine: a million numbers sorted, and passes over 64 MiB."""
+    numbers = np.random.default_rng(0).random(1 << 20)
+    large = np.ones(1 << 23)
+
+    def work() -> None:
+        np.sort(numbers)
+        np.sqrt(large).sum()
+
+    return work
+
+
+@pytest.fixture
+def one_core() -> Iterator[None]:
+    if not hasattr(os, "sched_setaffinity"):
+        pytest.skip("no way to keep to one core here")
+    allowed = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {min(allowed)})
+    yield
+    os.sched_setaffinity(0, allowed)
+
+
+@pytest.mark.benchmark(group="limits", timer=time.process_time)
+def test_scoring_a_cell_of_1024_pixels_a_side(held: Any, fixed_work: Call, one_core: None) -> None:
+    scene = load_scene("colonnade")
+    truth = cached_truth(view_of(scene, scene.cameras[0], scene.lights[0], 1024), 1)
+    against, mask = reference_of(truth), np.roll(truth.visibility, (1, 2), axis=(0, 1))
+    held(lambda: mask_record(mask, truth, against, truth.triangle), fixed_work, most=10)
+
+
+@pytest.mark.benchmark(group="limits", timer=time.process_time)
+def test_needs_of_a_million_triangles(held: Any, fixed_work: Call) -> None:
+    made, plane = trimesh.creation.icosphere(7), build_shape("plane", {}, "limits")
+    faces = np.asarray(made.faces, dtype=np.int32)
+    balls = [Mesh(f"ball {k}", made.vertices * 0.4 + (k - 1.0, 0.4, 0.0), faces) for k in range(3)]
+    camera = Camera("camera", (2.3, 4.0, 3.4), (0.0, 0.0, 0.0), 0.87)
+    sun = Light("sun", "directional", (0.5, -1.0, -0.3))
+    scene = Scene("balls", (Mesh("plate", plane.vertices * 8, plane.faces), *balls), (camera,), (sun,))
+
+    def first() -> View:
+        return view_of(Scene(scene.name, scene.meshes, scene.cameras, scene.lights), camera, sun, 512)
+
+    assert len(scene.geometry.faces) == 2 + 3 * 327_680
+    held(lambda: needs(first()), fixed_work, most=100)
+
+
+def python(*arguments: str) -> Call:
+    return lambda: subprocess.run([sys.executable, *arguments], check=True, capture_output=True)
+
+
+@pytest.mark.parametrize(
+    ("code", "beside", "most"),
+    [
+        ("import shadowbench", "pass", 1.5),
+        ("import sys; sys.argv[1:] = ['--help']; from shadowbench.cli import main; main()", "import asyncio", 3.0),
+        ("import pytest, shadowbench.pytest_plugin", "import pytest", 1.1),
+    ],
+    ids=["package", "help", "plugin"],
+)
+@pytest.mark.benchmark(group="limits")
+def test_start(code: str, beside: str, most: float, held: Any) -> None:
+    held(python("-c", code), python("-c", beside), most, rounds=15)
+
+
+@pytest.mark.benchmark(group="limits")
+def test_the_passes_add_up_to_the_frame(cells: Any, held: Any) -> None:
+    scene = load_scene("stairs")
+    cells.open(view_of(scene, scene.cameras[0], scene.lights[0], 512))
+    session = cells.session
+    session.hold(CellRequest("shadow-map:size=2048"))
+    try:
+        passes, frames = lambda: session.time_passes(0), lambda: session.time_frame(0)
+        held(passes, frames, least=0.7, most=1.3, rounds=15)
+    finally:
+        session.let_go()
+
+
+@pytest.mark.benchmark(group="limits")
+def test_silhouettes_against_all_triangles(scene_file: Any, cells: Any, held: Any) -> None:
+    scene = load_scene(scene_file("armadillo.obj"))
+    cells.open(view_of(scene, scene.cameras[0], scene.lights[0], 1024))
+    session = cells.session
+    for spec in ("shadow-volume", "shadow-volume:faces=triangle"):
+        session.hold(CellRequest(spec))
+    try:
+        held(lambda: session.time_frame(0), lambda: session.time_frame(1), most=0.2, rounds=5)
+    finally:
+        session.let_go()
+
+
+@pytest.mark.benchmark(group="limits")
+def test_one_cell_timed_as_two(benchmark: BenchmarkFixture) -> None:
+    with Worker() as worker:
+        found = benchmark.pedantic(noise, args=(worker,), rounds=1)
+    benchmark.extra_info |= {"ratio": found.ratio, "worst": found.worst, "most": ALLOWED}
+    assert found.ratio <= ALLOWED
+
+
+STUDY = """
+scenes = ["cube-on-plane"]
+map_size = [64, 1024]
+view_size = 64
+rounds = 9
+reference = "shadow-map:size=64"
+[[technique]]
+spec = "unshadowed"
+[[technique]]
+spec = "shadow-map"
+[[technique]]
+spec = "ray-traced"
+"""
+
+
+@pytest.mark.benchmark(group="limits")
+def test_one_study_run_twice(tmp_path: Path, benchmark: BenchmarkFixture) -> None:
+    (tmp_path / "study.toml").write_text(STUDY)
+    folders = [str(tmp_path / name) for name in "ab"]
+
+    def run() -> None:
+        for folder in folders:
+            python("-m", "shadowbench.cli", "run", "-s", str(tmp_path / "study.toml"), "-o", folder, "-q")()
+
+    benchmark.pedantic(run, rounds=1)
+    command = [sys.executable, "-m", "shadowbench.cli", "repeat", *folders, "--json"]
+    answer = subprocess.run(command, capture_output=True, text=True, check=False)
+    (ranking,) = json.loads(answer.stdout)["rankings"]
+    benchmark.extra_info |= {"tau": ranking["tau"], "sharp": ranking["sharp"]}
+    assert answer.returncode == 0 and ranking["tau"] == 1 and ranking["sharp"] >= 3
+
+
+def peak_bytes(process: subprocess.Popen[bytes]) -> int:
+    """The largest sum of resident bytes of a process and all that it started, until it ends."""
+    parent, peak = psutil.Process(process.pid), 0
+    while process.poll() is None:
+        held = 0
+        for one in [parent, *parent.children(recursive=True)]:
+            try:
+                held += one.memory_info().rss
+            except psutil.NoSuchProcess:
+                continue
+        peak = max(peak, held)
+        time.sleep(0.02)
+    return peak
+
+
+@pytest.mark.timeout(1200)
+@pytest.mark.benchmark(group="memory")
+def test_views_of_4096_pixels_a_side_work_in_8_gib(tmp_path: Path, benchmark: BenchmarkFixture) -> None:
+    specs = ["shadow-map:size=4096", "ray-traced", "unshadowed"]
+    command = [
+        sys.executable,
+        "-m",
+        "shadowbench.cli",
+        "run",
+        "cube-on-plane",
+        "colonnade",
+        "-q",
+        "--view-size",
+        "4096",
+    ]
+    command += ["--rounds", "3", "-o", str(tmp_path / "run"), *(f"--technique={spec}" for spec in specs)]
+
+    def run() -> int:
+        with (tmp_path / "complaints").open("w") as complaints:
+            process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=complaints)
+            peak = peak_bytes(process)
+        assert process.returncode == 0, (tmp_path / "complaints").read_text()
+        return peak
+
+    peak = benchmark.pedantic(run, rounds=1)
+    benchmark.extra_info["peak_bytes"] = peak
+    assert len((tmp_path / "run" / "table.csv").read_text().splitlines()) == 1 + 2 * 3
+    assert peak < 8 << 30, f"{peak / 2**30:.2f} GiB"
+
+
+@pytest.mark.benchmark(group="memory")
+def test_the_largest_mask_is_scored_in_3_gib(tmp_path: Path, benchmark: BenchmarkFixture) -> None:
+    from PIL import Image
+
+    Image.new("L", (4096, 4096), 255).save(tmp_path / "mask.png")
+    command = [sys.executable, "-m", "shadowbench.cli", "score", "cube-on-plane", str(tmp_path / "mask.png"), "-q"]
+    peak = benchmark.pedantic(lambda: peak_bytes(subprocess.Popen(command, stdout=subprocess.DEVNULL)), rounds=1)
+    benchmark.extra_info["peak_bytes"] = peak
+    assert peak < 3 << 30, f"{peak / 2**30:.2f} GiB"
