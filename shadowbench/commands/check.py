@@ -52,7 +52,7 @@ def check_command(options: CheckOptions, *, as_json: bool, quiet: bool) -> int:
     if findings.compared == 0 and not options.update:
         raise InputError(
             f"{options.folder} and {options.baseline} have no cell in common; allowed: runs of the same scenes, specs, "
-            f"map sizes and view size (--update makes {options.folder} the baseline)"
+            "map sizes and view size"
         )
     regressed = findings.of("regressed", times=False)
     failing = regressed + (findings.of("regressed", times=True) if options.time else [])
@@ -60,7 +60,7 @@ def check_command(options: CheckOptions, *, as_json: bool, quiet: bool) -> int:
     notes = [*findings.notes, *_untimed(findings, options)]
     if whole.earlier:
         older = counted(len(whole.earlier), "cell")
-        notes.append(f"{older} of earlier studies in {options.folder} left out; table.csv has the last")
+        notes.append(f"{older} of earlier commands in {options.folder} left out; run.json lists those of the last")
     if as_json:
         print_json(_as_json(findings, notes, pictures))
     else:

@@ -12,14 +12,15 @@ from rich.table import Table
 
 from shadowbench.commands.console import ConsoleReporter, err, number, out, print_json, techniques_with
 from shadowbench.errors import InputError
+from shadowbench.reports.folder import Run, write_cells
 from shadowbench.reports.words import counted
 from shadowbench.studies.machine import write_run_file
 from shadowbench.studies.profile import ACTIVITIES, MEASURING, share, whole
 from shadowbench.studies.runner import Runner
 from shadowbench.studies.study import Study
 from shadowbench.studies.study_file import find_study, read_study
-from shadowbench.studies.sweeps import Curve, curves, places, with_factors
-from shadowbench.studies.tables import Slope, SummaryRow, cells_frame, over_scenes, slopes, summary, write_table
+from shadowbench.studies.sweeps import Curve, curves, places
+from shadowbench.studies.tables import Slope, SummaryRow, cells_frame, over_scenes, slopes, summary
 from shadowbench.studies.worker import Limits, Worker
 from shadowbench.techniques.spec import Spec, format_spec, parse_spec
 
@@ -70,9 +71,11 @@ def run_command(options: RunOptions, folder: Path, *, profile: bool, as_json: bo
         notes = runner.notes
         spent = worker.call("spent") if profile else {}
     swept = places(study.sweeps)
-    frame = with_factors(cells_frame(results), swept)
-    write_table(folder / "table.csv", frame)
-    write_run_file(folder / "run.json", runner.info, notes, study)
+    write_run_file(folder / "run.json", runner.info, notes, study, [one.score for one in results])
+    whole_folder = write_cells(folder, results, swept)
+    frame = cells_frame(results)
+    if whole_folder.earlier and not quiet:
+        err.print(f"note: {_found_before(whole_folder)}", markup=False, soft_wrap=True)
     tables, fits = summary(frame), slopes(frame)
     if as_json:
         print_json({scene: [dataclasses.asdict(row) for row in rows] for scene, rows in tables.items()})
@@ -86,9 +89,8 @@ def run_command(options: RunOptions, folder: Path, *, profile: bool, as_json: bo
         if len(scenes) > 1:
             _print_scene(f"mean of the {len(scenes)} scenes in which every cell held", means, [])
         if not quiet:
-            out.print(
-                f"{folder / 'table.csv'}: {counted(len(frame), 'cell')}; masks/ and pictures/ beside it", soft_wrap=True
-            )
+            cells = counted(len(whole_folder.rows), "cell")
+            out.print(f"{folder / 'table.csv'}: {cells}; masks/ and pictures/ beside it", soft_wrap=True)
     if profile:
         _print_profile(whole(runner.profile.seconds, spent, time.perf_counter() - start))
     failed = [status for status in frame["status"] if status.startswith("failed")]
@@ -97,6 +99,14 @@ def run_command(options: RunOptions, folder: Path, *, profile: bool, as_json: bo
         line = f"shadowbench: {len(failed)} of {len(frame)} cells failed; the first: {first}"
         err.print(line, markup=False, soft_wrap=True)
     return 3 if failed else 0
+
+
+def _found_before(run: Run) -> str:
+    """What stands in the folder beside the cells of this command."""
+    rows = [row for row in run.rows if row["key"] in run.earlier]
+    named = [counted(len({row[what] for row in rows}), what) for what in ("scene", "spec")]
+    found = f"found {counted(len(rows), 'cell')} of earlier commands ({', '.join(named)})"
+    return f"{run.folder}: {found}; they stay in table.csv and in reports"
 
 
 def study_from(options: RunOptions) -> Study:

@@ -16,6 +16,16 @@ from shadowbench.studies.timing import REDRAWN
 _IDENTITY = ["scene", "view", "light", "phase", "technique", "spec", "map_size", "view_size", "renderer", "status"]
 _TIMES = ["frame_ms", "frame_iqr_ms", "added_ms", "ratio", "n", "clock"]
 _MORE_TIMES = ["wall_ms", *(f"{moved}_ms" for moved in REDRAWN)]  # ours, after the promised columns
+_MORE = [
+    "receivers",
+    "undecided",
+    "surface_mismatch",
+    "coordinates",
+    "full_spec",
+    "mask_sha256",
+    "assumptions",
+    "key",
+]
 _BOOTSTRAPS = 2000
 
 
@@ -24,18 +34,8 @@ def cells_frame(results: Sequence[Result]) -> pd.DataFrame:
     rows = [_cell(result) for result in results]
     passes = sorted({key for row in rows for key in row if key.startswith("pass_")})
     work = sorted({key for row in rows for key in row if key.startswith("work_")})
-    promised = [*_IDENTITY, *METRICS, *_TIMES, *passes, *work, "gpu_bytes", "prepare_ms"]
-    ours = [
-        "receivers",
-        "undecided",
-        "surface_mismatch",
-        "coordinates",
-        "full_spec",
-        "mask_sha256",
-        "assumptions",
-        "key",
-        *_MORE_TIMES,
-    ]
+    promised = [*_IDENTITY, *METRICS, *_TIMES, *passes, *work, "gpu_bytes", "prepare_ms", "command"]
+    ours = [*_MORE, *_MORE_TIMES]
     facts = sorted({key for row in rows for key in row if key.startswith("fact_")})
     frame = pd.DataFrame(rows, columns=[*promised, *ours, *facts])
     whole = [*work, "map_size", "n", "gpu_bytes", "receivers", "undecided", "surface_mismatch"]
@@ -50,7 +50,7 @@ def write_table(file: Path, frame: pd.DataFrame) -> None:
 
 def _cell(result: Result) -> dict[str, Any]:
     score, timed = result.score, result.time or {}
-    row = {key: value for key, value in score.items() if not isinstance(value, dict)} | {"status": result.status}
+    row = {name: score.get(name) for name in [*_IDENTITY, *_MORE, "gpu_bytes", "command"]} | {"status": result.status}
     row |= score.get("metrics", {})
     row["assumptions"] = "; ".join(score.get("assumptions", ())) or None
     row |= {f"work_{name}": count for name, count in score.get("work", {}).items()}

@@ -137,7 +137,7 @@ def test_a_row_on_an_axis_that_lacks_its_place_is_one_line(sweep_folder: Write) 
     row = POINTS[0].record()
     del row["home_spec"]
     (folder / "rows.jsonl").write_text(json.dumps(row) + "\n")
-    with pytest.raises(InputError, match=r"rows\.jsonl line 1: found something else; allowed: a row of schema 1"):
+    with pytest.raises(InputError, match=r"rows\.jsonl line 1: score: found no home_spec; it must be given"):
         read_folders([folder])
 
 
@@ -177,10 +177,10 @@ def broken_run_json(folder: Path) -> None:
         (no_folder, r"run: no such folder; allowed: "),
         (no_rows, r"run: found no rows\.jsonl; allowed: "),
         (empty_rows, r"rows\.jsonl: found no cell; allowed: "),
-        (foreign_rows, r"rows\.jsonl line 1: found something else; allowed: "),
+        (foreign_rows, r"rows\.jsonl line 1: score\.scene: found none; it must be given"),
         (foreign_table, r"table\.csv: found no column `key`; allowed: "),
         (empty_table, r"table\.csv: found no column `key`; allowed: "),
-        (broken_run_json, r"run\.json: found something else; allowed: "),
+        (broken_run_json, r"run\.json: found no JSON \(EOF .*\); allowed: a JSON object"),
     ],
 )
 def test_what_is_no_run_folder_is_one_line(run_folder: Write, spoil: Callable[[Path], None], message: str) -> None:
