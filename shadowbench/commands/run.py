@@ -75,7 +75,7 @@ def run_command(options: RunOptions, folder: Path, *, profile: bool, as_json: bo
     whole_folder = write_cells(folder, results, swept)
     frame = cells_frame(results)
     if whole_folder.earlier and not quiet:
-        err.print(f"note: {_found_before(whole_folder)}", markup=False, soft_wrap=True)
+        err.print(f"note: {folder}: {_found_before(whole_folder)}", markup=False, soft_wrap=True)
     tables, fits = summary(frame), slopes(frame)
     if as_json:
         print_json({scene: [dataclasses.asdict(row) for row in rows] for scene, rows in tables.items()})
@@ -106,7 +106,7 @@ def _found_before(run: Run) -> str:
     rows = [row for row in run.rows if row["key"] in run.earlier]
     named = [counted(len({row[what] for row in rows}), what) for what in ("scene", "spec")]
     found = f"found {counted(len(rows), 'cell')} of earlier commands ({', '.join(named)})"
-    return f"{run.folder}: {found}; they stay in table.csv and in reports"
+    return f"{found}; they stay in table.csv and in reports"
 
 
 def study_from(options: RunOptions) -> Study:

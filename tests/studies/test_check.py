@@ -243,7 +243,7 @@ def test_no_cell_in_common_is_bad_input(
 ) -> None:
     answer = shadowbench("check", now(cell()), "--baseline", then(cell(size=1024)))
     assert (answer.code, answer.err.count("\n")) == (2, 1)
-    assert "no cell in common" in answer.err
+    assert "no cell in common" in answer.err and "--update" not in answer.err, "it would overwrite the baseline"
 
 
 def test_update_makes_the_run_the_baseline_and_says_what_changed(
@@ -290,6 +290,7 @@ def test_update_brings_the_study_that_makes_the_cells(shadowbench: Shadowbench, 
     study.write_text(SMALL)
     assert shadowbench("run", "-s", study, "-o", found).code == 0
     answer = shadowbench("check", found, "--baseline", baseline, "--update")
+    assert str(tmp_path) not in (baseline / "rows.jsonl").read_text(), "what it was called with is nobody's business"
     assert answer.code == 0 and f"study.toml is {study}" in answer.out
     assert (baseline / "study.toml").read_text() == SMALL
     assert {file.name for file in baseline.iterdir()} == {"rows.jsonl", "study.toml"}
