@@ -15,9 +15,8 @@ from rich.table import Table
 from shadowbench.commands.console import err, number, out, print_json, techniques_with
 from shadowbench.errors import InputError
 from shadowbench.reports.folder import Run, read_runs
-from shadowbench.reports.gallery import difference
+from shadowbench.reports.gallery import difference, read_view
 from shadowbench.reports.words import counted
-from shadowbench.scores.masks import read_mask
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.baseline import MISSING, Change, Findings, compare, identity
 from shadowbench.studies.blessing import bless, bless_study
@@ -245,7 +244,8 @@ def _difference(run: Run, score: Record, traced: Run) -> NDArray[np.uint8] | Non
     undecided = truth.with_suffix(".undecided.png")
     if not (mask.exists() and truth.exists() and undecided.exists()):
         return None
-    return difference(read_mask(mask), read_mask(truth), read_mask(undecided) >= 0.5)
+    after, traced_view, doubtful = (read_view(file, score["view_size"]) for file in (mask, truth, undecided))
+    return difference(after, traced_view, doubtful >= 0.5)
 
 
 def _update(options: CheckOptions, run: Run) -> str:

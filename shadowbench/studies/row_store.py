@@ -88,7 +88,7 @@ def command_line() -> str:
 
 
 def _cannot_write(path: Path, error: OSError) -> InputError:
-    return InputError(f"{path}: cannot be written ({error.strerror or error})")
+    return InputError(f"{path}: cannot be written ({(error.strerror or str(error)).lower()})")
 
 
 def _locked(folder: Path) -> IO[str]:

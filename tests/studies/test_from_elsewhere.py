@@ -6,9 +6,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from shadowbench.errors import InputError
+from shadowbench.scores.masks import write_mask
 from shadowbench.studies.row_store import RowStore
 
 Shadowbench = Callable[..., Any]
@@ -231,6 +233,51 @@ def test_a_run_writes_run_json_anew(shadowbench: Shadowbench, folder: Callable[.
     (bad / "run.json").write_text(NESTED)
     assert shadowbench(*RUN, "-o", bad).code == 0
     assert shadowbench("report", bad, "-o", tmp_path / "report.html", "-q").code == 0
+
+
+@pytest.mark.parametrize(
+    ("table", "named"),
+    [
+        ("scene,iou\ns,0.9\n", "no column `key`"),
+        ("key\n\xff\xfe\n", "no column `key`"),
+        ("key,bias_of\nk,b\n", "no sweep"),
+        ("key,spec,map_size,bias_of,bias_factor\nk,s,16,s,twice\n", "no sweep"),
+        ("key,spec,map_size,bias_of,bias_factor\nk,s,inf,s,2\n", "no sweep"),
+        ("key,spec,map_size,bias_of,bias_factor,bias_also\nk,s,16,s,2,s × much\n", "no sweep"),
+    ],
+)
+def test_a_table_that_no_command_writes_is_one_line(
+    shadowbench: Shadowbench, folder: Callable[..., Path], tmp_path: Path, table: str, named: str
+) -> None:
+    bad = folder(*RUN)
+    (bad / "table.csv").write_bytes(table.encode("latin-1"))
+    answer = shadowbench("report", bad, "-o", tmp_path / "report.html")
+    assert_refused(answer, f"{bad / 'table.csv'}: ")
+    assert named in answer.err
+
+
+@pytest.mark.parametrize("kind", ["masks", "truth", "pictures"])
+@pytest.mark.parametrize("size", [None, 17])
+def test_an_image_that_no_run_writes_is_one_line(
+    shadowbench: Shadowbench, folder: Callable[..., Path], tmp_path: Path, kind: str, size: int | None
+) -> None:
+    bad = folder(*RUN)
+    row = json.loads((bad / "rows.jsonl").read_text().splitlines()[0])
+    files = {
+        "truth": bad / "truth" / "cube-on-plane.camera.light.16.png",
+        "masks": bad / "masks" / f"{row['key']}.png",
+        "pictures": bad / "pictures" / f"{row['key']}.png",
+    }
+    for name, file in files.items():
+        file.parent.mkdir(exist_ok=True)
+        write_mask(file, np.ones((size if name == kind and size else 16,) * 2))
+    if size is None:
+        files[kind].write_bytes(files[kind].read_bytes()[:40])
+    answer = shadowbench("report", bad, "-o", tmp_path / "report.html")
+    if kind == "pictures" and size is not None:
+        assert answer.code == 0, "a picture is only shown"
+    else:
+        assert_refused(answer, f"{files[kind]}: ")
 
 
 @pytest.mark.parametrize("spoil", cases(POINTS))

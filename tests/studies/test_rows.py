@@ -161,7 +161,7 @@ def test_a_full_disk_is_one_line_and_leaves_whole_rows(tmp_path: Path) -> None:
     said = subprocess.run([sys.executable, "-c", FILL, tmp_path], capture_output=True, text=True, check=True)
     count, kept, message = said.stdout.strip().split(" ", 2)
     assert said.stderr == "" and kept == "True"
-    assert message == f"{tmp_path / 'rows.jsonl'}: cannot be written (File too large)"
+    assert message == f"{tmp_path / 'rows.jsonl'}: cannot be written (file too large)"
     assert (tmp_path / "rows.jsonl").read_bytes().endswith(b"\n")
     rows, _ = read_rows(tmp_path / "rows.jsonl")
     assert [row["key"] for row in rows] == [key_of(number) for number in range(int(count))] and rows
