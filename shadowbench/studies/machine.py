@@ -76,7 +76,7 @@ def write_run_file(file: Path, info: DeviceInfo, notes: Sequence[str], study: St
         "keys": [row["key"] for row in scores],
     }
     with replace_file(file) as beside:
-        beside.write_text(json.dumps(text, indent=2) + "\n", encoding="utf-8")
+        beside.write_text(json.dumps(text, indent=2, ensure_ascii=False) + "\n", encoding="utf-8", errors="replace")
 
 
 def _processor() -> str:

@@ -60,7 +60,8 @@ class RowStore:
         """
         made = {"command": command_line()} if record["kind"] == "score" else {}
         record = {"schema": SCHEMA, **record, **made}
-        line = (json.dumps(record, allow_nan=False) + "\n").encode()
+        # Half a surrogate, as a file's name in no UTF-8 has it, is no JSON.
+        line = (json.dumps(record, allow_nan=False, ensure_ascii=False) + "\n").encode(errors="replace")
         end = self._stream.seek(0, os.SEEK_END)
         try:
             while line:

@@ -37,7 +37,8 @@ Key = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{24}$")]
 Name = Annotated[str, StringConstraints(pattern=r"^[^/\\\x00]*$")]
 """Of a scene, view or light: `truth/` has a file that is called after them."""
 Count = Annotated[int, Field(ge=0, lt=2**63)]
-Size = Annotated[int, Field(ge=1, le=65536)]
+Size = Annotated[int, Field(ge=1, lt=2**31)]
+Whole = Annotated[int, Field(ge=-(2**63), lt=2**63)]
 Positive = Annotated[FiniteFloat, Field(ge=0)]
 
 _STRICT = ConfigDict(strict=True, extra="allow")
@@ -59,7 +60,10 @@ class CellIdentity(TypedDict):
     coordinates: Coordinates
 
 
-class _Input(TypedDict):
+@with_config(_STRICT)
+class HandedOver(TypedDict):
+    """What was noticed of a mask from elsewhere."""
+
     warnings: NotRequired[list[str]]
 
 
@@ -82,7 +86,7 @@ class ScoreRow(CellIdentity):
     receivers: NotRequired[Count]
     undecided: NotRequired[Count]
     gpu_bytes: NotRequired[Count | None]
-    work: NotRequired[dict[str, Count]]
+    work: NotRequired[dict[str, Whole]]
     facts: NotRequired[dict[str, FiniteFloat]]
     mask_sha256: NotRequired[str | None]
     surface_mismatch: NotRequired[Count]
@@ -90,10 +94,10 @@ class ScoreRow(CellIdentity):
     flips: NotRequired[FiniteFloat | None]
 
     content: NotRequired[str]
-    input: NotRequired[Annotated[_Input, with_config(_STRICT)]]
+    input: NotRequired[HandedOver]
 
     axis: NotRequired[str]
-    axis_value: NotRequired[FiniteFloat | str]
+    axis_value: NotRequired[Whole | FiniteFloat | str]
     axis_unit: NotRequired[str]
     light_kind: NotRequired[LightKind]
     home_spec: NotRequired[str]
@@ -128,7 +132,7 @@ class TimeRow(TypedDict):
     machine: NotRequired[str]
     reference: NotRequired[str]
     reference_key: NotRequired[str]
-    ratio: Annotated[FiniteFloat, Field(gt=0)] | None
+    ratio: Positive | None
     ratio_iqr: NotRequired[Positive | None]
     ratio_quartiles: NotRequired[Annotated[list[Positive], Field(min_length=2, max_length=2)] | None]
     no_ratio: NotRequired[str | None]
@@ -212,9 +216,9 @@ def _whole_time(row: TimeRow) -> TimeRow:
     return row
 
 
-def _check_unknown(row: Record, known: frozenset[str]) -> None:
-    """Raises ValueError for NaN or infinity in a field that has no type here: JSON has neither."""
-    for name in row.keys() - known:
+def _check_unknown(row: Record, typed: frozenset[str]) -> None:
+    """Raises ValueError for NaN or infinity where nothing has a type: JSON has neither, and nobody could write it."""
+    for name in row.keys() - typed:
         if not _is_finite(row[name]):
             raise ValueError(f"{name}: found NaN or infinity; allowed: what JSON has")
 
@@ -225,8 +229,8 @@ def _is_finite(value: object) -> bool:
     return not isinstance(value, float) or math.isfinite(value)
 
 
-_SCORE_FIELDS = frozenset({*CellIdentity.__annotations__, *ScoreRow.__annotations__})
-_TIME_FIELDS = frozenset(TimeRow.__annotations__)
+_SCORE_FIELDS = frozenset({*CellIdentity.__annotations__, *ScoreRow.__annotations__} - {"input"})
+_TIME_FIELDS = frozenset(TimeRow.__annotations__.keys() - {"passes"})
 _ROW: TypeAdapter[ScoreRow | TimeRow] = TypeAdapter(
     Annotated[
         Annotated[ScoreRow, AfterValidator(_whole_score)] | Annotated[TimeRow, AfterValidator(_whole_time)],

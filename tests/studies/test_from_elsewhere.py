@@ -79,6 +79,7 @@ SCORES: dict[str, Spoil] = {
     "assumptions as text": put("assumptions", value="no camera"),
     "input as text": put("input", value="mask.png"),
     "warnings that are a number": put("input", value={"warnings": 3}),
+    "NaN beside the warnings": put("input", value={"warnings": [], "gamma": NAN}),
     "infinity in a field that is unknown": put("novel", value=[{"deep": INFINITY}]),
     "another schema": put("schema", value=2),
     "another kind": put("kind", value="opinion"),
@@ -101,6 +102,7 @@ TIMES: dict[str, Spoil] = {
     "three quartiles": put("ratio_quartiles", value=[1.0, 2.0, 3.0]),
     "passes as a list": put("passes", value=[1.0]),
     "a pass without its time": put("passes", value={"depth": {"iqr_ms": 1.0}}),
+    "NaN beside the time of a pass": put("passes", value={"depth": {"ms": 1.0, "novel": NAN}}),
     "a key in capitals": put("key", value="A" * 24),
 }
 ABOUT: dict[str, Spoil] = {

@@ -129,6 +129,13 @@ def test_a_folder_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
         assert "\n" not in str(error.value)
 
 
+def test_a_name_that_is_no_utf8_is_written_as_what_can_be_read(tmp_path: Path) -> None:
+    with opened(tmp_path) as store:
+        store.append(SCORE | {"assumptions": ["b\udcff.obj: Größe"]})
+    with opened(tmp_path) as store:
+        assert store.scores[key_of("a")]["assumptions"] == ["b?.obj: Größe"]
+
+
 def test_a_number_that_json_lacks_is_never_written(tmp_path: Path) -> None:
     with opened(tmp_path) as store:
         with pytest.raises(ValueError, match="JSON"):
