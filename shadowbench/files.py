@@ -9,7 +9,8 @@ from pathlib import Path
 
 from shadowbench.errors import InputError
 
-_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""What an OSError says of a disk, a quota or a limit on files that has no room left."""
 
 
 @contextmanager
@@ -37,7 +38,7 @@ def replace_file(path: str | Path) -> Iterator[Path]:
         yield temporary
         os.replace(temporary, path)
     except OSError as error:
-        if error.errno not in _FULL:
+        if error.errno not in FULL:
             raise
         raise InputError(f"{path}: cannot be written ({os.strerror(error.errno).lower()})") from error
     finally:

@@ -96,6 +96,7 @@ _ALLOWED = {
     "too_long": "at most {max_length} entries",
     "string_too_short": "{min_length} or more characters",
     "string_too_long": "at most {max_length} characters",
+    "string_pattern_mismatch": "text that matches {pattern}",
 }
 """What is allowed, by pydantic's name of a complaint, where its own words are those of Python."""
 
@@ -118,6 +119,8 @@ def _message(complaint: ErrorDetails) -> str:
     found = _found(complaint["input"])
     if complaint["type"] == "missing":
         return "found none; it must be given"
+    if complaint["type"] == "json_invalid":
+        return f"found no JSON ({complaint['ctx']['error']}); allowed: a JSON object"
     if complaint["type"] != "value_error":
         return f"found {found}; allowed: {_allowed(complaint)}"
     message = complaint["msg"].removeprefix("Value error, ")  # one of ours, which may say what it found

@@ -1,5 +1,6 @@
 """What all tests share: larger scenes, a truth cache of their own, the GL device and views on it."""
 
+import hashlib
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -156,6 +157,11 @@ class Answer:
     code: int
     out: str
     err: str
+
+
+def key_of(*parts: object) -> str:
+    """A key as rows have one."""
+    return hashlib.sha256(repr(parts).encode()).hexdigest()[:24]
 
 
 @pytest.fixture

@@ -1,5 +1,6 @@
 """The command line: sits on top, prints, and computes nothing."""
 
+import os
 import sys
 import traceback
 from typing import Annotated
@@ -42,6 +43,7 @@ def version_option(
 def main() -> None:
     """Entry point: errors that a user can mend are one line and an exit code, not a traceback."""
     from shadowbench.errors import ShadowbenchError
+    from shadowbench.files import FULL
 
     try:
         code = app(standalone_mode=False) or 0
@@ -54,10 +56,14 @@ def main() -> None:
         code = error.exit_code
     except (KeyboardInterrupt, typer.Abort):
         code = _STOPPED
-    except Exception:
-        traceback.print_exc()
-        _complain("an internal error; please report it with the lines above")
-        code = 3
+    except Exception as error:
+        if isinstance(error, OSError) and error.errno in FULL:
+            _complain(f"{error.filename or 'a file'}: cannot be written ({os.strerror(error.errno).lower()})")
+            code = 2
+        else:
+            traceback.print_exc()
+            _complain("an internal error; please report it with the lines above")
+            code = 3
     if code == _STOPPED:  # Typer answers Ctrl-C with this code, and prints nothing
         _complain("stopped; the same command goes on from here")
     sys.exit(code)

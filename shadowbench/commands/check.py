@@ -15,9 +15,8 @@ from rich.table import Table
 from shadowbench.commands.console import err, number, out, print_json, techniques_with
 from shadowbench.errors import InputError, alternatives
 from shadowbench.reports.folder import Run, read_runs
-from shadowbench.reports.gallery import difference
+from shadowbench.reports.gallery import difference, read_view
 from shadowbench.reports.words import counted
-from shadowbench.scores.masks import read_mask
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.baseline import MISSING, Change, Findings, compare, identity
 from shadowbench.studies.blessing import bless, bless_study
@@ -52,7 +51,7 @@ def check_command(options: CheckOptions, *, as_json: bool, quiet: bool) -> int:
     if findings.compared == 0 and not options.update:
         raise InputError(
             f"{options.folder} and {options.baseline} have no cell in common; allowed: runs of the same scenes, specs, "
-            f"map sizes and view size (--update makes {options.folder} the baseline)"
+            "map sizes and view size"
         )
     regressed = findings.of("regressed", times=False)
     failing = regressed + (findings.of("regressed", times=True) if options.time else [])
@@ -60,7 +59,7 @@ def check_command(options: CheckOptions, *, as_json: bool, quiet: bool) -> int:
     notes = [*findings.notes, *_untimed(findings, options)]
     if whole.earlier:
         older = counted(len(whole.earlier), "cell")
-        notes.append(f"{older} of earlier studies in {options.folder} left out; table.csv has the last")
+        notes.append(f"{older} of earlier commands in {options.folder} left out; run.json lists those of the last")
     if as_json:
         print_json(_as_json(findings, notes, pictures))
     else:
@@ -246,7 +245,8 @@ def _difference(run: Run, score: Record, traced: Run) -> NDArray[np.uint8] | Non
     undecided = truth.with_suffix(".undecided.png")
     if not (mask.exists() and truth.exists() and undecided.exists()):
         return None
-    return difference(read_mask(mask), read_mask(truth), read_mask(undecided) >= 0.5)
+    after, traced_view, doubtful = (read_view(file, score["view_size"]) for file in (mask, truth, undecided))
+    return difference(after, traced_view, doubtful >= 0.5)
 
 
 def _update(options: CheckOptions, run: Run) -> str:

@@ -15,6 +15,7 @@ from shadowbench.commands.console import ConsoleReporter, check_folder, number, 
 from shadowbench.commands.recommend_words import excluded_lines, in_the_way, step_lines
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
+from shadowbench.reports.folder import write_cells
 from shadowbench.scenes.views import chosen_view, notes_on
 from shadowbench.studies.gauge import Gauge
 from shadowbench.studies.machine import write_run_file
@@ -23,7 +24,6 @@ from shadowbench.studies.runner import Result
 from shadowbench.studies.search import Tried
 from shadowbench.studies.session import DeviceInfo
 from shadowbench.studies.shown_shaders import shaders_of
-from shadowbench.studies.tables import cells_frame, write_table
 from shadowbench.studies.times import time_notes
 from shadowbench.studies.worker import Worker
 from shadowbench.techniques.params import Row
@@ -77,8 +77,9 @@ def recommend_command(options: RecommendOptions, folder: Path, *, as_json: bool,
                 return results[-1]
 
             found = recommend(view, truth, target, unit, known, info.max_map_size, measure)
-    write_table(folder / "table.csv", cells_frame(results))
-    write_run_file(folder / "run.json", info, view.scene.notes, gauge.study)
+    write_run_file(folder / "run.json", info, view.scene.notes, gauge.study, [one.score for one in results])
+    if results:
+        write_cells(folder, results, {})
     if options.export is not None and found.choice is not None:
         export(options.export, found, options.plugins)
     if as_json:

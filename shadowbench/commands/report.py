@@ -45,7 +45,7 @@ def report_command(folders: Sequence[Path], output: Path | None, form: str, quie
     if not quiet:
         for run in runs:
             if run.earlier:
-                which = f"{len(run.earlier)} of {len(run.rows)} cells are of earlier commands; table.csv has the last"
+                which = f"{len(run.earlier)} of {len(run.rows)} cells are of earlier commands"
                 err.print(f"note: {run.folder}: {which}", markup=False, soft_wrap=True)
         out.print(f"{target}: {what}", markup=False, soft_wrap=True)
 

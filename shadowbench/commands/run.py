@@ -22,13 +22,14 @@ from shadowbench.commands.console import (
     techniques_with,
 )
 from shadowbench.errors import InputError
+from shadowbench.reports.folder import Run, write_cells
 from shadowbench.reports.words import counted
 from shadowbench.studies.machine import write_run_file
 from shadowbench.studies.profile import ACTIVITIES, MEASURING, share, whole
 from shadowbench.studies.runner import Runner
 from shadowbench.studies.study import Study
 from shadowbench.studies.study_file import find_study, read_study
-from shadowbench.studies.sweeps import Curve, curves, places, with_factors
+from shadowbench.studies.sweeps import Curve, curves, places
 from shadowbench.studies.tables import (
     Slope,
     SummaryRow,
@@ -38,7 +39,6 @@ from shadowbench.studies.tables import (
     reference_times,
     slopes,
     summary,
-    write_table,
 )
 from shadowbench.studies.times import time_notes
 from shadowbench.studies.worker import Limits, Worker
@@ -94,9 +94,11 @@ def run_command(options: RunOptions, folder: Path, *, profile: bool, as_json: bo
         assumed = runner.notes
         spent = worker.call("spent") if profile else {}
     swept = places(study.sweeps)
-    frame = with_factors(cells_frame(results), swept)
-    write_table(folder / "table.csv", frame)
-    write_run_file(folder / "run.json", runner.info, assumed, study)
+    write_run_file(folder / "run.json", runner.info, assumed, study, [one.score for one in results])
+    whole_folder = write_cells(folder, results, swept)
+    frame = cells_frame(results)
+    if whole_folder.earlier and not quiet:
+        err.print(f"note: {folder}: {_found_before(whole_folder)}", markup=False, soft_wrap=True)
     tables, references, fits = summary(frame), reference_times(frame), slopes(frame)
     if as_json:
         print_json({scene: [dataclasses.asdict(row) for row in rows] for scene, rows in tables.items()})
@@ -117,8 +119,9 @@ def run_command(options: RunOptions, folder: Path, *, profile: bool, as_json: bo
             where = f"{folder / 'table.csv'} or a terminal of {_WIDE}"
             out.print(f"columns left out at {out.width} characters, see {where}: {dropped}", soft_wrap=True)
         if not quiet:
+            cells = counted(len(whole_folder.rows), "cell")
             beside = "; masks/ and pictures/ beside it" if (frame["status"] == "ok").any() else ""
-            out.print(f"{folder / 'table.csv'}: {counted(len(frame), 'cell')}{beside}", soft_wrap=True)
+            out.print(f"{folder / 'table.csv'}: {cells}{beside}", soft_wrap=True)
     if profile:
         _print_profile(whole(runner.profile.seconds, spent, time.perf_counter() - start))
     say_unsupported(list(frame["status"]))
@@ -128,6 +131,14 @@ def run_command(options: RunOptions, folder: Path, *, profile: bool, as_json: bo
         line = f"shadowbench: {len(failed)} of {len(frame)} cells failed; the first: {first}"
         err.print(line, markup=False, soft_wrap=True)
     return 3 if failed else 0
+
+
+def _found_before(run: Run) -> str:
+    """What stands in the folder beside the cells of this command."""
+    rows = [row for row in run.rows if row["key"] in run.earlier]
+    named = [counted(len({row[what] for row in rows}), what) for what in ("scene", "spec")]
+    found = f"found {counted(len(rows), 'cell')} of earlier commands ({', '.join(named)})"
+    return f"{found}; they stay in table.csv and in reports"
 
 
 def study_from(options: RunOptions) -> Study:

@@ -17,6 +17,7 @@ from shadowbench.commands.console import (
     techniques_with,
 )
 from shadowbench.errors import InputError, alternatives
+from shadowbench.reports.folder import read_folders
 from shadowbench.studies.axes import AXES, Axis
 from shadowbench.studies.axes.model import NAMES, VIEW_SIZE
 from shadowbench.studies.machine import write_run_file
@@ -63,9 +64,10 @@ def stress_command(options: StressOptions, folder: Path, *, as_json: bool, quiet
         rows = sweep.run(axes, options.quick)
     ranges = operating_ranges(axes, rows)
     write_table(folder / "ranges.csv", ranges_frame(ranges))
-    write_table(folder / "table.csv", points_frame(rows))
     study = Study(tuple(axis.name for axis in axes), specs, specs[0], view_size=VIEW_SIZE, rounds=0)
-    write_run_file(folder / "run.json", sweep.info, [], study)
+    write_run_file(folder / "run.json", sweep.info, [], study, rows)
+    _, (whole,) = read_folders([folder])
+    write_table(folder / "table.csv", points_frame(whole.rows))
     if as_json:
         print_json(ranges_frame(ranges).astype(object).where(lambda frame: frame.notna(), None).to_dict("records"))
     else:

@@ -11,11 +11,12 @@ from rich.table import Table
 from shadowbench.commands.console import ConsoleReporter, check_folder, err, number, out, print_json, techniques_with
 from shadowbench.commands.run import map_sizes
 from shadowbench.errors import InputError
+from shadowbench.reports.folder import write_cells
 from shadowbench.reports.words import counted
 from shadowbench.scenes.library import builtin_names
 from shadowbench.studies.machine import write_run_file
 from shadowbench.studies.study import Study, scenes_of
-from shadowbench.studies.tables import Interval, cells_frame, write_table
+from shadowbench.studies.tables import Interval
 from shadowbench.studies.tune import tune
 from shadowbench.studies.tune_beside import Best, Entry, Tuning
 from shadowbench.studies.tune_cells import Cells
@@ -78,18 +79,18 @@ def tune_command(options: TuneOptions, folder: Path, *, as_json: bool, quiet: bo
         split = folds([scene.name for scene in scenes_of(blocks)], held_out, options.folds)
         space = Space(home, names, cells.refused_rows(home, names, blocks))
         found = tune(space, cells, blocks, split, options.trials, others)
-        frame = cells_frame(list(cells.results.values()))
-    write_table(folder / "table.csv", frame)
-    write_run_file(folder / "run.json", cells.info, [], study)
+    results = list(cells.results.values())
+    write_run_file(folder / "run.json", cells.info, [], study, [one.score for one in results])
+    write_cells(folder, results, {})
     if as_json:
         print_json(_plain(found))
     else:
         _print(found)
         if not quiet:
-            out.print(f"{folder / 'table.csv'}: {counted(len(frame), 'cell')}", soft_wrap=True)
-    failed = [status for status in frame["status"] if status.startswith("failed")]
+            out.print(f"{folder / 'table.csv'}: {counted(len(results), 'cell')}", soft_wrap=True)
+    failed = [one.status for one in results if one.status.startswith("failed")]
     if failed:
-        line = f"shadowbench: {len(failed)} of {len(frame)} cells failed; the first: {failed[0]}"
+        line = f"shadowbench: {len(failed)} of {len(results)} cells failed; the first: {failed[0]}"
         err.print(line, markup=False, soft_wrap=True)
     return 3 if failed else 0
 

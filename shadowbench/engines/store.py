@@ -22,7 +22,7 @@ from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.model import View
 from shadowbench.scores.masks import write_mask
 from shadowbench.studies import scoring
-from shadowbench.studies.rows import RowStore
+from shadowbench.studies.row_store import RowStore
 from shadowbench.truth.cache import cached_truth
 
 _LIBRARIES = ("embreex", "numpy", "scikit-image", "scipy")

@@ -1,7 +1,6 @@
 """Folders as they are read: rows, what `run.json` says of them, and where the pictures are."""
 
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -11,26 +10,25 @@ import pandas as pd
 
 from shadowbench.errors import InputError
 from shadowbench.studies.baseline import identity
-from shadowbench.studies.rows import SCHEMA, Record, row_of
+from shadowbench.studies.rows import Record, RunFile, read_rows, read_run_file
 from shadowbench.studies.runner import Result
-from shadowbench.studies.sweeps import Places, places_of
-from shadowbench.studies.tables import cells_frame
+from shadowbench.studies.sweeps import Places, places_of, with_factors
+from shadowbench.studies.tables import cells_frame, write_table
 
 _ALLOWED = "a folder that `shadowbench run` or `shadowbench stress` wrote"
-_PLACE = ("axis", "axis_value", "light_kind", "home_spec")  # of a row on an axis
 
 
 @dataclass(frozen=True, eq=False)
 class Folder:
     """What somebody measured into a folder. `label` names it in a report; `about` is its `run.json`, empty without one.
 
-    `rows` holds the score of each cell once: as `table.csv` names it, else as it was measured last; `older` counts the
-    other records of the same cells.
+    `rows` holds the score of each cell once: as the last command found it, else as `table.csv` names it, else as it was
+    measured last. `older` counts the other records of the same cells.
     """
 
     label: str
     folder: Path
-    about: Mapping[str, Any]
+    about: RunFile
     rows: tuple[Record, ...]
     older: int
 
@@ -59,7 +57,7 @@ class Run(Folder):
 
     `times_before`: of the cells that this machine timed several times, the time before the last.
     The machine is the one that `run.json` names, or that of the last time where it names none. `earlier` has the keys
-    of the rows that `table.csv` lacks, those of engines aside: cells of earlier commands.
+    of the rows that the last command did not measure or find, those of engines aside.
     """
 
     times: Mapping[str, Record]
@@ -105,91 +103,100 @@ def read_runs(folders: Sequence[Path]) -> list[Run]:
     return runs
 
 
+def write_cells(folder: Path, results: Sequence[Result], swept: Places) -> Run:
+    """Write `table.csv`, a line for each cell of the folder, and return the folder.
+
+    results: those of the command that has just written `run.json`; of other cells the newest row stands there. `swept`:
+    the command's bias sweeps.
+    """
+    (run,) = read_runs([folder])
+    live = {one.score["key"]: one for one in results}  # which also say what could not be timed
+    frame = cells_frame([live.get(one.score["key"], one) for one in run.results])
+    write_table(folder / "table.csv", with_factors(frame, {**run.swept, **swept}))
+    return run
+
+
 def _read(folder: Path, label: str) -> Run | Sweep:
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder; allowed: {_ALLOWED}")
     file = folder / "rows.jsonl"
-    records = _records(file)
-    scores = [record for record in records if record["kind"] == "score"]
-    count = len({record["key"] for record in scores})
+    if not file.exists():
+        raise InputError(f"{folder}: found no rows.jsonl; allowed: {_ALLOWED}")
+    rows, _ = read_rows(file)
+    scores = [row for row in rows if row["kind"] == "score"]
+    count = len({row["key"] for row in scores})
     if not scores:
         raise InputError(f"{file}: found no cell; allowed: rows of a run or a sweep that measured something")
-    kinds = {"axis" in record for record in scores}
+    kinds = {"axis" in row for row in scores}
     if len(kinds) > 1:
         raise InputError(f"{file}: found cells of `run` and of `stress`; allowed: those of one, in a folder of its own")
-    about = _about(folder / "run.json")
-    keys = _last_keys(folder)
+    about = read_run_file(folder / "run.json")
+    table = _table_keys(folder / "table.csv")
+    keys = set(about["keys"]) if "keys" in about else table  # the table of an older version was the last command's
+    shown, last = _named(scores, table), _named(scores, keys)
     if kinds == {True}:
-        points = {
-            tuple(record[name] for name in _PLACE): record for record in scores if keys is None or record["key"] in keys
-        }
-        return Sweep(label, folder, about, tuple(points.values()), count - len(points))
-    times = [record for record in records if record["kind"] == "time"]
+        points = _points(scores if table is None else shown, last)
+        return Sweep(label, folder, about, tuple(points), count - len(points))
+    times = [row for row in rows if row["kind"] == "time"]
     machine = about.get("machine_key") or (times[-1].get("machine") if times else None)
     last_times: dict[str, Record] = {}
     times_before: dict[str, Record] = {}
-    for record in times:
-        if record.get("machine") == machine:
-            if record["key"] in last_times:
-                times_before[record["key"]] = last_times[record["key"]]
-            last_times[record["key"]] = record
-    # A run that finds its rows measured appends none, so that the last of a cell in the file may be another study's.
-    last = {} if keys is None else {identity(record): record for record in scores if record["key"] in keys}
-    cells = {identity(record): record for record in scores} | last
-    earlier = {} if keys is None else {cell: row for cell, row in cells.items() if cell not in last}
+    for row in times:
+        if row.get("machine") == machine:
+            if row["key"] in last_times:
+                times_before[row["key"]] = last_times[row["key"]]
+            last_times[row["key"]] = row
+    # A command that finds its rows measured appends none, so that the last of a cell in the file may be another text's.
+    cells = _cells([*scores, *shown, *last])
+    ours = {row["key"] for row in last}
+    earlier = [row["key"] for row in cells if keys is not None and row["key"] not in ours and "content" not in row]
     return Run(
         label=label,
         folder=folder,
         about=about,
-        rows=tuple(cells.values()),
+        rows=tuple(cells),
         older=count - len(cells),
         times=last_times,
         times_before=times_before,
-        foreign=sum(record.get("machine") != machine for record in times),
-        earlier=frozenset(row["key"] for row in earlier.values() if "content" not in row),
+        foreign=sum(row.get("machine") != machine for row in times),
+        earlier=frozenset(earlier),
     )
 
 
-def _last_keys(folder: Path) -> set[str] | None:
-    """The keys of the cells that were measured, or found measured, last: those of `table.csv`; None without one.
-
-    Beside them, what was measured before the last change of a default would stand for something that is no more.
-    """
-    table = folder / "table.csv"
+def _table_keys(table: Path) -> set[str] | None:
+    """The keys of a `table.csv`; None where there is none."""
     if not table.is_file():
         return None
     try:
         return set(pd.read_csv(table, usecols=["key"], dtype=str)["key"])
     except ValueError:
-        raise InputError(f"{table}: found no column `key`; allowed: the table of the last command, or none") from None
+        raise InputError(f"{table}: found no column `key`; allowed: the table that a command wrote, or none") from None
 
 
-def _records(file: Path) -> list[Record]:
-    """Every whole line; the last may have been cut short by the end of a run."""
-    if not file.exists():
-        raise InputError(f"{file.parent}: found no rows.jsonl; allowed: {_ALLOWED}")
-    lines = file.read_bytes().split(b"\n")[:-1]
-    return [_record(file, number, line) for number, line in enumerate(lines, start=1)]
+def _named(scores: Sequence[Record], keys: Set[str] | None) -> list[Record]:
+    """The rows with these keys, but none of another renderer: `score` runs no study, and its last row counts."""
+    return [row for row in scores if keys is not None and row["key"] in keys and "content" not in row]
 
 
-def _record(file: Path, number: int, line: bytes) -> Record:
-    record = row_of(line)
-    if record is None or not (record["kind"] == "time" or _needed(record) <= record.keys()):
-        raise InputError(f"{file} line {number}: found something else; allowed: a row of schema {SCHEMA}")
-    return record
+def _cells(rows: Sequence[Record]) -> list[Record]:
+    """The last row of every cell, in the order of the first.
+
+    Where a default has changed, a spec has two identities and one spelling: the last of those counts too.
+    """
+    spelled = {_spelled(row): identity(row) for row in rows}
+    return [row for key, row in {identity(row): row for row in rows}.items() if spelled[_spelled(row)] == key]
 
 
-def _needed(record: Record) -> set[str]:
-    return {"scene", "spec", "status"} | (set(_PLACE) if "axis" in record else set())
+def _spelled(row: Record) -> tuple[Any, ...]:
+    return row["spec"], *identity(row)[1:]
 
 
-def _about(file: Path) -> Mapping[str, Any]:
-    if not file.exists():
-        return {}
-    try:
-        about = json.loads(file.read_bytes())
-    except ValueError:
-        about = None
-    if not isinstance(about, dict):
-        raise InputError(f"{file}: found something else; allowed: the JSON object of the command that made the folder")
-    return about
+def _points(shown: Sequence[Record], last: Sequence[Record]) -> list[Record]:
+    """The last command's points, and of those shown before the ones on other lines: a range is of one command."""
+    swept = {_line(row) for row in last}
+    rows = [*(row for row in shown if _line(row) not in swept), *last]
+    return list({(*_line(row), row["axis_value"]): row for row in rows}.values())
+
+
+def _line(row: Record) -> tuple[Any, ...]:
+    return row["home_spec"], row["axis"], row["light_kind"]

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy.ndimage import uniform_filter
 
+from shadowbench.errors import InputError
 from shadowbench.reports.analysis import Section, front
 from shadowbench.reports.stability import Stability
 from shadowbench.reports.words import digits
@@ -111,9 +112,9 @@ def gallery(folder: Path, shots: Sequence[Shot], most: int, start: int = 0) -> G
 
     InputError for a file that is no mask or picture.
     """
-    files = {shot.place: folder / "truth" / f"{shot.truth}.png" for shot in shots}
-    truths = {place: read_mask(file) if file.exists() else None for place, file in files.items()}
-    undecided = {place: _undecided(file.with_suffix(".undecided.png")) for place, file in files.items()}
+    files = {shot.place: (folder / "truth" / f"{shot.truth}.png", int(shot.row["view_size"])) for shot in shots}
+    truths = {place: _visibility(file, size) for place, (file, size) in files.items()}
+    undecided = {place: _undecided(file.with_suffix(".undecided.png"), size) for place, (file, size) in files.items()}
     with ThreadPoolExecutor() as threads:
         cells = list(
             threads.map(lambda shot: _cell(shot, folder, truths[shot.place], undecided[shot.place], most), shots)
@@ -136,7 +137,7 @@ def _cell(
     shot: Shot, folder: Path, truth: NDArray[np.float32] | None, undecided: NDArray[np.bool_] | None, most: int
 ) -> dict[str, Any]:
     picture, mask = (folder / kind / f"{shot.row['key']}.png" for kind in ("pictures", "masks"))
-    visibility = read_mask(mask) if mask.exists() else None
+    visibility = _visibility(mask, int(shot.row["view_size"]))
     drawn = None if visibility is None or truth is None else difference(visibility, truth, undecided)
     return {
         "spec": shot.spec,
@@ -192,13 +193,29 @@ def start_of_section(section: Section, shots: Sequence[Shot]) -> int:
     return 0
 
 
-def _undecided(file: Path) -> NDArray[np.bool_] | None:
-    return read_mask(file) >= 0.5 if file.exists() else None
+def read_view(file: Path, size: int) -> NDArray[np.float32]:
+    """A mask of a view, (size, size) as `read_mask` gives it; InputError for one of another size."""
+    visibility = read_mask(file)
+    if visibility.shape != (size, size):
+        found = " × ".join(map(str, reversed(visibility.shape)))
+        raise InputError(f"{file}: found {found} pixels; allowed: {size} × {size}, the view's size")
+    return visibility
+
+
+def _visibility(file: Path, size: int) -> NDArray[np.float32] | None:
+    return read_view(file, size) if file.exists() else None
+
+
+def _undecided(file: Path, size: int) -> NDArray[np.bool_] | None:
+    return read_view(file, size) >= 0.5 if file.exists() else None
 
 
 def _picture(file: Path, most: int) -> str:
-    with Image.open(file) as image:
-        return _webp(_shrunk(image.convert("RGB"), most), lossless=False)
+    try:
+        with Image.open(file, formats=["PNG"]) as image:
+            return _webp(_shrunk(image.convert("RGB"), most), lossless=False)
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError):
+        raise InputError(f"{file}: cannot be read as an image; allowed: a PNG") from None
 
 
 def _grey(visibility: NDArray[np.float32], most: int) -> str:

@@ -155,7 +155,7 @@ def _best(configurations: Sequence[Configuration], metric: str) -> str:
 def machine_facts(run: Run | Sweep) -> list[tuple[str, str]]:
     """Name and value of everything that is known of how a run or a sweep was made."""
     about = run.about
-    machine, device = (about.get(name, {}) for name in ("machine", "device"))
+    machine, device = about.get("machine", {}), about.get("device", {})
     cells = counted(len(run.rows), "cell")
     older = f"; {counted(run.older, 'older record')} of the same cells left out" if run.older else ""
     foreign = (

@@ -3,14 +3,13 @@
 import json
 import shlex
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
-from shadowbench.studies.rows import SCHEMA
+from shadowbench.studies.rows import SCHEMA, RunFile
 from shadowbench.studies.runner import Result
 from shadowbench.studies.study_file import StudyFile, Techniques, find_study, read_study, resolve
 from shadowbench.techniques.spec import format_spec
@@ -23,14 +22,16 @@ def bless(results: Sequence[Result], folder: Path) -> None:
     for a folder that cannot be written.
     """
     if not results:
-        raise InputError("--update: found no cell; allowed: a run that has one or more, those that its table.csv names")
+        raise InputError("--update: found no cell; allowed: a run that has one or more, those of its last command")
     failed = [result for result in results if result.status.startswith("failed")]
     if failed:
         first = f"{failed[0].score['scene']} {failed[0].score['spec']}: {failed[0].status}"
         raise InputError(
             f"--update: found {len(failed)} cells that failed, the first {first}; allowed: a run where none did"
         )
-    records = [result.score for result in results] + [result.time for result in results if result.time]
+    # Whoever compares with it does not need to know how it was called, nor where it was.
+    scores = [{name: value for name, value in result.score.items() if name != "command"} for result in results]
+    records = [*scores, *(result.time for result in results if result.time)]
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -40,15 +41,16 @@ def bless(results: Sequence[Result], folder: Path) -> None:
         beside.write_text("".join(lines), encoding="utf-8")
 
 
-def bless_study(
-    about: Mapping[str, Any], results: Sequence[Result], folder: Path, techniques: Techniques
-) -> Path | None:
+def bless_study(about: RunFile, results: Sequence[Result], folder: Path, techniques: Techniques) -> Path | None:
     """Copy the study file that a run's command names (`about` is its `run.json`) to `folder`'s `study.toml`.
 
     Returns the file, None where none was copied: none was named, it is gone or there already, or in `folder` it would
     not make these cells, its scenes being relative or the command having changed it.
     """
-    words = shlex.split(str(about.get("command", "")).replace("--study=", "--study "))
+    try:
+        words = shlex.split(about.get("command", "").replace("--study=", "--study "))
+    except ValueError:  # a quote that does not end: nothing of ours
+        return None
     named = [value for option, value in pairwise(words) if option in ("-s", "--study")]
     if not named:
         return None

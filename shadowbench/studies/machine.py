@@ -6,9 +6,7 @@ import hashlib
 import json
 import os
 import platform
-import shlex
-import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -18,6 +16,8 @@ import psutil
 from shadowbench import __version__
 from shadowbench.files import replace_file
 from shadowbench.studies.references import name_of
+from shadowbench.studies.row_store import command_line
+from shadowbench.studies.rows import SCHEMA, Record
 from shadowbench.studies.session import DeviceInfo
 from shadowbench.studies.study import Study
 from shadowbench.techniques.spec import format_spec
@@ -53,11 +53,11 @@ def versions() -> dict[str, str]:
     }
 
 
-def write_run_file(file: Path, info: DeviceInfo, notes: Sequence[str], study: Study) -> None:
-    """`run.json`: command, versions, machine, clock, assumptions."""
+def write_run_file(file: Path, info: DeviceInfo, notes: Sequence[str], study: Study, scores: Iterable[Record]) -> None:
+    """`run.json`: command, versions, machine, clock, assumptions, and the keys of its cells' score rows."""
     text = {
-        "schema": 1,
-        "command": shlex.join(["shadowbench", *sys.argv[1:]]),
+        "schema": SCHEMA,
+        "command": command_line(),
         "finished": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         "versions": versions(),
         "machine": machine(),
@@ -74,9 +74,10 @@ def write_run_file(file: Path, info: DeviceInfo, notes: Sequence[str], study: St
             "phases": study.phases,
             "coordinates": study.coordinates,
         },
+        "keys": [row["key"] for row in scores],
     }
     with replace_file(file) as beside:
-        beside.write_text(json.dumps(text, indent=2) + "\n", encoding="utf-8")
+        beside.write_text(json.dumps(text, indent=2, ensure_ascii=False) + "\n", encoding="utf-8", errors="replace")
 
 
 def _processor() -> str:

@@ -215,4 +215,4 @@ def points_frame(rows: Iterable[Record]) -> pd.DataFrame:
     ours = ["axis", "axis_value", "axis_unit", "light_kind", "flips", "receivers", "undecided", "surface_mismatch",
             "gpu_bytes", "coordinates", "full_spec", "mask_sha256", "key"]  # fmt: skip
     lines = [{**row, **row.get("metrics", {}), "failure": str(failure(row) or "") or None} for row in rows]
-    return pd.DataFrame(lines, columns=[*identity, *METRICS, "failure", *ours])
+    return pd.DataFrame(lines, columns=[*identity, *METRICS, "failure", "command", *ours])

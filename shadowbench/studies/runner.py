@@ -23,7 +23,8 @@ from shadowbench.studies.drawn import Drawn
 from shadowbench.studies.keys import cell_key, view_key
 from shadowbench.studies.machine import machine_key
 from shadowbench.studies.profile import Profile
-from shadowbench.studies.rows import Record, RowStore
+from shadowbench.studies.row_store import RowStore
+from shadowbench.studies.rows import CellIdentity, Record
 from shadowbench.studies.scoring import mask_record, reference_of
 from shadowbench.studies.session import DeviceInfo, Unsupported
 from shadowbench.studies.study import Block, Cell, Study, scenes_of
@@ -259,7 +260,7 @@ class Runner:
         return folder
 
 
-def identity(study: Study, block: Block, cell: Cell) -> dict[str, Any]:
+def identity(study: Study, block: Block, cell: Cell) -> CellIdentity:
     """What names a cell for people and for `check`, whatever its sources."""
     return {
         "scene": block.scene.name,

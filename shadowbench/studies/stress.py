@@ -18,7 +18,8 @@ from shadowbench.studies.axes import Axis, Setting, Value, shown
 from shadowbench.studies.drawn import Drawn
 from shadowbench.studies.keys import cell_key, view_key
 from shadowbench.studies.ranges import failure
-from shadowbench.studies.rows import Record, RowStore
+from shadowbench.studies.row_store import RowStore
+from shadowbench.studies.rows import Record
 from shadowbench.studies.runner import Reporter, write_picture
 from shadowbench.studies.scoring import mask_record, reference_of
 from shadowbench.studies.session import CellRequest, DeviceInfo, Unsupported
@@ -60,7 +61,7 @@ class Sweep:
     def run(self, axes: Sequence[Axis], quick: bool) -> list[Record]:
         """The rows of all values, in the order of the axes."""
         points = [Point(axis, value, light) for axis in axes for light in axis.lights for value in axis.swept(quick)]
-        store = RowStore(self.folder)
+        store = RowStore(self.folder, sweep=True)
         try:
             self.reporter.stage("stress", len(points))
             rows = []

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pandas as pd
 
+from shadowbench.errors import InputError
+from shadowbench.strict import short
 from shadowbench.studies.study import BiasSweep
 from shadowbench.studies.tables import SummaryRow
 from shadowbench.techniques.spec import format_spec
@@ -84,17 +86,21 @@ def places_of(table: Path) -> Places:
     """What a table of such lines says; nothing of one without sweeps, or where there is none."""
     if not table.is_file():
         return {}
-    frame = pd.read_csv(table)
-    if "bias_of" not in frame:
-        return {}
-    swept = frame[frame["bias_of"].notna()]
-    also = swept["bias_also"] if "bias_also" in swept else pd.Series(float("nan"), index=swept.index)
-    return {
-        (str(spec), None if pd.isna(size) else int(size)): ((str(home), float(factor)), *_others(others))
-        for (spec, size), home, factor, others in zip(
-            _lines(swept), swept["bias_of"], swept["bias_factor"], also, strict=True
-        )
-    }
+    names = ("spec", "map_size", "bias_of", "bias_factor", "bias_also")
+    try:
+        frame = pd.read_csv(table, usecols=lambda name: name in names, dtype={"spec": str, "bias_of": str})
+        if "bias_of" not in frame:
+            return {}
+        swept = frame[frame["bias_of"].notna()]
+        also = swept["bias_also"] if "bias_also" in swept else pd.Series(float("nan"), index=swept.index)
+        return {
+            (str(spec), None if pd.isna(size) else int(size)): ((str(home), float(factor)), *_others(others))
+            for (spec, size), home, factor, others in zip(
+                _lines(swept), swept["bias_of"], swept["bias_factor"], also, strict=True
+            )
+        }
+    except (ValueError, KeyError, OverflowError) as error:
+        raise InputError(f"{table}: found no sweep in it ({short(error)}); allowed: what a command wrote") from None
 
 
 def _lines(frame: pd.DataFrame) -> list[tuple[str, float | None]]:

@@ -18,6 +18,16 @@ _IDENTITY = ["scene", "view", "light", "phase", "technique", "spec", "map_size",
 _TIMES = ["frame_ms", "frame_iqr_ms", "added_ms", "ratio", "n", "clock"]
 _TOTALS = ["wall_ms", *(f"{moved}_ms" for moved in REDRAWN)]
 _MORE_TIMES = ["ratio_iqr", "reference", "reference_ms", *_TOTALS]  # ours, after the promised columns
+_MORE = [
+    "receivers",
+    "undecided",
+    "surface_mismatch",
+    "coordinates",
+    "full_spec",
+    "mask_sha256",
+    "assumptions",
+    "key",
+]
 _BOOTSTRAPS = 2000
 
 
@@ -26,18 +36,8 @@ def cells_frame(results: Sequence[Result]) -> pd.DataFrame:
     rows = [_cell(result) for result in results]
     passes = sorted({key for row in rows for key in row if key.startswith("pass_")})
     work = sorted({key for row in rows for key in row if key.startswith("work_")})
-    promised = [*_IDENTITY, *METRICS, *_TIMES, *passes, *work, "gpu_bytes", "prepare_ms"]
-    ours = [
-        "receivers",
-        "undecided",
-        "surface_mismatch",
-        "coordinates",
-        "full_spec",
-        "mask_sha256",
-        "assumptions",
-        "key",
-        *_MORE_TIMES,
-    ]
+    promised = [*_IDENTITY, *METRICS, *_TIMES, *passes, *work, "gpu_bytes", "prepare_ms", "command"]
+    ours = [*_MORE, *_MORE_TIMES]
     facts = sorted({key for row in rows for key in row if key.startswith("fact_")})
     frame = pd.DataFrame(rows, columns=[*promised, *ours, *facts])
     whole = [*work, "map_size", "n", "gpu_bytes", "receivers", "undecided", "surface_mismatch"]
@@ -52,7 +52,7 @@ def write_table(file: Path, frame: pd.DataFrame) -> None:
 
 def _cell(result: Result) -> dict[str, Any]:
     score, timed = result.score, result.time or {}
-    row = {key: value for key, value in score.items() if not isinstance(value, dict)} | {"status": result.status}
+    row = {name: score.get(name) for name in [*_IDENTITY, *_MORE, "gpu_bytes", "command"]} | {"status": result.status}
     row |= score.get("metrics", {})
     row["assumptions"] = "; ".join(score.get("assumptions", ())) or None
     row |= {f"work_{name}": count for name, count in score.get("work", {}).items()}

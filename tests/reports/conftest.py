@@ -20,6 +20,7 @@ from shadowbench.scores.masks import write_mask
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.axes import AXES, Value, shown
 from shadowbench.studies.axes.model import NAMES
+from tests.conftest import key_of
 
 RECEIVERS = 1000
 SIDE = 32
@@ -48,7 +49,7 @@ class Cell:
 
     @property
     def key(self) -> str:
-        return f"{abs(hash((self.scene, self.spec, self.map_size, self.phase, self.version))):x}"
+        return key_of(self.scene, self.spec, self.map_size, self.phase, self.version)
 
     def records(self) -> list[dict[str, Any]]:
         score = {
@@ -143,7 +144,7 @@ class Point:
 
     @property
     def key(self) -> str:
-        return f"{abs(hash((self.spec, self.axis, self.value, self.light, self.version))):x}"
+        return key_of(self.spec, self.axis, self.value, self.light, self.version)
 
     def record(self) -> dict[str, Any]:
         row = {
@@ -155,7 +156,7 @@ class Point:
         }  # fmt: skip
         if self.status == "ok":
             values = dict.fromkeys(METRICS, 0.5) | {"iou": self.iou, "acne": self.acne, "leak": self.leak}
-            row |= {"metrics": values, "receivers": RECEIVERS, "undecided": 3, "gpu_bytes": 1, "mask_sha256": "0"}
+            row |= {"metrics": values, "receivers": RECEIVERS, "undecided": 3, "gpu_bytes": 1, "work": {"draws": 1}}
             row |= {} if self.flips is None else {"flips": self.flips}
         return row
 

@@ -150,7 +150,7 @@ def test_cells_of_earlier_commands_are_counted_in_a_note(
     folder = run_folder()
     (folder / "table.csv").write_text(f"key\n{last.key}\n")
     words = ["report", folder, "--format", "md", "-o", tmp_path / "report.md"]
-    note = f"{len(others)} of {len(CELLS)} cells are of earlier commands; table.csv has the last"
+    note = f"{len(others)} of {len(CELLS)} cells are of earlier commands"
     answer = shadowbench(*words)
     assert (answer.code, answer.err) == (0, f"note: {folder}: {note}\n")
     assert shadowbench(*words, "--quiet").err == ""

@@ -87,6 +87,51 @@ def test_cells_of_earlier_commands_are_known(run_folder: Write) -> None:
     assert len(run.rows) == 3 and run.earlier == {other.key}, "an engine's row is of no study"
 
 
+def last_command(folder: Path, *cells: Cell) -> None:
+    """A `run.json` that lists these cells."""
+    about = json.loads((folder / "run.json").read_text())
+    (folder / "run.json").write_text(json.dumps(about | {"keys": [cell.key for cell in cells]}))
+
+
+def test_the_keys_of_run_json_say_what_the_last_command_was(run_folder: Write) -> None:
+    other = Cell("b", 512, 0.2, 3.0)
+    folder = run_folder([OLD, other, NEW])
+    table(folder, OLD, other)
+    last_command(folder, OLD)
+    (run,) = read_runs([folder])
+    assert [row["key"] for row in run.rows] == [OLD.key, other.key] and run.earlier == {other.key}
+    last_command(folder, NEW)  # whose table was not written: it was killed in between
+    (run,) = read_runs([folder])
+    assert [row["key"] for row in run.rows] == [NEW.key, other.key] and run.earlier == {other.key}
+
+
+def test_an_engine_s_last_row_counts_whatever_the_table_says(run_folder: Write) -> None:
+    folder, older, newer = (
+        run_folder([OLD]),
+        Cell("my-engine", None, 0.1, None),
+        Cell("my-engine", None, 0.2, None, version=1),
+    )
+    with (folder / "rows.jsonl").open("a") as rows:
+        for cell in (older, newer):
+            rows.write(json.dumps(cell.records()[0] | {"content": "c"}) + "\n")
+    table(folder, OLD, older)
+    last_command(folder, OLD)
+    (run,) = read_runs([folder])
+    assert [row["key"] for row in run.rows] == [OLD.key, newer.key] and run.earlier == frozenset()
+
+
+def test_a_spec_whose_default_has_changed_since_stands_once(run_folder: Write) -> None:
+    folder, other = run_folder([OLD, NEW]), Cell("b", 512, 0.2, 3.0)
+    file = folder / "rows.jsonl"
+    first, *rest = file.read_text().splitlines(keepends=True)
+    changed = first.replace('"full_spec": "a[512]"', '"full_spec": "a:bias=none[512]"')
+    assert changed != first
+    file.write_text("".join([changed, *rest, *(json.dumps(one) + "\n" for one in other.records())]))
+    assert [row["key"] for row in read_runs([folder])[0].rows] == [NEW.key, other.key]
+    table(folder, OLD, other)  # which the last command found measured, with the default that it had before
+    assert [row["key"] for row in read_runs([folder])[0].rows] == [OLD.key, other.key]
+
+
 @pytest.mark.parametrize(("machine", "timed"), [("m0", [True, False]), ("m1", [False, True]), ("m2", [False, False])])
 def test_times_are_those_of_the_machine_that_run_json_names(run_folder: Write, machine: str, timed: list[bool]) -> None:
     folder = run_folder([Cell("a", 512, 0.1, 3.0, machine="m0"), Cell("a", 1024, 0.1, 4.0, machine="m1")])
@@ -137,7 +182,7 @@ def test_a_row_on_an_axis_that_lacks_its_place_is_one_line(sweep_folder: Write) 
     row = POINTS[0].record()
     del row["home_spec"]
     (folder / "rows.jsonl").write_text(json.dumps(row) + "\n")
-    with pytest.raises(InputError, match=r"rows\.jsonl line 1: found something else; allowed: a row of schema 1"):
+    with pytest.raises(InputError, match=r"rows\.jsonl line 1: score: found no home_spec; it must be given"):
         read_folders([folder])
 
 
@@ -177,10 +222,10 @@ def broken_run_json(folder: Path) -> None:
         (no_folder, r"run: no such folder; allowed: "),
         (no_rows, r"run: found no rows\.jsonl; allowed: "),
         (empty_rows, r"rows\.jsonl: found no cell; allowed: "),
-        (foreign_rows, r"rows\.jsonl line 1: found something else; allowed: "),
+        (foreign_rows, r"rows\.jsonl line 1: score\.scene: found none; it must be given"),
         (foreign_table, r"table\.csv: found no column `key`; allowed: "),
         (empty_table, r"table\.csv: found no column `key`; allowed: "),
-        (broken_run_json, r"run\.json: found something else; allowed: "),
+        (broken_run_json, r"run\.json: found no JSON \(EOF .*\); allowed: a JSON object"),
     ],
 )
 def test_what_is_no_run_folder_is_one_line(run_folder: Write, spoil: Callable[[Path], None], message: str) -> None:

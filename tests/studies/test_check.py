@@ -13,6 +13,7 @@ from PIL import Image
 from shadowbench.scores.difference import FALSE_LIGHT, FALSE_SHADOW
 from shadowbench.scores.masks import write_mask
 from shadowbench.scores.metrics import METRICS
+from tests.conftest import key_of
 
 Shadowbench = Callable[..., Any]
 GOOD = {name: 0.9 if metric.better == "higher" else 0.1 for name, metric in METRICS.items()}
@@ -23,7 +24,7 @@ TIME = {"machine": "m", "clock": "wall", "reference": "shadow-map:size=1024", "n
 
 def cell(spec: str = "shadow-map", scene: str = "s", size: int | None = 512, **score: Any) -> dict[str, Any]:
     return {
-        "schema": 1, "kind": "score", "key": f"{scene}-{spec.replace(':', '-')}-{size}", "scene": scene,
+        "schema": 1, "kind": "score", "key": key_of(scene, spec, size), "scene": scene,
         "view": "camera", "light": "sun", "phase": 0, "technique": spec.partition(":")[0], "spec": spec,
         "full_spec": spec, "map_size": size, "view_size": SIDE, "coordinates": "relative", "renderer": "llvmpipe",
         "status": "ok", "metrics": GOOD, "receivers": 9, "undecided": 1, "mask_sha256": None, "gpu_bytes": 100,
@@ -103,17 +104,17 @@ def test_a_cell_of_an_earlier_study_does_not_stand_in_for_one_that_is_missing(
 ) -> None:
     stale, engine = cell("shadow-map"), cell("my-engine", content="c")
     folder = now(stale, cell("cube-map"), engine)
-    (folder / "table.csv").write_text("key,scene\ns-cube-map-512,s\n")
+    (folder / "table.csv").write_text(f"key,scene\n{key_of('s', 'cube-map', 512)},s\n")
     answer = shadowbench("check", folder, "--baseline", then(cell(), cell("cube-map"), engine))
     assert answer.code == 1
     assert answer.out.splitlines()[-1].endswith("0 regressed, 1 missing, 0 improved")
-    assert answer.err == f"note: 1 cell of earlier studies in {folder} left out; table.csv has the last\n"
+    assert answer.err == f"note: 1 cell of earlier commands in {folder} left out; run.json lists those of the last\n"
 
 
 def test_a_cell_that_the_last_study_found_measured_counts_as_it_was(
     shadowbench: Shadowbench, now: Callable[..., Path], then: Callable[..., Path], tmp_path: Path
 ) -> None:
-    first, second = cell(), cell(key="of-another-text", metrics=WORSE)
+    first, second = cell(), cell(key=key_of("another text"), metrics=WORSE)
     folder, baseline = now(first, second), then(first)
     (folder / "table.csv").write_text(f"key\n{first['key']}\n")
     answer = shadowbench("check", folder, "--baseline", baseline)
@@ -126,7 +127,7 @@ def test_a_cell_that_the_last_study_found_measured_counts_as_it_was(
 def test_rows_of_a_run_that_was_interrupted_are_no_part_of_the_last_study(
     shadowbench: Shadowbench, now: Callable[..., Path], then: Callable[..., Path]
 ) -> None:
-    done, begun = [cell(), cell("cube-map")], cell(key="of-another-text", metrics=WORSE)
+    done, begun = [cell(), cell("cube-map")], cell(key=key_of("another text"), metrics=WORSE)
     folder = now(*done, begun)
     (folder / "table.csv").write_text("key\n" + "".join(f"{one['key']}\n" for one in done))
     answer = shadowbench("check", folder, "--baseline", then(*done))
@@ -138,7 +139,7 @@ def test_update_refuses_a_folder_without_a_cell_of_its_table(
     shadowbench: Shadowbench, now: Callable[..., Path], tmp_path: Path, before: bool
 ) -> None:
     folder, baseline = now(cell()), tmp_path / "then"
-    (folder / "table.csv").write_text("key\nof-no-row\n")
+    (folder / "table.csv").write_text(f"key\n{key_of('no row')}\n")
     if before:
         rows(baseline, cell())
     answer = shadowbench("check", folder, "--baseline", baseline, "--update", "--quiet")
@@ -242,7 +243,7 @@ def test_no_cell_in_common_is_bad_input(
 ) -> None:
     answer = shadowbench("check", now(cell()), "--baseline", then(cell(size=1024)))
     assert (answer.code, answer.err.count("\n")) == (2, 1)
-    assert "no cell in common" in answer.err
+    assert "no cell in common" in answer.err and "--update" not in answer.err, "it would overwrite the baseline"
 
 
 def test_update_makes_the_run_the_baseline_and_says_what_changed(
@@ -289,6 +290,7 @@ def test_update_brings_the_study_that_makes_the_cells(shadowbench: Shadowbench, 
     study.write_text(SMALL)
     assert shadowbench("run", "-s", study, "-o", found).code == 0
     answer = shadowbench("check", found, "--baseline", baseline, "--update")
+    assert str(tmp_path) not in (baseline / "rows.jsonl").read_text(), "what it was called with is nobody's business"
     assert answer.code == 0 and f"study.toml is {study}" in answer.out
     assert (baseline / "study.toml").read_text() == SMALL
     assert {file.name for file in baseline.iterdir()} == {"rows.jsonl", "study.toml"}

@@ -1,7 +1,9 @@
 """What a user can get wrong at the command line: exit 2, one line that says what, where and what is allowed."""
 
 import base64
+import errno
 import json
+import os
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -320,6 +322,16 @@ def test_two_techniques_of_one_name_are_refused(shadowbench: Callable[..., Any],
     answer = shadowbench("list", "techniques", "--plugin", half, "--plugin", twin)
     assert answer.code == 2
     assert ["'half'" in answer.err, str(half) in answer.err, str(twin) in answer.err] == [True] * 3
+
+
+def test_a_full_disk_is_one_line(shadowbench: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "out/masks")
+
+    monkeypatch.setattr("shadowbench.commands.listing.list_command", full)
+    answer = shadowbench("list")
+    assert (answer.code, answer.out) == (2, "")
+    assert answer.err == "shadowbench: out/masks: cannot be written (no space left on device)\n"
 
 
 def test_an_internal_error_is_exit_3(shadowbench: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,6 +16,7 @@ from shadowbench.scores.masks import mask_sha256, read_mask
 from shadowbench.scores.metrics import METRICS, score
 from shadowbench.studies import runner, timing
 from shadowbench.studies.machine import write_run_file
+from shadowbench.studies.rows import read_run_file
 from shadowbench.studies.runner import Result
 from shadowbench.studies.scoring import reference_of
 from shadowbench.studies.study import Study
@@ -195,11 +196,14 @@ def test_mismatched_surfaces_are_counted(bench: Any, run: Run, tmp_path: Path, m
 def test_run_json_says_how_it_was_made(bench: Any, run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.argv", ["/somewhere/shadowbench", "run", "-s", "a study.toml"])
     file = run.folder / "run.json"
-    write_run_file(file, bench.worker.call("info"), ["an assumption"], run.study)
+    scores = [result.score for result in run.results]
+    write_run_file(file, bench.worker.call("info"), ["an assumption", "b\udcff.obj, no UTF-8"], run.study, scores)
     text = json.loads(file.read_text())
+    assert text == read_run_file(file)
+    assert text["keys"] == [cell["key"] for cell in run.cells]
     assert text["schema"] == 1
     assert text["command"] == "shadowbench run -s 'a study.toml'"
-    assert text["assumptions"] == ["an assumption"]
+    assert text["assumptions"] == ["an assumption", "b?.obj, no UTF-8"]
     assert text["clock"] == text["device"]["clock"]
     assert {"shadowbench", "python", "moderngl", "numpy", "embreex"} <= set(text["versions"])
     assert {"processor", "cores", "memory_gib", "system"} == set(text["machine"])

@@ -1,0 +1,131 @@
+"""One folder for several commands: `table.csv` has the newest row of every cell, `run.json` the last command's keys."""
+
+import csv
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Shadowbench = Callable[..., Any]
+
+SMALL = ("--view-size", "32", "--rounds", "0")
+SCENE = """
+name = "moving"
+[camera]
+position = [3.0, 3.0, 4.0]
+target = [0.0, 0.3, 0.0]
+fov_y = 36.0
+[[light]]
+name = "sun"
+kind = "directional"
+direction = [0.5, -1.0, -0.3]
+[[mesh]]
+shape = "plane"
+scale = 8.0
+[[mesh]]
+shape = "box"
+translate = [0.0, 0.5, 0.0]
+"""
+
+
+def table(folder: Path) -> list[dict[str, str]]:
+    with (folder / "table.csv").open(newline="", encoding="utf-8") as stream:
+        return list(csv.DictReader(stream))
+
+
+def keys(folder: Path) -> list[str]:
+    found: list[str] = json.loads((folder / "run.json").read_text())["keys"]
+    return found
+
+
+def test_a_second_command_leaves_the_cells_of_the_first_in_table_and_report(
+    shadowbench: Shadowbench, tmp_path: Path
+) -> None:
+    out, baseline = tmp_path / "out", tmp_path / "baseline"
+    study = tmp_path / "swept.toml"
+    study.write_text(
+        'scenes = ["cube-on-plane"]\nmap_size = [32]\nview_size = 32\nrounds = 0\n'
+        '[[technique]]\nspec = "shadow-map"\nbias_sweep = [0.5, 1]\n'
+    )
+    assert shadowbench("run", "-s", study, "-o", out).err == ""
+    first = {row["key"]: row for row in table(out)}
+    assert shadowbench("check", out, "--baseline", baseline, "--update").code == 0
+
+    answer = shadowbench("run", "cube-on-plane", "-t", "unshadowed", *SMALL, "-o", out)
+    found = "found 2 cells of earlier commands (1 scene, 2 specs); they stay in table.csv and in reports"
+    assert answer.err == f"note: {out}: {found}\n"
+    assert "shadow-map" not in answer.out and f"{out / 'table.csv'}: 3 cells" in answer.out
+    assert {row["key"]: row for row in table(out)}.items() >= first.items(), (
+        "with the command, and the factor of its bias"
+    )
+    (new,) = [row for row in table(out) if row["key"] not in first]
+    assert new["spec"] == "unshadowed" and keys(out) == [new["key"]]
+    assert {row["command"] for row in first.values()} == {f"shadowbench run -s {study} -o {out}"}
+    assert new["command"] == f"shadowbench run cube-on-plane -t unshadowed {' '.join(SMALL)} -o {out}"
+
+    report = tmp_path / "report.csv"
+    assert shadowbench("report", out, "--format", "csv", "-o", report).code == 0
+    with report.open(newline="", encoding="utf-8") as stream:
+        shown = {row["key"]: row["command"] for row in csv.DictReader(stream)}
+    assert shown == {row["key"]: row["command"] for row in table(out)}
+    answer = shadowbench("check", out, "--baseline", baseline)
+    assert answer.code == 2 and "no cell in common" in answer.err, "the last command's cells are compared"
+
+    answer = shadowbench("run", "-s", study, "-o", out)
+    assert "found 1 cell of earlier commands (1 scene, 1 spec)" in answer.err
+    assert sorted(keys(out)) == sorted(first) and len(table(out)) == 3
+    assert {row["key"]: row for row in table(out)}.items() >= first.items(), "measured before: the command that made it"
+    assert shadowbench("check", out, "--baseline", baseline).code == 0
+
+
+def test_a_scene_changed_and_changed_back_stays_what_it_is_under_later_commands(
+    shadowbench: Shadowbench, tmp_path: Path
+) -> None:
+    scene, out = tmp_path / "moving.toml", tmp_path / "out"
+
+    def run(text: str, spec: str) -> dict[str, str]:
+        """The key of each spec's line after a run."""
+        scene.write_text(text)
+        assert shadowbench("run", scene, "-t", spec, *SMALL, "-o", out, "-q").code == 0
+        lines = table(out)
+        found = {row["spec"]: row["key"] for row in lines}
+        assert len(found) == len(lines)
+        return found
+
+    moved = SCENE.replace("[0.0, 0.5, 0.0]", "[1.0, 1.5, 0.0]")
+    first = run(SCENE, "unshadowed")
+    other = run(moved, "unshadowed")
+    assert other.keys() == first.keys() and other != first
+    assert run(SCENE, "unshadowed") == first
+    assert run(SCENE, "shadow-map:size=32").items() >= first.items(), "not the row that is last in the file"
+
+
+@pytest.mark.parametrize("specs", [("unshadowed", "half"), ("half", "unshadowed")])
+def test_a_sweep_of_another_spec_leaves_the_first_in_table_and_report(
+    shadowbench: Shadowbench, half: Path, tmp_path: Path, specs: tuple[str, str]
+) -> None:
+    out = tmp_path / "out"
+    for spec in specs:
+        words = ["--quick", "--axis", "elevation", "-t", spec, "--plugin", half, "-o", out, "-q"]
+        assert shadowbench("stress", *words).code == 0
+    lines = table(out)
+    assert {row["spec"] for row in lines} == set(specs)
+    assert {row["key"] for row in lines if row["spec"] == specs[1]} == set(keys(out))
+    assert all(f"-t {row['spec']} " in row["command"] for row in lines)
+    report = tmp_path / "report.csv"
+    assert shadowbench("report", out, "--format", "csv", "-o", report).code == 0
+    with report.open(newline="", encoding="utf-8") as stream:
+        assert [row["key"] for row in csv.DictReader(stream)] == [row["key"] for row in lines]
+
+
+def test_a_run_into_a_folder_of_a_sweep_is_refused_before_anything_is_measured(
+    shadowbench: Shadowbench, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    assert shadowbench("stress", "--quick", "--axis", "elevation", "-t", "unshadowed", "-o", out, "-q").code == 0
+    before = {file: file.read_bytes() for file in out.iterdir() if file.is_file()}
+    answer = shadowbench("run", "cube-on-plane", "-t", "unshadowed", *SMALL, "-o", out)
+    assert answer.code == 2 and "found cells of `stress`; allowed: a folder of `run`, or a new one" in answer.err
+    assert {file: file.read_bytes() for file in out.iterdir() if file.is_file()} == before
