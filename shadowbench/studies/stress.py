@@ -90,6 +90,7 @@ class Sweep:
                 row = {"kind": "score", "key": key, **about, "renderer": self.info.renderer}
                 row |= self._measured(point, home, spec, setting, truths, key)
                 store.append(row)
+                row = store.scores[key]
             if row["status"] == "ok" and spec.map_size:
                 self._bytes[format_spec(home), point.axis.name, point.light] = spec.map_size, row["gpu_bytes"]
             rows.append(row)

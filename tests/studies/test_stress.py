@@ -266,7 +266,7 @@ def test_a_second_sweep_measures_only_what_failed(bench: Any, swept: Swept, fold
     again = Swept(bench, folder, ["half", "shadow-map:size=256"], short(ELEVATION, 5.0), short(AXES["camera-step"]))
     assert "draw" not in again.calls
     kept = [one for one in swept.rows if one["technique"] in ("half", "shadow-map")]
-    assert again.rows == [{"schema": 1, **one} for one in kept]
+    assert again.rows == kept
     assert again.steps == ["elevation 50 directional", "elevation 5 directional", "camera-step 0.05 directional"]
     bench.calls.clear()
     retried = Swept(bench, folder, ["does:what=raise"], short(ELEVATION, 5.0))
@@ -282,7 +282,7 @@ def test_a_map_that_does_not_fit_is_refused_before_it_is_made(bench: Any, tmp_pa
     assert "map size 65536" in swept.rows[3]["status"] and " allows 1 to " in swept.rows[3]["status"]
     assert swept.calls.count("draw") == 2
     again = Swept(bench, tmp_path, ["shadow-map"], axis)
-    assert again.rows == [{"schema": 1, **one} for one in swept.rows] and "draw" not in again.calls
+    assert again.rows == swept.rows and "draw" not in again.calls
 
 
 class TestCommand:
