@@ -36,7 +36,7 @@ def cells_frame(results: Sequence[Result]) -> pd.DataFrame:
     rows = [_cell(result) for result in results]
     passes = sorted({key for row in rows for key in row if key.startswith("pass_")})
     work = sorted({key for row in rows for key in row if key.startswith("work_")})
-    promised = [*_IDENTITY, *METRICS, *_TIMES, *passes, *work, "gpu_bytes", "prepare_ms", "command"]
+    promised = [*_IDENTITY, *METRICS, *_TIMES, *passes, *work, "gpu_bytes", "prepare_ms", "machine", "command"]
     ours = [*_MORE, *_MORE_TIMES]
     facts = sorted({key for row in rows for key in row if key.startswith("fact_")})
     frame = pd.DataFrame(rows, columns=[*promised, *ours, *facts])
@@ -57,7 +57,7 @@ def _cell(result: Result) -> dict[str, Any]:
     row["assumptions"] = "; ".join(score.get("assumptions", ())) or None
     row |= {f"work_{name}": count for name, count in score.get("work", {}).items()}
     row |= {f"fact_{name}": value for name, value in score.get("facts", {}).items()}
-    row |= {key: timed.get(key) for key in [*_TIMES, "prepare_ms", *_MORE_TIMES]}
+    row |= {key: timed.get(key) for key in [*_TIMES, "prepare_ms", "machine", *_MORE_TIMES]}
     return row | {f"pass_{name}_ms": value["ms"] for name, value in timed.get("passes", {}).items()}
 
 
