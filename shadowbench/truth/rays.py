@@ -64,7 +64,7 @@ class Receivers:
             self.rays[chosen],
             self.triangle[chosen],
             self.point[:, chosen],
-            self.to_light if self.to_light.shape[1] == 1 else self.to_light[:, chosen],
+            self.to_light if isinstance(self.distance, float) else self.to_light[:, chosen],
             self.distance if isinstance(self.distance, float) else self.distance[chosen],
             self.cosine[chosen],
         )
@@ -72,7 +72,7 @@ class Receivers:
     @classmethod
     def together(cls, parts: "Sequence[Receivers]") -> "Receivers":
         """The receivers of all parts, which are of one view."""
-        shared = parts[0].to_light.shape[1] == 1
+        shared = isinstance(parts[0].distance, float)
         return cls(
             np.concatenate([part.rays for part in parts]),
             np.concatenate([part.triangle for part in parts]),

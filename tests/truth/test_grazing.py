@@ -1,6 +1,6 @@
 """Grazing light, N·L below 0.01: no decided receiver is wrong, and nearly all of them are decided.
 
-`SHADOWBENCH_GRAZING=1200 pytest tests/truth/test_grazing.py -m slow -rP` asks that many receivers of each view instead
+`SHADOWBENCH_GRAZING=1000 pytest tests/truth/test_grazing.py -m slow -rP` asks that many receivers of each view instead
 of 100, which is more than 20,000 in all, and prints what each view had.
 """
 
@@ -109,15 +109,17 @@ def low_light(scene: Scene, kind: Any, low: float) -> Light:
 
 
 def grazing_pixels(truth: Truth) -> np.ndarray:
-    """Flat indices of receivers in grazing light: half below LOWEST, if there are, and half of each at edges."""
+    """Flat indices of receivers in grazing light: of those below LOWEST and of the others as many at edges as not."""
     random = np.random.default_rng(11)
-    chosen: list[np.ndarray] = []
-    for lowest, most in ((GRAZING, LOWEST), (LOWEST, LOW)):
-        there = (truth.cosine > lowest) & (truth.cosine < most)
-        for among in (there & near_edges(truth), there):
-            pixels = np.setdiff1d(np.flatnonzero(among), np.concatenate([*chosen, [-1]]))
-            chosen.append(random.choice(pixels, min(RECEIVERS // 4, len(pixels)), replace=False))
-    return np.concatenate(chosen)
+    lowest = (truth.cosine > GRAZING) & (truth.cosine < LOWEST)
+    other = (truth.cosine >= LOWEST) & (truth.cosine < LOW)
+    edges = near_edges(truth)
+    chosen = np.empty(0, dtype=np.intp)
+    for among, count in [(lowest & edges, 0.25), (other & edges, 0.5), (lowest, 0.75), (other, 1), (lowest | other, 1)]:
+        pixels = np.setdiff1d(np.flatnonzero(among), chosen)
+        more = min(int(RECEIVERS * count) - len(chosen), len(pixels))
+        chosen = np.append(chosen, random.choice(pixels, more, replace=False))
+    return chosen
 
 
 @pytest.mark.slow
@@ -140,5 +142,5 @@ def test_no_decided_receiver_in_grazing_light_is_wrong(
     )
     assert len(pixels) >= RECEIVERS // 4
     assert found.wrong == 0
-    assert found.decided[~lowest].mean() >= 0.9
+    assert found.decided.mean() >= 0.9
     assert not lowest.any() or found.decided[lowest].mean() >= 0.9

@@ -120,3 +120,11 @@ def test_plate_behind_a_lamp_casts_nothing(shape: Shape, looking: Looking, above
     truth = trace(looking(meshes, lamp, eye=(0.0, 0.5, 0.0), fov=60.0))
     assert truth.receivers.all()
     assert (truth.visibility == visibility).all()
+
+
+def test_one_receiver_is_as_good_as_many(light: Light, shape: Shape, looking: Looking) -> None:
+    """Two pixels see the ground at their centres, and only one of them does at its lower samples."""
+    ground = shape("plane", 8.0, (4.0, 0.0, -3.7))
+    truth = trace(looking([ground], light, 2, (0.0, 1.0, 0.0), (0.0, 0.0, -1e-4), math.degrees(2 * math.atan(0.5))))
+    assert (truth.receivers == [[False, True], [False, True]]).all()
+    assert (truth.visibility == 1).all() and (truth.area == 1).all()
