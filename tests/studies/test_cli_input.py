@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from PIL import Image
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -234,6 +235,21 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
         ["shadow-map", "room-with-lamp", "point light"],
     ),
     "a missing assets folder": ([*RUN[:1], "{in}/good.toml", "--assets", "{in}/none", "-o", "{out}"], ["--assets"]),
+    **{
+        f"an up axis for {arguments[0]} of a scene that has one": (
+            [*arguments, "--up", "z"], ["--up z", "cube-on-plane says what is up", ".stl"]
+        )
+        for arguments in (
+            ["run", "cube-on-plane", "-t", "unshadowed", "-o", "{out}"],
+            ["truth", "cube-on-plane", "-o", "{out}.npz"],
+            ["render", "cube-on-plane", "-t", "unshadowed", "-o", "{out}.png"],
+            ["export", "cube-on-plane", "{out}"],
+            ["score", "cube-on-plane", "{in}/white.png"],
+            ["needs", "cube-on-plane"],
+            ["recommend", "cube-on-plane", "-o", "{out}"],
+            ["tune", "-t", "shadow-map", "--scenes", "cube-on-plane", "-o", "{out}"],
+        )
+    },
     "an unknown list": (["list", "shaders"], ["'shaders'", "techniques, scenes, metrics, studies"]),
 }  # fmt: skip
 
@@ -244,6 +260,7 @@ def files(tmp_path: Path) -> Path:
     folder.mkdir()
     for name, text in FILES.items():
         (folder / name).write_text(text)
+    Image.new("L", (16, 16), 255).save(folder / "white.png")
     return folder
 
 
