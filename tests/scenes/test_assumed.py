@@ -44,7 +44,7 @@ def test_a_box_alone_gets_a_ground_a_camera_and_a_sun(box: Path) -> None:
 
     (light,) = scene.lights
     assert (light.kind, light.direction) == ("directional", (0.8, -1.0, -0.6))
-    assert [note.split(" in ")[0] for note in scene.notes] == ["no ground", "no camera", "no light"]
+    assert [note.split(" in ")[0] for note in scene.notes] == ["no up axis", "no ground", "no camera", "no light"]
     assert all("box.obj: assumed" in note for note in scene.notes)
 
 
@@ -62,6 +62,36 @@ def test_a_floor_that_faces_down_is_no_ground(tmp_path: Path) -> None:
     path = tmp_path / "ceiling.obj"
     path.write_text("v 0 0 0\nv 1 0 0\nv 1 0 1\nv 0 0 1\nv 0 1 0\nf 1 2 3 4\nf 1 2 5\n")
     assert load_scene(path).meshes[-1].name == "ground"
+
+
+@pytest.mark.parametrize("suffix", ["obj", "ply", "stl", "off"])
+def test_a_file_that_does_not_say_what_is_up_is_turned_when_asked(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"post.{suffix}"
+    place = trimesh.transformations.translation_matrix((1, 2, 5))
+    trimesh.creation.box(extents=(1, 3, 10), transform=place).export(path)
+    said, y, z = load_scene(path), load_scene(path, up="y"), load_scene(path, up="z")
+    assert bounds_of(y.meshes[0].vertices) == pytest.approx(np.array([[0.5, 0.5, 0], [1.5, 3.5, 10]]))
+    assert bounds_of(z.meshes[0].vertices) == pytest.approx(np.array([[0.5, 0, -3.5], [1.5, 10, -0.5]]))
+    assert (y.meshes[0].vertices == said.meshes[0].vertices).all()
+    corners = z.meshes[0].vertices[z.meshes[0].faces]
+    assert np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6 == pytest.approx(30)
+    line = f"no up axis in post.{suffix}: assumed y; --up z takes z"
+    assert [line in scene.notes for scene in (said, y, z)] == [True, False, False]
+
+
+@pytest.mark.parametrize(
+    ("reference", "up", "words"),
+    [
+        ("cube-on-plane", "z", "cube-on-plane says what is up; .* .obj .ply .stl .off"),
+        ("scene.toml", "y", r"scene.toml says what is up; .* rotate = \[-90, 0, 0\]"),
+        ("model.gltf", "z", "model.gltf says what is up"),
+        ("model.obj", "x", "found 'x'; allowed: y, z"),
+        ("model.obj", "Z", "found 'Z'; allowed: y, z"),
+    ],
+)
+def test_up_is_refused_where_it_is_known_or_no_axis(reference: str, up: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        load_scene(reference, up=up)
 
 
 def test_a_scene_file_is_never_given_a_ground(scene_file: Callable[..., Path]) -> None:

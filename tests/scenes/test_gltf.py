@@ -172,6 +172,63 @@ def test_a_strip_turns_every_other_triangle(gltf_file: Gltf) -> None:
     assert np.cross(b - a, c - a)[:, 2] == pytest.approx([1.0, 1.0])
 
 
+def test_a_hidden_node_hides_meshes_and_lights_below_it_and_no_camera(gltf_file: Gltf) -> None:
+    hidden = {"KHR_node_visibility": {"visible": False}}
+    light = {"KHR_lights_punctual": {"light": 0}}
+    path = gltf_file(
+        nodes=[
+            {"mesh": 0, "name": "seen", "extensions": {"KHR_node_visibility": {"visible": True}}},
+            {"mesh": 0, "children": [2, 3], "extensions": hidden},
+            {"mesh": 0, "extensions": {"KHR_node_visibility": {"visible": True}}},
+            {"camera": 0, "extensions": light},
+        ],
+        scenes=[{"nodes": [0, 1]}],
+        cameras=[{"type": "perspective", "perspective": LENS}],
+        extensions={"KHR_lights_punctual": {"lights": [{"type": "point"}]}},
+        extensionsRequired=["KHR_node_visibility"],
+    )
+    contents = read_meshes(path)
+    assert [mesh.name for mesh in contents.meshes] == ["seen"]
+    assert (len(contents.cameras), len(contents.lights)) == (1, 0)
+    assert contents.notes == (
+        "model.gltf: 2 mesh(es) of hidden nodes left out",
+        "model.gltf: 1 light(s) of hidden nodes left out",
+    )
+
+
+def test_the_hidden_square_of_a_file_is_not_drawn(shared_scenes: Path) -> None:
+    contents = read_meshes(shared_scenes.parent / "cases" / "hidden_khr_visibility.gltf")
+    assert [mesh.vertices[:, 0].max() for mesh in contents.meshes] == [1.0]
+
+
+@pytest.mark.parametrize(
+    ("light", "words"),
+    [
+        ({"type": "point", "range": 2.5}, ["range 2.5 m"]),
+        ({"type": "spot", "intensity": 0}, ["intensity 0"]),
+        ({"type": "spot", "range": 9, "intensity": 0.0}, ["range 9 m", "intensity 0"]),
+        ({"type": "point", "intensity": 3.0}, []),
+        ({"type": "directional", "range": 5}, []),
+    ],
+)
+def test_what_of_a_light_is_not_honoured_is_a_line(gltf_file: Gltf, light: dict[str, Any], words: list[str]) -> None:
+    notes = read_meshes(gltf_file(**with_light(light))).notes
+    assert len(notes) == len(words)
+    assert all(word in note for word, note in zip(words, notes, strict=True))
+
+
+@pytest.mark.parametrize(
+    "parts",
+    [
+        {"extensions": {"CESIUM_RTC": {"center": [6378137, 0, 0]}}, "extensionsUsed": ["CESIUM_RTC"]},
+        {"extensions": {"CESIUM_RTC": {"center": [6378137, 0, 0]}}},
+        {"extensionsUsed": ["CESIUM_RTC", "KHR_materials_ior", "EXT_mesh_gpu_instancing"]},
+    ],
+)
+def test_an_extension_that_is_not_honoured_is_a_line(gltf_file: Gltf, parts: dict[str, Any]) -> None:
+    assert read_meshes(gltf_file(**parts)).notes == ("model.gltf: drawn as if the file did not use CESIUM_RTC",)
+
+
 def test_quantised_positions_are_fractions(gltf_file: Gltf) -> None:
     quantised = np.array([[0, 0, 0], [65535, 0, 0], [0, 65535, 0]], dtype=np.uint16)
     required = {"extensionsRequired": ["KHR_mesh_quantization"]}

@@ -211,10 +211,21 @@ def test_the_json_of_a_gltf_is_read_once_as_what_it_is(tmp_path: Path, gltf_file
         (
             "a.obj",
             "v 0 0 0\n" * 300_000 + "".join(f"o {k}\nf 1 2 3\n" for k in range(20_000)),
-            ["20000 objects over 299999 vertices", "5000000000"],
+            ["all 20000 triangles have zero area"],
         ),
+        ("a.obj", OBJ + "o a\n" * 50_001, ["50001 objects", "50000"]),
+        ("a.obj", OBJ + (" " * 90_000 + "v 0 0 0\n") * 100 + "f 1 1 1 x\n", ["line 105", "'x'"]),
+        ("a.obj", OBJ + ("f" + " 1 2 3 1" * 9_000 + "\n") * 20, ["take too long"]),
     ],
-    ids=["20,000 solids of one name", "a polygon without end", "the same as OFF", "20,000 objects"],
+    ids=[
+        "20,000 solids of one name",
+        "a polygon without end",
+        "the same as OFF",
+        "20,000 objects",
+        "50,001 objects",
+        "deep indents",
+        "crossing polygons of 36,000 corners",
+    ],
 )
 def test_a_mesh_file_that_would_take_the_reader_for_ever_is_refused(
     mesh_file: Write, name: str, data: str, words: list[str], monkeypatch: pytest.MonkeyPatch

@@ -115,7 +115,6 @@ TRISTRIP = PLY + "element tristrips 1\nproperty list int int vertex_indices\nend
         ("a.obj", OBJ + "f 1 2 9\n", ["a.obj"]),
         ("a.obj", OBJ + "f 1 2 -9\n", ["a.obj"]),
         ("a.obj", OBJ + "f 0 1 2\n", ["vertex 0"]),
-        ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\nv 0 0 1\nf -1 -2 -3\n", ["relative"]),
         ("a.obj", OBJ + "f 1 2 3\nf 1 2 x\n", ["a.obj"]),
         ("a.obj", "v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", ["NaN"]),
         ("a.obj", "v inf 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", ["infinite"]),

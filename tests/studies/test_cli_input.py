@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from PIL import Image
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -276,6 +277,21 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
     "a near miss of a searched parameter": (["tune", "-t", "shadow-map", "--params", "bais"], ["did you mean 'bias'?"]),
     "a near miss of a light": ([*RUN, "--light", "lihgt"], ["found 'lihgt'; did you mean 'light'? allowed: light"]),
     "a near miss of nothing": ([*RUN, "-t", "shadow-map:zzz=3"], ["unknown field 'zzz'; allowed: fit, size"]),
+    **{
+        f"an up axis for {arguments[0]} of a scene that has one": (
+            [*arguments, "--up", "z"], ["--up z", "cube-on-plane says what is up", ".stl"]
+        )
+        for arguments in (
+            ["run", "cube-on-plane", "-t", "unshadowed", "-o", "{out}"],
+            ["truth", "cube-on-plane", "-o", "{out}.npz"],
+            ["render", "cube-on-plane", "-t", "unshadowed", "-o", "{out}.png"],
+            ["export", "cube-on-plane", "{out}"],
+            ["score", "cube-on-plane", "{in}/white.png"],
+            ["needs", "cube-on-plane"],
+            ["recommend", "cube-on-plane", "-o", "{out}"],
+            ["tune", "-t", "shadow-map", "--scenes", "cube-on-plane", "-o", "{out}"],
+        )
+    },
     "an unknown list": (["list", "shaders"], ["'shaders'", "techniques, scenes, metrics, studies"]),
 }  # fmt: skip
 
@@ -286,6 +302,7 @@ def files(tmp_path: Path) -> Path:
     folder.mkdir()
     for name, text in FILES.items():
         (folder / name).write_text(text)
+    Image.new("L", (16, 16), 255).save(folder / "white.png")
     return folder
 
 

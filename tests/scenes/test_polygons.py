@@ -1,0 +1,343 @@
+"""Faces of many corners: concave, with bridged holes, bent, crossing themselves; in each format that has them."""
+
+import struct
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from shadowbench.errors import InputError
+from shadowbench.scenes.meshes import Contents, read_meshes
+from shadowbench.scenes.polygons import Polygons, triangulated
+
+MeshFile = Callable[[str, str | bytes], Path]
+ANNULUS = "v 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nv 1 1 0\nv 1 3 0\nv 3 3 0\nv 3 1 0\nf 1 2 3 4 1 5 6 7 8 5\n"
+SQUARE = "v 0 0 0\nv 2 0 0\nv 2 2 0\nv 0 2 0\n"
+
+
+def corners_of(contents: Contents) -> np.ndarray:
+    """(F, 3, 3)"""
+    return np.concatenate([mesh.vertices[mesh.faces] for mesh in contents.meshes])
+
+
+def area_vectors(triangles: np.ndarray) -> np.ndarray:
+    return np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]) / 2
+
+
+def area(contents: Contents) -> float:
+    return float(np.linalg.norm(area_vectors(corners_of(contents)), axis=1).sum())
+
+
+def newell(ring: np.ndarray) -> np.ndarray:
+    ring = ring - ring[0]
+    return np.cross(ring, np.roll(ring, -1, axis=0)).sum(axis=0) / 2
+
+
+def shoelace(ring: np.ndarray) -> float:
+    x, y = ring.T
+    return abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) / 2
+
+
+# Polygons: (V, 2) points and the ring of indices into them.
+
+Polygon = tuple[np.ndarray, list[int]]
+
+
+def star(chance: np.random.Generator) -> Polygon:
+    count = int(chance.integers(4, 30))
+    turn = np.linspace(0.0, 2 * np.pi, count, endpoint=False)
+    radius = chance.uniform(0.2, 1.0, count)
+    return np.stack([radius * np.cos(turn), radius * np.sin(turn)], axis=1), list(range(count))
+
+
+def star_with_a_hole(chance: np.random.Generator) -> Polygon:
+    outer, inner = int(chance.integers(5, 20)), int(chance.integers(3, 12))
+    turn = np.concatenate([np.linspace(0, 2 * np.pi, n, endpoint=False) for n in (outer, inner)])
+    # A chord between neighbours of radius ≥ 0.7 stays beyond 0.7 cos 36°.
+    radius = np.concatenate([chance.uniform(0.7, 1.0, outer), chance.uniform(0.1, 0.5, inner)])
+    points = np.stack([radius * np.cos(turn), radius * np.sin(turn)], axis=1)
+    return points, [*range(outer), 0, outer, *range(outer + inner - 1, outer - 1, -1)]
+
+
+def facade(chance: np.random.Generator) -> Polygon:
+    """Walls of differing height with windows, bridged from the ground; corners stand on straight lines."""
+    bays = int(chance.integers(1, 6))
+    points: list[tuple[float, float]] = [(0.0, 0.0)]
+    for bay in range(bays):
+        x = 3.0 * bay
+        points += [(x + 1, 0), (x + 1, 1), (x + 1, 2), (x + 2, 2), (x + 2, 1), (x + 1, 1), (x + 1, 0), (x + 2, 0)]
+    points.append((3.0 * bays, 0.0))
+    for bay in reversed(range(bays)):
+        height = 3.0 + int(chance.integers(3))
+        points += [(3.0 * bay + 3, height), (3.0 * bay, height)]
+    different = list(dict.fromkeys(points))
+    return np.array(different), [different.index(point) for point in points]
+
+
+def polygons(count: int, bent: bool = False) -> Iterator[tuple[np.ndarray, list[int], float]]:
+    """(V, 3) vertices anywhere in space, a ring, and its area by the shoelace formula."""
+    chance = np.random.default_rng(7)
+    for number in range(count):
+        flat, ring = (star, star_with_a_hole, facade)[number % 3](chance)
+        ring = ring[::-1] if number % 2 else ring
+        start = int(chance.integers(len(ring)))
+        ring = ring[start:] + ring[:start]
+        heights = chance.uniform(-0.01, 0.01, len(flat)) if bent else np.zeros(len(flat))
+        turn, _ = np.linalg.qr(chance.normal(size=(3, 3)))
+        turn = np.eye(3) if number % 5 == 0 else turn
+        vertices = np.column_stack([flat, heights * np.ptp(flat)]) @ turn.T + chance.normal(size=3)
+        yield vertices, ring, shoelace(flat[ring])
+
+
+def as_obj(vertices: np.ndarray, ring: list[int]) -> bytes:
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in vertices.tolist()]
+    return "\n".join([*lines, "f " + " ".join(str(k + 1) for k in ring)]).encode()
+
+
+def as_off(vertices: np.ndarray, ring: list[int]) -> bytes:
+    lines = [f"{x!r} {y!r} {z!r}" for x, y, z in vertices.tolist()]
+    return "\n".join(["OFF", f"{len(lines)} 1 0", *lines, " ".join(map(str, [len(ring), *ring]))]).encode()
+
+
+def ply_header(kind: str, vertices: int, faces: int = 1, face: str = "property list uchar int vertex_indices\n") -> str:
+    axes = "".join(f"property double {axis}\n" for axis in "xyz")
+    return f"ply\nformat {kind} 1.0\nelement vertex {vertices}\n{axes}element face {faces}\n{face}end_header\n"
+
+
+def as_text_ply(vertices: np.ndarray, ring: list[int]) -> bytes:
+    lines = [f"{x!r} {y!r} {z!r}" for x, y, z in vertices.tolist()]
+    body = "\n".join([*lines, " ".join(map(str, [len(ring), *ring]))])
+    return (ply_header("ascii", len(vertices)) + body).encode()
+
+
+def as_little_ply(vertices: np.ndarray, ring: list[int]) -> bytes:
+    body = vertices.astype("<f8").tobytes() + bytes([len(ring)]) + np.array(ring, dtype="<i4").tobytes()
+    return ply_header("binary_little_endian", len(vertices)).encode() + body
+
+
+def as_big_ply(vertices: np.ndarray, ring: list[int]) -> bytes:
+    body = vertices.astype(">f8").tobytes() + bytes([len(ring)]) + np.array(ring, dtype=">i4").tobytes()
+    return ply_header("binary_big_endian", len(vertices)).encode() + body
+
+
+WRITERS = {
+    "a.obj": as_obj, "b.off": as_off, "c.ply": as_text_ply, "d.ply": as_little_ply, "e.ply": as_big_ply,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_planar_polygon_has_the_area_of_the_shoelace_formula(mesh_file: MeshFile, name: str) -> None:
+    for vertices, ring, expected in polygons(200):
+        contents = read_meshes(mesh_file(name, WRITERS[name](vertices, ring)))
+        assert area(contents) == pytest.approx(expected, rel=1e-9)
+        assert contents.notes == ()
+        normal = newell(vertices[ring])
+        assert (area_vectors(corners_of(contents)) @ normal > 0.0).all()
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_bent_polygon_covers_its_projection_once_and_is_a_note(mesh_file: MeshFile, name: str) -> None:
+    for vertices, ring, _ in polygons(60, bent=True):
+        if np.linalg.matrix_rank(vertices[ring] - vertices[ring[0]], tol=1e-3) < 3:
+            continue
+        contents = read_meshes(mesh_file(name, WRITERS[name](vertices, ring)))
+        normal = newell(vertices[ring])
+        size = float(np.linalg.norm(normal))
+        projected = area_vectors(corners_of(contents)) @ normal / size
+        assert projected.sum() == pytest.approx(size, rel=1e-9)
+        assert (projected > -1e-12 * size).all()
+        assert [
+            note.endswith("1 polygon(s) not planar: cut as seen along their mean normal") for note in contents.notes
+        ] == [True]
+
+
+def test_the_outline_of_the_triangles_is_the_ring_also_at_corners_on_straight_lines() -> None:
+    for vertices, ring, _ in polygons(200):
+        (flat,), counts, owners = [np.array(ring)], np.array([len(ring)]), np.zeros(1, dtype=np.int64)
+        faces, _, _ = triangulated(Polygons(vertices, flat, counts, owners, (None,), []), "a")
+        outline: Counter[tuple[int, int]] = Counter()
+        for loop, sign in [*((face.tolist(), 1) for face in faces), (ring, -1)]:
+            for a, b in zip(loop, loop[1:] + loop[:1], strict=True):
+                outline[min(a, b), max(a, b)] += (a < b) * sign - (b < a) * sign
+        assert not any(outline.values())
+
+
+def test_a_corner_seen_edge_on_is_kept(mesh_file: MeshFile) -> None:
+    """Of the five corners one stands, along the mean normal, on the way back to the next."""
+    text = "v -500 0 500\nv 500 0 500\nv 500 0 -500\nv -500 0 -500\nv 0 500 -500\nf 1// 2// 3// 4// 5//\n"
+    contents = read_meshes(mesh_file("a.obj", text))
+    corners = corners_of(contents)
+    normal = np.array([1.0, 3.0, 0.0]) / np.sqrt(10)
+    assert (area_vectors(corners) @ normal).sum() == pytest.approx(np.hypot(250_000, 750_000))
+    assert len(corners) == 3 and len(contents.notes) == 1
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_hole_bridged_to_its_outline_stays_open(mesh_file: MeshFile, name: str) -> None:
+    vertices = np.array([[0, 0, 0], [4, 0, 0], [4, 4, 0], [0, 4, 0], [1, 1, 0], [1, 3, 0], [3, 3, 0], [3, 1, 0.0]])
+    data = WRITERS[name](vertices, [0, 1, 2, 3, 0, 4, 5, 6, 7, 4])
+    assert area(read_meshes(mesh_file(name, data))) == pytest.approx(12.0)
+
+
+def test_a_convex_polygon_is_a_fan_from_its_first_corner(mesh_file: MeshFile) -> None:
+    turn = np.arange(6) * np.pi / 3
+    vertices = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(6)])
+    (mesh,) = read_meshes(mesh_file("a.off", as_off(vertices, list(range(6))))).meshes
+    first = np.flatnonzero(np.isclose(mesh.vertices, [1, 0, 0]).all(axis=1))
+    assert (mesh.faces[:, 0] == first).all()
+
+
+def test_a_polygon_that_crosses_itself_and_faces_that_are_none_are_named(mesh_file: MeshFile) -> None:
+    contents = read_meshes(mesh_file("a.obj", SQUARE + "f 1 3 2 4\nf 1 2\nf 3\nf 1 2 3\n"))
+    assert contents.notes == (
+        "a.obj: 2 face(s) of fewer than 3 corners left out",
+        "a.obj: 1 polygon(s) that cross themselves: cut as fans from their first corner",
+    )
+    assert len(corners_of(contents)) == 3
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1e9])
+def test_neither_size_nor_place_changes_the_cut(mesh_file: MeshFile, scale: float) -> None:
+    for vertices, ring, expected in polygons(9):
+        contents = read_meshes(mesh_file("a.off", as_off(vertices * scale, ring)))
+        assert area(contents) == pytest.approx(expected * scale**2, rel=1e-6)
+
+
+# What each format may say.
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (SQUARE + "f 1 2 3\nf\t1 3 4\n", 4.0),
+        (SQUARE + "f 1 2 3\n  f 1 3 4\n", 4.0),
+        (SQUARE + "f 1 2 3 4 # the only one\n", 4.0),
+        (SQUARE + "f 1 2 3 4# the only one\n", 4.0),
+        (SQUARE + "f 1 2 \\\n3 4\n", 4.0),
+        (SQUARE.replace("\n", " 1.0 # a corner\n") + "\tf  1/1/1 2//2 3/3 4\t\n", 4.0),
+        (SQUARE.replace("\n", "\r\n") + "f 1 2 3\r\nf 1 3 4\r\n", 4.0),
+        (SQUARE.replace("v ", "v\t") + "f -4 -3 -2 -1\n", 4.0),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\nv 0 0 1\nf -1 -2 -3\n", 0.5 + np.sqrt(3) / 2),
+        ("f 1 2 3 4\n" + SQUARE, 4.0),
+        (SQUARE + "o #1\nf 1 2 3\no #2\nf 1 3 4", 4.0),
+    ],
+)
+def test_an_obj_keeps_every_face_however_it_is_written(mesh_file: MeshFile, text: str, expected: float) -> None:
+    contents = read_meshes(mesh_file("a.obj", text))
+    assert area(contents) == pytest.approx(expected)
+    assert contents.notes == ()
+
+
+def test_objects_that_differ_after_a_number_sign_are_two(mesh_file: MeshFile) -> None:
+    contents = read_meshes(mesh_file("a.obj", SQUARE + "o part#1\nf 1 2 3\no part#2\nf 1 3 4\no part#1\nf 2 3 4\n"))
+    assert [(mesh.name, len(mesh.faces)) for mesh in contents.meshes] == [("part#1", 2), ("part#2", 1)]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "OFF\n5 2 0\n0 0 0\n2 0 0\n2 2 0\n0 2 0\n4 1 0\n4 0 1 2 3 # x\n3 1 4 2\n",
+        "# first\nOFF 5 2 0\n\n0 0 0\n2 0 0\n2 2 0\n0 2 0\n4 1 0\n 4 0 1 2 3 255 0 0\n3 1 4 2 0.5 0.5 0.5\n",
+        "COFF\n5 2\n" + "".join(f"{v} 1 0 0 1\n" for v in ("0 0 0", "2 0 0", "2 2 0", "0 2 0", "4 1 0"))
+        + "4 0 1 2 3\n3 1 4 2\n",
+    ],
+    ids=["a comment behind a face", "colours of faces", "colours of vertices"],
+)  # fmt: skip
+def test_an_off_keeps_every_face(mesh_file: MeshFile, text: str) -> None:
+    contents = read_meshes(mesh_file("a.off", text))
+    assert (area(contents), contents.notes) == (pytest.approx(6.0), ())
+
+
+FIVE = np.array([[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0], [4, 1, 0.0]])
+
+
+@pytest.mark.parametrize("kind", ["binary_little_endian", "binary_big_endian"])
+@pytest.mark.parametrize("length", ["uchar", "ushort", "int", "uint"])
+@pytest.mark.parametrize(("before", "after"), [("", ""), ("uchar", ""), ("", "float"), ("short", "double")])
+def test_a_binary_ply_mixes_triangles_quads_and_other_properties(
+    mesh_file: MeshFile, kind: str, length: str, before: str, after: str
+) -> None:
+    codes = {"uchar": "B", "ushort": "H", "int": "i", "uint": "I", "short": "h", "float": "f", "double": "d"}
+    order = "<" if "little" in kind else ">"
+    header = f"property {before} first\n" * bool(before) + f"property list {length} int vertex_index\n"
+    header += f"property {after} last\n" * bool(after)
+    body = FIVE.astype(order + "f8").tobytes()
+    for ring in ((0, 1, 2, 3), (1, 4, 2)):
+        body += struct.pack(order + codes[before], 7) if before else b""
+        body += struct.pack(f"{order}{codes[length]}{len(ring)}i", len(ring), *ring)
+        body += struct.pack(order + codes[after], 7) if after else b""
+    contents = read_meshes(mesh_file("a.ply", ply_header(kind, 5, 2, header).encode() + body))
+    assert (area(contents), contents.notes) == (pytest.approx(6.0), ())
+
+
+def test_a_text_ply_has_scalars_beside_lists_and_rows_that_are_no_faces(mesh_file: MeshFile) -> None:
+    face = "property uchar red\nproperty list ushort uint vertex_indices\nproperty list uchar float texcoord\n"
+    vertices = "\n".join(" ".join(map(str, row)) for row in FIVE.tolist())
+    text = ply_header("ascii", 5, 2, face) + vertices + "\n9 4 0 1 2 3 2 0.5 0.5\n9 3 1 4 2 0\n"
+    assert area(read_meshes(mesh_file("a.ply", text))) == pytest.approx(6.0)
+    edges = (
+        text.replace("end_header", "element edge 1\nproperty int vertex1\nproperty int vertex2\nend_header") + "0 1\n"
+    )
+    assert read_meshes(mesh_file("b.ply", edges)).notes == ("b.ply: rows left out that are no faces: 1 edge",)
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "words"),
+    [
+        ("a.obj", SQUARE + "f 1 2 x\n", ["line 5", "'x'", "integers"]),
+        ("a.obj", SQUARE + "f 1 2 /3\n", ["line 5", "'/3'"]),
+        ("a.obj", SQUARE + "f 1 2 3.5\n", ["line 5", "'3.5'"]),
+        ("a.obj", SQUARE + "f 1 2 9\n", ["line 5", "vertex 9", "4"]),
+        ("a.obj", SQUARE + "f 1 2 -5\n", ["line 5", "vertex -5", "4"]),
+        ("a.obj", SQUARE + "f 1 2 " + "9" * 40, ["line 5", "vertex"]),
+        ("a.obj", "v 0 0\n" + SQUARE + "f 1 2 3\n", ["line 1", "2 numbers", "3"]),
+        ("a.obj", "v 0 0 0_1\n" + SQUARE + "f 1 2 3\n", ["line 1", "'0_1'", "numbers"]),
+        ("a.off", "OFF BINARY\n3 1 0\n", ["BINARY", "numbers of vertices"]),
+        ("a.off", "4OFF\n3 1 0\n", ["4OFF", "COFF"]),
+        ("a.off", "OFF\n99999999999999 1 0\n0 0 0\n", ["cut short", "99999999999999"]),
+        ("a.off", "OFF\n3 1 0\n0 0 0\n1 0\n0 1 0\n3 0 1 2\n", ["line 4", "2 numbers", "3"]),
+        ("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n4 0 1 2\n", ["line 6", "4 numbers", "5"]),
+        ("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n-3 0 1 2\n", ["line 6", "-3 corners"]),
+        ("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2.5\n", ["vertex 2.5"]),
+        ("a.ply", ply_header("ascii", 10**30) + "0 0 0\n", ["cut short", "vertex"]),
+        ("a.ply", ply_header("binary_little_endian", 10**30) + "0 0 0\n", ["cut short", "vertex"]),
+        ("a.ply", ply_header("ascii", 1, face="property list float int vertex_indices\n"), ["list float int"]),
+        ("a.ply", ply_header("ascii", 1, face="property list uchar int x y\n"), ["header"]),
+        ("a.ply", ply_header("ascii", 1, face="property uchar red\n") + "0 0 0\n7\n", ["vertex_indices"]),
+        ("a.ply", ply_header("ascii", 1) + "0 0 0\n3 0 0\n", ["line 2 after the header"]),
+        ("a.ply", ply_header("ascii", 1) + "0 0 0\n-3 0 0\n", ["line 2 after the header"]),
+        ("a.ply", ply_header("ascii", 1).replace("double y", "double w") + "0 0 0\n1 0\n", ["x, y and z"]),
+        ("a.ply", as_little_ply(FIVE, [0, 1, 2])[:-1], ["cut short"]),
+        ("a.ply", as_little_ply(FIVE, [0, 1, 2]).replace(b"uchar int", b"int int"), ["cut short"]),
+        ("a.ply", as_little_ply(FIVE, [0, 1, 2]).replace(b"\x03\0\0\0\0", b"\xff\0\0\0\0"), ["cut short"]),
+        ("a.ply", as_little_ply(FIVE, [0, -1, 2]), ["vertex -1"]),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_a_face_is_one_line(
+    mesh_file: MeshFile, name: str, data: str | bytes, words: list[str]
+) -> None:
+    with pytest.raises(InputError) as error:
+        read_meshes(mesh_file(name, data))
+    line = str(error.value)
+    assert line.startswith(name) and "\n" not in line and "Error" not in line
+    assert [word for word in words if word not in line] == []
+
+
+def test_what_follows_the_announced_rows_is_named(mesh_file: MeshFile) -> None:
+    off = "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n3 2 1 0\n"
+    assert read_meshes(mesh_file("a.off", off)).notes == (
+        "a.off: 1 line(s) after the 1 faces that it announces left out",
+    )
+    data = as_little_ply(FIVE, [0, 1, 2]) + b"more"
+    assert read_meshes(mesh_file("a.ply", data)).notes == ("a.ply: 4 bytes after its last row left out",)
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [("annulus.obj", 12.0), ("tab1.obj", 4.0), ("ind1.obj", 4.0), ("trailc.off", 6.0), ("mix1.ply", 6.0)],
+)
+def test_files_that_were_misread_have_their_area(shared_scenes: Path, name: str, expected: float) -> None:
+    contents = read_meshes(shared_scenes.parent / "cases" / name)
+    assert (area(contents), contents.notes) == (pytest.approx(expected), ())
