@@ -201,7 +201,7 @@ MISTAKES = {
     "shadow-map:bias=slope(0.1,)": "expected a number or a word",
     "shadow-map:bias=slope(max=)": "expected a number or a word",
     "shadow-map:=512": "expected key=value",
-    "shadow-map:siz=512": "unknown field 'siz'; allowed: fit, size",
+    "shadow-map:siz=512": r"unknown field 'siz'; did you mean 'size'\? allowed: fit, size",
     "shadow-map:size=512,size=1024": "size is given twice",
     "shadow-map:preset=webgl,preset=course": "preset is given twice",
     "shadow-map:preset=nobody": "unknown preset 'nobody'; presets of shadow-map: course",
