@@ -3,8 +3,8 @@
 import difflib
 from collections.abc import Iterable
 
-LONGEST_LINE = 1000
-"""Characters of a line for people: what it quotes may be of any length, such as a plug-in's message."""
+LONGEST_QUOTE = 500
+"""Characters of what somebody else's code says, such as a plug-in."""
 
 
 class ShadowbenchError(Exception):
@@ -13,7 +13,7 @@ class ShadowbenchError(Exception):
     exit_code = 3
 
     def __init__(self, line: str = "") -> None:
-        super().__init__(one_line(line))
+        super().__init__(printable(" ".join(line.split())))
 
 
 class InputError(ShadowbenchError):
@@ -38,10 +38,10 @@ def alternatives(found: object, names: Iterable[str], heading: str = "allowed", 
     return f"{question} {heading}: {', '.join(known) or none}"
 
 
-def one_line(text: str, longest: int = LONGEST_LINE) -> str:
-    """A text as one printable line of at most `longest` characters, the last of them … where it is cut."""
-    line = printable(" ".join(text[: 10 * longest].split()))
-    return line if len(line) <= longest else line[: longest - 1] + "…"
+def quoted(text: str) -> str:
+    """A foreign text as one printable line of at most LONGEST_QUOTE characters, the last of them … where it is cut."""
+    line = printable(" ".join(text[: 10 * LONGEST_QUOTE].split()))
+    return line if len(line) <= LONGEST_QUOTE else line[: LONGEST_QUOTE - 1] + "…"
 
 
 def printable(line: str) -> str:

@@ -15,7 +15,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.errors import one_line
+from shadowbench.errors import quoted
 from shadowbench.gl.clock import Clock, PassTimes, Sample, with_cost, work_of
 from shadowbench.gl.device import Device, open_device
 from shadowbench.gl.gbuffer import GBuffer, SurfacePass, download
@@ -69,7 +69,7 @@ class Unsupported(Exception):
     """A technique cannot answer a view; the text, one line, says why."""
 
     def __init__(self, reason: str) -> None:
-        super().__init__(one_line(reason))
+        super().__init__(quoted(reason))
 
 
 class Session:
@@ -150,7 +150,7 @@ class Session:
         """Why a cell has no answer for the open view, or None."""
         spec = self._spec(request)
         reason = spec.technique.declines(spec.params, self.view, self.device)
-        return None if reason is None else one_line(reason)
+        return None if reason is None else quoted(reason)
 
     def build(self, request: CellRequest) -> None:
         """Build a cell, and keep it for `draw` and `hold`; raises as `draw` does."""

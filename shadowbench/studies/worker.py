@@ -23,7 +23,7 @@ from typing import Any
 import psutil
 
 import shadowbench
-from shadowbench.errors import LONGEST_LINE, ShadowbenchError, one_line
+from shadowbench.errors import ShadowbenchError, quoted
 from shadowbench.gl.program import ShaderError
 from shadowbench.studies.printed import pass_on
 from shadowbench.studies.session import Session, Unsupported
@@ -269,5 +269,5 @@ def _told(error: Exception) -> str:
     package = str(Path(shadowbench.__file__).parent)
     ours = [frame for frame in frames if not frame.filename.startswith(package)]
     place = (ours or frames)[-1]
-    first_line = one_line((str(error).splitlines() or [""])[0], LONGEST_LINE // 2)
+    first_line = quoted((str(error).splitlines() or [""])[0])
     return f"{type(error).__name__}: {first_line} ({os.path.basename(place.filename)}:{place.lineno})"

@@ -15,7 +15,8 @@ from pkgutil import iter_modules
 from types import ModuleType
 
 from shadowbench import techniques as package
-from shadowbench.errors import InputError
+from shadowbench.errors import InputError, quoted
+from shadowbench.scenes.tables import LONGEST_NAME
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.grammar import WORD
 
@@ -101,8 +102,9 @@ def _checked(technique: object, where: str) -> type[Technique]:
         raise InputError(f"{where}: {technique!r} is no subclass of Technique")
     if not _named(technique):
         raise InputError(f"{where}: {technique.__name__} has no name")
-    if not re.fullmatch(WORD, technique.name):
-        raise InputError(f"{where}: the name {technique.name!r} is no word; allowed: letters, digits, _ and -")
+    if not re.fullmatch(WORD, technique.name) or len(technique.name) > LONGEST_NAME:
+        allowed = f"letters, digits, _ and -, at most {LONGEST_NAME} of them"
+        raise InputError(f"{where}: the name {technique.name!r:.90} is no word; allowed: {allowed}")
     missing = sorted(technique.__abstractmethods__)
     if missing:
         raise InputError(f"{where}: {technique.__name__} lacks {', '.join(missing)}")
@@ -114,4 +116,4 @@ def _named(technique: type[Technique]) -> bool:
 
 
 def _told(error: BaseException) -> str:
-    return f"{type(error).__name__}: {' '.join(str(error).split())}"
+    return f"{type(error).__name__}: {quoted(str(error))}"
