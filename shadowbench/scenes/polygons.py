@@ -19,8 +19,10 @@ from shadowbench.scenes.triangles import FLATTEST, MOST_TRIANGLES
 Integers = NDArray[np.int64]
 Number = TypeVar("Number", bound=np.generic)
 
-MOST_WORK = 2_500_000_000
-"""Sum of the squared corner counts of the polygons that earcut gets: seconds."""
+MOST_WORK = 200_000_000_000
+"""Sum of the cubed corner counts of the polygons that earcut gets: ten seconds where it takes longest, as it does for
+polygons that cross themselves. One may have 5,848 corners.
+"""
 FLAT_ENOUGH = 1e-3
 """Of a polygon's extent: what stands out of its plane by less is what coordinates of few digits do."""
 
@@ -72,9 +74,12 @@ def triangulated(polygons: Polygons, where: str) -> tuple[Integers, Integers, li
         for k in np.flatnonzero(~fans.right):
             polygon = chosen[k]
             size, row = int(counts[polygon]), int(rows[polygon])
-            work += size**2
+            work += size**3
             if work > MOST_WORK:
-                raise InputError(f"{where}: concave polygons of up to {counts.max()} corners take too long; split them")
+                raise InputError(
+                    f"{where}: concave polygons of up to {counts.max()} corners take too long to cut; "
+                    "save it with fewer corners a face, or with triangles"
+                )
             ring = corners[starts[polygon] : starts[polygon] + size]
             cut = _cut(vertices[ring], fans.normals[k])
             if cut is None:

@@ -82,7 +82,7 @@ def test_a_file_that_does_not_say_what_is_up_is_turned_when_asked(tmp_path: Path
 @pytest.mark.parametrize(
     ("reference", "up", "words"),
     [
-        ("cube-on-plane", "z", "cube-on-plane says what is up; .* .obj .ply .stl .off"),
+        ("cube-on-plane", "z", "cube-on-plane says what is up; .*.obj .ply .stl .off"),
         ("scene.toml", "y", r"scene.toml says what is up; .* rotate = \[-90, 0, 0\]"),
         ("model.gltf", "z", "model.gltf says what is up"),
         ("model.obj", "x", "found 'x'; allowed: y, z"),

@@ -112,7 +112,7 @@ def lowered() -> Callable[[View, float], View]:
 
 
 def near_edges(truth: Truth) -> np.ndarray:
-    """(size, size) bool: within two pixels of where receivers begin or shadows do."""
+    """(size, size) bool: within two pixels of a border of what is lit."""
     code = truth.receivers + truth.visibility
     edges = np.zeros(code.shape, dtype=bool)
     edges[:, 1:] |= code[:, 1:] != code[:, :-1]
