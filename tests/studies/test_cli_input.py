@@ -289,7 +289,6 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
             ["score", "cube-on-plane", "{in}/white.png"],
             ["needs", "cube-on-plane"],
             ["recommend", "cube-on-plane", "-o", "{out}"],
-            ["tune", "-t", "shadow-map", "--scenes", "cube-on-plane", "-o", "{out}"],
         )
     },
     "an unknown list": (["list", "shaders"], ["'shaders'", "techniques, scenes, metrics, studies"]),
@@ -323,6 +322,12 @@ def test_bad_input_is_one_line_and_exit_2(
     assert PYDANTIC.search(complaints[0]) is None
     assert answer.out == ""
     assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_tune_takes_an_up_axis_too(shadowbench: Callable[..., Any], tmp_path: Path) -> None:
+    answer = shadowbench("tune", "-t", "shadow-map", "--scenes", "cube-on-plane", "--up", "z", "-o", tmp_path)
+    assert answer.code == 2
+    assert "--up z: cube-on-plane says what is up" in answer.err
 
 
 def test_rows_of_somebody_else_are_left_alone(shadowbench: Callable[..., Any], tmp_path: Path) -> None:
