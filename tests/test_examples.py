@@ -27,10 +27,11 @@ def iou(shadowbench: Callable[..., Any], tmp_path: Path) -> Callable[..., dict[s
 
     def run(scene: str | Path, file: str, *specs: str, view_size: int = 256) -> dict[str, float]:
         asked = [part for spec in specs for part in ("-t", spec)]
-        options = ("--view-size", str(view_size), "--rounds", "1", "-o", tmp_path / "run", "-q")
+        folder = tmp_path / f"run of {Path(scene).stem}"
+        options = ("--view-size", str(view_size), "--rounds", "1", "-o", folder, "-q")
         answer = shadowbench("run", scene, *asked, "--plugin", ROOT / "examples" / file, *options)
         assert answer.code == 0, answer.err
-        with (tmp_path / "run" / "table.csv").open(newline="", encoding="utf-8") as stream:
+        with (folder / "table.csv").open(newline="", encoding="utf-8") as stream:
             rows = list(csv.DictReader(stream))
         assert [row["status"] for row in rows] == ["ok"] * len(specs)
         return {row["spec"]: float(row["iou"]) for row in rows}

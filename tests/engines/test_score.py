@@ -236,7 +236,9 @@ def test_pictures_of_few_pixels_are_scored(shadowbench: Callable, png: Callable,
         answer = shadowbench("score", SCENE, mask, "--json", "--diff", tmp_path / "diff.png")
         assert answer.code == 0 and json.loads(answer.out)["view_size"] == size
     lit = png("lit.png", np.ones((size, size)))
-    assert shadowbench("score", SCENE, "--lit", lit, "--shadowed", mask, "-o", tmp_path, "--name", "x").code == 0
+    assert (
+        shadowbench("score", SCENE, "--lit", lit, "--shadowed", mask, "-o", tmp_path / "run", "--name", "x").code == 0
+    )
 
 
 def test_the_difference_is_not_drawn_over_what_is_scored(

@@ -115,9 +115,8 @@ def test_one_size_has_no_slope() -> None:
 
 
 def test_a_summary_holds_times_but_not_how_they_were_taken() -> None:
-    (row,) = summary(cells_frame([result(frame_ms=1.0, frame_iqr_ms=0.1, added_ms=0.5, ratio=2.0, n=9, clock="gpu")]))[
-        "cube"
-    ]
+    times = timed(2.0) | {"frame_iqr_ms": 0.1, "added_ms": 0.5, "n": 9, "clock": "gpu"}
+    (row,) = summary(cells_frame([result(**times)]))["cube"]
     assert {"frame_ms", "frame_iqr_ms", "added_ms", "ratio"} <= row.values.keys()
     assert row.values["ratio"] == Interval(2.0)
     assert not {"n", "clock"} & row.values.keys()
