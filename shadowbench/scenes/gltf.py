@@ -228,6 +228,7 @@ def notes_on(document: Json, where: str) -> list[str]:
         not node.visible and "KHR_lights_punctual" in node.data.get("extensions", {}) for node in nodes_of(document)
     )
     extensions = {*document.get("extensionsUsed", []), *document.get("extensions", {})}
+    extensions.update(*(node.get("extensions", {}) for node in document.get("nodes", [])))
     ignored = sorted(name for name in extensions if not HONOURED.fullmatch(name) and name not in TOLD)
     found = [
         (hidden, "mesh(es) of hidden nodes left out"),

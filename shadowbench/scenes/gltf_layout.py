@@ -52,11 +52,12 @@ class Visibility(Part):
 
 
 class NodeExtensions(Part):
-    """Of a node."""
+    """Of a node; others are kept to be named."""
+
+    model_config = ConfigDict(extra="allow")
 
     KHR_node_visibility: Visibility | None = None
     KHR_lights_punctual: LightReference | None = None
-    EXT_mesh_gpu_instancing: Any = None
 
 
 class NodeTable(Part):
@@ -186,10 +187,11 @@ class Lights(Part):
 
 
 class Extensions(Part):
-    """Of the file."""
+    """Of the file; others are kept to be named."""
+
+    model_config = ConfigDict(extra="allow")
 
     KHR_lights_punctual: Lights | None = None
-    CESIUM_RTC: Any = None
 
 
 class Layout(Part):

@@ -19,15 +19,19 @@ DECIMAL = re.compile(rb"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?(nan|inf|infi
 
 
 class Lines(NamedTuple):
-    """The lines of `text` that hold something: (L,) where each begins, blanks aside, and where it ends."""
+    """The lines of `text` that hold something: (L,) where each begins, blanks aside, and where it ends.
+
+    file: as the text, with the newlines of the file also where the text goes on.
+    """
 
     text: bytes
+    file: bytes
     starts: Integers
     ends: Integers
 
     def chosen(self, which: NDArray[np.bool_] | slice, skip: int = 0) -> "Lines":
         """Some of the lines, without their first `skip` bytes."""
-        return Lines(self.text, self.starts[which] + skip, self.ends[which])
+        return self._replace(starts=self.starts[which] + skip, ends=self.ends[which])
 
     def line(self, k: int) -> bytes:
         """The text of a line."""
@@ -35,7 +39,7 @@ class Lines(NamedTuple):
 
     def number(self, k: int) -> int:
         """The number in the file, from 1, of a line."""
-        return 1 + self.text.count(b"\n", 0, int(self.starts[k]))
+        return 1 + self.file.count(b"\n", 0, int(self.starts[k]))
 
 
 class Rows(NamedTuple):
@@ -56,8 +60,13 @@ def without_comments(text: bytes) -> bytes:
     return re.sub(rb"#[^\n]*", lambda found: b" " * len(found[0]), text)
 
 
-def lines_of(text: bytes, where: str) -> Lines:
-    """The lines of a text that ends with a newline; InputError for one that is too long."""
+def lines_of(text: bytes, where: str, file: bytes | None = None) -> Lines:
+    """The lines of a text that ends with a newline; InputError for one that is too long, or holds a NUL."""
+    file = text if file is None else file
+    nul = text.find(b"\0")
+    if nul >= 0:
+        line = 1 + file.count(b"\n", 0, nul)
+        raise InputError(f"{where}: line {line}: found a NUL byte; allowed is text in ASCII or UTF-8")
     letters = np.frombuffer(text, dtype=np.uint8)
     ends = np.flatnonzero(letters == ord("\n"))
     starts = np.concatenate([[0], ends[:-1] + 1])
@@ -68,7 +77,7 @@ def lines_of(text: bytes, where: str) -> Lines:
         starts[indented] += 1
         indented = indented[BLANK[letters[starts[indented]]]]
     said = starts < ends
-    return Lines(text, starts[said], ends[said])
+    return Lines(text, file, starts[said], ends[said])
 
 
 def numbers(lines: Lines, where: str, integers: bool = False, dropped: bytes = b"") -> Rows:

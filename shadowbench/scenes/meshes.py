@@ -7,6 +7,7 @@ which exceptions, warnings and silences of readers become an InputError of one l
 import io
 import logging
 import warnings
+from codecs import BOM_UTF8
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -123,7 +124,7 @@ def _compact(triangles: Triangles) -> Triangles:
 
 def _polygonal(path: Path, where: str) -> tuple[list[Part], list[str]]:
     """An OBJ, PLY or OFF file: a part for each object that it names."""
-    polygons = READERS[path.suffix.lower()](path.read_bytes(), where)
+    polygons = READERS[path.suffix.lower()](path.read_bytes().removeprefix(BOM_UTF8), where)
     checked(Triangles(polygons.vertices, np.zeros((0, 3), dtype=np.int32)), where)
     faces, polygon, notes = triangulated(polygons, where)
     owners = polygons.owners[polygon]
@@ -165,13 +166,17 @@ def _gltf(path: Path, where: str) -> tuple[list[Part], list[Camera], list[Light]
     for mesh, primitive, positions, corners in read_primitives(layout, chunk, path, where):
         color = _base_color(layout, primitive)
         sources[mesh].append((_triangles(positions, corners, where), color))
-    parts = []
+    parts, hidden = [], 0
     for node in gltf.nodes_of(document):
-        if "mesh" in node.data and node.visible:
-            rows = sources[node.data["mesh"]]
+        rows = sources[node.data["mesh"]] if "mesh" in node.data else []
+        if not node.visible:
+            hidden += sum(len(triangles.faces) for triangles, _ in rows)
+        elif rows:
             name = str(node.data.get("name") or document["meshes"][node.data["mesh"]].get("name") or "mesh")
             for k, (triangles, color) in enumerate(rows, 1):
                 parts.append(Part(name if len(rows) == 1 else f"{name} {k}", triangles, node.matrix, color))
+    if hidden and not any(len(part.triangles.faces) for part in parts):
+        raise InputError(f"{where}: all {hidden} triangles are of hidden nodes; at least one must be visible")
     cameras, camera_notes = gltf.cameras_of(document, where)
     lights, light_notes = gltf.lights_of(document, where)
     return parts, cameras, lights, [*gltf.notes_on(document, where), *camera_notes, *light_notes]

@@ -19,7 +19,8 @@ NO_SHAPE = {"vn", "vt", "vp", "g", "s", "mg", "mtllib", "usemtl", "o"}
 def read_obj(data: bytes, where: str) -> Polygons:
     """The faces of an OBJ file; InputError for numbers that are none and vertices that are not there."""
     raw = with_newlines(data)
-    lines = lines_of(without_comments(raw).replace(b"\\\n", b"  "), where)
+    # Joined lines keep their length; the last may be joined to nothing.
+    lines = lines_of(without_comments(raw).replace(b"\\\n", b"  ") + b"\n", where, raw)
     letters = np.frombuffer(lines.text, dtype=np.uint8)
     first, second = letters[lines.starts], letters[lines.starts + 1]
     apart = np.isin(second, np.frombuffer(b" \t\v\f\n", dtype=np.uint8))

@@ -10,7 +10,7 @@ from shadowbench.scenes.polygons import Polygons, gather
 from shadowbench.scenes.triangles import check_indices
 
 KIND = re.compile(rb"\s*(?:ST)?C?N?OFF(?=\s)")
-COUNTS = re.compile(rb"(\d+)\s+(\d+)(\s+\d+)?\s*")
+COUNTS = re.compile(rb"(\d{1,18})\s+(\d{1,18})(\s+\d+)?\s*")
 
 
 def read_off(data: bytes, where: str) -> Polygons:

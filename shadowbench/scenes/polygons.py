@@ -1,7 +1,7 @@
 """Faces of any number of corners cut into triangles, concave ones and ones whose holes are bridged too.
 
-A polygon whose fan from the first corner is right keeps it. Others are projected along their Newell normal, the sum of
-the cross products of neighbouring corners, and cut by earcut.
+A polygon whose fan from the first corner is right keeps it, and so does a quad from its second corner. Others are
+projected along their Newell normal, the sum of the cross products of neighbouring corners, and cut by earcut.
 """
 
 from collections import Counter, defaultdict
@@ -19,10 +19,10 @@ from shadowbench.scenes.triangles import FLATTEST, MOST_TRIANGLES
 Integers = NDArray[np.int64]
 Number = TypeVar("Number", bound=np.generic)
 
-MOST_WORK = 200_000_000_000
-"""Sum of the cubed corner counts of the polygons that earcut gets: ten seconds where it takes longest, as it does for
-polygons that cross themselves. One may have 5,848 corners.
-"""
+MOST_CORNERS = 32_000
+"""Of a polygon that earcut gets; of several, the squares add up to no more than its square."""
+OTHER_DIAGONAL = np.array([[1, 2, 3], [1, 3, 0]])
+"""A quad's fan from its second corner."""
 FLAT_ENOUGH = 1e-3
 """Of a polygon's extent: what stands out of its plane by less is what coordinates of few digits do."""
 
@@ -71,15 +71,22 @@ def triangulated(polygons: Polygons, where: str) -> tuple[Integers, Integers, li
         chosen = many[part]
         fans = _fans(vertices[gather(faces, rows[chosen], sizes[chosen])], sizes[chosen])
         bent += int(fans.bent.sum())
-        for k in np.flatnonzero(~fans.right):
+        right = fans.right
+        quads = np.flatnonzero(~right & (counts[chosen] == 4))
+        others = corners[starts[chosen[quads], None, None] + OTHER_DIAGONAL]
+        turned = quads[_fans(vertices[others.reshape(-1, 3)], sizes[chosen[quads]]).right]
+        right[turned] = True
+        faces[rows[chosen[turned], None] + np.arange(2)] = others[np.isin(quads, turned)]
+        waiting = np.flatnonzero(~right)
+        work += int((counts[chosen[waiting]] ** 2).sum())
+        if work > MOST_CORNERS**2:
+            raise InputError(
+                f"{where}: concave polygons of up to {counts[chosen[waiting]].max()} corners take too long to cut; "
+                f"allowed is one of {MOST_CORNERS} corners, or several whose squared counts add up to {MOST_CORNERS**2}"
+            )
+        for k in waiting:
             polygon = chosen[k]
             size, row = int(counts[polygon]), int(rows[polygon])
-            work += size**3
-            if work > MOST_WORK:
-                raise InputError(
-                    f"{where}: concave polygons of up to {counts.max()} corners take too long to cut; "
-                    "save it with fewer corners a face, or with triangles"
-                )
             ring = corners[starts[polygon] : starts[polygon] + size]
             cut = _cut(vertices[ring], fans.normals[k])
             if cut is None:
@@ -143,15 +150,15 @@ def _cut(ring: Floats, normal: Floats) -> Integers | None:
     flat = np.ascontiguousarray(ring[:, axes] - ring[:, [axis]] * (normal[axes] / (normal[axis] or 1.0)))
     found = mapbox_earcut.triangulate_float64(flat, np.array([len(flat)], dtype=np.uint32))
     cut: Integers = found.reshape(-1, 3).astype(np.int64)
-    area = _area(flat[None]).sum()
-    doubled = _area(flat[cut])
-    if not area > 0.0 or abs(np.abs(doubled).sum() - area) > 1e-6 * area:
-        return None
     edges = flat[cut] - flat[np.roll(cut, -1, axis=1)]
-    cut = cut[doubled > FLATTEST * np.einsum("ijk,ijk->ij", edges, edges).max(axis=1)]
+    cut = cut[_area(flat[cut]) > FLATTEST * np.einsum("ijk,ijk->ij", edges, edges).max(axis=1)]
     if len(cut) < len(ring) - 2:
-        cut = _mended(cut, flat)
-    return cut if len(cut) <= len(ring) - 2 else None
+        cut = _mended(cut, ring, flat)
+    newell = np.cross(ring, np.roll(ring, -1, axis=0)).sum(axis=0)
+    crosses = np.cross(ring[cut[:, 1]] - ring[cut[:, 0]], ring[cut[:, 2]] - ring[cut[:, 0]])
+    size = float(np.linalg.norm(newell))
+    missing = np.linalg.norm(crosses.sum(axis=0) - newell) + abs(np.abs(crosses @ normal).sum() - size)
+    return cut if len(cut) <= len(ring) - 2 and missing < 1e-6 * size else None
 
 
 def _area(flat: Floats) -> Floats:
@@ -161,12 +168,13 @@ def _area(flat: Floats) -> Floats:
     return area
 
 
-def _mended(cut: Integers, flat: Floats) -> Integers:
+def _mended(cut: Integers, corners: Floats, flat: Floats) -> Integers:
     """The triangles, and the corners on straight lines that earcut leaves out: their outline is the ring again.
 
-    A neighbouring polygon has these corners too: without them the surface would have a gap as wide as rounding.
+    corners: (N, 3); flat: (N, 2), as they are seen. A neighbouring polygon has these corners too: without them the
+    surface would have a gap as wide as rounding.
     """
-    _, first, place = np.unique(flat, axis=0, return_index=True, return_inverse=True)
+    _, first, place = np.unique(corners, axis=0, return_index=True, return_inverse=True)
     ring = place.tolist()
     triangles = [[ring[k] for k in triangle] for triangle in cut.tolist()]
     # Where the triangles' outline is not the ring: its edges and, reversed, those of the ring, in closed walks
@@ -183,18 +191,19 @@ def _mended(cut: Integers, flat: Floats) -> Integers:
             near[b].add(a)
 
     owner = {(t[k - 1], t[k]): number for number, t in enumerate(triangles) for k in range(3)}
-    for a, b in owner:
-        walk(a, b)
+    for t in triangles:
+        for k in range(3):
+            walk(t[k - 1], t[k])
     for a, b in pairwise([*ring, ring[0]]):
         walk(b, a)
     waiting = [edge for edge in owner if loose[edge] > 0]
     while waiting and len(triangles) < len(ring) - 2:
         a, b = edge = waiting.pop()
-        if loose[edge] <= 0:
+        if loose[edge] <= 0 or edge not in owner:
             continue
         number = owner[edge]
-        corners = np.array(sorted((near[a] | near[b]).difference(triangles[number])), dtype=np.int64)
-        between = corners[_lie_on(flat[first[corners]] - flat[first[a]], flat[first[b]] - flat[first[a]])]
+        others = np.array(sorted((near[a] | near[b]).difference(triangles[number])), dtype=np.int64)
+        between = others[_lie_on(flat[first[others]] - flat[first[a]], flat[first[b]] - flat[first[a]])]
         if not len(between):
             continue
         middle = int(between[0])
@@ -202,21 +211,25 @@ def _mended(cut: Integers, flat: Floats) -> Integers:
         triangles[number] = [a, middle, far]
         owner |= {(a, middle): number, (middle, b): len(triangles), (b, far): len(triangles)}
         triangles.append([middle, b, far])
+        del owner[edge]
         loose[edge] -= 1
         for half in ((a, middle), (middle, b)):
             walk(*half)
             waiting.append(half)
     # What is left is seen edge-on: nothing in a planar polygon, a triangle that stands upright in another.
     for a, b in list(loose):
-        while loose[a, b] > 0:
-            path = [a, b]
-            loose[a, b] -= 1
-            while path[-1] != a:
-                end = path[-1]
-                path.append(next(v for v in near[end] if loose[end, v] > 0))
-                loose[end, path[-1]] -= 1
-            triangles += [[a, path[k + 1], path[k]] for k in range(1, len(path) - 2)]
-    return first[np.array(triangles)]
+        path = [a]
+        while len(path) > 1 or loose[a, b] > 0:
+            end = path[-1]
+            following = next(v for v in near[end] if loose[end, v] > 0)
+            loose[end, following] -= 1
+            if following in path:  # each loop by itself: two that share a corner may lie across each other
+                start = path.index(following)
+                triangles += [[following, path[k + 1], path[k]] for k in range(start + 1, len(path) - 1)]
+                del path[start + 1 :]
+            else:
+                path.append(following)
+    return first[np.array(triangles, dtype=np.int64).reshape(-1, 3)]
 
 
 def _lie_on(points: Floats, edge: Floats) -> NDArray[np.bool_]:

@@ -196,6 +196,12 @@ def test_a_hidden_node_hides_meshes_and_lights_below_it_and_no_camera(gltf_file:
     )
 
 
+def test_a_file_whose_triangles_are_all_hidden_says_so(gltf_file: Gltf) -> None:
+    hidden = {"KHR_node_visibility": {"visible": False}}
+    with pytest.raises(InputError, match=r"model\.gltf: all 1 triangles are of hidden nodes; .* visible"):
+        read_meshes(gltf_file(nodes=[{"mesh": 0, "extensions": hidden}]))
+
+
 def test_the_hidden_square_of_a_file_is_not_drawn(shared_scenes: Path) -> None:
     contents = read_meshes(shared_scenes.parent / "cases" / "hidden_khr_visibility.gltf")
     assert [mesh.vertices[:, 0].max() for mesh in contents.meshes] == [1.0]
@@ -222,6 +228,7 @@ def test_what_of_a_light_is_not_honoured_is_a_line(gltf_file: Gltf, light: dict[
     [
         {"extensions": {"CESIUM_RTC": {"center": [6378137, 0, 0]}}, "extensionsUsed": ["CESIUM_RTC"]},
         {"extensions": {"CESIUM_RTC": {"center": [6378137, 0, 0]}}},
+        {"nodes": [{"mesh": 0, "extensions": {"CESIUM_RTC": {}, "KHR_node_visibility": {"visible": True}}}]},
         {"extensionsUsed": ["CESIUM_RTC", "KHR_materials_ior", "EXT_mesh_gpu_instancing"]},
     ],
 )

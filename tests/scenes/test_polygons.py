@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import mapbox_earcut
 import numpy as np
 import pytest
 
@@ -198,6 +199,85 @@ def test_a_polygon_that_crosses_itself_and_faces_that_are_none_are_named(mesh_fi
     assert len(corners_of(contents)) == 3
 
 
+def flat_obj(*rings: list[tuple[float, float]]) -> str:
+    """Polygons in the plane z = 0 that share no vertex."""
+    lines = []
+    for ring in rings:
+        lines += [*(f"v {x!r} {y!r} 0" for x, y in ring), "f " + " ".join(str(k - len(ring)) for k in range(len(ring)))]
+    return "\n".join([*lines, ""])
+
+
+@pytest.mark.parametrize(
+    "ring",
+    [
+        [(2, 0), (2, 0), (1, 0), (1, 2), (1, 1), (0, 0), (0, 0)],
+        [(1, 0), (1, 2), (1, 1), (0, 0), (2, 0)],
+        [(0, 0), (3, 0), (1, 0), (1, 3), (1, 1), (0, 1)],
+    ],
+)
+def test_a_spike_of_no_width_adds_no_area(mesh_file: MeshFile, ring: list[tuple[float, float]]) -> None:
+    contents = read_meshes(mesh_file("a.obj", flat_obj(ring)))
+    assert area(contents) == pytest.approx(shoelace(np.array(ring)))
+    assert contents.notes == ()
+
+
+def test_a_polygon_that_covers_part_of_itself_twice_counts_it_twice(mesh_file: MeshFile) -> None:
+    contents = read_meshes(mesh_file("a.obj", flat_obj([(1, 2), (0, 2), (1, 0), (1, 1), (1, 2), (0, 2), (1, 1)])))
+    assert area_vectors(corners_of(contents)).sum(axis=0) == pytest.approx([0.0, 0.0, 1.5])
+    assert area(contents) == pytest.approx(1.5)
+
+
+def test_a_polygon_that_cannot_be_cut_spares_the_others(mesh_file: MeshFile) -> None:
+    wild = [(1, 0), (0, 0), (0, 1), (1, 1), (0, 0), (0, 1)]
+    contents = read_meshes(mesh_file("a.obj", flat_obj(wild, [(5, 0), (6, 0), (6, 1)])))
+    corners = corners_of(contents)
+    assert area_vectors(corners[corners[:, 0, 0] > 4.0]) == pytest.approx(np.array([[0.0, 0.0, 0.5]]))
+
+
+def test_any_ring_keeps_its_area_vector_and_its_projected_area_unless_a_note_says_that_it_crosses() -> None:
+    chance = np.random.default_rng(3)
+    for number in range(3000):
+        count = int(chance.integers(4, 11))
+        points = chance.integers(0, 3, (count, 3)).astype(float) * [1, 1, number % 2 and chance.choice([1e-5, 1e-2, 1])]
+        ring = np.arange(count)
+        owners = np.zeros(1, dtype=np.int64)
+        faces, _, notes = triangulated(Polygons(points, ring, np.array([count]), owners, (None,), []), "a")
+        expected, vectors = newell(points), area_vectors(points[faces])
+        assert vectors.sum(axis=0) == pytest.approx(expected, abs=1e-6)
+        size = float(np.linalg.norm(expected))
+        if size > 0.0 and not any("cross themselves" in note for note in notes):
+            assert np.abs(vectors @ expected).sum() == pytest.approx(size**2, rel=1e-5)
+
+
+def test_concave_quads_are_cut_from_their_reflex_corner_without_earcut(
+    mesh_file: MeshFile, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(mapbox_earcut, "triangulate_float64", None)
+    dart = [(0.8, 0.0), (0.2, 0.2), (0.0, 0.8), (0.0, 0.0)]
+    rings = [ring[k:] + ring[:k] for ring in (dart, dart[::-1]) for k in range(4)]
+    contents = read_meshes(mesh_file("a.obj", flat_obj(*rings)))
+    assert contents.notes == ()
+    assert area(contents) == pytest.approx(sum(shoelace(np.array(ring)) for ring in rings))
+    assert len(corners_of(contents)) == 2 * len(rings)
+
+
+def test_a_star_of_twelve_thousand_corners_is_cut_and_a_larger_one_is_told_what_is_allowed() -> None:
+    def cut(count: int) -> tuple[np.ndarray, list[str]]:
+        turn = np.linspace(0.0, 2 * np.pi, count, endpoint=False)
+        radius = np.where(np.arange(count) % 2, 1.0, 0.9)
+        points = np.stack([radius * np.cos(turn), radius * np.sin(turn), np.zeros(count)], axis=1)
+        owners = np.zeros(1, dtype=np.int64)
+        ring = np.arange(count)
+        faces, _, notes = triangulated(Polygons(points, ring, np.array([count]), owners, (None,), []), "a")
+        assert np.linalg.norm(area_vectors(points[faces]), axis=1).sum() == pytest.approx(shoelace(points[:, :2]))
+        return faces, notes
+
+    faces, notes = cut(12_000)
+    assert (len(faces), notes) == (11_998, [])
+    with pytest.raises(InputError, match=r"a: .*32002 corners.*; allowed .* 32000 corners"):
+        cut(32_002)
+
+
 @pytest.mark.parametrize("scale", [1e-9, 1e9])
 def test_neither_size_nor_place_changes_the_cut(mesh_file: MeshFile, scale: float) -> None:
     for vertices, ring, expected in polygons(9):
@@ -222,6 +302,8 @@ def test_neither_size_nor_place_changes_the_cut(mesh_file: MeshFile, scale: floa
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\nv 0 0 1\nf -1 -2 -3\n", 0.5 + np.sqrt(3) / 2),
         ("f 1 2 3 4\n" + SQUARE, 4.0),
         (SQUARE + "o #1\nf 1 2 3\no #2\nf 1 3 4", 4.0),
+        (SQUARE + "f 1 2 3\nf 1 3 4\\", 4.0),
+        ("\ufeff" + SQUARE + "f 1 2 3 4\n", 4.0),
     ],
 )
 def test_an_obj_keeps_every_face_however_it_is_written(mesh_file: MeshFile, text: str, expected: float) -> None:
@@ -238,12 +320,13 @@ def test_objects_that_differ_after_a_number_sign_are_two(mesh_file: MeshFile) ->
 @pytest.mark.parametrize(
     "text",
     [
+        "\ufeffOFF\n5 2 0\n0 0 0\n2 0 0\n2 2 0\n0 2 0\n4 1 0\n4 0 1 2 3\n3 1 4 2\n",
         "OFF\n5 2 0\n0 0 0\n2 0 0\n2 2 0\n0 2 0\n4 1 0\n4 0 1 2 3 # x\n3 1 4 2\n",
         "# first\nOFF 5 2 0\n\n0 0 0\n2 0 0\n2 2 0\n0 2 0\n4 1 0\n 4 0 1 2 3 255 0 0\n3 1 4 2 0.5 0.5 0.5\n",
         "COFF\n5 2\n" + "".join(f"{v} 1 0 0 1\n" for v in ("0 0 0", "2 0 0", "2 2 0", "0 2 0", "4 1 0"))
         + "4 0 1 2 3\n3 1 4 2\n",
     ],
-    ids=["a comment behind a face", "colours of faces", "colours of vertices"],
+    ids=["a byte order mark", "a comment behind a face", "colours of faces", "colours of vertices"],
 )  # fmt: skip
 def test_an_off_keeps_every_face(mesh_file: MeshFile, text: str) -> None:
     contents = read_meshes(mesh_file("a.off", text))
@@ -276,7 +359,8 @@ def test_a_text_ply_has_scalars_beside_lists_and_rows_that_are_no_faces(mesh_fil
     face = "property uchar red\nproperty list ushort uint vertex_indices\nproperty list uchar float texcoord\n"
     vertices = "\n".join(" ".join(map(str, row)) for row in FIVE.tolist())
     text = ply_header("ascii", 5, 2, face) + vertices + "\n9 4 0 1 2 3 2 0.5 0.5\n9 3 1 4 2 0\n"
-    assert area(read_meshes(mesh_file("a.ply", text))) == pytest.approx(6.0)
+    for mark in ("", "\ufeff"):
+        assert area(read_meshes(mesh_file("a.ply", mark + text))) == pytest.approx(6.0)
     edges = (
         text.replace("end_header", "element edge 1\nproperty int vertex1\nproperty int vertex2\nend_header") + "0 1\n"
     )
@@ -289,6 +373,10 @@ def test_a_text_ply_has_scalars_beside_lists_and_rows_that_are_no_faces(mesh_fil
         ("a.obj", SQUARE + "f 1 2 x\n", ["line 5", "'x'", "integers"]),
         ("a.obj", SQUARE + "f 1 2 /3\n", ["line 5", "'/3'"]),
         ("a.obj", SQUARE + "f 1 2 3.5\n", ["line 5", "'3.5'"]),
+        ("a.obj", SQUARE + "f 1 2 \\\n 3\nf 1 \\\n2 \\\n 3\nf 1 2 x\n", ["line 10", "'x'"]),
+        ("a.obj", SQUARE.replace("v 2 2", "\0v 2 2") + "f 1 2 3\n", ["line 3", "NUL"]),
+        ("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1\0 2\n", ["line 6", "NUL"]),
+        ("a.off", f"OFF\n{'9' * 5000} 1 0\n0 0 0\n", ["999", "after OFF", "numbers of vertices"]),
         ("a.obj", SQUARE + "f 1 2 9\n", ["line 5", "vertex 9", "4"]),
         ("a.obj", SQUARE + "f 1 2 -5\n", ["line 5", "vertex -5", "4"]),
         ("a.obj", SQUARE + "f 1 2 " + "9" * 40, ["line 5", "vertex"]),
