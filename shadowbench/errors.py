@@ -38,6 +38,14 @@ def alternatives(found: object, names: Iterable[str], heading: str = "allowed", 
     return f"{question} {heading}: {', '.join(known) or none}"
 
 
+def message(error: BaseException) -> str:
+    """What an exception of somebody else's code says, which may raise itself."""
+    try:
+        return str(error)
+    except Exception:
+        return "(no message)"
+
+
 def quoted(text: str) -> str:
     """A foreign text as one printable line of at most LONGEST_QUOTE characters, the last of them … where it is cut."""
     line = printable(" ".join(text[: 10 * LONGEST_QUOTE].split()))

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rich.markup import escape
 from rich.table import Table
 
-from shadowbench.commands.console import err, number, out, print_json, techniques_with
+from shadowbench.commands.console import err, number, out, print_json, print_table, techniques_with
 from shadowbench.errors import InputError, alternatives
 from shadowbench.reports.folder import Run, read_runs
 from shadowbench.reports.gallery import difference, read_view
@@ -152,11 +152,11 @@ def _print_changes(title: str, changes: list[Change]) -> None:
         cells.setdefault(identity(change.score), []).append(change)
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
     table.add_column("scene, view, light")
-    table.add_column("spec", overflow="fold", min_width=24)
+    table.add_column("spec")
     table.add_column("map", justify="right", no_wrap=True)
     table.add_column("what", no_wrap=True)
     for heading in ("before", "", "after", "× tolerance"):
-        table.add_column(heading, justify="right")
+        table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("also")
     for worst, *others in list(cells.values())[:_LINES]:
         score = worst.score
@@ -172,7 +172,7 @@ def _print_changes(title: str, changes: list[Change]) -> None:
             "" if math.isinf(worst.excess) else f"{worst.excess:.1f}",
             " ".join(change.what for change in others),
         )
-    out.print(table)
+    print_table(table)
     if len(cells) > _LINES:
         out.print(f"  and {len(cells) - _LINES} more; --json has all", soft_wrap=True)
     out.print()

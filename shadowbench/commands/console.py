@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
+from rich.measure import Measurement
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -18,6 +19,7 @@ from rich.progress import (
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
+from rich.table import Table
 
 from shadowbench.errors import InputError, printable
 from shadowbench.files import replace_file
@@ -29,6 +31,8 @@ if TYPE_CHECKING:
 # A pipe has no width; tables there are as wide as they like to be, and a spec stays in one piece.
 out = Console(highlight=False, width=None if sys.stdout.isatty() else 500)
 err = Console(stderr=True, highlight=False)
+
+_LONGEST_WORD = 24  # characters
 
 
 class ConsoleReporter(logging.Handler):
@@ -130,6 +134,21 @@ def say_unsupported(statuses: Sequence[str]) -> None:
     if statuses and all(status.startswith("unsupported") for status in statuses):
         which = "the only cell is" if len(statuses) == 1 else f"all {len(statuses)} cells are"
         err.print(f"shadowbench: nothing was drawn, {which} {statuses[0]}", markup=False, soft_wrap=True)
+
+
+def print_table(table: Table) -> None:
+    """Print a table of which nothing is cut: where the terminal is too narrow for it, its lines are longer.
+
+    Columns that may wrap do so between words; only words longer than _LONGEST_WORD are broken.
+    """
+    for column in table.columns:
+        sizes = [
+            Measurement.get(out, out.options.update(width=10_000), cell) for cell in (column.header, *column.cells)
+        ]
+        words = min(max(size.minimum for size in sizes), _LONGEST_WORD)
+        column.min_width = max(size.maximum for size in sizes) if column.no_wrap else words
+        column.overflow = "fold"
+    out.print(table, crop=False)
 
 
 def print_json(value: Any) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 from rich.table import Table
 
-from shadowbench.commands.console import out, print_json, techniques_with
+from shadowbench.commands.console import out, print_json, print_table, techniques_with
 from shadowbench.errors import InputError, alternatives
 from shadowbench.scenes.library import builtin_about, builtin_names
 from shadowbench.scores.metrics import METRICS
@@ -106,10 +106,10 @@ def _studies(plugins: tuple[Path, ...]) -> list[dict[str, Any]]:
 def _print_table(title: str, rows: list[dict[str, Any]]) -> None:
     table = Table(title=title or None, title_justify="left", box=None, pad_edge=False)
     for column in rows[0]:
-        table.add_column(column, overflow="fold")
+        table.add_column(column)
     for row in rows:
         table.add_row(*(str(value) for value in row.values()))
-    out.print(table)
+    print_table(table)
     out.print()
 
 

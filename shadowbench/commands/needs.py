@@ -5,7 +5,7 @@ from pathlib import Path
 
 from rich.table import Table
 
-from shadowbench.commands.console import ConsoleReporter, out, print_json
+from shadowbench.commands.console import ConsoleReporter, print_json, print_table
 from shadowbench.needs.survey import needs
 from shadowbench.needs.words import told
 from shadowbench.scenes.views import chosen_view, notes_on
@@ -39,7 +39,7 @@ def needs_command(
         return
     table = Table(title=f"{chosen.scene.name}, {view_size} × {view_size} pixels", title_justify="left", box=None)
     for column in ("need", "number", "why"):
-        table.add_column(column, overflow="fold")
+        table.add_column(column)
     for row in rows:
         table.add_row(row.need, row.number, row.reason)
-    out.print(table)
+    print_table(table)

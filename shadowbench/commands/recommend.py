@@ -11,7 +11,15 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
-from shadowbench.commands.console import ConsoleReporter, check_folder, number, out, print_json, techniques_with
+from shadowbench.commands.console import (
+    ConsoleReporter,
+    check_folder,
+    number,
+    out,
+    print_json,
+    print_table,
+    techniques_with,
+)
 from shadowbench.commands.recommend_words import excluded_lines, in_the_way, step_lines
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
@@ -215,7 +223,7 @@ def _print(found: Recommendation, info: DeviceInfo, folder: Path) -> None:
             shown.append(("next" if one.error <= found.target.limit else "misses", one))
     for place_name, one in shown:
         table.add_row(place_name, *_cells(found, one))
-    out.print(table)
+    print_table(table)
     lines = step_lines(found) if found.choice else in_the_way(found)
     for line in [*lines, *time_notes(found.reference), *excluded_lines(found)]:
         out.print(line, markup=False, soft_wrap=True)

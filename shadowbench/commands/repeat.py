@@ -7,7 +7,7 @@ from pathlib import Path
 from rich.markup import escape
 from rich.table import Table
 
-from shadowbench.commands.console import number, out, print_json
+from shadowbench.commands.console import number, out, print_json, print_table
 from shadowbench.errors import InputError
 from shadowbench.reports.folder import read_runs
 from shadowbench.studies.repeat import APART, ENOUGH, Repeat, compare_runs
@@ -59,7 +59,7 @@ def _print(found: Repeat, quiet: bool) -> None:
     for one in found.rankings:
         taus = ("–" if tau is None else number(tau) for tau in (one.tau, one.tau_of_all))
         table.add_row(escape(one.block), str(one.cells), str(one.sharp), str(one.swapped), *taus)
-    out.print(table)
+    print_table(table)
     for name in found.unequal:
         out.print(f"  work differs: {name}", markup=False, soft_wrap=True)
     if quiet:

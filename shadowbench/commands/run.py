@@ -18,6 +18,7 @@ from shadowbench.commands.console import (
     number,
     out,
     print_json,
+    print_table,
     say_unsupported,
     techniques_with,
 )
@@ -202,7 +203,7 @@ def _estimate(study: Study) -> str:
 def _print_scene(title: str, rows: list[SummaryRow], fits: list[Slope], notes: list[str]) -> None:
     """A line for each spec and map size that held, best first; then what did not hold, the slopes, and notes."""
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
-    table.add_column("spec", overflow="fold", min_width=24)
+    table.add_column("spec")
     table.add_column("map", justify="right", no_wrap=True)
     columns = _columns(rows, out.width < _WIDE)
     for heading in columns:
@@ -212,7 +213,7 @@ def _print_scene(title: str, rows: list[SummaryRow], fits: list[Slope], notes: l
             size = str(row.map_size or "")
             table.add_row(escape(row.spec), size, *(_cell(row, key) for key in columns.values()))
     if table.row_count:
-        out.print(table)
+        print_table(table)
     else:
         out.print(title, markup=False)
     for row in rows:
@@ -248,7 +249,7 @@ def _print_curves(scene: str, found: list[Curve]) -> None:
         return
     title = f"{scene}, bias multiplied: acne against contact (peter-panning)"
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
-    table.add_column("spec", overflow="fold", min_width=24)
+    table.add_column("spec")
     for heading in ("map", "× bias", "acne", "contact", "1 − IoU", "SSIM", ""):
         table.add_column(heading, justify="left" if not heading else "right", no_wrap=True)
     for curve in found:
@@ -256,7 +257,7 @@ def _print_curves(scene: str, found: list[Curve]) -> None:
             marks = [*(["default"] if factor == 1 else []), *(["best"] if factor == curve.best else [])]
             cells = [_cell(row, key) for key in ("acne", "contact", "error", "ssim")]
             table.add_row(escape(row.spec), str(row.map_size or ""), f"{factor:g}", *cells, ", ".join(marks))
-    out.print(table)
+    print_table(table)
     out.print()
 
 

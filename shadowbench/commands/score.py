@@ -7,7 +7,16 @@ from pathlib import Path
 
 from rich.table import Table
 
-from shadowbench.commands.console import ConsoleReporter, check_folder, check_outputs, err, number, out, print_json
+from shadowbench.commands.console import (
+    ConsoleReporter,
+    check_folder,
+    check_outputs,
+    err,
+    number,
+    out,
+    print_json,
+    print_table,
+)
 from shadowbench.engines.difference import write_difference
 from shadowbench.engines.export import DESCRIPTION
 from shadowbench.engines.pictures import Handed, from_screenshots, mask_from_file
@@ -126,7 +135,7 @@ def _print(accuracy: Accuracy) -> None:
     for metric in METRICS.values():
         value = accuracy.metrics[metric.name]
         table.add_row(metric.name, "–" if value is None else number(value), metric.better, metric.help.split(". ")[0])
-    out.print(table)
+    print_table(table)
     for line in accuracy.summary():
         out.print(f"  {line}", markup=False, soft_wrap=True)
 

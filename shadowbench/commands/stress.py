@@ -13,6 +13,7 @@ from shadowbench.commands.console import (
     err,
     out,
     print_json,
+    print_table,
     say_unsupported,
     techniques_with,
 )
@@ -103,11 +104,11 @@ def _print(title: str, ranges: Sequence[OperatingRange]) -> None:
     table = Table(title=escape(title), title_justify="left", box=None, pad_edge=False)
     table.add_column("axis", no_wrap=True)
     for kind in lights:
-        table.add_column(NAMES[kind], overflow="fold")
+        table.add_column(NAMES[kind])
     for axis in dict.fromkeys(one.axis for one in ranges):
         texts = {one.light: one.text for one in ranges if one.axis is axis}
         table.add_row(axis.name, *(escape(texts.get(kind, "")) for kind in lights))
-    out.print(table)
+    print_table(table)
     out.print()
 
 

@@ -8,7 +8,16 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
-from shadowbench.commands.console import ConsoleReporter, check_folder, err, number, out, print_json, techniques_with
+from shadowbench.commands.console import (
+    ConsoleReporter,
+    check_folder,
+    err,
+    number,
+    out,
+    print_json,
+    print_table,
+    techniques_with,
+)
 from shadowbench.commands.run import map_sizes
 from shadowbench.errors import InputError
 from shadowbench.reports.folder import write_cells
@@ -137,12 +146,12 @@ def _print(found: Tuning) -> None:
 def _print_table(title: str, entries: Sequence[Entry]) -> None:
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
     table.add_column("")
-    table.add_column("spec", overflow="fold", min_width=24)
+    table.add_column("spec")
     for heading in ("cost", "tuning", "held out", "1 − IoU × tuned", "1 − SSIM × tuned", "acne", "leak", "contact"):
         table.add_column(heading, justify="right", no_wrap=True)
     for entry in entries:
         table.add_row(*_line(entry))
-    out.print(table)
+    print_table(table)
 
 
 def _line(entry: Entry) -> list[str]:

@@ -5,7 +5,7 @@ Scores are compared wherever both sides have them, work where the renderer is th
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -75,6 +75,9 @@ def compare(found: Sequence[Result], baseline: Sequence[Result], tolerances: Map
     now = {identity(result.score): result for result in found}
     then = {identity(result.score): result for result in baseline}
     allowed = {name: tolerances.get(name, metric.tolerance) for name, metric in METRICS.items()}
+    sides = [{name for result in side for name in result.score.get("metrics", {})} for side in (found, baseline)]
+    lacking = [name for name in METRICS if all(sides) and sum(name in side for side in sides) == 1]
+    allowed = {name: tolerance for name, tolerance in allowed.items() if name not in lacking}
     changes: list[Change] = []
     equal = timed = 0
     notes: list[str] = []
@@ -86,7 +89,7 @@ def compare(found: Sequence[Result], baseline: Sequence[Result], tolerances: Map
         if "ok" not in (old.status, new.status) or old.status != new.status:
             changes += _status(old, new)
             continue
-        equal += _same_mask(old.score, new.score)
+        equal += _same_mask(old.score, new.score, allowed)
         changes += _metrics(old.score, new.score, allowed)
         if old.score.get("renderer") == new.score.get("renderer"):
             changes += _work(old.score, new.score)
@@ -96,9 +99,7 @@ def compare(found: Sequence[Result], baseline: Sequence[Result], tolerances: Map
     renderers = {str(result.score.get("renderer")) for result in (*found, *baseline)}
     if len(renderers) > 1:
         notes.append(f"work is not compared across renderers: {' · '.join(sorted(renderers))}")
-    sides = [{name for result in side for name in result.score.get("metrics", {})} for side in (found, baseline)]
-    lacking = [name for name in METRICS if sum(name in side for side in sides) == 1]
-    if lacking and all(sides):
+    if lacking:
         notes.append(f"not compared, since one side lacks them: {', '.join(lacking)}")
     extra = len(now.keys() - then.keys())
     if extra:
@@ -107,11 +108,11 @@ def compare(found: Sequence[Result], baseline: Sequence[Result], tolerances: Map
     return Findings(tuple(changes), len(now.keys() & then.keys()), equal, timed, tuple(notes))
 
 
-def _same_mask(old: Record, new: Record) -> bool:
+def _same_mask(old: Record, new: Record, names: Iterable[str]) -> bool:
     """Whether masks are equal and what both sides scored too: an equal mask may have met another truth."""
     if old.get("mask_sha256") is None or old["mask_sha256"] != new.get("mask_sha256"):
         return False
-    return all(old["metrics"][name] == new["metrics"][name] for name in old["metrics"].keys() & new["metrics"].keys())
+    return all(old["metrics"][name] == new["metrics"].get(name) for name in names if name in old["metrics"])
 
 
 def _status(old: Result, new: Result) -> Iterator[Change]:
@@ -122,20 +123,19 @@ def _status(old: Result, new: Result) -> Iterator[Change]:
 
 
 def _metrics(old: Record, new: Record, allowed: Mapping[str, float]) -> Iterator[Change]:
-    known = old["metrics"].keys() & new["metrics"].keys()  # a metric may be newer than the baseline
-    for name, metric in METRICS.items():
-        if name not in known:
+    for name, tolerance in allowed.items():
+        if name not in old["metrics"]:  # a row of an older version beside newer ones
             continue
-        before, after = old["metrics"][name], new["metrics"][name]
+        before, after = old["metrics"][name], new["metrics"].get(name)
         if before is None and after is None:
             continue
-        if before is None or after is None:  # the truth has changed, or one mask lost all its edges
+        if before is None or after is None:  # the truth has changed, one mask lost all its edges, or a row is broken
             yield Change(new, name, before, after, "regressed", math.inf)
             continue
-        worse = before - after if metric.better == "higher" else after - before
-        if abs(worse) > allowed[name]:
+        worse = before - after if METRICS[name].better == "higher" else after - before
+        if abs(worse) > tolerance:
             verdict: Verdict = "regressed" if worse > 0 else "improved"
-            yield Change(new, name, before, after, verdict, abs(worse) / max(allowed[name], 1e-12))
+            yield Change(new, name, before, after, verdict, abs(worse) / max(tolerance, 1e-12))
 
 
 def _work(old: Record, new: Record) -> Iterator[Change]:

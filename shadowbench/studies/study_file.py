@@ -98,10 +98,10 @@ def resolve(text: StudyFile, techniques: Techniques, where: str, folder: Path) -
         for number, lists in enumerate(text.technique, start=1):
             table = f"{where}: technique {number}"
             made = _crossed(lists, techniques, table, notes, sweeps)
-            phases = _phases(lists, table)
-            if phases is not None:
-                own_phases |= {spec: max(phases, own_phases.get(spec, 1)) for spec in made}
+            phases = _phases(lists, table) or text.phases
+            own_phases |= {spec: max(phases, own_phases.get(spec, 1)) for spec in made}  # named twice: the larger
             specs += made
+    own_phases = {spec: phases for spec, phases in own_phases.items() if phases != text.phases}
     _check_size(specs, own_phases, text, where)
     return Study(
         scenes=tuple(_scene_reference(scene, folder) for scene in text.scenes),

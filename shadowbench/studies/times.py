@@ -15,7 +15,7 @@ WIDE = 1 / 3
 """The IQR of a time, over its median, above which it is marked."""
 
 DRIFT = 1.25
-"""The longest time of a reference over its shortest, above which a table says so."""
+"""The longest time of a reference over its shortest in one view and light, above which a table says so."""
 
 _SCALED = ("added_ms", "wall_ms", "still_ms", "camera_ms", "light_ms")  # and the passes
 
@@ -24,6 +24,8 @@ _SCALED = ("added_ms", "wall_ms", "still_ms", "camera_ms", "light_ms")  # and th
 class ReferenceTime:
     """What the times of a table are shown by: the reference, and its median over the blocks that timed it, in ms.
 
+    shortest_ms, longest_ms: over the blocks of one view and light, those whose blocks are furthest apart; the reference
+    may cost more in another.
     left_out: cells that were timed, but against another reference or without a ratio to any.
     """
 
@@ -36,7 +38,7 @@ class ReferenceTime:
 
     @property
     def drifted(self) -> bool:
-        """Whether the reference took more than a quarter longer in one block than in another."""
+        """Whether the reference took more than a quarter longer in one block of a view and light than in another."""
         return self.longest_ms > DRIFT * self.shortest_ms
 
 
@@ -64,7 +66,9 @@ def by_one_reference(table: pd.DataFrame) -> tuple[pd.DataFrame, ReferenceTime |
     if name is None:
         return shown, None
     left_out = int((table["frame_ms"].notna() & ~ours).sum())
-    return shown, ReferenceTime(str(name), ms, float(blocks.min()), float(blocks.max()), len(blocks), left_out)
+    spans = reference_ms[ours].groupby([table["view"], table["light"]]).agg(["min", "max"])
+    shortest, longest = spans.iloc[(spans["max"] / spans["min"]).to_numpy().argmax()]
+    return shown, ReferenceTime(str(name), ms, float(shortest), float(longest), len(blocks), left_out)
 
 
 def time_notes(reference: ReferenceTime | None, rough: Sequence[bool] = ()) -> list[str]:

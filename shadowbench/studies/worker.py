@@ -23,14 +23,14 @@ from typing import Any
 import psutil
 
 import shadowbench
-from shadowbench.errors import ShadowbenchError, quoted
+from shadowbench.errors import ShadowbenchError, message, quoted
 from shadowbench.gl.program import ShaderError
 from shadowbench.studies.printed import pass_on
 from shadowbench.studies.session import Session, Unsupported
 
 _POLL_S = 0.05
 _START_S = 60.0
-_PR_SET_PDEATHSIG = 1
+_PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
 
 
 class CellFailed(ShadowbenchError):
@@ -218,8 +218,11 @@ os.killpg(0, signal.SIGKILL)
 def _take_children_along() -> None:
     """Have what plug-ins start end with this process, however it ends: by a group of its own, and a guard in that.
 
-    What leaves the group for a session of its own ends only where `Worker.stop` still finds it below this process.
+    What leaves the group for a session of its own ends only where `Worker.stop` still finds it below this process: on
+    Linux also when its own parent is gone, but not when this process crashes or the whole run is killed.
     """
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1)  # orphans become children of this process, not of init
     if os.name == "posix":
         os.setpgid(0, 0)
         quiet = subprocess.DEVNULL
@@ -269,5 +272,5 @@ def _told(error: Exception) -> str:
     package = str(Path(shadowbench.__file__).parent)
     ours = [frame for frame in frames if not frame.filename.startswith(package)]
     place = (ours or frames)[-1]
-    first_line = quoted((str(error).splitlines() or [""])[0])
+    first_line = quoted((message(error).splitlines() or [""])[0])
     return f"{type(error).__name__}: {first_line} ({os.path.basename(place.filename)}:{place.lineno})"

@@ -77,6 +77,9 @@ class Row(Strict):
         if isinstance(value, str):
             value = parse_value(value)
         call = value if isinstance(value, Call) else Call(f"{value!s:.60}", ())
+        if call.name == "+" and "+" not in cls.table:
+            family = cls.__name__.lower()
+            raise ValueError(f"{family}s cannot be added, only biases can; allowed: one of {', '.join(cls.table)}")
         if call.name not in cls.table:
             raise ValueError(f"unknown {cls.__name__.lower()} {call.name!r}{alternatives(call.name, cls.table)}")
         row = cls.table[call.name]

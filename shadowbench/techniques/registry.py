@@ -15,7 +15,7 @@ from pkgutil import iter_modules
 from types import ModuleType
 
 from shadowbench import techniques as package
-from shadowbench.errors import InputError, quoted
+from shadowbench.errors import InputError, message, quoted
 from shadowbench.scenes.tables import LONGEST_NAME
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.grammar import WORD
@@ -116,4 +116,4 @@ def _named(technique: type[Technique]) -> bool:
 
 
 def _told(error: BaseException) -> str:
-    return f"{type(error).__name__}: {quoted(str(error))}"
+    return f"{type(error).__name__}: {quoted(message(error))}"

@@ -115,6 +115,13 @@ class Does(Wild):
     def do_raise(self, texture):
         raise ZeroDivisionError("as planned\\non two lines")
 
+    def do_raise_wordless(self, texture):
+        class WordlessError(Exception):
+            def __str__(self):
+                raise KeyError("no words")
+
+        raise WordlessError
+
     def do_nan(self, texture):
         texture.write(np.full(texture.size, np.nan, dtype=np.float32))
 
@@ -180,7 +187,11 @@ class Does(Wild):
     def do_leave_processes_and_hang(self, texture):
         self.do_leave_processes(texture)
         # In a session of its own, where no signal to the worker's group reaches it.
-        subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"], start_new_session=True)
+        sleep = [sys.executable, "-c", "import time; time.sleep(600)"]
+        subprocess.Popen(sleep, start_new_session=True)
+        if sys.platform == "linux":  # nor is it found below its parent, which is gone
+            orphan = "import subprocess, sys; subprocess.Popen(sys.argv[1:], start_new_session=True)"
+            subprocess.run([sys.executable, "-c", orphan, *sleep], check=True)
         time.sleep(600)
 
     def do_leave_processes_and_eat(self, texture):

@@ -81,6 +81,30 @@ def test_a_metric_that_is_newer_than_the_baseline_is_a_note() -> None:
     assert not findings.changes and findings.notes == ("not compared, since one side lacks them: contact",)
 
 
+@pytest.mark.parametrize("names", [[], ["ssim"]], ids=["all", "all but one"])
+def test_a_metric_that_one_cell_alone_lacks_has_regressed(names: list[str]) -> None:
+    bare = cell(metrics={name: GOOD[name] for name in names}, mask_sha256="a")
+    old = [cell(mask_sha256="a"), cell(size=64)]
+    findings = compare([bare, cell(size=64)], old)
+    assert {change.what: change.verdict for change in findings.changes} == dict.fromkeys(
+        METRICS.keys() - names, "regressed"
+    )
+    assert (findings.equal, findings.notes) == (0, ())
+
+
+def test_a_metric_that_some_rows_of_the_baseline_lack_is_compared_in_the_others() -> None:
+    older = {name: value for name, value in GOOD.items() if name != "contact"}
+    worse = GOOD | {"contact": 0.9}
+    found = [cell(metrics=worse), cell(metrics=worse, size=64)]
+    (change,) = compare(found, [cell(metrics=older), cell(size=64)]).changes
+    assert (change.what, change.score["map_size"]) == ("contact", 64)
+
+
+def test_a_side_without_any_metric_is_no_other_version() -> None:
+    findings = compare([cell(metrics={})], [cell()])
+    assert {change.what for change in findings.changes} == set(METRICS) and not findings.notes
+
+
 def test_a_missing_cell_fails_and_an_extra_one_is_a_note() -> None:
     findings = compare([cell()], [cell(), cell(size=1024)])
     (change,) = findings.changes

@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from PIL import Image
-from rich.console import Console
 
 from shadowbench import __version__
-from shadowbench.commands import run
+from shadowbench.commands import console
 from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import view_of
 from shadowbench.scores.masks import read_mask
@@ -95,7 +95,7 @@ def test_a_narrow_table_says_what_it_leaves_out(
     words = [*CUBE[:-1], "0", "-o", tmp_path]
     wide = shadowbench(*words).out
     assert "left out" not in wide
-    monkeypatch.setattr(run, "out", Console(highlight=False, width=80))
+    monkeypatch.setattr(console.out, "width", 80)
     narrow = shadowbench(*words).out
     shown = narrow.splitlines()[1]
     (line,) = [line for line in narrow.splitlines() if "left out" in line]
@@ -105,6 +105,23 @@ def test_a_narrow_table_says_what_it_leaves_out(
     )
     for heading in line.rpartition(": ")[2].split(", "):
         assert heading in wide.splitlines()[1] and heading not in shown
+
+
+@pytest.mark.parametrize("width", [60, 30])
+def test_a_narrow_table_cuts_no_number(
+    shadowbench: Shadowbench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, width: int
+) -> None:
+    words = [*CUBE, "-t", "shadow-map:bias=slope(max=0.05)", "-o", tmp_path]
+    wide = shadowbench(*words).out
+    monkeypatch.setattr(console.out, "width", width)
+    narrow = shadowbench(*words).out
+    headings = narrow.split("columns left out")[1].partition(": ")[2].splitlines()[0].split(", ")
+    assert {"× ref", "ms", "1 − IoU", "SSIM"}.isdisjoint(headings)
+    table = pd.read_csv(tmp_path / "table.csv")
+    for column in ("ssim", "ratio"):
+        for value in table[column].dropna():
+            assert console.number(value) in wide and console.number(value) in narrow
+    assert "shadow-map" in narrow
 
 
 def test_specs_without_map_sizes_mean_what_they_say(shadowbench: Shadowbench, tmp_path: Path) -> None:

@@ -25,6 +25,7 @@ EXPECTED = {
     "hang": "failed: hung: no answer within 10 s",
     "eat": "failed: ate memory",
     "raise": "failed: ZeroDivisionError: as planned (wild.py:",
+    "raise-wordless": "failed: WordlessError: (no message) (wild.py:",
     "nan": "failed: ValueError: does:level=0.5,what=nan,after=0 drew visibility is NaN",
     "bright": "outside [0, 1]",
     "small": "failed: ValueError: does:level=0.5,what=small,after=0 drew 8 × 8 pixels",

@@ -171,6 +171,10 @@ def test_phases_may_be_given_for_one_technique(read: ReadStudy) -> None:
     sized = phases(SCENE + "map_size = [64, 128]\n" + own + none)
     assert sized["shadow-map:size=64"] == sized["shadow-map:size=128"] == [0, 1, 2]
     assert sized["cascades:size=64"] == sized["unshadowed"] == [0]
+    plain = '[[technique]]\nspec = "shadow-map"\n'
+    for tables in (plain + own, own + plain):
+        assert phases(SCENE + "phases = 4\n" + tables)["shadow-map"] == [0, 1, 2, 3], "the larger of both"
+    assert phases(SCENE + "phases = 4\n" + own)["shadow-map"] == [0, 1, 2], "its own alone"
     assert phases(SCENE + "phases = 2\n" + own) == {"shadow-map": [0, 1, 2], "cascades": [0, 1]}
 
 

@@ -12,11 +12,18 @@ from shadowbench.studies.times import DRIFT, WIDE, by_one_reference, time_notes
 
 
 def timed(
-    spec: str, frame_ms: float, reference_ms: float = 10.0, iqr: float = 0.02, scene: str = "cube", **of: Any
+    spec: str,
+    frame_ms: float,
+    reference_ms: float = 10.0,
+    iqr: float = 0.02,
+    scene: str = "cube",
+    view: str = "a",
+    light: str = "sun",
+    **of: Any,
 ) -> Result:
     """A cell and its time, in a block in which the reference took `reference_ms`; `iqr` is the ratio's."""
     score = {
-        "scene": scene, "view": "a", "light": "sun", "phase": 0, "technique": spec, "spec": spec, "map_size": None,
+        "scene": scene, "view": view, "light": light, "phase": 0, "technique": spec, "spec": spec, "map_size": None,
         "view_size": 8, "renderer": "r", "status": "ok", "key": "k", "metrics": dict.fromkeys(METRICS),
     }  # fmt: skip
     time = {
@@ -95,6 +102,15 @@ def test_a_table_says_where_the_reference_took_longer_by_more_than_a_quarter(lon
     reference = by_one_reference(cells_frame([timed("a", 1.0), timed("b", 1.0, longest)]))[1]
     assert reference is not None and reference.drifted is drifted
     assert any("not equally busy" in note for note in time_notes(reference)) is drifted
+
+
+def test_a_reference_that_costs_more_in_another_view_or_light_says_nothing_of_the_machine() -> None:
+    cells = [timed("a", 1.0), timed("a", 1.0, 30.0, view="b"), timed("a", 1.0, 20.0, light="lamp")]
+    reference = by_one_reference(cells_frame(cells))[1]
+    assert reference is not None and not reference.drifted and reference.blocks == 3
+    reference = by_one_reference(cells_frame([*cells, timed("b", 1.0, 40.0, view="b")]))[1]
+    assert reference is not None and reference.drifted
+    assert (reference.shortest_ms, reference.longest_ms) == (30, 40), "of the view whose blocks differ"
 
 
 @pytest.mark.parametrize(("spread", "wide"), [(0.99 * WIDE, False), (1.01 * WIDE, True)])

@@ -1,6 +1,7 @@
 """A truth is traced once for what it depends on."""
 
 import os
+import zipfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -195,6 +196,36 @@ def test_single_array_in_a_truth_s_place_is_made_again(view: View, empty_folder:
     (file,) = empty_folder.iterdir()
     with file.open("wb") as stream:
         np.save(stream, first.visibility)
+    assert_equal(cached_truth(view), first)
+
+
+@pytest.mark.parametrize(
+    "claimed",
+    ["(60000000, 60000000)", f"({2**70},)", "(32, 32", "(32,\n  32)"],
+    ids=["more than fits", "more than numbers hold", "unfinished", "indented"],
+)
+def test_header_of_an_array_that_cannot_be_is_made_again(claimed: str, view: View, empty_folder: Path) -> None:
+    first = cached_truth(view)
+    (file,) = empty_folder.iterdir()
+    with zipfile.ZipFile(file) as whole:
+        arrays = {name: whole.read(name) for name in whole.namelist()}
+    header = f"{{'descr': '<f4', 'fortran_order': False, 'shape': {claimed}, }}\n".encode()
+    start = arrays["area.npy"][:8] + len(header).to_bytes(2, "little")
+    with zipfile.ZipFile(file, "w") as other:
+        for name, content in arrays.items():
+            other.writestr(name, start + header if name == "area.npy" else content)
+    assert_equal(cached_truth(view), first)
+    kept = read_truth(file, view)
+    assert kept is not None, "it has healed"
+
+
+def test_compression_that_nobody_knows_is_made_again(view: View, empty_folder: Path) -> None:
+    first = cached_truth(view)
+    (file,) = empty_folder.iterdir()
+    content = bytearray(file.read_bytes())
+    for place in (content.index(b"PK\3\4") + 8, content.index(b"PK\1\2") + 10):
+        content[place : place + 2] = (99).to_bytes(2, "little")
+    file.write_bytes(content)
     assert_equal(cached_truth(view), first)
 
 
