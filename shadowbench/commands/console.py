@@ -141,13 +141,14 @@ def print_table(table: Table) -> None:
 
     Columns that may wrap do so between words; only words longer than _LONGEST_WORD are broken.
     """
+    unlimited = out.options.update(width=10_000)
     for column in table.columns:
-        sizes = [
-            Measurement.get(out, out.options.update(width=10_000), cell) for cell in (column.header, *column.cells)
-        ]
+        sizes = [Measurement.get(out, unlimited, cell) for cell in (column.header, *column.cells)]
         words = min(max(size.minimum for size in sizes), _LONGEST_WORD)
         column.min_width = max(size.maximum for size in sizes) if column.no_wrap else words
         column.overflow = "fold"
+    least = Measurement.get(out, unlimited, table).minimum
+    table.width = least if least > out.width else None
     out.print(table, crop=False)
 
 
