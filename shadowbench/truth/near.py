@@ -5,6 +5,7 @@ cannot begin lower. The stretch left out is tested here in float64, against the 
 """
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,11 +14,32 @@ from shadowbench.truth.rays import Indices, Mask, Receivers, dot
 
 CHILDREN = 8  # of a node of the tree
 MORTON_BITS = 10  # a coordinate
-GROUPS_AT_ONCE = 1 << 10  # of receivers: each may have a thousand triangles about it
-PAIRS_AT_ONCE = 1 << 16  # of a stretch and a triangle, so that a core's cache holds what is computed of them
+GROUPS_AT_ONCE = 1 << 12  # of receivers, which begin at the root
+PAIRS_AT_ONCE = 1 << 15  # of a group or stretch and a box or triangle: few, so that memory is bounded
+CASTERS_A_RECEIVER = 1 << 10  # that may cross its stretch: where there are more, it is in doubt
+SIDES = (32, 8, 2)  # pixels, of the squares whose receivers of one triangle are a group
+ROUNDING = 1e-12  # local, by which extents are widened
 AT_SURFACE = 1e-9  # local length along L up to which a crossing is rounding: of a triangle in the receiver's own plane
 FLAT = 1e-14  # local height above the receiver's plane up to which a triangle lies in it
 COVERING = 2.0**-22  # local distance at which float32 may take one surface for another that lies over it
+
+
+class _Groups(NamedTuple):
+    """(2, G) extents of groups of receivers and their ways, seen along L; where the parts of each begin."""
+
+    low: Floats
+    high: Floats
+    parts: Indices
+
+
+class _Boxes(NamedTuple):
+    """(3, G) boxes about groups; (3, G) the points and (2, 3, G) the axes that extents along L are measured by."""
+
+    low: Floats
+    high: Floats
+    base: Floats
+    axes: Floats
+    groups: _Groups
 
 
 class NearCasters:
@@ -37,17 +59,21 @@ class NearCasters:
             first = np.arange(0, low.shape[1], CHILDREN)
             self._levels.append((np.minimum.reduceat(low, first, axis=1), np.maximum.reduceat(high, first, axis=1)))
 
-    def blocked(self, receivers: Receivers, height: float, block: Indices, eye: Floats) -> tuple[Floats, Mask]:
+    def blocked(self, receivers: Receivers, height: float, pixels: Indices, eye: Floats) -> tuple[Floats, Mask]:
         """(N,) distance along L to the nearest caster within `height` above each surface, inf for none; (N,) doubt.
 
         A receiver's own triangle does not block it, nor does any in its plane. Doubtful is a receiver that is blocked
-        only by what, seen from `eye` (3, 1), covers it so closely that the eye may see that instead. `block` (N,), any
-        numbers: casters near receivers of one triangle and block are searched for together.
+        only by what, seen from `eye` (3, 1), covers it so closely that the eye may see that instead; and one that more
+        than CASTERS_A_RECEIVER may block. `pixels` (2, N): column and row of each.
         """
         length = np.minimum(height / receivers.cosine, receivers.distance)
         to_light = np.broadcast_to(receivers.to_light, receivers.point.shape)
         distance, covered = np.full(len(length), np.inf), np.zeros(len(length), dtype=bool)
-        for stretch, caster in self._pairs(receivers, to_light * length, block, height):
+        tested = np.zeros(len(length), dtype=np.intp)
+        for stretch, caster in self.candidates(receivers, to_light * length, pixels, height):
+            np.add.at(tested, stretch, 1)
+            few = tested[stretch] <= CASTERS_A_RECEIVER
+            stretch, caster = stretch[few], caster[few]
             point = receivers.point.take(stretch, axis=1)
             a, b, c = (corner - point for corner in self._corners(caster))
             through = cross(b, c), cross(c, a), cross(a, b)  # normals of the planes through the point and each side
@@ -61,57 +87,150 @@ class NearCasters:
             over &= np.abs(dot(self._normals[:, caster[met]], a[:, met])) < COVERING
             np.minimum.at(distance, stretch[~over], t[~over])
             covered[stretch[over]] = True
-        return distance, covered & np.isinf(distance)
+        too_many = tested > CASTERS_A_RECEIVER
+        distance[too_many] = np.inf
+        return distance, (covered & np.isinf(distance)) | too_many
 
-    def _pairs(
-        self, receivers: Receivers, ways: Floats, block: Indices, height: float
+    def candidates(
+        self, receivers: Receivers, ways: Floats, pixels: Indices, height: float
     ) -> Iterator[tuple[Indices, Indices]]:
-        """Receivers and the casters that may cross their ways, (3, N) vectors, as (K,) indices each, some at a time."""
-        order = np.lexsort((block, receivers.triangle))
-        triangle, block = receivers.triangle[order], block[order]
-        first = np.flatnonzero((np.diff(triangle, prepend=-1) != 0) | (np.diff(block, prepend=-1) != 0))
-        count = np.diff(first, append=len(order))
-        starts = receivers.point[:, order]
-        ends = starts + ways[:, order]
-        low = np.minimum.reduceat(np.minimum(starts, ends), first, axis=1)
-        high = np.maximum.reduceat(np.maximum(starts, ends), first, axis=1)
+        """Receivers and the casters that may cross their ways, (3, N) vectors, as (K,) indices each, some at a time.
 
-        for some in in_slices(len(first), GROUPS_AT_ONCE):
-            group, caster = self._overlapping(low[:, some], high[:, some])
-            group += some.start
-            own = triangle[first[group]]
-            up = self._normals[:, own]
-            up = up * np.sign(dot(up, ways[:, order[first[group]]]))
-            base = self._vertices[:, self._faces[own, 0]]
-            heights = [dot(up, corner - base) for corner in self._corners(caster)]
-            may = (caster != own) & (np.maximum.reduce(heights) > FLAT) & (np.minimum.reduce(heights) < height)
-            group, caster = group[may], caster[may]
+        Seen along L a group of receivers is small, and of a caster only what is within `height` above their plane
+        counts: where the two overlap, the group's parts are asked, down to single receivers.
+        """
+        codes = [_square(pixels, side) for side in SIDES]
+        order = np.lexsort((*codes[::-1], receivers.triangle))
+        own = receivers.triangle[order]
+        starts, ways = receivers.point[:, order], ways[:, order]
+        ends = starts + ways
 
-            pairs = np.cumsum(count[group])
-            full = np.searchsorted(pairs, np.arange(PAIRS_AT_ONCE, pairs.max(initial=0), PAIRS_AT_ONCE))
-            for part in np.split(np.arange(len(group)), full):
-                many = count[group[part]]
-                within = np.arange(many.sum()) - np.repeat(np.cumsum(many) - many, many)
-                yield order[np.repeat(first[group[part]], many) + within], np.repeat(caster[part], many)
+        changes = np.diff(own, prepend=-1) != 0
+        firsts = []  # of the members of each group, largest groups first
+        for code in codes:
+            changes = changes | (np.diff(code[order], prepend=-1) != 0)
+            firsts.append(np.flatnonzero(changes))
+        largest = firsts[0]
+        own = own[largest]
+        up = self._normals[:, own]
+        along = ways[:, largest] / np.sqrt(np.maximum(dot(ways[:, largest], ways[:, largest]), np.finfo(float).tiny))
+        up = up * np.sign(dot(up, along))
+        across = cross(up, along)
+        frame = np.stack([across, cross(along, across), up])  # (3, 3, G) rows seen along L, and the height
+        base = self._vertices[:, self._faces[own, 0]]
 
-    def _overlapping(self, low: Floats, high: Floats) -> tuple[Indices, Indices]:
-        """Which boxes, (3, Q) their lowest and highest corners, overlap those of which triangles: (K,) each."""
-        box = np.repeat(np.arange(low.shape[1]), self._levels[-1][0].shape[1])
-        node = np.tile(np.arange(self._levels[-1][0].shape[1]), low.shape[1])
-        for level, (lowest, highest) in zip(range(len(self._levels))[::-1], self._levels[::-1], strict=True):
-            for axis in range(3):
-                kept = (lowest[axis, node] <= high[axis, box]) & (highest[axis, node] >= low[axis, box])
-                box, node = box[kept], node[kept]
-            if level:
-                box = np.repeat(box, CHILDREN)
-                node = (node[:, None] * CHILDREN + np.arange(CHILDREN)).ravel()
-                there = node < self._levels[level - 1][0].shape[1]
-                box, node = box[there], node[there]
-        return box, self._casters[node]
+        member_of = np.repeat(np.arange(len(largest)), np.diff(largest, append=len(order)))
+        seen = [np.einsum("kin,in->kn", frame[:2, :, member_of], p - base[:, member_of]) for p in (starts, ends)]
+        lows, highs = np.minimum(*seen) - ROUNDING, np.maximum(*seen) + ROUNDING
+        every = np.arange(len(order))
+        levels = [
+            _Groups(
+                np.minimum.reduceat(lows, first, axis=1),
+                np.maximum.reduceat(highs, first, axis=1),
+                np.searchsorted(next_first, np.append(first, len(order))),
+            )
+            for first, next_first in zip(firsts, [*firsts[1:], every], strict=True)
+        ] + [_Groups(lows, highs, every)]
+        box_low = np.minimum.reduceat(np.minimum(starts, ends), largest, axis=1)
+        box_high = np.maximum.reduceat(np.maximum(starts, ends), largest, axis=1)
+        boxes = _Boxes(box_low, box_high, base, frame[:2], levels[0])
+
+        for some in in_slices(len(largest), GROUPS_AT_ONCE):
+            roots = self._levels[-1][0].shape[1]
+            begin = np.repeat(np.arange(some.start, some.stop), roots)
+            node = np.tile(np.arange(roots), some.stop - some.start)
+            for group, caster in self._overlapping(boxes, len(self._levels) - 1, begin, node):
+                other = caster != own[group]
+                group, caster = group[other], caster[other]
+                corners = [corner - base[:, group] for corner in self._corners(caster)]
+                low, high = _extents([np.einsum("kin,in->kn", frame[:, :, group], c) for c in corners], height)
+                for receiver, found in _descend(levels, group, caster, low, high):
+                    yield order[receiver], found
+
+    def _overlapping(
+        self, boxes: "_Boxes", level: int, box: Indices, node: Indices
+    ) -> Iterator[tuple[Indices, Indices]]:
+        """Which boxes overlap which triangles below the nodes of a level of the tree: (K,) each, some at a time."""
+        lowest, highest = self._levels[level]
+        for axis in range(3):
+            kept = (lowest[axis, node] <= boxes.high[axis, box]) & (highest[axis, node] >= boxes.low[axis, box])
+            box, node = box[kept], node[kept]
+        for axis in range(2):
+            toward = boxes.axes[axis][:, box]
+            half = (highest[:, node] - lowest[:, node]) / 2
+            middle = dot(toward, lowest[:, node] + half - boxes.base[:, box])
+            radius = dot(np.abs(toward), half) + ROUNDING
+            kept = middle + radius >= boxes.groups.low[axis, box]
+            kept &= middle - radius <= boxes.groups.high[axis, box]
+            box, node = box[kept], node[kept]
+        if not level:
+            yield box, self._casters[node]
+            return
+        for some in in_slices(len(box), PAIRS_AT_ONCE // CHILDREN):
+            parent = np.repeat(box[some], CHILDREN)
+            child = (node[some, None] * CHILDREN + np.arange(CHILDREN)).ravel()
+            there = child < self._levels[level - 1][0].shape[1]
+            yield from self._overlapping(boxes, level - 1, parent[there], child[there])
 
     def _corners(self, triangles: Indices) -> list[Floats]:
         """Three times (3, N)."""
         return [self._vertices[:, self._faces[triangles, k]] for k in range(3)]
+
+
+def _descend(
+    levels: list[_Groups], group: Indices, caster: Indices, low: Floats, high: Floats
+) -> Iterator[tuple[Indices, Indices]]:
+    """Receivers and casters, (K,) each, that overlap, of the groups of the first of some levels.
+
+    low, high: (2, K) the casters' extents.
+    """
+    groups, *below = levels
+    kept = ((low <= groups.high[:, group]) & (high >= groups.low[:, group])).all(axis=0)
+    group, caster, low, high = group[kept], caster[kept], low[:, kept], high[:, kept]
+    if not below:
+        yield group, caster
+        return
+    count = groups.parts[group + 1] - groups.parts[group]
+    total = np.cumsum(count)
+    full = np.searchsorted(total, np.arange(PAIRS_AT_ONCE, total.max(initial=0), PAIRS_AT_ONCE))
+    for pairs in np.split(np.arange(len(group)), full):
+        many = count[pairs]
+        pair = np.repeat(pairs, many)
+        part = groups.parts[group[pair]] + np.arange(len(pair)) - np.repeat(np.cumsum(many) - many, many)
+        yield from _descend(below, part, caster[pair], low[:, pair], high[:, pair])
+
+
+def _extents(corners: list[Floats], height: float) -> tuple[Floats, Floats]:
+    """(2, K) from and to where triangles reach along two axes, up to `height` on the third; inf, −inf for nowhere.
+
+    `corners` three times (3, K). A triangle that does not rise above FLAT reaches nowhere.
+    """
+    low, high = np.full((2, 2, corners[0].shape[1]), np.inf)
+    high = -high
+    bottom, top = -ROUNDING, height + ROUNDING
+    for k in range(3):
+        a, b = corners[k - 1], corners[k]
+        rise = b[2] - a[2]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ends = np.sort([(bottom - a[2]) / rise, (top - a[2]) / rise], axis=0)
+        level = rise == 0
+        inside = level & (a[2] >= bottom) & (a[2] <= top)
+        first = np.where(level, np.where(inside, 0.0, 2.0), np.maximum(ends[0], 0.0))
+        last = np.where(level, np.where(inside, 1.0, -1.0), np.minimum(ends[1], 1.0))
+        there = first <= last
+        for share in (first, last):
+            at = a[:2] + (b[:2] - a[:2]) * share
+            np.minimum(low, at, out=low, where=there)
+            np.maximum(high, at, out=high, where=there)
+    flat = np.maximum.reduce([corner[2] for corner in corners]) <= FLAT
+    low[:, flat], high[:, flat] = np.inf, -np.inf
+    return low, high
+
+
+def _square(pixels: Indices, side: int) -> Indices:
+    """(N,) a number for the square of the image that each pixel (2, N) lies in."""
+    number: Indices = (pixels[1] // side << 32) + pixels[0] // side
+    return number
 
 
 def cross(a: Floats, b: Floats) -> Floats:

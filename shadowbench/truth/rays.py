@@ -18,7 +18,6 @@ Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
 FROM_LIGHT = 2.0  # local lengths from the centre up to which shadow rays begin at the light
-BLOCK = 32  # pixels side by side
 EDGE_ON = 1e-6  # |N·ray| below which a hit cannot be refined
 
 
@@ -178,9 +177,10 @@ class ViewRays:
         reach = NEVER if self._light_w == 0 else np.maximum(receivers.distance - ahead, 0.0)
         return ShadowRays(origins, receivers.to_light, ahead, reach)
 
-    def blocks(self, receivers: Receivers) -> Indices:
-        """(R,) the part of the image that each lies in, a number."""
-        return receivers.rays % self._size // BLOCK
+    def pixels(self, receivers: Receivers) -> Indices:
+        """(2, R) column and row, of the rows asked for, of each."""
+        row, column = np.divmod(receivers.rays, self._size)
+        return np.stack([column, row])
 
     @property
     def endless(self) -> bool:

@@ -130,7 +130,7 @@ def _decide(
     low = [here.only(_in_low_light(here)), *(receivers for _, receivers in samples)]
     sample = np.repeat(np.arange(len(low)), [len(receivers.rays) for receivers in low])
     together = Receivers.together(low)
-    distance, covered = near.blocked(together, 4 * delta, rays.blocks(together), rays.eye)
+    distance, covered = near.blocked(together, 4 * delta, rays.pixels(together), rays.eye)
     hidden = np.isfinite(distance)
     codes[sample[hidden], together.rays[hidden]] = SHADOWED
     centre = sample == 0
