@@ -2,7 +2,8 @@
 
 A pixel is undecided when its answer changes with less than the rasteriser's grid, or with the ray's offset δ. Where
 light grazes, a ray begins so far along L that casters lower than δ stand before its beginning: those are met from the
-surface itself.
+surface itself. At N·L of LOW_LIGHT and more they are not: a receiver is decided as lit although its way to the light
+meets a caster, if it does so nowhere but less than δ/4 above the receiver's plane, which is at most 2.5 δ along L.
 """
 
 from dataclasses import dataclass, fields
@@ -22,7 +23,7 @@ Single = NDArray[np.float32]
 OFFSET = 1e-6  # δ, as a share of the diagonal of casters and visible receivers
 AT_LAMP = 1e-3  # of δ: what is nearer to a lamp than that may be before it or behind
 GRAZING = 1e-4  # N·L up to which a receiver is undecided
-LOW_LIGHT = 0.02  # N·L up to which casters below the shadow ray's beginning count: it is then 50 δ or more along L
+LOW_LIGHT = 0.1  # N·L up to which casters below the shadow ray's beginning count: it is then 10 δ or more along L
 NO_RECEIVER, SHADOWED, LIT = range(3)
 SUBPIXEL = 1 / 256  # the rasteriser's grid, as common as it is
 
@@ -32,7 +33,8 @@ class Truth:
     """What a view's shadows are. All arrays are (size, size), row 0 at the top.
 
     visibility: float32, 1 lit, 0 in shadow, 1 outside receivers. receivers: bool, the hit faces both camera and light.
-    undecided: bool, the answer hangs on less than the rasteriser's grid or the ray's offset. area: float32, visibility
+    undecided: bool, the answer hangs on less than the rasteriser's grid or the ray's offset; at N·L of 0.1 and more,
+    what a caster shadows from less than a quarter of the offset above is decided, as lit. area: float32, visibility
     averaged over the pixel's samples that hit receivers. blocker: float32 metres along L to the nearest occluder, inf
     where there is none. triangle: int32 index in the scene's geometry, −1 a miss. cosine: float32 N·L, 0 outside
     receivers. diagonal: metres, of casters and visible receivers.

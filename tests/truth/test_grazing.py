@@ -15,6 +15,9 @@ import pytest
 
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Light, Mesh, Scene, View, vec3, view_of
+from shadowbench.truth.embree import NEVER
+from shadowbench.truth.near import CASTERS_A_RECEIVER, NearCasters
+from shadowbench.truth.rays import Receivers
 from shadowbench.truth.trace import GRAZING, OFFSET, Truth, trace
 
 from .conftest import near_edges
@@ -36,7 +39,7 @@ def wall(height: float, at: float = 0.0) -> Mesh:
 
 
 @pytest.mark.parametrize("kind", ["directional", "spot", "point"])
-@pytest.mark.parametrize("slope", [0.0002, 0.0005, 0.005, 0.015])
+@pytest.mark.parametrize("slope", [0.0002, 0.0005, 0.005, 0.015, 0.03, 0.09])
 @pytest.mark.parametrize("height", [0.1, 0.2, 0.6, 3.0])
 def test_shadow_of_a_wall_no_higher_than_the_offset_is_right_and_decided(
     height: float, slope: float, kind: Any, shape: Callable[..., Mesh], looking: Callable[..., View], judged: Judge
@@ -52,6 +55,50 @@ def test_shadow_of_a_wall_no_higher_than_the_offset_is_right_and_decided(
     assert (~found.lit).sum() > 200 and found.lit.sum() > 200
     assert found.decided.mean() > 0.9
     assert found.wrong == 0
+
+
+def test_receivers_about_which_there_are_too_many_casters_are_undecided(
+    shape: Callable[..., Mesh], looking: Callable[..., View]
+) -> None:
+    slope, one = 0.005, wall(0.2)
+    length = 0.2 * OFFSET * DIAGONAL / slope
+    many = Mesh("walls", one.vertices, np.tile(one.faces, (CASTERS_A_RECEIVER + 1, 1)))
+    fov = math.degrees(2 * math.atan(length))
+    eye, middle = (0.9 * length, 1.0, 1e-3), (0.9 * length, 0.0, 0.0)
+    sun = Light("sun", "directional", (1.0, -slope, 0.0))
+    few, over = (
+        trace(looking([shape("plane", PLANE), mesh], sun, 32, eye, middle, fov), pixel_samples=1)
+        for mesh in (one, many)
+    )
+    assert (few.visibility == 0).sum() > 200 and not few.undecided[few.visibility == 0].any()
+    assert over.undecided[few.visibility == 0].all()
+
+
+@pytest.mark.parametrize("count", [10, 1000])
+def test_long_casters_are_candidates_only_where_they_are_low(count: int) -> None:
+    """Hairs along the diagonal rise from the ground: their boxes hold every receiver, their low ends none or one."""
+    hairs = np.linspace(-0.1, 0.1, count)[:, None] * [1.0, 0.0, -1.0]
+    low, high, aside = [-0.5, 1e-7, -0.5], [0.5, 0.1, 0.5], [1e-6, 1e-7, -0.5e-6]
+    triangles = np.stack([hairs + low, hairs + high, hairs + low + aside], axis=1)
+    ground = np.array([[[-1.0, 0.0, -1.0], [-1.0, 0.0, 3.0], [3.0, 0.0, -1.0]]])
+    corners = np.concatenate([ground, triangles]).reshape(-1, 3)
+    mesh = Mesh("hairs", corners, np.arange(len(corners), dtype=np.int32).reshape(-1, 3))
+    along = np.linspace(-0.3, 0.4, 64)
+    to_light = np.array([[1.0], [0.001], [0.0]])
+    receivers = Receivers(
+        np.arange(64),
+        np.zeros(64, dtype=np.intp),
+        np.stack([along, along * 0, along]),
+        to_light,
+        NEVER,
+        np.full(64, 1e-3),
+    )
+    near = NearCasters(Scene("hairs", (mesh,), (), ()).geometry)
+    pixels = np.stack([np.arange(64), np.zeros(64, dtype=np.intp)])
+    ways = np.broadcast_to(to_light * 4e-3, (3, 64))
+    assert sum(len(found) for _, found in near.candidates(receivers, ways, pixels, 4e-6)) == 0
+    receivers.point[:, 0] = hairs[0] + low - [1e-3, 1e-7, 0.0]
+    assert sum(len(found) for _, found in near.candidates(receivers, ways, pixels, 4e-6)) == 1
 
 
 LOW_SUN = Light("sun", "directional", (1.0, -0.0007, 0.2))
