@@ -320,6 +320,8 @@ def test_what_lies_close_to_a_plane_does_not_lose_it(small, elevation, shape, lo
     ground, box = shape("plane", size), shape("box", 1.0, (-1.0, 0.5, 0.0))
     seen = judged(looking([ground, box, extra], sun(elevation), 512))
     floor = seen.decided & (seen.triangle < 2)
+    if small != "ball":  # a part of what it lies on: the sliver of shadow at its rim, of a light this low, is not drawn
+        floor &= seen.wanted == judged(looking([ground, box], sun(elevation), 512)).wanted
     assert (floor & seen.planar).sum() > 0.999 * floor.sum()
     assert (seen.wanted & floor).sum() > 200 and seen.iou(floor) >= 0.9999
 
