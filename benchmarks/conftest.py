@@ -18,8 +18,8 @@ import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
+from shadowbench.measure.session import CellRequest, Session, Unsupported
 from shadowbench.scenes.model import View
-from shadowbench.studies.session import CellRequest, Session, Unsupported
 
 ROUNDS = 9
 

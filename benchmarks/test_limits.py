@@ -21,14 +21,14 @@ import pytest
 import trimesh
 from pytest_benchmark.fixture import BenchmarkFixture
 
+from shadowbench.measure.noise import ALLOWED, noise
+from shadowbench.measure.scoring import mask_record, reference_of
+from shadowbench.measure.session import CellRequest
+from shadowbench.measure.worker import Worker
 from shadowbench.needs.survey import needs
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, view_of
 from shadowbench.scenes.shapes import build_shape
-from shadowbench.studies.noise import ALLOWED, noise
-from shadowbench.studies.scoring import mask_record, reference_of
-from shadowbench.studies.session import CellRequest
-from shadowbench.studies.worker import Worker
 from shadowbench.truth.cache import cached_truth
 
 ROUNDS = 7

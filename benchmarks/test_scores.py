@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
+from shadowbench.measure.scoring import mask_record, reference_of
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import view_of
 from shadowbench.scores.metrics import score
-from shadowbench.studies.scoring import mask_record, reference_of
 from shadowbench.truth.cache import cached_truth
 from shadowbench.truth.trace import Truth
 

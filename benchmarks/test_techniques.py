@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
+from shadowbench.measure.scoring import mask_record, reference_of
+from shadowbench.measure.timing import request_of
 from shadowbench.scenes.model import View
 from shadowbench.scores.reference import Reference
-from shadowbench.studies.scoring import mask_record, reference_of
+from shadowbench.studies.file import find_study, read_study
 from shadowbench.studies.study import Cell
-from shadowbench.studies.study_file import find_study, read_study
-from shadowbench.studies.timing import request_of
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import format_spec
 from shadowbench.truth.cache import cached_truth

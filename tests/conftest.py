@@ -21,6 +21,8 @@ from shadowbench.scenes.shapes import build_shape
 from shadowbench.truth.trace import Truth, trace
 
 
+pytest_plugins = ["tests.runs"]
+
 @pytest.fixture(scope="session")
 def shared_scenes() -> Path:
     """Folder of larger scenes, which do not travel with the repository."""

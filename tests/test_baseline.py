@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from shadowbench.studies.baseline import identity
-from shadowbench.studies.study_file import read_study
+from shadowbench.check.baseline import identity
+from shadowbench.studies.file import read_study
 from shadowbench.techniques.biases import Bias
 from shadowbench.techniques.filters import Filter
 from shadowbench.techniques.fits import Fit

@@ -36,7 +36,7 @@ TESTS = {
     "shadowbench/techniques/fits.py": FITS,
     "shadowbench/techniques/lights.py": FITS,
     "shadowbench/scores/*.py": ["tests/scores"],
-    "shadowbench/studies/baseline.py": ["tests/studies/test_baseline.py"],
+    "shadowbench/check/baseline.py": ["tests/check/test_baseline.py"],
     "shadowbench/studies/tables.py": ["tests/studies/test_tables.py"],
 }
 # With what they import, these are imported once, before children are forked.

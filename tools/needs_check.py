@@ -12,17 +12,17 @@ from pathlib import Path
 
 import numpy as np
 
+from shadowbench.measure.drawn import Drawn
+from shadowbench.measure.scoring import mask_record, reference_of
+from shadowbench.measure.session import CellRequest, Unsupported
+from shadowbench.measure.timing import ViewStage
+from shadowbench.measure.worker import Worker
 from shadowbench.needs.depth import LOST
 from shadowbench.needs.maps import REFERENCE_SIZE
 from shadowbench.needs.survey import Needs, needs
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import View
 from shadowbench.scenes.views import chosen_view
-from shadowbench.studies.drawn import Drawn
-from shadowbench.studies.scoring import mask_record, reference_of
-from shadowbench.studies.session import CellRequest, Unsupported
-from shadowbench.studies.timing import ViewStage
-from shadowbench.studies.worker import Worker
 from shadowbench.truth.cache import cached_truth
 
 LARGER = ("2CylinderEngine.glb", "armadillo.obj", "bgfx_tree.obj", "retroufo.gltf")

@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from shadowbench.measure.drawn import Drawn
+from shadowbench.measure.scoring import reference_of
+from shadowbench.measure.session import CellRequest
+from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import view_of
 from shadowbench.scores.metrics import score
-from shadowbench.studies.drawn import Drawn
-from shadowbench.studies.scoring import reference_of
-from shadowbench.studies.session import CellRequest
-from shadowbench.studies.worker import Worker
 from shadowbench.truth.cache import cached_truth
 
 SCENES = ("sphere-and-torus", "stairs")

@@ -11,14 +11,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from shadowbench.advice.recommend import MARGINS, Target, recommend, tried_of
+from shadowbench.advice.search import Tried
+from shadowbench.advice.space import GRID, whole_space
+from shadowbench.measure.gauge import Gauge
+from shadowbench.measure.runner import Result
+from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.views import chosen_view
-from shadowbench.studies.gauge import Gauge
-from shadowbench.studies.recommend import MARGINS, Target, recommend, tried_of
-from shadowbench.studies.runner import Result
-from shadowbench.studies.search import Tried
-from shadowbench.studies.space import GRID, whole_space
-from shadowbench.studies.worker import Worker
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import Spec, format_spec

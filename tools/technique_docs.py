@@ -18,14 +18,14 @@ import pandas as pd
 from numpy.typing import NDArray
 from PIL import Image
 
+from shadowbench.measure.drawn import Drawn
+from shadowbench.measure.scoring import reference_of
+from shadowbench.measure.session import CellRequest
+from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Light, Scene, View, view_of
 from shadowbench.scores.metrics import score
-from shadowbench.studies.axes.model import NAMES
-from shadowbench.studies.drawn import Drawn
-from shadowbench.studies.scoring import reference_of
-from shadowbench.studies.session import CellRequest
-from shadowbench.studies.worker import Worker
+from shadowbench.stress.axes.model import NAMES
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.params import Row, TechniqueParams, allowed
 from shadowbench.techniques.registry import source_file, techniques

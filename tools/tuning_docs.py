@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from shadowbench.advice.tune_cells import Cells
+from shadowbench.advice.tune_scores import log_error, mean_of, ratio, scene_scores
+from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Light, Scene, vec3, view_of
 from shadowbench.studies.study import Block, Study
 from shadowbench.studies.tables import Interval, interval
-from shadowbench.studies.tune_cells import Cells
-from shadowbench.studies.tune_scores import log_error, mean_of, ratio, scene_scores
-from shadowbench.studies.worker import Worker
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
 

@@ -12,16 +12,16 @@ from numpy.typing import NDArray
 from rich.markup import escape
 from rich.table import Table
 
+from shadowbench.check.baseline import MISSING, Change, Findings, compare, identity
+from shadowbench.check.blessing import bless, bless_study
 from shadowbench.commands.console import err, number, out, print_json, print_table, techniques_with
 from shadowbench.errors import InputError, alternatives
+from shadowbench.measure.rows import Record
+from shadowbench.measure.runner import write_picture
 from shadowbench.reports.folder import Run, read_runs
 from shadowbench.reports.gallery import difference, read_view
 from shadowbench.reports.words import counted
 from shadowbench.scores.metrics import METRICS
-from shadowbench.studies.baseline import MISSING, Change, Findings, compare, identity
-from shadowbench.studies.blessing import bless, bless_study
-from shadowbench.studies.rows import Record
-from shadowbench.studies.runner import write_picture
 
 _LINES = 40  # of a table, a cell each
 _PICTURES = 8  # of the cells that are worst

@@ -23,7 +23,7 @@ from rich.table import Table
 
 from shadowbench.errors import InputError, printable
 from shadowbench.files import replace_file
-from shadowbench.studies.printed import Cut
+from shadowbench.measure.printed import Cut
 
 if TYPE_CHECKING:
     from shadowbench.techniques.base import Technique

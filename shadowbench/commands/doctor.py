@@ -7,10 +7,10 @@ from typing import Any
 from shadowbench.commands.console import check_outputs, out, print_json
 from shadowbench.errors import InputError, ShadowbenchError
 from shadowbench.gl.clock import WALL
-from shadowbench.studies.machine import machine, versions
-from shadowbench.studies.noise import ALLOWED, CELL, ROUNDS, SCENE, noise
-from shadowbench.studies.session import DeviceInfo
-from shadowbench.studies.worker import CellFailed, Worker
+from shadowbench.measure.machine import machine, versions
+from shadowbench.measure.noise import ALLOWED, CELL, ROUNDS, SCENE, noise
+from shadowbench.measure.session import DeviceInfo
+from shadowbench.measure.worker import CellFailed, Worker
 from shadowbench.truth.cache import KEPT_BYTES, cache_folder
 
 

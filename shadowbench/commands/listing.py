@@ -10,7 +10,7 @@ from shadowbench.commands.console import out, print_json, print_table, technique
 from shadowbench.errors import InputError, alternatives
 from shadowbench.scenes.library import builtin_about, builtin_names
 from shadowbench.scores.metrics import METRICS
-from shadowbench.studies.study_file import find_study, read_study, study_names
+from shadowbench.studies.file import find_study, read_study, study_names
 from shadowbench.techniques.params import Row, TechniqueParams, allowed
 from shadowbench.techniques.spec import format_value
 

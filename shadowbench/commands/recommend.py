@@ -11,6 +11,9 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
+from shadowbench.advice.recommend import Recommendation, Target, Unit, recommend
+from shadowbench.advice.search import Tried
+from shadowbench.advice.shown_shaders import shaders_of
 from shadowbench.commands.console import (
     ConsoleReporter,
     check_folder,
@@ -23,17 +26,14 @@ from shadowbench.commands.console import (
 from shadowbench.commands.recommend_words import excluded_lines, in_the_way, step_lines
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
+from shadowbench.measure.gauge import Gauge
+from shadowbench.measure.machine import write_run_file
+from shadowbench.measure.runner import Result
+from shadowbench.measure.session import DeviceInfo
+from shadowbench.measure.worker import Worker
 from shadowbench.reports.folder import write_cells
 from shadowbench.scenes.views import chosen_view, notes_on
-from shadowbench.studies.gauge import Gauge
-from shadowbench.studies.machine import write_run_file
-from shadowbench.studies.recommend import Recommendation, Target, Unit, recommend
-from shadowbench.studies.runner import Result
-from shadowbench.studies.search import Tried
-from shadowbench.studies.session import DeviceInfo
-from shadowbench.studies.shown_shaders import shaders_of
 from shadowbench.studies.times import time_notes
-from shadowbench.studies.worker import Worker
 from shadowbench.techniques.params import Row
 from shadowbench.techniques.spec import Spec, format_spec
 from shadowbench.truth.cache import cached_truth

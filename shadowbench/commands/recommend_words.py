@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from shadowbench.studies.recommend import Recommendation
-from shadowbench.studies.search import Tried
+from shadowbench.advice.recommend import Recommendation
+from shadowbench.advice.search import Tried
 from shadowbench.techniques.spec import format_spec
 
 _KINDS = {

@@ -7,11 +7,11 @@ from pathlib import Path
 from rich.markup import escape
 from rich.table import Table
 
+from shadowbench.check.repeat import APART, ENOUGH, Repeat, compare_runs
 from shadowbench.commands.console import number, out, print_json, print_table
 from shadowbench.errors import InputError
+from shadowbench.measure.runner import Result
 from shadowbench.reports.folder import read_runs
-from shadowbench.studies.repeat import APART, ENOUGH, Repeat, compare_runs
-from shadowbench.studies.runner import Result
 
 
 def repeat_command(first: Path, second: Path | None, as_json: bool, quiet: bool) -> int:

@@ -15,7 +15,7 @@ from shadowbench.reports.html import html_report
 from shadowbench.reports.markdown import markdown_report
 from shadowbench.reports.stability import Stability, stability
 from shadowbench.reports.words import counted
-from shadowbench.studies.ranges import points_frame
+from shadowbench.stress.ranges import points_frame
 
 FORMATS = ("html", "md", "csv", "png")
 

@@ -23,13 +23,14 @@ from shadowbench.commands.console import (
     techniques_with,
 )
 from shadowbench.errors import InputError
+from shadowbench.measure.machine import write_run_file
+from shadowbench.measure.profile import ACTIVITIES, MEASURING, share, whole
+from shadowbench.measure.runner import Runner
+from shadowbench.measure.worker import Limits, Worker
 from shadowbench.reports.folder import Run, write_cells
 from shadowbench.reports.words import counted
-from shadowbench.studies.machine import write_run_file
-from shadowbench.studies.profile import ACTIVITIES, MEASURING, share, whole
-from shadowbench.studies.runner import Runner
+from shadowbench.studies.file import find_study, read_study
 from shadowbench.studies.study import Study
-from shadowbench.studies.study_file import find_study, read_study
 from shadowbench.studies.sweeps import Curve, curves, places
 from shadowbench.studies.tables import (
     Slope,
@@ -42,7 +43,6 @@ from shadowbench.studies.tables import (
     summary,
 )
 from shadowbench.studies.times import time_notes
-from shadowbench.studies.worker import Limits, Worker
 from shadowbench.techniques.spec import Spec, format_spec, parse_spec
 
 _COLUMNS = {  # heading: (value, or "error" for 1 − IoU)

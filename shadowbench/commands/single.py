@@ -6,15 +6,15 @@ import numpy as np
 
 from shadowbench.commands.console import ConsoleReporter, check_outputs, out, techniques_with
 from shadowbench.errors import InputError, ShadowbenchError
+from shadowbench.measure.drawn import Drawn
+from shadowbench.measure.runner import write_picture
+from shadowbench.measure.session import Unsupported
+from shadowbench.measure.timing import request_of
+from shadowbench.measure.worker import CellFailed, Worker
 from shadowbench.scenes.model import View
 from shadowbench.scenes.views import chosen_view, notes_on
 from shadowbench.scores.masks import write_mask
-from shadowbench.studies.drawn import Drawn
-from shadowbench.studies.runner import write_picture
-from shadowbench.studies.session import Unsupported
 from shadowbench.studies.study import Cell
-from shadowbench.studies.timing import request_of
-from shadowbench.studies.worker import CellFailed, Worker
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.spec import parse_spec
 from shadowbench.truth.cache import cached_truth, write_truth

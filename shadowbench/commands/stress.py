@@ -18,11 +18,13 @@ from shadowbench.commands.console import (
     techniques_with,
 )
 from shadowbench.errors import InputError, alternatives
+from shadowbench.measure.machine import write_run_file
+from shadowbench.measure.rows import Record
+from shadowbench.measure.worker import Limits, Worker
 from shadowbench.reports.folder import read_folders
-from shadowbench.studies.axes import AXES, Axis
-from shadowbench.studies.axes.model import NAMES, VIEW_SIZE
-from shadowbench.studies.machine import write_run_file
-from shadowbench.studies.ranges import (
+from shadowbench.stress.axes import AXES, Axis
+from shadowbench.stress.axes.model import NAMES, VIEW_SIZE
+from shadowbench.stress.ranges import (
     BROKEN,
     DEAD,
     OperatingRange,
@@ -31,11 +33,9 @@ from shadowbench.studies.ranges import (
     points_frame,
     ranges_frame,
 )
-from shadowbench.studies.rows import Record
-from shadowbench.studies.stress import Sweep, default_specs
+from shadowbench.stress.sweep import Sweep, default_specs
 from shadowbench.studies.study import Study
 from shadowbench.studies.tables import write_table
-from shadowbench.studies.worker import Limits, Worker
 from shadowbench.techniques.spec import Spec, format_spec, parse_spec
 
 LIMITS = Limits(seconds=120.0, bytes=4 << 30)  # so that the largest maps are refused on any machine

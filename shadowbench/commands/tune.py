@@ -8,6 +8,11 @@ from typing import Any
 from rich.markup import escape
 from rich.table import Table
 
+from shadowbench.advice.tune import tune
+from shadowbench.advice.tune_beside import Best, Entry, Tuning
+from shadowbench.advice.tune_cells import Cells
+from shadowbench.advice.tune_folds import folds
+from shadowbench.advice.tune_space import Space, searched
 from shadowbench.commands.console import (
     ConsoleReporter,
     check_folder,
@@ -20,18 +25,13 @@ from shadowbench.commands.console import (
 )
 from shadowbench.commands.run import map_sizes
 from shadowbench.errors import InputError
+from shadowbench.measure.machine import write_run_file
+from shadowbench.measure.worker import Worker
 from shadowbench.reports.folder import write_cells
 from shadowbench.reports.words import counted
 from shadowbench.scenes.library import builtin_names
-from shadowbench.studies.machine import write_run_file
 from shadowbench.studies.study import Study, scenes_of
 from shadowbench.studies.tables import Interval
-from shadowbench.studies.tune import tune
-from shadowbench.studies.tune_beside import Best, Entry, Tuning
-from shadowbench.studies.tune_cells import Cells
-from shadowbench.studies.tune_folds import folds
-from shadowbench.studies.tune_space import Space, searched
-from shadowbench.studies.worker import Worker
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.spec import Spec, format_spec, parse_spec, spec_of
 

@@ -14,9 +14,9 @@ from shadowbench.engines.orientation import misorientation
 from shadowbench.engines.pictures import Handed
 from shadowbench.engines.shift import shift_of
 from shadowbench.errors import InputError
+from shadowbench.measure.scoring import mask_record, reference_of
 from shadowbench.scenes.model import View
 from shadowbench.scores.comparison import Comparison
-from shadowbench.studies.scoring import mask_record, reference_of
 from shadowbench.truth.cache import cached_truth
 
 _NOTED_CLIPPED = 0.01

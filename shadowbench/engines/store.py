@@ -17,12 +17,12 @@ from shadowbench.engines.difference import write_difference
 from shadowbench.engines.scored import Accuracy
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
+from shadowbench.measure import scoring
+from shadowbench.measure.row_store import RowStore
 from shadowbench.scenes import model
 from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.model import View
 from shadowbench.scores.masks import write_mask
-from shadowbench.studies import scoring
-from shadowbench.studies.row_store import RowStore
 from shadowbench.truth.cache import cached_truth
 
 _LIBRARIES = ("embreex", "numpy", "scikit-image", "scipy")

@@ -8,9 +8,9 @@ from shadowbench.reports.axes import Chart
 from shadowbench.reports.charts import chart_of
 from shadowbench.reports.stability import Line, Stability
 from shadowbench.reports.words import digits, range_facts
-from shadowbench.studies.axes import Axis, shown
-from shadowbench.studies.axes.model import NAMES
-from shadowbench.studies.ranges import Failure, OperatingRange
+from shadowbench.stress.axes import Axis, shown
+from shadowbench.stress.axes.model import NAMES
+from shadowbench.stress.ranges import Failure, OperatingRange
 
 SHADES = ("#8a3200", "#f2a777", "#e6f0f7")
 """Of a share of 0, ½ and 1: also told apart in grey, and by those who see no red or green."""

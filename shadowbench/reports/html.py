@@ -43,8 +43,8 @@ from shadowbench.reports.words import (
     warned,
 )
 from shadowbench.scores.metrics import METRICS
-from shadowbench.studies.axes.model import NAMES
-from shadowbench.studies.ranges import OperatingRange
+from shadowbench.stress.axes.model import NAMES
+from shadowbench.stress.ranges import OperatingRange
 
 _PAGE = Path(__file__).parent / "page"
 _GLOBALS = "window.vegaEmbed = vegaEmbed;"

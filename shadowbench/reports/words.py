@@ -16,8 +16,8 @@ from shadowbench.reports.analysis import (
 )
 from shadowbench.reports.folder import Run, Sweep
 from shadowbench.reports.stability import Stability, whole
-from shadowbench.studies.axes.model import NAMES, shown
-from shadowbench.studies.ranges import TOLERANCES, OperatingRange, value_text
+from shadowbench.stress.axes.model import NAMES, shown
+from shadowbench.stress.ranges import TOLERANCES, OperatingRange, value_text
 from shadowbench.studies.tables import phase_note
 from shadowbench.studies.times import time_notes
 

@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 
 from shadowbench.files import replace_file
+from shadowbench.measure.runner import Result
+from shadowbench.measure.timing import REDRAWN
 from shadowbench.scores.metrics import METRICS
-from shadowbench.studies.runner import Result
 from shadowbench.studies.times import WIDE, ReferenceTime, by_one_reference
-from shadowbench.studies.timing import REDRAWN
 
 _IDENTITY = ["scene", "view", "light", "phase", "technique", "spec", "map_size", "view_size", "renderer", "status"]
 _TIMES = ["frame_ms", "frame_iqr_ms", "added_ms", "ratio", "n", "clock"]

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from shadowbench.measure.scoring import mask_record, reference_of
 from shadowbench.scores import reference, split
-from shadowbench.studies.scoring import mask_record, reference_of
 from shadowbench.truth.trace import Truth
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from shadowbench.scores.metrics import METRICS
-from shadowbench.studies.study_file import find_study, read_study
+from shadowbench.studies.file import find_study, read_study
 from shadowbench.techniques.registry import techniques
 
 ROOT = Path(__file__).resolve().parents[2]

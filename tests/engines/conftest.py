@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from shadowbench.measure.scoring import reference_of
 from shadowbench.scenes.views import chosen_view
 from shadowbench.scores.comparison import Comparison
 from shadowbench.scores.reference import Reference
-from shadowbench.studies.scoring import reference_of
 from shadowbench.truth.cache import cached_truth
 
 FINER = 4

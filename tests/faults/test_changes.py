@@ -17,7 +17,7 @@ import pytest
 
 from shadowbench.cli import main
 from shadowbench.scenes.library import load_scene
-from shadowbench.studies.study_file import read_study
+from shadowbench.studies.file import read_study
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import format_spec
 

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from shadowbench.gl.clock import Clock
 from shadowbench.gl.gbuffer import download
+from shadowbench.measure.scoring import reference_of
 from shadowbench.scenes.model import Light, View, perpendicular_basis, unit, vec3
 from shadowbench.scores.comparison import Comparison
 from shadowbench.scores.metrics import iou
-from shadowbench.studies.scoring import reference_of
 from shadowbench.techniques.base import Frame, Phase, Stage
 from shadowbench.techniques.registry import shader_folder
 from shadowbench.techniques.spec import Spec

@@ -18,8 +18,8 @@ from shadowbench.reports.folder import read_folders, read_runs
 from shadowbench.reports.stability import Stability, stability
 from shadowbench.scores.masks import write_mask
 from shadowbench.scores.metrics import METRICS
-from shadowbench.studies.axes import AXES, Value, shown
-from shadowbench.studies.axes.model import NAMES
+from shadowbench.stress.axes import AXES, Value, shown
+from shadowbench.stress.axes.model import NAMES
 from tests.conftest import key_of
 
 RECEIVERS = 1000

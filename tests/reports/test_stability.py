@@ -21,9 +21,9 @@ from shadowbench.reports.stability import Stability
 from shadowbench.reports.styles import styles_of
 from shadowbench.reports.words import range_text, stability_headline
 from shadowbench.scores.masks import read_mask
-from shadowbench.studies.axes import AXES
-from shadowbench.studies.axes.model import NAMES
-from shadowbench.studies.ranges import TOLERANCES, value_text
+from shadowbench.stress.axes import AXES
+from shadowbench.stress.axes.model import NAMES
+from shadowbench.stress.ranges import TOLERANCES, value_text
 from tests.reports.conftest import CELLS, POINTS, Point, color_of, galleries, scripts, swept, texts
 
 Chart = dict[str, Any]

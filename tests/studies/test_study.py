@@ -11,8 +11,8 @@ import pytest
 
 from shadowbench.data import data_folder
 from shadowbench.errors import InputError
+from shadowbench.studies.file import find_study, read_study, study_names
 from shadowbench.studies.study import Block, Study
-from shadowbench.studies.study_file import find_study, read_study, study_names
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import format_spec, parse_spec
 

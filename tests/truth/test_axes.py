@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from shadowbench.studies.axes import AXES
+from shadowbench.stress.axes import AXES
 from shadowbench.truth.trace import trace
 
 SAME_VIEW = {"depth-format", "map-size"}  # at every value: only parameters change

@@ -1,0 +1,1 @@
+"""What a scene needs least, and parameters at their best."""

@@ -1,0 +1,1 @@
+"""Baselines: what may not get worse unseen."""

@@ -1,0 +1,175 @@
+"""What got worse and what better since a baseline: cells matched by identity, metrics by their own tolerance.
+
+Scores are compared wherever both sides have them, work where the renderer is the same, times on one machine alone.
+"""
+
+import math
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from shadowbench.measure.rows import Record
+from shadowbench.measure.runner import Result
+from shadowbench.scores.metrics import METRICS
+
+IDENTITY = ("scene", "view", "light", "phase", "map_size", "view_size", "coordinates")  # and the full spec
+_COMMA = re.compile(r",(?![^()]*\))")  # outside parentheses
+EXACT = ("draws", "primitives", "gpu_bytes", "reads", "rays")  # counts that the same code repeats exactly on a renderer
+INVOCATIONS = 0.02  # of shaders: a driver may shade a pixel of a quad more or less
+TIME_FACTOR = 1.1  # a ratio that grows by less is not worth a word
+SIGNIFICANT = 3.0  # standard errors
+
+MISSING = "missing"  # in place of the status of a cell that was not run
+
+Verdict = Literal["regressed", "improved"]
+
+
+@dataclass(frozen=True)
+class Change:
+    """One number of one cell that moved by more than its tolerance.
+
+    `what` is a metric, `status`, a count of work, or `time`; `excess` is the move in tolerances, by which changes are
+    sorted; `score` is the cell's score record of now, or the baseline's where the cell is missing.
+    """
+
+    score: Record
+    what: str
+    before: Any
+    after: Any
+    verdict: Verdict
+    excess: float
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What a check found, worst first. Notes say what could not be compared, and extras.
+
+    `compared` counts cells; of them `equal` had the same mask and the same scores, `timed` times that may stand
+    beside each other.
+    """
+
+    changes: tuple[Change, ...]
+    compared: int
+    equal: int
+    timed: int
+    notes: tuple[str, ...] = field(default=())
+
+    def of(self, verdict: Verdict, times: bool) -> list[Change]:
+        """The changes of a verdict that are, or are not, about time."""
+        return [change for change in self.changes if change.verdict == verdict and (change.what == "time") == times]
+
+
+def identity(record: Record) -> tuple[Any, ...]:
+    """What names a cell whatever its sources; two runs' cells are the same if these are.
+
+    The order of a spec's parameters, that of the code, is no part of it.
+    """
+    name, _, parameters = str(record.get("full_spec")).partition(":")
+    spec = name, *sorted(_COMMA.split(parameters))
+    return spec, *(record.get(name) for name in IDENTITY)
+
+
+def compare(found: Sequence[Result], baseline: Sequence[Result], tolerances: Mapping[str, float] = {}) -> Findings:
+    """Every cell of the baseline against the cell of the same identity; `tolerances` override the metrics' own."""
+    now = {identity(result.score): result for result in found}
+    then = {identity(result.score): result for result in baseline}
+    allowed = {name: tolerances.get(name, metric.tolerance) for name, metric in METRICS.items()}
+    sides = [{name for result in side for name in result.score.get("metrics", {})} for side in (found, baseline)]
+    lacking = [name for name in METRICS if all(sides) and sum(name in side for side in sides) == 1]
+    allowed = {name: tolerance for name, tolerance in allowed.items() if name not in lacking}
+    changes: list[Change] = []
+    equal = timed = 0
+    notes: list[str] = []
+    for key, old in then.items():
+        new = now.get(key)
+        if new is None:
+            changes.append(Change(old.score, "status", old.status, MISSING, "regressed", math.inf))
+            continue
+        if "ok" not in (old.status, new.status) or old.status != new.status:
+            changes += _status(old, new)
+            continue
+        equal += _same_mask(old.score, new.score, allowed)
+        changes += _metrics(old.score, new.score, allowed)
+        if old.score.get("renderer") == new.score.get("renderer"):
+            changes += _work(old.score, new.score)
+        if _comparable(old, new):
+            timed += 1
+            changes += _time(old, new)
+    renderers = {str(result.score.get("renderer")) for result in (*found, *baseline)}
+    if len(renderers) > 1:
+        notes.append(f"work is not compared across renderers: {' · '.join(sorted(renderers))}")
+    if lacking:
+        notes.append(f"not compared, since one side lacks them: {', '.join(lacking)}")
+    extra = len(now.keys() - then.keys())
+    if extra:
+        notes.append("1 cell is not in the baseline" if extra == 1 else f"{extra} cells are not in the baseline")
+    changes.sort(key=lambda change: -change.excess)
+    return Findings(tuple(changes), len(now.keys() & then.keys()), equal, timed, tuple(notes))
+
+
+def _same_mask(old: Record, new: Record, names: Iterable[str]) -> bool:
+    """Whether masks are equal and what both sides scored too: an equal mask may have met another truth."""
+    if old.get("mask_sha256") is None or old["mask_sha256"] != new.get("mask_sha256"):
+        return False
+    return all(old["metrics"][name] == new["metrics"].get(name) for name in names if name in old["metrics"])
+
+
+def _status(old: Result, new: Result) -> Iterator[Change]:
+    """A cell that held and does not, or does not and held; another reason alone is no change."""
+    if (old.status == "ok") != (new.status == "ok"):
+        verdict: Verdict = "regressed" if old.status == "ok" else "improved"
+        yield Change(new.score, "status", old.status, new.status, verdict, math.inf)
+
+
+def _metrics(old: Record, new: Record, allowed: Mapping[str, float]) -> Iterator[Change]:
+    for name, tolerance in allowed.items():
+        if name not in old["metrics"]:  # a row of an older version beside newer ones
+            continue
+        before, after = old["metrics"][name], new["metrics"].get(name)
+        if before is None and after is None:
+            continue
+        if before is None or after is None:  # the truth has changed, one mask lost all its edges, or a row is broken
+            yield Change(new, name, before, after, "regressed", math.inf)
+            continue
+        worse = before - after if METRICS[name].better == "higher" else after - before
+        if abs(worse) > tolerance:
+            verdict: Verdict = "regressed" if worse > 0 else "improved"
+            yield Change(new, name, before, after, verdict, abs(worse) / max(tolerance, 1e-12))
+
+
+def _work(old: Record, new: Record) -> Iterator[Change]:
+    before = {**old.get("work", {}), "gpu_bytes": old.get("gpu_bytes")}
+    after = {**new.get("work", {}), "gpu_bytes": new.get("gpu_bytes")}
+    for name in before.keys() & after.keys() - {"cost"}:  # the sum of others
+        one, other = before[name], after[name]
+        if one is None or other is None:
+            continue
+        tolerance = 0.0 if name in EXACT else INVOCATIONS * one
+        if abs(other - one) > tolerance:
+            verdict: Verdict = "regressed" if other > one else "improved"
+            yield Change(new, name, one, other, verdict, abs(other - one) / max(INVOCATIONS * one, 1.0))
+
+
+def _comparable(old: Result, new: Result) -> bool:
+    """Whether both have a ratio, by one machine and clock, to one reference."""
+    before, after = old.time or {}, new.time or {}
+    same = ("machine", "clock", "reference")
+    return bool(before.get("ratio") and after.get("ratio")) and all(before[name] == after[name] for name in same)
+
+
+def _time(old: Result, new: Result) -> Iterator[Change]:
+    """The ratio to the reference; a change needs a factor and a significance."""
+    before, after = old.time or {}, new.time or {}
+    factor = after["ratio"] / before["ratio"]
+    errors = [_standard_error(side) / side["ratio"] for side in (before, after)]
+    z = abs(math.log(factor)) / max(math.hypot(*errors), 1e-12)
+    if max(factor, 1 / factor) > TIME_FACTOR and z > SIGNIFICANT:
+        verdict: Verdict = "regressed" if factor > 1 else "improved"
+        yield Change(new.score, "time", before["ratio"], after["ratio"], verdict, z / SIGNIFICANT)
+
+
+def _standard_error(time: Record) -> float:
+    """Of the median of a ratio, from its IQR: σ = IQR/1.349 and √(π/2)·σ/√n, as for a normal distribution."""
+    iqr, n = float(time["ratio_iqr"]), int(time["n"])
+    return math.sqrt(math.pi / 2) * iqr / 1.349 / math.sqrt(n)

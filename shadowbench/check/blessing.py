@@ -1,0 +1,79 @@
+"""Making a run the baseline: its rows, and the study that makes its cells."""
+
+import json
+import shlex
+import tomllib
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+
+from shadowbench.errors import InputError
+from shadowbench.files import replace_file
+from shadowbench.measure.rows import SCHEMA, RunFile
+from shadowbench.measure.runner import Result
+from shadowbench.studies.file import StudyFile, Techniques, find_study, read_study, resolve
+from shadowbench.techniques.spec import format_spec
+
+
+def bless(results: Sequence[Result], folder: Path) -> None:
+    """Write a baseline's `rows.jsonl`, whole or not at all: score records, and the times of cells that have one.
+
+    Raises InputError when a cell failed, since what broke is nothing to hold others to, when there is none at all, and
+    for a folder that cannot be written.
+    """
+    if not results:
+        raise InputError("--update: found no cell; allowed: a run that has one or more, those of its last command")
+    failed = [result for result in results if result.status.startswith("failed")]
+    if failed:
+        first = f"{failed[0].score['scene']} {failed[0].score['spec']}: {failed[0].status}"
+        raise InputError(
+            f"--update: found {len(failed)} cells that failed, the first {first}; allowed: a run where none did"
+        )
+    # Whoever compares with it does not need to know how it was called, nor where it was.
+    scores = [{name: value for name, value in result.score.items() if name != "command"} for result in results]
+    records = [*scores, *(result.time for result in results if result.time)]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be made ({error.strerror or error})") from None
+    with replace_file(folder / "rows.jsonl") as beside:
+        lines = (json.dumps({"schema": SCHEMA, **record}, allow_nan=False) + "\n" for record in records)
+        beside.write_text("".join(lines), encoding="utf-8")
+
+
+def bless_study(about: RunFile, results: Sequence[Result], folder: Path, techniques: Techniques) -> Path | None:
+    """Copy the study file that a run's command names (`about` is its `run.json`) to `folder`'s `study.toml`.
+
+    Returns the file, None where none was copied: none was named, it is gone or there already, or in `folder` it would
+    not make these cells, its scenes being relative or the command having changed it.
+    """
+    try:
+        words = shlex.split(about.get("command", "").replace("--study=", "--study "))
+    except ValueError:  # a quote that does not end: nothing of ours
+        return None
+    named = [value for option, value in pairwise(words) if option in ("-s", "--study")]
+    if not named:
+        return None
+    file, kept = find_study(named[-1]), folder / "study.toml"
+    if not file.is_file() or (kept.exists() and kept.samefile(file)) or not _makes(file, folder, results, techniques):
+        return None
+    with replace_file(kept) as beside:
+        beside.write_bytes(file.read_bytes())
+    return file
+
+
+def _makes(file: Path, folder: Path, results: Sequence[Result], techniques: Techniques) -> bool:
+    try:
+        study = read_study(file, techniques)
+        text = StudyFile.model_validate(tomllib.loads(file.read_text(encoding="utf-8")))
+        moved = resolve(text, techniques, str(file), folder)
+    except InputError:  # it has changed since, or needs a plug-in
+        return False
+    rows = [result.score for result in results]
+    cells = {(format_spec(cell.spec, full=True), cell.phase) for cell in moved.cells()}
+    return (
+        moved.scenes == study.scenes
+        and len(moved.scenes) == len({row["scene"] for row in rows})
+        and cells == {(row["full_spec"], row["phase"]) for row in rows}
+        and {moved.view_size} == {row["view_size"] for row in rows}
+    )

@@ -1,0 +1,1 @@
+"""One way to make a row: the worker, the session, timing, rows and their keys."""

@@ -1,0 +1,301 @@
+"""What the worker does, as plain calls: hold the GL context, draw cells, time them.
+
+The worker process serves these over a pipe; benchmarks call them in their own process.
+"""
+
+import gc
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from shadowbench.errors import quoted
+from shadowbench.gl.clock import Clock, PassTimes, Sample, with_cost, work_of
+from shadowbench.gl.device import Device, open_device
+from shadowbench.gl.gbuffer import GBuffer, SurfacePass, download
+from shadowbench.gl.geometry import DeviceGeometry
+from shadowbench.gl.picture import PicturePass
+from shadowbench.measure.drawn import Drawn, numbers, own_work
+from shadowbench.measure.profile import Profile
+from shadowbench.scenes.model import AS_FILED, Camera, Coordinates, Light, Scene, View
+from shadowbench.scores.masks import quantise
+from shadowbench.techniques.base import Frame, Phase, Stage, Technique
+from shadowbench.techniques.registry import shader_folder, techniques
+from shadowbench.techniques.spec import Spec, parse_spec
+
+WARM_UP = 2  # draws of a cell that are thrown away
+
+
+@dataclass(frozen=True)
+class DeviceInfo:
+    """What the parent needs to know of the worker's device."""
+
+    renderer: str
+    vendor: str
+    version: int
+    software: bool
+    clock: str
+    max_map_size: int
+    subpixel_bits: int
+    pipeline_statistics: bool
+    clip_control: bool
+
+
+@dataclass(frozen=True)
+class CellRequest:
+    """A cell as it crosses the pipe: its full spec as text, and the phase."""
+
+    spec: str
+    phase: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Built:
+    """A cell that can be drawn; `prepare_ms`: what building it took."""
+
+    technique: Technique
+    stage: Stage
+    frame: Frame
+    prepare_ms: float
+
+
+class Unsupported(Exception):
+    """A technique cannot answer a view; the text, one line, says why."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(quoted(reason))
+
+
+class Session:
+    """One device, one scene on it, one view of that scene."""
+
+    def __init__(self, plugins: Sequence[Path] = ()) -> None:
+        self.techniques = techniques(plugins)
+        self.device: Device = open_device()
+        self.clock = Clock(self.device)
+        self.profile = Profile()
+        self._scene: Scene | None = None
+        self._geometry: DeviceGeometry | None = None
+        self._surface: GBuffer | None = None
+        self._kept: dict[CellRequest, Built] = {}  # not yet held
+        self._held: list[Built] = []
+
+    def info(self) -> DeviceInfo:
+        """The device and the clock that times it."""
+        device = self.device
+        return DeviceInfo(
+            renderer=device.renderer,
+            vendor=device.vendor,
+            version=device.version,
+            software=device.software,
+            clock=self.clock.name,
+            max_map_size=device.max_map_size,
+            subpixel_bits=device.subpixel_bits,
+            pipeline_statistics=device.pipeline_statistics,
+            clip_control=device.clip_control,
+        )
+
+    def spent(self) -> dict[str, float]:
+        """Seconds by activity since the start."""
+        return dict(self.profile.seconds)
+
+    def load(self, scene: Scene, coordinates: Coordinates = "relative") -> None:
+        """Put a scene (file coordinates) on the device in place of the last."""
+        self.unload()
+        self._placement = scene.placement if coordinates == "relative" else AS_FILED
+        self._scene = self._placement.scene(scene)
+        with self.profile.of("build"):
+            self._geometry = DeviceGeometry(self.device, self._scene.geometry)
+            self._surface_pass = SurfacePass(self.device, self._geometry)
+            self._picture_pass = PicturePass(self.device, self._geometry)
+
+    def open(self, camera: Camera, light: Light, size: int) -> NDArray[np.int32]:
+        """Draw the G-buffer of a view of the loaded scene; its (N, N) triangle ids, row 0 at the top.
+
+        Camera and light are a view's, in file coordinates, the camera's planes known.
+        """
+        assert self._scene is not None
+        self._close()
+        self.view = View(self._scene, self._placement.camera(camera), self._placement.light(light), size)
+        self._tidy()
+        with self._passes():
+            self._surface = self._surface_pass.draw(self.view)
+        with self.profile.of("read back"):
+            return self._surface.triangles()
+
+    def unload(self) -> None:
+        """Free the view and the scene."""
+        self._close()
+        if self._geometry is not None:
+            self._picture_pass.release()
+            self._surface_pass.release()
+            self._geometry.release()
+            self._geometry = None
+
+    def _close(self) -> None:
+        """Free the view, and what is kept of its cells."""
+        while self._kept:
+            self._kept.popitem()[1].stage.release()
+        if self._surface is not None:
+            self._surface.release()
+            self._surface = None
+
+    def unsupported(self, request: CellRequest) -> str | None:
+        """Why a cell has no answer for the open view, or None."""
+        spec = self._spec(request)
+        reason = spec.technique.declines(spec.params, self.view, self.device)
+        return None if reason is None else quoted(reason)
+
+    def build(self, request: CellRequest) -> None:
+        """Build a cell, and keep it for `draw` and `hold`; raises as `draw` does."""
+        if request not in self._kept:
+            self._kept[request] = self._build(request)
+
+    def draw(self, request: CellRequest, with_map: bool = False, tinted: bool = False, keep: int = 0) -> Drawn:
+        """Build unless it is kept, draw once, read back, release. Raises Unsupported, or whatever the technique raises.
+
+        `tinted` multiplies the technique's own colours into the picture, where it has any. It is kept for `hold`
+        instead, as long as all that is kept for this view takes no more than `keep` bytes.
+        """
+        built = self._kept.pop(request, None) or self._build(request)
+        try:
+            drawn = self._drawn(request, built, with_map, tinted)
+        except BaseException:
+            built.stage.release()
+            raise
+        if sum(other.stage.bytes for other in self._kept.values()) + built.stage.bytes <= keep:
+            self._kept[request] = built
+        else:
+            built.stage.release()
+        return drawn
+
+    def _drawn(self, request: CellRequest, built: Built, with_map: bool, tinted: bool) -> Drawn:
+        technique, frame = built.technique, built.frame
+        self._tidy()
+        with self._passes():
+            texture = technique.draw(frame)
+        self._tidy()
+        self.device.check(f"drawing {request.spec}")
+        self._check(request, texture)
+        with self.profile.of("read back"):
+            visibility = self._read(request, download(texture)[..., 0])
+        with self._passes():
+            tint = technique.tint() if tinted else None
+            picture = self._picture_pass.draw(frame.surface, self.view, texture, tint)
+        depths = technique.map_image() if with_map else None
+        facts = numbers(request.spec, technique.facts())
+        with self._passes():
+            # The same frame, index 0, so that the work is that of the frame which is scored: history stays void.
+            work = work_of(self.device, lambda: technique.draw(frame))
+        work = with_cost(work | own_work(technique, self.view.size**2, facts))
+        return Drawn(visibility, picture, depths, built.stage.bytes, work, facts)
+
+    def hold(self, request: CellRequest) -> float:
+        """Hold a cell for timing, as it was kept or built anew, warmed up; the milliseconds that building it took."""
+        built = self._kept.pop(request, None) or self._build(request)
+        self._held.append(built)
+        for _ in range(WARM_UP):
+            self._tidy()
+            with self._passes():
+                self._next_draw(-1)()
+        self.device.check(f"warming up {request.spec}")
+        return built.prepare_ms
+
+    def time_frame(self, held: int) -> Sample:
+        """What a whole frame took of the cell that was held as number `held`, from 0."""
+        with self._undisturbed(held) as draw:
+            return self.clock.frame(draw)
+
+    def time_passes(self, held: int) -> PassTimes:
+        """Milliseconds of the passes of one frame of a held cell."""
+        with self._undisturbed(held) as draw:
+            return self.clock.passes(draw)
+
+    def let_go(self) -> None:
+        """Release what is held."""
+        while self._held:
+            self._held.pop().stage.release()
+
+    def _next_draw(self, held: int) -> Callable[[], object]:
+        """The next draw of a held cell; the frames of its draws are counted up from index 0, the first after build."""
+        built = self._held[held]
+        self._held[held] = replace(built, frame=replace(built.frame, index=built.frame.index + 1))
+        return partial(built.technique.draw, built.frame)
+
+    @contextmanager
+    def _undisturbed(self, held: int) -> Iterator[Callable[[], object]]:
+        """The next draw of a held cell, without the garbage collector and without another cell's state."""
+        draw = self._next_draw(held)
+        self._tidy()
+        gc.disable()
+        try:
+            with self._passes():
+                yield draw
+        finally:
+            gc.enable()
+        self.device.check("timing")
+
+    @contextmanager
+    def _passes(self) -> Iterator[None]:
+        """Draws, of which none is left for another activity to wait for."""
+        with self.profile.of("passes"):
+            yield
+            self.device.context.finish()
+
+    def _spec(self, request: CellRequest) -> Spec:
+        return parse_spec(request.spec, self.techniques)
+
+    def _tidy(self) -> None:
+        """Put back what a technique's raw calls may have left, so that it costs no other cell its values."""
+        self.device.context.enable_only(moderngl.NOTHING)
+        self.device.context.wireframe = False
+
+    def _check(self, request: CellRequest, texture: object) -> None:
+        """Raise TypeError or ValueError for what is no texture of the view's size."""
+        if not isinstance(texture, moderngl.Texture):
+            raise TypeError(f"{request.spec} drew {type(texture).__name__}; allowed: a texture")
+        if texture.size != (self.view.size, self.view.size):
+            width, height = texture.size
+            raise ValueError(
+                f"{request.spec} drew {width} × {height} pixels; allowed: {self.view.size} × {self.view.size}"
+            )
+
+        if texture.components != 1:
+            raise ValueError(f"{request.spec} drew {texture.components} components; allowed: 1, the visibility")
+
+    def _read(self, request: CellRequest, raw: NDArray[np.generic]) -> NDArray[np.float32]:
+        try:
+            return quantise(raw)
+        except ValueError as error:
+            raise ValueError(f"{request.spec} drew {error}") from error
+
+    def _build(self, request: CellRequest) -> Built:
+        start = time.perf_counter()
+        with self.profile.of("prepare"):
+            technique, stage, frame = self._assembled(request)
+            self.device.context.finish()
+        return Built(technique, stage, frame, (time.perf_counter() - start) * 1e3)
+
+    def _assembled(self, request: CellRequest) -> tuple[Technique, Stage, Frame]:
+        spec = self._spec(request)
+        reason = spec.technique.declines(spec.params, self.view, self.device)
+        if reason is not None:
+            raise Unsupported(reason)
+        assert self._scene is not None and self._geometry is not None and self._surface is not None
+        size = (self.view.size, self.view.size)
+        folder = shader_folder(spec.technique)
+        stage = Stage(self._scene, self.device, size, self._geometry, self._placement, folder)
+        technique = spec.technique(spec.params)
+        try:
+            technique.build(stage)
+            self.device.check(f"building {request.spec}")
+        except BaseException:
+            stage.release()
+            raise
+        return technique, stage, Frame(self.view, Phase(request.phase), 0, self._surface, self.clock)

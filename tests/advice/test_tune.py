@@ -1,0 +1,443 @@
+"""Tuning: what is searched, that the search finds what is better and repeats, and what is said of scenes held out."""
+
+import json
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import optuna
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shadowbench.advice.tune import tune as tune_folds
+from shadowbench.advice.tune_beside import Found, Tuning, beside
+from shadowbench.advice.tune_cells import Cells
+from shadowbench.advice.tune_folds import Fold, folds
+from shadowbench.advice.tune_scores import (
+    LEAST,
+    front,
+    geometric_mean,
+    log_error,
+    ratio,
+    scene_scores,
+    surely_less,
+)
+from shadowbench.advice.tune_space import REACH, USUAL, Space, searched, span
+from shadowbench.errors import InputError
+from shadowbench.measure.rows import Record
+from shadowbench.studies.study import Study, scenes_of
+from shadowbench.techniques.params import in_metres
+from shadowbench.techniques.registry import own_techniques, techniques
+from shadowbench.techniques.spec import Spec, format_spec, parse_spec
+
+KNOWN = techniques()
+SHADOW_MAP = parse_spec("shadow-map", KNOWN)
+
+
+def row(scene: str, error: float, *, ssim: float | None = None, cost: int = 100, status: str = "ok") -> Record:
+    agreement = {"iou": 1 - error, "ssim": 1 - (error if ssim is None else ssim)}
+    metrics = {**agreement, "acne": 0.0, "leak": 0.0, "contact": 0.0}
+    return {"scene": scene, "status": status, "metrics": metrics, "work": {"cost": cost}}
+
+
+@pytest.mark.parametrize("technique", own_techniques(), ids=lambda technique: technique.name)
+def test_the_default_and_every_preset_are_points_of_the_space_or_said_not_to_be(technique: Any) -> None:
+    home = Spec(technique, technique.Params())
+    names = [name for name in USUAL if name in technique.Params.model_fields]
+    space = Space(home, names)
+    point = space.point(home)
+    assert point is not None
+    assert space.spec(optuna.trial.FixedTrial(point)) == home
+    for preset in technique.presets:
+        spec = parse_spec(f"{technique.name}:preset={preset}", KNOWN)
+        found = space.point(spec)
+        if found is not None:
+            made = space.spec(optuna.trial.FixedTrial(found))
+            assert [getattr(made.params, name) for name in names] == [getattr(spec.params, name) for name in names]
+
+
+def test_published_constants_of_the_shadow_map_lie_in_its_space() -> None:
+    space = Space(SHADOW_MAP, USUAL)
+    presets = {name: parse_spec(f"shadow-map:preset={name}", KNOWN) for name in SHADOW_MAP.technique.presets}
+    outside = [name for name, spec in presets.items() if space.point(spec) is None]
+    assert outside == ["dither"], "biases that act together are measured beside the search, which is for one"
+    assert space.point(parse_spec("shadow-map:bias=texel(scale=99)", KNOWN)) is None
+    refusing = Space(SHADOW_MAP, USUAL, {"bias": frozenset({"slope"})})
+    assert refusing.point(parse_spec("shadow-map:preset=course", KNOWN)) is None
+
+
+@given(seed=st.integers(0, 10_000))
+def test_what_is_suggested_is_a_spec_that_can_be_written_and_read(seed: int) -> None:
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    study = optuna.create_study(sampler=optuna.samplers.RandomSampler(seed=seed))
+    spec = Space(SHADOW_MAP, USUAL).spec(study.ask())
+    assert parse_spec(format_spec(spec), KNOWN) == spec
+    for name in USUAL:
+        value = getattr(spec.params, name)
+        for key, info in type(value).model_fields.items():
+            chosen = getattr(value, key)
+            if in_metres(info):
+                assert chosen == info.default
+            elif isinstance(chosen, float) and info.default > 0:
+                assert info.default / REACH <= chosen <= info.default * REACH
+
+
+def test_a_number_is_searched_around_its_default_within_its_limits() -> None:
+    biases = {bias.name: bias.model_fields for bias in Space(SHADOW_MAP, USUAL).rows("bias")}
+    assert span(biases["slope"]["max"]) == (0.05 / 16, 0.8, True)
+    assert span(biases["texel"]["limit"]) == (1, 256, True)
+    assert span(biases["constant"]["world"]) is None
+    assert span(KNOWN["cascades"].Params.model_fields["count"]) == (1, 8, True)
+    assert span(KNOWN["cascades"].Params.model_fields["blend"]) == (0, 0.5, False)
+
+
+def test_bias_filter_and_fit_are_searched_where_nothing_is_said() -> None:
+    assert searched(SHADOW_MAP, None) == ("bias", "filter", "fit")
+    assert searched(parse_spec("cascades", KNOWN), None) == ("bias", "filter")
+    assert searched(SHADOW_MAP, "depth, bias") == ("depth", "bias")
+    for spec, text, said in [
+        ("unshadowed", None, "unshadowed has no bias, filter or fit"),
+        ("shadow-map", "size", "--map-size"),
+        ("shadow-map", "taps", "allowed: fit, depth"),
+        ("shadow-map", "", "allowed: fit, depth"),
+    ]:
+        with pytest.raises(InputError, match=said):
+            searched(parse_spec(spec, KNOWN), text)
+
+
+def test_every_third_scene_is_held_out_whatever_their_order() -> None:
+    names = [f"scene-{number}" for number in range(15)]
+    (fold,) = folds(names)
+    assert len(fold.held_out) == 5
+    assert sorted(fold.tuning + fold.held_out) == sorted(names)
+    (turned,) = folds(names[::-1])
+    assert set(turned.held_out) == set(fold.held_out)
+    assert folds(names, ["scene-3"]) == [Fold(tuple(name for name in names if name != "scene-3"), ("scene-3",))]
+
+
+@given(names=st.lists(st.text(max_size=5), min_size=2, max_size=20, unique=True), data=st.data())
+def test_folds_hold_every_scene_out_once_and_are_even(names: list[str], data: st.DataObject) -> None:
+    count = data.draw(st.integers(2, len(names)))
+    found = folds(names, (), count)
+    assert len(found) == count
+    assert sorted(name for fold in found for name in fold.held_out) == sorted(names)
+    assert all(sorted(fold.tuning + fold.held_out) == sorted(names) for fold in found)
+    sizes = {len(fold.held_out) for fold in found}
+    assert max(sizes) - min(sizes) <= 1
+    shuffled = data.draw(st.permutations(names))
+    again = folds(shuffled, (), count)
+    assert [set(fold.held_out) for fold in again] == [set(fold.held_out) for fold in found]
+
+
+def test_one_split_is_one_of_three_folds() -> None:
+    names = [f"scene-{number}" for number in range(10)]
+    assert folds(names) == [folds(names, (), 3)[1]]
+
+
+@pytest.mark.parametrize(
+    ("scenes", "held_out", "count", "said"),
+    [
+        (["a"], (), None, "1 to tune on, 0 held out"),
+        (["a"], ("a",), None, "0 to tune on, 1 held out"),
+        ([], (), None, "none takes part"),
+        (["a", "b"], ("c",), None, "found 'c'; allowed are scenes that take part: a, b"),
+        (["a", "b"], (), 3, "--folds: found 3; allowed: 2 to the number of scenes that take part, 2 .a, b."),
+        ([], (), 2, "--folds: found 2; .*, 0 .none."),
+    ],
+)
+def test_one_scene_of_each_is_needed(
+    scenes: Sequence[str], held_out: Sequence[str], count: int | None, said: str
+) -> None:
+    with pytest.raises(InputError, match=said):
+        folds(scenes, held_out, count)
+
+
+A, B, C, D = (SHADOW_MAP.with_(bias=f"texel(scale={scale})") for scale in (1.1, 1.2, 1.3, 1.4))
+
+
+def searched_fold(tuning: Sequence[str], held_out: Sequence[str], tuned: Spec, errors: dict[Spec, float]) -> Found:
+    """What a search would give whose specs have such an error in every scene, and twice the cost where tuned."""
+
+    def scores(scenes: Sequence[str]) -> dict[Spec, Any]:
+        return {
+            spec: scene_scores([row(scene, error, cost=200 if spec == tuned else 100) for scene in scenes])
+            for spec, error in errors.items()
+        }
+
+    others = {"default": SHADOW_MAP, "d": D}
+    return Found(Fold(tuple(tuning), tuple(held_out)), tuned, [tuned], others, scores(tuning), scores(held_out))
+
+
+def test_each_scene_counts_as_the_fold_that_held_it_out_has_it() -> None:
+    first = searched_fold("bc", "a", A, {A: 0.01, SHADOW_MAP: 0.02, D: 0.04})
+    second = searched_fold("ca", "b", B, {B: 0.001, SHADOW_MAP: 0.02, D: 0.04})
+    third = searched_fold("ab", "c", C, {C: 0.02, SHADOW_MAP: 0.02, D: 0.04})
+    found = beside([first, second, third])
+    assert [(best.tuned.spec, best.fold.held_out) for best in found.folds] == [(A, ("a",)), (B, ("b",)), (C, ("c",))]
+    assert (found.tuned.spec, found.tuned.name) == (None, "tuned")
+    assert found.tuned.cost == pytest.approx(2, rel=0.01)
+    assert found.tuned.held_out.median == pytest.approx((0.01 * 0.001 * 0.02) ** (1 / 3))
+    default, other = found.others
+    assert (default.name, other.name, other.spec) == ("default", "d", D)
+    assert default.cost == 1
+    for metric in (default.iou_ratio, default.ssim_ratio):
+        assert metric is not None and (metric.low, metric.median, metric.high) == pytest.approx((1, 2, 20))
+    assert other.iou_ratio is not None and other.iou_ratio.median == pytest.approx(4)
+
+
+def test_one_fold_is_its_own_pool() -> None:
+    found = beside([searched_fold("bc", "ad", A, {A: 0.01, SHADOW_MAP: 0.02, D: 0.04})])
+    assert found.tuned == found.folds[0].tuned
+    assert found.tuned.spec == A
+
+
+def test_a_default_that_stands_is_the_tuned_after_the_best_at_each_cost() -> None:
+    first = searched_fold("bc", "a", A, {A: 0.01, SHADOW_MAP: 0.02, D: 0.04})
+    stands = beside([replace(first, tuned=SHADOW_MAP)])
+    assert [(one.spec, one.name) for one in stands.folds[0].front] == [(A, ""), (SHADOW_MAP, "tuned")]
+    assert stands.tuned.spec == SHADOW_MAP and stands.tuned.held_out == stands.others[0].held_out
+
+
+def test_an_error_is_surely_less_where_its_whole_interval_is() -> None:
+    than = scene_scores([row(scene, 0.02) for scene in "abc"])
+    assert surely_less(scene_scores([row(scene, 0.01) for scene in "abc"]), than)
+    assert not surely_less(scene_scores([row("a", 0.001), row("b", 0.019), row("c", 0.021)]), than)
+    assert not surely_less(than, than)
+    alone = scene_scores([row("a", 0.02)])
+    assert surely_less(scene_scores([row("a", 0.01)]), alone) and not surely_less(alone, alone)
+
+
+def test_what_fails_in_a_fold_is_set_beside_nothing() -> None:
+    first = searched_fold("b", "a", A, {A: 0.01, SHADOW_MAP: 0.02, D: 0.04})
+    second = searched_fold("a", "b", A, {A: 0.01, SHADOW_MAP: 0.02})
+    assert [one.name for one in beside([first, second]).others] == ["default"]
+    assert beside([first, second]).tuned.spec == A
+
+
+def test_a_scene_is_one_observation_however_many_views_it_has() -> None:
+    few = scene_scores([row("a", 0.1), row("b", 0.001)])
+    many = scene_scores([row("a", 0.1)] * 9 + [row("b", 0.001)])
+    assert log_error(few).to_list() == pytest.approx(log_error(many).to_list())
+    error = geometric_mean(log_error(few))
+    assert error.median == pytest.approx(0.01)
+    assert error.low == pytest.approx(0.001) and error.high == pytest.approx(0.1)
+
+
+def test_iou_and_ssim_weigh_alike_and_no_error_is_below_the_least() -> None:
+    scores = scene_scores([row("a", 0.01, ssim=0.0001), row("b", 0.0)])
+    assert np.exp(log_error(scores)).to_list() == pytest.approx([0.001, LEAST])
+
+
+def test_cells_that_did_not_hold_or_have_no_score_take_no_part() -> None:
+    without = {**row("b", 0.1), "metrics": {**row("b", 0.1)["metrics"], "iou": None}}
+    assert list(scene_scores([row("a", 0.1), row("c", 0.1, status="failed: hung"), without]).index) == ["a"]
+
+
+def test_a_ratio_is_the_median_over_scenes_of_errors_in_the_same_scene() -> None:
+    ours = scene_scores([row("a", 0.001), row("b", 0.01), row("c", 0.1)])
+    theirs = scene_scores([row("a", 0.002), row("b", 0.03), row("c", 0.4)])
+    found = ratio("iou", theirs, ours)
+    assert found is not None and (found.low, found.median, found.high) == pytest.approx((2, 3, 4))
+
+
+@given(st.lists(st.tuples(st.integers(0, 5), st.integers(0, 5)), min_size=1))
+def test_the_front_is_what_no_other_beats(points: list[tuple[int, int]]) -> None:
+    kept = front([cost for cost, _ in points], [error for _, error in points])
+    best = [points[i] for i in kept]
+    assert best == sorted(set(best))
+    for cost, error in points:
+        assert any(c <= cost and e <= error for c, e in best)
+        assert not any((cost < c and error <= e) or (cost <= c and error < e) for c, e in best)
+
+
+Tune = Callable[..., Tuning]
+ONE = Fold(("cube-on-plane",), ("sphere-and-torus",))
+OTHER = Fold(ONE.held_out, ONE.tuning)
+
+
+@pytest.fixture
+def tune(bench: Any) -> Tune:
+    """Tunes the bias of a spec on one little scene, held out another; `bench.calls` are then the worker's."""
+
+    def run(text: str, trials: int, folder: Path, *split: Fold) -> Tuning:
+        home = replace(parse_spec(text, KNOWN), named=frozenset())
+        scenes = ("cube-on-plane", "sphere-and-torus")
+        study = Study(scenes, (home,), home, map_sizes=(128,), view_size=64, rounds=0)
+        bench.calls.clear()
+        with Cells(study, folder, bench.worker, Notes()) as cells:
+            blocks = cells.taking_part(home)
+            assert [scene.name for scene in scenes_of(blocks)] == list(scenes)
+            space = Space(home, ("bias",), cells.refused_rows(home, ("bias",), blocks))
+            return tune_folds(space, cells, blocks, split or (ONE,), trials, {"none": home.with_(bias="none")})
+
+    return run
+
+
+class Notes:
+    """A reporter that listens to nothing."""
+
+    def note(self, line: str) -> None: ...
+
+    def stage(self, name: str, total: int) -> None: ...
+
+    def step(self, what: str) -> None: ...
+
+
+def test_a_search_leaves_a_bad_default_behind_and_repeats_without_drawing(
+    tune: Tune, bench: Any, tmp_path: Path
+) -> None:
+    bad = "shadow-map:bias=constant(units=0.08),filter=hard"
+    found = tune(bad, 24, tmp_path / "rows")
+    default, none = found.others
+    assert (default.name, none.name, default.cost) == ("default", "none", 1)
+    assert found.tuned.tuning < default.tuning / 2
+    assert found.tuned.cost <= 1
+    assert found.tuned in found.folds[0].front
+    assert "draw" in bench.calls
+    again = tune(bad, 24, tmp_path / "rows")
+    assert again == found
+    assert "draw" not in bench.calls
+
+
+def test_a_stopped_search_goes_on_to_the_same_end(tune: Tune, bench: Any, tmp_path: Path) -> None:
+    spec = "shadow-map:filter=hard"
+    found = tune(spec, 12, tmp_path / "whole")
+    whole = bench.calls.count("draw")
+    rows = (tmp_path / "whole" / "rows.jsonl").read_bytes().split(b"\n")
+    (tmp_path / "part").mkdir()
+    (tmp_path / "part" / "rows.jsonl").write_bytes(b"\n".join([*rows[:5], b""]))
+    assert tune(spec, 12, tmp_path / "part") == found
+    assert bench.calls.count("draw") == whole - 5
+
+
+def test_folds_do_not_see_each_other_and_measure_nothing_twice(tune: Tune, bench: Any, tmp_path: Path) -> None:
+    spec = "shadow-map:filter=hard"
+    both = tune(spec, 8, tmp_path / "both", ONE, OTHER)
+    drawn = bench.calls.count("draw")
+    alone = tune(spec, 8, tmp_path / "one", ONE), tune(spec, 8, tmp_path / "other", OTHER)
+    assert both.folds == (alone[0].folds[0], alone[1].folds[0])
+    rows = (tmp_path / "both" / "rows.jsonl").read_text().splitlines()
+    assert len({json.loads(row)["key"] for row in rows}) == len(rows) == drawn
+    assert "draw" in bench.calls and tune(spec, 8, tmp_path / "both", OTHER).folds == both.folds[1:]
+    assert "draw" not in bench.calls
+
+
+def test_rows_that_no_view_takes_are_not_searched(bench: Any, tmp_path: Path) -> None:
+    study = Study(("cube-on-plane",), (SHADOW_MAP,), SHADOW_MAP, view_size=32, rounds=0)
+    with Cells(study, tmp_path / "rows", bench.worker, Notes()) as cells:
+        blocks = cells.taking_part(SHADOW_MAP)
+        refused = cells.refused_rows(SHADOW_MAP, USUAL, blocks)
+    assert refused == {"bias": frozenset(), "filter": frozenset({"pcf-20"}), "fit": frozenset()}
+    assert "pcf-20" not in [one.name for one in Space(SHADOW_MAP, USUAL, refused).rows("filter")]
+
+
+LITTLE = ("--trials", "3", "--map-size", "64", "--view-size", "48", "--phases", "1")
+
+
+def test_the_command_prints_and_keeps_what_it_found(
+    shadowbench: Callable[..., Any], half: Path, tmp_path: Path
+) -> None:
+    scenes = ("--scenes", "cube-on-plane,spot-lamp,lamp-by-wall", "--held-out", "spot-lamp")
+    tune = ("tune", "-t", "shadow-map", *scenes, *LITTLE, "--plugin", half, "--against", "half", "-o", tmp_path / "t")
+    answer = shadowbench(*tune, "--json")
+    assert answer.code == 0, answer.err
+    assert "lamp-by-wall.camera.light.48 takes no part: a point light" in answer.err
+    assert "tuning on cube-on-plane; held out: spot-lamp" in answer.err
+    found = json.loads(answer.out)
+    (fold,) = found["folds"]
+    assert (fold["tuning"], fold["held_out"]) == (["cube-on-plane"], ["spot-lamp"])
+    assert fold["tuned"] == found["tuned"] and fold["tuned"] in fold["front"]
+    names = [one["name"] for one in found["others"]]
+    assert names == ["default", *(f"preset={name}" for name in SHADOW_MAP.technique.presets), "half"]
+    assert all(math.isfinite(one["tuning"]) and one["held_out"]["median"] > 0 for one in found["others"])
+    assert {file.name for file in (tmp_path / "t").iterdir()} == {"rows.jsonl", "run.json", "table.csv"}
+    quiet = shadowbench(*tune, "--quiet")
+    assert (quiet.code, quiet.err) == (0, "")
+    assert "default" in quiet.out and found["tuned"]["spec"] in quiet.out
+    assert str(tmp_path) not in quiet.out
+
+
+def test_folds_hold_every_scene_out_once(shadowbench: Callable[..., Any], tmp_path: Path) -> None:
+    scenes = ("--scenes", "cube-on-plane,spot-lamp,sphere-and-torus", "--params", "bias", "--folds", "3")
+    tune = ("tune", "-t", "shadow-map", *scenes, *LITTLE, "-o", tmp_path / "t")
+    answer = shadowbench(*tune, "--json")
+    assert answer.code == 0, answer.err
+    assert sum("of 3: tuning on" in line for line in answer.err.splitlines()) == 3
+    found = json.loads(answer.out)
+    held_out = [fold["held_out"] for fold in found["folds"]]
+    assert sorted(held_out) == [["cube-on-plane"], ["sphere-and-torus"], ["spot-lamp"]]
+    chosen = {fold["tuned"]["spec"] for fold in found["folds"]}
+    assert found["tuned"]["spec"] == (None if len(chosen) > 1 else chosen.pop())
+    assert found["others"][0]["iou_ratio"]["low"] is not None
+    frame = pd.read_csv(tmp_path / "t" / "table.csv")
+    frame["error"] = (1 - frame["iou"]) * (1 - frame["ssim"])
+    errors = frame.pivot_table(index="scene", columns="spec", values="error")
+    for fold in found["folds"]:  # the interval of two scenes holds both
+        tuned, default = (errors.loc[fold["tuning"], spec] for spec in (fold["tuned"]["spec"], "shadow-map"))
+        assert fold["tuned"]["spec"] == "shadow-map" or (tuned < default).all()
+        assert fold["tuned"] in fold["front"]
+    shown = shadowbench(*tune, "--quiet").out
+    for number, (scene,) in enumerate(held_out, start=1):
+        assert f"fold {number} of 3: best at each cost, from the cheapest; held out: {scene}" in shown
+    assert "on 3 scenes held out, the tuned in each by the fold that held it out" in shown
+
+
+def test_a_setting_that_fails_costs_its_own_trial_only(
+    shadowbench: Callable[..., Any], half: Path, tmp_path: Path
+) -> None:
+    text = half.read_text().replace('"half"', '"frail"').replace("Half", "Frail")
+    text = text.replace("    def draw(", "    def draw_well(").replace(
+        "        level:", "        sound: bool = param(True, 'holds')\n        level:"
+    )
+    text += (
+        "\n    def draw(self, frame):\n        if not self.params.sound:\n"
+        "            raise ZeroDivisionError('as planned')\n"
+        "        return self.draw_well(frame)\n"
+    )
+    (tmp_path / "frail.py").write_text(text)
+    scenes = ("--scenes", "cube-on-plane,stairs", "--held-out", "stairs", "--plugin", tmp_path / "frail.py")
+    rest = ("--params", "sound,level", *LITTLE[2:], "--trials", "8", "-o", tmp_path / "t")
+    answer = shadowbench("tune", "-t", "frail", *scenes, *rest, "--json")
+    assert answer.code == 3
+    assert "cells failed; the first: failed: ZeroDivisionError: as planned" in answer.err
+    found = json.loads(answer.out)
+    assert "sound=false" not in found["tuned"]["spec"]
+    assert found["tuned"]["tuning"] <= found["others"][0]["tuning"]
+    answer = shadowbench("tune", "-t", "frail:sound=false", *scenes, *rest, "-q")
+    assert (answer.code, answer.out) == (3, "")
+    (line,) = answer.err.splitlines()
+    assert "frail:sound=false" in line and "does not hold on every scene" in line
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["-t", "shadow-mop"], ["shadow-mop", "did you mean 'shadow-map'"]),
+        (["-t", "unshadowed"], ["unshadowed has no bias, filter or fit"]),
+        (["-t", "shadow-map", "--params", "size"], ["--params", "'size'", "allowed: fit", "--map-size"]),
+        (["-t", "shadow-map", "--map-size", "big"], ["--map-size", "'big'", "allowed"]),
+        (["-t", "shadow-map", "--map-size", "65536"], ["65536", "allows 1 to"]),
+        (["-t", "shadow-map", "--trials", "0"], ["--trials", "equal to 1"]),
+        (["-t", "shadow-map", "--scenes", "nowhere,stairs"], ["nowhere"]),
+        (["-t", "shadow-map", "--scenes", "cube-on-plane"], ["--scenes", "1 to tune on, 0 held out"]),
+        (["-t", "shadow-map", "--scenes", "lamp-by-wall"], ["none takes part"]),
+        (["-t", "shadow-map", "--against", "nothing"], ["nothing", "allowed"]),
+        (["-t", "shadow-map", "--scenes", "cube-on-plane", "--held-out", "x"], ["--held-out", "'x'", "cube-on-plane"]),
+        (["-t", "shadow-map", "--scenes", "cube-on-plane,stairs", "--folds", "3"], ["--folds", "found 3", "2 (cube-"]),
+        (["-t", "shadow-map", "--folds", "1"], ["--folds", "equal to 2"]),
+        (["-t", "shadow-map", "--folds", "2", "--held-out", "stairs"], ["--folds", "--held-out", "not both"]),
+        ([], ["-t"]),
+    ],
+)
+def test_a_wrong_command_is_one_line(
+    shadowbench: Callable[..., Any], tmp_path: Path, arguments: list[str], words: list[str]
+) -> None:
+    answer = shadowbench("tune", *arguments, "--view-size", "32", "-q", "-o", tmp_path / "t")
+    assert (answer.code, answer.out) == (2, "")
+    (line,) = answer.err.splitlines()
+    assert all(word in line for word in words), line

@@ -1,0 +1,168 @@
+"""Two runs compared, of known times; and of a study that is run twice."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from shadowbench.check.repeat import compare_runs
+from shadowbench.measure.runner import Result
+
+
+def result(
+    name: str, ratio: float | None = 1.0, spread: float = 0.0, scene: str = "cube", fragments: int = 5, **time: Any
+) -> Result:
+    score = {
+        "scene": scene, "view": "a", "light": "sun", "phase": 0, "spec": name, "full_spec": name, "map_size": None,
+        "view_size": 8, "coordinates": "relative", "status": "ok", "work": {"fragments": fragments}, "gpu_bytes": 1,
+    }  # fmt: skip
+    if ratio is None:
+        return Result(score, None)
+    quartiles = [ratio - spread, ratio + spread]
+    timed = {"machine": "m", "clock": "c", "reference": "r", "ratio": ratio, "ratio_quartiles": quartiles} | time
+    return Result(score, timed)
+
+
+def rows(*ratios: float, spread: float = 0.0, **of: Any) -> list[Result]:
+    """Cells called 0, 1, 2, … of these ratios."""
+    return [result(str(number), ratio, spread, **of) for number, ratio in enumerate(ratios)]
+
+
+def test_runs_that_order_cells_alike_have_a_tau_of_one() -> None:
+    found = compare_runs(rows(1, 2, 3), rows(2, 3, 9))
+    (ranking,) = found.rankings
+    assert (ranking.block, ranking.cells, ranking.sharp, ranking.swapped) == ("cube a sun 0", 3, 3, 0)
+    assert (ranking.tau, ranking.tau_of_all) == (1, 1)
+    assert found.ranked_alike
+
+
+def test_tau_is_of_pairs_that_agree_less_those_that_do_not() -> None:
+    (ranking,) = compare_runs(rows(1, 2, 3, 4), rows(2, 1, 3, 4)).rankings
+    assert (ranking.sharp, ranking.swapped) == (6, 1)
+    assert ranking.tau == pytest.approx((5 - 1) / 6)
+    assert ranking.tau_of_all == pytest.approx(ranking.tau)
+    assert not compare_runs(rows(1, 2, 3, 4), rows(2, 1, 3, 4)).ranked_alike
+
+
+@pytest.mark.parametrize("near", [0, 1])
+def test_a_pair_that_is_within_five_percent_in_either_run_may_swap(near: int) -> None:
+    runs = [rows(1.04, 1.0, 2.0), rows(1.0, 1.5, 2.0)]
+    (ranking,) = compare_runs(runs[near], runs[1 - near]).rankings
+    assert (ranking.sharp, ranking.tau) == (2, 1)
+    assert ranking.tau_of_all == pytest.approx(1 / 3)
+
+
+def test_a_pair_whose_iqrs_overlap_in_either_run_may_swap() -> None:
+    wide, sharp = rows(1.0, 1.2, 9.0, spread=0.11), rows(1.2, 1.0, 9.0, spread=0.05)
+    for runs in ((wide, sharp), (sharp, wide)):
+        (ranking,) = compare_runs(*runs).rankings
+        assert (ranking.sharp, ranking.tau) == (2, 1)
+
+
+def test_every_block_has_a_ranking_of_its_own_and_all_must_hold() -> None:
+    first = [*rows(1, 2, 3), *rows(1, 2, 3, scene="torus")]
+    second = [*rows(1, 2, 3), *rows(3, 2, 1, scene="torus")]
+    found = compare_runs(first, second)
+    assert [(one.block.split()[0], one.tau) for one in found.rankings] == [("cube", 1), ("torus", -1)]
+    assert not found.ranked_alike
+
+
+@pytest.mark.parametrize("other", [{"machine": "other"}, {"clock": "other"}, {"reference": "other"}])
+def test_times_that_cannot_be_compared_are_left_out(other: dict[str, str]) -> None:
+    assert compare_runs(rows(1, 2), [result("0", 1, **other), result("1", 2, **other)]).rankings == ()
+    assert compare_runs(rows(1, 2), [result("0", None), result("1", None)]).rankings == ()
+
+
+def test_work_that_differs_is_named() -> None:
+    found = compare_runs(rows(1, 2), [result("0", 1), result("1", 2, fragments=6), result("2", 3)])
+    assert (found.counted, found.unequal) == (2, ("cube 1",))
+
+
+STUDY = """
+scenes = ["cube-on-plane"]
+map_size = [64, 1024]
+view_size = 64
+rounds = 1
+reference = "shadow-map:size=64"
+[[technique]]
+spec = "unshadowed"
+[[technique]]
+spec = "shadow-map"
+[[technique]]
+spec = "ray-traced"
+"""
+
+
+def with_ratios(file: Path) -> None:
+    """Times as they would be on a machine without noise: what was measured here is no part of the test."""
+    lines = [json.loads(line) for line in file.read_text().splitlines()]
+    times = [line for line in lines if line["kind"] == "time"]
+    assert len(times) == 4
+    for number, line in enumerate(times, 1):
+        line |= {"ratio": float(number), "ratio_quartiles": [float(number)] * 2}
+    file.write_text("".join(json.dumps(line) + "\n" for line in lines))
+
+
+def test_the_same_study_run_twice(tmp_path: Path, shadowbench: Callable[..., Any]) -> None:
+    (tmp_path / "study.toml").write_text(STUDY)
+    folders = [tmp_path / name for name in "ab"]
+    for folder in folders:
+        assert shadowbench("run", "-s", tmp_path / "study.toml", "-o", folder, "-q").code == 0
+        with_ratios(folder / "rows.jsonl")
+    answer = shadowbench("repeat", *folders)
+    assert answer.code == 0, answer.out
+    assert "work: 4 of 4 cells did exactly the same" in answer.out
+    found = json.loads(shadowbench("repeat", *folders, "--json").out)
+    (ranking,) = found["rankings"]
+    assert (ranking["tau"], found["holds"], found["unequal"]) == (1, True, [])
+    assert ranking["sharp"] >= 3
+
+    rows_file = folders[1] / "rows.jsonl"
+    rows_file.write_text(rows_file.read_text().replace('"draws": ', '"draws": 1'))
+    answer = shadowbench("repeat", *folders)
+    assert answer.code == 1
+    assert "work differs: cube-on-plane shadow-map 64" in answer.out
+
+
+def test_a_folder_that_was_timed_again_is_compared_with_itself(tmp_path: Path, shadowbench: Callable[..., Any]) -> None:
+    (tmp_path / "study.toml").write_text(STUDY.replace("rounds = 9", "rounds = 1"))
+    command = ("run", "-s", tmp_path / "study.toml", "-o", tmp_path / "out", "-q")
+    assert shadowbench(*command).code == 0
+    once = shadowbench("repeat", tmp_path / "out")
+    assert once.code == 2 and "no cell was timed twice" in once.err and "--time-again" in once.err
+    rows_file = tmp_path / "out" / "rows.jsonl"
+
+    def times() -> list[dict[str, Any]]:
+        return [row for row in map(json.loads, rows_file.read_text().splitlines()) if row["kind"] == "time"]
+
+    assert shadowbench(*command).code == 0 and len(times()) == 4, "a second call times nothing"
+    assert shadowbench(*command, "--time-again").code == 0
+    keys = [row["key"] for row in times()]
+    assert len(keys) == 8 and set(keys[:4]) == set(keys[4:])
+
+    scores = [line for line in rows_file.read_text().splitlines() if '"score"' in line]
+    for last, tau in ((1, 1), (-1, -1)):  # the second times in the order of the first, and against it
+        known = {key: 2.0**place for place, key in enumerate(sorted(set(keys)))}
+        ratios = [known[key] ** (1 if at < 4 else last) for at, key in enumerate(keys)]
+        changed = [
+            row | {"ratio": ratio, "ratio_quartiles": [ratio, ratio]}
+            for row, ratio in zip(times(), ratios, strict=True)
+        ]
+        rows_file.write_text("\n".join([*scores, *map(json.dumps, changed), ""]))
+        (ranking,) = json.loads(shadowbench("repeat", tmp_path / "out", "--json").out)["rankings"]
+        assert (ranking["cells"], ranking["sharp"], ranking["tau"]) == (4, 6, tau)
+
+
+def test_what_cannot_be_compared_is_one_line(tmp_path: Path, shadowbench: Callable[..., Any]) -> None:
+    run = ["run", "cube-on-plane", "-t", "unshadowed", "--view-size", "16", "--rounds", "0", "-q", "-o"]
+    assert shadowbench(*run, tmp_path / "a").code == shadowbench(*run, tmp_path / "b").code == 0
+    for arguments, expected in (
+        ((tmp_path / "a", tmp_path / "a"), "named twice; named once,"),
+        ((tmp_path / "a", tmp_path / "b"), "no two cells differ sharply"),
+        ((tmp_path / "a", tmp_path / "none"), "no such folder"),
+    ):
+        answer = shadowbench("repeat", *arguments)
+        assert (answer.code, answer.out) == (2, "")
+        assert expected in answer.err and len(answer.err.splitlines()) == 1

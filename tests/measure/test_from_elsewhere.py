@@ -1,0 +1,293 @@
+"""Run folders from elsewhere, each spoilt in one place: one line that names the file, and never a traceback."""
+
+import json
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shadowbench.errors import InputError
+from shadowbench.measure.row_store import RowStore
+from shadowbench.scores.masks import write_mask
+
+Shadowbench = Callable[..., Any]
+Spoil = Callable[[dict[str, Any]], Any]
+
+SIZE = ("--view-size", "16", "--rounds", "1", "-q")
+RUN = ("run", "cube-on-plane", "-t", "shadow-map:size=16", *SIZE)
+STRESS = ("stress", "--quick", "--axis", "elevation", "-t", "unshadowed", "-q")
+NESTED = "[" * 200_000 + "]" * 200_000
+
+
+def put(*place: str, value: Any) -> Spoil:
+    """Another value at a place."""
+
+    def spoil(row: dict[str, Any]) -> None:
+        for name in place[:-1]:
+            row = row[name]
+        row[place[-1]] = value
+
+    return spoil
+
+
+def lacking(*place: str) -> Spoil:
+    """Nothing at a place."""
+
+    def spoil(row: dict[str, Any]) -> None:
+        for name in place[:-1]:
+            row = row[name]
+        del row[place[-1]]
+
+    return spoil
+
+
+def text(line: str | bytes) -> Spoil:
+    """Something else in place of the whole."""
+    return lambda row: line
+
+
+NAN, INFINITY = float("nan"), float("inf")
+SCORES: dict[str, Spoil] = {
+    "NaN in a metric": put("metrics", "iou", value=NAN),
+    "infinity in a metric": put("metrics", "iou", value=INFINITY),
+    "a metric as text": put("metrics", "iou", value="0.9"),
+    "metrics as a list": put("metrics", value=[0.9]),
+    "no metrics": lacking("metrics"),
+    "a key that leads out of the folder": put("key", value="../../secret"),
+    "a key that is a number": put("key", value=7),
+    "a scene that leads out of the folder": put("scene", value="../../secret"),
+    "a light that is a path": put("light", value="/etc/light"),
+    "no scene": lacking("scene"),
+    "no full spec": lacking("full_spec"),
+    "a spec that is a list": put("spec", value=["shadow-map"]),
+    "a map size as text": put("map_size", value="16"),
+    "a map size of half a texel": put("map_size", value=0.5),
+    "a view size below 1": put("view_size", value=-16),
+    "a phase that is null": put("phase", value=None),
+    "coordinates of no kind": put("coordinates", value="polar"),
+    "another status": put("status", value="fine"),
+    "a status that is a number": put("status", value=1),
+    "no renderer": lacking("renderer"),
+    "bytes that are null": put("gpu_bytes", value=None),
+    "bytes beyond 64 bits": put("gpu_bytes", value=2**70),
+    "work as text": put("work", value="much"),
+    "a count of work that is half": put("work", "draws", value=0.5),
+    "NaN in a fact": put("facts", value={"planes": NAN}),
+    "assumptions as text": put("assumptions", value="no camera"),
+    "input as text": put("input", value="mask.png"),
+    "warnings that are a number": put("input", value={"warnings": 3}),
+    "NaN beside the warnings": put("input", value={"warnings": [], "gamma": NAN}),
+    "infinity in a field that is unknown": put("novel", value=[{"deep": INFINITY}]),
+    "another schema": put("schema", value=2),
+    "another kind": put("kind", value="opinion"),
+    "half a place on an axis": put("axis", value="elevation"),
+    "a list": text("[]"),
+    "200,000 brackets": text(NESTED),
+    "half of a surrogate": text('{"schema": 1, "kind": "score", "key": "\\ud800"}'),
+    "bytes that are no UTF-8": text(b'{"schema": 1, "kind": "score", "key": "\xff"}'),
+    "a number of 5,000 digits": text('{"schema": 1, "kind": "score", "phase": 1' + 5000 * "0" + "}"),
+}
+TIMES: dict[str, Spoil] = {
+    "infinity in a time": put("frame_ms", value=INFINITY),
+    "a time as text": put("frame_ms", value="3 ms"),
+    "a time below 0": put("frame_ms", value=-1.0),
+    "no rounds": lacking("n"),
+    "0 rounds": put("n", value=0),
+    "a ratio below 0": put("ratio", value=-2.0),
+    "no ratio and no reason": put("ratio", value=None),
+    "no IQR of a ratio": lacking("ratio_iqr"),
+    "three quartiles": put("ratio_quartiles", value=[1.0, 2.0, 3.0]),
+    "passes as a list": put("passes", value=[1.0]),
+    "a pass without its time": put("passes", value={"depth": {"iqr_ms": 1.0}}),
+    "NaN beside the time of a pass": put("passes", value={"depth": {"ms": 1.0, "novel": NAN}}),
+    "a key in capitals": put("key", value="A" * 24),
+}
+ABOUT: dict[str, Spoil] = {
+    "device as text": put("device", value="a GPU"),
+    "software as text": put("device", "software", value="yes"),
+    "a version as text": put("device", "version", value="4.5"),
+    "machine as a list": put("machine", value=["a processor"]),
+    "a machine's key that is a number": put("machine_key", value=7),
+    "assumptions that are numbers": put("assumptions", value=[1, 2]),
+    "assumptions that are null": put("assumptions", value=None),
+    "versions as text": put("versions", value="0.1"),
+    "a command that is a list": put("command", value=["shadowbench", "run"]),
+    "a study that is null": put("study", value=None),
+    "rounds as text": put("study", "rounds", value="nine"),
+    "keys as text": put("keys", value="all"),
+    "a key that leads out": put("keys", value=["../../secret"]),
+    "another schema": put("schema", value=2),
+    "no JSON": text("{"),
+    "200,000 brackets": text(NESTED),
+    "an array": text("[]"),
+}
+POINTS: dict[str, Spoil] = {
+    "no axis value": lacking("axis_value"),
+    "an axis value that is a list": put("axis_value", value=[1.0]),
+    "NaN on the axis": put("axis_value", value=NAN),
+    "a light of no kind": put("light_kind", value="moon"),
+    "no home": lacking("home_spec"),
+    "no IoU": lacking("metrics", "iou"),
+    "infinity in the flips": put("flips", value=INFINITY),
+    "a key that leads out": put("key", value="../secret"),
+}
+
+
+def cases(spoils: dict[str, Spoil]) -> list[Any]:
+    return [pytest.param(spoil, id=name) for name, spoil in spoils.items()]
+
+
+def spoilt(line: str, spoil: Spoil) -> bytes:
+    row = json.loads(line)
+    whole = spoil(row)
+    if whole is None:
+        whole = json.dumps(row)
+    return whole if isinstance(whole, bytes) else whole.encode()
+
+
+def spoil_row(folder: Path, kind: str, spoil: Spoil) -> str:
+    """Spoils the last row of a kind; the message that names it."""
+    file = folder / "rows.jsonl"
+    lines = file.read_text().splitlines()
+    number = max(at for at, line in enumerate(lines) if json.loads(line)["kind"] == kind)
+    parts = [spoilt(line, spoil) if at == number else line.encode() for at, line in enumerate(lines)]
+    file.write_bytes(b"".join(part + b"\n" for part in parts))
+    return f"{file} line {number + 1}: "
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, bytes]]:
+    """The files of folders that were measured once, by the command's name."""
+    return {}
+
+
+@pytest.fixture
+def folder(shadowbench: Shadowbench, measured: dict[str, dict[str, bytes]], tmp_path: Path) -> Callable[..., Path]:
+    """A folder of this command, as it left it."""
+
+    def make(*command: str) -> Path:
+        out = tmp_path / command[0]
+        if command[0] not in measured:
+            assert shadowbench(*command, "-o", out).code == 0
+            measured[command[0]] = {name: (out / name).read_bytes() for name in ("rows.jsonl", "run.json", "table.csv")}
+        out.mkdir(exist_ok=True)
+        for name, content in measured[command[0]].items():
+            (out / name).write_bytes(content)
+        return out
+
+    return make
+
+
+def assert_refused(answer: Any, where: str) -> None:
+    assert answer.code == 2 and "Traceback" not in answer.err, answer.err[-2000:]
+    assert answer.err.count("\n") == 1 and answer.err.startswith(f"shadowbench: {where}"), answer.err
+    assert len(answer.err) < len(where) + 300
+
+
+@pytest.mark.parametrize(("kind", "spoil"), [
+    *(pytest.param("score", *case.values, id=f"score: {case.id}") for case in cases(SCORES)),
+    *(pytest.param("time", *case.values, id=f"time: {case.id}") for case in cases(TIMES)),
+])  # fmt: skip
+def test_a_row_that_no_run_writes_is_one_line(
+    shadowbench: Shadowbench, folder: Callable[..., Path], tmp_path: Path, kind: str, spoil: Spoil
+) -> None:
+    good, bad = folder(*RUN).rename(tmp_path / "good"), folder(*RUN)
+    where = spoil_row(bad, kind, spoil)
+    before = (bad / "rows.jsonl").read_bytes()
+    assert_refused(shadowbench("check", bad, "--baseline", good), where)
+    assert_refused(shadowbench("check", good, "--baseline", bad), where)
+    assert_refused(shadowbench("report", bad, "-o", tmp_path / "report.html"), where)
+    with pytest.raises(InputError, match=re.escape(where)):
+        RowStore(bad)
+    assert (bad / "rows.jsonl").read_bytes() == before and not (tmp_path / "report.html").exists()
+
+
+@pytest.mark.parametrize("command", [RUN, STRESS])
+@pytest.mark.parametrize(
+    "name", ["NaN in a metric", "a key that leads out of the folder", "no scene", "200,000 brackets"]
+)
+def test_a_command_does_not_go_on_from_a_row_that_none_writes(
+    shadowbench: Shadowbench, folder: Callable[..., Path], command: Sequence[str], name: str
+) -> None:
+    bad = folder(*command)
+    where = spoil_row(bad, "score", SCORES[name])
+    before = (bad / "rows.jsonl").read_bytes()
+    assert_refused(shadowbench(*command, "-o", bad), where)
+    assert (bad / "rows.jsonl").read_bytes() == before
+
+
+@pytest.mark.parametrize("spoil", cases(ABOUT))
+def test_a_run_json_that_no_run_writes_is_one_line(
+    shadowbench: Shadowbench, folder: Callable[..., Path], tmp_path: Path, spoil: Spoil
+) -> None:
+    good, bad = folder(*RUN).rename(tmp_path / "good"), folder(*RUN)
+    file = bad / "run.json"
+    file.write_bytes(spoilt(file.read_text(), spoil))
+    assert_refused(shadowbench("check", bad, "--baseline", good), f"{file}: ")
+    assert_refused(shadowbench("report", bad, "-o", tmp_path / "report.html"), f"{file}: ")
+
+
+def test_a_run_writes_run_json_anew(shadowbench: Shadowbench, folder: Callable[..., Path], tmp_path: Path) -> None:
+    bad = folder(*RUN)
+    (bad / "run.json").write_text(NESTED)
+    assert shadowbench(*RUN, "-o", bad).code == 0
+    assert shadowbench("report", bad, "-o", tmp_path / "report.html", "-q").code == 0
+
+
+@pytest.mark.parametrize(
+    ("table", "named"),
+    [
+        ("scene,iou\ns,0.9\n", "no column `key`"),
+        ("key\n\xff\xfe\n", "no column `key`"),
+        ("key,bias_of\nk,b\n", "no sweep"),
+        ("key,spec,map_size,bias_of,bias_factor\nk,s,16,s,twice\n", "no sweep"),
+        ("key,spec,map_size,bias_of,bias_factor\nk,s,inf,s,2\n", "no sweep"),
+        ("key,spec,map_size,bias_of,bias_factor,bias_also\nk,s,16,s,2,s × much\n", "no sweep"),
+    ],
+)
+def test_a_table_that_no_command_writes_is_one_line(
+    shadowbench: Shadowbench, folder: Callable[..., Path], tmp_path: Path, table: str, named: str
+) -> None:
+    bad = folder(*RUN)
+    (bad / "table.csv").write_bytes(table.encode("latin-1"))
+    answer = shadowbench("report", bad, "-o", tmp_path / "report.html")
+    assert_refused(answer, f"{bad / 'table.csv'}: ")
+    assert named in answer.err
+
+
+@pytest.mark.parametrize("kind", ["masks", "truth", "pictures"])
+@pytest.mark.parametrize("size", [None, 17])
+def test_an_image_that_no_run_writes_is_one_line(
+    shadowbench: Shadowbench, folder: Callable[..., Path], tmp_path: Path, kind: str, size: int | None
+) -> None:
+    bad = folder(*RUN)
+    row = json.loads((bad / "rows.jsonl").read_text().splitlines()[0])
+    files = {
+        "truth": bad / "truth" / "cube-on-plane.camera.light.16.png",
+        "masks": bad / "masks" / f"{row['key']}.png",
+        "pictures": bad / "pictures" / f"{row['key']}.png",
+    }
+    for name, file in files.items():
+        file.parent.mkdir(exist_ok=True)
+        write_mask(file, np.ones((size if name == kind and size else 16,) * 2))
+    if size is None:
+        files[kind].write_bytes(files[kind].read_bytes()[:40])
+    answer = shadowbench("report", bad, "-o", tmp_path / "report.html")
+    if kind == "pictures" and size is not None:
+        assert answer.code == 0, "a picture is only shown"
+    else:
+        assert_refused(answer, f"{files[kind]}: ")
+
+
+@pytest.mark.parametrize("spoil", cases(POINTS))
+def test_a_row_that_no_sweep_writes_is_one_line(
+    shadowbench: Shadowbench, folder: Callable[..., Path], tmp_path: Path, spoil: Spoil
+) -> None:
+    bad = folder(*STRESS)
+    where = spoil_row(bad, "score", spoil)
+    assert_refused(shadowbench("report", bad, "-o", tmp_path / "report.html"), where)
+    with pytest.raises(InputError, match=re.escape(where)):
+        RowStore(bad, sweep=True)

@@ -1,0 +1,83 @@
+"""One cell timed as if it were two: the arithmetic on known times."""
+
+from collections import Counter
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from shadowbench.commands import doctor
+from shadowbench.gl.clock import QUERIES, WALL, Sample
+from shadowbench.measure.noise import CELL, ROUNDS, SERIES, Noise, noise
+from shadowbench.measure.worker import CellFailed
+
+
+class Scripted:
+    """In place of the worker: the first holding takes `apart` times as long in the rounds of the last series."""
+
+    def __init__(self, apart: float = 1.0, queries: int = 0) -> None:
+        self.apart, self.queries = apart, queries
+        self.calls: list[str] = []
+
+    def call(self, method: str, *arguments: Any) -> Any:
+        self.calls.append(method)
+        if method == "hold":
+            assert arguments[0].spec == CELL
+        if method != "time_frame":
+            return None
+        done = Counter(self.calls)["time_frame"]
+        last_series = done > 2 * ROUNDS * (SERIES - 1)
+        ms = 10 * self.apart if last_series and arguments[0] == 0 else 10.0
+        return Sample(ms, ms, QUERIES if done <= self.queries else WALL)
+
+
+def found(**options: Any) -> tuple[Noise, Scripted]:
+    worker = Scripted(**options)
+    return noise(worker), worker  # type: ignore[arg-type]
+
+
+def test_equal_times_have_no_noise() -> None:
+    told, worker = found()
+    assert (told.ratio, told.worst, told.n, told.frame_ms, told.clock) == (1, 1, SERIES * ROUNDS, 10, WALL)
+    assert worker.calls == ["load", "open", "hold", "hold", *["time_frame"] * (2 * told.n), "let_go"]
+
+
+@pytest.mark.parametrize("apart", [1.25, 0.8])
+def test_the_worst_series_stands_beside_the_whole_and_a_ratio_is_never_below_one(apart: float) -> None:
+    told, _ = found(apart=apart)
+    assert told.ratio == 1
+    assert told.worst == pytest.approx(1.25)
+
+
+def test_queries_that_are_given_up_midway_begin_it_again() -> None:
+    told, worker = found(queries=7)  # of the fourth round, one holding each
+    assert (told.clock, told.n) == (WALL, SERIES * ROUNDS)
+    assert Counter(worker.calls)["time_frame"] == 2 * (4 + SERIES * ROUNDS)
+
+
+def told(monkeypatch: pytest.MonkeyPatch, software: bool, clock: str, found: Noise | CellFailed) -> dict[str, Any]:
+    """What doctor says of noise, of a device that begins with a clock."""
+
+    def answer(worker: Any) -> Noise:
+        if isinstance(found, CellFailed):
+            raise found
+        return found
+
+    monkeypatch.setattr(doctor, "noise", answer)
+    worker: Any = None
+    info: Any = SimpleNamespace(software=software, clock=clock)
+    return doctor._noise(worker, info)
+
+
+def test_doctor_says_when_the_gpu_s_timer_was_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    kept = told(monkeypatch, False, QUERIES, Noise(1.01, 1.02, 45, 3.0, QUERIES))
+    assert "clock" not in kept and kept["noise"] == 1.01
+    given_up = told(monkeypatch, False, QUERIES, Noise(1.01, 1.02, 45, 3.0, WALL))
+    assert given_up["clock"] == WALL
+    assert "the GPU's timer said more than the wall clock" in given_up["why_this_clock"]
+
+
+def test_doctor_says_when_noise_is_too_much_or_was_not_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert "mean nothing" not in told(monkeypatch, True, WALL, Noise(1.05, 1.1, 45, 3.0, WALL))["noise_is"]
+    assert "mean nothing" in told(monkeypatch, True, WALL, Noise(1.06, 1.1, 45, 3.0, WALL))["noise_is"]
+    assert told(monkeypatch, True, WALL, CellFailed("crashed: SIGSEGV")) == {"noise": "not measured: crashed: SIGSEGV"}

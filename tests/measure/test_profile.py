@@ -1,0 +1,51 @@
+"""Where a run's time goes: every second in one place."""
+
+import pytest
+
+from shadowbench.measure import profile as module
+from shadowbench.measure.profile import ACTIVITIES, Profile, share, whole
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """The time, as the list's only item."""
+    now = [100.0]
+    monkeypatch.setattr(module.time, "perf_counter", lambda: now[0])
+    return now
+
+
+def test_what_is_done_within_another_activity_counts_once(clock: list[float]) -> None:
+    profile = Profile()
+    with profile.of("waiting"):
+        clock[0] += 1
+        with profile.of("files"):
+            clock[0] += 2
+        clock[0] += 4
+    clock[0] += 8  # nobody's
+    with profile.of("files"):
+        clock[0] += 16
+    assert profile.seconds == {"waiting": 5, "files": 18}
+
+
+def test_an_activity_that_fails_is_over(clock: list[float]) -> None:
+    profile = Profile()
+
+    def fail() -> None:
+        with profile.of("score"):
+            clock[0] += 1
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        fail()
+    clock[0] += 2
+    with profile.of("files"):
+        clock[0] += 4
+    assert profile.seconds == {"score": 1, "files": 4}
+
+
+def test_the_worker_s_seconds_stand_in_place_of_the_wait_for_them() -> None:
+    seconds = whole({"waiting": 10.0, "score": 2.0, "truth": 1.0}, {"passes": 7.0, "build": 1.0}, 15.0)
+    assert list(seconds) == list(ACTIVITIES)
+    assert sum(seconds.values()) == 15
+    assert (seconds["waiting"], seconds["other"], seconds["files"]) == (2, 2, 0)
+    assert share(seconds) == (7 + 2 + 1) / 15

@@ -1,0 +1,166 @@
+"""A session's own doing around a technique: what it times, and how it counts frames; without GL."""
+
+from collections.abc import Iterator
+from functools import partial
+from itertools import chain, repeat
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shadowbench.gl.clock import WALL, Clock
+from shadowbench.measure import session as module
+from shadowbench.measure.profile import Profile
+from shadowbench.measure.session import WARM_UP, CellRequest, Session
+from shadowbench.techniques.base import Frame, Phase, TechniqueParams
+from shadowbench.techniques.filters import PCF, Dither4, Filter, Hard, Hardware
+
+REQUEST = CellRequest("recorder")
+
+
+class Bare(Session):
+    """A session without a device; its only technique notes the index of every frame that it draws."""
+
+    def __init__(self) -> None:
+        context = SimpleNamespace(finish=lambda: None, enable_only=lambda flags: None, wireframe=False)
+        self.device: Any = SimpleNamespace(
+            context=context, check=lambda what: None, pipeline_statistics=False, software=True, draws=0
+        )
+        self.clock = Clock(self.device)
+        self.profile = Profile()
+        self.facts: dict[str, float] = {}
+        self.params: Any = TechniqueParams()
+        self.view: Any = SimpleNamespace(size=2)
+        self._picture_pass: Any = SimpleNamespace(draw=lambda surface, view, texture, tint: None)
+        self._kept = {}
+        self._surface = None
+        self._held = []
+        self.freed: list[str] = []
+        self.indices: list[int] = []
+
+    def _assembled(self, request: CellRequest) -> Any:
+        def draw(frame: Frame) -> np.ndarray:
+            self.indices.append(frame.index)
+            self.device.draws += 1
+            return np.ones((2, 2, 1), np.float32)
+
+        technique = SimpleNamespace(draw=draw, facts=lambda: self.facts, map_image=lambda: None, params=self.params)
+        surface: Any = None
+        frame = Frame(self.view, Phase(request.phase), 0, surface, self.clock)
+        release = partial(self.freed.append, request.spec)
+        return technique, SimpleNamespace(release=release, bytes=10), frame
+
+    def _check(self, request: CellRequest, texture: object) -> None:
+        pass
+
+
+@pytest.fixture
+def bare(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bare]:
+    monkeypatch.setattr(module, "download", lambda texture: texture)
+    return Bare()
+
+
+def test_building_is_timed_in_milliseconds_without_the_warm_up(bare: Bare, monkeypatch: pytest.MonkeyPatch) -> None:
+    ticks = chain([5.0, 5.1, 5.2, 5.25], repeat(9.0))  # around `prepare` of the profile too
+    monkeypatch.setattr(module.time, "perf_counter", lambda: next(ticks))
+    assert bare.hold(REQUEST) == 250
+
+
+def test_frames_of_a_held_cell_are_counted_from_its_build(bare: Bare) -> None:
+    bare.hold(REQUEST)
+    assert bare.indices == list(range(WARM_UP)) == [0, 1]
+    bare.time_frame(0)
+    bare.time_passes(0)
+    bare.time_frame(0)
+    assert bare.indices == [0, 1, 2, 3, 4]
+
+
+def test_every_held_cell_has_a_count_of_its_own(bare: Bare) -> None:
+    bare.hold(REQUEST)
+    bare.hold(REQUEST)
+    for held in (1, 0, 1):
+        bare.time_frame(held)
+    assert bare.indices == [0, 1, 0, 1, 2, 2, 3]
+    bare.let_go()
+    bare.hold(REQUEST)
+    assert bare.indices[-2:] == [0, 1]
+
+
+def test_what_was_drawn_is_built_once_where_it_is_kept(bare: Bare, monkeypatch: pytest.MonkeyPatch) -> None:
+    built = []
+    assembled = bare._assembled
+    monkeypatch.setattr(bare, "_assembled", lambda request: (built.append(request.spec), assembled(request))[1])
+    specs = [CellRequest(name) for name in "abc"]
+    for spec in specs:
+        bare.draw(spec, keep=25)  # each takes 10
+    assert bare.freed == ["c"]
+    took = bare._kept[specs[0]].prepare_ms
+    bare.draw(CellRequest("d"))
+    assert bare.freed == ["c", "d"]
+    assert bare.hold(specs[0]) == took
+    bare.hold(specs[2])
+    assert built == ["a", "b", "c", "d", "c"]
+    assert bare.indices[-2 * WARM_UP :] == [0, 1, 0, 1]  # as if it had not been drawn before
+    bare.let_go()
+    bare._close()
+    assert bare.freed == ["c", "d", "c", "a", "b"]
+
+
+def test_what_is_built_beforehand_is_what_is_drawn(bare: Bare) -> None:
+    bare.build(REQUEST)
+    took = bare._kept[REQUEST].prepare_ms
+    bare.build(REQUEST)
+    bare.draw(REQUEST, keep=25)
+    bare.draw(REQUEST, keep=25)
+    assert bare._kept[REQUEST].prepare_ms == took
+    assert bare.freed == []
+    bare.draw(REQUEST)
+    assert bare.freed == [REQUEST.spec]
+
+
+def test_a_scored_frame_and_its_work_are_both_without_history(bare: Bare) -> None:
+    drawn = bare.draw(REQUEST)
+    assert bare.indices == [0, 0]
+    assert drawn.work == {"draws": 1}
+    bare.draw(REQUEST)
+    assert bare.indices == [0] * 4
+
+
+def test_a_timed_frame_says_by_which_clock(bare: Bare) -> None:
+    bare.hold(REQUEST)
+    assert bare.time_frame(0).clock == WALL
+
+
+@pytest.mark.parametrize(("row", "reads"), [(Hard(), 1), (Hardware(), 1), (PCF(taps=5), 25), (Dither4(), 4)])
+def test_a_filter_reads_its_map_so_often_for_every_pixel(bare: Bare, row: Filter, reads: int) -> None:
+    bare.params = SimpleNamespace(filter=row)
+    assert bare.draw(REQUEST).work == {"draws": 1, "reads": 2 * 2 * reads}
+
+
+def test_reads_and_rays_that_a_technique_states_are_work_and_no_facts(bare: Bare) -> None:
+    bare.params = SimpleNamespace(filter=PCF())
+    bare.facts = {"reads": 7.0, "rays": 3.0, "texel_m": 0.5}
+    drawn = bare.draw(REQUEST)
+    assert drawn.work == {"draws": 1, "reads": 7, "rays": 3}
+    assert drawn.facts == {"texel_m": 0.5}
+
+
+def test_the_cost_is_the_sum_of_invocations_reads_and_rays(bare: Bare, monkeypatch: pytest.MonkeyPatch) -> None:
+    counted = {"draws": 100, "primitives": 1000, "vertices": 1, "geometry": 2, "fragments": 4}
+    monkeypatch.setattr(module, "work_of", lambda device, draw: counted)
+    bare.facts = {"reads": 8.0, "rays": 16.0}
+    assert bare.draw(REQUEST).work == counted | {"reads": 8, "rays": 16, "cost": 31}
+
+
+def test_without_invocations_there_is_no_cost(bare: Bare) -> None:
+    assert "cost" not in bare.draw(REQUEST).work
+
+
+def test_seconds_are_kept_by_activity(bare: Bare) -> None:
+    bare.hold(REQUEST)
+    bare.time_frame(0)
+    assert set(bare.spent()) == {"prepare", "passes"}
+    bare.draw(REQUEST)
+    assert set(bare.spent()) == {"prepare", "passes", "read back"}
+    assert all(seconds >= 0 for seconds in bare.spent().values())

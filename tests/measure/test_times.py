@@ -1,0 +1,129 @@
+"""Times of different blocks, side by side by one time of their reference."""
+
+from typing import Any
+
+import pandas as pd
+import pytest
+
+from shadowbench.measure.runner import Result
+from shadowbench.scores.metrics import METRICS
+from shadowbench.studies.tables import cells_frame, reference_times, summary
+from shadowbench.studies.times import DRIFT, WIDE, by_one_reference, time_notes
+
+
+def timed(
+    spec: str,
+    frame_ms: float,
+    reference_ms: float = 10.0,
+    iqr: float = 0.02,
+    scene: str = "cube",
+    view: str = "a",
+    light: str = "sun",
+    **of: Any,
+) -> Result:
+    """A cell and its time, in a block in which the reference took `reference_ms`; `iqr` is the ratio's."""
+    score = {
+        "scene": scene, "view": view, "light": light, "phase": 0, "technique": spec, "spec": spec, "map_size": None,
+        "view_size": 8, "renderer": "r", "status": "ok", "key": "k", "metrics": dict.fromkeys(METRICS),
+    }  # fmt: skip
+    time = {
+        "frame_ms": frame_ms, "frame_iqr_ms": 99.0, "ratio": frame_ms / reference_ms, "ratio_iqr": iqr,
+        "reference": "shadow-map:size=1024", "reference_ms": reference_ms, "added_ms": frame_ms - 1, "wall_ms": None,
+        "still_ms": 0.0, "camera_ms": frame_ms / 2, "light_ms": frame_ms, "prepare_ms": 7.0,
+        "passes": {"depth": {"ms": frame_ms / 2}},
+    }  # fmt: skip
+    return Result(score, time | of)
+
+
+# One cell of a quiet block, the reference itself, and one of a block at half the speed.
+MIXED = [timed("slow", 18.0), timed("reference", 10.0), timed("fast", 16.0, reference_ms=20.0)]
+
+
+def shown(*cells: Result) -> pd.DataFrame:
+    return by_one_reference(cells_frame(cells))[0].set_index("spec")
+
+
+def test_cells_of_different_blocks_are_ordered_by_their_ratios() -> None:
+    frame = cells_frame(MIXED)
+    assert frame["frame_ms"].tolist() == [18, 10, 16], "as they were measured, in the table of cells"
+    times = shown(*MIXED)["frame_ms"]
+    assert times.to_dict() == pytest.approx({"slow": 1.8 * 15, "reference": 15, "fast": 0.8 * 15})
+    rows = {row.spec: row.values["frame_ms"].median for row in summary(frame)["cube"]}  # type: ignore[union-attr]
+    assert rows == pytest.approx(times.to_dict())
+
+
+def test_each_block_has_a_say_in_the_reference_s_time_however_many_cells_it_has() -> None:
+    cells = [*(timed(str(number), 10.0, 10.0) for number in range(5)), timed("a", 1.0, 20.0), timed("b", 1.0, 30.0)]
+    reference = by_one_reference(cells_frame(cells))[1]
+    assert reference is not None
+    assert (reference.name, reference.ms, reference.blocks) == ("shadow-map:size=1024", 20, 3)
+    assert (reference.shortest_ms, reference.longest_ms) == (10, 30)
+
+
+def test_spread_passes_and_totals_are_by_the_same_time() -> None:
+    row = shown(*MIXED).loc["fast"]
+    assert row["frame_iqr_ms"] == pytest.approx(0.02 * 15)
+    assert row["added_ms"] == pytest.approx((16 - 1) * 15 / 20)
+    assert (row["still_ms"], row["camera_ms"], row["light_ms"]) == pytest.approx((0, 8 * 15 / 20, 16 * 15 / 20))
+    assert row["pass_depth_ms"] == pytest.approx(8 * 15 / 20)
+    assert row["prepare_ms"] == 7, "which is ranked nowhere"
+
+
+def test_a_time_against_another_reference_or_none_stands_beside_no_other() -> None:
+    other = timed("other", 5.0, reference="unshadowed")
+    none = timed("none", 5.0, ratio=None, ratio_iqr=None)
+    frame, reference = by_one_reference(cells_frame([*MIXED, other, none]))
+    left = frame.set_index("spec").loc[["other", "none"]]
+    columns = ["frame_ms", "frame_iqr_ms", "ratio", "added_ms", "light_ms", "pass_depth_ms"]
+    assert left[columns].isna().all(axis=None)
+    assert frame["frame_ms"].notna().sum() == 3
+    assert reference is not None and (reference.ms, reference.left_out) == (15, 2)
+    assert "times of 2 cells left out: no ratio to shadow-map:size=1024" in time_notes(reference)
+
+
+def test_without_any_ratio_there_is_no_time() -> None:
+    frame, reference = by_one_reference(cells_frame([timed("none", 5.0, ratio=None, ratio_iqr=None)]))
+    assert reference is None and frame["frame_ms"].isna().all()
+    assert time_notes(reference) == []
+
+
+def test_each_table_has_a_reference_of_its_own() -> None:
+    cells = [*MIXED, timed("lamp", 8.0, 4.0, scene="lamp", reference="cube-map:size=1024")]
+    found = reference_times(cells_frame(cells))
+    assert {scene: one and (one.name, one.ms) for scene, one in found.items()} == {
+        "cube": ("shadow-map:size=1024", 15),
+        "lamp": ("cube-map:size=1024", 4),
+    }
+
+
+@pytest.mark.parametrize(("longest", "drifted"), [(10 * DRIFT, False), (10 * DRIFT + 0.1, True)])
+def test_a_table_says_where_the_reference_took_longer_by_more_than_a_quarter(longest: float, drifted: bool) -> None:
+    assert DRIFT == 1.25
+    reference = by_one_reference(cells_frame([timed("a", 1.0), timed("b", 1.0, longest)]))[1]
+    assert reference is not None and reference.drifted is drifted
+    assert any("not equally busy" in note for note in time_notes(reference)) is drifted
+
+
+def test_a_reference_that_costs_more_in_another_view_or_light_says_nothing_of_the_machine() -> None:
+    cells = [timed("a", 1.0), timed("a", 1.0, 30.0, view="b"), timed("a", 1.0, 20.0, light="lamp")]
+    reference = by_one_reference(cells_frame(cells))[1]
+    assert reference is not None and not reference.drifted and reference.blocks == 3
+    reference = by_one_reference(cells_frame([*cells, timed("b", 1.0, 40.0, view="b")]))[1]
+    assert reference is not None and reference.drifted
+    assert (reference.shortest_ms, reference.longest_ms) == (30, 40), "of the view whose blocks differ"
+
+
+@pytest.mark.parametrize(("spread", "wide"), [(0.99 * WIDE, False), (1.01 * WIDE, True)])
+def test_a_time_whose_own_rounds_spread_is_marked(spread: float, wide: bool) -> None:
+    (row,) = summary(cells_frame([timed("a", 30.0, iqr=3 * spread)]))["cube"]
+    assert row.wide is wide
+
+
+def test_notes_name_the_reference_and_the_mark() -> None:
+    reference = by_one_reference(cells_frame(MIXED))[1]
+    first, *others = time_notes(reference, [True, False])
+    assert (
+        first
+        == "milliseconds are ratios to shadow-map:size=1024, timed in turn with it, × its median of 15 ms over 2 blocks"
+    )
+    assert any(note.startswith("~: 1 of 2 times are rough") for note in others)

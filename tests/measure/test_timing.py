@@ -1,0 +1,326 @@
+"""The arithmetic of times and the order in which they are taken, on a worker that answers known numbers."""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shadowbench.gl.clock import QUERIES, WALL, PassTimes, Sample
+from shadowbench.measure.references import name_of
+from shadowbench.measure.session import CellRequest, Unsupported
+from shadowbench.measure.timing import BlockStage, Timing, Untimed, reference_cell, time_cells
+from shadowbench.measure.worker import AteMemory, CellFailed, Limits
+from shadowbench.studies.study import Block, Cell, Study
+from shadowbench.techniques.registry import techniques
+from shadowbench.techniques.spec import Spec, format_spec, parse_spec
+
+KNOWN = techniques()
+FLOOR, REFERENCE, SLOW, FAST = "unshadowed", "shadow-map:size=16", "shadow-map:size=64", "shadow-map:size=32"
+
+# Milliseconds of a frame, round by round. Medians of differences and quotients differ from those of medians.
+FRAMES = {
+    FLOOR: [1.0, 2.0, 9.0],
+    REFERENCE: [10.0, 40.0, 20.0],
+    SLOW: [30.0, 20.0, 100.0],
+    FAST: [5.0, 4.0, 40.0],
+}
+
+
+def spec(text: str) -> Spec:
+    return parse_spec(text, KNOWN)
+
+
+def cell(text: str) -> Cell:
+    return Cell(spec(text), 0)
+
+
+@dataclass
+class Scripted:
+    """In place of the worker: `clock` names the clock of the n-th sample, `fails` says what a call raises."""
+
+    clock: Callable[[int], str] = lambda number: WALL
+    fails: Callable[[str, str | None], Exception | None] = lambda method, name: None
+    generation: int = 1
+    limits: Limits = field(default_factory=Limits)
+    calls: list[tuple[str, str | None]] = field(default_factory=list)
+    held: list[str] = field(default_factory=list)
+    samples: int = 0
+
+    def ready(self) -> None:
+        pass
+
+    def stop(self) -> None:
+        self.calls.append(("stop", None))
+        self.held.clear()
+
+    def call(self, method: str, *arguments: Any) -> Any:
+        name = None
+        if method in ("draw", "hold"):
+            request: CellRequest = arguments[0]
+            name = format_spec(spec(request.spec))
+        elif method.startswith("time_"):
+            name = self.held[arguments[0]]
+        self.calls.append((method, name))
+        error = self.fails(method, name)
+        if error is not None:
+            raise error
+        return getattr(self, method)(*arguments, name) if name else getattr(self, method)(*arguments)
+
+    def load(self, *scene: Any) -> None:
+        pass
+
+    def open(self, *view: Any) -> np.ndarray:
+        return np.zeros((1, 1), np.int32)
+
+    def draw(self, request: CellRequest, name: str) -> None:
+        pass
+
+    def hold(self, request: CellRequest, name: str) -> float:
+        self.held.append(name)
+        return 100.0 * len(self.held)
+
+    def time_frame(self, number: int, name: str) -> Sample:
+        done = Counter(self.calls)["time_frame", name] - 1
+        ms = FRAMES[name][done % 3] + 1000 * (done // 3)  # each further series of three is another thousand
+        return Sample(ms, ms + 7, self._next_clock())
+
+    def time_passes(self, number: int, name: str) -> PassTimes:
+        done = Counter(self.calls)["time_passes", name]
+        times = PassTimes()
+        for part in (1.0, 2.0):  # drawn twice
+            times.add("depth", "light", Sample(part * done, part * done, self._next_clock()))
+        times.add("resolve", "view", Sample(5.0, 5.0, self._next_clock()))
+        return times
+
+    def let_go(self) -> None:
+        self.held.clear()
+
+    def _next_clock(self) -> str:
+        self.samples += 1
+        return self.clock(self.samples)
+
+
+Found = dict[str, Timing | Untimed]
+
+
+def timed(worker: Scripted, *names: str, rounds: int = 3, reference: str = REFERENCE, **options: Any) -> Found:
+    """What is said of each cell, by its spec."""
+    study = Study(("scene",), tuple(map(spec, names)), spec(reference), rounds=rounds)
+    cells = tuple(map(cell, names))
+    view: Any = SimpleNamespace(scene=None, camera=None, light=SimpleNamespace(kind="directional"), size=1)
+    stage = BlockStage(worker, study)  # type: ignore[arg-type]
+    found = time_cells(stage, Block(view, cells), dict.fromkeys(cells, 1), **options)
+    return {format_spec(one.cell.spec): one for one in found}
+
+
+def record(worker: Scripted, name: str, **options: Any) -> dict[str, Any]:
+    timing = timed(worker, name, **options)[name]
+    assert isinstance(timing, Timing)
+    return timing.record()
+
+
+def test_a_frame_s_time_is_the_median_and_its_spread_the_quartiles() -> None:
+    row = record(Scripted(), SLOW)
+    assert (row["frame_ms"], row["frame_iqr_ms"], row["n"]) == (30, 65 - 25, 3)
+
+
+def test_what_a_cell_adds_is_over_the_floor_of_the_same_round() -> None:
+    assert record(Scripted(), SLOW)["added_ms"] == np.median([30 - 1, 20 - 2, 100 - 9]) == 29
+    assert record(Scripted(), FLOOR)["added_ms"] == 0
+
+
+def test_a_ratio_is_the_cell_over_the_reference_of_the_same_round() -> None:
+    row = record(Scripted(), SLOW)
+    assert row["ratio"] == np.median([30 / 10, 20 / 40, 100 / 20]) == 3
+    assert row["ratio_iqr"] == (3 + 5) / 2 - (0.5 + 3) / 2
+    assert (row["reference"], row["reference_ms"], row["no_ratio"]) == (REFERENCE, 20, None)
+    assert row["ratio_quartiles"] == [(0.5 + 3) / 2, (3 + 5) / 2]
+    itself = record(Scripted(), REFERENCE)
+    assert (itself["ratio"], itself["ratio_iqr"]) == (1, 0)
+
+
+def test_rounds_go_over_all_cells_that_are_held() -> None:
+    worker = Scripted()
+    timed(worker, SLOW, FAST)
+    group = [FLOOR, REFERENCE, SLOW, FAST]
+    assert worker.calls[:2] == [("load", None), ("open", None)]
+    assert worker.calls[2:] == [
+        ("draw", REFERENCE),
+        *(("hold", name) for name in group),
+        *(("time_frame", name) for _ in range(3) for name in group),
+        *(("time_passes", name) for name in group),
+        ("let_go", None),
+    ]
+
+
+@pytest.mark.parametrize(("rounds", "passes"), [(1, 1), (5, 1), (6, 2), (9, 3)])
+def test_passes_are_timed_in_a_third_of_the_rounds(rounds: int, passes: int) -> None:
+    worker = Scripted()
+    row = record(worker, SLOW, rounds=rounds)
+    assert Counter(worker.calls)["time_frame", SLOW] == row["n"] == rounds
+    assert Counter(worker.calls)["time_passes", SLOW] == row["passes"]["depth"]["n"] == passes
+
+
+def test_a_pass_that_is_drawn_twice_is_summed_before_the_median() -> None:
+    passes = record(Scripted(), SLOW, rounds=9)["passes"]
+    assert passes["depth"] == {"ms": 6, "iqr_ms": (6 + 9) / 2 - (3 + 6) / 2, "n": 3, "changes": "light"}
+    assert passes["resolve"] == {"ms": 5, "iqr_ms": 0, "n": 3, "changes": "view"}
+
+
+def test_passes_are_totalled_by_what_must_be_drawn_anew() -> None:
+    class Three(Scripted):
+        def time_passes(self, number: int, name: str) -> PassTimes:
+            times = PassTimes()
+            for part, changes, ms in (("map", "light", 1.0), ("fit", "view", 2.0), ("blur", "view", 4.0)):
+                times.add(part, changes, Sample(ms, ms, WALL))  # type: ignore[arg-type]
+            times.add("noise", "frame", Sample(8.0, 8.0, WALL))
+            return times
+
+    row = record(Three(), SLOW)
+    assert (row["still_ms"], row["camera_ms"], row["light_ms"]) == (8, 8 + 2 + 4, 8 + 2 + 4 + 1)
+    row = record(Scripted(), SLOW)  # depth: light, resolve: view
+    assert (row["still_ms"], row["camera_ms"], row["light_ms"]) == (0, 5, 5 + 3)
+
+
+def test_a_technique_that_times_no_pass_has_no_totals() -> None:
+    class Whole(Scripted):
+        def time_passes(self, number: int, name: str) -> PassTimes:
+            return PassTimes()
+
+    row = record(Whole(), SLOW)
+    assert row["passes"] == {}
+    assert (row["still_ms"], row["camera_ms"], row["light_ms"]) == (None, None, None)
+
+
+def test_each_cell_has_its_own_preparation() -> None:
+    found = timed(Scripted(), SLOW, FAST)
+    assert [one.record()["prepare_ms"] for one in found.values() if isinstance(one, Timing)] == [300, 400]
+
+
+def test_the_wall_stands_beside_a_query_and_nowhere_else() -> None:
+    queried = record(Scripted(clock=lambda number: QUERIES), SLOW)
+    assert (queried["clock"], queried["frame_ms"], queried["wall_ms"]) == (QUERIES, 30, 37)
+    walled = record(Scripted(), SLOW)
+    assert (walled["clock"], walled["frame_ms"], walled["wall_ms"]) == (WALL, 30, None)
+
+
+def test_a_group_without_a_change_of_clock_is_measured_once() -> None:
+    for clock in (QUERIES, WALL):
+        worker = Scripted(clock=lambda number, clock=clock: clock)  # type: ignore[misc]
+        timed(worker, SLOW)
+        assert Counter(worker.calls)["time_frame", SLOW] == 3
+
+
+# 9 samples are frames of three cells, 9 more are passes.
+@pytest.mark.parametrize("last_query", [1, 5, 8, 9, 10, 17])
+def test_times_of_two_clocks_are_thrown_away_and_measured_again(last_query: int) -> None:
+    worker = Scripted(clock=lambda number: QUERIES if number <= last_query else WALL)
+    row = record(worker, SLOW)
+    assert (row["clock"], row["wall_ms"]) == (WALL, None)
+    assert (row["frame_ms"], row["n"]) == (1030, 3)  # of the second series alone
+    assert row["passes"]["depth"]["n"] == 1
+    assert row["passes"]["depth"]["ms"] == 6
+    assert Counter(worker.calls)["time_frame", SLOW] == 6
+    assert Counter(worker.calls)["hold", SLOW] == 1
+
+
+def crash(wanted: str, of: str | None = None, error: Exception | None = None) -> Callable[..., Exception | None]:
+    """Fails a method, of one cell or of all."""
+    error = error or CellFailed("crashed: SIGSEGV")
+    return lambda method, name: error if method == wanted and of in (None, name) else None
+
+
+def test_a_view_that_cannot_be_opened_costs_the_times_of_its_cells() -> None:
+    for error in (CellFailed("crashed: SIGSEGV"), AteMemory("ate memory")):
+        worker = Scripted(fails=crash("open", error=error))
+        found = timed(worker, SLOW, FAST, FLOOR, reference=FLOOR)
+        assert {name: isinstance(one, Untimed) and one.reason for name, one in found.items()} == dict.fromkeys(
+            [SLOW, FAST, FLOOR], f"opening the view: {error}"
+        )
+        assert Counter(worker.calls)["open", None] == 1
+
+
+@pytest.mark.parametrize("method", ["hold", "time_frame", "time_passes"])
+def test_a_floor_that_fails_costs_the_times_of_its_cells(method: str) -> None:
+    found = timed(Scripted(fails=crash(method, FLOOR)), SLOW, FAST)
+    assert {name: isinstance(one, Untimed) and one.reason for name, one in found.items()} == dict.fromkeys(
+        [SLOW, FAST], "the floor, unshadowed: crashed: SIGSEGV"
+    )
+
+
+@pytest.mark.parametrize("method", ["hold", "time_frame", "time_passes"])
+def test_a_cell_that_fails_costs_its_own_time(method: str) -> None:
+    slow, fast = (timed(Scripted(fails=crash(method, SLOW)), SLOW, FAST)[name] for name in (SLOW, FAST))
+    assert isinstance(slow, Untimed) and slow.reason == "crashed: SIGSEGV"
+    assert isinstance(fast, Timing) and fast.record()["ratio"] is not None
+
+
+@pytest.mark.parametrize("method", ["draw", "hold", "time_frame"])
+@pytest.mark.parametrize(
+    ("error", "status"),
+    [(CellFailed("crashed: SIGSEGV"), "failed: crashed: SIGSEGV"), (Unsupported("a point"), "unsupported: a point")],
+)
+def test_a_row_says_why_it_has_no_ratio(method: str, error: Exception, status: str) -> None:
+    found = timed(Scripted(fails=crash(method, REFERENCE, error)), SLOW)
+    assert isinstance(found[REFERENCE], Untimed)
+    slow = found[SLOW]
+    assert isinstance(slow, Timing)
+    row = slow.record()
+    assert (row["ratio"], row["ratio_iqr"], row["no_ratio"], row["n"]) == (None, None, status, 3)
+
+
+def test_a_cell_that_lacks_only_its_ratio_is_timed_when_the_reference_answers() -> None:
+    lacking = {cell(SLOW)}
+    answers = timed(Scripted(), SLOW, FAST, lacking=lacking)
+    assert [type(one) for one in answers.values()] == [Timing, Timing]
+    fails = timed(Scripted(fails=crash("draw", REFERENCE)), SLOW, FAST, lacking=lacking)
+    assert {name: type(one) for name, one in fails.items()} == {REFERENCE: Untimed, FAST: Timing}
+
+
+def test_a_worker_that_cannot_let_go_is_stopped_and_the_times_stand() -> None:
+    worker = Scripted(fails=crash("let_go"))
+    assert isinstance(timed(worker, SLOW)[SLOW], Timing)
+    assert worker.calls[-2:] == [("let_go", None), ("stop", None)]
+
+
+def test_cells_that_eat_memory_together_are_timed_apart() -> None:
+    def fails(method: str, name: str | None) -> Exception | None:
+        return AteMemory("ate memory") if method == "hold" and {SLOW, FAST} <= {*worker.held, name} else None
+
+    worker = Scripted(fails=fails)
+    found = timed(worker, SLOW, FAST)
+    assert [type(one) for one in found.values()] == [Timing, Timing]
+    held = [name for method, name in worker.calls if method == "hold"]
+    assert held == [*(FLOOR, REFERENCE, SLOW, FAST), *(FLOOR, REFERENCE, SLOW), *(FLOOR, REFERENCE, FAST)]
+
+
+@pytest.mark.parametrize(("times", "kind"), [(1, Timing), (2, Untimed)])
+def test_a_cell_alone_that_eats_memory_is_tried_in_a_fresh_worker(times: int, kind: type) -> None:
+    def fails(method: str, name: str | None) -> Exception | None:
+        often = Counter(worker.calls)["hold", SLOW]
+        return AteMemory("ate memory") if (method, name) == ("hold", SLOW) and often <= times else None
+
+    worker = Scripted(fails=fails)
+    (found,) = timed(worker, SLOW).values()
+    assert isinstance(found, kind)
+    assert Counter(worker.calls)["hold", SLOW] == 2
+
+
+@pytest.mark.parametrize(
+    ("chosen", "names"),
+    [
+        ("shadow-map", {"directional": "shadow-map:size=1024", "spot": "shadow-map:size=1024"}),
+        ("shadow-map:fit=scene,size=64", {"spot": "shadow-map:fit=scene,size=64"}),
+        ("cascades:size=512", {"directional": "cascades:size=512", "spot": "unshadowed"}),
+        ("cube-map:size=64", {"directional": "unshadowed", "point": "cube-map:size=64"}),
+        ("ray-traced", {"directional": "ray-traced", "spot": "ray-traced", "point": "ray-traced"}),
+    ],
+)
+def test_a_kind_of_light_that_the_reference_does_not_answer_has_its_own(chosen: str, names: dict[str, str]) -> None:
+    study = Study(("scene",), (), spec(chosen))
+    for kind, name in ({"point": "cube-map:size=1024"} | names).items():
+        assert name_of(reference_cell(study, kind).spec) == name  # type: ignore[arg-type]

@@ -1,0 +1,360 @@
+"""Studies written for one test, plug-ins that behave and misbehave, and runs of both."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+from shadowbench.measure.runner import Result, Runner
+from shadowbench.measure.worker import Limits, Worker
+from shadowbench.studies.file import read_study
+from shadowbench.studies.study import Study
+from shadowbench.techniques.base import Technique
+from shadowbench.techniques.registry import techniques
+
+HALF = '''
+"""A technique in one file, its shader inline."""
+
+from shadowbench.techniques.base import Technique, TechniqueParams, param
+
+SHADER = """
+uniform float level;
+out float visibility;
+void main() { visibility = level; }
+"""
+
+
+class Half(Technique):
+    """The same half-light everywhere."""
+
+    name = "half"
+
+    class Params(TechniqueParams):
+        """Parameters of half."""
+
+        level: float = param(0.5, "visibility of every pixel", ge=0, le=1)
+
+    def build(self, stage):
+        self.program = stage.program("fullscreen.vert", SHADER)
+        self.program.set(level=self.params.level)
+        self.fullscreen = stage.fullscreen(self.program)
+        self.visibility = stage.texture()
+        self.target = stage.target(self.visibility)
+
+    def draw(self, frame):
+        with frame.timed("fill"):
+            self.fullscreen.draw(self.target, frame.surface.inputs)
+        return self.visibility
+'''
+
+WILD = (
+    HALF.replace("Half", "Wild").replace('"half"', '"wild"')
+    + '''
+import ctypes
+import os
+import subprocess
+import sys
+import time
+
+import numpy as np
+
+
+class Does(Wild):
+    """Half-light, and whatever a plug-in can do wrong, after so many draws that went well."""
+
+    name = "does"
+
+    class Params(Wild.Params):
+        """Parameters of does."""
+
+        what: str = param("nothing", "the misdeed")
+        after: int = param(0, "draws that go well")
+
+    @classmethod
+    def unsupported(cls, params, view, device):
+        return "reasons\\n" * 6_000_000 if params.what == "decline" else None
+
+    def draw(self, frame):
+        self.draws = getattr(self, "draws", 0) + 1
+        texture = super().draw(frame)
+        if self.draws <= self.params.after:
+            return texture
+        returned = getattr(self, "do_" + self.params.what.replace("-", "_"))(texture)
+        return texture if returned is None else returned
+
+    def do_nothing(self, texture):
+        return texture
+
+    def do_abort(self, texture):
+        os.abort()
+
+    def do_segv(self, texture):
+        ctypes.string_at(0)
+
+    def do_exit(self, texture):
+        sys.exit(0)
+
+    def do_hang(self, texture):
+        while True:
+            pass
+
+    def do_eat(self, texture):
+        held = [np.ones(8 << 20) for _ in range(48)]
+        while held:
+            pass
+
+    def do_raise(self, texture):
+        raise ZeroDivisionError("as planned\\non two lines")
+
+    def do_raise_wordless(self, texture):
+        class WordlessError(Exception):
+            def __str__(self):
+                raise KeyError("no words")
+
+        raise WordlessError
+
+    def do_nan(self, texture):
+        texture.write(np.full(texture.size, np.nan, dtype=np.float32))
+
+    def do_bright(self, texture):
+        texture.write(np.full(texture.size, 2.0, dtype=np.float32))
+
+    def do_small(self, texture):
+        return texture.ctx.texture((8, 8), 1, data=bytes(256), dtype="f4")
+
+    def do_none(self, texture):
+        return "not a texture"
+
+    def do_gl_error(self, texture):
+        self.fullscreen.program.device.raw("glUniform1i", 12345, 0)
+
+    def do_litter(self, texture):
+        # State that OpenGL keeps: the next to draw must not inherit it.
+        context = texture.ctx
+        context.enable(context.BLEND | context.CULL_FACE | context.DEPTH_TEST | context.RASTERIZER_DISCARD)
+        context.blend_func = context.ZERO, context.ZERO
+        context.depth_func = ">"
+        context.front_face = "cw"
+        context.viewport = context.scissor = (0, 0, 3, 3)
+        context.polygon_offset = 100.0, 100.0
+        context.wireframe = True
+        self.target.color_mask = False, False, False, False
+        self.target.depth_mask = False
+
+    def do_print(self, texture):
+        print("loud")
+        os.write(1, b"louder\\n")
+
+    def do_shout(self, texture):
+        raise ValueError("shout " * 8_000_000)
+
+    def do_shout_in_one_word(self, texture):
+        raise ValueError("\\x1b" * 50_000_000)
+
+    def do_print_much(self, texture):
+        for stream in (1, 2):
+            os.write(stream, b"first words\\n")
+        for _ in range(50):
+            sys.stdout.write("much " * 200_000)
+        sys.stderr.write("\\nlast words\\n")
+
+    def do_leave_processes(self, texture):
+        # A child; a grandchild whose parent is gone; one that was forked.
+        sleep = [sys.executable, "-c", "import time; time.sleep(600)"]
+        orphan = "import subprocess, sys; subprocess.Popen(sys.argv[1:]).pid"
+        pids = [subprocess.Popen(sleep).pid]
+        subprocess.run([sys.executable, "-c", orphan, *sleep], check=True)
+        forked = os.fork()
+        if forked == 0:
+            time.sleep(600)
+            os._exit(0)
+        with open(os.environ["PIDS"], "w") as file:
+            file.write(" ".join(map(str, [*pids, forked])))
+
+    def do_leave_processes_and_abort(self, texture):
+        self.do_leave_processes(texture)
+        os.abort()
+
+    def do_leave_processes_and_hang(self, texture):
+        self.do_leave_processes(texture)
+        # In a session of its own, where no signal to the worker's group reaches it.
+        sleep = [sys.executable, "-c", "import time; time.sleep(600)"]
+        subprocess.Popen(sleep, start_new_session=True)
+        if sys.platform == "linux":  # nor is it found below its parent, which is gone
+            orphan = "import subprocess, sys; subprocess.Popen(sys.argv[1:], start_new_session=True)"
+            subprocess.run([sys.executable, "-c", orphan, *sleep], check=True)
+        time.sleep(600)
+
+    def do_leave_processes_and_eat(self, texture):
+        self.do_leave_processes(texture)
+        self.do_eat(texture)
+
+    def facts(self):
+        if self.params.what == "long-fact":
+            return {"f" * 50_000_000: 1.0}
+        return {"odd": float("nan") if self.params.what == "odd-facts" else 1.0}
+
+    def do_long_fact(self, texture):
+        return texture
+
+    def do_odd_facts(self, texture):
+        return texture
+
+    def do_gate(self, texture):
+        while not os.path.exists(os.environ["GATE"]):
+            time.sleep(0.01)
+
+    def do_lack(self, texture):
+        open(os.path.join(os.path.dirname(__file__), "needed")).close()
+
+    def do_hold(self, texture):
+        # A call into C that never returns, and keeps Python's lock all the time.
+        ctypes.PyDLL(None).sleep(600)
+'''
+)
+
+
+@dataclass
+class Notebook:
+    """A reporter that keeps what it is told."""
+
+    notes: list[str] = field(default_factory=list)
+    steps: list[str] = field(default_factory=list)
+
+    def note(self, line: str) -> None:
+        self.notes.append(line)
+
+    def stage(self, name: str, total: int) -> None:
+        pass
+
+    def step(self, what: str) -> None:
+        self.steps.append(what)
+
+
+@dataclass
+class Bench:
+    """A worker with plug-ins, and studies run on it in this process."""
+
+    worker: Worker
+    plugins: Sequence[Path]
+    calls: list[str] = field(default_factory=list)
+
+    @cached_property
+    def techniques(self) -> Mapping[str, type[Technique]]:
+        return techniques(self.plugins)
+
+    def study(self, folder: Path, text: str) -> Study:
+        folder.mkdir(parents=True, exist_ok=True)
+        file = folder / "study.toml"
+        file.write_text(text, encoding="utf-8")
+        return read_study(file, self.techniques)
+
+    def run(self, study: Study, folder: Path) -> list[Result]:
+        """The results; `calls` are then those that the worker got."""
+        self.worker.limits = Limits(study.time_limit, int(study.memory_limit * 2**30))
+        self.calls.clear()
+        self.notebook = Notebook()
+        runner = Runner(study, folder, self.worker, self.notebook)
+        return runner.run()
+
+
+@pytest.fixture(scope="session")
+def plugin_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("plugins")
+    (folder / "half.py").write_text(HALF)
+    (folder / "wild.py").write_text(WILD)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def half(plugin_folder: Path) -> Path:
+    """A file that defines one technique, `half`."""
+    return plugin_folder / "half.py"
+
+
+@pytest.fixture(scope="session")
+def wild(plugin_folder: Path) -> Path:
+    """A file that defines `does:what=…`, which misbehaves."""
+    return plugin_folder / "wild.py"
+
+
+@pytest.fixture(scope="module")
+def bench(half: Path, wild: Path) -> Iterator[Bench]:
+    """One worker for all tests of a file."""
+    plugins = (half, wild)
+    with Worker(plugins) as worker:
+        bench = Bench(worker, plugins)
+        call = worker.call
+
+        def noted(method: str, *arguments: Any, **options: Any) -> Any:
+            bench.calls.append(method)
+            return call(method, *arguments, **options)
+
+        worker.call = noted  # type: ignore[method-assign]
+        yield bench
+
+
+@dataclass
+class Started:
+    """A `shadowbench` of its own, in a session of its own, so that Ctrl-C reaches it and its worker alone."""
+
+    process: subprocess.Popen[str]
+
+    def family(self) -> list[psutil.Process]:
+        return psutil.Process(self.process.pid).children(recursive=True)
+
+    def until(self, reached: Callable[[], bool]) -> None:
+        """Wait for a condition that will come true, or for the end of the process, which is wrong."""
+        while not reached():
+            assert self.process.poll() is None, self.process.communicate()
+            time.sleep(0.005)
+
+    def end(self) -> tuple[int, str, str]:
+        out, err = self.process.communicate(timeout=120)
+        return self.process.returncode, out, err
+
+
+@pytest.fixture
+def start() -> Iterator[Callable[..., Started]]:
+    """Starts `shadowbench …`; what is still there at the end of the test is killed."""
+    started: list[Started] = []
+
+    def begin(*arguments: str | Path, **environment: str | Path) -> Started:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "shadowbench.cli", *map(str, arguments)],
+            env=os.environ | {name: str(value) for name, value in environment.items()},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+        started.append(Started(process))
+        return started[-1]
+
+    yield begin
+    for one in started:
+        if one.process.poll() is None:
+            for process in [*one.family(), psutil.Process(one.process.pid)]:
+                process.kill()
+            one.process.communicate()
+
+
+@pytest.fixture(scope="session")
+def records() -> Callable[..., list[dict[str, Any]]]:
+    """The records of a run folder in the order of the file, of one kind if asked."""
+
+    def read(folder: Path, kind: str | None = None) -> list[dict[str, Any]]:
+        file = folder / "rows.jsonl"
+        lines = file.read_text(encoding="utf-8").split("\n")[:-1] if file.exists() else []
+        return [record for record in map(json.loads, lines) if kind in (None, record["kind"])]
+
+    return read
