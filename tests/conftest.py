@@ -20,8 +20,8 @@ from shadowbench.scenes.model import Mesh, Placement, Scene, View, view_of
 from shadowbench.scenes.shapes import build_shape
 from shadowbench.truth.trace import Truth, trace
 
-
 pytest_plugins = ["tests.runs"]
+
 
 @pytest.fixture(scope="session")
 def shared_scenes() -> Path:
