@@ -96,6 +96,7 @@ _ALLOWED = {
     "too_long": "at most {max_length} entries",
     "string_too_short": "{min_length} or more characters",
     "string_too_long": "at most {max_length} characters",
+    "union_tag_not_found": "one that has {discriminator}",
     "string_pattern_mismatch": "text that matches {pattern}",
 }
 """What is allowed, by pydantic's name of a complaint, where its own words are those of Python."""

@@ -37,7 +37,7 @@ TESTS = {
     "shadowbench/techniques/lights.py": FITS,
     "shadowbench/scores/*.py": ["tests/scores"],
     "shadowbench/check/baseline.py": ["tests/check/test_baseline.py"],
-    "shadowbench/studies/tables.py": ["tests/studies/test_tables.py"],
+    "shadowbench/studies/t*s.py": ["tests/studies/test_tables.py", "tests/studies/test_times.py"],
 }
 # With what they import, these are imported once, before children are forked.
 WARM = ("shadowbench.cli", "tests.conftest", "hypothesis.extra.numpy", "scipy.optimize", "skimage.metrics")

@@ -78,7 +78,8 @@ def _ranking(block: str, times: Sequence[tuple[Record, Record]]) -> Ranking:
         if 0 not in orders:
             sharp += 1
             swapped += orders[0] != orders[1]
-    tau = kendalltau(*np.array([[side["ratio"] for side in pair] for pair in times]).T).statistic
+    ratios = np.array([[side["ratio"] for side in pair] for pair in times]).T
+    tau = kendalltau(*ratios).statistic if len(times) > 1 else np.nan
     return Ranking(block, len(times), sharp, swapped, None if np.isnan(tau) else float(tau))
 
 

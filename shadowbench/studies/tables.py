@@ -1,9 +1,10 @@
 """Rows joined into tables: `table.csv`, a line a cell, and the summary that is printed."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pandas as pd
@@ -93,7 +94,7 @@ class SummaryRow:
     cells: int
     refused: tuple[str, ...]
     values: dict[str, Interval | None]
-    phases: int = 1
+    phases: int
 
     @property
     def wide(self) -> bool:
@@ -104,7 +105,7 @@ class SummaryRow:
     @property
     def anecdote(self) -> bool:
         """Whether a map was scored at one position of its grid alone."""
-        return self.map_size is not None and self.cells > 0 and self.phases == 1
+        return self.map_size is not None and self.phases == 1
 
 
 def interval(values: Sequence[float]) -> Interval | None:
@@ -144,14 +145,14 @@ def reference_times(frame: pd.DataFrame) -> dict[str, ReferenceTime | None]:
 def summary_rows(table: pd.DataFrame) -> list[SummaryRow]:
     """The rows of one table, whose times are by one reference, best first."""
     rows = []
-    for _, group in table.groupby(["spec", "map_size"], sort=False, dropna=False):
-        spec, size = str(group["spec"].iloc[0]), group["map_size"].iloc[0]
+    for key, group in table.groupby(["spec", "map_size"], sort=False, dropna=False):
+        spec, size = cast("tuple[str, float]", key)
         held = group[group["status"] == "ok"]
         names = [*METRICS, *_TIMES[:4], *_TOTALS, "gpu_bytes"]
         values = {name: interval(held[name].tolist()) for name in names}
         refused = tuple(group.loc[group["status"] != "ok", "status"])
-        size = None if pd.isna(size) else int(size)
-        rows.append(SummaryRow(spec, size, len(held), refused, values, held["phase"].nunique()))
+        map_size = None if pd.isna(size) else int(size)
+        rows.append(SummaryRow(spec, map_size, len(held), refused, values, held["phase"].nunique()))
     return sorted(rows, key=_error)
 
 
@@ -178,7 +179,7 @@ def over_scenes(tables: Mapping[str, Sequence[SummaryRow]]) -> tuple[list[str], 
         for row in taken[scene]:
             found.setdefault((row.spec, row.map_size), []).append(row)
     means = [
-        SummaryRow(spec, size, sum(row.cells for row in rows), (), values)
+        SummaryRow(spec, size, sum(row.cells for row in rows), (), values, min(row.phases for row in rows))
         for (spec, size), rows in found.items()
         for values in [{name: _mean([row.values[name] for row in rows]) for name in METRICS}]
     ]
@@ -190,9 +191,9 @@ def _mean(values: Sequence[Interval | None]) -> Interval | None:
     return Interval(float(np.mean(medians))) if medians else None
 
 
-def _error(row: SummaryRow) -> tuple[bool, float, str, int]:
+def _error(row: SummaryRow) -> tuple[float, str, int]:
     iou = row.values["iou"]
-    return (iou is None, -iou.median if iou else 0.0, row.spec, row.map_size or 0)
+    return (math.inf if iou is None else -iou.median, row.spec, row.map_size or 0)
 
 
 @dataclass(frozen=True)
@@ -203,7 +204,7 @@ class Slope:
     spec: str
     sizes: tuple[int, ...]
     slope: Interval
-    phases: int = 1
+    phases: int
 
 
 def slopes(frame: pd.DataFrame) -> list[Slope]:

@@ -46,8 +46,8 @@ def by_one_reference(table: pd.DataFrame) -> tuple[pd.DataFrame, ReferenceTime |
     """A table of cells with all its times by one time of their reference, and that; None where nothing has a ratio.
 
     The reference is the one that most cells were timed against; cells with another, or without a ratio, lose their
-    times. `frame_ms` is the ratio, and `frame_iqr_ms` the ratio's IQR, times the reference's time; other times are
-    scaled by what the reference took in their own block.
+    times. `frame_ms` is the ratio, and `frame_iqr_ms` the ratio's IQR, times the reference's time; other times, and the
+    reference's own IQR, which no ratio to itself has, are scaled by what the reference took in their own block.
     """
     reference_ms, ratio = table["reference_ms"].astype(float), table["ratio"].astype(float)
     has_ratio = ratio.notna() & reference_ms.notna()
@@ -55,14 +55,17 @@ def by_one_reference(table: pd.DataFrame) -> tuple[pd.DataFrame, ReferenceTime |
     ours = has_ratio & (table["reference"] == name)
     blocks = reference_ms[ours].unique()
     ms = float(np.median(blocks)) if len(blocks) else np.nan
+    scale = (ms / reference_ms).where(ours)
+    ratio_iqr = table["ratio_iqr"].astype(float)
+    itself = (ratio == 1) & (ratio_iqr == 0)
     shown = table.assign(
         ratio=ratio.where(ours),
         frame_ms=ratio.where(ours) * ms,
-        frame_iqr_ms=table["ratio_iqr"].astype(float).where(ours) * ms,
+        frame_iqr_ms=(ratio_iqr * ms).where(~itself, table["frame_iqr_ms"].astype(float) * scale).where(ours),
     )
     for column in map(str, table.columns):
         if column in _SCALED or column.startswith("pass_"):
-            shown[column] = table[column].astype(float) * (ms / reference_ms).where(ours)
+            shown[column] = table[column].astype(float) * scale
     if name is None:
         return shown, None
     left_out = int((table["frame_ms"].notna() & ~ours).sum())

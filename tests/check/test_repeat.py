@@ -46,6 +46,12 @@ def test_tau_is_of_pairs_that_agree_less_those_that_do_not() -> None:
     assert not compare_runs(rows(1, 2, 3, 4), rows(2, 1, 3, 4)).ranked_alike
 
 
+def test_one_cell_has_no_order() -> None:
+    """Nor does SciPy warn of it, which would be an error here."""
+    (ranking,) = compare_runs(rows(1), rows(2)).rankings
+    assert (ranking.cells, ranking.sharp, ranking.tau, ranking.tau_of_all) == (1, 0, None, None)
+
+
 @pytest.mark.parametrize("near", [0, 1])
 def test_a_pair_that_is_within_five_percent_in_either_run_may_swap(near: int) -> None:
     runs = [rows(1.04, 1.0, 2.0), rows(1.0, 1.5, 2.0)]

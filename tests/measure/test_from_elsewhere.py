@@ -83,6 +83,7 @@ SCORES: dict[str, Spoil] = {
     "infinity in a field that is unknown": put("novel", value=[{"deep": INFINITY}]),
     "another schema": put("schema", value=2),
     "another kind": put("kind", value="opinion"),
+    "no kind": lacking("kind"),
     "half a place on an axis": put("axis", value="elevation"),
     "a list": text("[]"),
     "200,000 brackets": text(NESTED),

@@ -79,7 +79,7 @@ def test_a_curve_rises_with_the_factor_and_names_the_best(tmp_path: Path) -> Non
     def row(scale: float, size: int, iou: float, ssim: float | None) -> SummaryRow:
         spec = "shadow-map" if scale == 1 else f"shadow-map:bias=texel(scale={scale})"
         values = {"iou": Interval(iou), "ssim": None if ssim is None else Interval(ssim)}
-        return SummaryRow(spec, size, 1, (), values)
+        return SummaryRow(spec, size, 1, (), values, 1)
 
     rows = [
         row(2.0, 1024, 0.97, 0.99),
@@ -123,7 +123,7 @@ def test_sweeps_that_meet_are_whole_each_and_a_table_names_a_spec_s_own(tmp_path
     values = {"iou": Interval(0.9), "ssim": Interval(0.9)}
     cells = list(dict.fromkeys((format_spec(spec, size=False), spec.map_size) for spec in made.specs))
     assert len(cells) == 8
-    rows = [SummaryRow(spec, size, 1, (), values) for spec, size in cells]
+    rows = [SummaryRow(spec, size, 1, (), values, 1) for spec, size in cells]
     frame = pd.DataFrame(cells, columns=["spec", "map_size"])
 
     def told(found: Places) -> list[tuple[str, int | None, list[tuple[float, str]]]]:

@@ -1,5 +1,6 @@
 """Tables: medians with their intervals, and slopes, of known numbers."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -144,11 +145,35 @@ def test_lights_of_one_scene_are_tables_of_their_own() -> None:
 def test_a_spec_that_held_nowhere_takes_no_part_in_the_mean_over_scenes() -> None:
     tables = {
         scene: [
-            SummaryRow("a", 512, 1, (), dict.fromkeys(METRICS, Interval(iou))),
-            SummaryRow("cube-map", 512, 0, ("unsupported: no",), dict.fromkeys(METRICS)),
+            SummaryRow("a", 512, 1, (), dict.fromkeys(METRICS, Interval(iou)), 1),
+            SummaryRow("cube-map", 512, 0, ("unsupported: no",), dict.fromkeys(METRICS), 0),
         ]
         for scene, iou in (("one", 0.2), ("two", 0.4))
     }
     scenes, means = over_scenes(tables)
     assert scenes == ["one", "two"]
     assert [(row.spec, row.values["iou"].median) for row in means] == [("a", pytest.approx(0.3))]
+
+
+def test_a_map_at_one_position_of_its_grid_is_an_anecdote() -> None:
+    two = [result(phase=0), result(0.6, phase=1)]
+    without, lost = result(size=None, spec="volume"), result(spec="lost", untimed="crashed")
+    (row,) = summary(cells_frame(two))["cube"]
+    assert (row.phases, row.anecdote) == (2, False)
+    (row,) = summary(cells_frame(two[:1]))["cube"]
+    assert (row.phases, row.anecdote) == (1, True)
+    assert not any(row.anecdote for row in summary(cells_frame([without, lost]))["cube"]), "no map, or none that held"
+    assert [fit.phases for fit in slopes(cells_frame([*two, result(size=128), result(0.7, size=128, phase=1)]))] == [2]
+
+
+def test_the_mean_over_scenes_has_the_fewest_phases_of_them() -> None:
+    row = SummaryRow("a", 512, 2, (), dict.fromkeys(METRICS, Interval(0.2)), 2)
+    _, (mean,) = over_scenes({"one": [row], "two": [replace(row, cells=1, phases=1)]})
+    assert (mean.cells, mean.phases) == (3, 1)
+
+
+@pytest.mark.parametrize(("iqr", "rough"), [(None, False), (0.99, False), (1.0, False), (1.01, True)])
+def test_a_time_whose_middle_half_spans_more_than_a_third_of_it_is_rough(iqr: float | None, rough: bool) -> None:
+    values = {"frame_ms": Interval(3.0), "frame_iqr_ms": None if iqr is None else Interval(iqr)}
+    assert SummaryRow("a", 512, 1, (), values, 1).wide is rough
+    assert not SummaryRow("a", 512, 1, (), {"frame_iqr_ms": Interval(9.0)}, 1).wide

@@ -214,19 +214,24 @@ def test_real_meshes_closed_or_not_are_exact(file, shared_scenes, studio, build,
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("spec", "most"), [(SILHOUETTE, 4), (DEPTH, 45)])  # found: 2 and 36, of 15 million
-def test_wrong_pixels_have_grazing_light_or_an_edge(spec, most, studio, build, builtin) -> None:
-    """All scenes pooled. Where rasteriser and ray see different triangles, a pixel is at an edge of one."""
-    total = unexplained = 0
+@pytest.mark.parametrize(("spec", "most", "at_grazing"), [(SILHOUETTE, 4, 0), (DEPTH, 45, 20)])
+def test_wrong_pixels_have_grazing_light_or_an_edge(spec, most, at_grazing, studio, build, builtin) -> None:
+    """All scenes pooled. Where rasteriser and ray see different triangles, a pixel is at an edge of one.
+
+    Found: 2 and 36 of 15 million; and 0 and 12 more where N·L is below 0.001, which only float64 decides.
+    """
+    total = grazing = unexplained = 0
     for name in builtin_names():
         shot = studio.shot(builtin(name, 1024))
         truth = trace(shot.filed, pixel_samples=1)
         dark = truth.visibility < 0.5
         edge = maximum_filter(dark & truth.receivers, 3) & maximum_filter(~dark & truth.receivers, 3)
         bad = wrong(build(spec, shot).draw(shot), truth)
-        total += bad.sum()
+        total += (bad & (truth.cosine >= 1e-3)).sum()
+        grazing += (bad & (truth.cosine < 1e-3)).sum()
         unexplained += (bad & ~edge & (truth.cosine >= 0.15) & (truth.triangle == shot.triangle)).sum()
     assert total <= most
+    assert grazing <= at_grazing
     assert unexplained <= 1  # found: 1 by position, 0 by depth
 
 

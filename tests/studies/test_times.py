@@ -8,7 +8,7 @@ import pytest
 from shadowbench.measure.runner import Result
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.tables import cells_frame, reference_times, summary
-from shadowbench.studies.times import DRIFT, WIDE, by_one_reference, time_notes
+from shadowbench.studies.times import DRIFT, WIDE, ReferenceTime, by_one_reference, time_notes
 
 
 def timed(
@@ -50,6 +50,13 @@ def test_cells_of_different_blocks_are_ordered_by_their_ratios() -> None:
     assert times.to_dict() == pytest.approx({"slow": 1.8 * 15, "reference": 15, "fast": 0.8 * 15})
     rows = {row.spec: row.values["frame_ms"].median for row in summary(frame)["cube"]}  # type: ignore[union-attr]
     assert rows == pytest.approx(times.to_dict())
+
+
+def test_the_reference_has_the_spread_of_its_own_rounds() -> None:
+    """Its ratio to itself has none, and 0 would read as perfect timing."""
+    cells = [timed("reference", 10.0, iqr=0.0, frame_iqr_ms=3.0), timed("a", 16.0, 20.0, iqr=0.1)]
+    spread = shown(*cells)["frame_iqr_ms"]
+    assert spread.to_dict() == pytest.approx({"reference": 3.0 * 15 / 10, "a": 0.1 * 15})
 
 
 def test_each_block_has_a_say_in_the_reference_s_time_however_many_cells_it_has() -> None:
@@ -127,3 +134,10 @@ def test_notes_name_the_reference_and_the_mark() -> None:
         == "milliseconds are ratios to shadow-map:size=1024, timed in turn with it, × its median of 15 ms over 2 blocks"
     )
     assert any(note.startswith("~: 1 of 2 times are rough") for note in others)
+
+
+@pytest.mark.parametrize(("count", "ending"), [(1, ""), (2, "s")])
+def test_notes_count_blocks_and_cells_left_out(count: int, ending: str) -> None:
+    blocks, left_out = time_notes(ReferenceTime("r", 10.0, 10.0, 10.0, count, count))
+    assert blocks.endswith(f"over {count} block{ending}")
+    assert left_out.startswith(f"times of {count} cell{ending} left out")
