@@ -34,7 +34,7 @@ FITS = [f"tests/techniques/test_{name}.py" for name in ("window", "light_view", 
 # By module, tests that run in one process: a worker that a test starts would import the unchanged module.
 TESTS = {
     "shadowbench/techniques/fits.py": FITS,
-    "shadowbench/techniques/lights.py": FITS,
+    "shadowbench/geometry/lights.py": FITS,
     "shadowbench/scores/*.py": ["tests/scores"],
     "shadowbench/check/baseline.py": ["tests/check/test_baseline.py"],
     "shadowbench/studies/tables.py": ["tests/studies/test_tables.py"],

@@ -8,11 +8,11 @@ from scipy.ndimage import maximum_filter
 
 import shadowbench.techniques.shadow_volume as module
 from shadowbench.errors import InputError
+from shadowbench.geometry.topology import casters_of
 from shadowbench.gl.clock import Clock, work_of
 from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import Light, Mesh, Scene, unit, view_of
 from shadowbench.techniques.base import Frame, Phase
-from shadowbench.techniques.edges import casters_of
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
 from shadowbench.truth.trace import trace
