@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from shadowbench.reports.analysis import (
     Section,
     front,
-    pareto_front,
     reaches_edge,
     reaches_iou,
     sections,
@@ -21,6 +20,7 @@ from shadowbench.reports.folder import read_runs
 from shadowbench.reports.gallery import shots_of_section
 from shadowbench.reports.markdown import markdown_report
 from shadowbench.reports.words import headline, reach_tables, refusals, section_notes, warned
+from shadowbench.studies.tables import pareto_front
 from tests.reports.conftest import CELLS, RECEIVERS, Cell
 
 SMALL = st.integers(0, 5).map(float)  # few values, so that ties are met
