@@ -3,9 +3,10 @@
 Only what is used here is looked at; the names are those of the glTF 2.0 specification.
 """
 
+import math
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.tables import MOST_COPIES, MOST_NAMED
@@ -69,10 +70,17 @@ class NodeTable(Part):
     skin: Any = None
     children: list[Count] = []
     matrix: Annotated[list[Number], Field(min_length=16, max_length=16)] | None = None
-    rotation: Annotated[list[Number], Field(min_length=4, max_length=4)] | None = None
-    scale: Annotated[list[Number], Field(min_length=3, max_length=3)] | None = None
-    translation: Annotated[list[Number], Field(min_length=3, max_length=3)] | None = None
+    rotation: Annotated[list[Number], Field(min_length=4, max_length=4)] = [0, 0, 0, 1]
+    scale: Annotated[list[Number], Field(min_length=3, max_length=3)] = [1, 1, 1]
+    translation: Annotated[list[Number], Field(min_length=3, max_length=3)] = [0, 0, 0]
     extensions: NodeExtensions = NodeExtensions()
+
+    @field_validator("rotation")
+    @classmethod
+    def _turns(cls, rotation: list[float]) -> list[float]:
+        if not any(rotation):
+            raise ValueError("found four zeros; allowed: a unit quaternion")
+        return rotation
 
 
 class Draco(Part):
@@ -167,7 +175,7 @@ class CameraTable(Part):
 class Cone(Part):
     """Of a spot."""
 
-    outerConeAngle: Number | None = None
+    outerConeAngle: Number = math.pi / 4
 
 
 class LightTable(Part):
@@ -175,7 +183,7 @@ class LightTable(Part):
 
     name: str | None = None
     type: str = Field(strict=True)
-    spot: Cone | None = None
+    spot: Cone = Cone()
     range: Number | None = None
     intensity: Number | None = None
 
