@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from shadowbench.scenes.model import Floats, Geometry, Light, Scene, View, bounds_of, used_by
+from shadowbench.scenes.geometry import Geometry, bounds_of, used_by
+from shadowbench.scenes.model import Floats, Light, Scene, View
 
 # A plane is (n, d), unit n: inside where n·x + d ≥ 0.
 

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.scenes.model import Floats, Geometry, in_slices
+from shadowbench.scenes.geometry import Geometry, in_slices
+from shadowbench.scenes.model import Floats
 
 LEAST_SHARE = 0.0005
 """Smallest part of the searched area that makes a plane, where nothing is said."""

@@ -10,7 +10,8 @@ from shadowbench.geometry.lights import LightSpace
 from shadowbench.geometry.slices import practical_depths, slices
 from shadowbench.needs.maps import FLAT, FittedMap
 from shadowbench.needs.texels import Texels, edge_size
-from shadowbench.scenes.model import Floats, View, bounds_of
+from shadowbench.scenes.geometry import bounds_of
+from shadowbench.scenes.model import Floats, View
 
 COUNTS = (2, 3, 4, 5, 6, 7, 8)
 

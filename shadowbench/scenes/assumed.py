@@ -6,7 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.model import Camera, Floats, Light, Mesh, Vec3, bounds_of, unit, vec3
+from shadowbench.scenes.geometry import bounds_of
+from shadowbench.scenes.model import Camera, Floats, Light, Mesh, Vec3, unit, vec3
 
 VIEW_FROM = (1.25, 1.2, 2.7)
 FOV_Y = math.radians(36.0)

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.gltf_layout import Layout, NodeTable
+from shadowbench.scenes.gltf_schema import Layout, NodeTable
 from shadowbench.scenes.model import Camera, Floats, Light, unit, vec3
 from shadowbench.scenes.tables import LONGEST_NAME, NARROWEST, WIDEST_SPOT, name_from
 

@@ -12,7 +12,8 @@ from shadowbench.gl.device import Device
 from shadowbench.gl.geometry import TRIANGLE_DEFINES, by_triangle
 from shadowbench.gl.matrices import view_projection
 from shadowbench.gl.program import Sampling, State, Texture
-from shadowbench.scenes.model import Floats, Geometry, View, bounds_of, used_by, vec3
+from shadowbench.scenes.geometry import Geometry, bounds_of, used_by
+from shadowbench.scenes.model import Floats, View, vec3
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 
 _ROUNDING = 1e-6  # of the diagonal: more than float32 lifts a plane's own corners off it near the origin
