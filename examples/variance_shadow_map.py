@@ -8,7 +8,7 @@ LAYERS and REVERSED beside the SIZE that `params` gives; `receiver.glsl`, which 
 
 from typing import Annotated
 
-from shadowbench.geometry.convex import CasterHull
+from shadowbench.geometry.hull import CasterHull
 from shadowbench.gl.gbuffer import download
 from shadowbench.gl.program import Sampling, State
 from shadowbench.techniques.base import Technique, TechniqueParams, param

@@ -45,7 +45,6 @@ def needs(
 @app.command(
     epilog="\b\nFor example\n"
     "  shadowbench tune -t shadow-map --scenes stairs,statue,street,my.glb --held-out statue,my\n"
-    "  shadowbench tune -t shadow-map --folds 3\n"
     "  shadowbench tune -t cube-map --params bias --trials 50"
 )
 def tune(

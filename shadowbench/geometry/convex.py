@@ -1,4 +1,4 @@
-"""Convex regions as half-spaces, the corners of their intersection, and the hull of a scene."""
+"""Convex regions as half-spaces, and the corners of their intersection."""
 
 from functools import cache
 from itertools import combinations
@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from shadowbench.scenes.geometry import Geometry, bounds_of, used_by
-from shadowbench.scenes.model import Floats, Light, Scene, View
+from shadowbench.scenes.geometry import bounds_of
+from shadowbench.scenes.model import Floats, View
 
 # A plane is (n, d), unit n: inside where n·x + d ≥ 0.
 
@@ -67,24 +67,3 @@ def hull_points(points: Floats) -> Floats:
 def apart(points: Floats, planes: Floats) -> bool:
     """Whether all (N, 3) points are outside one of (P, 4) planes: then their hull is clear of the region in them."""
     return bool((points @ planes[:, :3].T + planes[:, 3] < 0.0).all(axis=0).any())
-
-
-def concerned_vertices(geometry: Geometry) -> Floats:
-    """(N, 3) corners of what casts or receives, or of everything if nothing does."""
-    concerned = geometry.casts | geometry.receives  # a sky that does neither must not widen the map
-    return used_by(geometry.faces[concerned] if concerned.any() else geometry.faces, geometry.vertices)
-
-
-class CasterHull:
-    """What a fit knows of the geometry, computed once: points that bound it in every direction, and its boxes."""
-
-    def __init__(self, scene: Scene) -> None:
-        vertices = concerned_vertices(scene.geometry)
-        self.bounds = bounds_of(vertices)
-        self.extent = float(np.abs(self.bounds).max())
-        self.points = hull_points(vertices)
-
-    def position_step(self, light: Light) -> float:
-        """The local length by which float32 rounds places in the scene, as seen from a light."""
-        farthest = self.extent if light.kind == "directional" else max(self.extent, *map(abs, light.position))
-        return 2.0**-24 * farthest

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shadowbench.geometry.convex import concerned_vertices
+from shadowbench.geometry.hull import concerned_vertices
 from shadowbench.geometry.lights import LightSpace
 from shadowbench.geometry.slices import practical_depths, slices
 from shadowbench.needs.maps import FLAT, FittedMap

@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.geometry.convex import CasterHull
+from shadowbench.geometry.hull import CasterHull
 from shadowbench.gl.device import Device
 from shadowbench.gl.program import Wrap
 from shadowbench.gl.targets import DepthFormat, refused

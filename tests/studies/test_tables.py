@@ -4,10 +4,21 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from shadowbench.measure.runner import Result
 from shadowbench.scores.metrics import METRICS
-from shadowbench.studies.tables import Interval, SummaryRow, cells_frame, interval, over_scenes, slopes, summary
+from shadowbench.studies.tables import (
+    Interval,
+    SummaryRow,
+    cells_frame,
+    interval,
+    over_scenes,
+    pareto_front,
+    slopes,
+    summary,
+)
 
 
 def result(
@@ -152,3 +163,17 @@ def test_a_spec_that_held_nowhere_takes_no_part_in_the_mean_over_scenes() -> Non
     scenes, means = over_scenes(tables)
     assert scenes == ["one", "two"]
     assert [(row.spec, row.values["iou"].median) for row in means] == [("a", pytest.approx(0.3))]
+
+
+SMALL = st.integers(0, 5).map(float)  # few values, so that ties are met
+
+
+@given(st.lists(st.tuples(SMALL, SMALL), max_size=25))
+def test_the_front_is_what_no_other_point_beats(points: list[tuple[float, float]]) -> None:
+    def beaten(one: tuple[float, float]) -> bool:
+        return any(other[0] <= one[0] and other[1] <= one[1] and other != one for other in points)
+
+    found = pareto_front(points)
+    assert set(found) == {index for index, point in enumerate(points) if not beaten(point)}
+    assert [points[index][0] for index in found] == sorted(points[index][0] for index in found)
+    assert [points[index][1] for index in found] == sorted((points[index][1] for index in found), reverse=True)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shadowbench.errors import InputError
-from shadowbench.geometry.convex import CasterHull
+from shadowbench.geometry.hull import CasterHull
 from shadowbench.geometry.lights import Box, light_space, window
 from shadowbench.scenes.model import AS_FILED, Light, Scene
 from shadowbench.techniques.fits import Fixed, SceneFit, Sight, Visible
