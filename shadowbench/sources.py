@@ -2,6 +2,7 @@
 
 import ast
 import hashlib
+import warnings
 from collections.abc import Iterable, Iterator
 from functools import cache
 from importlib.metadata import version
@@ -22,7 +23,7 @@ def code_digest(*roots: Path, beside: Iterable[Path] = ()) -> str:
     ours = imported(*roots)
     for file in [*ours, *(file for place in beside for file in files_in(place))]:
         digest.update(file.name.encode() + b"\0" + file.read_bytes() + b"\0")
-    used = {name.partition(".")[0] for file in ours for name in _names(file)}
+    used = {name.partition(".")[0] for file in ours for name in _imports(file)}
     digest.update(repr([version(library) for module, library in LIBRARIES.items() if module in used]).encode())
     return digest.hexdigest()
 
@@ -35,7 +36,7 @@ def imported(*roots: Path) -> list[Path]:
         file = left.pop()
         if file not in found:
             found.add(file)
-            left += [other for name in _names(file) for other in _ours(name)]
+            left += [other for name in _imports(file) for other in _ours(name)]
     return sorted(found)
 
 
@@ -44,12 +45,22 @@ def files_in(place: Path) -> list[Path]:
     return sorted(path for path in place.rglob("*") if path.suffix in SOURCES) if place.is_dir() else [place]
 
 
+def _imports(file: Path) -> frozenset[str]:
+    return _names(file.read_bytes()) if file.suffix == ".py" else frozenset()
+
+
 @cache
-def _names(file: Path) -> frozenset[str]:
-    """The dotted names that a file imports; of `from a import b` both a and a.b, since b may be a module."""
+def _names(text: bytes) -> frozenset[str]:
+    """The dotted names that a source imports; of `from a import b` both a and a.b, since b may be a module."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # Python has told them on import
+            tree = ast.parse(text)
+    except (SyntaxError, ValueError):  # a template in somebody's package, say: nobody imports it either
+        return frozenset()
 
     def names() -> Iterator[str]:
-        for node in ast.walk(ast.parse(file.read_bytes())):
+        for node in ast.walk(tree):
             if isinstance(node, ast.Import):
                 yield from (alias.name for alias in node.names)
             elif isinstance(node, ast.ImportFrom) and node.module and not node.level:

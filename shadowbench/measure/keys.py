@@ -11,7 +11,7 @@ from shadowbench.data import data_folder
 from shadowbench.measure import scoring, session
 from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.model import Coordinates, View
-from shadowbench.sources import PACKAGE, SOURCES, code_digest
+from shadowbench.sources import PACKAGE, SOURCES, code_digest, files_in
 from shadowbench.studies.study import Cell
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.registry import own_techniques, source_file
@@ -44,8 +44,8 @@ def cell_key(cell: Cell, view: str, coordinates: Coordinates, renderer: str) -> 
 def _sources(technique: type[Technique]) -> str:
     lineage = [one for one in (*technique.__mro__, *technique.Params.__mro__) if not _from_a_library(one)]
     files = dict.fromkeys(source_file(one) for one in lineage)
-    others = [place for file in files for place in _around(file)]
-    return code_digest(*_MEASURING, *files, beside=[*_shaders(lineage), *dict.fromkeys(others)])
+    around = dict.fromkeys(other for file in files for other in _around(file))
+    return code_digest(*_MEASURING, *files, *around, beside=_shaders(lineage))
 
 
 def _from_a_library(one: type) -> bool:
@@ -68,4 +68,4 @@ def _around(file: Path) -> list[Path]:
         return [other for other in beside if other.suffix in SOURCES - {".py"}]
     while (folder.parent / "__init__.py").exists():  # from anywhere in the package it may import
         folder = folder.parent
-    return [folder]
+    return files_in(folder)

@@ -307,6 +307,23 @@ def test_the_whole_package_of_a_plug_in_is_in_its_key(half: Path, tmp_path: Path
     assert len(set(found)) == 4
 
 
+def test_what_the_package_of_a_plug_in_imports_of_ours_is_in_its_key(
+    half: Path, tmp_path: Path, edit: Callable[..., None], plugged: Callable[..., str]
+) -> None:
+    package = tmp_path / "package"
+    package.mkdir()
+    (package / "__init__.py").write_text("")
+    file = package / "half.py"
+    shutil.copy(half, file)
+    (package / "helper.py").write_text("from shadowbench.techniques import culling\n")
+    (package / "template.py").write_text("{{ no Python }}")
+    before = plugged(file)
+    edit(ROOT / "shadowbench" / "techniques" / "layers.py")
+    assert plugged(file) == before
+    edit(ROOT / "shadowbench" / "techniques" / "culling.py")
+    assert plugged(file) != before
+
+
 INHERITS = """
 from {module} import {parent}
 
