@@ -8,10 +8,11 @@ LAYERS and REVERSED beside the SIZE that `params` gives; `receiver.glsl`, which 
 
 from typing import Annotated
 
+from shadowbench.geometry.hull import CasterHull
 from shadowbench.gl.gbuffer import download
 from shadowbench.gl.program import Sampling, State
 from shadowbench.techniques.base import Technique, TechniqueParams, param
-from shadowbench.techniques.fits import CasterHull, Fit, Sight, Visible
+from shadowbench.techniques.fits import Fit, Sight, Visible
 from shadowbench.techniques.maps import map_uniforms
 from shadowbench.techniques.params import one_of
 from shadowbench.techniques.reduction import VisibleBounds

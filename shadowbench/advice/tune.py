@@ -7,12 +7,13 @@ import pandas as pd
 
 from shadowbench.advice.tune_beside import Found, Tuning, beside
 from shadowbench.advice.tune_cells import Cells
-from shadowbench.advice.tune_folds import Fold
-from shadowbench.advice.tune_scores import front, log_cost, log_error, scene_scores, surely_less
+from shadowbench.advice.tune_scores import log_cost, log_error, scene_scores, surely_less
 from shadowbench.advice.tune_space import Space
+from shadowbench.advice.tune_split import Split
 from shadowbench.errors import InputError
 from shadowbench.measure.worker import CellFailed
 from shadowbench.studies.study import Block
+from shadowbench.studies.tables import pareto_front
 from shadowbench.techniques.spec import Spec, format_spec
 
 if TYPE_CHECKING:
@@ -26,18 +27,14 @@ _SEED = 0
 
 
 def tune(
-    space: Space, cells: Cells, blocks: Sequence[Block], folds: Sequence[Fold], trials: int, others: Mapping[str, Spec]
+    space: Space, cells: Cells, blocks: Sequence[Block], split: Split, trials: int, others: Mapping[str, Spec]
 ) -> Tuning:
-    """Search so many trials in each fold, as if there were no other, and set what was found beside `others`, by name.
+    """Search so many trials on the scenes to tune on, and set what was found beside `others`, by name, on the rest.
 
     Nothing is measured twice. Raises CellFailed as `Search.run` does.
     """
-    found = []
-    for number, fold in enumerate(folds, start=1):
-        which = f"fold {number} of {len(folds)}: " if len(folds) > 1 else ""
-        cells.reporter.note(f"{which}tuning on {', '.join(fold.tuning)}; held out: {', '.join(fold.held_out)}")
-        found.append(Search(space, cells, blocks, fold).run(trials, others))
-    return beside(found)
+    cells.reporter.note(f"tuning on {', '.join(split.tuning)}; held out: {', '.join(split.held_out)}")
+    return beside(Search(space, cells, blocks, split).run(trials, others))
 
 
 class Search:
@@ -52,10 +49,10 @@ class Search:
     that is within the scatter of the best (Breiman et al. 1984).
     """
 
-    def __init__(self, space: Space, cells: Cells, blocks: Sequence[Block], fold: Fold) -> None:
-        self.space, self.cells, self.fold = space, cells, fold
-        self.tuning = [block for block in blocks if block.scene.name in fold.tuning]
-        self.held_out = [block for block in blocks if block.scene.name in fold.held_out]
+    def __init__(self, space: Space, cells: Cells, blocks: Sequence[Block], split: Split) -> None:
+        self.space, self.cells, self.split = space, cells, split
+        self.tuning = [block for block in blocks if block.scene.name in split.tuning]
+        self.held_out = [block for block in blocks if block.scene.name in split.held_out]
         self.default = space.home
         self._tried: dict[Spec, pd.DataFrame] = {}  # what held on the tuning scenes, with its scores
         self._lost: set[Spec] = set()  # what did not
@@ -123,9 +120,11 @@ class Search:
 
     def _best(self) -> tuple[list[Spec], Spec]:
         """The best at each cost, from the cheapest, and the best of them that costs no more than the default."""
-        found = list(self._tried)
-        kept = front([self._cost(spec) for spec in found], [self._error(spec) for spec in found])
-        best = [found[i] for i in kept]
+        found: dict[tuple[float, float], Spec] = {}
+        for spec in self._tried:  # of equal ones the first
+            found.setdefault((self._cost(spec), self._error(spec)), spec)
+        points = list(found)
+        best = [found[points[i]] for i in pareto_front(points)]
         return best, [spec for spec in best if self._cost(spec) <= 0][-1]
 
     def _found(self, named: Mapping[str, Spec]) -> Found:
@@ -139,7 +138,7 @@ class Search:
         _check(tuned, scores)
         _check(self.default, scores)
         tried = {spec: self._tried[spec] for spec in chosen}
-        return Found(self.fold, tuned, best, named, tried, scores)
+        return Found(self.split, tuned, best, named, tried, scores)
 
     def _stage(self, name: str, specs: int, blocks: Sequence[Block]) -> None:
         self.cells.reporter.stage(name, specs * self.cells.each(self.default) * len(blocks))

@@ -4,7 +4,7 @@ A scene is one observation: its views, phases and sizes are averaged first, and 
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 import numpy as np
 import pandas as pd
@@ -75,13 +75,3 @@ def mean_of(metric: str, scores: pd.DataFrame) -> float | None:
     """The mean over scenes of a metric as it is; None where no scene has it."""
     mean = float(scores[metric].mean())
     return None if math.isnan(mean) else mean
-
-
-def front(costs: Sequence[float], errors: Sequence[float]) -> list[int]:
-    """The indices of the points that no other beats in both, from the cheapest; of equal points the first."""
-    order = sorted(range(len(costs)), key=lambda i: (costs[i], errors[i], i))
-    kept: list[int] = []
-    for i in order:
-        if not kept or errors[i] < errors[kept[-1]]:
-            kept.append(i)
-    return kept

@@ -45,7 +45,6 @@ def needs(
 @app.command(
     epilog="\b\nFor example\n"
     "  shadowbench tune -t shadow-map --scenes stairs,statue,street,my.glb --held-out statue,my\n"
-    "  shadowbench tune -t shadow-map --folds 3\n"
     "  shadowbench tune -t cube-map --params bias --trials 50"
 )
 def tune(
@@ -61,14 +60,6 @@ def tune(
         str | None,
         typer.Option(
             metavar="NAME,NAME,...", help="Scenes, by name, to compare on and not to tune on  [every third, by hash]."
-        ),
-    ] = None,
-    folds: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N",
-            min=2,
-            help="Searches, each on other scenes, so that every scene is held out once  [one search].",
         ),
     ] = None,
     params: Annotated[
@@ -97,14 +88,13 @@ def tune(
     """Search the parameters at which a technique is most accurate at each cost, on several scenes.
 
     Error is that of IoU and SSIM together, cost the work counted. What is best on the scenes tuned on is set beside
-    the default and the presets on scenes held out: every camera and light of a scene takes part. With --folds every
-    scene is held out once, by a search that has not seen it. Stopped at any point, the same command goes on where it
-    was.
+    the default and the presets on scenes held out: every camera and light of a scene takes part. Stopped at any point,
+    the same command goes on where it was.
     """
     from shadowbench.commands.tune import TuneOptions, tune_command
 
     options = TuneOptions(
-        technique, scenes, held_out, folds, params, tuple(against or ()), trials,
+        technique, scenes, held_out, params, tuple(against or ()), trials,
         map_size, view_size or 512, phases, tuple(plugin or ()), assets, up,
     )  # fmt: skip
     raise typer.Exit(tune_command(options, output, as_json=json, quiet=quiet))

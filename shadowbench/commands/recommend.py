@@ -3,7 +3,7 @@
 import dataclasses
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,6 @@ from rich.table import Table
 
 from shadowbench.advice.recommend import Recommendation, Target, Unit, recommend
 from shadowbench.advice.search import Tried
-from shadowbench.advice.shown_shaders import shaders_of
 from shadowbench.commands.console import (
     ConsoleReporter,
     check_folder,
@@ -36,6 +35,7 @@ from shadowbench.scenes.views import chosen_view, notes_on
 from shadowbench.studies.times import time_notes
 from shadowbench.techniques.params import Row
 from shadowbench.techniques.spec import Spec, format_spec
+from shadowbench.techniques.stage import ShaderText
 from shadowbench.truth.cache import cached_truth
 
 ROUNDS = 9
@@ -85,11 +85,12 @@ def recommend_command(options: RecommendOptions, folder: Path, *, as_json: bool,
                 return results[-1]
 
             found = recommend(view, truth, target, unit, known, info.max_map_size, measure)
+            shaders = gauge.shaders(found.choice.spec) if options.export and found.choice else []
     write_run_file(folder / "run.json", info, view.scene.notes, gauge.study, [one.score for one in results])
     if results:
         write_cells(folder, results, {})
     if options.export is not None and found.choice is not None:
-        export(options.export, found, options.plugins)
+        export(options.export, found, found.choice.spec, shaders)
     if as_json:
         print_json(as_values(found, info))
     else:
@@ -128,11 +129,8 @@ def _unit(options: RecommendOptions, info: DeviceInfo) -> Unit:
     return "work"
 
 
-def export(folder: Path, found: Recommendation, plugins: tuple[Path, ...]) -> None:
-    """`parameters.json` and a file for each stage of each program of the choice."""
-    assert found.choice is not None
-    spec = found.choice.spec
-    shaders = shaders_of(format_spec(spec, full=True), found.view.scene, found.view.size, plugins)
+def export(folder: Path, found: Recommendation, spec: Spec, shaders: Sequence[ShaderText]) -> None:
+    """`parameters.json` of the choice, and a file for each of its shaders."""
     parameters = {
         "spec": format_spec(spec),
         "technique": spec.technique.name,

@@ -9,10 +9,10 @@ from rich.markup import escape
 from rich.table import Table
 
 from shadowbench.advice.tune import tune
-from shadowbench.advice.tune_beside import Best, Entry, Tuning
+from shadowbench.advice.tune_beside import Entry, Tuning
 from shadowbench.advice.tune_cells import Cells
-from shadowbench.advice.tune_folds import folds
 from shadowbench.advice.tune_space import Space, searched
+from shadowbench.advice.tune_split import split_of
 from shadowbench.commands.console import (
     ConsoleReporter,
     check_folder,
@@ -43,7 +43,6 @@ class TuneOptions:
     spec: str
     scenes: str | None
     held_out: str | None
-    folds: int | None
     params: str | None
     against: tuple[str, ...]
     trials: int
@@ -57,9 +56,6 @@ class TuneOptions:
 
 def tune_command(options: TuneOptions, folder: Path, *, as_json: bool, quiet: bool) -> int:
     """Search, write `table.csv` and `run.json`, print what was found; 3 when a cell failed, else 0."""
-    held_out = _listed(options.held_out)
-    if held_out and options.folds is not None:
-        raise InputError(f"--folds {options.folds} holds out every scene once; allowed: it or --held-out, not both")
     known = techniques_with(options.plugins)
     sizes = map_sizes(options.map_size)
     home = _at(parse_spec(options.spec, known), sizes)
@@ -85,7 +81,7 @@ def tune_command(options: TuneOptions, folder: Path, *, as_json: bool, quiet: bo
         if not cells.info.pipeline_statistics:
             raise InputError(f"{cells.info.renderer} counts no invocations, so there is no cost to tune for")
         blocks = cells.taking_part(home)
-        split = folds([scene.name for scene in scenes_of(blocks)], held_out, options.folds)
+        split = split_of([scene.name for scene in scenes_of(blocks)], _listed(options.held_out))
         space = Space(home, names, cells.refused_rows(home, names, blocks))
         found = tune(space, cells, blocks, split, options.trials, others)
     results = list(cells.results.values())
@@ -128,16 +124,11 @@ def _others(
 
 
 def _print(found: Tuning) -> None:
-    several = len(found.folds) > 1
-    for place, best in enumerate(found.folds, start=1):
-        which = f"fold {place} of {len(found.folds)}: " if several else ""
-        title = f"{which}best at each cost, from the cheapest; held out: {', '.join(best.fold.held_out)}"
-        _print_table(title, best.front)
-        out.print()
-    scenes = sum(len(best.fold.held_out) for best in found.folds)
-    each = ", the tuned in each by the fold that held it out" if several else ""
-    intervals = ", with 95% intervals over them" if scenes > 1 else ""
-    title = f"beside the default and others on {counted(scenes, 'scene')} held out{each}{intervals}"
+    held_out = found.split.held_out
+    _print_table(f"best at each cost, from the cheapest; held out: {', '.join(held_out)}", found.front)
+    out.print()
+    intervals = ", with 95% intervals over them" if len(held_out) > 1 else ""
+    title = f"beside the default and others on {counted(len(held_out), 'scene')} held out{intervals}"
     _print_table(title, (found.tuned, *found.others))
     out.print("error: √((1 − IoU) · (1 − SSIM)), geometric mean over scenes; × tuned: median over scenes")
     out.print(_verdict(found), markup=False, soft_wrap=True)
@@ -157,7 +148,7 @@ def _print_table(title: str, entries: Sequence[Entry]) -> None:
 def _line(entry: Entry) -> list[str]:
     return [
         escape(entry.name),
-        "each fold's own" if entry.spec is None else escape(format_spec(entry.spec, size=False)),
+        escape(format_spec(entry.spec, size=False)),
         f"{entry.cost:.2f}",
         number(entry.tuning),
         entry.held_out.text(number),
@@ -169,16 +160,14 @@ def _line(entry: Entry) -> list[str]:
 def _verdict(found: Tuning) -> str:
     """Whether the scenes held out speak for another default."""
     default = found.others[0]
-    specs = dict.fromkeys(best.tuned.spec for best in found.folds)
-    if list(specs) == [default.spec]:
+    if found.tuned.spec == default.spec:
         return "the default stands: nothing at its cost was surely better on the scenes that were tuned on"
     iou, ssim = default.iou_ratio, default.ssim_ratio
     worse = iou is not None and ssim is not None and (iou.low or 0) > 1 and ssim.median > 1
-    texts = [format_spec(spec, size=False) for spec in specs if spec is not None]
+    tuned = format_spec(found.tuned.spec, size=False)
     if worse:
-        return f"suggested default: {' or '.join(texts)}"
-    better = texts[0] if len(texts) == 1 else "what the folds chose"
-    return f"the default stands: on the scenes held out it is not surely behind {better}"
+        return f"suggested default: {tuned}"
+    return f"the default stands: on the scenes held out it is not surely behind {tuned}"
 
 
 def _factor(value: float) -> str:
@@ -189,14 +178,11 @@ def _plain(found: Tuning) -> dict[str, Any]:
     def entry(one: Entry) -> dict[str, Any]:
         values = {item.name: getattr(one, item.name) for item in fields(one)}
         return {key: asdict(value) if isinstance(value, Interval) else value for key, value in values.items()} | {
-            "spec": None if one.spec is None else format_spec(one.spec, size=False)
+            "spec": format_spec(one.spec, size=False)
         }
 
-    def fold(best: Best) -> dict[str, Any]:
-        return asdict(best.fold) | {"tuned": entry(best.tuned), "front": [entry(one) for one in best.front]}
-
-    return {
-        "folds": [fold(best) for best in found.folds],
+    return asdict(found.split) | {
+        "front": [entry(one) for one in found.front],
         "tuned": entry(found.tuned),
         "others": [entry(one) for one in found.others],
         "verdict": _verdict(found),

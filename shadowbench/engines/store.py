@@ -4,32 +4,26 @@ import hashlib
 import json
 import re
 import shutil
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-import shadowbench.scores
-import shadowbench.truth
-from shadowbench.data import source_digest
 from shadowbench.engines.difference import write_difference
 from shadowbench.engines.scored import Accuracy
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
 from shadowbench.measure import scoring
 from shadowbench.measure.row_store import RowStore
-from shadowbench.scenes import model
 from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.model import View
 from shadowbench.scores.masks import write_mask
+from shadowbench.sources import code_digest
+from shadowbench.truth import cache
 from shadowbench.truth.cache import cached_truth
 
-_LIBRARIES = ("embreex", "numpy", "scikit-image", "scipy")
 _IDENTITY = ("scene", "view", "light", "spec", "view_size", "renderer")
 _NAME = re.compile(r"[A-Za-z0-9][\w.+-]{0,79}")
-_SOURCES = [Path(str(package.__file__)).parent for package in (shadowbench.scores, shadowbench.truth)]
-_SOURCES += [Path(str(module.__file__)) for module in (model, scoring)]
 
 
 def check_name(name: str) -> None:
@@ -83,15 +77,14 @@ def identity(view: View, name: str) -> dict[str, Any]:
 
 
 def content_key(accuracy: Accuracy, name: str) -> str:
-    """Hex key of everything that the row rests on: engine, view, what was handed over, sources, libraries."""
+    """Hex key of everything that the row rests on: engine, view, what was handed over, sources."""
     view = accuracy.view
     parts = {
         "engine": name,
         "view": (view.scene.name, view.camera.name, view.light.name, view_digest(view)),
         "mask": accuracy.record["mask_sha256"],
         "input": accuracy.record["input"],
-        "sources": source_digest(*_SOURCES),
-        "libraries": [version(library) for library in _LIBRARIES],
+        "sources": code_digest(Path(scoring.__file__), Path(cache.__file__)),
     }
     return _digest(parts)
 

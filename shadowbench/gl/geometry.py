@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from shadowbench.gl.device import Device
 from shadowbench.gl.program import Drawable, Program
-from shadowbench.scenes.model import Geometry
+from shadowbench.scenes.geometry import Geometry
 
 _Value = TypeVar("_Value", bound=np.generic)
 _ROW = 2048

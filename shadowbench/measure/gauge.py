@@ -5,11 +5,13 @@ from pathlib import Path
 
 from shadowbench.measure.references import REFERENCE
 from shadowbench.measure.runner import Reporter, Result, Runner
+from shadowbench.measure.timing import request_of
 from shadowbench.measure.worker import Worker
 from shadowbench.scenes.model import View
 from shadowbench.studies.study import Block, Cell, Study
 from shadowbench.techniques.shadow_map import ShadowMap
 from shadowbench.techniques.spec import Spec, parse_spec
+from shadowbench.techniques.stage import ShaderText
 
 
 class Gauge(Runner):
@@ -27,3 +29,9 @@ class Gauge(Runner):
     def measured(self, specs: Sequence[Spec]) -> list[Result]:
         """The rows of specs, made now or before."""
         return self.run_block(Block(self.view, tuple(Cell(spec, 0) for spec in specs)))
+
+    def shaders(self, spec: Spec) -> list[ShaderText]:
+        """The GLSL of a spec in the view, as the driver is given it."""
+        self._stage.open(Block(self.view, ()))
+        texts: list[ShaderText] = self.worker.call("shaders", request_of(Cell(spec, 0)))
+        return texts

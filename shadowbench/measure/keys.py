@@ -5,25 +5,21 @@ import json
 import sys
 from collections.abc import Sequence
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 
-from shadowbench import gl, scores, truth
-from shadowbench.data import SOURCES, data_folder, source_digest
+from shadowbench.data import data_folder
 from shadowbench.measure import scoring, session
-from shadowbench.scenes import model, planes
 from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.model import Coordinates, View
+from shadowbench.sources import PACKAGE, SOURCES, code_digest, files_in
 from shadowbench.studies.study import Cell
-from shadowbench.techniques import registry
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.registry import own_techniques, source_file
 from shadowbench.techniques.spec import format_spec
+from shadowbench.truth import cache as truths
 
-_LIBRARIES = ("embreex", "moderngl", "numpy", "pyglm", "scikit-image", "scipy")
-_PACKAGES = tuple(Path(str(package.__file__)).parent for package in (gl, truth, scores))
-_MODULES = tuple(Path(str(module.__file__)) for module in (model, planes, scoring, session))
-_TECHNIQUES = Path(str(registry.__file__)).parent
+# What draws, scores and traces, with all that these import; of techniques they import none.
+_MEASURING = tuple(Path(str(module.__file__)) for module in (session, scoring, truths))
 
 
 def view_key(view: View) -> str:
@@ -46,16 +42,14 @@ def cell_key(cell: Cell, view: str, coordinates: Coordinates, renderer: str) -> 
 
 @cache
 def _sources(technique: type[Technique]) -> str:
-    lineage = [*technique.__mro__, *technique.Params.__mro__]
-    inherited = [place for one in lineage for place in _places(one)]
-    places = [*_PACKAGES, *_MODULES, *_shared(), *_shaders(lineage), *dict.fromkeys(inherited)]
-    return source_digest(*places) + ",".join(version(library) for library in _LIBRARIES)
+    lineage = [one for one in (*technique.__mro__, *technique.Params.__mro__) if not _from_a_library(one)]
+    files = dict.fromkeys(source_file(one) for one in lineage)
+    around = dict.fromkeys(other for file in files for other in _around(file))
+    return code_digest(*_MEASURING, *files, *around, beside=_shaders(lineage))
 
 
-def _shared() -> list[Path]:
-    """What all techniques share: the files beside them that are no technique themselves."""
-    others = {source_file(other) for other in own_techniques()}
-    return [file for file in sorted(_TECHNIQUES.rglob("*.py")) if file not in others]
+def _from_a_library(one: type) -> bool:
+    return one.__module__.partition(".")[0] in {*sys.stdlib_module_names, "pydantic"}
 
 
 def _shaders(lineage: Sequence[type]) -> list[Path]:
@@ -64,17 +58,14 @@ def _shaders(lineage: Sequence[type]) -> list[Path]:
     return [file for file in sorted(data_folder("shaders").iterdir()) if file.name not in others]
 
 
-def _places(one: type) -> list[Path]:
-    """Where the code of a class is: its file; for a plug-in also the shaders beside it, or its whole package."""
-    if one.__module__.partition(".")[0] in {*sys.stdlib_module_names, "pydantic"}:
-        return []
-    file = source_file(one)
-    if file.is_relative_to(_TECHNIQUES.parent):  # ours
-        return [file]
+def _around(file: Path) -> list[Path]:
+    """What a plug-in's file may use: the shaders beside it, or its whole package. Ours say all by imports."""
     folder = file.parent
+    if file.is_relative_to(PACKAGE):
+        return []
     if not (folder / "__init__.py").exists():
         beside = [other for pattern in ("*", "*/*") for other in sorted(folder.glob(pattern))]
-        return [file, *(other for other in beside if other.suffix in SOURCES - {".py"})]
+        return [other for other in beside if other.suffix in SOURCES - {".py"}]
     while (folder.parent / "__init__.py").exists():  # from anywhere in the package it may import
         folder = folder.parent
-    return [folder]
+    return files_in(folder)

@@ -28,6 +28,7 @@ from shadowbench.scores.masks import quantise
 from shadowbench.techniques.base import Frame, Phase, Stage, Technique
 from shadowbench.techniques.registry import shader_folder, techniques
 from shadowbench.techniques.spec import Spec, parse_spec
+from shadowbench.techniques.stage import ShaderText
 
 WARM_UP = 2  # draws of a cell that are thrown away
 
@@ -156,6 +157,12 @@ class Session:
         """Build a cell, and keep it for `draw` and `hold`; raises as `draw` does."""
         if request not in self._kept:
             self._kept[request] = self._build(request)
+
+    def shaders(self, request: CellRequest) -> list[ShaderText]:
+        """The GLSL of a cell as the driver is given it, every include and define in it; raises as `draw` does."""
+        stage = self._build(request).stage
+        stage.release()
+        return stage.texts
 
     def draw(self, request: CellRequest, with_map: bool = False, tinted: bool = False, keep: int = 0) -> Drawn:
         """Build unless it is kept, draw once, read back, release. Raises Unsupported, or whatever the technique raises.

@@ -5,12 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from shadowbench.geometry.hull import concerned_vertices
+from shadowbench.geometry.lights import LightSpace
+from shadowbench.geometry.slices import practical_depths, slices
 from shadowbench.needs.maps import FLAT, FittedMap
-from shadowbench.needs.sampling import Samples
 from shadowbench.needs.texels import Texels, edge_size
-from shadowbench.scenes.model import Floats, View, bounds_of, used_by
-from shadowbench.techniques.lights import LightSpace
-from shadowbench.techniques.splits import Practical, slices
+from shadowbench.scenes.geometry import bounds_of
+from shadowbench.scenes.model import Floats, View
 
 COUNTS = (2, 3, 4, 5, 6, 7, 8)
 
@@ -40,9 +41,10 @@ def cascades_of(fitted: FittedMap, one: Texels) -> CascadeSizes | None:
     samples, space = fitted.samples, fitted.space
     if space is None or space.perspective:
         return None
+    bounds = bounds_of(concerned_vertices(samples.view.scene.geometry))
     sizes, edge_sizes = {}, {}
     for count in COUNTS:
-        unit = fitted.seen.scaled(_extents(samples, space, fitted.seen.place, count))
+        unit = fitted.seen.scaled(_extents(samples.view, bounds, space, fitted.seen.place, count))
         sizes[count] = float(np.percentile(unit.longest, 95)) + 2 * fitted.padding
         by_edges = edge_size(fitted, unit)
         if by_edges is not None:
@@ -59,12 +61,11 @@ def cascades_of(fitted: FittedMap, one: Texels) -> CascadeSizes | None:
     )
 
 
-def _extents(samples: Samples, space: LightSpace, place: Floats, count: int) -> Floats:
+def _extents(view: View, bounds: Floats, space: LightSpace, place: Floats, count: int) -> Floats:
     """(2, R) width and height of the cascade that answers for each sample: the first whose box holds it."""
-    view, bounds = samples.view, _concerned_bounds(samples.view)
     extents = np.zeros((2, place.shape[1]))
     free = np.arange(place.shape[1])
-    parts = slices(view.camera, Practical().depths(*view.near_far, count), 0.0)
+    parts = slices(view.camera, practical_depths(*view.near_far, count), 0.0)
     for part in parts:
         box = space.box(part.corners_within(bounds, float(np.abs(bounds).max())))
         inside = np.full(len(free), True)
@@ -75,12 +76,3 @@ def _extents(samples: Samples, space: LightSpace, place: Floats, count: int) -> 
         extents[:, free[inside]] = np.maximum((box.high - box.low)[:2, None], FLAT)
         free = free[~inside]
     return extents
-
-
-def _concerned_bounds(view: View) -> Floats:
-    """(2, 3) bounds of what casts or receives: what fits look at."""
-    geometry = view.scene.geometry
-    concerned = geometry.casts | geometry.receives
-    if concerned.all():
-        return geometry.bounds
-    return bounds_of(used_by(geometry.faces[concerned], geometry.vertices))

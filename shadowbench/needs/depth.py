@@ -4,18 +4,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from shadowbench.geometry.convex import box_planes, corners
+from shadowbench.geometry.lights import window
 from shadowbench.needs.maps import REFERENCE_SIZE, FittedMap
 from shadowbench.needs.rays import Indices
 from shadowbench.needs.sampling import Estimate
 from shadowbench.scenes.model import Floats
-from shadowbench.techniques.biases import Texel
-from shadowbench.techniques.convex import box_planes, corners
-from shadowbench.techniques.fits import window
 from shadowbench.truth.embree import NEVER
 
 LOST = 0.001  # share of the shadow, or of what is lit, that may be wrong for it
 THIN = 0.01  # share of the shadow whose gaps are left out as contact
-STEPS = Texel().ulps  # of a format, by which biases stay clear of its rounding
+STEPS = 4.0  # of a format, by which biases stay clear of its rounding by default
 
 
 @dataclass(frozen=True)

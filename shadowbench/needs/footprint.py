@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from shadowbench.geometry.lights import LightSpace
 from shadowbench.needs.rays import Indices
 from shadowbench.needs.sampling import Samples
 from shadowbench.scenes.model import Floats, perpendicular_basis
-from shadowbench.techniques.lights import LightSpace
 
 DIRECTIONS = 16  # of edges across the map, over half a turn; an edge may have any of them
 # Mean distance, in texels, of a straight edge from where a 2×2 linear comparison puts it, by its angle to the grid's

@@ -6,13 +6,13 @@ from functools import cached_property
 
 import numpy as np
 
+from shadowbench.geometry.lights import Box, LightSpace, light_space
 from shadowbench.needs.footprint import Footprint, cube_faces, cube_footprint, footprint
 from shadowbench.needs.rays import Indices
 from shadowbench.needs.sampling import Samples
 from shadowbench.scenes.model import Floats
-from shadowbench.techniques.filters import Hardware
-from shadowbench.techniques.lights import Box, LightSpace, light_space
 
+PADDING = 2.0  # texels around the window, by default: a 2×2 comparison reaches one, and a bias may move by another
 REFERENCE_SIZE = 1024  # the map whose texels and biases are told, as techniques default to it
 FLAT = 1e-9  # local length below which a window has no extent
 
@@ -69,7 +69,7 @@ def fitted_map(samples: Samples) -> FittedMap:
     seen = footprint(samples, space)
     box = _box(seen)
     extent = np.maximum((box.high - box.low)[:2], FLAT)
-    return FittedMap(samples, seen, box, extent, space, Hardware().radius(REFERENCE_SIZE) + 1)
+    return FittedMap(samples, seen, box, extent, space, PADDING)
 
 
 def _box(seen: Footprint) -> Box:

@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from shadowbench.geometry.lights import LightSpace
 from shadowbench.needs.footprint import Footprint
 from shadowbench.needs.maps import FittedMap
 from shadowbench.needs.rays import Indices, Mask
-from shadowbench.scenes.model import Floats, in_slices
-from shadowbench.techniques.lights import LightSpace
+from shadowbench.scenes.geometry import in_slices
+from shadowbench.scenes.model import Floats
 
 CELLS = 1024  # along a side of the grid; a power of two
 ROUNDING = 1e-6  # of depths and bounds

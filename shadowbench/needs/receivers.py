@@ -5,10 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from shadowbench.geometry.planes import find_planes
 from shadowbench.needs.sampling import Estimate, Samples
 from shadowbench.scenes.model import Scene
-from shadowbench.scenes.planes import find_planes
-from shadowbench.techniques.planar_projection import PlanarProjection
 
 ENOUGH = 0.999  # share of what is seen that must lie on planes, for projection to suffice
 
@@ -34,10 +33,9 @@ class Receivers:
 
 def planes_of(scene: Scene) -> NDArray[np.int64]:
     """(T,) which of the planes each triangle lies on that `planar-projection` takes at its defaults, −1 for none."""
-    limits, geometry = PlanarProjection.Params(), scene.geometry
+    geometry = scene.geometry
     of_triangle = np.full(len(geometry.faces), -1)
-    taken = find_planes(geometry, geometry.receives, limits.share, limits.count, limits.tolerance)
-    for index, plane in enumerate(taken):
+    for index, plane in enumerate(find_planes(geometry, geometry.receives)):
         of_triangle[plane.triangles] = index
     return of_triangle
 

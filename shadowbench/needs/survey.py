@@ -47,7 +47,7 @@ def needs(view: View) -> Needs:
     # What takes long with many triangles runs beside the rest, one after the other: all at once took no less time.
     with ThreadPoolExecutor(1) as pool:
         planes = pool.submit(planes_of, view.scene)
-        casters = pool.submit(casters_of, view)
+        casters = pool.submit(lambda: casters_of(view.placed()[0]))
         samples = sampled(view)
         fitted = fitted_map(samples)
         reach = pool.submit(reach_of, fitted)

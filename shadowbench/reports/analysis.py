@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import pandas as pd
 
 from shadowbench.reports.folder import Run
-from shadowbench.studies.tables import Interval, SummaryRow, interval, summary_rows, titles
+from shadowbench.studies.tables import Interval, SummaryRow, interval, pareto_front, summary_rows, titles
 from shadowbench.studies.times import ReferenceTime, by_one_reference
 
 IOU_STEPS = (0.95, 0.99, 0.999)
@@ -143,16 +143,6 @@ def _passes(run: Run, group: pd.DataFrame) -> tuple[Pass, ...]:
         if median is not None:
             passes.append(Pass(name, median.median, str(held[0].get("changes", "frame"))))
     return tuple(passes)
-
-
-def pareto_front(points: Sequence[tuple[float, float]]) -> list[int]:
-    """Indices of the points (time, error) that none beats, by time: no other is as good in both and better in one."""
-    order = sorted(range(len(points)), key=lambda index: points[index])
-    front: list[int] = []
-    for index in order:
-        if not front or points[index][1] < points[front[-1]][1] or points[index] == points[front[-1]]:
-            front.append(index)
-    return front
 
 
 def front(section: Section) -> list[Configuration]:

@@ -2,11 +2,13 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.model import Camera, Floats, Light, Mesh, Vec3, bounds_of, unit, vec3
+from shadowbench.scenes.geometry import bounds_of
+from shadowbench.scenes.model import Camera, Floats, Light, Mesh, Scene, Vec3, unit, vec3
 
 VIEW_FROM = (1.25, 1.2, 2.7)
 FOV_Y = math.radians(36.0)
@@ -76,9 +78,18 @@ def _floor_area(meshes: Sequence[Mesh], y: float, thickness: float) -> float:
     return area
 
 
-def left_out(dropped: int, where: str) -> list[str]:
-    """A line where zero-area triangles were left out."""
-    return [f"{where}: {dropped} zero-area triangle(s) left out"] if dropped else []
+def completed(scene: Scene, bounds: Floats, where: str) -> Scene:
+    """The scene with the camera and light that it lacks, assumed for (2, 3) bounds, and a line for all left out."""
+    cameras, lights, notes = scene.cameras, scene.lights, list(scene.notes)
+    if not cameras:
+        camera, note = camera_for(bounds, where)
+        cameras, notes = (camera,), [*notes, note]
+    if not lights:
+        light, note = sun_for(where)
+        lights, notes = (light,), [*notes, note]
+    if scene.dropped:
+        notes.append(f"{where}: {scene.dropped} zero-area triangle(s) left out")
+    return replace(scene, cameras=cameras, lights=lights, notes=tuple(notes))
 
 
 def told(values: Vec3) -> str:

@@ -4,7 +4,8 @@ import hashlib
 
 import numpy as np
 
-from shadowbench.scenes.model import Geometry, View
+from shadowbench.scenes.geometry import Geometry
+from shadowbench.scenes.model import View
 
 
 def geometry_digest(geometry: Geometry) -> str:

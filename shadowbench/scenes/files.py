@@ -12,9 +12,9 @@ import numpy as np
 from pydantic import Field, ValidationError
 
 from shadowbench.errors import InputError, alternatives
-from shadowbench.scenes.assumed import camera_for, left_out, mesh_bounds, sun_for
+from shadowbench.scenes.assumed import completed, mesh_bounds
 from shadowbench.scenes.meshes import Contents, read_meshes
-from shadowbench.scenes.model import Camera, Floats, Light, Mesh, Scene
+from shadowbench.scenes.model import Floats, Mesh, Scene
 from shadowbench.scenes.shapes import SHAPES, build_shape
 from shadowbench.scenes.tables import (
     MOST_COPIES,
@@ -69,9 +69,11 @@ def read_scene_file(path: Path, assets: Path | None = None) -> Scene:
             f"{path.name!r:.90}: a scene without a name is called after its file; "
             f'rename the file or add name = "…" at its top, {NAMES}'
         )
-    notes: list[str] = []
-    cameras = _cameras(document, path.name)
-    lights = _lights(document, path.name, notes)
+    cameras = [camera_from_table(*each) for each in _tables(document.camera, "camera", path.name)]
+    _check_unique([camera.name for camera in cameras], f"{path.name}: [[camera]]")
+    sized = [light_from_table(*each) for each in _tables(document.light, "light", path.name)]
+    lights, notes = [light for light, _ in sized], [line for _, lines in sized for line in lines]
+    _check_unique([light.name for light in lights], f"{path.name}: [[light]]")
     if not document.mesh:
         raise InputError(f"{path.name}: mesh: found none; at least one [[mesh]] is needed")
     meshes: list[Mesh] = []
@@ -104,38 +106,18 @@ def read_scene_file(path: Path, assets: Path | None = None) -> Scene:
                 meshes.append(replace(mesh, vertices=kept.vertices, faces=kept.faces))
     if not meshes:
         raise InputError(f"{path.name}: all {dropped} triangles have zero area; at least one must have some")
-    bounds = mesh_bounds(meshes, path.name)
-    if not cameras:
-        camera, note = camera_for(bounds, path.name)
-        cameras, notes = [camera], [*notes, note]
-    if not lights:
-        light, note = sun_for(path.name)
-        lights, notes = [light], [*notes, note]
-    notes += left_out(dropped, path.name)
-    return Scene(name, tuple(meshes), tuple(cameras), tuple(lights), tuple(notes), dropped)
+    scene = Scene(name, tuple(meshes), tuple(cameras), tuple(lights), tuple(notes), dropped)
+    return completed(scene, mesh_bounds(meshes, path.name), path.name)
 
 
-def _cameras(document: SceneFile, file: str) -> list[Camera]:
-    tables = document.camera if isinstance(document.camera, list) else [document.camera]
-    names = _default_names("camera", len(tables))
-    rows = [
-        camera_from_table(table, f"{file}: {_title('camera', k, len(tables))}", names[k])
-        for k, table in enumerate(tables)
-    ]
-    _check_unique([camera.name for camera in rows], f"{file}: [[camera]]")
-    return rows
-
-
-def _lights(document: SceneFile, file: str, notes: list[str]) -> list[Light]:
-    tables = document.light if isinstance(document.light, list) else [document.light]
-    names = _default_names("light", len(tables))
-    rows = []
-    for k, table in enumerate(tables):
-        light, lines = light_from_table(table, f"{file}: {_title('light', k, len(tables))}", names[k])
-        rows.append(light)
-        notes.extend(lines)
-    _check_unique([light.name for light in rows], f"{file}: [[light]]")
-    return rows
+def _tables(
+    given: dict[str, object] | list[dict[str, object]], kind: str, file: str
+) -> Iterator[tuple[dict[str, object], str, str]]:
+    """Each camera's or light's table, what begins its errors, and the name that it has if it says none."""
+    tables = given if isinstance(given, list) else [given]
+    for number, table in enumerate(tables, 1):
+        title = f"[{kind}]" if len(tables) == 1 else f"[[{kind}]] {number}"
+        yield table, f"{file}: {title}", kind if number == 1 else f"{kind}-{number}"
 
 
 def _mesh_table(raw: dict[str, object], where: str) -> tuple[MeshTable, dict[str, object]]:
@@ -219,14 +201,6 @@ def _inside(file: str, scene: Path, assets: Path | None, where: str) -> Path:
     raise InputError(
         f"{where}: file: {file!r} leads to {found[0]}, outside {folders[0]}; allowed are that folder and --assets DIR"
     )
-
-
-def _default_names(kind: str, count: int) -> list[str]:
-    return [kind if k == 0 else f"{kind}-{k + 1}" for k in range(count)]
-
-
-def _title(kind: str, index: int, count: int) -> str:
-    return f"[{kind}]" if count == 1 else f"[[{kind}]] {index + 1}"
 
 
 def _check_unique(names: list[str], where: str) -> None:

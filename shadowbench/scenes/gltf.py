@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from shadowbench.errors import InputError
+from shadowbench.scenes.gltf_schema import Layout, NodeTable
 from shadowbench.scenes.model import Camera, Floats, Light, unit, vec3
 from shadowbench.scenes.tables import LONGEST_NAME, NARROWEST, WIDEST_SPOT, name_from
-
-Json = dict[str, Any]
 
 # Required extensions that change nothing in the geometry, or that are honoured.
 HONOURED = re.compile(
@@ -33,14 +33,14 @@ JSON_CHUNK, BINARY_CHUNK = 0x4E4F534A, 0x004E4942
 
 
 class Node(NamedTuple):
-    """A node of the default scene: its JSON, its (4, 4) float64 transform to the world, whether it is to be seen."""
+    """A node of the default scene: its table, its (4, 4) float64 transform to the world, whether it is to be seen."""
 
-    data: Json
+    data: NodeTable
     matrix: Floats
     visible: bool
 
 
-def read_json(path: Path) -> tuple[Json, bytes | None]:
+def read_json(path: Path) -> tuple[dict[str, Any], bytes | None]:
     """The JSON of a .gltf or .glb, and of the latter the bytes of its second chunk. Raises ValueError for neither."""
     data, chunk = path.read_bytes(), None
     if path.suffix.lower() == ".glb":
@@ -63,13 +63,13 @@ def read_json(path: Path) -> tuple[Json, bytes | None]:
     return document, chunk
 
 
-def nodes_of(document: Json) -> Iterator[Node]:
+def nodes_of(layout: Layout) -> Iterator[Node]:
     """Every node of the default scene, parents before children, in the order of the file."""
-    nodes = document.get("nodes", [])
-    if "scenes" in document:
-        roots = document["scenes"][document.get("scene", 0)].get("nodes", [])
+    nodes = layout.nodes
+    if layout.scenes is not None:
+        roots = layout.scenes[layout.scene or 0].nodes
     else:
-        children = {child for node in nodes for child in node.get("children", [])}
+        children = {child for node in nodes for child in node.children}
         roots = [index for index in range(len(nodes)) if index not in children]
     waiting = [(index, np.eye(4), True) for index in reversed(roots)]
     seen: set[int] = set()
@@ -81,52 +81,44 @@ def nodes_of(document: Json) -> Iterator[Node]:
         node = nodes[index]
         matrix = parent @ _local_matrix(node)
         # By KHR_node_visibility a hidden node hides all below it, meshes and lights, but no camera.
-        visible = visible and node.get("extensions", {}).get("KHR_node_visibility", {}).get("visible", True)
-        waiting.extend((child, matrix, visible) for child in reversed(node.get("children", [])))
+        visibility = node.extensions.KHR_node_visibility
+        visible = visible and (visibility is None or visibility.visible)
+        waiting.extend((child, matrix, visible) for child in reversed(node.children))
         yield Node(node, matrix, visible)
 
 
-def _local_matrix(node: Json) -> Floats:
-    if "matrix" in node:
-        return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
+def _local_matrix(node: NodeTable) -> Floats:
+    if node.matrix is not None:
+        return np.array(node.matrix).reshape(4, 4).T
     matrix = np.eye(4)
-    x, y, z, w = np.array(node.get("rotation", [0, 0, 0, 1]), dtype=np.float64) / np.linalg.norm(
-        node.get("rotation", [0, 0, 0, 1])
-    )
-    matrix[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    matrix[:3, :3] *= np.array(node.get("scale", [1, 1, 1]), dtype=np.float64).reshape(3)
-    matrix[:3, 3] = np.array(node.get("translation", [0, 0, 0]), dtype=np.float64).reshape(3)
+    matrix[:3, :3] = Rotation.from_quat(node.rotation).as_matrix() * node.scale
+    matrix[:3, 3] = node.translation
     return matrix
 
 
-def cameras_of(document: Json, where: str) -> tuple[list[Camera], list[str]]:
+def cameras_of(layout: Layout, where: str) -> tuple[list[Camera], list[str]]:
     """The perspective cameras of the scene, and a line if others were left out.
 
     Raises InputError if a field of view, a plane or a direction makes no sense.
     """
     cameras: list[Camera] = []
     orthographic = 0
-    for node in nodes_of(document):
-        if "camera" not in node.data:
+    for node in nodes_of(layout):
+        if node.data.camera is None:
             continue
-        data = document["cameras"][node.data["camera"]]
-        if data["type"] != "perspective":
+        data = layout.cameras[node.data.camera]
+        if data.type != "perspective" or data.perspective is None:
             orthographic += 1
             continue
-        lens = data["perspective"]
-        fov, near, far = float(lens["yfov"]), float(lens["znear"]), lens.get("zfar")
+        fov, near, far = data.perspective.yfov, data.perspective.znear, data.perspective.zfar
         if not math.radians(NARROWEST) <= fov < math.pi:
             raise InputError(
                 f"{where}: camera: yfov is {fov:g} rad; allowed: {math.radians(NARROWEST):.3g} to below pi"
             )
-        if not 0.0 < near < (math.inf if far is None else float(far)) or math.isinf(near):
+        if not 0.0 < near < (math.inf if far is None else far):
             raise InputError(f"{where}: camera: znear is {near:g} and zfar {far}; allowed: 0 < znear < zfar")
         position, forward = _pose(node, where, "camera")
-        name = _unique(node.data.get("name") or data.get("name"), "camera", {camera.name for camera in cameras})
+        name = _unique(node.data.name or data.name, "camera", {camera.name for camera in cameras})
         # A target as far away as the position is from the origin keeps the direction's digits.
         reach = max(1.0, float(np.linalg.norm(position)))
         cameras.append(
@@ -137,31 +129,32 @@ def cameras_of(document: Json, where: str) -> tuple[list[Camera], list[str]]:
                 fov_y=fov,
                 up=vec3(unit(node.matrix[:3, 1])),
                 near=near,
-                far=None if far is None else float(far),
+                far=far,
             )
         )
     left_out = f"{where}: {orthographic} orthographic camera(s) left out: cameras here are perspective"
     return cameras, [left_out] if orthographic else []
 
 
-def lights_of(document: Json, where: str) -> tuple[list[Light], list[str]]:
+def lights_of(layout: Layout, where: str) -> tuple[list[Light], list[str]]:
     """The visible KHR_lights_punctual lights of the scene, and a line for each thing of theirs that is not honoured."""
     lights: list[Light] = []
     notes = []
-    for node in nodes_of(document):
-        reference = node.data.get("extensions", {}).get("KHR_lights_punctual")
-        if reference is None or not node.visible:
+    held = layout.extensions.KHR_lights_punctual
+    for node in nodes_of(layout):
+        reference = node.data.extensions.KHR_lights_punctual
+        if reference is None or held is None or not node.visible:
             continue
-        data = document["extensions"]["KHR_lights_punctual"]["lights"][reference["light"]]
-        kind = data["type"]
-        name = _unique(node.data.get("name") or data.get("name"), "light", {light.name for light in lights})
+        data = held.lights[reference.light]
+        kind = data.type
+        name = _unique(node.data.name or data.name, "light", {light.name for light in lights})
         position, direction = _pose(node, where, "light")
         if kind == "directional":
             lights.append(Light(name, "directional", direction=vec3(direction)))
         elif kind == "point":
             lights.append(Light(name, "point", position=vec3(position)))
         elif kind == "spot":
-            angle = 2 * float(data.get("spot", {}).get("outerConeAngle", math.pi / 4))
+            angle = 2 * data.spot.outerConeAngle
             if not 0.0 < angle <= math.pi + 1e-6:
                 raise InputError(f"{where}: light {name}: outerConeAngle {angle / 2:g}; allowed: above 0, to pi/2")
             if angle > math.radians(WIDEST_SPOT):
@@ -170,9 +163,9 @@ def lights_of(document: Json, where: str) -> tuple[list[Light], list[str]]:
             lights.append(Light(name, "spot", direction=vec3(direction), position=vec3(position), angle=angle))
         else:
             raise InputError(f"{where}: light {name}: type {kind!r:.40}; allowed: directional, point, spot")
-        if "range" in data and kind != "directional":
-            notes.append(f"{where}: light {name}: range {data['range']:g} m not honoured: it reaches everywhere")
-        if data.get("intensity", 1.0) == 0.0:
+        if data.range is not None and kind != "directional":
+            notes.append(f"{where}: light {name}: range {data.range:g} m not honoured: it reaches everywhere")
+        if data.intensity == 0.0:
             notes.append(f"{where}: light {name}: intensity 0 not honoured: it shines and casts shadows")
     return lights, notes
 
@@ -194,51 +187,46 @@ def _unique(name: object, default: str, taken: set[str]) -> str:
     return candidate
 
 
-def check_supported(document: Json, where: str) -> None:
+def check_supported(layout: Layout, where: str) -> None:
     """Raises InputError if the file needs what would be drawn wrongly, not just plainly."""
-    for extension in document.get("extensionsRequired", []):
-        if not HONOURED.fullmatch(str(extension)):
+    for extension in layout.extensionsRequired:
+        if not HONOURED.fullmatch(extension):
             raise InputError(f"{where}: extensionsRequired: {extension!r:.60} cannot be honoured; save it without")
-    accessors = document.get("accessors", [])
-    for mesh in document.get("meshes", []):
-        for primitive in mesh["primitives"]:
-            mode = primitive.get("mode", TRIANGLES)
+    for mesh in layout.meshes:
+        for primitive in mesh.primitives:
+            mode, told = primitive.mode, f"{where}: mesh {mesh.name or ''!r}"
             if mode not in (POINTS, *LINES, TRIANGLES, STRIP):
                 found = "a triangle fan" if mode == FAN else f"mode {mode}"
-                raise InputError(f"{where}: mesh {mesh.get('name', '')!r}: {found}; allowed: triangles and strips")
-            used = [primitive["attributes"].get("POSITION"), primitive.get("indices")]
-            if any("sparse" in accessors[index] for index in used if index is not None):
-                raise InputError(f"{where}: mesh {mesh.get('name', '')!r}: sparse accessors cannot be honoured")
+                raise InputError(f"{told}: {found}; allowed: triangles and strips")
+            used = [primitive.attributes.get("POSITION"), primitive.indices]
+            if any(layout.accessors[index].sparse is not None for index in used if index is not None):
+                raise InputError(f"{told}: sparse accessors cannot be honoured")
 
 
-def notes_on(document: Json, where: str) -> list[str]:
+def notes_on(layout: Layout, where: str) -> list[str]:
     """One line for each kind of thing that is drawn more plainly than the file asks."""
-    primitives = [p for mesh in document.get("meshes", []) for p in mesh["primitives"]]
-    materials = document.get("materials", [])
-    used = [materials[p["material"]] for p in primitives if "material" in p and p["material"] < len(materials)]
+    primitives = [primitive for mesh in layout.meshes for primitive in mesh.primitives]
+    used = [layout.materials[index] for index in {p.material for p in primitives if p.material is not None}]
     see_through = sum(
-        material.get("alphaMode", "OPAQUE") != "OPAQUE"
-        or "KHR_materials_transmission" in material.get("extensions", {})
-        for material in {id(material): material for material in used}.values()
+        material.alphaMode != "OPAQUE" or "KHR_materials_transmission" in material.extensions for material in used
     )
-    lines = sum(p.get("mode", TRIANGLES) in (POINTS, *LINES) for p in primitives)
-    instanced = sum("EXT_mesh_gpu_instancing" in node.get("extensions", {}) for node in document.get("nodes", []))
-    hidden = sum(not node.visible and "mesh" in node.data for node in nodes_of(document))
-    dark = sum(
-        not node.visible and "KHR_lights_punctual" in node.data.get("extensions", {}) for node in nodes_of(document)
-    )
-    extensions = {*document.get("extensionsUsed", []), *document.get("extensions", {})}
-    extensions.update(*(node.get("extensions", {}) for node in document.get("nodes", [])))
+    morphed = sum(primitive.targets is not None for primitive in primitives)
+    lines = sum(primitive.mode in (POINTS, *LINES) for primitive in primitives)
+    by_node = [node.extensions.model_fields_set for node in layout.nodes]
+    invisible = [node.data for node in nodes_of(layout) if not node.visible]
+    hidden = sum(node.mesh is not None for node in invisible)
+    dark = sum(node.extensions.KHR_lights_punctual is not None for node in invisible)
+    extensions = {*layout.extensionsUsed, *layout.extensions.model_fields_set}.union(*by_node)
     ignored = sorted(name for name in extensions if not HONOURED.fullmatch(name) and name not in TOLD)
     found = [
         (hidden, "mesh(es) of hidden nodes left out"),
         (dark, "light(s) of hidden nodes left out"),
         (see_through, "see-through material(s) drawn opaque"),
-        (len(document.get("animations", [])), "animation(s) drawn still, as the nodes stand"),
-        (sum("skin" in node for node in document.get("nodes", [])), "skinned mesh(es) drawn still, undeformed"),
-        (sum("targets" in p for p in primitives), "morphed primitive(s) drawn still, in their base shape"),
+        (len(layout.animations), "animation(s) drawn still, as the nodes stand"),
+        (sum(node.skin is not None for node in layout.nodes), "skinned mesh(es) drawn still, undeformed"),
+        (morphed, "morphed primitive(s) drawn still, in their base shape"),
         (lines, "primitive(s) of points or lines left out: they have no surface"),
-        (instanced, "GPU-instanced node(s) drawn once"),
+        (sum("EXT_mesh_gpu_instancing" in names for names in by_node), "GPU-instanced node(s) drawn once"),
     ]
     notes = [f"{where}: {count} {line}" for count, line in found if count]
     if ignored:

@@ -14,9 +14,8 @@ from trimesh.util import triangle_strips_to_faces
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.draco import Blob, Decoded, decode
-from shadowbench.scenes.gltf_layout import NUMBERS, Accessor, Layout, Primitive
+from shadowbench.scenes.gltf_schema import DTYPES, NUMBERS, Accessor, Layout, Primitive
 
-DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 UNSIGNED = (5121, 5123, 5125)
 TRIANGLES, STRIP = 4, 5
 

@@ -1,216 +1,15 @@
-"""The layout of a glTF's JSON, checked before anything is read by it: types, indices, and sizes against its buffers.
+"""The layout of a glTF's JSON, checked before anything is read by it: types, indices, and sizes against its buffers."""
 
-Only what is used here is looked at; the names are those of the glTF 2.0 specification.
-"""
+from typing import Any
 
-from typing import Annotated, Any, Literal
-
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+import numpy as np
+from pydantic import ValidationError
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.tables import MOST_COPIES, MOST_NAMED
+from shadowbench.scenes.gltf_schema import DTYPES, NUMBERS, Accessor, Layout, Primitive
+from shadowbench.scenes.tables import MOST_NAMED
 from shadowbench.scenes.triangles import MOST_TRIANGLES
 from shadowbench.strict import explain
-
-BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
-"""Bytes of a number, by componentType."""
-NUMBERS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
-"""Numbers of an element, by type."""
-
-Count = Annotated[int, Field(ge=0, le=2**53, strict=True)]
-Number = Annotated[float, Field(strict=True)]
-
-
-class Part(BaseModel):
-    """An object of the JSON; what it has beyond its fields is somebody else's."""
-
-    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
-
-
-class Asset(Part):
-    """Whose version decides how to read the rest."""
-
-    version: str = Field(strict=True)
-
-
-class Root(Part):
-    """A scene: its root nodes."""
-
-    nodes: list[Count] = []
-
-
-class LightReference(Part):
-    """A node's light."""
-
-    light: Count
-
-
-class Visibility(Part):
-    """Whether a node and what hangs on it are to be seen."""
-
-    visible: bool = Field(True, strict=True)
-
-
-class NodeExtensions(Part):
-    """Of a node; others are kept to be named."""
-
-    model_config = ConfigDict(extra="allow")
-
-    KHR_node_visibility: Visibility | None = None
-    KHR_lights_punctual: LightReference | None = None
-
-
-class NodeTable(Part):
-    """A node: where it is, what it holds, what hangs on it."""
-
-    name: str | None = None
-    mesh: Count | None = None
-    camera: Count | None = None
-    skin: Any = None
-    children: list[Count] = []
-    matrix: Annotated[list[Number], Field(min_length=16, max_length=16)] | None = None
-    rotation: Annotated[list[Number], Field(min_length=4, max_length=4)] | None = None
-    scale: Annotated[list[Number], Field(min_length=3, max_length=3)] | None = None
-    translation: Annotated[list[Number], Field(min_length=3, max_length=3)] | None = None
-    extensions: NodeExtensions = NodeExtensions()
-
-
-class Draco(Part):
-    """A compressed primitive: where its bytes are, and which of its attributes is what."""
-
-    bufferView: Count
-    attributes: dict[str, Count]
-
-
-class PrimitiveExtensions(Part):
-    """Of a primitive."""
-
-    KHR_draco_mesh_compression: Draco | None = None
-
-
-class Primitive(Part):
-    """Accessors by attribute, and of the indices."""
-
-    attributes: dict[str, Count]
-    indices: Count | None = None
-    mode: Count = 4
-    material: Count | None = None
-    targets: list[Any] | None = None
-    extensions: PrimitiveExtensions = PrimitiveExtensions()
-
-
-class MeshTable(Part):
-    """A mesh: one primitive or more."""
-
-    name: str | None = None
-    primitives: list[Primitive]
-
-
-class Accessor(Part):
-    """`count` elements in a bufferView."""
-
-    bufferView: Count | None = None
-    byteOffset: Count = 0
-    count: Count
-    componentType: Literal[5120, 5121, 5122, 5123, 5125, 5126]
-    type: Literal["SCALAR", "VEC2", "VEC3", "VEC4", "MAT2", "MAT3", "MAT4"]
-    normalized: bool = Field(False, strict=True)
-    sparse: dict[str, Any] | None = None
-
-
-class BufferView(Part):
-    """A stretch of a buffer; `byteStride` from one element to the next, where they do not follow each other."""
-
-    buffer: Count
-    byteOffset: Count = 0
-    byteLength: Count
-    byteStride: Annotated[int, Field(ge=1, le=252, strict=True)] | None = None
-
-
-class Buffer(Part):
-    """Bytes: a file, a data URI, or without `uri` the second chunk of a .glb."""
-
-    uri: str | None = None
-    byteLength: Count
-
-
-class Surface(Part):
-    """The colour of a material."""
-
-    baseColorFactor: Annotated[list[Number], Field(min_length=3, max_length=4)] | None = None
-
-
-class Material(Part):
-    """A material."""
-
-    alphaMode: str = "OPAQUE"
-    pbrMetallicRoughness: Surface = Surface()
-    extensions: dict[str, Any] = {}
-
-
-class Lens(Part):
-    """A perspective camera."""
-
-    yfov: Number
-    znear: Number
-    zfar: Number | None = None
-
-
-class CameraTable(Part):
-    """A camera of either type."""
-
-    name: str | None = None
-    type: str = Field(strict=True)
-    perspective: Lens | None = None
-
-
-class Cone(Part):
-    """Of a spot."""
-
-    outerConeAngle: Number | None = None
-
-
-class LightTable(Part):
-    """A KHR_lights_punctual light."""
-
-    name: str | None = None
-    type: str = Field(strict=True)
-    spot: Cone | None = None
-    range: Number | None = None
-    intensity: Number | None = None
-
-
-class Lights(Part):
-    """The lights of the file."""
-
-    lights: list[LightTable]
-
-
-class Extensions(Part):
-    """Of the file; others are kept to be named."""
-
-    model_config = ConfigDict(extra="allow")
-
-    KHR_lights_punctual: Lights | None = None
-
-
-class Layout(Part):
-    """A whole file."""
-
-    asset: Asset
-    scene: Count | None = None
-    scenes: list[Root] | None = None
-    nodes: Annotated[list[NodeTable], Field(max_length=MOST_COPIES)] = []
-    meshes: list[MeshTable] = []
-    accessors: list[Accessor] = []
-    bufferViews: list[BufferView] = []
-    buffers: list[Buffer] = []
-    materials: list[Material] = []
-    cameras: list[CameraTable] = []
-    animations: list[Any] = []
-    extensionsUsed: list[str] = []
-    extensionsRequired: list[str] = []
-    extensions: Extensions = Extensions()
 
 
 def checked_layout(document: dict[str, Any], where: str) -> Layout:
@@ -276,7 +75,7 @@ def _check_accessor(accessor: Accessor, layout: Layout, where: str) -> None:
         return  # zeros by the specification, a decoder's result by an extension
     _check_index(accessor.bufferView, layout.bufferViews, f"{where}.bufferView")
     view = layout.bufferViews[accessor.bufferView]
-    row = BYTES[accessor.componentType] * NUMBERS[accessor.type]
+    row = np.dtype(DTYPES[accessor.componentType]).itemsize * NUMBERS[accessor.type]
     end = accessor.byteOffset + (accessor.count and (accessor.count - 1) * (view.byteStride or row) + row)
     if end > view.byteLength:
         raise InputError(f"{where}: {accessor.count} elements end at byte {end} of a bufferView of {view.byteLength}")

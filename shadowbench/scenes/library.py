@@ -6,7 +6,7 @@ from pathlib import Path
 
 from shadowbench.data import data_folder
 from shadowbench.errors import InputError, alternatives
-from shadowbench.scenes.assumed import camera_for, ground_for, left_out, mesh_bounds, sun_for, up_for
+from shadowbench.scenes.assumed import completed, ground_for, mesh_bounds, up_for
 from shadowbench.scenes.files import read_document, read_scene_file
 from shadowbench.scenes.meshes import MESH_SUFFIXES, read_meshes
 from shadowbench.scenes.model import Scene
@@ -72,19 +72,12 @@ def read_mesh_scene(path: Path, up: str | None = None) -> Scene:
     if up == "z":
         meshes = [replace(mesh, vertices=mesh.vertices[:, [0, 2, 1]] * [1.0, 1.0, -1.0] + 0.0) for mesh in meshes]
     bounds = mesh_bounds(meshes, path.name)
-    cameras, lights = contents.cameras, contents.lights
     ground = ground_for(meshes, bounds, path.name)
     if ground is not None:
         meshes.append(ground[0])
         notes.append(ground[1])
-    if not cameras:
-        camera, note = camera_for(bounds, path.name)
-        cameras, notes = (camera,), [*notes, note]
-    if not lights:
-        light, note = sun_for(path.name)
-        lights, notes = (light,), [*notes, note]
-    notes += left_out(contents.dropped, path.name)
-    return Scene(name, tuple(meshes), cameras, lights, tuple(notes), contents.dropped)
+    scene = Scene(name, tuple(meshes), contents.cameras, contents.lights, tuple(notes), contents.dropped)
+    return completed(scene, bounds, path.name)
 
 
 def builtin_names() -> list[str]:

@@ -21,7 +21,8 @@ from shadowbench.errors import InputError
 from shadowbench.scenes import gltf
 from shadowbench.scenes.declared import checked_stl
 from shadowbench.scenes.gltf_bytes import read_primitives
-from shadowbench.scenes.gltf_layout import Layout, Primitive, checked_layout
+from shadowbench.scenes.gltf_layout import checked_layout
+from shadowbench.scenes.gltf_schema import Layout, Primitive
 from shadowbench.scenes.model import Camera, Floats, Light, Mesh, Vec3, vec3
 from shadowbench.scenes.obj import read_obj
 from shadowbench.scenes.off import read_off
@@ -160,26 +161,27 @@ def _gltf(path: Path, where: str) -> tuple[list[Part], list[Camera], list[Light]
     """A glTF's instances in the order of its nodes, its cameras and its lights."""
     raw, chunk = gltf.read_json(path)
     layout = checked_layout(raw, where)
-    document = layout.model_dump(exclude_none=True)
-    gltf.check_supported(document, where)
+    gltf.check_supported(layout, where)
     sources: list[list[tuple[Triangles, Vec3]]] = [[] for _ in layout.meshes]
     for mesh, primitive, positions, corners in read_primitives(layout, chunk, path, where):
         color = _base_color(layout, primitive)
         sources[mesh].append((_triangles(positions, corners, where), color))
     parts, hidden = [], 0
-    for node in gltf.nodes_of(document):
-        rows = sources[node.data["mesh"]] if "mesh" in node.data else []
+    for node in gltf.nodes_of(layout):
+        if node.data.mesh is None:
+            continue
+        rows = sources[node.data.mesh]
         if not node.visible:
             hidden += sum(len(triangles.faces) for triangles, _ in rows)
-        elif rows:
-            name = str(node.data.get("name") or document["meshes"][node.data["mesh"]].get("name") or "mesh")
+        else:
+            name = node.data.name or layout.meshes[node.data.mesh].name or "mesh"
             for k, (triangles, color) in enumerate(rows, 1):
                 parts.append(Part(name if len(rows) == 1 else f"{name} {k}", triangles, node.matrix, color))
     if hidden and not any(len(part.triangles.faces) for part in parts):
         raise InputError(f"{where}: all {hidden} triangles are of hidden nodes; at least one must be visible")
-    cameras, camera_notes = gltf.cameras_of(document, where)
-    lights, light_notes = gltf.lights_of(document, where)
-    return parts, cameras, lights, [*gltf.notes_on(document, where), *camera_notes, *light_notes]
+    cameras, camera_notes = gltf.cameras_of(layout, where)
+    lights, light_notes = gltf.lights_of(layout, where)
+    return parts, cameras, lights, [*gltf.notes_on(layout, where), *camera_notes, *light_notes]
 
 
 def _base_color(layout: Layout, primitive: Primitive) -> Vec3:

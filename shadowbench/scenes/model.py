@@ -4,7 +4,7 @@ Right-handed, y up, cameras look down −z, metres, radians, float64. Everything
 camera or a light makes a new value.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
+from shadowbench.scenes.geometry import Floats as Floats
+from shadowbench.scenes.geometry import Geometry
 
-Floats = NDArray[np.float64]
 Vec3 = tuple[float, float, float]
 LightKind = Literal["directional", "spot", "point"]
 Coordinates = Literal["relative", "absolute"]
@@ -121,73 +122,6 @@ class Light:
     def cos_half_angle(self) -> float:
         """Cosine of a spot's half angle; −1 for a light without a cone."""
         return float(np.cos(self.angle / 2)) if self.kind == "spot" else -1.0
-
-
-@dataclass(frozen=True, eq=False)
-class Geometry:
-    """All triangles of a scene in one indexed list: meshes in file order, so an index is a triangle's identity.
-
-    vertices: (V, 3) float64; faces: (F, 3) int32; casts, receives, planar: (F,) bool; colors: (F, 3) float64, linear.
-    """
-
-    vertices: Floats
-    faces: NDArray[np.int32]
-    casts: NDArray[np.bool_]
-    receives: NDArray[np.bool_]
-    planar: NDArray[np.bool_]
-    colors: Floats
-
-    @cached_property
-    def crosses(self) -> Floats:
-        """(3, F) float64 normals as long as twice the area; counter-clockwise triangles face theirs."""
-        crosses = np.empty((3, len(self.faces)))
-        for part in in_slices(len(self.faces)):
-            a, b, c = (np.ascontiguousarray(self.vertices.take(self.faces[part, k], axis=0).T) for k in range(3))
-            b -= a
-            c -= a
-            for k in range(3):  # np.cross takes longer
-                i, j = (k + 1) % 3, (k + 2) % 3
-                crosses[k, part] = b[i] * c[j] - b[j] * c[i]
-        return crosses
-
-    @cached_property
-    def normals(self) -> Floats:
-        """(F, 3) float64 unit normals, zero where rounding leaves none; counter-clockwise triangles face theirs."""
-        normals = np.empty((len(self.faces), 3))
-        for part in in_slices(len(self.faces)):
-            lengths = np.linalg.norm(self.crosses[:, part], axis=0)
-            lengths[lengths == 0] = 1.0
-            normals[part] = (self.crosses[:, part] / lengths).T
-        return normals
-
-    @cached_property
-    def bounds(self) -> Floats:
-        """(2, 3) lowest and highest corner of the vertices in use."""
-        return bounds_of(used_by(self.faces, self.vertices))
-
-    @cached_property
-    def caster_faces(self) -> NDArray[np.int32]:
-        """(C, 3) int32: the faces that cast."""
-        return self.faces if bool(self.casts.all()) else self.faces[self.casts]
-
-
-def in_slices(count: int, size: int = 1 << 15) -> Iterator[slice]:
-    """`count` things by so many at a time that a core's cache holds what is computed of them: memory takes longer."""
-    for start in range(0, count, size):
-        yield slice(start, min(start + size, count))
-
-
-def used_by(faces: NDArray[np.int32], vertices: Floats) -> Floats:
-    """(N, 3) the vertices that faces have for corners, each once, in their order. np.unique takes far longer."""
-    used = np.zeros(len(vertices), dtype=bool)
-    used[faces] = True
-    return vertices[used]
-
-
-def bounds_of(points: Floats) -> Floats:
-    """(2, 3) lowest and highest corner of (N, 3) points."""
-    axes = [points[:, axis] for axis in range(3)]  # NumPy takes eight times as long along the other way
-    return np.array([[axis.min() for axis in axes], [axis.max() for axis in axes]])
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.model import Floats, in_slices
+from shadowbench.scenes.geometry import in_slices
+from shadowbench.scenes.model import Floats
 from shadowbench.scenes.triangles import FLATTEST, MOST_TRIANGLES
 
 Integers = NDArray[np.int64]

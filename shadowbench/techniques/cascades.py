@@ -8,6 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import model_validator
 
+from shadowbench.geometry.hull import CasterHull
+from shadowbench.geometry.lights import Box, LightSpace, LightView, light_space, window
+from shadowbench.geometry.slices import Slice, slices, snapped, stretched
 from shadowbench.gl.device import Device
 from shadowbench.gl.program import Drawable, Ranges, Value
 from shadowbench.gl.targets import DepthFormat, refused
@@ -16,11 +19,9 @@ from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams
 from shadowbench.techniques.biases import Bias, Texel
 from shadowbench.techniques.culling import CasterChunks
 from shadowbench.techniques.filters import Filter, Hardware
-from shadowbench.techniques.fits import CasterHull, window
-from shadowbench.techniques.lights import Box, LightSpace, LightView, light_space
 from shadowbench.techniques.maps import caster_state, map_textures, map_uniforms, shown, without_meaning
 from shadowbench.techniques.params import one_of
-from shadowbench.techniques.splits import Practical, Slice, Split, slices, snapped, stretched
+from shadowbench.techniques.splits import Practical, Split
 
 
 class Cascades(Technique):

@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from shadowbench.geometry.convex import box_planes, corners, view_planes
+from shadowbench.geometry.lights import LightView, light_space
 from shadowbench.gl.program import Ranges
 from shadowbench.scenes.model import Floats, Scene, View
-from shadowbench.techniques.convex import box_planes, corners, view_planes
-from shadowbench.techniques.lights import LightView, light_space
 
 _CHUNK = 512  # triangles that are drawn or left out together
 _GAP = 1024  # indices that are rather drawn than skipped: a call costs more

@@ -6,31 +6,14 @@ from typing import ClassVar
 
 import numpy as np
 
+from shadowbench.geometry.convex import box_planes, corners, frustum_planes, view_planes
+from shadowbench.geometry.hull import CasterHull
+from shadowbench.geometry.lights import Box, LightSpace, LightView, light_space, window
 from shadowbench.gl.clock import Changes
-from shadowbench.scenes.model import Floats, Light, Placement, Scene, View, bounds_of, used_by
-from shadowbench.techniques.convex import box_planes, corners, frustum_planes, hull_points, view_planes
-from shadowbench.techniques.lights import Box, LightSpace, LightView, light_space
+from shadowbench.scenes.model import Floats, Placement, View
 from shadowbench.techniques.params import Row, param
 
 Reduction = Callable[[LightSpace], Box | None]
-
-
-class CasterHull:
-    """What a fit knows of the geometry, computed once: points that bound it in every direction, and its boxes."""
-
-    def __init__(self, scene: Scene) -> None:
-        geometry = scene.geometry
-        concerned = geometry.casts | geometry.receives  # a sky that does neither must not widen the map
-        faces = geometry.faces[concerned] if concerned.any() else geometry.faces
-        vertices = used_by(faces, geometry.vertices)
-        self.bounds = bounds_of(vertices)
-        self.extent = float(np.abs(self.bounds).max())
-        self.points = hull_points(vertices)
-
-    def position_step(self, light: Light) -> float:
-        """The local length by which float32 rounds places in the scene, as seen from a light."""
-        farthest = self.extent if light.kind == "directional" else max(self.extent, *map(abs, light.position))
-        return 2.0**-24 * farthest
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,21 +117,3 @@ def _region(space: LightSpace, sight: Sight, more: list[Floats]) -> Box | None:
         planes.append(frustum_planes(space.origin, space.basis, space.half, reach * 1e-6, 4 * reach))
     found = corners(np.vstack(planes), sight.hull.extent)
     return space.box(found) if len(found) else None
-
-
-def window(box: Box, space: LightSpace, size: int, padding: float, shift: tuple[float, float]) -> Box:
-    """What a map shows of a box: clipped to a spot's base window, padded by texels, shifted by parts of one."""
-    low, high = box.low.copy(), box.high.copy()
-    low[:2], high[:2] = np.clip(low[:2], -space.half, space.half), np.clip(high[:2], -space.half, space.half)
-    # A window without an extent (one pixel, a plane seen edge-on) still needs texels of some size.
-    extent = np.maximum((high - low)[:2], 1e-6 * max(float(np.abs(box.high - box.low).max()), 1e-6))
-    middle = (low + high)[:2] / 2
-    texel = extent / max(size - 2 * padding, 1.0)
-    low[:2], high[:2] = middle - texel * size / 2 + texel * shift, middle + texel * size / 2 + texel * shift
-    # Casters in front of near are kept by depth clamping, so near and far need to hold the receivers alone. They get
-    # room for receivers that a bias moves, and for rounding.
-    room = padding * float(texel.max()) * (high[2] if space.perspective else 1.0) + 1e-4 * (high[2] - low[2])
-    low[2], high[2] = low[2] - room, high[2] + room
-    if space.perspective:
-        low[2] = max(low[2], high[2] / 1e4)
-    return Box(low, high)

@@ -3,10 +3,11 @@
 import moderngl
 import numpy as np
 
+from shadowbench.geometry.topology import Casters
 from shadowbench.gl.program import Sampling, State
-from shadowbench.scenes.model import Floats, Light, bounds_of, perpendicular_basis, unit, used_by
+from shadowbench.scenes.geometry import bounds_of, used_by
+from shadowbench.scenes.model import Floats, Light, perpendicular_basis, unit
 from shadowbench.techniques.base import Frame, Stage
-from shadowbench.techniques.edges import Casters
 from shadowbench.techniques.reduction import Bounds
 
 _SIZE = (3072, 2048)  # texels; a lamp's tiles have 1024 × 1024. Smaller texels are touched by fewer outlines

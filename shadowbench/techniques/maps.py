@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from shadowbench.geometry.lights import LightView
 from shadowbench.gl.program import Comparison, Sampling, State, Texture, Value, Wrap
 from shadowbench.scenes.model import Floats, vec3
 from shadowbench.techniques.biases import Bias, MapKind
 from shadowbench.techniques.filters import Filter
-from shadowbench.techniques.lights import LightView
 
 
 def without_meaning(kind: MapKind, bias: Bias, filter: Filter) -> str | None:

@@ -6,14 +6,15 @@ from typing import Literal
 import moderngl
 import numpy as np
 
+from shadowbench.geometry.convex import apart, box_planes, corners, view_planes
+from shadowbench.geometry.planes import LEAST_SHARE, MOST_PLANES, TOLERANCE, Plane, find_planes
 from shadowbench.gl.device import Device
 from shadowbench.gl.geometry import TRIANGLE_DEFINES, by_triangle
 from shadowbench.gl.matrices import view_projection
 from shadowbench.gl.program import Sampling, State, Texture
-from shadowbench.scenes.model import Floats, Geometry, View, bounds_of, used_by, vec3
-from shadowbench.scenes.planes import Plane, find_planes
+from shadowbench.scenes.geometry import Geometry, bounds_of, used_by
+from shadowbench.scenes.model import Floats, View, vec3
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
-from shadowbench.techniques.convex import apart, box_planes, corners, view_planes
 
 _ROUNDING = 1e-6  # of the diagonal: more than float32 lifts a plane's own corners off it near the origin
 _FLOAT_STEP = 2.0**-23  # of a coordinate: what float32 rounds it by, twice
@@ -42,10 +43,10 @@ class PlanarProjection(Technique):
         """Parameters of planar-projection."""
 
         receives: Literal["found", "flagged"] = param("found", "planes among all meshes, or those flagged as planar")
-        share: float = param(0.0005, "smallest part of the receiving area that makes a plane", ge=0, le=1)
-        count: int = param(32, "most planes, the largest first", ge=1, le=1024)
+        share: float = param(LEAST_SHARE, "smallest part of the receiving area that makes a plane", ge=0, le=1)
+        count: int = param(MOST_PLANES, "most planes, the largest first", ge=1, le=1024)
         tolerance: float = param(
-            1e-5,
+            TOLERANCE,
             "share of the scene's diagonal that a plane's corners may be off it",
             gt=0,
             le=0.01,

@@ -6,10 +6,10 @@ from typing import Literal
 import moderngl
 import numpy as np
 
+from shadowbench.geometry.lights import Box, LightSpace
 from shadowbench.gl.program import Sampling, Texture
 from shadowbench.scenes.model import Floats
 from shadowbench.techniques.base import Frame, Stage
-from shadowbench.techniques.lights import Box, LightSpace
 
 _REACH = 8  # texels along a side that one step makes one of
 

@@ -6,6 +6,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from shadowbench.geometry.hull import CasterHull
 from shadowbench.gl.device import Device
 from shadowbench.gl.program import Wrap
 from shadowbench.gl.targets import DepthFormat, refused
@@ -14,7 +15,7 @@ from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams
 from shadowbench.techniques.biases import Bias, Texel
 from shadowbench.techniques.culling import CasterChunks
 from shadowbench.techniques.filters import Filter, Hardware
-from shadowbench.techniques.fits import CasterHull, Fit, Sight, Visible
+from shadowbench.techniques.fits import Fit, Sight, Visible
 from shadowbench.techniques.maps import caster_state, map_textures, map_uniforms, shown, without_meaning
 from shadowbench.techniques.params import one_of
 from shadowbench.techniques.reduction import VisibleBounds

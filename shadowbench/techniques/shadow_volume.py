@@ -7,13 +7,13 @@ import moderngl
 import numpy as np
 from pydantic import model_validator
 
+from shadowbench.geometry.topology import casters_of
 from shadowbench.gl.matrices import view_projection
 from shadowbench.gl.program import Comparison, Sampling, State, Stencil
 from shadowbench.gl.targets import StencilTarget
 from shadowbench.scenes.model import Floats, View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.culling import looked_at
-from shadowbench.techniques.edges import casters_of
 from shadowbench.techniques.layers import LayerBound
 from shadowbench.techniques.reduction import Bounds
 from shadowbench.techniques.volumes import ArrayVolumes, Faces, Onto, Part, ShaderVolumes, Volumes

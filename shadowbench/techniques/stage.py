@@ -1,7 +1,7 @@
 """The stage: what a technique builds on. It is fixed between build and release, and frees all that was made on it."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import moderngl
@@ -29,11 +29,20 @@ from shadowbench.techniques.params import Row, TechniqueParams, in_metres
 _WIDTHS = {"f1": 1, "f2": 2, "f4": 4, "i4": 4, "u4": 4}
 
 
+@dataclass(frozen=True)
+class ShaderText:
+    """One stage of one program: `1-depth.frag`, its whole text, and the uniforms that parameters set in its program."""
+
+    name: str
+    text: str
+    uniforms: Mapping[str, float]
+
+
 class Stage:
     """Scene (local coordinates), device and image size, and the makers of programs, textures and targets.
 
-    `bytes` is what its textures and buffers hold. `shaders` is the folder where the technique's own shader files are
-    looked up before the shared ones.
+    `bytes` is what its textures and buffers hold, `texts` the shaders of its programs. `shaders` is the folder where
+    the technique's own shader files are looked up before the shared ones.
     """
 
     def __init__(
@@ -47,7 +56,9 @@ class Stage:
     ) -> None:
         self.scene, self.device, self.size, self.placement = scene, device, size, placement
         self.bytes = 0
+        self.texts: list[ShaderText] = []
         self._geometry = geometry
+        self._programs = 0
         self._roots = [*([shaders] if shaders else []), data_folder("shaders")]
         self._held: list[Freeable] = []
 
@@ -66,21 +77,20 @@ class Stage:
         include slot of its field (`#include <bias>`), and its own parameters follow the same rule (FILTER_TAPS 3);
         floats become uniforms (`bias_max`), lengths in metres being local by then; `metre` is the local length of one.
         """
-        sources = [source for source in (vertex, fragment, geometry) if source is not None]
-        texts, uniforms = self._composed(sources, params, defines)
-        program = link(self.device, *texts)
-        self._held.append(program.linked)
-        program.set(**{name: value for name, value in uniforms.items() if program.has(name)})
-        return program
-
-    def _composed(
-        self, sources: Sequence[Path | str], params: TechniqueParams | None, defines: Mapping[str, int | str]
-    ) -> tuple[list[str], dict[str, float]]:
-        """The whole texts of a program's shaders, and the uniforms that its parameters make."""
         names, slots, uniforms = _shader_values(params, self.placement) if params else ({}, {}, {})
         names |= {name: str(value) for name, value in defines.items()}
         uniforms["metre"] = self.placement.length(1.0)
-        return [compose(source, self._roots, names, slots) for source in sources], uniforms
+        stages = {"vert": vertex, "frag": fragment} | ({"geom": geometry} if geometry is not None else {})
+        texts = {stage: compose(source, self._roots, names, slots) for stage, source in stages.items()}
+        program = link(self.device, *texts.values())
+        self._held.append(program.linked)
+        used = {name: value for name, value in uniforms.items() if program.has(name)}
+        program.set(**used)
+        self._programs += 1
+        for stage, text in texts.items():
+            stem = "inline" if "\n" in str(stages[stage]) else Path(stages[stage]).stem
+            self.texts.append(ShaderText(f"{self._programs}-{stem}.{stage}", text, used))
+        return program
 
     def texture(self, size: tuple[int, int] | None = None, components: int = 1, dtype: str = "f4") -> moderngl.Texture:
         """A colour texture, of the image's size unless told otherwise."""

@@ -8,11 +8,11 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from shadowbench.geometry.topology import Casters, Indices, Surface
 from shadowbench.gl.program import Program, Sampling, State, Texture
 from shadowbench.scenes.model import Floats
 from shadowbench.techniques.base import Frame, Stage, TechniqueParams
 from shadowbench.techniques.culling import ranges_of, reaching
-from shadowbench.techniques.edges import Casters, Indices, Surface
 
 Faces = Literal["triangle", "silhouette"]
 Part = Literal["wall", "cap"]

@@ -5,7 +5,6 @@ import logging
 import os
 from contextlib import suppress
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +12,11 @@ import numpy as np
 import platformdirs
 from numpy.typing import NDArray
 
-from shadowbench.data import source_digest
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
-from shadowbench.scenes import model
 from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.model import View
+from shadowbench.sources import code_digest
 from shadowbench.truth.trace import Truth, trace
 
 _RANGES: dict[str, tuple[type[np.generic], float, float]] = {
@@ -98,7 +96,7 @@ def _is_truth(values: dict[str, NDArray[Any]], view: View) -> bool:
 
 @cache
 def _sources() -> str:
-    return source_digest(Path(__file__).parent, Path(model.__file__)) + version("embreex")
+    return code_digest(Path(__file__))
 
 
 def _key(view: View, pixel_samples: int, light_samples: int) -> str:

@@ -14,7 +14,8 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
-from shadowbench.scenes.model import Floats, in_slices
+from shadowbench.scenes.geometry import in_slices
+from shadowbench.scenes.model import Floats
 
 Result = TypeVar("Result")
 Vectors = Floats | NDArray[np.float32]

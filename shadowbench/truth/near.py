@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shadowbench.scenes.model import Floats, Geometry, in_slices
+from shadowbench.scenes.geometry import Geometry, in_slices
+from shadowbench.scenes.model import Floats
 from shadowbench.truth.rays import Indices, Mask, Receivers, dot
 
 CHILDREN = 8  # of a node of the tree

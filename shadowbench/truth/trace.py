@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.model import Floats, View, bounds_of, used_by
+from shadowbench.scenes.geometry import bounds_of, used_by
+from shadowbench.scenes.model import Floats, View
 from shadowbench.truth.embree import RAYS_A_SLICE, over_slices
 from shadowbench.truth.near import NearCasters
 from shadowbench.truth.rays import Indices, Mask, Receivers, ShadowRays, ViewRays

@@ -9,18 +9,15 @@ from typing import Any
 
 import numpy as np
 import optuna
-import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shadowbench.advice.tune import tune as tune_folds
+from shadowbench.advice.tune import tune as searched_for
 from shadowbench.advice.tune_beside import Found, Tuning, beside
 from shadowbench.advice.tune_cells import Cells
-from shadowbench.advice.tune_folds import Fold, folds
 from shadowbench.advice.tune_scores import (
     LEAST,
-    front,
     geometric_mean,
     log_error,
     ratio,
@@ -28,6 +25,7 @@ from shadowbench.advice.tune_scores import (
     surely_less,
 )
 from shadowbench.advice.tune_space import REACH, USUAL, Space, searched, span
+from shadowbench.advice.tune_split import Split, split_of
 from shadowbench.errors import InputError
 from shadowbench.measure.rows import Record
 from shadowbench.studies.study import Study, scenes_of
@@ -112,95 +110,64 @@ def test_bias_filter_and_fit_are_searched_where_nothing_is_said() -> None:
 
 def test_every_third_scene_is_held_out_whatever_their_order() -> None:
     names = [f"scene-{number}" for number in range(15)]
-    (fold,) = folds(names)
-    assert len(fold.held_out) == 5
-    assert sorted(fold.tuning + fold.held_out) == sorted(names)
-    (turned,) = folds(names[::-1])
-    assert set(turned.held_out) == set(fold.held_out)
-    assert folds(names, ["scene-3"]) == [Fold(tuple(name for name in names if name != "scene-3"), ("scene-3",))]
-
-
-@given(names=st.lists(st.text(max_size=5), min_size=2, max_size=20, unique=True), data=st.data())
-def test_folds_hold_every_scene_out_once_and_are_even(names: list[str], data: st.DataObject) -> None:
-    count = data.draw(st.integers(2, len(names)))
-    found = folds(names, (), count)
-    assert len(found) == count
-    assert sorted(name for fold in found for name in fold.held_out) == sorted(names)
-    assert all(sorted(fold.tuning + fold.held_out) == sorted(names) for fold in found)
-    sizes = {len(fold.held_out) for fold in found}
-    assert max(sizes) - min(sizes) <= 1
-    shuffled = data.draw(st.permutations(names))
-    again = folds(shuffled, (), count)
-    assert [set(fold.held_out) for fold in again] == [set(fold.held_out) for fold in found]
-
-
-def test_one_split_is_one_of_three_folds() -> None:
-    names = [f"scene-{number}" for number in range(10)]
-    assert folds(names) == [folds(names, (), 3)[1]]
+    split = split_of(names)
+    assert len(split.held_out) == 5
+    assert sorted(split.tuning + split.held_out) == sorted(names)
+    assert set(split_of(names[::-1]).held_out) == set(split.held_out)
+    assert split_of(names, ["scene-3"]) == Split(tuple(name for name in names if name != "scene-3"), ("scene-3",))
 
 
 @pytest.mark.parametrize(
-    ("scenes", "held_out", "count", "said"),
+    ("scenes", "held_out", "said"),
     [
-        (["a"], (), None, "1 to tune on, 0 held out"),
-        (["a"], ("a",), None, "0 to tune on, 1 held out"),
-        ([], (), None, "none takes part"),
-        (["a", "b"], ("c",), None, "found 'c'; allowed are scenes that take part: a, b"),
-        (["a", "b"], (), 3, "--folds: found 3; allowed: 2 to the number of scenes that take part, 2 .a, b."),
-        ([], (), 2, "--folds: found 2; .*, 0 .none."),
+        (["a"], (), "1 to tune on, 0 held out"),
+        (["a"], ("a",), "0 to tune on, 1 held out"),
+        ([], (), "none takes part"),
+        (["a", "b"], ("c",), "found 'c'; allowed are scenes that take part: a, b"),
     ],
 )
-def test_one_scene_of_each_is_needed(
-    scenes: Sequence[str], held_out: Sequence[str], count: int | None, said: str
-) -> None:
+def test_one_scene_of_each_is_needed(scenes: Sequence[str], held_out: Sequence[str], said: str) -> None:
     with pytest.raises(InputError, match=said):
-        folds(scenes, held_out, count)
+        split_of(scenes, held_out)
 
 
-A, B, C, D = (SHADOW_MAP.with_(bias=f"texel(scale={scale})") for scale in (1.1, 1.2, 1.3, 1.4))
+A, D = (SHADOW_MAP.with_(bias=f"texel(scale={scale})") for scale in (1.1, 1.4))
 
 
-def searched_fold(tuning: Sequence[str], held_out: Sequence[str], tuned: Spec, errors: dict[Spec, float]) -> Found:
-    """What a search would give whose specs have such an error in every scene, and twice the cost where tuned."""
+def found_by_search(tuned: Spec, errors: dict[Spec, float]) -> Found:
+    """What a search would give whose specs have such an error in every scene, and A twice the cost."""
 
     def scores(scenes: Sequence[str]) -> dict[Spec, Any]:
         return {
-            spec: scene_scores([row(scene, error, cost=200 if spec == tuned else 100) for scene in scenes])
+            spec: scene_scores([row(scene, error, cost=200 if spec == A else 100) for scene in scenes])
             for spec, error in errors.items()
         }
 
     others = {"default": SHADOW_MAP, "d": D}
-    return Found(Fold(tuple(tuning), tuple(held_out)), tuned, [tuned], others, scores(tuning), scores(held_out))
+    return Found(Split(("b", "c"), ("a", "d")), tuned, [A], others, scores("bc"), scores("ad"))
 
 
-def test_each_scene_counts_as_the_fold_that_held_it_out_has_it() -> None:
-    first = searched_fold("bc", "a", A, {A: 0.01, SHADOW_MAP: 0.02, D: 0.04})
-    second = searched_fold("ca", "b", B, {B: 0.001, SHADOW_MAP: 0.02, D: 0.04})
-    third = searched_fold("ab", "c", C, {C: 0.02, SHADOW_MAP: 0.02, D: 0.04})
-    found = beside([first, second, third])
-    assert [(best.tuned.spec, best.fold.held_out) for best in found.folds] == [(A, ("a",)), (B, ("b",)), (C, ("c",))]
-    assert (found.tuned.spec, found.tuned.name) == (None, "tuned")
+def test_what_was_found_is_set_beside_the_default_and_others() -> None:
+    found = beside(found_by_search(A, {A: 0.01, SHADOW_MAP: 0.02, D: 0.04}))
+    assert (found.tuned.spec, found.tuned.name, found.front) == (A, "tuned", (found.tuned,))
     assert found.tuned.cost == pytest.approx(2, rel=0.01)
-    assert found.tuned.held_out.median == pytest.approx((0.01 * 0.001 * 0.02) ** (1 / 3))
+    assert found.tuned.held_out.median == pytest.approx(0.01)
     default, other = found.others
-    assert (default.name, other.name, other.spec) == ("default", "d", D)
-    assert default.cost == 1
+    assert (default.name, other.name, other.spec, default.cost) == ("default", "d", D, 1)
     for metric in (default.iou_ratio, default.ssim_ratio):
-        assert metric is not None and (metric.low, metric.median, metric.high) == pytest.approx((1, 2, 20))
+        assert metric is not None and (metric.low, metric.median, metric.high) == pytest.approx((2, 2, 2))
     assert other.iou_ratio is not None and other.iou_ratio.median == pytest.approx(4)
 
 
-def test_one_fold_is_its_own_pool() -> None:
-    found = beside([searched_fold("bc", "ad", A, {A: 0.01, SHADOW_MAP: 0.02, D: 0.04})])
-    assert found.tuned == found.folds[0].tuned
-    assert found.tuned.spec == A
-
-
 def test_a_default_that_stands_is_the_tuned_after_the_best_at_each_cost() -> None:
-    first = searched_fold("bc", "a", A, {A: 0.01, SHADOW_MAP: 0.02, D: 0.04})
-    stands = beside([replace(first, tuned=SHADOW_MAP)])
-    assert [(one.spec, one.name) for one in stands.folds[0].front] == [(A, ""), (SHADOW_MAP, "tuned")]
+    stands = beside(found_by_search(SHADOW_MAP, {A: 0.01, SHADOW_MAP: 0.02, D: 0.04}))
+    assert [(one.spec, one.name) for one in stands.front] == [(A, ""), (SHADOW_MAP, "tuned")]
     assert stands.tuned.spec == SHADOW_MAP and stands.tuned.held_out == stands.others[0].held_out
+
+
+def test_what_fails_on_a_scene_held_out_is_set_beside_nothing() -> None:
+    found = beside(found_by_search(A, {A: 0.01, SHADOW_MAP: 0.02}))
+    assert [one.name for one in found.others] == ["default"] and found.tuned.spec == A
 
 
 def test_an_error_is_surely_less_where_its_whole_interval_is() -> None:
@@ -210,13 +177,6 @@ def test_an_error_is_surely_less_where_its_whole_interval_is() -> None:
     assert not surely_less(than, than)
     alone = scene_scores([row("a", 0.02)])
     assert surely_less(scene_scores([row("a", 0.01)]), alone) and not surely_less(alone, alone)
-
-
-def test_what_fails_in_a_fold_is_set_beside_nothing() -> None:
-    first = searched_fold("b", "a", A, {A: 0.01, SHADOW_MAP: 0.02, D: 0.04})
-    second = searched_fold("a", "b", A, {A: 0.01, SHADOW_MAP: 0.02})
-    assert [one.name for one in beside([first, second]).others] == ["default"]
-    assert beside([first, second]).tuned.spec == A
 
 
 def test_a_scene_is_one_observation_however_many_views_it_has() -> None:
@@ -245,26 +205,15 @@ def test_a_ratio_is_the_median_over_scenes_of_errors_in_the_same_scene() -> None
     assert found is not None and (found.low, found.median, found.high) == pytest.approx((2, 3, 4))
 
 
-@given(st.lists(st.tuples(st.integers(0, 5), st.integers(0, 5)), min_size=1))
-def test_the_front_is_what_no_other_beats(points: list[tuple[int, int]]) -> None:
-    kept = front([cost for cost, _ in points], [error for _, error in points])
-    best = [points[i] for i in kept]
-    assert best == sorted(set(best))
-    for cost, error in points:
-        assert any(c <= cost and e <= error for c, e in best)
-        assert not any((cost < c and error <= e) or (cost <= c and error < e) for c, e in best)
-
-
 Tune = Callable[..., Tuning]
-ONE = Fold(("cube-on-plane",), ("sphere-and-torus",))
-OTHER = Fold(ONE.held_out, ONE.tuning)
+SPLIT = Split(("cube-on-plane",), ("sphere-and-torus",))
 
 
 @pytest.fixture
 def tune(bench: Any) -> Tune:
     """Tunes the bias of a spec on one little scene, held out another; `bench.calls` are then the worker's."""
 
-    def run(text: str, trials: int, folder: Path, *split: Fold) -> Tuning:
+    def run(text: str, trials: int, folder: Path) -> Tuning:
         home = replace(parse_spec(text, KNOWN), named=frozenset())
         scenes = ("cube-on-plane", "sphere-and-torus")
         study = Study(scenes, (home,), home, map_sizes=(128,), view_size=64, rounds=0)
@@ -273,7 +222,7 @@ def tune(bench: Any) -> Tune:
             blocks = cells.taking_part(home)
             assert [scene.name for scene in scenes_of(blocks)] == list(scenes)
             space = Space(home, ("bias",), cells.refused_rows(home, ("bias",), blocks))
-            return tune_folds(space, cells, blocks, split or (ONE,), trials, {"none": home.with_(bias="none")})
+            return searched_for(space, cells, blocks, SPLIT, trials, {"none": home.with_(bias="none")})
 
     return run
 
@@ -297,7 +246,7 @@ def test_a_search_leaves_a_bad_default_behind_and_repeats_without_drawing(
     assert (default.name, none.name, default.cost) == ("default", "none", 1)
     assert found.tuned.tuning < default.tuning / 2
     assert found.tuned.cost <= 1
-    assert found.tuned in found.folds[0].front
+    assert found.tuned in found.front
     assert "draw" in bench.calls
     again = tune(bad, 24, tmp_path / "rows")
     assert again == found
@@ -313,18 +262,6 @@ def test_a_stopped_search_goes_on_to_the_same_end(tune: Tune, bench: Any, tmp_pa
     (tmp_path / "part" / "rows.jsonl").write_bytes(b"\n".join([*rows[:5], b""]))
     assert tune(spec, 12, tmp_path / "part") == found
     assert bench.calls.count("draw") == whole - 5
-
-
-def test_folds_do_not_see_each_other_and_measure_nothing_twice(tune: Tune, bench: Any, tmp_path: Path) -> None:
-    spec = "shadow-map:filter=hard"
-    both = tune(spec, 8, tmp_path / "both", ONE, OTHER)
-    drawn = bench.calls.count("draw")
-    alone = tune(spec, 8, tmp_path / "one", ONE), tune(spec, 8, tmp_path / "other", OTHER)
-    assert both.folds == (alone[0].folds[0], alone[1].folds[0])
-    rows = (tmp_path / "both" / "rows.jsonl").read_text().splitlines()
-    assert len({json.loads(row)["key"] for row in rows}) == len(rows) == drawn
-    assert "draw" in bench.calls and tune(spec, 8, tmp_path / "both", OTHER).folds == both.folds[1:]
-    assert "draw" not in bench.calls
 
 
 def test_rows_that_no_view_takes_are_not_searched(bench: Any, tmp_path: Path) -> None:
@@ -349,9 +286,8 @@ def test_the_command_prints_and_keeps_what_it_found(
     assert "lamp-by-wall.camera.light.48 takes no part: a point light" in answer.err
     assert "tuning on cube-on-plane; held out: spot-lamp" in answer.err
     found = json.loads(answer.out)
-    (fold,) = found["folds"]
-    assert (fold["tuning"], fold["held_out"]) == (["cube-on-plane"], ["spot-lamp"])
-    assert fold["tuned"] == found["tuned"] and fold["tuned"] in fold["front"]
+    assert (found["tuning"], found["held_out"]) == (["cube-on-plane"], ["spot-lamp"])
+    assert found["tuned"] in found["front"]
     names = [one["name"] for one in found["others"]]
     assert names == ["default", *(f"preset={name}" for name in SHADOW_MAP.technique.presets), "half"]
     assert all(math.isfinite(one["tuning"]) and one["held_out"]["median"] > 0 for one in found["others"])
@@ -360,31 +296,6 @@ def test_the_command_prints_and_keeps_what_it_found(
     assert (quiet.code, quiet.err) == (0, "")
     assert "default" in quiet.out and found["tuned"]["spec"] in quiet.out
     assert str(tmp_path) not in quiet.out
-
-
-def test_folds_hold_every_scene_out_once(shadowbench: Callable[..., Any], tmp_path: Path) -> None:
-    scenes = ("--scenes", "cube-on-plane,spot-lamp,sphere-and-torus", "--params", "bias", "--folds", "3")
-    tune = ("tune", "-t", "shadow-map", *scenes, *LITTLE, "-o", tmp_path / "t")
-    answer = shadowbench(*tune, "--json")
-    assert answer.code == 0, answer.err
-    assert sum("of 3: tuning on" in line for line in answer.err.splitlines()) == 3
-    found = json.loads(answer.out)
-    held_out = [fold["held_out"] for fold in found["folds"]]
-    assert sorted(held_out) == [["cube-on-plane"], ["sphere-and-torus"], ["spot-lamp"]]
-    chosen = {fold["tuned"]["spec"] for fold in found["folds"]}
-    assert found["tuned"]["spec"] == (None if len(chosen) > 1 else chosen.pop())
-    assert found["others"][0]["iou_ratio"]["low"] is not None
-    frame = pd.read_csv(tmp_path / "t" / "table.csv")
-    frame["error"] = (1 - frame["iou"]) * (1 - frame["ssim"])
-    errors = frame.pivot_table(index="scene", columns="spec", values="error")
-    for fold in found["folds"]:  # the interval of two scenes holds both
-        tuned, default = (errors.loc[fold["tuning"], spec] for spec in (fold["tuned"]["spec"], "shadow-map"))
-        assert fold["tuned"]["spec"] == "shadow-map" or (tuned < default).all()
-        assert fold["tuned"] in fold["front"]
-    shown = shadowbench(*tune, "--quiet").out
-    for number, (scene,) in enumerate(held_out, start=1):
-        assert f"fold {number} of 3: best at each cost, from the cheapest; held out: {scene}" in shown
-    assert "on 3 scenes held out, the tuned in each by the fold that held it out" in shown
 
 
 def test_a_setting_that_fails_costs_its_own_trial_only(
@@ -428,9 +339,6 @@ def test_a_setting_that_fails_costs_its_own_trial_only(
         (["-t", "shadow-map", "--scenes", "lamp-by-wall"], ["none takes part"]),
         (["-t", "shadow-map", "--against", "nothing"], ["nothing", "allowed"]),
         (["-t", "shadow-map", "--scenes", "cube-on-plane", "--held-out", "x"], ["--held-out", "'x'", "cube-on-plane"]),
-        (["-t", "shadow-map", "--scenes", "cube-on-plane,stairs", "--folds", "3"], ["--folds", "found 3", "2 (cube-"]),
-        (["-t", "shadow-map", "--folds", "1"], ["--folds", "equal to 2"]),
-        (["-t", "shadow-map", "--folds", "2", "--held-out", "stairs"], ["--folds", "--held-out", "not both"]),
         ([], ["-t"]),
     ],
 )

@@ -3,9 +3,11 @@
 import importlib.util
 import shutil
 import sys
+import tomllib
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -21,6 +23,8 @@ from shadowbench.techniques.registry import source_file, techniques
 from shadowbench.techniques.shadow_map import ShadowMap
 from shadowbench.techniques.spec import parse_spec
 
+ROOT = Path(__file__).resolve().parents[2]
+FAULTS = tomllib.loads((ROOT / "tests" / "faults" / "faults.toml").read_text(encoding="utf-8"))["change"]
 KNOWN = techniques()
 
 
@@ -188,7 +192,11 @@ EDITED = [
     ("truth/rays.py", "unshadowed", True),
     ("scores/ssim.py", "unshadowed", True),
     ("scenes/model.py", "unshadowed", True),
-    ("scenes/planes.py", "planar-projection", True),
+    ("geometry/planes.py", "planar-projection", True),
+    ("geometry/topology.py", "shadow-volume", True),
+    ("geometry/topology.py", "shadow-map", False),
+    ("gl/raw.py", "unshadowed", True),
+    ("truth/cache.py", "unshadowed", True),
     ("measure/session.py", "unshadowed", True),
     ("measure/scoring.py", "unshadowed", True),
     ("studies/tables.py", "unshadowed", False),
@@ -197,13 +205,13 @@ EDITED = [
 
 
 @pytest.fixture
-def edit(monkeypatch: pytest.MonkeyPatch, fresh: Callable[[], None]) -> Callable[[Path], None]:
-    """Has a file read from now on as if a line had been added, without touching it: others may be reading it."""
+def edit(monkeypatch: pytest.MonkeyPatch, fresh: Callable[[], None]) -> Callable[..., None]:
+    """Has files read from now on as if a line had been added, without touching them: others may be reading it."""
     read = Path.read_bytes
 
-    def edited(file: Path) -> None:
-        assert file.is_file()
-        monkeypatch.setattr(Path, "read_bytes", lambda self: read(self) + b"# edited\n" * (self == file))
+    def edited(*files: Path) -> None:
+        assert all(file.is_file() for file in files)
+        monkeypatch.setattr(Path, "read_bytes", lambda self: read(self) + b"# edited\n" * (self in files))
         fresh()
 
     return edited
@@ -211,30 +219,35 @@ def edit(monkeypatch: pytest.MonkeyPatch, fresh: Callable[[], None]) -> Callable
 
 @pytest.mark.parametrize(("file", "spec", "differs"), EDITED)
 def test_a_key_knows_the_code_that_its_result_rests_on(
-    edit: Callable[[Path], None], file: str, spec: str, differs: bool
+    edit: Callable[..., None], file: str, spec: str, differs: bool
 ) -> None:
     before = key(spec)
     edit(Path(data.__file__).parent / file)
     assert (key(spec) != before) == differs
 
 
-def test_a_new_technique_s_file_is_in_no_other_key(
-    tmp_path: Path, half: Path, monkeypatch: pytest.MonkeyPatch, fresh: Callable[[], None]
-) -> None:
-    copy = tmp_path / "techniques"
-    shutil.copytree(keys._TECHNIQUES, copy)
-    own = {one: copy / keys.source_file(one).name for one in keys.own_techniques()}
-    monkeypatch.setattr(keys, "_TECHNIQUES", copy)
-    monkeypatch.setattr(keys, "source_file", lambda one: own.get(one) or source_file(one))
-    fresh()
-    before = key()
-    shutil.copy(half, copy / "half.py")
-    fresh()
-    assert key() != before  # nobody knows yet that it defines a technique
-    added = load(copy / "half.py")
-    monkeypatch.setattr(keys, "own_techniques", lambda: (*own, added))
-    fresh()
-    assert key() == before
+def test_a_technique_s_own_file_is_in_no_other_key(edit: Callable[..., None]) -> None:
+    before = {name: key(name) for name in KNOWN}
+    for name, technique in KNOWN.items():
+        edit(source_file(technique))
+        assert [other for other in KNOWN if key(other) != before[other]] == [name]
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: str(fault["name"]))
+def test_a_planted_fault_changes_the_keys_of_its_technique(edit: Callable[..., None], fault: dict[str, Any]) -> None:
+    before = key(fault["technique"])
+    for change in fault["edit"]:
+        edit(ROOT / change["file"])
+        assert key(fault["technique"]) != before
+
+
+@pytest.mark.parametrize("room", ["reports", "commands", "cli", "advice", "check", "stress", "engines", "needs"])
+def test_no_edit_above_what_measures_changes_a_key(edit: Callable[..., None], room: str) -> None:
+    before = {name: key(name) for name in KNOWN}
+    files = sorted((ROOT / "shadowbench" / room).rglob("*.py"))
+    assert files
+    edit(*files)
+    assert {name: key(name) for name in KNOWN} == before
 
 
 def load(file: Path, name: str = "Half") -> type[Technique]:
@@ -294,6 +307,23 @@ def test_the_whole_package_of_a_plug_in_is_in_its_key(half: Path, tmp_path: Path
     assert len(set(found)) == 4
 
 
+def test_what_the_package_of_a_plug_in_imports_of_ours_is_in_its_key(
+    half: Path, tmp_path: Path, edit: Callable[..., None], plugged: Callable[..., str]
+) -> None:
+    package = tmp_path / "package"
+    package.mkdir()
+    (package / "__init__.py").write_text("")
+    file = package / "half.py"
+    shutil.copy(half, file)
+    (package / "helper.py").write_text("from shadowbench.techniques import culling\n")
+    (package / "template.py").write_text("{{ no Python }}")
+    before = plugged(file)
+    edit(ROOT / "shadowbench" / "techniques" / "layers.py")
+    assert plugged(file) == before
+    edit(ROOT / "shadowbench" / "techniques" / "culling.py")
+    assert plugged(file) != before
+
+
 INHERITS = """
 from {module} import {parent}
 
@@ -332,7 +362,7 @@ def test_a_plug_in_whose_parameters_are_another_s_rests_on_its_file_too(
 
 @pytest.mark.parametrize(("file", "differs"), [("techniques/shadow_map.py", True), ("techniques/ray_traced.py", False)])
 def test_a_plug_in_that_inherits_from_ours_rests_on_its_file_too(
-    tmp_path: Path, edit: Callable[[Path], None], plugged: Callable[..., str], file: str, differs: bool
+    tmp_path: Path, edit: Callable[..., None], plugged: Callable[..., str], file: str, differs: bool
 ) -> None:
     heir = tmp_path / "heir.py"
     heir.write_text(INHERITS.format(module=ShadowMap.__module__, parent="ShadowMap"))

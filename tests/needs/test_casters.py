@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 import trimesh
 
+from shadowbench.geometry import topology
 from shadowbench.needs.casters import casters_of
 from shadowbench.needs.survey import needs
 from shadowbench.needs.words import told
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import Light, Mesh
 from shadowbench.scenes.views import chosen_view
-from shadowbench.techniques import edges
 from tests.needs.conftest import DOWN, box, looking, plate
 
 SUN = Light("sun", "directional", (0.5, -1.0, -0.3))
@@ -74,7 +74,7 @@ def test_a_ball_has_the_outlines_that_lie_between_triangles_turned_to_the_light_
 def test_what_volumes_hold_closed_is_closed(name: str) -> None:
     view, _ = chosen_view(name, 64).placed()
     found = casters_of(view)
-    theirs = edges.casters_of(view.scene)
+    theirs = topology.casters_of(view.scene)
     assert found.triangles == len(theirs.closed.faces) + len(theirs.open.faces)
     assert found.closed == len(theirs.closed.faces)
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from shadowbench.geometry.lights import light_space
 from shadowbench.needs.footprint import ANGLES, OFF, Footprint, cube_footprint, footprint, longest
 from shadowbench.needs.sampling import sampled
 from shadowbench.scenes.model import Light
-from shadowbench.techniques.lights import light_space
 from tests.needs.conftest import looking, plate
 
 

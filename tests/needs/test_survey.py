@@ -20,8 +20,9 @@ from shadowbench.needs.receivers import Receivers, planes_of, receivers_of
 from shadowbench.needs.sampling import Samples, sampled
 from shadowbench.needs.survey import needs
 from shadowbench.needs.words import told
+from shadowbench.scenes.geometry import Geometry
 from shadowbench.scenes.library import builtin_names
-from shadowbench.scenes.model import Geometry, Light, Mesh
+from shadowbench.scenes.model import Light, Mesh
 from shadowbench.scenes.views import chosen_view
 from shadowbench.techniques.base import Stage
 from shadowbench.techniques.planar_projection import PlanarProjection

@@ -10,12 +10,15 @@ from hypothesis.extra.numpy import arrays
 
 from shadowbench.needs import sampling
 from shadowbench.needs.cascades import CascadeSizes, cascades_of
+from shadowbench.needs.depth import STEPS
 from shadowbench.needs.footprint import ANGLES, OFF
-from shadowbench.needs.maps import FittedMap, fitted_map
+from shadowbench.needs.maps import PADDING, REFERENCE_SIZE, FittedMap, fitted_map
 from shadowbench.needs.sampling import sampled
 from shadowbench.needs.texels import WRONG, Texels, texels_for, texels_of
 from shadowbench.scenes.model import Light, View
 from shadowbench.scenes.views import chosen_view
+from shadowbench.techniques.biases import Texel
+from shadowbench.techniques.shadow_map import ShadowMap
 from tests.needs.conftest import box, from_above, looking, plate
 
 
@@ -98,3 +101,9 @@ def test_cascades_pay_along_a_street_and_not_over_a_plane_from_above() -> None:
 def test_a_lamp_has_no_cascades() -> None:
     lamp = Light("lamp", "point", position=(1.5, 3.0, -1.0))
     assert cascades(looking([plate(30.0)], lamp)) is None
+
+
+def test_needs_are_those_of_the_default_shadow_map() -> None:
+    params = ShadowMap.Params()
+    assert params.filter.radius(params.size) + 1 == PADDING and params.size == REFERENCE_SIZE
+    assert params.bias == Texel(ulps=STEPS)

@@ -5,13 +5,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from shadowbench.reports.analysis import (
     Section,
     front,
-    pareto_front,
     reaches_edge,
     reaches_iou,
     sections,
@@ -22,19 +19,6 @@ from shadowbench.reports.gallery import shots_of_section
 from shadowbench.reports.markdown import markdown_report
 from shadowbench.reports.words import headline, reach_tables, refusals, section_notes, warned
 from tests.reports.conftest import CELLS, RECEIVERS, Cell
-
-SMALL = st.integers(0, 5).map(float)  # few values, so that ties are met
-
-
-@given(st.lists(st.tuples(SMALL, SMALL), max_size=25))
-def test_the_front_is_what_no_other_point_beats(points: list[tuple[float, float]]) -> None:
-    def beaten(one: tuple[float, float]) -> bool:
-        return any(other[0] <= one[0] and other[1] <= one[1] and other != one for other in points)
-
-    found = pareto_front(points)
-    assert set(found) == {index for index, point in enumerate(points) if not beaten(point)}
-    assert [points[index][0] for index in found] == sorted(points[index][0] for index in found)
-    assert [points[index][1] for index in found] == sorted((points[index][1] for index in found), reverse=True)
 
 
 def test_the_front_of_a_scene_leaves_out_what_is_slower_and_worse(section_of: Callable[..., Section]) -> None:

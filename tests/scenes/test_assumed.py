@@ -9,8 +9,8 @@ import pytest
 import trimesh
 
 from shadowbench.errors import InputError
+from shadowbench.scenes.geometry import bounds_of
 from shadowbench.scenes.library import load_scene
-from shadowbench.scenes.model import bounds_of
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.model import bounds_of
+from shadowbench.scenes.geometry import bounds_of
 from shadowbench.scenes.shapes import SHAPES, build_shape
 from shadowbench.scenes.triangles import Triangles, without_zero_area
 

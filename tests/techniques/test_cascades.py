@@ -11,17 +11,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shadowbench.errors import InputError
+from shadowbench.geometry.lights import Box, light_space, window
+from shadowbench.geometry.slices import Slice, slices, snapped
 from shadowbench.gl.gbuffer import download
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Camera, Light, unit, vec3, view_of
 from shadowbench.techniques.base import Frame, Phase
 from shadowbench.techniques.biases import Bias
 from shadowbench.techniques.filters import Filter
-from shadowbench.techniques.fits import window
-from shadowbench.techniques.lights import Box, light_space
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
-from shadowbench.techniques.splits import Practical, Slice, Split, slices, snapped
+from shadowbench.techniques.splits import Practical, Split
 from shadowbench.truth.trace import trace
 
 SIZE = 96

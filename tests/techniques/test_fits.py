@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 from scipy.spatial import HalfspaceIntersection, QhullError
 
+from shadowbench.geometry.convex import box_planes, corners, frustum_planes, hull_points
+from shadowbench.geometry.lights import Box, LightView, light_space
 from shadowbench.gl.clock import Clock
 from shadowbench.scenes.model import AS_FILED, Light, unit
 from shadowbench.techniques.base import Frame, Phase
-from shadowbench.techniques.convex import box_planes, corners, frustum_planes, hull_points
 from shadowbench.techniques.fits import Fit
-from shadowbench.techniques.lights import Box, LightView, light_space
 
 SIZE = 128
 SCENES = ["sphere-and-torus", "spot-lamp", "street", "cube-on-plane"]

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from shadowbench.errors import InputError
+from shadowbench.geometry.hull import CasterHull
+from shadowbench.geometry.lights import Box, light_space, window
 from shadowbench.scenes.model import AS_FILED, Light, Scene
-from shadowbench.techniques.fits import CasterHull, Fixed, SceneFit, Sight, Visible, window
-from shadowbench.techniques.lights import Box, light_space
+from shadowbench.techniques.fits import Fixed, SceneFit, Sight, Visible
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
 

@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from shadowbench.scenes.model import Floats, Geometry, View
+from shadowbench.scenes.geometry import Geometry
+from shadowbench.scenes.model import Floats, View
 
 TRIANGLES_AT_ONCE = 1024
 DOUBT = 1e-12  # of the lengths that enter a sign; rounding is a thousandth of it

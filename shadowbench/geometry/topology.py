@@ -44,15 +44,34 @@ class Casters:
         return bool(((low <= point) & (point <= high)).all(axis=1).any())
 
 
-def casters_of(scene: Scene) -> Casters:
-    """The casters of a scene, welded as the device has them: by float32 position, each mesh by itself."""
+@dataclass(frozen=True, eq=False)
+class Topology:
+    """The triangles that cast and the edges that they share; a part is what hangs together by edges.
+
+    faces, edges: all of them, as in a Surface, by the edges' corners a and b; sides: (E, 2) what meets at each edge,
+    3 · triangle + k for the side from corner k to the next, one of each direction where there are, −1 for none; part:
+    (F,) that of each triangle; closed, open: (P,) bool, as Casters says, and those with a loose edge; boxes: (P, 2, 3).
+    """
+
+    faces: Indices
+    edges: Indices
+    sides: Indices
+    part: Indices
+    closed: NDArray[np.bool_]
+    open: NDArray[np.bool_]
+    boxes: Floats
+
+
+def topology_of(scene: Scene) -> Topology:
+    """The topology of what casts, welded as the device has it: by float32 position, each mesh by itself."""
     geometry = scene.geometry
     vertices = geometry.vertices.astype(np.float32) + np.float32(0)  # −0 is 0
     mesh = np.repeat(np.arange(len(scene.meshes)), [len(mesh.vertices) for mesh in scene.meshes])
     faces = _welded(vertices, mesh)[geometry.caster_faces]
     # A triangle with a corner twice runs along its one edge both ways: it has no wall.
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
-    first, second = _pairs(faces)
+    rising = (faces < np.roll(faces, -1, axis=1)).ravel()
+    first, second = sides = _pairs(faces, rising)
 
     two = second >= 0
     a, b = first[two] // 3, second[two] // 3
@@ -60,7 +79,7 @@ def casters_of(scene: Scene) -> Casters:
     parts, labels = connected_components(links, directed=False)
     part: Indices = labels.astype(np.int64)
     opposed = np.zeros(len(first), dtype=bool)
-    opposed[two] = _rising(faces)[first[two]] != _rising(faces)[second[two]]
+    opposed[two] = rising[first[two]] != rising[second[two]]
     loose = np.bincount(part[first[~opposed] // 3], minlength=parts)
     # Only if wound outwards: inside one wound inwards, nothing between a receiver and the light need face the light.
     corners = vertices[faces].astype(np.float64)
@@ -70,8 +89,21 @@ def casters_of(scene: Scene) -> Casters:
     low, high = np.full((parts, 3), np.inf), np.full((parts, 3), -np.inf)
     np.minimum.at(low, part, corners.min(axis=1))
     np.maximum.at(high, part, corners.max(axis=1))
-    boxes = np.stack([low, high], axis=1)
-    return Casters(*(_surface(faces, first, second, part, boxes, chosen) for chosen in (closed, ~closed)))
+    return Topology(
+        faces=faces,
+        edges=_edges(faces, first, second),
+        sides=np.column_stack(sides),
+        part=part,
+        closed=closed,
+        open=loose > 0,
+        boxes=np.stack([low, high], axis=1),
+    )
+
+
+def casters_of(scene: Scene) -> Casters:
+    """The casters of a scene, part after part."""
+    topology = topology_of(scene)
+    return Casters(_surface(topology, topology.closed), _surface(topology, ~topology.closed))
 
 
 def _welded(vertices: NDArray[np.float32], mesh: Indices) -> Indices:
@@ -84,50 +116,46 @@ def _welded(vertices: NDArray[np.float32], mesh: Indices) -> Indices:
     return first
 
 
-def _rising(faces: Indices) -> NDArray[np.bool_]:
-    """(3F,) whether side k of a triangle, from corner k to the next, runs from the lower index to the higher."""
-    return (faces < np.roll(faces, -1, axis=1)).ravel()
+def _pairs(faces: Indices, rising: NDArray[np.bool_]) -> tuple[Indices, Indices]:
+    """Sides (3 · triangle + k) two by two at each edge, one of each direction first; −1 for a side left alone.
 
-
-def _pairs(faces: Indices) -> tuple[Indices, Indices]:
-    """Sides (3 · triangle + k) two by two at each edge, one of each direction first; −1 for a side left alone."""
+    rising: (3F,) whether a side runs from the lower index to the higher.
+    """
     start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    low, high, rising = np.minimum(start, end), np.maximum(start, end), _rising(faces)
-    order = np.lexsort((rising, high, low))
-    directed = _place_in_run(low[order], high[order], rising[order])
-    order = order[np.lexsort((rising[order], directed, high[order], low[order]))]
-    place = _place_in_run(low[order], high[order])
-    leads = place % 2 == 0
+    # One number for the edge and the direction along it: numbers sort faster than their parts do.
+    side = (np.minimum(start, end) * (int(faces.max(initial=0)) + 1) + np.maximum(start, end)) << 1 | rising
+    order = np.argsort(side, kind="stable")
+    directed = _place_in_run(side[order])
+    if directed.any():  # an edge of several triangles one way
+        order = order[np.lexsort((rising[order], directed, side[order] >> 1))]
+    leads = _place_in_run(side[order] >> 1) % 2 == 0
     follows = np.append(~leads[1:], False)  # a side at an odd place follows its own edge's
-    first = order[leads]
-    second = np.where(follows, np.append(order[1:], -1), -1)[leads]
-    return first, second
+    return order[leads], np.where(follows, np.append(order[1:], -1), -1)[leads]
 
 
-def _place_in_run(*sorted_keys: NDArray[np.generic]) -> Indices:
-    """For each row, how many rows before it have the same keys."""
-    count = len(sorted_keys[0])
-    new = np.ones(count, dtype=bool)
-    new[1:] = np.any([key[1:] != key[:-1] for key in sorted_keys], axis=0)
-    starts = np.flatnonzero(new)
-    return np.arange(count) - np.repeat(starts, np.diff(np.append(starts, count)))
+def _place_in_run(keys: Indices) -> Indices:
+    """(N,) for each of sorted keys, how many before it are the same."""
+    starts = np.flatnonzero(np.append(True, keys[1:] != keys[:-1])[: len(keys)])
+    return np.arange(len(keys)) - np.repeat(starts, np.diff(np.append(starts, len(keys))))
 
 
-def _surface(
-    faces: Indices, first: Indices, second: Indices, part: Indices, boxes: Floats, chosen: NDArray[np.bool_]
-) -> Surface:
-    """What the chosen parts have of the faces and of the pairs of their sides."""
+def _edges(faces: Indices, first: Indices, second: Indices) -> Indices:
+    """(E, 4) third corner, a, b, third corner, as a Surface has them."""
+    third = np.roll(faces, 1, axis=1).ravel()  # the corner that side k does not touch
+    start, end = faces.ravel()[first], np.roll(faces, -1, axis=1).ravel()[first]
+    low, high = np.minimum(start, end), np.maximum(start, end)
+    return np.column_stack([third[first], low, high, np.where(second >= 0, third[second], low)])
+
+
+def _surface(topology: Topology, chosen: NDArray[np.bool_]) -> Surface:
+    """The triangles and edges of the chosen parts."""
 
     def by_part(of: Indices) -> tuple[Indices, Indices]:
         """The rows of the chosen parts, part after part, and where each part ends; `of` says a row's part."""
         order = np.argsort(of, kind="stable")
         return order[chosen[of[order]]], np.cumsum(np.bincount(of, minlength=len(chosen))[chosen])
 
-    own, face_ends = by_part(part)
-    mine, edge_ends = by_part(part[first // 3])
-    first, second = first[mine], second[mine]
-    third = np.roll(faces, 1, axis=1).ravel()  # the corner that side k does not touch
-    start, end = faces.ravel()[first], np.roll(faces, -1, axis=1).ravel()[first]
-    low, high = np.minimum(start, end), np.maximum(start, end)
-    edges = np.column_stack([third[first], low, high, np.where(second >= 0, third[second], low)])
-    return Surface(faces[own], edges, face_ends, edge_ends, boxes[chosen])
+    own, face_ends = by_part(topology.part)
+    mine, edge_ends = by_part(topology.part[topology.sides[:, 0] // 3])
+    faces, edges, boxes = topology.faces[own], topology.edges[mine], topology.boxes[chosen]
+    return Surface(faces, edges, face_ends, edge_ends, boxes)

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from shadowbench.geometry.planes import Plane, find_planes
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Mesh, Scene
-from shadowbench.scenes.planes import Plane, find_planes
 from shadowbench.techniques.planar_projection import PlanarProjection
 
 

@@ -9,7 +9,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.scenes.model import Floats, Geometry, in_slices
+from shadowbench.scenes.geometry import Geometry, in_slices
+from shadowbench.scenes.model import Floats
+
+LEAST_SHARE = 0.0005
+"""Smallest part of the searched area that makes a plane, where nothing is said."""
+MOST_PLANES = 32
+"""Most planes that are looked for, where nothing is said."""
+TOLERANCE = 1e-5
+"""Share of the scene's diagonal that a plane's corners may be off it, where nothing is said."""
 
 # Votes are counted in cells this wide, in normals and in shares of the diagonal: above the scatter of small triangles
 # whose corners were rounded. Planes that share a cell are told apart by looking.
@@ -37,7 +45,11 @@ class Plane:
 
 
 def find_planes(
-    geometry: Geometry, searched: NDArray[np.bool_], least: float, most: int, tolerance: float
+    geometry: Geometry,
+    searched: NDArray[np.bool_],
+    least: float = LEAST_SHARE,
+    most: int = MOST_PLANES,
+    tolerance: float = TOLERANCE,
 ) -> tuple[Plane, ...]:
     """The planes on which at least a share of `least` of the searched area lies, largest first, `most` at most.
 

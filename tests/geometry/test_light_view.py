@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from shadowbench.geometry.lights import Box, LightSpace, LightView, light_space
 from shadowbench.scenes.model import Light, unit
-from shadowbench.techniques.lights import Box, LightSpace, LightView, light_space
 
 KINDS = ["directional", "spot"]
 

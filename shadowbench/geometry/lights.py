@@ -133,3 +133,21 @@ class LightView:
             return depths
         distance = self.far * self.near / (self.far - depths * (self.far - self.near))
         return (distance - self.near) / (self.far - self.near)
+
+
+def window(box: Box, space: LightSpace, size: int, padding: float, shift: tuple[float, float]) -> Box:
+    """What a map shows of a box: clipped to a spot's base window, padded by texels, shifted by parts of one."""
+    low, high = box.low.copy(), box.high.copy()
+    low[:2], high[:2] = np.clip(low[:2], -space.half, space.half), np.clip(high[:2], -space.half, space.half)
+    # A window without an extent (one pixel, a plane seen edge-on) still needs texels of some size.
+    extent = np.maximum((high - low)[:2], 1e-6 * max(float(np.abs(box.high - box.low).max()), 1e-6))
+    middle = (low + high)[:2] / 2
+    texel = extent / max(size - 2 * padding, 1.0)
+    low[:2], high[:2] = middle - texel * size / 2 + texel * shift, middle + texel * size / 2 + texel * shift
+    # Casters in front of near are kept by depth clamping, so near and far need to hold the receivers alone. They get
+    # room for receivers that a bias moves, and for rounding.
+    room = padding * float(texel.max()) * (high[2] if space.perspective else 1.0) + 1e-4 * (high[2] - low[2])
+    low[2], high[2] = low[2] - room, high[2] + room
+    if space.perspective:
+        low[2] = max(low[2], high[2] / 1e4)
+    return Box(low, high)

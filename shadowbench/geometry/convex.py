@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from shadowbench.scenes.model import Floats, View, bounds_of
+from shadowbench.scenes.geometry import bounds_of
+from shadowbench.scenes.model import Floats, View
 
 # A plane is (n, d), unit n: inside where n·x + d ≥ 0.
 

@@ -1,0 +1,58 @@
+"""The code that a result rests on, by imports."""
+
+from pathlib import Path
+
+import pytest
+
+from shadowbench import sources
+from shadowbench.sources import code_digest, imported
+
+
+@pytest.fixture
+def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A package in place of ours: `low` imports nothing, `middle` imports it within a function, `high` imports that."""
+    root = tmp_path / "house"
+    (root / "room").mkdir(parents=True)
+    for name, text in {
+        "__init__": "from house import high\n",
+        "room/__init__": "",
+        "room/low": "import numpy\n",
+        "middle": "def f():\n    from house.room.low import numpy\n",
+        "high": "import house.middle\nfrom house import middle\n",
+        "beside": "import house.high\nimport scipy.ndimage\n",
+    }.items():
+        (root / f"{name}.py").write_text(text)
+    monkeypatch.setattr(sources, "PACKAGE", root)
+    return root
+
+
+def test_what_is_imported_counts_wherever_the_import_stands(package: Path) -> None:
+    names = [str(file.relative_to(package)) for file in imported(package / "high.py")]
+    assert names == ["high.py", "middle.py", "room/low.py"]
+
+
+def test_a_digest_is_of_text_of_what_is_imported_and_of_its_libraries(
+    package: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def digest() -> str:
+        return code_digest(package / "high.py")
+
+    before = digest()
+    (package / "beside.py").write_text("import house.high\n")
+    assert digest() == before
+    monkeypatch.setattr(sources, "version", lambda library: f"another {library}" if library == "scipy" else "1")
+    numpy_one = digest()
+    monkeypatch.setattr(sources, "version", lambda library: "1")
+    assert digest() == numpy_one != before, "scipy is not imported, numpy is"
+    (package / "room" / "low.py").write_text("import numpy  # changed\n")
+    assert digest() != numpy_one
+
+
+def test_a_folder_beside_counts_with_all_its_shaders(package: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "shaders"
+    folder.mkdir()
+    before = code_digest(package / "high.py", beside=[folder])
+    (folder / "notes.txt").write_text("")
+    assert code_digest(package / "high.py", beside=[folder]) == before
+    (folder / "one.glsl").write_text("")
+    assert code_digest(package / "high.py", beside=[folder]) != before
