@@ -13,8 +13,8 @@ from typing import Any
 
 import psutil
 import pytest
-
 from shadowbench.measure.runner import Result, Runner
+
 from shadowbench.measure.worker import Limits, Worker
 from shadowbench.studies.file import read_study
 from shadowbench.studies.study import Study

@@ -10,6 +10,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +19,13 @@ import pandas as pd
 
 from shadowbench.advice.tune_cells import Cells
 from shadowbench.advice.tune_scores import log_error, mean_of, ratio, scene_scores
+from shadowbench.measure.cells import Block
+from shadowbench.measure.measurer import Measurer
+from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Light, Scene, vec3, view_of
-from shadowbench.studies.study import Block, Study
+from shadowbench.studies.study import Study
 from shadowbench.studies.tables import Interval, interval
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
@@ -141,7 +145,8 @@ def by_lot(folder: Path) -> Iterator[str]:
     blocks = [Block(view_of(scene, scene.cameras[0], scene.lights[0], 512), ()) for scene in scenes]
     home = specs["shadow-map"]
     study = Study(("cube-on-plane",), (home,), home, map_sizes=(2048,), view_size=512, rounds=0, phases=2)
-    with Worker() as worker, Cells(study, folder / "by-lot", worker, Silent()) as cells:
+    with Worker() as worker, closing(RowStore(folder / "by-lot")) as store:
+        cells = Cells(study, Measurer(worker, store, study.conditions(), Silent()))
         rows = cells.measured(list(specs.values()), blocks)
     scores = {name: scene_scores(rows[spec]) for name, spec in specs.items()}
     count = len(scores["shadow-map"])
@@ -263,7 +268,8 @@ def limits(folder: Path) -> Iterator[str]:
     yield "shine the way of their sun. Map sizes 1024 and 2048, view 512.\n"
     yield "| limit | sun: error | 1 − IoU | 1 − SSIM | contact | spot: error | 1 − IoU | 1 − SSIM | contact |"
     yield "|---:|---:|---:|---:|---:|---:|---:|---:|---:|"
-    with Worker() as worker, Cells(study, folder / "limits", worker, Silent()) as cells:
+    with Worker() as worker, closing(RowStore(folder / "limits")) as store:
+        cells = Cells(study, Measurer(worker, store, study.conditions(), Silent()))
         rows = {kind: cells.measured(list(specs.values()), own) for kind, own in blocks.items()}
     for limit, spec in specs.items():
         texts = []

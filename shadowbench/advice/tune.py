@@ -11,9 +11,9 @@ from shadowbench.advice.tune_folds import Fold
 from shadowbench.advice.tune_scores import front, log_cost, log_error, scene_scores, surely_less
 from shadowbench.advice.tune_space import Space
 from shadowbench.errors import InputError
-from shadowbench.measure.worker import CellFailed
-from shadowbench.studies.study import Block
-from shadowbench.techniques.spec import Spec, format_spec
+from shadowbench.measure.cells import Block
+from shadowbench.measure.place import CellFailed
+from shadowbench.techniques.spec import Spec
 
 if TYPE_CHECKING:
     from optuna import Study, Trial
@@ -118,7 +118,7 @@ class Search:
             if lost is None:
                 found[spec] = scene_scores(rows)
             else:
-                self.cells.reporter.note(f"{format_spec(spec)}: {lost['scene']}: {lost['status']}; it is left out")
+                self.cells.reporter.note(f"{spec.text}: {lost['scene']}: {lost['status']}; it is left out")
         return found
 
     def _best(self) -> tuple[list[Spec], Spec]:
@@ -154,7 +154,7 @@ class Search:
 
 def _check(spec: Spec, scores: Mapping[Spec, pd.DataFrame]) -> None:
     if spec not in scores:
-        raise CellFailed(f"{format_spec(spec)} does not hold on every scene, so that nothing can be set beside it")
+        raise CellFailed(f"{spec.text} does not hold on every scene, so that nothing can be set beside it")
 
 
 def _study(goals: int, random: int) -> "Study":

@@ -4,6 +4,7 @@ import dataclasses
 import json
 import math
 from collections.abc import Mapping
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,16 +27,21 @@ from shadowbench.commands.console import (
 from shadowbench.commands.recommend_words import excluded_lines, in_the_way, step_lines
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
-from shadowbench.measure.gauge import Gauge
+from shadowbench.measure.cells import Block, Cell
 from shadowbench.measure.machine import write_run_file
-from shadowbench.measure.runner import Result
+from shadowbench.measure.measurer import Measurer
+from shadowbench.measure.pictures import Pictures
+from shadowbench.measure.references import USUAL
+from shadowbench.measure.row_store import RowStore
+from shadowbench.measure.rows import Result
 from shadowbench.measure.session import DeviceInfo
 from shadowbench.measure.worker import Worker
 from shadowbench.reports.folder import write_cells
 from shadowbench.scenes.views import chosen_view, notes_on
+from shadowbench.studies.study import Study
 from shadowbench.studies.times import time_notes
 from shadowbench.techniques.params import Row
-from shadowbench.techniques.spec import Spec, format_spec
+from shadowbench.techniques.spec import Spec
 from shadowbench.truth.cache import cached_truth
 
 ROUNDS = 9
@@ -69,23 +75,24 @@ def recommend_command(options: RecommendOptions, folder: Path, *, as_json: bool,
         _check_folder(options.export)
     with ConsoleReporter(quiet) as reporter, Worker(options.plugins) as worker:
         view = chosen_view(options.scene, options.view_size, options.view, options.light, options.assets, options.up)
-        info: DeviceInfo = worker.call("info")
+        info = worker.info
         unit = _unit(options, info)
         for note in notes_on(view, options.view, options.light):
             reporter.note(note)
         reporter.stage("truth", 1)
         truth = cached_truth(view)
-        rounds = ROUNDS if unit == "ms" else 0
+        study = Study((view.scene.name,), (USUAL,), USUAL, view_size=view.size, rounds=ROUNDS if unit == "ms" else 0)
         results: list[Result] = []
-        with Gauge(view, rounds, folder, worker, reporter) as gauge:
+        with closing(RowStore(folder)) as store:
+            measurer = Measurer(worker, store, study.conditions(), reporter, Pictures(folder))
             reporter.stage("measuring", 1)
 
             def measure(spec: Spec) -> Result:
-                results.extend(gauge.measured([spec]))
+                results.extend(measurer.measured(Block(view, (Cell(spec),))))
                 return results[-1]
 
             found = recommend(view, truth, target, unit, known, info.max_map_size, measure)
-    write_run_file(folder / "run.json", info, view.scene.notes, gauge.study, [one.score for one in results])
+    write_run_file(folder / "run.json", info, view.scene.notes, study.facts, [one.score for one in results])
     if results:
         write_cells(folder, results, {})
     if options.export is not None and found.choice is not None:
@@ -132,9 +139,9 @@ def export(folder: Path, found: Recommendation, plugins: tuple[Path, ...]) -> No
     """`parameters.json` and a file for each stage of each program of the choice."""
     assert found.choice is not None
     spec = found.choice.spec
-    shaders = shaders_of(format_spec(spec, full=True), found.view.scene, found.view.size, plugins)
+    shaders = shaders_of(spec.full_text, found.view.scene, found.view.size, plugins)
     parameters = {
-        "spec": format_spec(spec),
+        "spec": spec.text,
         "technique": spec.technique.name,
         "parameters": {name: _parameter(value) for name, value in spec.params},
         "scene": found.view.scene.name,
@@ -192,7 +199,7 @@ def _values(one: Tried | None) -> Mapping[str, Any] | None:
     if one is None or one.result is None:
         return None
     row = one.result.score
-    values = {"spec": format_spec(one.spec), "cost": one.cost, "gpu_bytes": one.bytes, "key": row["key"]}
+    values = {"spec": one.spec.text, "cost": one.cost, "gpu_bytes": one.bytes, "key": row["key"]}
     return values | {"metrics": row["metrics"]}
 
 
@@ -238,7 +245,7 @@ def _cells(found: Recommendation, one: Tried) -> list[str]:
     assert one.result is not None
     value = one.result.score["metrics"][found.target.metric]
     return [
-        escape(format_spec(one.spec, size=False)),
+        escape(one.spec.sizeless_text),
         str(one.spec.map_size or ""),
         "" if value is None else number(value),
         f"{one.cost:,.0f}" if found.unit == "work" else number(one.cost),

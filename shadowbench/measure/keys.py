@@ -11,14 +11,13 @@ from pathlib import Path
 from shadowbench import gl, scores, truth
 from shadowbench.data import SOURCES, data_folder, source_digest
 from shadowbench.measure import scoring, session
+from shadowbench.measure.cells import Cell
 from shadowbench.scenes import model, planes
 from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.model import Coordinates, View
-from shadowbench.studies.study import Cell
 from shadowbench.techniques import registry
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.registry import own_techniques, source_file
-from shadowbench.techniques.spec import format_spec
 
 _LIBRARIES = ("embreex", "moderngl", "numpy", "pyglm", "scikit-image", "scipy")
 _PACKAGES = tuple(Path(str(package.__file__)).parent for package in (gl, truth, scores))
@@ -34,7 +33,7 @@ def view_key(view: View) -> str:
 def cell_key(cell: Cell, view: str, coordinates: Coordinates, renderer: str) -> str:
     """Hex key of a cell in a view (its key), on a renderer."""
     parts = {
-        "spec": format_spec(cell.spec, full=True),
+        "spec": cell.spec.full_text,
         "phase": cell.phase,
         "view": view,
         "coordinates": coordinates,

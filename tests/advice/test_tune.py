@@ -33,7 +33,7 @@ from shadowbench.measure.rows import Record
 from shadowbench.studies.study import Study, scenes_of
 from shadowbench.techniques.params import in_metres
 from shadowbench.techniques.registry import own_techniques, techniques
-from shadowbench.techniques.spec import Spec, format_spec, parse_spec
+from shadowbench.techniques.spec import Spec, parse_spec
 
 KNOWN = techniques()
 SHADOW_MAP = parse_spec("shadow-map", KNOWN)
@@ -76,7 +76,7 @@ def test_what_is_suggested_is_a_spec_that_can_be_written_and_read(seed: int) -> 
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     study = optuna.create_study(sampler=optuna.samplers.RandomSampler(seed=seed))
     spec = Space(SHADOW_MAP, USUAL).spec(study.ask())
-    assert parse_spec(format_spec(spec), KNOWN) == spec
+    assert parse_spec(spec.text, KNOWN) == spec
     for name in USUAL:
         value = getattr(spec.params, name)
         for key, info in type(value).model_fields.items():

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
+from shadowbench.measure.runner import Result
 
 from shadowbench.data import data_folder
 from shadowbench.errors import InputError
 from shadowbench.measure import runner, timing
 from shadowbench.measure.machine import write_run_file
 from shadowbench.measure.rows import read_run_file
-from shadowbench.measure.runner import Result
 from shadowbench.measure.scoring import reference_of
 from shadowbench.measure.worker import AteMemory
 from shadowbench.scores.masks import mask_sha256, read_mask

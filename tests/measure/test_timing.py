@@ -16,7 +16,7 @@ from shadowbench.measure.timing import BlockStage, Timing, Untimed, reference_ce
 from shadowbench.measure.worker import AteMemory, CellFailed, Limits
 from shadowbench.studies.study import Block, Cell, Study
 from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import Spec, format_spec, parse_spec
+from shadowbench.techniques.spec import Spec, parse_spec
 
 KNOWN = techniques()
 FLOOR, REFERENCE, SLOW, FAST = "unshadowed", "shadow-map:size=16", "shadow-map:size=64", "shadow-map:size=32"
@@ -61,7 +61,7 @@ class Scripted:
         name = None
         if method in ("draw", "hold"):
             request: CellRequest = arguments[0]
-            name = format_spec(spec(request.spec))
+            name = spec(request.spec).text
         elif method.startswith("time_"):
             name = self.held[arguments[0]]
         self.calls.append((method, name))
@@ -114,7 +114,7 @@ def timed(worker: Scripted, *names: str, rounds: int = 3, reference: str = REFER
     view: Any = SimpleNamespace(scene=None, camera=None, light=SimpleNamespace(kind="directional"), size=1)
     stage = BlockStage(worker, study)  # type: ignore[arg-type]
     found = time_cells(stage, Block(view, cells), dict.fromkeys(cells, 1), **options)
-    return {format_spec(one.cell.spec): one for one in found}
+    return {one.cell.spec.text: one for one in found}
 
 
 def record(worker: Scripted, name: str, **options: Any) -> dict[str, Any]:
