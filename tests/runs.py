@@ -13,10 +13,12 @@ from typing import Any
 
 import psutil
 import pytest
-from shadowbench.measure.runner import Result, Runner
 
-from shadowbench.measure.worker import Limits, Worker
+from shadowbench.measure.place import Limits
+from shadowbench.measure.rows import Result
+from shadowbench.measure.worker import Worker
 from shadowbench.studies.file import read_study
+from shadowbench.studies.run import run_study
 from shadowbench.studies.study import Study
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.registry import techniques
@@ -263,8 +265,7 @@ class Bench:
         self.worker.limits = Limits(study.time_limit, int(study.memory_limit * 2**30))
         self.calls.clear()
         self.notebook = Notebook()
-        runner = Runner(study, folder, self.worker, self.notebook)
-        return runner.run()
+        return run_study(study, folder, self.worker, self.notebook).results
 
 
 @pytest.fixture(scope="session")
@@ -295,8 +296,8 @@ def bench(half: Path, wild: Path) -> Iterator[Bench]:
         bench = Bench(worker, plugins)
         call = worker.call
 
-        def noted(method: str, *arguments: Any, **options: Any) -> Any:
-            bench.calls.append(method)
+        def noted(method: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
+            bench.calls.append(method.__name__)
             return call(method, *arguments, **options)
 
         worker.call = noted  # type: ignore[method-assign]

@@ -46,7 +46,8 @@ class Worker:
     @property
     def info(self) -> DeviceInfo:
         """The device and its clock, as the process found them when it started; raises as `call` does."""
-        self.ready()
+        if self._info is None:
+            self.ready()
         assert self._info is not None
         return self._info
 

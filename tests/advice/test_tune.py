@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,8 @@ from shadowbench.advice.tune_scores import (
 )
 from shadowbench.advice.tune_space import REACH, USUAL, Space, searched, span
 from shadowbench.errors import InputError
+from shadowbench.measure.measurer import Measurer
+from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.rows import Record
 from shadowbench.studies.study import Study, scenes_of
 from shadowbench.techniques.params import in_metres
@@ -269,7 +272,8 @@ def tune(bench: Any) -> Tune:
         scenes = ("cube-on-plane", "sphere-and-torus")
         study = Study(scenes, (home,), home, map_sizes=(128,), view_size=64, rounds=0)
         bench.calls.clear()
-        with Cells(study, folder, bench.worker, Notes()) as cells:
+        with closing(RowStore(folder)) as store:
+            cells = Cells(study, Measurer(bench.worker, store, study.conditions(), Notes()))
             blocks = cells.taking_part(home)
             assert [scene.name for scene in scenes_of(blocks)] == list(scenes)
             space = Space(home, ("bias",), cells.refused_rows(home, ("bias",), blocks))
@@ -329,7 +333,8 @@ def test_folds_do_not_see_each_other_and_measure_nothing_twice(tune: Tune, bench
 
 def test_rows_that_no_view_takes_are_not_searched(bench: Any, tmp_path: Path) -> None:
     study = Study(("cube-on-plane",), (SHADOW_MAP,), SHADOW_MAP, view_size=32, rounds=0)
-    with Cells(study, tmp_path / "rows", bench.worker, Notes()) as cells:
+    with closing(RowStore(tmp_path / "rows")) as store:
+        cells = Cells(study, Measurer(bench.worker, store, study.conditions(), Notes()))
         blocks = cells.taking_part(SHADOW_MAP)
         refused = cells.refused_rows(SHADOW_MAP, USUAL, blocks)
     assert refused == {"bias": frozenset(), "filter": frozenset({"pcf-20"}), "fit": frozenset()}

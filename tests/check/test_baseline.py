@@ -5,10 +5,10 @@ import statistics
 from typing import Any
 
 import pytest
-from shadowbench.measure.runner import Result
 
 from shadowbench.check import baseline
 from shadowbench.check.baseline import compare
+from shadowbench.measure.rows import Result
 from shadowbench.scores.metrics import METRICS
 
 GOOD = {name: 0.9 if metric.better == "higher" else 0.1 for name, metric in METRICS.items()}

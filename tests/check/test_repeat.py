@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from shadowbench.measure.runner import Result
 
 from shadowbench.check.repeat import compare_runs
+from shadowbench.measure.rows import Result
 
 
 def result(

@@ -11,11 +11,11 @@ import pytest
 
 from shadowbench import data
 from shadowbench.measure import keys
+from shadowbench.measure.cells import Cell
 from shadowbench.measure.keys import cell_key
 from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import View, view_of
-from shadowbench.studies.study import Cell
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.registry import source_file, techniques
 from shadowbench.techniques.shadow_map import ShadowMap

@@ -11,8 +11,9 @@ import pytest
 
 from shadowbench.data import data_folder
 from shadowbench.errors import InputError
+from shadowbench.measure.cells import Block
 from shadowbench.studies.file import find_study, read_study, study_names
-from shadowbench.studies.study import Block, Study
+from shadowbench.studies.study import Study
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
 

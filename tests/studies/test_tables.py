@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from shadowbench.measure.runner import Result
 
+from shadowbench.measure.rows import Result
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.tables import Interval, SummaryRow, cells_frame, interval, over_scenes, slopes, summary
 
