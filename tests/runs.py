@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -20,6 +21,7 @@ from shadowbench.measure.worker import Worker
 from shadowbench.studies.file import read_study
 from shadowbench.studies.run import run_study
 from shadowbench.studies.study import Study
+from shadowbench.techniques import spec
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.registry import techniques
 
@@ -347,6 +349,25 @@ def start() -> Iterator[Callable[..., Started]]:
             for process in [*one.family(), psutil.Process(one.process.pid)]:
                 process.kill()
             one.process.communicate()
+
+
+@pytest.fixture
+def changed_default(monkeypatch: pytest.MonkeyPatch) -> Callable[..., AbstractContextManager[None]]:
+    """Within it, a parameter of a technique has another default, for specs that are read there."""
+
+    def read_anew(technique: type[Technique]) -> None:
+        technique.Params.model_rebuild(force=True)
+        spec._parsed.cache_clear()
+
+    @contextmanager
+    def change(technique: type[Technique], name: str, value: object) -> Iterator[None]:
+        with monkeypatch.context() as patch:
+            patch.setattr(technique.Params.model_fields[name], "default", value)
+            read_anew(technique)
+            yield
+        read_anew(technique)
+
+    return change
 
 
 @pytest.fixture(scope="session")

@@ -5,14 +5,14 @@ from collections.abc import Mapping
 from shadowbench.scenes.model import LightKind
 from shadowbench.techniques.cube_map import CubeMap
 from shadowbench.techniques.shadow_map import ShadowMap
-from shadowbench.techniques.spec import Spec, parse_spec
+from shadowbench.techniques.spec import Spec
 from shadowbench.techniques.unshadowed import Unshadowed
 
 REFERENCE = "shadow-map:size=1024"
-"""The reference of a study that names none."""
+"""The reference of a study that names none, as text; as a spec it is USUAL."""
 
-USUAL = parse_spec(REFERENCE, {ShadowMap.name: ShadowMap})
-_INSTEAD: Mapping[LightKind, Spec] = {"point": parse_spec("cube-map:size=1024", {CubeMap.name: CubeMap})}
+USUAL = Spec(ShadowMap, ShadowMap.Params(size=1024))
+_INSTEAD: Mapping[LightKind, Spec] = {"point": Spec(CubeMap, CubeMap.Params(size=1024))}
 
 
 def reference_for(chosen: Spec, kind: LightKind) -> Spec:

@@ -71,7 +71,6 @@ class Session:
         self.device: Device = open_device()
         self.clock = Clock(self.device)
         self.profile = Profile()
-        self._specs: dict[str, Spec] = {}  # by their text
         self._loaded: LoadedScene | None = None
         self._opened: OpenView | None = None
         self._kept: dict[CellRequest, Built] = {}  # of the open view, not yet held
@@ -245,9 +244,7 @@ class Session:
             self.device.context.finish()
 
     def _spec(self, request: CellRequest) -> Spec:
-        if request.spec not in self._specs:
-            self._specs[request.spec] = parse_spec(request.spec, self.techniques)
-        return self._specs[request.spec]
+        return parse_spec(request.spec, self.techniques)
 
     def _declined(self, opened: OpenView, spec: Spec) -> str | None:
         return spec.technique.declines(spec.params, opened.view, self.device)

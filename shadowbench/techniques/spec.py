@@ -6,7 +6,7 @@ uses a preset, and `parse_spec(spec.text, …) == spec`.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
@@ -72,18 +72,23 @@ def _shown(value: object) -> str:
 
 
 def parse_spec(text: str, techniques: "Mapping[str, type[Technique]]") -> Spec:
-    """The technique and parameters that a text names; raises InputError with what is allowed."""
+    """The technique and parameters that a text names, read once a process; raises InputError with what is allowed."""
     reader = Reader(text)
     name = reader.token("word")
     if name is None:
         raise reader.fail("a technique's name")
     if name not in techniques:
         raise InputError(f"unknown technique {name!r:.60}{alternatives(name, sorted(techniques))}")
-    items: tuple[tuple[str | None, Any], ...] = ()
-    if reader.token("mark", ":"):
-        items = reader.items(named=True)
+    return _parsed(text, techniques[name])
+
+
+@cache
+def _parsed(text: str, technique: "type[Technique]") -> Spec:
+    reader = Reader(text)
+    reader.token("word")
+    items = reader.items(named=True) if reader.token("mark", ":") else ()
     reader.end()
-    return spec_of(techniques[name], items, text)
+    return spec_of(technique, items, text)
 
 
 def spec_of(technique: "type[Technique]", items: tuple[tuple[str | None, Any], ...], where: str) -> Spec:

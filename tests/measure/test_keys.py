@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -74,16 +75,11 @@ def test_a_default_that_is_written_is_the_same_cell() -> None:
     assert key("shadow-map:bias=texel(scale=1)") == key()
 
 
-def test_a_changed_default_is_another_cell(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_changed_default_is_another_cell(changed_default: Any) -> None:
     before = key(), key("shadow-map:size=512")
-    monkeypatch.setattr(ShadowMap.Params.model_fields["size"], "default", 512)
-    ShadowMap.Params.model_rebuild(force=True)
-    try:
+    with changed_default(ShadowMap, "size", 512):
         assert key() != before[0]
         assert key() == before[1]
-    finally:
-        monkeypatch.undo()
-        ShadowMap.Params.model_rebuild(force=True)
     assert key() == before[0]
 
 

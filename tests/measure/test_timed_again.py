@@ -54,18 +54,13 @@ def test_more_rounds_or_another_reference_time_again_and_fewer_do_not(
 
 
 def test_a_reference_whose_default_changed_times_again(
-    added: Added, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, records: Records
+    added: Added, tmp_path: Path, changed_default: Any, records: Records
 ) -> None:
     text = HALVES.replace("REFERENCE", "shadow-map:size=32")
     assert added(text) == (2, 2)
-    monkeypatch.setattr(ShadowMap.Params.model_fields["wrap"], "default", "edge")
-    ShadowMap.Params.model_rebuild(force=True)
-    try:
+    with changed_default(ShadowMap, "wrap", "edge"):
         assert added(text) == (0, 2)
         assert added(text) == (0, 0)
-    finally:
-        monkeypatch.undo()
-        ShadowMap.Params.model_rebuild(force=True)
     found = records(tmp_path / "out", "time")
     assert len({record["reference"] for record in found}) == 1
     assert [record["reference_key"] == found[0]["reference_key"] for record in found] == [True, True, False, False]

@@ -260,17 +260,12 @@ def test_a_changed_parameter_measures_only_what_changed(bench: Any, tmp_path: Pa
 
 
 def test_a_changed_default_measures_only_what_changed(
-    bench: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, records: Records
+    bench: Any, tmp_path: Path, changed_default: Any, records: Records
 ) -> None:
     folder = tmp_path / "out"
     Run(bench, folder, SMALL)
-    monkeypatch.setattr(ShadowMap.Params.model_fields["wrap"], "default", "edge")
-    ShadowMap.Params.model_rebuild(force=True)
-    try:
+    with changed_default(ShadowMap, "wrap", "edge"):
         Run(bench, folder, SMALL)
-    finally:
-        monkeypatch.undo()
-        ShadowMap.Params.model_rebuild(force=True)
     before = records(folder)
     assert [record["spec"] for record in records(folder, "score")] == ["unshadowed", "shadow-map", "shadow-map"]
     Run(bench, folder, SMALL)
