@@ -56,8 +56,8 @@ class Measurer:
         view = view_key(block.view)
         keys = {cell: self._key(cell, view) for cell in block.cells}
         missing = sum(self.store.done(key) is None for key in keys.values())
-        more, keep = {"assumptions": list(block.scene.notes)}, int(_KEPT * self.place.limits.bytes)
-        asked = [Asked(cell, key, more=more, keep=keep * self.times(cell)) for cell, key in keys.items()]
+        more, room = {"assumptions": list(block.scene.notes)}, int(_KEPT * self.place.limits.bytes)
+        asked = [Asked(cell, key, more=more, keep=room if self.times(cell) else 0) for cell, key in keys.items()]
         self._scorer.rows([at], asked, lambda cell: self.reporter.step(f"{block.scene.name} {cell.spec.text}"))
         for _ in range(len(keys) - missing):
             self.reporter.step(f"{block.scene.name}: measured before")

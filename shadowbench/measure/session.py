@@ -130,7 +130,8 @@ class Session:
         return self._opened
 
     def _close(self) -> None:
-        """Free the view, and what is kept of its cells."""
+        """Free the view, and what is kept and held of its cells."""
+        self.let_go()
         while self._kept:
             self._kept.popitem()[1].stage.release()
         if self._opened is not None:
