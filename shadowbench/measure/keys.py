@@ -10,7 +10,7 @@ from pathlib import Path
 
 from shadowbench import gl, scores, truth
 from shadowbench.data import SOURCES, data_folder, source_digest
-from shadowbench.measure import scoring, session
+from shadowbench.measure import loaded, scoring, session
 from shadowbench.measure.cells import Cell
 from shadowbench.scenes import model, planes
 from shadowbench.scenes.digest import view_digest
@@ -21,7 +21,7 @@ from shadowbench.techniques.registry import own_techniques, source_file
 
 _LIBRARIES = ("embreex", "moderngl", "numpy", "pyglm", "scikit-image", "scipy")
 _PACKAGES = tuple(Path(str(package.__file__)).parent for package in (gl, truth, scores))
-_MODULES = tuple(Path(str(module.__file__)) for module in (model, planes, scoring, session))
+_MODULES = tuple(Path(str(module.__file__)) for module in (model, planes, loaded, scoring, session))
 _TECHNIQUES = Path(str(registry.__file__)).parent
 
 

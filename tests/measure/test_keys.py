@@ -186,6 +186,7 @@ EDITED = [
     ("scenes/model.py", "unshadowed", True),
     ("scenes/planes.py", "planar-projection", True),
     ("measure/session.py", "unshadowed", True),
+    ("measure/loaded.py", "unshadowed", True),
     ("measure/scoring.py", "unshadowed", True),
     ("studies/tables.py", "unshadowed", False),
     ("cli/measure.py", "unshadowed", False),
