@@ -18,7 +18,8 @@ import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from shadowbench.measure.session import CellRequest, Session, Unsupported
+from shadowbench.measure.cells import CellRequest, PlacedView
+from shadowbench.measure.session import Session, Unsupported
 from shadowbench.scenes.model import View
 
 ROUNDS = 9
@@ -60,24 +61,12 @@ class Cells:
 
     def __init__(self) -> None:
         self.session = Session()
-        self._view: View | None = None
-        self._surface: np.ndarray | None = None
-
-    def open(self, view: View) -> np.ndarray:
-        """The G-buffer's triangles of a view in file coordinates; what is open already stays."""
-        if self._view != view or self._surface is None:
-            if self._view is None or self._view.scene != view.scene:
-                self.session.load(view.scene)
-            self._surface = self.session.open(view.camera, view.light, view.size)
-            self._view = view
-        return self._surface
 
     def time(self, benchmark: BenchmarkFixture, view: View, spec: str) -> None:
         """Time a spec's frames, warmed up; skips the test of a cell that is unsupported, with the reason."""
-        self.open(view)
         samples = []
         try:
-            prepare_ms = self.session.hold(CellRequest(spec))
+            prepare_ms = self.session.hold(PlacedView(view), CellRequest(spec))
         except Unsupported as reason:
             pytest.skip(str(reason))
         try:

@@ -21,9 +21,9 @@ import pytest
 import trimesh
 from pytest_benchmark.fixture import BenchmarkFixture
 
+from shadowbench.measure.cells import CellRequest, PlacedView
 from shadowbench.measure.noise import ALLOWED, noise
 from shadowbench.measure.scoring import mask_record, reference_of
-from shadowbench.measure.session import CellRequest
 from shadowbench.measure.worker import Worker
 from shadowbench.needs.survey import needs
 from shadowbench.scenes.library import load_scene
@@ -130,9 +130,8 @@ def test_start(code: str, beside: str, most: float, held: Any) -> None:
 @pytest.mark.benchmark(group="limits")
 def test_the_passes_add_up_to_the_frame(cells: Any, held: Any) -> None:
     scene = load_scene("stairs")
-    cells.open(view_of(scene, scene.cameras[0], scene.lights[0], 512))
-    session = cells.session
-    session.hold(CellRequest("shadow-map:size=2048"))
+    session, at = cells.session, PlacedView(view_of(scene, scene.cameras[0], scene.lights[0], 512))
+    session.hold(at, CellRequest("shadow-map:size=2048"))
     try:
         passes, frames = lambda: session.time_passes(0), lambda: session.time_frame(0)
         held(passes, frames, least=0.7, most=1.3, rounds=15)
@@ -143,10 +142,9 @@ def test_the_passes_add_up_to_the_frame(cells: Any, held: Any) -> None:
 @pytest.mark.benchmark(group="limits")
 def test_silhouettes_against_all_triangles(scene_file: Any, cells: Any, held: Any) -> None:
     scene = load_scene(scene_file("armadillo.obj"))
-    cells.open(view_of(scene, scene.cameras[0], scene.lights[0], 1024))
-    session = cells.session
+    session, at = cells.session, PlacedView(view_of(scene, scene.cameras[0], scene.lights[0], 1024))
     for spec in ("shadow-volume", "shadow-volume:faces=triangle"):
-        session.hold(CellRequest(spec))
+        session.hold(at, CellRequest(spec))
     try:
         held(lambda: session.time_frame(0), lambda: session.time_frame(1), most=0.2, rounds=5)
     finally:

@@ -10,14 +10,12 @@ import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
+from shadowbench.measure.cells import Cell, PlacedView
 from shadowbench.measure.scoring import mask_record, reference_of
-from shadowbench.measure.timing import request_of
 from shadowbench.scenes.model import View
 from shadowbench.scores.reference import Reference
 from shadowbench.studies.file import find_study, read_study
-from shadowbench.studies.study import Cell
 from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import format_spec
 from shadowbench.truth.cache import cached_truth
 from shadowbench.truth.trace import Truth
 
@@ -40,24 +38,24 @@ def known(request: pytest.FixtureRequest) -> Known:
 
 
 def _id(cell: Cell) -> str:
-    return "-".join(filter(None, (format_spec(cell.spec, size=False), str(cell.spec.map_size or ""))))
+    return "-".join(filter(None, (cell.spec.sizeless_text, str(cell.spec.map_size or ""))))
 
 
 @pytest.mark.parametrize("cell", STUDY.cells(), ids=_id)
 def test_frame(known: Known, cell: Cell, cells: Any, growth: Any, benchmark: BenchmarkFixture) -> None:
     view, truth, reference = known
     benchmark.group = view.scene.name
-    request = request_of(cell)
+    at, request = PlacedView(view), cell.request
     cells.time(benchmark, view, request.spec)
-    drawn = cells.session.draw(request)
-    record = mask_record(drawn.visibility, truth, reference, cells.open(view))
+    drawn = cells.session.draw(at, request)
+    record = mask_record(drawn.visibility, truth, reference, cells.session.surface(at))
     benchmark.extra_info |= record["metrics"] | {
-        "spec": format_spec(cell.spec),
+        "spec": cell.spec.text,
         "gpu_bytes": drawn.gpu_bytes,
         "mask_sha256": record["mask_sha256"],
         **{f"work_{name}": count for name, count in drawn.work.items()},
     }
     assert np.isfinite(drawn.visibility).all()
     if cell.spec.map_size:
-        curve = f"{view.scene.name}: {format_spec(cell.spec, size=False)} over map size"
+        curve = f"{view.scene.name}: {cell.spec.sizeless_text} over map size"
         growth.add(curve, cell.spec.map_size, benchmark)

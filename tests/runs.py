@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -14,10 +15,13 @@ from typing import Any
 import psutil
 import pytest
 
-from shadowbench.measure.runner import Result, Runner
-from shadowbench.measure.worker import Limits, Worker
+from shadowbench.measure.place import Limits
+from shadowbench.measure.rows import Result
+from shadowbench.measure.worker import Worker
 from shadowbench.studies.file import read_study
+from shadowbench.studies.run import run_study
 from shadowbench.studies.study import Study
+from shadowbench.techniques import spec
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.registry import techniques
 
@@ -263,8 +267,7 @@ class Bench:
         self.worker.limits = Limits(study.time_limit, int(study.memory_limit * 2**30))
         self.calls.clear()
         self.notebook = Notebook()
-        runner = Runner(study, folder, self.worker, self.notebook)
-        return runner.run()
+        return run_study(study, folder, self.worker, self.notebook).results
 
 
 @pytest.fixture(scope="session")
@@ -295,8 +298,8 @@ def bench(half: Path, wild: Path) -> Iterator[Bench]:
         bench = Bench(worker, plugins)
         call = worker.call
 
-        def noted(method: str, *arguments: Any, **options: Any) -> Any:
-            bench.calls.append(method)
+        def noted(method: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
+            bench.calls.append(method.__name__)
             return call(method, *arguments, **options)
 
         worker.call = noted  # type: ignore[method-assign]
@@ -346,6 +349,25 @@ def start() -> Iterator[Callable[..., Started]]:
             for process in [*one.family(), psutil.Process(one.process.pid)]:
                 process.kill()
             one.process.communicate()
+
+
+@pytest.fixture
+def changed_default(monkeypatch: pytest.MonkeyPatch) -> Callable[..., AbstractContextManager[None]]:
+    """Within it, a parameter of a technique has another default, for specs that are read there."""
+
+    def read_anew(technique: type[Technique]) -> None:
+        technique.Params.model_rebuild(force=True)
+        spec._parsed.cache_clear()
+
+    @contextmanager
+    def change(technique: type[Technique], name: str, value: object) -> Iterator[None]:
+        with monkeypatch.context() as patch:
+            patch.setattr(technique.Params.model_fields[name], "default", value)
+            read_anew(technique)
+            yield
+        read_anew(technique)
+
+    return change
 
 
 @pytest.fixture(scope="session")

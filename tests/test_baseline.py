@@ -17,7 +17,6 @@ from shadowbench.techniques.filters import Filter
 from shadowbench.techniques.fits import Fit
 from shadowbench.techniques.params import Row
 from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import format_spec
 from shadowbench.techniques.splits import Split
 
 BASELINE = Path(__file__).resolve().parents[1] / "results" / "baseline"
@@ -37,7 +36,7 @@ def test_it_is_small() -> None:
 def test_it_has_the_cells_of_its_study() -> None:
     assert len({row["scene"] for row in ROWS}) == len(STUDY.scenes)
     for scene in {row["scene"] for row in ROWS}:
-        cells = {named(format_spec(cell.spec, full=True)) for cell in STUDY.cells()}
+        cells = {named(cell.spec.full_text) for cell in STUDY.cells()}
         assert {named(row["full_spec"]) for row in ROWS if row["scene"] == scene} == cells
     assert not [row for row in ROWS if row["status"].startswith("failed")]
 

@@ -12,10 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from shadowbench.measure.drawn import Drawn
+from shadowbench.measure.cells import CellRequest, PlacedView
 from shadowbench.measure.scoring import mask_record, reference_of
-from shadowbench.measure.session import CellRequest, Unsupported
-from shadowbench.measure.timing import ViewStage
+from shadowbench.measure.session import Session, Unsupported
 from shadowbench.measure.worker import Worker
 from shadowbench.needs.depth import LOST
 from shadowbench.needs.maps import REFERENCE_SIZE
@@ -71,9 +70,8 @@ def main() -> None:
     print(f"{'scene':18}" + "".join(f"{what:>12} {'measured':>9} {'ratio':>6}" for what in columns))
     rows = []
     with Worker() as worker:
-        stage = ViewStage(worker)
         for scene in scenes:
-            rows.append(check(chosen_view(scene, 512), stage))
+            rows.append(check(chosen_view(scene, 512), worker))
             print(_line(rows[-1]), flush=True)
     for name in ("map_size", "cascade_size", "bias", "bits"):
         pairs = [pair for row in rows if (pair := getattr(row, name)).predicted]
@@ -85,7 +83,7 @@ def main() -> None:
         options.json.write_text(json.dumps([asdict(row) for row in rows], indent=1))
 
 
-def check(view: View, stage: ViewStage) -> Checked:
+def check(view: View, worker: Worker) -> Checked:
     """One scene, by shadow-map or under a point light by cube-map, at their defaults but for what is walked."""
     technique = "cube-map:depth=d32f" if view.light.kind == "point" else "shadow-map:depth=d32f"
     predicted = needs(view)
@@ -93,8 +91,7 @@ def check(view: View, stage: ViewStage) -> Checked:
     reference = reference_of(truth)
 
     def measure(spec: str) -> Metrics:
-        stage.open(view, "relative")
-        drawn: Drawn = stage.worker.call("draw", CellRequest(spec))
+        drawn = worker.call(Session.draw, PlacedView(view), CellRequest(spec))
         metrics: Metrics = mask_record(drawn.visibility, truth, reference)["metrics"]
         return metrics
 

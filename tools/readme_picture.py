@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from shadowbench.measure.drawn import Drawn
+from shadowbench.measure.cells import CellRequest, PlacedView
 from shadowbench.measure.scoring import reference_of
-from shadowbench.measure.session import CellRequest
+from shadowbench.measure.session import Session
 from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import view_of
@@ -38,10 +38,8 @@ def _row(worker: Worker, name: str) -> NDArray[np.uint8]:
     reference = reference_of(truth)
     tiles = []
     with worker:
-        worker.call("load", scene)
-        worker.call("open", view.camera, view.light, SIZE)
         for spec in SPECS:
-            drawn: Drawn = worker.call("draw", CellRequest(spec))
+            drawn = worker.call(Session.draw, PlacedView(view), CellRequest(spec))
             tile = drawn.picture.copy()
             shadow, decided = drawn.visibility < 0.5, truth.receivers & ~truth.undecided
             tile[decided & shadow & (truth.visibility > 0.5)] = FALSE_SHADOW

@@ -8,20 +8,24 @@ import argparse
 import os
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
 from shadowbench.advice.recommend import MARGINS, Target, recommend, tried_of
 from shadowbench.advice.search import Tried
 from shadowbench.advice.space import GRID, whole_space
-from shadowbench.measure.gauge import Gauge
-from shadowbench.measure.runner import Result
+from shadowbench.measure.cells import Block, Cell, Conditions
+from shadowbench.measure.measurer import Measurer
+from shadowbench.measure.pictures import Pictures
+from shadowbench.measure.row_store import RowStore
+from shadowbench.measure.rows import Result
 from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.views import chosen_view
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import Spec, format_spec
+from shadowbench.techniques.spec import Spec
 from shadowbench.truth.cache import cached_truth
 
 LARGER = ("2CylinderEngine.glb", "armadillo.obj", "bgfx_tree.obj", "retroufo.gltf")
@@ -139,10 +143,12 @@ def check(
     """All targets in one scene."""
     view = chosen_view(scene, size)
     truth = cached_truth(view)
-    largest = worker.call("info").max_map_size
+    largest = worker.info.max_map_size
     space = whole_space(known, view.light.kind, largest)
-    with Gauge(view, 0, folder, worker, _Silent()) as gauge:
-        rows: dict[Spec, Result] = dict(zip(space, gauge.measured(space), strict=True))
+    with closing(RowStore(folder)) as store:
+        measurer = Measurer(worker, store, Conditions(), _Silent(), Pictures(folder))
+        results = measurer.measured(Block(view, tuple(map(Cell, space))))
+    rows: dict[Spec, Result] = dict(zip(space, results, strict=True))
     lines = {}
     for target in TARGETS:
         held = [tried_of(spec, row, target, "work") for spec, row in rows.items() if row.status == "ok"]
@@ -198,7 +204,7 @@ def _name(one: Tried | None) -> str:
     if one is None:
         return "none"
     size = f" at {one.spec.map_size}" if one.spec.map_size else ""
-    return f"`{format_spec(one.spec, size=False)}`{size}"
+    return f"`{one.spec.sizeless_text}`{size}"
 
 
 def _text(line: Line) -> str:

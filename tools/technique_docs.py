@@ -18,9 +18,10 @@ import pandas as pd
 from numpy.typing import NDArray
 from PIL import Image
 
+from shadowbench.measure.cells import CellRequest, PlacedView
 from shadowbench.measure.drawn import Drawn
 from shadowbench.measure.scoring import reference_of
-from shadowbench.measure.session import CellRequest
+from shadowbench.measure.session import Session
 from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Light, Scene, View, view_of
@@ -123,8 +124,7 @@ def _show(worker: Worker, technique: type[Technique], draw: bool) -> Shown:
             continue
         if not draw:
             return Shown(name, reasons, None, dict.fromkeys(SHOWN))
-        _declined(worker, technique, view)  # opens it
-        drawn: Drawn = worker.call("draw", CellRequest(technique.name))
+        drawn = worker.call(Session.draw, PlacedView(view), CellRequest(technique.name))
         return Shown(name, reasons, drawn, score(drawn.visibility, reference_of(cached_truth(view))))
     raise SystemExit(f"{technique.name} declines {', '.join(FALLBACK)}: give it `shown_in`, the name of one it draws")
 
@@ -134,11 +134,8 @@ def _view(scene: Scene, light: Light, size: int) -> View:
 
 
 def _declined(worker: Worker, technique: type[Technique], view: View) -> str | None:
-    """Why a technique at its defaults has no answer for a view; the view stays open."""
-    worker.call("load", view.scene)
-    worker.call("open", view.camera, view.light, view.size)
-    reason: str | None = worker.call("unsupported", CellRequest(technique.name))
-    return reason
+    """Why a technique at its defaults has no answer for a view."""
+    return worker.call(Session.unsupported, PlacedView(view), CellRequest(technique.name))
 
 
 def _page(ours: list[type[Technique]], shown: dict[str, Shown]) -> str:

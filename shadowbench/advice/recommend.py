@@ -9,14 +9,14 @@ import numpy as np
 
 from shadowbench.advice.search import Search, Tried
 from shadowbench.advice.space import Excluded, needed_space, no_choices, start_size, whole_space
-from shadowbench.measure.runner import Result
+from shadowbench.measure.rows import Result
 from shadowbench.needs.survey import Needs, needs
 from shadowbench.scenes.model import View
 from shadowbench.scores.split import Split
 from shadowbench.studies.tables import cells_frame
 from shadowbench.studies.times import ReferenceTime, by_one_reference
 from shadowbench.techniques.base import Technique
-from shadowbench.techniques.spec import Spec, format_spec
+from shadowbench.techniques.spec import Spec
 from shadowbench.truth.trace import Truth
 
 Unit = Literal["work", "ms"]
@@ -118,7 +118,7 @@ def recommend(
         if status == "ok" and unit == "ms" and _ratio(result) is None:
             status = f"failed: no ratio to the reference: {result.time and result.time['no_ratio']}"
         if status != "ok":
-            refused[format_spec(spec)] = status
+            refused[spec.text] = status
             return None
         return tried_of(spec, result, target, unit)
 

@@ -10,9 +10,9 @@ import statistics
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
-from shadowbench.measure.runner import Result
+from shadowbench.measure.rows import Result
 from shadowbench.techniques.filters import Filter
-from shadowbench.techniques.spec import Spec, format_spec, format_value
+from shadowbench.techniques.spec import Spec, format_value
 
 SLOPE = 1.0  # of −log error over log size, where an edge is off by a part of a texel
 SLOPES = (0.4, 1.6)  # of which a measured one is believed
@@ -55,7 +55,7 @@ def place_of(spec: Spec) -> Place:
     bare = {name: known[name].default for name in ("size", "filter", "depth") if name in known}
     chosen = getattr(spec.params, "filter", None)
     return Place(
-        group=format_spec(spec.with_(**bare)) if bare else format_spec(spec),
+        group=spec.with_(**bare).text if bare else spec.text,
         filter=format_value(chosen) if chosen is not None else "",
         reads=chosen.reads if isinstance(chosen, Filter) else 0,
         size=spec.map_size,

@@ -9,7 +9,7 @@ from typing import Any
 from shadowbench.needs.survey import Needs
 from shadowbench.scenes.model import LightKind
 from shadowbench.techniques.base import Technique
-from shadowbench.techniques.spec import Spec, format_spec
+from shadowbench.techniques.spec import Spec
 
 SIZES = (256, 512, 1024, 2048, 4096)
 _FILTERS = ("hard", "hardware", "pcf(taps=3)", "pcf(taps=5)")
@@ -114,7 +114,7 @@ def _planar_rule(needs: Needs, least_iou: float | None) -> _Rule:
 
 def _compare_rule(spec: Spec) -> tuple[str, str] | None:
     if spec.technique.name == "shadow-volume" and getattr(spec.params, "compare", None) == "depth":
-        return format_spec(spec), "draws the surfaces' depth besides: faster on a GPU, but more work"
+        return spec.text, "draws the surfaces' depth besides: faster on a GPU, but more work"
     return None
 
 

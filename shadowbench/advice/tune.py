@@ -11,10 +11,10 @@ from shadowbench.advice.tune_scores import log_cost, log_error, scene_scores, su
 from shadowbench.advice.tune_space import Space
 from shadowbench.advice.tune_split import Split
 from shadowbench.errors import InputError
-from shadowbench.measure.worker import CellFailed
-from shadowbench.studies.study import Block
+from shadowbench.measure.cells import Block
+from shadowbench.measure.place import CellFailed
 from shadowbench.studies.tables import pareto_front
-from shadowbench.techniques.spec import Spec, format_spec
+from shadowbench.techniques.spec import Spec
 
 if TYPE_CHECKING:
     from optuna import Study, Trial
@@ -115,7 +115,7 @@ class Search:
             if lost is None:
                 found[spec] = scene_scores(rows)
             else:
-                self.cells.reporter.note(f"{format_spec(spec)}: {lost['scene']}: {lost['status']}; it is left out")
+                self.cells.reporter.note(f"{spec.text}: {lost['scene']}: {lost['status']}; it is left out")
         return found
 
     def _best(self) -> tuple[list[Spec], Spec]:
@@ -153,7 +153,7 @@ class Search:
 
 def _check(spec: Spec, scores: Mapping[Spec, pd.DataFrame]) -> None:
     if spec not in scores:
-        raise CellFailed(f"{format_spec(spec)} does not hold on every scene, so that nothing can be set beside it")
+        raise CellFailed(f"{spec.text} does not hold on every scene, so that nothing can be set beside it")
 
 
 def _study(goals: int, random: int) -> "Study":

@@ -3,31 +3,29 @@
 import itertools
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 from shadowbench.advice.tune_space import rows_of
-from shadowbench.measure.drawn import Drawn
-from shadowbench.measure.rows import Record
-from shadowbench.measure.runner import Reporter, Result, Runner
-from shadowbench.measure.timing import request_of
-from shadowbench.measure.worker import Worker
-from shadowbench.scenes.model import View, view_of
-from shadowbench.studies.study import Block, Cell, Study
+from shadowbench.measure.cells import Block, Cell, PlacedView
+from shadowbench.measure.measurer import Measurer, Reporter
+from shadowbench.measure.rows import Record, Result
+from shadowbench.measure.session import Session
+from shadowbench.scenes.model import view_of
+from shadowbench.studies.study import Study
 from shadowbench.techniques.spec import Spec
 from shadowbench.truth.cache import cached_truth
-from shadowbench.truth.trace import Truth
 
 
-class Cells(Runner):
-    """A runner that is given specs and blocks as they are asked for; the study says sizes, phases and views.
+class Cells:
+    """Measures specs on blocks as they are asked for; the study says sizes, phases and views."""
 
-    Use as a context manager. Rows alone are kept, neither masks nor pictures.
-    """
-
-    def __init__(self, study: Study, folder: Path, worker: Worker, reporter: Reporter) -> None:
-        super().__init__(study, folder, worker, reporter)
-        self._check_sizes()
+    def __init__(self, study: Study, measurer: Measurer) -> None:
+        self.study, self.measurer = study, measurer
         self.results: dict[str, Result] = {}
+
+    @property
+    def reporter(self) -> Reporter:
+        """Who is told how it goes."""
+        return self.measurer.reporter
 
     def taking_part(self, spec: Spec) -> list[Block]:
         """Every camera and light of the study's scenes, truths traced, where something is in shadow and `spec` answers.
@@ -53,9 +51,8 @@ class Cells(Runner):
 
     def refusal(self, spec: Spec, block: Block) -> str | None:
         """Why a spec has no answer for a block's view; None where it has one."""
-        self._stage.open(block)
-        reason: str | None = self.worker.call("unsupported", request_of(Cell(spec, 0)))
-        return reason
+        at = PlacedView(block.view, self.study.coordinates)
+        return self.measurer.place.call(Session.unsupported, at, Cell(spec).request)
 
     def refused_rows(self, spec: Spec, names: Sequence[str], blocks: Sequence[Block]) -> dict[str, frozenset[str]]:
         """By parameter, the rows with which a spec has no answer under one of the kinds of light that there are."""
@@ -80,7 +77,7 @@ class Cells(Runner):
         rows: dict[Spec, list[Record]] = {spec: [] for spec in cells}
         for block in blocks:
             together = tuple(cell for own in cells.values() for cell in own)
-            results = iter(self.run_block(replace(block, cells=together)))
+            results = iter(self.measurer.measured(replace(block, cells=together)))
             for spec, own in cells.items():
                 found = list(itertools.islice(results, len(own)))
                 rows[spec] += [one.score for one in found]
@@ -89,9 +86,3 @@ class Cells(Runner):
 
     def _cells(self, spec: Spec) -> tuple[Cell, ...]:
         return replace(self.study, specs=(spec,)).cells()
-
-    def _write_truth(self, view: View, truth: Truth) -> None:
-        pass
-
-    def _write_cell(self, row: Record, drawn: Drawn | None) -> None:
-        self._store.append(row)

@@ -9,8 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from shadowbench.measure.rows import Record
-from shadowbench.measure.runner import Result
+from shadowbench.measure.rows import Record, Result
 from shadowbench.scores.metrics import METRICS
 
 IDENTITY = ("scene", "view", "light", "phase", "map_size", "view_size", "coordinates")  # and the full spec

@@ -9,10 +9,8 @@ from pathlib import Path
 
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
-from shadowbench.measure.rows import SCHEMA, RunFile
-from shadowbench.measure.runner import Result
+from shadowbench.measure.rows import SCHEMA, Result, RunFile
 from shadowbench.studies.file import StudyFile, Techniques, find_study, read_study, resolve
-from shadowbench.techniques.spec import format_spec
 
 
 def bless(results: Sequence[Result], folder: Path) -> None:
@@ -70,7 +68,7 @@ def _makes(file: Path, folder: Path, results: Sequence[Result], techniques: Tech
     except InputError:  # it has changed since, or needs a plug-in
         return False
     rows = [result.score for result in results]
-    cells = {(format_spec(cell.spec, full=True), cell.phase) for cell in moved.cells()}
+    cells = {(cell.spec.full_text, cell.phase) for cell in moved.cells()}
     return (
         moved.scenes == study.scenes
         and len(moved.scenes) == len({row["scene"] for row in rows})

@@ -9,8 +9,7 @@ import numpy as np
 from scipy.stats import kendalltau
 
 from shadowbench.check.baseline import identity
-from shadowbench.measure.rows import Record
-from shadowbench.measure.runner import Result
+from shadowbench.measure.rows import Record, Result
 
 APART = 1.05  # cells whose times differ by less need not keep their order
 ENOUGH = 0.95

@@ -16,8 +16,8 @@ from shadowbench.check.baseline import MISSING, Change, Findings, compare, ident
 from shadowbench.check.blessing import bless, bless_study
 from shadowbench.commands.console import err, number, out, print_json, print_table, techniques_with
 from shadowbench.errors import InputError, alternatives
+from shadowbench.measure.pictures import write_picture
 from shadowbench.measure.rows import Record
-from shadowbench.measure.runner import write_picture
 from shadowbench.reports.folder import Run, read_runs
 from shadowbench.reports.gallery import difference, read_view
 from shadowbench.reports.words import counted

@@ -9,8 +9,9 @@ from shadowbench.errors import InputError, ShadowbenchError
 from shadowbench.gl.clock import WALL
 from shadowbench.measure.machine import machine, versions
 from shadowbench.measure.noise import ALLOWED, CELL, ROUNDS, SCENE, noise
+from shadowbench.measure.place import CellFailed
 from shadowbench.measure.session import DeviceInfo
-from shadowbench.measure.worker import CellFailed, Worker
+from shadowbench.measure.worker import Worker
 from shadowbench.truth.cache import KEPT_BYTES, cache_folder
 
 
@@ -20,7 +21,7 @@ def doctor_command(as_json: bool, quiet: bool) -> int:
     problem = None
     try:
         with Worker() as worker:
-            info: DeviceInfo = worker.call("info")
+            info = worker.info
             found["opengl"] = dataclasses.asdict(info) | {"why_this_clock": _why(info, info.clock)}
             found["opengl"] |= _noise(worker, info)
     except ShadowbenchError as error:

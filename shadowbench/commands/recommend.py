@@ -4,6 +4,7 @@ import dataclasses
 import json
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,16 +26,22 @@ from shadowbench.commands.console import (
 from shadowbench.commands.recommend_words import excluded_lines, in_the_way, step_lines
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
-from shadowbench.measure.gauge import Gauge
+from shadowbench.measure.cells import Block, Cell
+from shadowbench.measure.loaded import PlacedView
 from shadowbench.measure.machine import write_run_file
-from shadowbench.measure.runner import Result
-from shadowbench.measure.session import DeviceInfo
+from shadowbench.measure.measurer import Measurer
+from shadowbench.measure.pictures import Pictures
+from shadowbench.measure.references import USUAL
+from shadowbench.measure.row_store import RowStore
+from shadowbench.measure.rows import Result
+from shadowbench.measure.session import CellRequest, DeviceInfo, Session
 from shadowbench.measure.worker import Worker
 from shadowbench.reports.folder import write_cells
 from shadowbench.scenes.views import chosen_view, notes_on
+from shadowbench.studies.study import Study
 from shadowbench.studies.times import time_notes
 from shadowbench.techniques.params import Row
-from shadowbench.techniques.spec import Spec, format_spec
+from shadowbench.techniques.spec import Spec
 from shadowbench.techniques.stage import ShaderText
 from shadowbench.truth.cache import cached_truth
 
@@ -69,24 +76,28 @@ def recommend_command(options: RecommendOptions, folder: Path, *, as_json: bool,
         _check_folder(options.export)
     with ConsoleReporter(quiet) as reporter, Worker(options.plugins) as worker:
         view = chosen_view(options.scene, options.view_size, options.view, options.light, options.assets, options.up)
-        info: DeviceInfo = worker.call("info")
+        info = worker.info
         unit = _unit(options, info)
         for note in notes_on(view, options.view, options.light):
             reporter.note(note)
         reporter.stage("truth", 1)
         truth = cached_truth(view)
-        rounds = ROUNDS if unit == "ms" else 0
+        study = Study((view.scene.name,), (USUAL,), USUAL, view_size=view.size, rounds=ROUNDS if unit == "ms" else 0)
         results: list[Result] = []
-        with Gauge(view, rounds, folder, worker, reporter) as gauge:
+        with closing(RowStore(folder)) as store:
+            measurer = Measurer(worker, store, study.conditions(), reporter, Pictures(folder))
             reporter.stage("measuring", 1)
 
             def measure(spec: Spec) -> Result:
-                results.extend(gauge.measured([spec]))
+                results.extend(measurer.measured(Block(view, (Cell(spec),))))
                 return results[-1]
 
             found = recommend(view, truth, target, unit, known, info.max_map_size, measure)
-            shaders = gauge.shaders(found.choice.spec) if options.export and found.choice else []
-    write_run_file(folder / "run.json", info, view.scene.notes, gauge.study, [one.score for one in results])
+            shaders: list[ShaderText] = []
+            if options.export is not None and found.choice is not None:
+                at = PlacedView(view, study.coordinates)
+                shaders = worker.call(Session.shaders, at, CellRequest(found.choice.spec.full_text))
+    write_run_file(folder / "run.json", info, view.scene.notes, study.facts, [one.score for one in results])
     if results:
         write_cells(folder, results, {})
     if options.export is not None and found.choice is not None:
@@ -132,7 +143,7 @@ def _unit(options: RecommendOptions, info: DeviceInfo) -> Unit:
 def export(folder: Path, found: Recommendation, spec: Spec, shaders: Sequence[ShaderText]) -> None:
     """`parameters.json` of the choice, and a file for each of its shaders."""
     parameters = {
-        "spec": format_spec(spec),
+        "spec": spec.text,
         "technique": spec.technique.name,
         "parameters": {name: _parameter(value) for name, value in spec.params},
         "scene": found.view.scene.name,
@@ -190,7 +201,7 @@ def _values(one: Tried | None) -> Mapping[str, Any] | None:
     if one is None or one.result is None:
         return None
     row = one.result.score
-    values = {"spec": format_spec(one.spec), "cost": one.cost, "gpu_bytes": one.bytes, "key": row["key"]}
+    values = {"spec": one.spec.text, "cost": one.cost, "gpu_bytes": one.bytes, "key": row["key"]}
     return values | {"metrics": row["metrics"]}
 
 
@@ -236,7 +247,7 @@ def _cells(found: Recommendation, one: Tried) -> list[str]:
     assert one.result is not None
     value = one.result.score["metrics"][found.target.metric]
     return [
-        escape(format_spec(one.spec, size=False)),
+        escape(one.spec.sizeless_text),
         str(one.spec.map_size or ""),
         "" if value is None else number(value),
         f"{one.cost:,.0f}" if found.unit == "work" else number(one.cost),

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 
 from shadowbench.advice.recommend import Recommendation
 from shadowbench.advice.search import Tried
-from shadowbench.techniques.spec import format_spec
 
 _KINDS = {
     "contact": "of the shadow next to its caster is lit",
@@ -70,4 +69,4 @@ def excluded_lines(found: Recommendation) -> list[str]:
 
 def _name(one: Tried) -> str:
     size = f" at {one.spec.map_size}" if one.spec.map_size else ""
-    return format_spec(one.spec, size=False) + size
+    return one.spec.sizeless_text + size

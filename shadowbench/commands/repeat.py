@@ -10,7 +10,7 @@ from rich.table import Table
 from shadowbench.check.repeat import APART, ENOUGH, Repeat, compare_runs
 from shadowbench.commands.console import number, out, print_json, print_table
 from shadowbench.errors import InputError
-from shadowbench.measure.runner import Result
+from shadowbench.measure.rows import Result
 from shadowbench.reports.folder import read_runs
 
 

@@ -24,12 +24,14 @@ from shadowbench.commands.console import (
 )
 from shadowbench.errors import InputError
 from shadowbench.measure.machine import write_run_file
+from shadowbench.measure.place import Limits
 from shadowbench.measure.profile import ACTIVITIES, MEASURING, share, whole
-from shadowbench.measure.runner import Runner
-from shadowbench.measure.worker import Limits, Worker
+from shadowbench.measure.session import Session
+from shadowbench.measure.worker import Worker
 from shadowbench.reports.folder import Run, write_cells
 from shadowbench.reports.words import counted
 from shadowbench.studies.file import find_study, read_study
+from shadowbench.studies.run import run_study
 from shadowbench.studies.study import Study
 from shadowbench.studies.sweeps import Curve, curves, places
 from shadowbench.studies.tables import (
@@ -43,7 +45,7 @@ from shadowbench.studies.tables import (
     summary,
 )
 from shadowbench.studies.times import time_notes
-from shadowbench.techniques.spec import Spec, format_spec, parse_spec
+from shadowbench.techniques.spec import Spec, parse_spec
 
 _COLUMNS = {  # heading: (value, or "error" for 1 − IoU)
     "1 − IoU": "error",
@@ -90,21 +92,19 @@ def run_command(options: RunOptions, folder: Path, *, profile: bool, as_json: bo
     with ConsoleReporter(quiet) as reporter, Worker(options.plugins, limits) as worker:
         if not options.scenes and not options.study:
             reporter.note(_estimate(study))
-        runner = Runner(study, folder, worker, reporter, options.time_again)
-        results = runner.run()
-        assumed = runner.notes
-        spent = worker.call("spent") if profile else {}
+        ran = run_study(study, folder, worker, reporter, options.time_again)
+        info, spent = worker.info, worker.call(Session.spent) if profile else {}
     swept = places(study.sweeps)
-    write_run_file(folder / "run.json", runner.info, assumed, study, [one.score for one in results])
-    whole_folder = write_cells(folder, results, swept)
-    frame = cells_frame(results)
+    write_run_file(folder / "run.json", info, ran.notes, study.facts, [one.score for one in ran.results])
+    whole_folder = write_cells(folder, ran.results, swept)
+    frame = cells_frame(ran.results)
     if whole_folder.earlier and not quiet:
         err.print(f"note: {folder}: {_found_before(whole_folder)}", markup=False, soft_wrap=True)
     tables, references, fits = summary(frame), reference_times(frame), slopes(frame)
     if as_json:
         print_json({scene: [dataclasses.asdict(row) for row in rows] for scene, rows in tables.items()})
     else:
-        times = "; times of a software renderer, not of a GPU" if runner.info.software else "; times of this GPU"
+        times = "; times of a software renderer, not of a GPU" if info.software else "; times of this GPU"
         times = times if study.rounds else ""
         for scene, rows in tables.items():
             rough = [row.wide for row in rows if row.values["frame_ms"] is not None]
@@ -124,7 +124,7 @@ def run_command(options: RunOptions, folder: Path, *, profile: bool, as_json: bo
             beside = "; masks/ and pictures/ beside it" if (frame["status"] == "ok").any() else ""
             out.print(f"{folder / 'table.csv'}: {cells}{beside}", soft_wrap=True)
     if profile:
-        _print_profile(whole(runner.profile.seconds, spent, time.perf_counter() - start))
+        _print_profile(whole(ran.profile.seconds, spent, time.perf_counter() - start))
     say_unsupported(list(frame["status"]))
     failed = [status for status in frame["status"] if status.startswith("failed")]
     if failed:
@@ -173,7 +173,7 @@ def study_from(options: RunOptions) -> Study:
 
 def _sized(specs: Sequence[Spec], asked: str | None) -> list[str]:
     """What to say of specs that name a size where --map-size asks for others."""
-    named = [format_spec(spec) for spec in specs if "size" in spec.named] if asked else []
+    named = [spec.text for spec in specs if "size" in spec.named] if asked else []
     return [f"{name} names its size, which --map-size {asked} leaves as it is" for name in named]
 
 

@@ -6,15 +6,14 @@ import numpy as np
 
 from shadowbench.commands.console import ConsoleReporter, check_outputs, out, techniques_with
 from shadowbench.errors import InputError, ShadowbenchError
-from shadowbench.measure.drawn import Drawn
-from shadowbench.measure.runner import write_picture
-from shadowbench.measure.session import Unsupported
-from shadowbench.measure.timing import request_of
-from shadowbench.measure.worker import CellFailed, Worker
+from shadowbench.measure.cells import Cell, PlacedView
+from shadowbench.measure.pictures import write_picture
+from shadowbench.measure.place import CellFailed
+from shadowbench.measure.session import Session, Unsupported
+from shadowbench.measure.worker import Worker
 from shadowbench.scenes.model import View
 from shadowbench.scenes.views import chosen_view, notes_on
 from shadowbench.scores.masks import write_mask
-from shadowbench.studies.study import Cell
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.spec import parse_spec
 from shadowbench.truth.cache import cached_truth, write_truth
@@ -75,13 +74,12 @@ def render_command(
     with ConsoleReporter(quiet) as reporter:
         chosen = _view(scene, view, light, view_size, assets, up, reporter)
     with Worker(plugins) as worker:
-        largest = worker.call("info").max_map_size
+        largest = worker.info.max_map_size
         if (spec.map_size or 0) > largest:
             raise InputError(f"map size {spec.map_size}: this device allows 1 to {largest}")
         try:
-            worker.call("load", chosen.scene)
-            worker.call("open", chosen.camera, chosen.light, chosen.size)
-            drawn: Drawn = worker.call("draw", request_of(Cell(spec, 0)), map_file is not None, tint)
+            at, request = PlacedView(chosen), Cell(spec).request
+            drawn = worker.call(Session.draw, at, request, with_map=map_file is not None, tinted=tint)
         except Unsupported as reason:
             raise InputError(f"{technique} does not go with {chosen.scene.name}: {reason}") from None
         except CellFailed as reason:

@@ -19,8 +19,9 @@ from shadowbench.commands.console import (
 )
 from shadowbench.errors import InputError, alternatives
 from shadowbench.measure.machine import write_run_file
+from shadowbench.measure.place import Limits
 from shadowbench.measure.rows import Record
-from shadowbench.measure.worker import Limits, Worker
+from shadowbench.measure.worker import Worker
 from shadowbench.reports.folder import read_folders
 from shadowbench.stress.axes import AXES, Axis
 from shadowbench.stress.axes.model import NAMES, VIEW_SIZE
@@ -36,7 +37,7 @@ from shadowbench.stress.ranges import (
 from shadowbench.stress.sweep import Sweep, default_specs
 from shadowbench.studies.study import Study
 from shadowbench.studies.tables import write_table
-from shadowbench.techniques.spec import Spec, format_spec, parse_spec
+from shadowbench.techniques.spec import Spec, parse_spec
 
 LIMITS = Limits(seconds=120.0, bytes=4 << 30)  # so that the largest maps are refused on any machine
 
@@ -61,19 +62,19 @@ def stress_command(options: StressOptions, folder: Path, *, as_json: bool, quiet
     specs = _specs(options)
     check_folder(folder)
     with ConsoleReporter(quiet) as reporter, Worker(options.plugins, LIMITS) as worker:
-        sweep = Sweep(specs, folder, worker, reporter)
-        rows = sweep.run(axes, options.quick)
+        rows = Sweep(specs, folder, worker, reporter).run(axes, options.quick)
+        info = worker.info
     ranges = operating_ranges(axes, rows)
     write_table(folder / "ranges.csv", ranges_frame(ranges))
     study = Study(tuple(axis.name for axis in axes), specs, specs[0], view_size=VIEW_SIZE, rounds=0)
-    write_run_file(folder / "run.json", sweep.info, [], study, rows)
+    write_run_file(folder / "run.json", info, [], study.facts, rows)
     _, (whole,) = read_folders([folder])
     write_table(folder / "table.csv", points_frame(whole.rows))
     if as_json:
         print_json(ranges_frame(ranges).astype(object).where(lambda frame: frame.notna(), None).to_dict("records"))
     else:
         for spec in specs:
-            _print(format_spec(spec), [one for one in ranges if one.spec == format_spec(spec)])
+            _print(spec.text, [one for one in ranges if one.spec == spec.text])
         if not quiet:
             out.print(f"{folder / 'ranges.csv'}: {len(ranges)} ranges of {len(rows)} cells", soft_wrap=True)
     say_unsupported([str(row["status"]) for row in rows])

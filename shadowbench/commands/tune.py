@@ -1,6 +1,7 @@
 """`tune`: a technique's parameters searched on some scenes, compared with its default and presets on others."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -26,14 +27,17 @@ from shadowbench.commands.console import (
 from shadowbench.commands.run import map_sizes
 from shadowbench.errors import InputError
 from shadowbench.measure.machine import write_run_file
+from shadowbench.measure.measurer import Measurer
+from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.worker import Worker
 from shadowbench.reports.folder import write_cells
 from shadowbench.reports.words import counted
 from shadowbench.scenes.library import builtin_names
+from shadowbench.studies.run import check_sizes
 from shadowbench.studies.study import Study, scenes_of
 from shadowbench.studies.tables import Interval
 from shadowbench.techniques.base import Technique
-from shadowbench.techniques.spec import Spec, format_spec, parse_spec, spec_of
+from shadowbench.techniques.spec import Spec, parse_spec, spec_of
 
 
 @dataclass(frozen=True)
@@ -73,19 +77,19 @@ def tune_command(options: TuneOptions, folder: Path, *, as_json: bool, quiet: bo
         up=options.up,
     )
     check_folder(folder)
-    with (
-        ConsoleReporter(quiet) as reporter,
-        Worker(options.plugins) as worker,
-        Cells(study, folder, worker, reporter) as cells,
-    ):
-        if not cells.info.pipeline_statistics:
-            raise InputError(f"{cells.info.renderer} counts no invocations, so there is no cost to tune for")
-        blocks = cells.taking_part(home)
-        split = split_of([scene.name for scene in scenes_of(blocks)], _listed(options.held_out))
-        space = Space(home, names, cells.refused_rows(home, names, blocks))
-        found = tune(space, cells, blocks, split, options.trials, others)
+    with ConsoleReporter(quiet) as reporter, Worker(options.plugins) as worker:
+        info = worker.info
+        check_sizes(study, info)
+        if not info.pipeline_statistics:
+            raise InputError(f"{info.renderer} counts no invocations, so there is no cost to tune for")
+        with closing(RowStore(folder)) as store:
+            cells = Cells(study, Measurer(worker, store, study.conditions(), reporter))
+            blocks = cells.taking_part(home)
+            split = split_of([scene.name for scene in scenes_of(blocks)], _listed(options.held_out))
+            space = Space(home, names, cells.refused_rows(home, names, blocks))
+            found = tune(space, cells, blocks, split, options.trials, others)
     results = list(cells.results.values())
-    write_run_file(folder / "run.json", cells.info, [], study, [one.score for one in results])
+    write_run_file(folder / "run.json", info, [], study.facts, [one.score for one in results])
     write_cells(folder, results, {})
     if as_json:
         print_json(_plain(found))
@@ -148,7 +152,7 @@ def _print_table(title: str, entries: Sequence[Entry]) -> None:
 def _line(entry: Entry) -> list[str]:
     return [
         escape(entry.name),
-        escape(format_spec(entry.spec, size=False)),
+        escape(entry.spec.sizeless_text),
         f"{entry.cost:.2f}",
         number(entry.tuning),
         entry.held_out.text(number),
@@ -164,7 +168,7 @@ def _verdict(found: Tuning) -> str:
         return "the default stands: nothing at its cost was surely better on the scenes that were tuned on"
     iou, ssim = default.iou_ratio, default.ssim_ratio
     worse = iou is not None and ssim is not None and (iou.low or 0) > 1 and ssim.median > 1
-    tuned = format_spec(found.tuned.spec, size=False)
+    tuned = found.tuned.spec.sizeless_text
     if worse:
         return f"suggested default: {tuned}"
     return f"the default stands: on the scenes held out it is not surely behind {tuned}"
@@ -178,7 +182,7 @@ def _plain(found: Tuning) -> dict[str, Any]:
     def entry(one: Entry) -> dict[str, Any]:
         values = {item.name: getattr(one, item.name) for item in fields(one)}
         return {key: asdict(value) if isinstance(value, Interval) else value for key, value in values.items()} | {
-            "spec": format_spec(one.spec, size=False)
+            "spec": one.spec.sizeless_text
         }
 
     return asdict(found.split) | {

@@ -4,8 +4,8 @@ import hashlib
 import json
 import re
 import shutil
+from contextlib import closing
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -15,8 +15,8 @@ from shadowbench.errors import InputError
 from shadowbench.files import replace_file
 from shadowbench.measure import scoring
 from shadowbench.measure.row_store import RowStore
+from shadowbench.measure.score_rows import Measured, identity, score_row
 from shadowbench.scenes.digest import view_digest
-from shadowbench.scenes.model import View
 from shadowbench.scores.masks import write_mask
 from shadowbench.sources import code_digest
 from shadowbench.truth import cache
@@ -39,41 +39,20 @@ def append_row(accuracy: Accuracy, name: str, folder: Path) -> bool:
     its own, after the older one. InputError when the folder cannot be written or another run writes into it.
     """
     check_name(name)
-    content, named = content_key(accuracy, name), identity(accuracy.view, name)
-    store = RowStore(folder)
-    try:
+    content, view, renderer = content_key(accuracy, name), accuracy.view, f"external: {name}"
+    cell = identity(view, technique=name, spec=name, full_spec=name)
+    named = {**cell, "renderer": renderer}
+    with closing(RowStore(folder)) as store:
         same = [row for row in store.scores.values() if all(row.get(part) == named[part] for part in _IDENTITY)]
         if same and same[-1].get("content") == content:
             return False
         # What is as it was before the last change is a row again: the newest of a cell is the one that counts.
         key = content if content not in store.scores else _digest([content, same[-1]["key"]])
         _keep_pictures(accuracy, folder, key)
-        store.append({"kind": "score", "key": key, "content": content, **named, **accuracy.record})
+        measured = Measured(accuracy.record, None, {}, {})
+        more = {"assumptions": list(view.scene.notes)}
+        store.append(score_row(key, cell, renderer, measured, {"content": content}, more))
         return True
-    finally:
-        store.close()
-
-
-def identity(view: View, name: str) -> dict[str, Any]:
-    """What names an engine's cell, as a run's rows have it."""
-    return {
-        "scene": view.scene.name,
-        "view": view.camera.name,
-        "light": view.light.name,
-        "phase": 0,
-        "technique": name,
-        "spec": name,
-        "full_spec": name,
-        "map_size": None,
-        "view_size": view.size,
-        "coordinates": "relative",
-        "renderer": f"external: {name}",
-        "status": "ok",
-        "gpu_bytes": None,
-        "work": {},
-        "facts": {},
-        "assumptions": list(view.scene.notes),
-    }
 
 
 def content_key(accuracy: Accuracy, name: str) -> str:

@@ -9,13 +9,12 @@ from pathlib import Path
 
 from shadowbench.data import data_folder
 from shadowbench.measure import scoring, session
+from shadowbench.measure.cells import Cell
 from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.model import Coordinates, View
 from shadowbench.sources import PACKAGE, SOURCES, code_digest, files_in
-from shadowbench.studies.study import Cell
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.registry import own_techniques, source_file
-from shadowbench.techniques.spec import format_spec
 from shadowbench.truth import cache as truths
 
 # What draws, scores and traces, with all that these import; of techniques they import none.
@@ -30,7 +29,7 @@ def view_key(view: View) -> str:
 def cell_key(cell: Cell, view: str, coordinates: Coordinates, renderer: str) -> str:
     """Hex key of a cell in a view (its key), on a renderer."""
     parts = {
-        "spec": format_spec(cell.spec, full=True),
+        "spec": cell.spec.full_text,
         "phase": cell.phase,
         "view": view,
         "coordinates": coordinates,

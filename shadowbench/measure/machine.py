@@ -15,12 +15,9 @@ import psutil
 
 from shadowbench import __version__
 from shadowbench.files import replace_file
-from shadowbench.measure.references import name_of
 from shadowbench.measure.row_store import command_line
-from shadowbench.measure.rows import SCHEMA, Record
+from shadowbench.measure.rows import SCHEMA, Record, StudyFacts
 from shadowbench.measure.session import DeviceInfo
-from shadowbench.studies.study import Study
-from shadowbench.techniques.spec import format_spec
 
 _LIBRARIES = ("moderngl", "pyglm", "numpy", "embreex", "scikit-image", "scipy", "pandas", "trimesh", "pydantic")
 
@@ -53,7 +50,9 @@ def versions() -> dict[str, str]:
     }
 
 
-def write_run_file(file: Path, info: DeviceInfo, notes: Sequence[str], study: Study, scores: Iterable[Record]) -> None:
+def write_run_file(
+    file: Path, info: DeviceInfo, notes: Sequence[str], study: StudyFacts, scores: Iterable[Record]
+) -> None:
     """`run.json`: command, versions, machine, clock, assumptions, and the keys of its cells' score rows."""
     text = {
         "schema": SCHEMA,
@@ -65,15 +64,7 @@ def write_run_file(file: Path, info: DeviceInfo, notes: Sequence[str], study: St
         "device": dataclasses.asdict(info),
         "clock": info.clock,
         "assumptions": list(notes),
-        "study": {
-            "scenes": list(study.scenes),
-            "specs": [format_spec(spec) for spec in study.specs],
-            "reference": name_of(study.reference),
-            "view_size": study.view_size,
-            "rounds": study.rounds,
-            "phases": study.phases,
-            "coordinates": study.coordinates,
-        },
+        "study": study,
         "keys": [row["key"] for row in scores],
     }
     with replace_file(file) as beside:

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from shadowbench.gl.clock import Sample
-from shadowbench.measure.session import CellRequest
-from shadowbench.measure.worker import Worker
+from shadowbench.measure.cells import CellRequest, PlacedView
+from shadowbench.measure.place import Place
+from shadowbench.measure.session import Session
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import view_of
 
@@ -30,20 +31,18 @@ class Noise:
     clock: str
 
 
-def noise(worker: Worker) -> Noise:
+def noise(place: Place) -> Noise:
     """Hold one cell twice, and time the two in turn; raises CellFailed."""
     scene = load_scene(SCENE)
-    view = view_of(scene, scene.cameras[0], scene.lights[0], VIEW_SIZE)
-    worker.call("load", scene, "relative")
-    worker.call("open", view.camera, view.light, view.size)
+    at = PlacedView(view_of(scene, scene.cameras[0], scene.lights[0], VIEW_SIZE))
     for _ in range(2):
-        worker.call("hold", CellRequest(CELL))
+        place.call(Session.hold, at, CellRequest(CELL))
     samples: list[list[Sample]] = []
     while len(samples) < SERIES * ROUNDS:
-        samples.append([worker.call("time_frame", held) for held in range(2)])
+        samples.append([place.call(Session.time_frame, held) for held in range(2)])
         if len({sample.clock for pair in samples for sample in pair}) > 1:
             samples = []  # queries were given up, and for good: by two clocks there is no ratio
-    worker.call("let_go")
+    place.call(Session.let_go)
     ms = np.array([[sample.ms for sample in pair] for pair in samples])
     ratios = ms[:, 0] / ms[:, 1]
     series = [_apart(part) for part in np.split(ratios, SERIES)]

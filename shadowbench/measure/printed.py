@@ -4,8 +4,7 @@ import codecs
 import io
 import os
 import threading
-from multiprocessing.connection import Connection
-from typing import TextIO
+from typing import IO, TextIO
 
 MOST = 100_000
 """Characters of one process that are passed on."""
@@ -31,7 +30,7 @@ class Cut(io.TextIOBase):
         return len(text)
 
 
-def pass_on(pipe: Connection) -> threading.Thread:
+def pass_on(pipe: IO[bytes]) -> threading.Thread:
     """Pass on what is written to the other end of a pipe, in a thread, until nobody is left who could write to it."""
 
     def read() -> None:

@@ -4,13 +4,15 @@ from collections.abc import Mapping
 
 from shadowbench.scenes.model import LightKind
 from shadowbench.techniques.cube_map import CubeMap
-from shadowbench.techniques.spec import Spec, format_spec, parse_spec
+from shadowbench.techniques.shadow_map import ShadowMap
+from shadowbench.techniques.spec import Spec
 from shadowbench.techniques.unshadowed import Unshadowed
 
 REFERENCE = "shadow-map:size=1024"
-"""The reference of a study that names none."""
+"""The reference of a study that names none, as text; as a spec it is USUAL."""
 
-_INSTEAD: Mapping[LightKind, Spec] = {"point": parse_spec("cube-map:size=1024", {CubeMap.name: CubeMap})}
+USUAL = Spec(ShadowMap, ShadowMap.Params(size=1024))
+_INSTEAD: Mapping[LightKind, Spec] = {"point": Spec(CubeMap, CubeMap.Params(size=1024))}
 
 
 def reference_for(chosen: Spec, kind: LightKind) -> Spec:
@@ -21,5 +23,5 @@ def reference_for(chosen: Spec, kind: LightKind) -> Spec:
 
 def name_of(reference: Spec) -> str:
     """The spec as rows name it, with its map size even where that is the default: `shadow-map:size=1024`."""
-    name = format_spec(reference, size=False)
+    name = reference.sizeless_text
     return name if reference.map_size is None else f"{name}{',' if ':' in name else ':'}size={reference.map_size}"

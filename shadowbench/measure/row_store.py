@@ -72,6 +72,11 @@ class RowStore:
             raise _cannot_write(self.file, error) from None
         self._keep(record)
 
+    def done(self, key: str) -> Record | None:
+        """The score record of a key, unless it failed: that is tried again, as it may have been the machine."""
+        row = self.scores.get(key)
+        return None if row is None or row["status"].startswith("failed") else row
+
     def close(self) -> None:
         """Close the file, and let others write into the folder."""
         self._stream.close()

@@ -7,6 +7,7 @@ are kept.
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, NotRequired
 
@@ -187,6 +188,20 @@ class RunFile(TypedDict, total=False):
     assumptions: list[str]
     study: StudyFacts
     keys: list[Key]
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """A cell's rows: its score record, and its time record where it has one; `untimed` says why timing it failed."""
+
+    score: Record
+    time: Record | None
+    untimed: str | None = None
+
+    @property
+    def status(self) -> str:
+        """`ok`, `unsupported: …` or `failed: …`, also for a cell that fails only while it is timed."""
+        return str(self.score["status"]) if self.untimed is None else f"failed: while timed: {self.untimed}"
 
 
 _MEASURED = ("metrics", "receivers", "undecided", "gpu_bytes", "work")

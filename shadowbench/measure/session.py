@@ -1,4 +1,4 @@
-"""What the worker does, as plain calls: hold the GL context, draw cells, time them.
+"""What draws and times cells, as plain calls: it holds the GL context.
 
 The worker process serves these over a pipe; benchmarks call them in their own process.
 """
@@ -18,12 +18,11 @@ from numpy.typing import NDArray
 from shadowbench.errors import quoted
 from shadowbench.gl.clock import Clock, PassTimes, Sample, with_cost, work_of
 from shadowbench.gl.device import Device, open_device
-from shadowbench.gl.gbuffer import GBuffer, SurfacePass, download
-from shadowbench.gl.geometry import DeviceGeometry
-from shadowbench.gl.picture import PicturePass
+from shadowbench.gl.gbuffer import download
+from shadowbench.measure.cells import CellRequest, PlacedView
 from shadowbench.measure.drawn import Drawn, numbers, own_work
+from shadowbench.measure.loaded import LoadedScene, OpenView
 from shadowbench.measure.profile import Profile
-from shadowbench.scenes.model import AS_FILED, Camera, Coordinates, Light, Scene, View
 from shadowbench.scores.masks import quantise
 from shadowbench.techniques.base import Frame, Phase, Stage, Technique
 from shadowbench.techniques.registry import shader_folder, techniques
@@ -48,14 +47,6 @@ class DeviceInfo:
     clip_control: bool
 
 
-@dataclass(frozen=True)
-class CellRequest:
-    """A cell as it crosses the pipe: its full spec as text, and the phase."""
-
-    spec: str
-    phase: int = 0
-
-
 @dataclass(frozen=True, eq=False)
 class Built:
     """A cell that can be drawn; `prepare_ms`: what building it took."""
@@ -74,17 +65,16 @@ class Unsupported(Exception):
 
 
 class Session:
-    """One device, one scene on it, one view of that scene."""
+    """One device. The scene and the view that it was asked about last stay on it, until it is asked about others."""
 
     def __init__(self, plugins: Sequence[Path] = ()) -> None:
         self.techniques = techniques(plugins)
         self.device: Device = open_device()
         self.clock = Clock(self.device)
         self.profile = Profile()
-        self._scene: Scene | None = None
-        self._geometry: DeviceGeometry | None = None
-        self._surface: GBuffer | None = None
-        self._kept: dict[CellRequest, Built] = {}  # not yet held
+        self._loaded: LoadedScene | None = None
+        self._opened: OpenView | None = None
+        self._kept: dict[CellRequest, Built] = {}  # of the open view, not yet held
         self._held: list[Built] = []
 
     def info(self) -> DeviceInfo:
@@ -106,73 +96,78 @@ class Session:
         """Seconds by activity since the start."""
         return dict(self.profile.seconds)
 
-    def load(self, scene: Scene, coordinates: Coordinates = "relative") -> None:
-        """Put a scene (file coordinates) on the device in place of the last."""
-        self.unload()
-        self._placement = scene.placement if coordinates == "relative" else AS_FILED
-        self._scene = self._placement.scene(scene)
-        with self.profile.of("build"):
-            self._geometry = DeviceGeometry(self.device, self._scene.geometry)
-            self._surface_pass = SurfacePass(self.device, self._geometry)
-            self._picture_pass = PicturePass(self.device, self._geometry)
+    def open(self, at: PlacedView) -> None:
+        """Load a view's scene and draw its G-buffer, where that is not done; whatever is asked of a view does so."""
+        self._open(at)
 
-    def open(self, camera: Camera, light: Light, size: int) -> NDArray[np.int32]:
-        """Draw the G-buffer of a view of the loaded scene; its (N, N) triangle ids, row 0 at the top.
-
-        Camera and light are a view's, in file coordinates, the camera's planes known.
-        """
-        assert self._scene is not None
-        self._close()
-        self.view = View(self._scene, self._placement.camera(camera), self._placement.light(light), size)
-        self._tidy()
-        with self._passes():
-            self._surface = self._surface_pass.draw(self.view)
+    def surface(self, at: PlacedView) -> NDArray[np.int32]:
+        """The (N, N) triangle ids of a view's G-buffer, row 0 at the top."""
+        opened = self._open(at)
         with self.profile.of("read back"):
-            return self._surface.triangles()
+            return opened.surface.triangles()
 
     def unload(self) -> None:
         """Free the view and the scene."""
         self._close()
-        if self._geometry is not None:
-            self._picture_pass.release()
-            self._surface_pass.release()
-            self._geometry.release()
-            self._geometry = None
+        if self._loaded is not None:
+            self._loaded.release()
+            self._loaded = None
+
+    def _load(self, at: PlacedView) -> LoadedScene:
+        if self._loaded is None or not self._loaded.shows(at):
+            self.unload()
+            with self.profile.of("build"):
+                self._loaded = LoadedScene(self.device, at.view.scene, at.coordinates)
+        return self._loaded
+
+    def _open(self, at: PlacedView) -> OpenView:
+        if self._opened is None or not self._opened.shows(at):
+            self._close()
+            loaded = self._load(at)
+            view = loaded.placed(at.view)
+            self._tidy()
+            with self._passes():
+                self._opened = OpenView(at.view, loaded, view, loaded.surface_pass.draw(view))
+        return self._opened
 
     def _close(self) -> None:
-        """Free the view, and what is kept of its cells."""
+        """Free the view, and what is kept and held of its cells."""
+        self.let_go()
         while self._kept:
             self._kept.popitem()[1].stage.release()
-        if self._surface is not None:
-            self._surface.release()
-            self._surface = None
+        if self._opened is not None:
+            self._opened.surface.release()
+            self._opened = None
 
-    def unsupported(self, request: CellRequest) -> str | None:
-        """Why a cell has no answer for the open view, or None."""
-        spec = self._spec(request)
-        reason = spec.technique.declines(spec.params, self.view, self.device)
+    def unsupported(self, at: PlacedView, request: CellRequest) -> str | None:
+        """Why a cell has no answer for a view, or None."""
+        reason = self._declined(self._open(at), self._spec(request))
         return None if reason is None else quoted(reason)
 
-    def build(self, request: CellRequest) -> None:
-        """Build a cell, and keep it for `draw` and `hold`; raises as `draw` does."""
+    def build(self, at: PlacedView, request: CellRequest) -> None:
+        """Build a cell of a view, and keep it for `draw` and `hold`; raises as `draw` does."""
+        opened = self._open(at)
         if request not in self._kept:
-            self._kept[request] = self._build(request)
+            self._kept[request] = self._build(opened, request)
 
-    def shaders(self, request: CellRequest) -> list[ShaderText]:
+    def shaders(self, at: PlacedView, request: CellRequest) -> list[ShaderText]:
         """The GLSL of a cell as the driver is given it, every include and define in it; raises as `draw` does."""
-        stage = self._build(request).stage
+        stage = self._build(self._open(at), request).stage
         stage.release()
         return stage.texts
 
-    def draw(self, request: CellRequest, with_map: bool = False, tinted: bool = False, keep: int = 0) -> Drawn:
+    def draw(
+        self, at: PlacedView, request: CellRequest, with_map: bool = False, tinted: bool = False, keep: int = 0
+    ) -> Drawn:
         """Build unless it is kept, draw once, read back, release. Raises Unsupported, or whatever the technique raises.
 
         `tinted` multiplies the technique's own colours into the picture, where it has any. It is kept for `hold`
         instead, as long as all that is kept for this view takes no more than `keep` bytes.
         """
-        built = self._kept.pop(request, None) or self._build(request)
+        opened = self._open(at)
+        built = self._kept.pop(request, None) or self._build(opened, request)
         try:
-            drawn = self._drawn(request, built, with_map, tinted)
+            drawn = self._drawn(opened, request, built, with_map, tinted)
         except BaseException:
             built.stage.release()
             raise
@@ -182,30 +177,31 @@ class Session:
             built.stage.release()
         return drawn
 
-    def _drawn(self, request: CellRequest, built: Built, with_map: bool, tinted: bool) -> Drawn:
-        technique, frame = built.technique, built.frame
+    def _drawn(self, opened: OpenView, request: CellRequest, built: Built, with_map: bool, tinted: bool) -> Drawn:
+        technique, frame, view = built.technique, built.frame, opened.view
         self._tidy()
         with self._passes():
             texture = technique.draw(frame)
         self._tidy()
         self.device.check(f"drawing {request.spec}")
-        self._check(request, texture)
+        self._check(request, texture, view.size)
         with self.profile.of("read back"):
             visibility = self._read(request, download(texture)[..., 0])
         with self._passes():
             tint = technique.tint() if tinted else None
-            picture = self._picture_pass.draw(frame.surface, self.view, texture, tint)
+            picture = opened.loaded.picture_pass.draw(frame.surface, view, texture, tint)
         depths = technique.map_image() if with_map else None
         facts = numbers(request.spec, technique.facts())
         with self._passes():
             # The same frame, index 0, so that the work is that of the frame which is scored: history stays void.
             work = work_of(self.device, lambda: technique.draw(frame))
-        work = with_cost(work | own_work(technique, self.view.size**2, facts))
+        work = with_cost(work | own_work(technique, view.size**2, facts))
         return Drawn(visibility, picture, depths, built.stage.bytes, work, facts)
 
-    def hold(self, request: CellRequest) -> float:
+    def hold(self, at: PlacedView, request: CellRequest) -> float:
         """Hold a cell for timing, as it was kept or built anew, warmed up; the milliseconds that building it took."""
-        built = self._kept.pop(request, None) or self._build(request)
+        opened = self._open(at)
+        built = self._kept.pop(request, None) or self._build(opened, request)
         self._held.append(built)
         for _ in range(WARM_UP):
             self._tidy()
@@ -258,21 +254,21 @@ class Session:
     def _spec(self, request: CellRequest) -> Spec:
         return parse_spec(request.spec, self.techniques)
 
+    def _declined(self, opened: OpenView, spec: Spec) -> str | None:
+        return spec.technique.declines(spec.params, opened.view, self.device)
+
     def _tidy(self) -> None:
         """Put back what a technique's raw calls may have left, so that it costs no other cell its values."""
         self.device.context.enable_only(moderngl.NOTHING)
         self.device.context.wireframe = False
 
-    def _check(self, request: CellRequest, texture: object) -> None:
+    def _check(self, request: CellRequest, texture: object, size: int) -> None:
         """Raise TypeError or ValueError for what is no texture of the view's size."""
         if not isinstance(texture, moderngl.Texture):
             raise TypeError(f"{request.spec} drew {type(texture).__name__}; allowed: a texture")
-        if texture.size != (self.view.size, self.view.size):
+        if texture.size != (size, size):
             width, height = texture.size
-            raise ValueError(
-                f"{request.spec} drew {width} × {height} pixels; allowed: {self.view.size} × {self.view.size}"
-            )
-
+            raise ValueError(f"{request.spec} drew {width} × {height} pixels; allowed: {size} × {size}")
         if texture.components != 1:
             raise ValueError(f"{request.spec} drew {texture.components} components; allowed: 1, the visibility")
 
@@ -282,22 +278,21 @@ class Session:
         except ValueError as error:
             raise ValueError(f"{request.spec} drew {error}") from error
 
-    def _build(self, request: CellRequest) -> Built:
+    def _build(self, opened: OpenView, request: CellRequest) -> Built:
         start = time.perf_counter()
         with self.profile.of("prepare"):
-            technique, stage, frame = self._assembled(request)
+            technique, stage, frame = self._assembled(opened, request)
             self.device.context.finish()
         return Built(technique, stage, frame, (time.perf_counter() - start) * 1e3)
 
-    def _assembled(self, request: CellRequest) -> tuple[Technique, Stage, Frame]:
+    def _assembled(self, opened: OpenView, request: CellRequest) -> tuple[Technique, Stage, Frame]:
         spec = self._spec(request)
-        reason = spec.technique.declines(spec.params, self.view, self.device)
+        reason = self._declined(opened, spec)
         if reason is not None:
             raise Unsupported(reason)
-        assert self._scene is not None and self._geometry is not None and self._surface is not None
-        size = (self.view.size, self.view.size)
-        folder = shader_folder(spec.technique)
-        stage = Stage(self._scene, self.device, size, self._geometry, self._placement, folder)
+        loaded, view = opened.loaded, opened.view
+        size, folder = (view.size, view.size), shader_folder(spec.technique)
+        stage = Stage(loaded.scene, self.device, size, loaded.geometry, loaded.placement, folder)
         technique = spec.technique(spec.params)
         try:
             technique.build(stage)
@@ -305,4 +300,4 @@ class Session:
         except BaseException:
             stage.release()
             raise
-        return technique, stage, Frame(self.view, Phase(request.phase), 0, self._surface, self.clock)
+        return technique, stage, Frame(view, Phase(request.phase), 0, opened.surface, self.clock)

@@ -10,8 +10,7 @@ import pandas as pd
 
 from shadowbench.check.baseline import identity
 from shadowbench.errors import InputError
-from shadowbench.measure.rows import Record, RunFile, read_rows, read_run_file
-from shadowbench.measure.runner import Result
+from shadowbench.measure.rows import Record, Result, RunFile, read_rows, read_run_file
 from shadowbench.studies.sweeps import Places, places_of, with_factors
 from shadowbench.studies.tables import cells_frame, write_table
 

@@ -6,18 +6,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from shadowbench.errors import InputError
+from shadowbench.measure.cells import Block, Cell, Conditions
+from shadowbench.measure.references import name_of
+from shadowbench.measure.rows import StudyFacts
 from shadowbench.scenes.library import load_scene
-from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, view_of
+from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, view_of
 from shadowbench.scenes.views import Named, named
 from shadowbench.techniques.spec import Spec
-
-
-@dataclass(frozen=True)
-class Cell:
-    """One measurement: a spec at a phase, in a block's view."""
-
-    spec: Spec
-    phase: int
 
 
 @dataclass(frozen=True)
@@ -26,19 +21,6 @@ class BiasSweep:
 
     home: Spec
     swept: tuple[tuple[float, Spec], ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Block:
-    """A view and the cells of all phases, which share its truth and its G-buffer."""
-
-    view: View
-    cells: tuple[Cell, ...]
-
-    @property
-    def scene(self) -> Scene:
-        """The view's scene."""
-        return self.view.scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +48,23 @@ class Study:
     about: str = ""
     sweeps: tuple[BiasSweep, ...] = ()
     notes: tuple[str, ...] = field(default=())
+
+    def conditions(self, time_again: bool = False) -> Conditions:
+        """What its cells are measured under."""
+        return Conditions(self.coordinates, self.rounds, self.reference, time_again)
+
+    @property
+    def facts(self) -> StudyFacts:
+        """What `run.json` says of it."""
+        return {
+            "scenes": list(self.scenes),
+            "specs": [spec.text for spec in self.specs],
+            "reference": name_of(self.reference),
+            "view_size": self.view_size,
+            "rounds": self.rounds,
+            "phases": self.phases,
+            "coordinates": self.coordinates,
+        }
 
     def cells(self) -> tuple[Cell, ...]:
         """The cells of one view, phase by phase: phases of techniques that have a grid, one cell of the others."""

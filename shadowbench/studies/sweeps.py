@@ -11,7 +11,6 @@ from shadowbench.errors import InputError
 from shadowbench.strict import short
 from shadowbench.studies.study import BiasSweep
 from shadowbench.studies.tables import SummaryRow
-from shadowbench.techniques.spec import format_spec
 
 _ALSO, _TIMES = "; ", " × "  # no spec has either in it
 
@@ -41,8 +40,8 @@ def places(sweeps: Sequence[BiasSweep]) -> Places:
     found: dict[tuple[str, int | None], dict[str, float]] = {}
     for sweep in sweeps:
         for factor, spec in sweep.swept:
-            key = format_spec(spec, size=False), spec.map_size if "size" in spec.named else None
-            _add(found.setdefault(key, {}), format_spec(sweep.home, size=False), factor)
+            key = spec.sizeless_text, spec.map_size if "size" in spec.named else None
+            _add(found.setdefault(key, {}), sweep.home.sizeless_text, factor)
     return {key: _own_first(homes) for key, homes in found.items()}
 
 

@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 
 from shadowbench.files import replace_file
-from shadowbench.measure.runner import Result
-from shadowbench.measure.timing import REDRAWN
+from shadowbench.measure.rows import Result
+from shadowbench.measure.time_rows import REDRAWN
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.times import WIDE, ReferenceTime, by_one_reference
 

@@ -1,11 +1,12 @@
 """Specs: `shadow-map:bias=slope(max=0.05,min=0.005),filter=pcf(taps=3)`, parsed and written.
 
 `preset=NAME` expands to the items that the technique keeps under that name; later items override it. Writing never
-uses a preset, and `parse_spec(format_spec(s)) == s`.
+uses a preset, and `parse_spec(spec.text, …) == spec`.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
@@ -22,11 +23,32 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Spec:
-    """A technique and its parameters; `named` are the keys that somebody wrote, by a preset too."""
+    """A technique and its parameters; `named` are the keys that somebody wrote, by a preset too.
+
+    Made once, where its text is read, and passed on; its texts are written once too.
+    """
 
     technique: "type[Technique]"
     params: TechniqueParams
     named: frozenset[str] = field(default=frozenset(), compare=False)
+
+    @cached_property
+    def text(self) -> str:
+        """The spec as text, without what is at its default."""
+        return self._with_items(_format_items(self.params))
+
+    @cached_property
+    def full_text(self) -> str:
+        """The spec as text with every parameter, defaults too."""
+        return self._with_items(_format_items(self.params, full=True))
+
+    @cached_property
+    def sizeless_text(self) -> str:
+        """`text` without the map size, which rows and tables have in a column of its own."""
+        return self._with_items(_format_items(self.params, skip="size"))
+
+    def _with_items(self, items: str) -> str:
+        return f"{self.technique.name}:{items}" if items else self.technique.name
 
     @property
     def map_size(self) -> int | None:
@@ -50,18 +72,23 @@ def _shown(value: object) -> str:
 
 
 def parse_spec(text: str, techniques: "Mapping[str, type[Technique]]") -> Spec:
-    """The technique and parameters that a text names; raises InputError with what is allowed."""
+    """The technique and parameters that a text names, read once a process; raises InputError with what is allowed."""
     reader = Reader(text)
     name = reader.token("word")
     if name is None:
         raise reader.fail("a technique's name")
     if name not in techniques:
         raise InputError(f"unknown technique {name!r:.60}{alternatives(name, sorted(techniques))}")
-    items: tuple[tuple[str | None, Any], ...] = ()
-    if reader.token("mark", ":"):
-        items = reader.items(named=True)
+    return _parsed(text, techniques[name])
+
+
+@cache
+def _parsed(text: str, technique: "type[Technique]") -> Spec:
+    reader = Reader(text)
+    reader.token("word")
+    items = reader.items(named=True) if reader.token("mark", ":") else ()
     reader.end()
-    return spec_of(techniques[name], items, text)
+    return spec_of(technique, items, text)
 
 
 def spec_of(technique: "type[Technique]", items: tuple[tuple[str | None, Any], ...], where: str) -> Spec:
@@ -97,23 +124,17 @@ def format_value(value: Any, full: bool = False) -> str:
     if isinstance(value, Sum):
         return "+".join(format_value(part, full) for part in value.parts)
     if isinstance(value, Row):
-        inner = _format_items(value, full, skip=())
+        inner = _format_items(value, full)
         return f"{value.name}({inner})" if inner else value.name
     if isinstance(value, bool):
         return str(value).lower()
     return repr(value) if isinstance(value, float) else str(value)
 
 
-def _format_items(params: TechniqueParams | Row, full: bool, skip: tuple[str, ...]) -> str:
-    values = {key: getattr(params, key) for key in type(params).model_fields if key not in skip}
+def _format_items(params: TechniqueParams | Row, full: bool = False, skip: str | None = None) -> str:
+    values = {key: getattr(params, key) for key in type(params).model_fields if key != skip}
     return ",".join(
         f"{key}={format_value(value, full)}"
         for key, value in values.items()
         if full or value != type(params).model_fields[key].default
     )
-
-
-def format_spec(spec: Spec, *, full: bool = False, size: bool = True) -> str:
-    """The spec as text. `full` writes every parameter, defaults too; `size=False` leaves the map size to its column."""
-    items = _format_items(spec.params, full, skip=() if size else ("size",))
-    return f"{spec.technique.name}:{items}" if items else spec.technique.name

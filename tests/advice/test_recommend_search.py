@@ -14,13 +14,13 @@ from shadowbench.advice.recommend import Target, in_milliseconds, least_error, r
 from shadowbench.advice.search import Search, Tried, extrapolated, place_of
 from shadowbench.advice.space import needed_space, no_choices, specs_of, start_size, whole_space
 from shadowbench.commands.recommend_words import in_the_way, step_lines
-from shadowbench.measure.runner import Result
+from shadowbench.measure.rows import Result
 from shadowbench.measure.scoring import reference_of
 from shadowbench.needs.survey import Needs, needs
 from shadowbench.scenes.model import View
 from shadowbench.scores import score
 from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import Spec, format_spec, parse_spec
+from shadowbench.techniques.spec import Spec, parse_spec
 from shadowbench.truth.trace import Truth
 
 KNOWN = techniques()
@@ -295,7 +295,7 @@ def test_a_group_is_first_looked_at_where_needs_say(street: Needs) -> None:
 
 
 def test_every_spec_of_the_space_is_one() -> None:
-    texts = [format_spec(spec, full=True) for spec in whole_space(KNOWN, "spot", 16384)]
+    texts = [spec.full_text for spec in whole_space(KNOWN, "spot", 16384)]
     assert len(texts) == len(set(texts))
 
 

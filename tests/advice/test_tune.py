@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -27,11 +28,13 @@ from shadowbench.advice.tune_scores import (
 from shadowbench.advice.tune_space import REACH, USUAL, Space, searched, span
 from shadowbench.advice.tune_split import Split, split_of
 from shadowbench.errors import InputError
+from shadowbench.measure.measurer import Measurer
+from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.rows import Record
 from shadowbench.studies.study import Study, scenes_of
 from shadowbench.techniques.params import in_metres
 from shadowbench.techniques.registry import own_techniques, techniques
-from shadowbench.techniques.spec import Spec, format_spec, parse_spec
+from shadowbench.techniques.spec import Spec, parse_spec
 
 KNOWN = techniques()
 SHADOW_MAP = parse_spec("shadow-map", KNOWN)
@@ -74,7 +77,7 @@ def test_what_is_suggested_is_a_spec_that_can_be_written_and_read(seed: int) -> 
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     study = optuna.create_study(sampler=optuna.samplers.RandomSampler(seed=seed))
     spec = Space(SHADOW_MAP, USUAL).spec(study.ask())
-    assert parse_spec(format_spec(spec), KNOWN) == spec
+    assert parse_spec(spec.text, KNOWN) == spec
     for name in USUAL:
         value = getattr(spec.params, name)
         for key, info in type(value).model_fields.items():
@@ -218,7 +221,8 @@ def tune(bench: Any) -> Tune:
         scenes = ("cube-on-plane", "sphere-and-torus")
         study = Study(scenes, (home,), home, map_sizes=(128,), view_size=64, rounds=0)
         bench.calls.clear()
-        with Cells(study, folder, bench.worker, Notes()) as cells:
+        with closing(RowStore(folder)) as store:
+            cells = Cells(study, Measurer(bench.worker, store, study.conditions(), Notes()))
             blocks = cells.taking_part(home)
             assert [scene.name for scene in scenes_of(blocks)] == list(scenes)
             space = Space(home, ("bias",), cells.refused_rows(home, ("bias",), blocks))
@@ -266,7 +270,8 @@ def test_a_stopped_search_goes_on_to_the_same_end(tune: Tune, bench: Any, tmp_pa
 
 def test_rows_that_no_view_takes_are_not_searched(bench: Any, tmp_path: Path) -> None:
     study = Study(("cube-on-plane",), (SHADOW_MAP,), SHADOW_MAP, view_size=32, rounds=0)
-    with Cells(study, tmp_path / "rows", bench.worker, Notes()) as cells:
+    with closing(RowStore(tmp_path / "rows")) as store:
+        cells = Cells(study, Measurer(bench.worker, store, study.conditions(), Notes()))
         blocks = cells.taking_part(SHADOW_MAP)
         refused = cells.refused_rows(SHADOW_MAP, USUAL, blocks)
     assert refused == {"bias": frozenset(), "filter": frozenset({"pcf-20"}), "fit": frozenset()}

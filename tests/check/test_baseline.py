@@ -8,7 +8,7 @@ import pytest
 
 from shadowbench.check import baseline
 from shadowbench.check.baseline import compare
-from shadowbench.measure.runner import Result
+from shadowbench.measure.rows import Result
 from shadowbench.scores.metrics import METRICS
 
 GOOD = {name: 0.9 if metric.better == "higher" else 0.1 for name, metric in METRICS.items()}

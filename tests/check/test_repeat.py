@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from shadowbench.check.repeat import compare_runs
-from shadowbench.measure.runner import Result
+from shadowbench.measure.rows import Result
 
 
 def result(

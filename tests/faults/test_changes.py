@@ -19,7 +19,6 @@ from shadowbench.cli import main
 from shadowbench.scenes.library import load_scene
 from shadowbench.studies.file import read_study
 from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import format_spec
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
@@ -79,9 +78,7 @@ def ran(change: Change, edits: tuple[tuple[str, str, str], ...], sources: Path, 
         text = (copy / file).read_text(encoding="utf-8")
         assert text.count(before) == 1, f"{file}: {before!r}"
         (copy / file).write_text(text.replace(before, after), encoding="utf-8")
-    specs = [
-        format_spec(cell.spec, full=True) for cell in STUDY.cells() if cell.spec.technique.name == change.technique
-    ]
+    specs = [cell.spec.full_text for cell in STUDY.cells() if cell.spec.technique.name == change.technique]
     command = [sys.executable, "-m", "shadowbench.cli", "run", *(SCENES[scene] for scene in change.scenes)]
     command += ["-s", str(BASELINE / "study.toml"), "--phases", str(change.phases), "-o", str(folder / "run"), "-q"]
     command += [word for spec in specs for word in ("-t", spec)]

@@ -20,7 +20,7 @@ from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import view_of
 from shadowbench.studies.file import read_study
 from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import format_spec, parse_spec
+from shadowbench.techniques.spec import parse_spec
 
 from .cases import ASSETS, INSIDE, OUTSIDE, ROOT, Case
 
@@ -151,7 +151,7 @@ def _study(case: Case, main: Path, assets: Path) -> bool:
 
 def _spec(case: Case, main: Path, assets: Path) -> bool:
     spec = parse_spec(case.text, techniques())
-    assert parse_spec(format_spec(spec, full=True), techniques()) == spec
+    assert parse_spec(spec.full_text, techniques()) == spec
     return (spec.map_size or 0) <= 1024
 
 

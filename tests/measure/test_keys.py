@@ -13,11 +13,11 @@ import pytest
 
 from shadowbench import data
 from shadowbench.measure import keys
+from shadowbench.measure.cells import Cell
 from shadowbench.measure.keys import cell_key
 from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import View, view_of
-from shadowbench.studies.study import Cell
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.registry import source_file, techniques
 from shadowbench.techniques.shadow_map import ShadowMap
@@ -78,16 +78,11 @@ def test_a_default_that_is_written_is_the_same_cell() -> None:
     assert key("shadow-map:bias=texel(scale=1)") == key()
 
 
-def test_a_changed_default_is_another_cell(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_changed_default_is_another_cell(changed_default: Any) -> None:
     before = key(), key("shadow-map:size=512")
-    monkeypatch.setattr(ShadowMap.Params.model_fields["size"], "default", 512)
-    ShadowMap.Params.model_rebuild(force=True)
-    try:
+    with changed_default(ShadowMap, "size", 512):
         assert key() != before[0]
         assert key() == before[1]
-    finally:
-        monkeypatch.undo()
-        ShadowMap.Params.model_rebuild(force=True)
     assert key() == before[0]
 
 
@@ -198,6 +193,7 @@ EDITED = [
     ("gl/raw.py", "unshadowed", True),
     ("truth/cache.py", "unshadowed", True),
     ("measure/session.py", "unshadowed", True),
+    ("measure/loaded.py", "unshadowed", True),
     ("measure/scoring.py", "unshadowed", True),
     ("studies/tables.py", "unshadowed", False),
     ("cli/measure.py", "unshadowed", False),

@@ -11,8 +11,10 @@ import pytest
 
 from shadowbench.errors import LONGEST_QUOTE
 from shadowbench.measure import printed
-from shadowbench.measure.session import CellRequest, Unsupported
-from shadowbench.measure.worker import CellFailed, Limits, Worker
+from shadowbench.measure.cells import CellRequest, PlacedView
+from shadowbench.measure.place import CellFailed, Limits
+from shadowbench.measure.session import Session, Unsupported
+from shadowbench.measure.worker import Worker
 from shadowbench.scenes.views import chosen_view
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="process groups, and stderr by its number")
@@ -20,16 +22,16 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="process groups, and 
 
 @pytest.fixture
 def worker(wild: Path) -> Iterator[Worker]:
-    """A worker at a view; its calls may take so long and so much."""
+    """A worker whose calls may take so long and so much."""
     with Worker([wild], Limits(20.0, 1 << 30)) as worker:
-        view = chosen_view("cube-on-plane", 16)
-        worker.call("load", view.scene)
-        worker.call("open", view.camera, view.light, view.size)
         yield worker
 
 
+AT = PlacedView(chosen_view("cube-on-plane", 16))
+
+
 def draw(worker: Worker, items: str) -> Any:
-    return worker.call("draw", CellRequest(f"does:{items}"))
+    return worker.call(Session.draw, AT, CellRequest(f"does:{items}"))
 
 
 @pytest.mark.parametrize("what", ["shout", "shout-in-one-word", "long-fact"])
@@ -45,7 +47,7 @@ def test_a_message_without_end_is_cut(worker: Worker, what: str) -> None:
 def test_a_reason_without_end_is_cut(worker: Worker) -> None:
     with pytest.raises(Unsupported) as reason:
         draw(worker, "what=decline")
-    line = worker.call("unsupported", CellRequest("does:what=decline"))
+    line = worker.call(Session.unsupported, AT, CellRequest("does:what=decline"))
     assert line == str(reason.value)
     assert line.startswith("reasons reasons ") and line.endswith("…") and len(line) == LONGEST_QUOTE
 
@@ -124,9 +126,6 @@ def pids(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 )
 def test_processes_of_a_plugin_end_with_the_worker(pids: Path, wild: Path, misdeed: str, reason: str | None) -> None:
     with Worker([wild], Limits(5.0 if reason == "hung" else 100.0, 1 << 30)) as worker:
-        view = chosen_view("cube-on-plane", 16)
-        worker.call("load", view.scene)
-        worker.call("open", view.camera, view.light, view.size)
         if reason is None:
             draw(worker, "what=leave-processes")
             assert len(sleepers(pids)) >= 4, "they run as long as the worker does"

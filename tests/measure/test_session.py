@@ -11,12 +11,14 @@ import pytest
 
 from shadowbench.gl.clock import WALL, Clock
 from shadowbench.measure import session as module
+from shadowbench.measure.cells import CellRequest
 from shadowbench.measure.profile import Profile
-from shadowbench.measure.session import WARM_UP, CellRequest, Session
+from shadowbench.measure.session import WARM_UP, Session
 from shadowbench.techniques.base import Frame, Phase, TechniqueParams
 from shadowbench.techniques.filters import PCF, Dither4, Filter, Hard, Hardware
 
 REQUEST = CellRequest("recorder")
+AT: Any = None  # the view, which is always open
 
 
 class Bare(Session):
@@ -31,15 +33,17 @@ class Bare(Session):
         self.profile = Profile()
         self.facts: dict[str, float] = {}
         self.params: Any = TechniqueParams()
-        self.view: Any = SimpleNamespace(size=2)
-        self._picture_pass: Any = SimpleNamespace(draw=lambda surface, view, texture, tint: None)
+        loaded = SimpleNamespace(picture_pass=SimpleNamespace(draw=lambda surface, view, texture, tint: None))
+        surface = SimpleNamespace(release=lambda: None)
+        self._opened: Any = SimpleNamespace(
+            loaded=loaded, view=SimpleNamespace(size=2), surface=surface, shows=lambda at: True
+        )
         self._kept = {}
-        self._surface = None
         self._held = []
         self.freed: list[str] = []
         self.indices: list[int] = []
 
-    def _assembled(self, request: CellRequest) -> Any:
+    def _assembled(self, opened: Any, request: CellRequest) -> Any:
         def draw(frame: Frame) -> np.ndarray:
             self.indices.append(frame.index)
             self.device.draws += 1
@@ -47,11 +51,11 @@ class Bare(Session):
 
         technique = SimpleNamespace(draw=draw, facts=lambda: self.facts, map_image=lambda: None, params=self.params)
         surface: Any = None
-        frame = Frame(self.view, Phase(request.phase), 0, surface, self.clock)
+        frame = Frame(opened.view, Phase(request.phase), 0, surface, self.clock)
         release = partial(self.freed.append, request.spec)
         return technique, SimpleNamespace(release=release, bytes=10), frame
 
-    def _check(self, request: CellRequest, texture: object) -> None:
+    def _check(self, request: CellRequest, texture: object, size: int) -> None:
         pass
 
 
@@ -64,11 +68,11 @@ def bare(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bare]:
 def test_building_is_timed_in_milliseconds_without_the_warm_up(bare: Bare, monkeypatch: pytest.MonkeyPatch) -> None:
     ticks = chain([5.0, 5.1, 5.2, 5.25], repeat(9.0))  # around `prepare` of the profile too
     monkeypatch.setattr(module.time, "perf_counter", lambda: next(ticks))
-    assert bare.hold(REQUEST) == 250
+    assert bare.hold(AT, REQUEST) == 250
 
 
 def test_frames_of_a_held_cell_are_counted_from_its_build(bare: Bare) -> None:
-    bare.hold(REQUEST)
+    bare.hold(AT, REQUEST)
     assert bare.indices == list(range(WARM_UP)) == [0, 1]
     bare.time_frame(0)
     bare.time_passes(0)
@@ -77,29 +81,31 @@ def test_frames_of_a_held_cell_are_counted_from_its_build(bare: Bare) -> None:
 
 
 def test_every_held_cell_has_a_count_of_its_own(bare: Bare) -> None:
-    bare.hold(REQUEST)
-    bare.hold(REQUEST)
+    bare.hold(AT, REQUEST)
+    bare.hold(AT, REQUEST)
     for held in (1, 0, 1):
         bare.time_frame(held)
     assert bare.indices == [0, 1, 0, 1, 2, 2, 3]
     bare.let_go()
-    bare.hold(REQUEST)
+    bare.hold(AT, REQUEST)
     assert bare.indices[-2:] == [0, 1]
 
 
 def test_what_was_drawn_is_built_once_where_it_is_kept(bare: Bare, monkeypatch: pytest.MonkeyPatch) -> None:
     built = []
     assembled = bare._assembled
-    monkeypatch.setattr(bare, "_assembled", lambda request: (built.append(request.spec), assembled(request))[1])
+    monkeypatch.setattr(
+        bare, "_assembled", lambda opened, request: (built.append(request.spec), assembled(opened, request))[1]
+    )
     specs = [CellRequest(name) for name in "abc"]
     for spec in specs:
-        bare.draw(spec, keep=25)  # each takes 10
+        bare.draw(AT, spec, keep=25)  # each takes 10
     assert bare.freed == ["c"]
     took = bare._kept[specs[0]].prepare_ms
-    bare.draw(CellRequest("d"))
+    bare.draw(AT, CellRequest("d"))
     assert bare.freed == ["c", "d"]
-    assert bare.hold(specs[0]) == took
-    bare.hold(specs[2])
+    assert bare.hold(AT, specs[0]) == took
+    bare.hold(AT, specs[2])
     assert built == ["a", "b", "c", "d", "c"]
     assert bare.indices[-2 * WARM_UP :] == [0, 1, 0, 1]  # as if it had not been drawn before
     bare.let_go()
@@ -108,40 +114,40 @@ def test_what_was_drawn_is_built_once_where_it_is_kept(bare: Bare, monkeypatch: 
 
 
 def test_what_is_built_beforehand_is_what_is_drawn(bare: Bare) -> None:
-    bare.build(REQUEST)
+    bare.build(AT, REQUEST)
     took = bare._kept[REQUEST].prepare_ms
-    bare.build(REQUEST)
-    bare.draw(REQUEST, keep=25)
-    bare.draw(REQUEST, keep=25)
+    bare.build(AT, REQUEST)
+    bare.draw(AT, REQUEST, keep=25)
+    bare.draw(AT, REQUEST, keep=25)
     assert bare._kept[REQUEST].prepare_ms == took
     assert bare.freed == []
-    bare.draw(REQUEST)
+    bare.draw(AT, REQUEST)
     assert bare.freed == [REQUEST.spec]
 
 
 def test_a_scored_frame_and_its_work_are_both_without_history(bare: Bare) -> None:
-    drawn = bare.draw(REQUEST)
+    drawn = bare.draw(AT, REQUEST)
     assert bare.indices == [0, 0]
     assert drawn.work == {"draws": 1}
-    bare.draw(REQUEST)
+    bare.draw(AT, REQUEST)
     assert bare.indices == [0] * 4
 
 
 def test_a_timed_frame_says_by_which_clock(bare: Bare) -> None:
-    bare.hold(REQUEST)
+    bare.hold(AT, REQUEST)
     assert bare.time_frame(0).clock == WALL
 
 
 @pytest.mark.parametrize(("row", "reads"), [(Hard(), 1), (Hardware(), 1), (PCF(taps=5), 25), (Dither4(), 4)])
 def test_a_filter_reads_its_map_so_often_for_every_pixel(bare: Bare, row: Filter, reads: int) -> None:
     bare.params = SimpleNamespace(filter=row)
-    assert bare.draw(REQUEST).work == {"draws": 1, "reads": 2 * 2 * reads}
+    assert bare.draw(AT, REQUEST).work == {"draws": 1, "reads": 2 * 2 * reads}
 
 
 def test_reads_and_rays_that_a_technique_states_are_work_and_no_facts(bare: Bare) -> None:
     bare.params = SimpleNamespace(filter=PCF())
     bare.facts = {"reads": 7.0, "rays": 3.0, "texel_m": 0.5}
-    drawn = bare.draw(REQUEST)
+    drawn = bare.draw(AT, REQUEST)
     assert drawn.work == {"draws": 1, "reads": 7, "rays": 3}
     assert drawn.facts == {"texel_m": 0.5}
 
@@ -150,17 +156,17 @@ def test_the_cost_is_the_sum_of_invocations_reads_and_rays(bare: Bare, monkeypat
     counted = {"draws": 100, "primitives": 1000, "vertices": 1, "geometry": 2, "fragments": 4}
     monkeypatch.setattr(module, "work_of", lambda device, draw: counted)
     bare.facts = {"reads": 8.0, "rays": 16.0}
-    assert bare.draw(REQUEST).work == counted | {"reads": 8, "rays": 16, "cost": 31}
+    assert bare.draw(AT, REQUEST).work == counted | {"reads": 8, "rays": 16, "cost": 31}
 
 
 def test_without_invocations_there_is_no_cost(bare: Bare) -> None:
-    assert "cost" not in bare.draw(REQUEST).work
+    assert "cost" not in bare.draw(AT, REQUEST).work
 
 
 def test_seconds_are_kept_by_activity(bare: Bare) -> None:
-    bare.hold(REQUEST)
+    bare.hold(AT, REQUEST)
     bare.time_frame(0)
     assert set(bare.spent()) == {"prepare", "passes"}
-    bare.draw(REQUEST)
+    bare.draw(AT, REQUEST)
     assert set(bare.spent()) == {"prepare", "passes", "read back"}
     assert all(seconds >= 0 for seconds in bare.spent().values())

@@ -1,7 +1,6 @@
 """Runs that are killed or stopped: the next call goes on, nothing is measured twice, no worker is left behind."""
 
 import json
-import multiprocessing
 import os
 import signal
 import threading
@@ -13,6 +12,7 @@ from typing import Any
 import psutil
 import pytest
 
+from shadowbench.measure import worker as worker_module
 from shadowbench.measure.worker import Worker
 
 Records = Callable[..., list[dict[str, Any]]]
@@ -133,7 +133,7 @@ def test_ctrl_c_while_the_worker_starts_is_silent_too(start: Any, arguments: Any
 
     def spawned() -> bool:
         commands = [" ".join(process.cmdline()) for process in stopped.family() if process.is_running()]
-        return any("spawn_main" in command for command in commands)
+        return any("measure.serve" in command for command in commands)
 
     stopped.until(spawned)
     os.killpg(stopped.process.pid, signal.SIGINT)
@@ -142,18 +142,18 @@ def test_ctrl_c_while_the_worker_starts_is_silent_too(start: Any, arguments: Any
     assert err.splitlines() == ["shadowbench: stopped; the same command goes on from here"]
 
 
-def test_ctrl_c_waits_until_the_worker_has_what_it_reads(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ctrl_c_waits_until_the_worker_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
     """With a second thread, as a progress bar has one: the system gives it the signal that the main one blocks."""
-    handed_over = []
-    start = multiprocessing.get_context("spawn").Process.start
+    started = []
+    start = worker_module._started
 
-    def interrupted(process: Any) -> None:
+    def interrupted(pipe: Any) -> Any:
         os.kill(os.getpid(), signal.SIGINT)
         time.sleep(0.1)  # Python interrupts here, if anywhere
-        handed_over.append(process)
-        start(process)
+        started.append(start(pipe))
+        return started[-1]
 
-    monkeypatch.setattr(multiprocessing.get_context("spawn").Process, "start", interrupted)
+    monkeypatch.setattr(worker_module, "_started", interrupted)
     done = threading.Event()
     other = threading.Thread(target=done.wait)
     other.start()
@@ -163,7 +163,7 @@ def test_ctrl_c_waits_until_the_worker_has_what_it_reads(monkeypatch: pytest.Mon
     finally:
         done.set()
         other.join()
-    assert len(handed_over) == 1
+    assert [process.returncode for process in started] == [-signal.SIGKILL], "none is left behind"
 
 
 @pytest.mark.slow

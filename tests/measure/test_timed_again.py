@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from shadowbench.measure import timing
 from shadowbench.measure.machine import machine_key
-from shadowbench.measure.worker import CellFailed
+from shadowbench.measure.place import CellFailed
+from shadowbench.measure.session import Session
 from shadowbench.studies.tables import cells_frame
 from shadowbench.techniques.shadow_map import ShadowMap
 
@@ -54,18 +54,13 @@ def test_more_rounds_or_another_reference_time_again_and_fewer_do_not(
 
 
 def test_a_reference_whose_default_changed_times_again(
-    added: Added, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, records: Records
+    added: Added, tmp_path: Path, changed_default: Any, records: Records
 ) -> None:
     text = HALVES.replace("REFERENCE", "shadow-map:size=32")
     assert added(text) == (2, 2)
-    monkeypatch.setattr(ShadowMap.Params.model_fields["wrap"], "default", "edge")
-    ShadowMap.Params.model_rebuild(force=True)
-    try:
+    with changed_default(ShadowMap, "wrap", "edge"):
         assert added(text) == (0, 2)
         assert added(text) == (0, 0)
-    finally:
-        monkeypatch.undo()
-        ShadowMap.Params.model_rebuild(force=True)
     found = records(tmp_path / "out", "time")
     assert len({record["reference"] for record in found}) == 1
     assert [record["reference_key"] == found[0]["reference_key"] for record in found] == [True, True, False, False]
@@ -94,7 +89,7 @@ def test_another_machine_times_again_and_scores_nothing_again(
 
 
 def test_a_machine_s_key_has_its_renderer_and_its_clock(bench: Any) -> None:
-    info = bench.worker.call("info")
+    info = bench.worker.info
     others = [info, replace(info, renderer="another"), replace(info, clock="another"), replace(info, subpixel_bits=99)]
     assert len({machine_key(other) for other in others}) == 3
 
@@ -114,7 +109,7 @@ def test_what_lacks_a_ratio_is_timed_again_when_the_reference_answers(
         needed.touch()
         assert added(text) == (0, 2)
         assert added(text) == (0, 0)
-        assert bench.calls == ["info"]
+        assert bench.calls == []
     finally:
         needed.unlink()
     assert all(record["ratio"] > 0 for record in records(tmp_path / "out", "time")[2:])
@@ -124,22 +119,16 @@ def test_what_lacks_a_ratio_is_timed_again_when_the_reference_answers(
 def test_a_worker_that_dies_while_it_times_costs_times_only(
     bench: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lost: str
 ) -> None:
-    opened, call = timing.BlockStage.open, bench.worker.call
+    call = bench.worker.call
 
-    def no_view(self: timing.BlockStage, block: Any) -> Any:
-        if bench.calls.count("draw") == 2:
+    def dying(method: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
+        if lost == "the view" and method is Session.open:
             raise CellFailed("crashed: SIGKILL")
-        return opened(self, block)
-
-    def no_floor(method: str, *arguments: Any) -> Any:
-        if method == "hold" and arguments[0].spec == "unshadowed":
+        if lost == "the floor" and method is Session.hold and arguments[1].spec == "unshadowed":
             raise CellFailed("crashed: SIGKILL")
-        return call(method, *arguments)
+        return call(method, *arguments, **options)
 
-    if lost == "the view":
-        monkeypatch.setattr(timing.BlockStage, "open", no_view)
-    else:
-        monkeypatch.setattr(bench.worker, "call", no_floor)
+    monkeypatch.setattr(bench.worker, "call", dying)
     text = HALVES.replace("REFERENCE", "half").replace("unshadowed", "shadow-map:size=64")
     study = bench.study(tmp_path / "files", text)
     frame = cells_frame(bench.run(study, tmp_path / "out"))

@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 
 from shadowbench.gl.clock import QUERIES, WALL, PassTimes, Sample
+from shadowbench.measure.cells import Cell, CellRequest, Conditions, PlacedView
+from shadowbench.measure.place import AteMemory, CellFailed, Limits
 from shadowbench.measure.references import name_of
-from shadowbench.measure.session import CellRequest, Unsupported
-from shadowbench.measure.timing import BlockStage, Timing, Untimed, reference_cell, time_cells
-from shadowbench.measure.worker import AteMemory, CellFailed, Limits
-from shadowbench.studies.study import Block, Cell, Study
+from shadowbench.measure.session import Unsupported
+from shadowbench.measure.time_rows import Timing, time_row
+from shadowbench.measure.timing import Untimed, reference_cell, time_cells
 from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import Spec, format_spec, parse_spec
+from shadowbench.techniques.spec import Spec, parse_spec
 
 KNOWN = techniques()
 FLOOR, REFERENCE, SLOW, FAST = "unshadowed", "shadow-map:size=16", "shadow-map:size=64", "shadow-map:size=32"
@@ -44,24 +45,20 @@ class Scripted:
 
     clock: Callable[[int], str] = lambda number: WALL
     fails: Callable[[str, str | None], Exception | None] = lambda method, name: None
-    generation: int = 1
     limits: Limits = field(default_factory=Limits)
     calls: list[tuple[str, str | None]] = field(default_factory=list)
     held: list[str] = field(default_factory=list)
     samples: int = 0
 
-    def ready(self) -> None:
-        pass
-
     def stop(self) -> None:
         self.calls.append(("stop", None))
         self.held.clear()
 
-    def call(self, method: str, *arguments: Any) -> Any:
-        name = None
+    def call(self, asked: Callable[..., Any], *arguments: Any) -> Any:
+        method, name = asked.__name__, None
         if method in ("draw", "hold"):
-            request: CellRequest = arguments[0]
-            name = format_spec(spec(request.spec))
+            request: CellRequest = arguments[1]
+            name = spec(request.spec).text
         elif method.startswith("time_"):
             name = self.held[arguments[0]]
         self.calls.append((method, name))
@@ -70,16 +67,13 @@ class Scripted:
             raise error
         return getattr(self, method)(*arguments, name) if name else getattr(self, method)(*arguments)
 
-    def load(self, *scene: Any) -> None:
+    def open(self, at: PlacedView) -> None:
         pass
 
-    def open(self, *view: Any) -> np.ndarray:
-        return np.zeros((1, 1), np.int32)
-
-    def draw(self, request: CellRequest, name: str) -> None:
+    def draw(self, at: PlacedView, request: CellRequest, name: str) -> None:
         pass
 
-    def hold(self, request: CellRequest, name: str) -> float:
+    def hold(self, at: PlacedView, request: CellRequest, name: str) -> float:
         self.held.append(name)
         return 100.0 * len(self.held)
 
@@ -109,18 +103,21 @@ Found = dict[str, Timing | Untimed]
 
 def timed(worker: Scripted, *names: str, rounds: int = 3, reference: str = REFERENCE, **options: Any) -> Found:
     """What is said of each cell, by its spec."""
-    study = Study(("scene",), tuple(map(spec, names)), spec(reference), rounds=rounds)
-    cells = tuple(map(cell, names))
-    view: Any = SimpleNamespace(scene=None, camera=None, light=SimpleNamespace(kind="directional"), size=1)
-    stage = BlockStage(worker, study)  # type: ignore[arg-type]
-    found = time_cells(stage, Block(view, cells), dict.fromkeys(cells, 1), **options)
-    return {format_spec(one.cell.spec): one for one in found}
+    conditions = Conditions(rounds=rounds, reference=spec(reference))
+    view: Any = SimpleNamespace(light=SimpleNamespace(kind="directional"))
+    sizes = dict.fromkeys(map(cell, names), 1)
+    found = time_cells(worker, PlacedView(view), conditions, sizes, **options)  # type: ignore[arg-type]
+    return {one.cell.spec.text: one for one in found}
 
 
 def record(worker: Scripted, name: str, **options: Any) -> dict[str, Any]:
     timing = timed(worker, name, **options)[name]
     assert isinstance(timing, Timing)
-    return timing.record()
+    return row_of(timing)
+
+
+def row_of(timing: Timing) -> dict[str, Any]:
+    return time_row(timing, "key", "the reference's key", "machine")
 
 
 def test_a_frame_s_time_is_the_median_and_its_spread_the_quartiles() -> None:
@@ -147,9 +144,9 @@ def test_rounds_go_over_all_cells_that_are_held() -> None:
     worker = Scripted()
     timed(worker, SLOW, FAST)
     group = [FLOOR, REFERENCE, SLOW, FAST]
-    assert worker.calls[:2] == [("load", None), ("open", None)]
-    assert worker.calls[2:] == [
+    assert worker.calls == [
         ("draw", REFERENCE),
+        ("open", None),
         *(("hold", name) for name in group),
         *(("time_frame", name) for _ in range(3) for name in group),
         *(("time_passes", name) for name in group),
@@ -198,7 +195,7 @@ def test_a_technique_that_times_no_pass_has_no_totals() -> None:
 
 def test_each_cell_has_its_own_preparation() -> None:
     found = timed(Scripted(), SLOW, FAST)
-    assert [one.record()["prepare_ms"] for one in found.values() if isinstance(one, Timing)] == [300, 400]
+    assert [row_of(one)["prepare_ms"] for one in found.values() if isinstance(one, Timing)] == [300, 400]
 
 
 def test_the_wall_stands_beside_a_query_and_nowhere_else() -> None:
@@ -256,7 +253,7 @@ def test_a_floor_that_fails_costs_the_times_of_its_cells(method: str) -> None:
 def test_a_cell_that_fails_costs_its_own_time(method: str) -> None:
     slow, fast = (timed(Scripted(fails=crash(method, SLOW)), SLOW, FAST)[name] for name in (SLOW, FAST))
     assert isinstance(slow, Untimed) and slow.reason == "crashed: SIGSEGV"
-    assert isinstance(fast, Timing) and fast.record()["ratio"] is not None
+    assert isinstance(fast, Timing) and row_of(fast)["ratio"] is not None
 
 
 @pytest.mark.parametrize("method", ["draw", "hold", "time_frame"])
@@ -269,7 +266,7 @@ def test_a_row_says_why_it_has_no_ratio(method: str, error: Exception, status: s
     assert isinstance(found[REFERENCE], Untimed)
     slow = found[SLOW]
     assert isinstance(slow, Timing)
-    row = slow.record()
+    row = row_of(slow)
     assert (row["ratio"], row["ratio_iqr"], row["no_ratio"], row["n"]) == (None, None, status, 3)
 
 
@@ -321,6 +318,5 @@ def test_a_cell_alone_that_eats_memory_is_tried_in_a_fresh_worker(times: int, ki
     ],
 )
 def test_a_kind_of_light_that_the_reference_does_not_answer_has_its_own(chosen: str, names: dict[str, str]) -> None:
-    study = Study(("scene",), (), spec(chosen))
     for kind, name in ({"point": "cube-map:size=1024"} | names).items():
-        assert name_of(reference_cell(study, kind).spec) == name  # type: ignore[arg-type]
+        assert name_of(reference_cell(spec(chosen), kind).spec) == name  # type: ignore[arg-type]

@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from shadowbench.measure.worker import Limits
+from shadowbench.measure.flips import flips
+from shadowbench.measure.place import Limits
 from shadowbench.scores.masks import mask_sha256, read_mask
 from shadowbench.scores.metrics import METRICS
 from shadowbench.stress.axes import AXES, Axis
 from shadowbench.stress.ranges import Failure, failure, operating_range, operating_ranges
-from shadowbench.stress.sweep import Sweep, changed_spec, flips
+from shadowbench.stress.sweep import Sweep, changed_spec
 from shadowbench.techniques.spec import parse_spec
 from shadowbench.truth.trace import Truth
 

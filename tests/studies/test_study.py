@@ -11,10 +11,11 @@ import pytest
 
 from shadowbench.data import data_folder
 from shadowbench.errors import InputError
+from shadowbench.measure.cells import Block
 from shadowbench.studies.file import find_study, read_study, study_names
-from shadowbench.studies.study import Block, Study
+from shadowbench.studies.study import Study
 from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import format_spec, parse_spec
+from shadowbench.techniques.spec import parse_spec
 
 SCENE = 'scenes = ["cube-on-plane"]\n'
 HOME = "shadow-map"
@@ -60,7 +61,7 @@ def pair(tmp_path: Path) -> str:
 
 
 def specs(study: Study) -> list[str]:
-    return [format_spec(cell.spec) for cell in study.cells()]
+    return [cell.spec.text for cell in study.cells()]
 
 
 def named(blocks: list[Block]) -> list[tuple[str, str]]:
@@ -74,7 +75,7 @@ def test_what_a_study_leaves_out_has_the_promised_defaults(read: ReadStudy) -> N
     assert (study.view_size, study.rounds, study.phases) == (512, 9, 1)
     assert (study.time_limit, study.memory_limit) == (120, 8)
     assert study.coordinates == "relative"
-    assert format_spec(study.reference, full=True).startswith("shadow-map:")
+    assert study.reference.full_text.startswith("shadow-map:")
     assert study.reference.map_size == 1024
     assert (study.views, study.lights) == (("file",), ("file",))
     assert study.notes == ()
@@ -164,8 +165,8 @@ def test_phases_may_be_given_for_one_technique(read: ReadStudy) -> None:
         cells = read(text).cells()
         assert [cell.phase for cell in cells] == sorted(cell.phase for cell in cells)
         return {
-            spec: [cell.phase for cell in cells if format_spec(cell.spec) == spec]
-            for spec in {format_spec(cell.spec) for cell in cells}
+            spec: [cell.phase for cell in cells if cell.spec.text == spec]
+            for spec in {cell.spec.text for cell in cells}
         }
 
     sized = phases(SCENE + "map_size = [64, 128]\n" + own + none)
@@ -181,10 +182,10 @@ def test_phases_may_be_given_for_one_technique(read: ReadStudy) -> None:
 def test_the_studies_that_speak_of_map_sizes_move_the_grid() -> None:
     demo, default = (read_study(find_study(name), KNOWN) for name in ("demo", "default"))
     assert {cell.phase for cell in default.cells() if cell.spec.technique.phased} == set(range(8))
-    usual = {(cell.spec.map_size, cell.phase) for cell in demo.cells() if format_spec(cell.spec, size=False) == HOME}
+    usual = {(cell.spec.map_size, cell.phase) for cell in demo.cells() if cell.spec.sizeless_text == HOME}
     assert usual == {(size, phase) for size in (512, 1024, 2048, 4096) for phase in range(8)}
-    webgl = format_spec(parse_spec("shadow-map:preset=webgl", KNOWN), size=False)
-    assert {c.spec.map_size for c in demo.cells() if format_spec(c.spec, size=False) == webgl} == {512, 4096}
+    webgl = parse_spec("shadow-map:preset=webgl", KNOWN).sizeless_text
+    assert {c.spec.map_size for c in demo.cells() if c.spec.sizeless_text == webgl} == {512, 4096}
 
 
 def test_a_sweep_multiplies_the_computed_bias(read: ReadStudy) -> None:
@@ -196,7 +197,7 @@ def test_a_combination_that_means_nothing_is_dropped_and_said(read: ReadStudy) -
     study = read(
         SCENE + '[[technique]]\nspec = "shadow-map"\nbias = ["texel", "none"]\nbias_sweep = [0.5, 2]\n',
     )
-    assert [format_spec(spec) for spec in study.specs] == [
+    assert [spec.text for spec in study.specs] == [
         "shadow-map:bias=texel(scale=0.5)",
         "shadow-map:bias=texel(scale=2.0)",
     ]

@@ -15,7 +15,6 @@ from shadowbench.studies.sweeps import Places, curves, places, places_of, with_f
 from shadowbench.studies.tables import Interval, SummaryRow
 from shadowbench.techniques.biases import Bias
 from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import format_spec
 
 KNOWN = techniques()
 BIASES = [bias for bias in Bias.table.values() if bias.__module__ == Bias.__module__]
@@ -44,14 +43,14 @@ def test_every_bias_is_multiplied_or_says_that_it_cannot_be(bias: type[Bias], tm
 def test_all_parts_of_a_bias_are_multiplied(tmp_path: Path) -> None:
     lines = "spec = 'shadow-map:bias=polygon-offset(2,4)+front-cull+constant(0.01)'\nbias_sweep = [2]"
     (spec,) = study(tmp_path, lines).specs
-    assert "bias=polygon-offset(factor=4.0,units=8.0)+front-cull+constant(units=0.02)" in format_spec(spec)
+    assert "bias=polygon-offset(factor=4.0,units=8.0)+front-cull+constant(units=0.02)" in spec.text
     with pytest.raises(InputError, match="no bias here that can be multiplied, found bias=none"):
         study(tmp_path, "spec = 'shadow-map:bias=none+front-cull'\nbias_sweep = [2]")
 
 
 def test_true_means_a_quarter_to_four_times_with_the_spec_itself_among_them(tmp_path: Path) -> None:
     made = study(tmp_path, "spec = 'shadow-map'\nbias_sweep = true")
-    assert [format_spec(spec) for spec in made.specs] == [
+    assert [spec.text for spec in made.specs] == [
         "shadow-map:bias=texel(scale=0.25)",
         "shadow-map:bias=texel(scale=0.5)",
         "shadow-map",
@@ -62,12 +61,12 @@ def test_true_means_a_quarter_to_four_times_with_the_spec_itself_among_them(tmp_
     assert [factor for factor, _ in sweep.swept] == [0.25, 0.5, 1, 2, 4]
     assert [spec for _, spec in sweep.swept] == list(made.specs)
     without = study(tmp_path, "spec = 'shadow-map'\nbias_sweep = false")
-    assert ([format_spec(spec) for spec in without.specs], without.sweeps) == (["shadow-map"], ())
+    assert ([spec.text for spec in without.specs], without.sweeps) == (["shadow-map"], ())
 
 
 def test_a_factor_beyond_the_bias_limits_is_dropped_and_said(tmp_path: Path) -> None:
     made = study(tmp_path, "spec = 'shadow-map:bias=constant(units=0.5)'\nbias_sweep = [4, 1]")
-    assert [format_spec(spec) for spec in made.specs] == ["shadow-map:bias=constant(units=0.5)"]
+    assert [spec.text for spec in made.specs] == ["shadow-map:bias=constant(units=0.5)"]
     assert [factor for sweep in made.sweeps for factor, _ in sweep.swept] == [1]
     (note,) = made.notes
     assert "dropped" in note and "bias_sweep 4" in note
@@ -121,7 +120,7 @@ def test_sweeps_that_meet_are_whole_each_and_a_table_names_a_spec_s_own(tmp_path
         "bias_sweep = [0.5, 1, 2]",
     )
     values = {"iou": Interval(0.9), "ssim": Interval(0.9)}
-    cells = list(dict.fromkeys((format_spec(spec, size=False), spec.map_size) for spec in made.specs))
+    cells = list(dict.fromkeys((spec.sizeless_text, spec.map_size) for spec in made.specs))
     assert len(cells) == 8
     rows = [SummaryRow(spec, size, 1, (), values, 1) for spec, size in cells]
     frame = pd.DataFrame(cells, columns=["spec", "map_size"])
@@ -154,7 +153,7 @@ def test_a_sweep_of_one_map_size_says_nothing_of_another(tmp_path: Path) -> None
         "spec = 'shadow-map:bias=constant(units=0.25)'\nsize = 256\nbias_sweep = [1, 2]\n"
         "[[technique]]\nspec = 'shadow-map:bias=constant(units=0.5)'\nsize = 512\nbias_sweep = [1]",
     )
-    specs = [(format_spec(spec, size=False), spec.map_size) for spec in made.specs]
+    specs = [(spec.sizeless_text, spec.map_size) for spec in made.specs]
     table = with_factors(pd.DataFrame(specs, columns=["spec", "map_size"]), places(made.sweeps))
     assert table["bias_factor"].tolist() == [1, 2, 1]
     assert "bias_also" not in table

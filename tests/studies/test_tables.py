@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shadowbench.measure.runner import Result
+from shadowbench.measure.rows import Result
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.tables import (
     Interval,

@@ -5,7 +5,7 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from shadowbench.measure.runner import Result
+from shadowbench.measure.rows import Result
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.tables import cells_frame, reference_times, summary
 from shadowbench.studies.times import DRIFT, WIDE, ReferenceTime, by_one_reference, time_notes

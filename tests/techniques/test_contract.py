@@ -13,7 +13,7 @@ import pytest
 from shadowbench.gl.raw import _SIGNATURES
 from shadowbench.scenes.model import Camera, Light, View, view_of
 from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import format_spec, parse_spec
+from shadowbench.techniques.spec import parse_spec
 from shadowbench.techniques.unshadowed import Unshadowed
 
 ALL = sorted(techniques())
@@ -186,7 +186,7 @@ def test_bytes_are_counted_and_freed(spec, kind, device, studio, build, poses, m
     one = build(spec, shot)
     assert one.stage.bytes >= SIZE * SIZE * 4, "the mask at least"
     if "size" in one.technique.Params.model_fields:
-        half = build(format_spec(parse_spec(f"{spec}:size={one.technique.params.size // 2}", techniques())), shot)
+        half = build(parse_spec(f"{spec}:size={one.technique.params.size // 2}", techniques()).text, shot)
         assert half.stage.bytes < one.stage.bytes
     monkeypatch.setitem(_SIGNATURES, "glIsTexture", (ctypes.c_ubyte, (ctypes.c_uint,)))
     textures = [thing for thing in vars(one.technique).values() if isinstance(thing, moderngl.Texture)]

@@ -15,7 +15,7 @@ from shadowbench.techniques.fits import Fit, Fixed, SceneFit
 from shadowbench.techniques.grammar import parse_value
 from shadowbench.techniques.params import Row
 from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import Spec, format_spec, format_value, parse_spec
+from shadowbench.techniques.spec import Spec, format_value, parse_spec
 
 ALL = techniques()
 
@@ -72,9 +72,10 @@ def _spec(technique: type[Technique], values: dict[str, object]) -> Spec | None:
 def test_what_is_written_is_what_is_read(name: str, data: st.DataObject) -> None:
     spec = data.draw(specs(ALL[name]))
     for full in (False, True):
-        text = format_spec(spec, full=full)
+        text = spec.full_text if full else spec.text
         assert parse_spec(text, ALL) == spec
-        assert format_spec(parse_spec(text, ALL), full=full) == text, "writing has one form"
+        again = parse_spec(text, ALL)
+        assert (again.full_text if full else again.text) == text, "writing has one form"
 
 
 @pytest.mark.parametrize("family", [Bias, Filter, Fit])
@@ -88,17 +89,17 @@ def test_every_row_is_read_as_it_is_written(family: type[Row], data: st.DataObje
 def test_a_technique_alone_is_its_defaults(name: str) -> None:
     spec = parse_spec(name, ALL)
     assert spec.params == ALL[name].Params()
-    assert format_spec(spec) == name
-    assert parse_spec(format_spec(spec, full=True), ALL) == spec
+    assert spec.text == name
+    assert parse_spec(spec.full_text, ALL) == spec
 
 
 def test_full_writes_every_parameter_of_rows_too() -> None:
-    text = format_spec(parse_spec("shadow-map:bias=slope,filter=pcf", ALL), full=True)
+    text = parse_spec("shadow-map:bias=slope,filter=pcf", ALL).full_text
     assert "bias=slope(max=0.05,min=0.005)" in text and "filter=pcf(taps=3)" in text and "reversed=false" in text
 
 
 def test_the_size_is_left_to_its_column() -> None:
-    assert format_spec(parse_spec("shadow-map:size=512,wrap=edge", ALL), size=False) == "shadow-map:wrap=edge"
+    assert parse_spec("shadow-map:size=512,wrap=edge", ALL).sizeless_text == "shadow-map:wrap=edge"
 
 
 def test_arguments_by_place_and_by_name_are_the_same() -> None:
@@ -129,8 +130,8 @@ def test_a_preset_stands_for_its_items(name: str, preset: str) -> None:
     items = ALL[name].presets[preset]
     spec = parse_spec(f"{name}:preset={preset}", ALL)
     assert spec == parse_spec(f"{name}:{items}", ALL)
-    assert "preset" not in format_spec(spec) and "preset" not in format_spec(spec, full=True)
-    assert parse_spec(format_spec(spec), ALL) == spec
+    assert "preset" not in spec.text and "preset" not in spec.full_text
+    assert parse_spec(spec.text, ALL) == spec
 
 
 def test_the_published_presets() -> None:
@@ -161,7 +162,7 @@ def test_the_published_presets() -> None:
 
 def test_biases_that_act_together_are_joined_by_plus() -> None:
     spec = parse_spec("shadow-map:bias = polygon-offset(2,4) + normal-offset+constant(0.001)", ALL)
-    assert format_spec(spec) == "shadow-map:bias=polygon-offset+normal-offset+constant(units=0.001)"
+    assert spec.text == "shadow-map:bias=polygon-offset+normal-offset+constant(units=0.001)"
     with pytest.raises(ValidationError, match="found a sum; allowed: one bias"):
         Sum(first=Sum(first=Slope(), second=Slope()), second=Slope())
 

@@ -12,12 +12,12 @@ from PIL import Image
 
 from shadowbench.data import data_folder
 from shadowbench.errors import InputError
-from shadowbench.measure import runner, timing
+from shadowbench.measure import pictures, scorer
 from shadowbench.measure.machine import write_run_file
-from shadowbench.measure.rows import read_run_file
-from shadowbench.measure.runner import Result
+from shadowbench.measure.place import AteMemory
+from shadowbench.measure.rows import Result, read_run_file
 from shadowbench.measure.scoring import reference_of
-from shadowbench.measure.worker import AteMemory
+from shadowbench.measure.session import Session
 from shadowbench.scores.masks import mask_sha256, read_mask
 from shadowbench.scores.metrics import METRICS, score
 from shadowbench.studies.study import Study
@@ -180,12 +180,13 @@ def test_scoring_a_stored_mask_again_gives_the_stored_scores(run: Run, records: 
 
 
 def test_mismatched_surfaces_are_counted(bench: Any, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    opened = timing.BlockStage.open
+    call = bench.worker.call
 
-    def turned(self: timing.BlockStage, block: Any) -> Any:
-        return opened(self, block) + 100
+    def turned(method: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
+        answer = call(method, *arguments, **options)
+        return answer + 100 if method is Session.surface else answer
 
-    monkeypatch.setattr(timing.BlockStage, "open", turned)
+    monkeypatch.setattr(bench.worker, "call", turned)
     text = STUDY.replace("phases = 2", "").replace("rounds = 2", "rounds = 0")
     for result in Run(bench, tmp_path / "out", text).results:
         if result.score["status"] == "ok":
@@ -197,7 +198,7 @@ def test_run_json_says_how_it_was_made(bench: Any, run: Run, monkeypatch: pytest
     monkeypatch.setattr("sys.argv", ["/somewhere/shadowbench", "run", "-s", "a study.toml"])
     file = run.folder / "run.json"
     scores = [result.score for result in run.results]
-    write_run_file(file, bench.worker.call("info"), ["an assumption", "b\udcff.obj, no UTF-8"], run.study, scores)
+    write_run_file(file, bench.worker.info, ["an assumption", "b\udcff.obj, no UTF-8"], run.study.facts, scores)
     text = json.loads(file.read_text())
     assert text == read_run_file(file)
     assert text["keys"] == [cell["key"] for cell in run.cells]
@@ -215,7 +216,7 @@ def test_run_json_says_how_it_was_made(bench: Any, run: Run, monkeypatch: pytest
 def test_a_second_call_measures_nothing(bench: Any, run: Run, tmp_path: Path) -> None:
     before = (run.folder / "rows.jsonl").read_bytes()
     again = Run(bench, run.folder)
-    assert again.calls == ["info"]
+    assert again.calls == []
     assert (run.folder / "rows.jsonl").read_bytes() == before
     assert again.cells == run.cells
 
@@ -259,17 +260,12 @@ def test_a_changed_parameter_measures_only_what_changed(bench: Any, tmp_path: Pa
 
 
 def test_a_changed_default_measures_only_what_changed(
-    bench: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, records: Records
+    bench: Any, tmp_path: Path, changed_default: Any, records: Records
 ) -> None:
     folder = tmp_path / "out"
     Run(bench, folder, SMALL)
-    monkeypatch.setattr(ShadowMap.Params.model_fields["wrap"], "default", "edge")
-    ShadowMap.Params.model_rebuild(force=True)
-    try:
+    with changed_default(ShadowMap, "wrap", "edge"):
         Run(bench, folder, SMALL)
-    finally:
-        monkeypatch.undo()
-        ShadowMap.Params.model_rebuild(force=True)
     before = records(folder)
     assert [record["spec"] for record in records(folder, "score")] == ["unshadowed", "shadow-map", "shadow-map"]
     Run(bench, folder, SMALL)
@@ -303,13 +299,13 @@ def test_a_cell_is_not_blamed_for_the_memory_of_those_that_wait_to_be_timed(
 ) -> None:
     call, kept = bench.worker.call, []
 
-    def full(method: str, *arguments: Any) -> Any:
-        if method == "draw":
-            kept.append(arguments[-1] if len(arguments) > 1 else 0)
+    def full(method: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
+        if method is Session.draw:
+            kept.append(options.get("keep", 0))
             if kept[-1] and len(kept) > 1:
                 bench.worker.stop()
                 raise AteMemory("ate memory")
-        return call(method, *arguments)
+        return call(method, *arguments, **options)
 
     monkeypatch.setattr(bench.worker, "call", full)
     run = Run(bench, tmp_path / "out", SMALL)
@@ -433,7 +429,7 @@ def test_the_truth_s_side_of_scoring_is_found_once_a_view(
         made.append(reference_of(truth))
         return made[-1]
 
-    monkeypatch.setattr(runner, "reference_of", counted)
+    monkeypatch.setattr(scorer, "reference_of", counted)
     Run(bench, tmp_path / "out")
     assert len(made) == 2  # scenes, of five cells each
 
@@ -442,7 +438,7 @@ def test_what_cannot_be_written_ends_the_run(bench: Any, tmp_path: Path, monkeyp
     def full(file: Path, visibility: Any) -> None:
         raise InputError(f"{file}: no space left")
 
-    monkeypatch.setattr(runner, "write_mask", full)
+    monkeypatch.setattr(pictures, "write_mask", full)
     with pytest.raises(InputError, match="no space left"):
         Run(bench, tmp_path / "out", SMALL)
     assert (tmp_path / "out" / "rows.jsonl").read_text() == ""

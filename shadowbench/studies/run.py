@@ -1,0 +1,68 @@
+"""Runs a study into a folder: truths first, then block after block."""
+
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+
+from shadowbench.errors import InputError
+from shadowbench.measure.measurer import Measurer, Reporter
+from shadowbench.measure.pictures import Pictures
+from shadowbench.measure.place import Place
+from shadowbench.measure.profile import Profile
+from shadowbench.measure.row_store import RowStore
+from shadowbench.measure.rows import Result
+from shadowbench.measure.session import DeviceInfo
+from shadowbench.scenes.model import Scene
+from shadowbench.scenes.views import first_of
+from shadowbench.studies.study import Study, scenes_of
+from shadowbench.truth.cache import cached_truth
+
+
+@dataclass(frozen=True, eq=False)
+class Ran:
+    """What a run says: every cell, measured now or before, what was noted, and where its time went."""
+
+    results: list[Result]
+    notes: list[str]
+    profile: Profile
+
+
+def run_study(study: Study, folder: Path, place: Place, reporter: Reporter, time_again: bool = False) -> Ran:
+    """Measure all cells of a study, those that are not in the folder; raises InputError before anything is written.
+
+    time_again: whether cells that have a time get another, beside which the old one stays in the rows.
+    """
+    check_sizes(study, place.info)
+    profile, blocks = Profile(), list(study.blocks())
+    notes = [*study.notes, *(note for scene in scenes_of(blocks) for note in _notes_on(study, scene))]
+    for note in notes:
+        reporter.note(note)
+    reporter.stage("truth", len(blocks))
+    for block in blocks:  # all of them before anything is written: a view that shows nothing is bad input
+        with profile.of("truth"):
+            truth = cached_truth(block.view)
+        if not (truth.visibility < 0.5).any():
+            notes.append(f"{block.view.name}: nothing is in shadow, so that most scores say nothing")
+            reporter.note(notes[-1])
+        reporter.step(block.view.name)
+    with closing(RowStore(folder)) as store:
+        conditions = study.conditions(time_again)
+        measurer = Measurer(place, store, conditions, reporter, Pictures(folder), profile)
+        cells = [cell for block in blocks for cell in block.cells]
+        reporter.stage("cells", len(cells) + sum(map(measurer.times, cells)))
+        results = [result for block in blocks for result in measurer.measured(block)]
+    return Ran(results, notes, profile)
+
+
+def check_sizes(study: Study, info: DeviceInfo) -> None:
+    """Raises InputError for a map or a view that is larger than the device allows."""
+    largest = max(study.reference.map_size or 0, *(cell.spec.map_size or 0 for cell in study.cells()))
+    for what, size in (("map size", largest), ("view size", study.view_size)):
+        if size > info.max_map_size:
+            raise InputError(f"{what} {size}: {info.renderer} allows 1 to {info.max_map_size}")
+
+
+def _notes_on(study: Study, scene: Scene) -> list[str]:
+    first = "file" in study.views
+    several = first_of(scene.name, "cameras", scene.cameras, "--view or a study") if first else []
+    return [*scene.notes, *several]

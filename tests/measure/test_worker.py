@@ -1,0 +1,129 @@
+"""The worker as a program of its own, and what crosses the pipe to it."""
+
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shadowbench.measure.cells import CellRequest, PlacedView
+from shadowbench.measure.pipe import Pipe
+from shadowbench.measure.place import CellFailed
+from shadowbench.measure.session import Session
+from shadowbench.measure.worker import Worker
+from shadowbench.scenes.views import chosen_view
+
+SCRIPT = """
+from shadowbench.measure.cells import CellRequest, PlacedView
+from shadowbench.measure.session import Session
+from shadowbench.measure.worker import Worker
+from shadowbench.scenes.views import chosen_view
+
+print("once")
+at = PlacedView(chosen_view("cube-on-plane", 16))
+with Worker() as worker:
+    drawn = worker.call(Session.draw, at, CellRequest("unshadowed"))
+print(drawn.visibility.mean())
+"""
+
+
+@pytest.mark.parametrize("given", ["a file", "standard input"])
+def test_a_script_without_a_guard_measures(tmp_path: Path, given: str) -> None:
+    file = tmp_path / "script.py"
+    file.write_text(SCRIPT)
+    (tmp_path / "numpy.py").write_text("raise ImportError('somebody else's, beside which one happens to stand')\n")
+    command = [sys.executable, "-P", *([str(file)] if given == "a file" else [])]
+    answer = subprocess.run(
+        command, input=SCRIPT, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert (answer.returncode, answer.stdout) == (0, "once\n1.0\n"), answer.stderr
+
+
+COUNTING = '''
+"""Notes each spec that this process reads."""
+
+import os
+
+from shadowbench.techniques import spec
+
+read = spec.spec_of
+
+
+def noted(technique, items, text):
+    with open(os.environ["READ"], "a") as file:
+        file.write(f"{os.getpid()} {text}\\n")
+    return read(technique, items, text)
+
+
+spec.spec_of = noted
+'''
+
+
+def test_each_spec_is_read_once_in_a_process(start: Callable[..., Any], tmp_path: Path, half: Path) -> None:
+    (tmp_path / "counting.py").write_text(COUNTING + half.read_text())
+    (tmp_path / "study.toml").write_text(
+        'scenes = ["cube-on-plane", "stairs"]\nview_size = 16\nrounds = 3\nphases = 2\nreference = "half"\n'
+        + "".join(f'[[technique]]\nspec = "{name}"\n' for name in ("half", "shadow-map:size=16", "unshadowed"))
+    )
+    arguments = ["-s", tmp_path / "study.toml", "--plugin", tmp_path / "counting.py", "-o", tmp_path / "out"]
+    code, _, err = start("run", *arguments, READ=tmp_path / "read").end()
+    assert code == 0, err
+    read = Counter((tmp_path / "read").read_text().splitlines())
+    by_process: dict[str, set[str]] = {}
+    for process, text in (line.split(" ", 1) for line in read):
+        by_process.setdefault(process, set()).add(text.partition(":")[0])
+    assert list(by_process.values()) == [{"half", "shadow-map", "unshadowed"}] * 2
+    assert set(read.values()) == {1}
+
+
+class Wire:
+    """A connection to itself; what was sent and not yet read."""
+
+    def __init__(self) -> None:
+        self.sent: list[bytes] = []
+
+    def send_bytes(self, data: memoryview) -> None:
+        self.sent.append(bytes(data))
+
+    def recv_bytes(self) -> bytes:
+        return self.sent.pop(0)
+
+
+def test_a_scene_crosses_once_until_another_does() -> None:
+    wire: Any = Wire()
+    here, there = Pipe(wire), Pipe(wire)
+    first, second = (chosen_view(name, 16) for name in ("cube-on-plane", "stairs"))
+    for view in (first, first, second, first):
+        here.send(("a call", view))
+    sizes = [len(sent) for sent in wire.sent]
+    assert sizes[1] < 1000 < min(sizes[0], sizes[2], sizes[3])
+    scenes = [there.receive()[1].scene for _ in sizes]
+    assert scenes[0] is scenes[1] and len(set(scenes)) == 3
+    for scene, view in zip(scenes, (first, first, second, first), strict=True):
+        assert scene.name == view.scene.name
+        assert np.array_equal(scene.geometry.vertices, view.scene.geometry.vertices)
+
+
+def test_a_worker_that_was_replaced_is_told_of_the_scene_again(wild: Path) -> None:
+    at = PlacedView(chosen_view("cube-on-plane", 16))
+    with Worker([wild]) as worker:
+        before = worker.call(Session.draw, at, CellRequest("shadow-map:size=16"))
+        with pytest.raises(CellFailed, match="SIGABRT"):
+            worker.call(Session.draw, at, CellRequest("does:what=abort"))
+        after = worker.call(Session.draw, at, CellRequest("shadow-map:size=16"))
+    assert np.array_equal(before.visibility, after.visibility)
+
+
+def test_a_view_is_opened_when_it_is_asked_about() -> None:
+    """In any order, and again after another: nobody opens it first."""
+    views = [PlacedView(chosen_view(name, 16)) for name in ("cube-on-plane", "stairs")]
+    views.append(PlacedView(chosen_view("stairs", 16), "absolute"))
+    with Worker() as worker:
+        first = [worker.call(Session.surface, at) for at in views]
+        again = [worker.call(Session.surface, at) for at in reversed(views)]
+    assert all(np.array_equal(a, b) for a, b in zip(first, reversed(again), strict=True))
+    assert not np.array_equal(first[0], first[1])
