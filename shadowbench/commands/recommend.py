@@ -26,15 +26,14 @@ from shadowbench.commands.console import (
 from shadowbench.commands.recommend_words import excluded_lines, in_the_way, step_lines
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
-from shadowbench.measure.cells import Block, Cell
-from shadowbench.measure.loaded import PlacedView
+from shadowbench.measure.cells import Block, Cell, CellRequest, PlacedView
 from shadowbench.measure.machine import write_run_file
 from shadowbench.measure.measurer import Measurer
 from shadowbench.measure.pictures import Pictures
 from shadowbench.measure.references import USUAL
 from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.rows import Result
-from shadowbench.measure.session import CellRequest, DeviceInfo, Session
+from shadowbench.measure.session import DeviceInfo, Session
 from shadowbench.measure.worker import Worker
 from shadowbench.reports.folder import write_cells
 from shadowbench.scenes.views import chosen_view, notes_on
