@@ -40,7 +40,7 @@ TESTS = {
     "shadowbench/studies/tables.py": ["tests/studies/test_tables.py"],
 }
 # With what they import, these are imported once, before children are forked.
-WARM = ("shadowbench.cli", "tests.conftest", "hypothesis.extra.numpy", "scipy.optimize", "skimage.metrics")
+WARM = ("shadowbench.commands", "tests.conftest", "hypothesis.extra.numpy", "scipy.optimize", "skimage.metrics")
 FLIPPED = {"<": ["<=", ">="], "<=": ["<", ">"], ">": [">=", "<="], ">=": [">", "<"], "==": ["!="], "!=": ["=="]}
 NUMBER = re.compile(rb"[\d._]+(e[+-]?\d+)?")
 NO_INTEGER = re.compile(r"^E +\w*(Error|Exception)\b.*(integer|'int'|'float')", re.MULTILINE)

@@ -90,7 +90,7 @@ def tuned(folder: Path) -> Iterator[str]:
     command += [part for spec in AGAINST for part in ("--against", spec)]
     command += ["--folds", str(FOLDS), "--trials", str(TRIALS), "--json", "-q", "-o", str(folder)]
     done = subprocess.run(
-        [sys.executable, "-m", "shadowbench.cli", *command], cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True
+        [sys.executable, "-m", "shadowbench", *command], cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True
     )
     found = json.loads(done.stdout)
     yield SEARCH.format(folds=FOLDS, scenes=len(scenes), trials=TRIALS)
@@ -140,7 +140,7 @@ def by_lot(folder: Path) -> Iterator[str]:
     specs = {name: parse_spec(name, techniques()) for name in ("shadow-map", "shadow-map:preset=course", CONSTANT)}
     blocks = [Block(view_of(scene, scene.cameras[0], scene.lights[0], 512), ()) for scene in scenes]
     home = specs["shadow-map"]
-    study = Study(("cube-on-plane",), (home,), home, map_sizes=(2048,), view_size=512, rounds=0, phases=2)
+    study = Study.of(["cube-on-plane"], [home], map_size=(2048,), view_size=512, rounds=0, phases=2)
     with Worker() as worker, Cells(study, folder / "by-lot", worker, Silent()) as cells:
         rows = cells.measured(list(specs.values()), blocks)
     scores = {name: scene_scores(rows[spec]) for name, spec in specs.items()}
@@ -254,7 +254,7 @@ def limits(folder: Path) -> Iterator[str]:
         kind: [Block(view_of(scene, scene.cameras[0], light, 512), ()) for scene, light in pairs]
         for kind, pairs in lit.items()
     }
-    study = Study(("spot-lamp",), (home,), home, map_sizes=(1024, 2048), view_size=512, rounds=0)
+    study = Study.of(["spot-lamp"], [home], map_size=(1024, 2048), view_size=512, rounds=0)
     yield "## Limit of the texel bias\n"
     yield "The texel bias grows with the light's slant up to its limit, twice as far under a lamp. Below what a slant"
     yield "needs there is acne, above it contact is lost. Under a sun a flat receiver has one slant; under a lamp the"

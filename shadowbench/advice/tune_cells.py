@@ -88,7 +88,7 @@ class Cells(Runner):
         return rows
 
     def _cells(self, spec: Spec) -> tuple[Cell, ...]:
-        return replace(self.study, specs=(spec,)).cells()
+        return self.study.with_specs([spec]).cells()
 
     def _write_truth(self, view: View, truth: Truth) -> None:
         pass

@@ -1,38 +1,51 @@
-"""How we speak to people: notes and progress on stderr, results on stdout."""
+"""How commands speak to people: results on stdout, notes, errors and progress on stderr. Rich is imported when used."""
 
 import json
 import logging
 import sys
-from collections.abc import Mapping, Sequence
-from contextlib import redirect_stderr, redirect_stdout
-from pathlib import Path
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
-from rich.measure import Measurement
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TaskID,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
-from rich.table import Table
-
-from shadowbench.errors import InputError, printable
-from shadowbench.files import replace_file
-from shadowbench.measure.printed import Cut
+from shadowbench.errors import printable
 
 if TYPE_CHECKING:
-    from shadowbench.techniques.base import Technique
+    from rich.console import Console
+    from rich.progress import TaskID
 
-# A pipe has no width; tables there are as wide as they like to be, and a spec stays in one piece.
-out = Console(highlight=False, width=None if sys.stdout.isatty() else 500)
-err = Console(stderr=True, highlight=False)
+    from shadowbench.scenes.model import View
+
+TEXT, WHOLE, NUMBER = "text", "whole", "number"
+"""Kinds of columns: text that may wrap, text that may not, and numbers, which stand to the right."""
 
 _LONGEST_WORD = 24  # characters
+
+
+@cache
+def out() -> "Console":
+    """Where results go."""
+    from rich.console import Console
+
+    # A pipe has no width; tables there are as wide as they like to be, and a spec stays in one piece.
+    return Console(highlight=False, width=None if sys.stdout.isatty() else 500)
+
+
+@cache
+def err() -> "Console":
+    """Where all else goes."""
+    from rich.console import Console
+
+    return Console(stderr=True, highlight=False)
+
+
+def say(line: str) -> None:
+    """A line of the result."""
+    out().print(line, markup=False, soft_wrap=True)
+
+
+def complain(line: str) -> None:
+    """A line on stderr."""
+    err().print(line, markup=False, soft_wrap=True)
 
 
 class ConsoleReporter(logging.Handler):
@@ -42,6 +55,15 @@ class ConsoleReporter(logging.Handler):
     """
 
     def __init__(self, quiet: bool) -> None:
+        from rich.progress import (
+            BarColumn,
+            MofNCompleteColumn,
+            Progress,
+            TextColumn,
+            TimeElapsedColumn,
+            TimeRemainingColumn,
+        )
+
         super().__init__(logging.WARNING)
         self._quiet = quiet
         self._noted: set[str] = set()
@@ -54,7 +76,7 @@ class ConsoleReporter(logging.Handler):
             TimeRemainingColumn(),
             TextColumn("{task.fields[what]}"),
         )
-        self._progress = Progress(*columns, console=err, disable=quiet or not err.is_terminal, transient=True)
+        self._progress = Progress(*columns, console=err(), disable=quiet or not err().is_terminal, transient=True)
 
     def __enter__(self) -> "ConsoleReporter":
         logging.getLogger("shadowbench").addHandler(self)
@@ -73,7 +95,7 @@ class ConsoleReporter(logging.Handler):
         """Print a line once."""
         if not self._quiet and line not in self._noted:
             self._noted.add(line)
-            err.print(f"note: {printable(line)}", markup=False, soft_wrap=True)
+            complain(f"note: {printable(line)}")
 
     def stage(self, name: str, total: int, what: str = "") -> None:
         """Begin a bar in place of the last; `what` it begins with stands behind it."""
@@ -87,69 +109,51 @@ class ConsoleReporter(logging.Handler):
             self._progress.update(self._task, advance=1, what=what)
 
 
-def techniques_with(plugins: Sequence[Path]) -> Mapping[str, "type[Technique]"]:
-    """All techniques by name; what a plug-in prints while it is loaded goes to stderr, and is cut."""
-    from shadowbench.techniques.registry import techniques  # and with it moderngl, which not every command needs
+def notes_on_view(reporter: ConsoleReporter, view: "View", camera: str | None, light: str | None) -> None:
+    """What was assumed of a view that options chose."""
+    from shadowbench.scenes.views import notes_on
 
-    stream = Cut(sys.stderr)
-    with redirect_stdout(stream), redirect_stderr(stream):
-        return techniques(plugins)
-
-
-def check_outputs(suffix: str, *files: Path | None) -> None:
-    """Raise, before any work is done, the InputError that writing one of the files would end in.
-
-    Each must end with `suffix`: what is written is of that format, whatever the name says.
-    """
-
-    class Probed(Exception):
-        """The file could be written."""
-
-    named = [file for file in files if file is not None]
-    for file in named:
-        if [other.resolve() for other in named].count(file.resolve()) > 1:
-            raise InputError(f"{file}: is named twice; each output needs a file of its own")
-        try:
-            with replace_file(file):
-                raise Probed
-        except Probed:
-            pass
-        if file.suffix.lower() != suffix:
-            raise InputError(f"{file}: found a name that ends with {file.suffix or 'no suffix'!r}; allowed: {suffix}")
-
-
-def check_folder(folder: Path, own: str = "rows.jsonl") -> None:
-    """Raise InputError where files lie in a folder, hidden ones aside, and not `own`, the one that tells it is ours."""
-    try:
-        found = sorted(file.name for file in folder.iterdir() if not file.name.startswith("."))
-    except OSError:  # no such folder yet, or one that cannot be written either, which is told there
-        return
-    if found and own not in found:
-        allowed = f"a new folder, an empty one, or one with {own}"
-        raise InputError(f"{folder}: found other files, such as {found[0]:.60}; allowed: {allowed}")
+    for line in notes_on(view, camera, light):
+        reporter.note(line)
 
 
 def say_unsupported(statuses: Sequence[str]) -> None:
     """Say on stderr, as a command's last line, that nothing was drawn as all of its cells are unsupported."""
     if statuses and all(status.startswith("unsupported") for status in statuses):
         which = "the only cell is" if len(statuses) == 1 else f"all {len(statuses)} cells are"
-        err.print(f"shadowbench: nothing was drawn, {which} {statuses[0]}", markup=False, soft_wrap=True)
+        complain(f"shadowbench: nothing was drawn, {which} {statuses[0]}")
 
 
-def print_table(table: Table) -> None:
+def say_failed(statuses: Sequence[str]) -> bool:
+    """Say on stderr how many cells failed and why the first did; whether any did."""
+    failed = [status for status in statuses if status.startswith("failed")]
+    if failed:
+        complain(f"shadowbench: {len(failed)} of {len(statuses)} cells failed; the first: {failed[0]}")
+    return bool(failed)
+
+
+def print_table(title: str, columns: Mapping[str, str], rows: Iterable[Sequence[str]], *, padded: bool = False) -> None:
     """Print a table of which nothing is cut: where the terminal is too narrow for it, its lines are longer.
 
-    Columns that may wrap do so between words; only words longer than _LONGEST_WORD are broken.
+    columns: their kinds, by heading. Text wraps between words; only words longer than _LONGEST_WORD are broken.
     """
-    unlimited = out.options.update(width=10_000)
+    from rich.markup import escape
+    from rich.measure import Measurement
+    from rich.table import Table
+
+    table = Table(title=escape(title) or None, title_justify="left", box=None, pad_edge=padded)
+    for heading, kind in columns.items():
+        table.add_column(heading, justify="right" if kind == NUMBER else "left", no_wrap=kind != TEXT, overflow="fold")
+    for row in rows:
+        table.add_row(*map(escape, row))
+    unlimited = out().options.update(width=10_000)
     for column in table.columns:
-        sizes = [Measurement.get(out, unlimited, cell) for cell in (column.header, *column.cells)]
+        sizes = [Measurement.get(out(), unlimited, cell) for cell in (column.header, *column.cells)]
         words = min(max(size.minimum for size in sizes), _LONGEST_WORD)
         column.min_width = max(size.maximum for size in sizes) if column.no_wrap else words
-        column.overflow = "fold"
-    least = Measurement.get(out, unlimited, table).minimum
-    table.width = least if least > out.width else None
-    out.print(table, crop=False)
+    least = Measurement.get(out(), unlimited, table).minimum
+    table.width = least if least > out().width else None
+    out().print(table, crop=False)
 
 
 def print_json(value: Any) -> None:
@@ -157,6 +161,8 @@ def print_json(value: Any) -> None:
     print(json.dumps(value, indent=2, allow_nan=False))
 
 
-def number(value: float) -> str:
-    """Four significant digits, without an exponent where it can be."""
+def number(value: float | None) -> str:
+    """Four significant digits, without an exponent where it can be; – for none."""
+    if value is None:
+        return "–"
     return f"{value:.4g}" if value == 0 or abs(value) >= 1e-4 else f"{value:.2e}"

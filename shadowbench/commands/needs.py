@@ -1,45 +1,48 @@
 """`needs`: what a scene asks of shadows."""
 
-from dataclasses import asdict
-from pathlib import Path
+import typer
 
-from rich.table import Table
+from shadowbench.commands.console import TEXT, ConsoleReporter, notes_on_view, print_json, print_table
+from shadowbench.commands.options import Assets, Json, LightName, Quiet, SceneArgument, Up, ViewName, ViewSize
 
-from shadowbench.commands.console import ConsoleReporter, print_json, print_table
-from shadowbench.needs.survey import needs
-from shadowbench.needs.words import told
-from shadowbench.scenes.views import chosen_view, notes_on
+app = typer.Typer()
 
 
-def needs_command(
-    scene: str,
-    view_size: int,
-    view: str | None,
-    light: str | None,
-    assets: Path | None,
-    up: str | None,
-    as_json: bool,
-    quiet: bool,
+@app.command(epilog="For example  shadowbench needs street --view-size 1024")
+def needs(
+    scene: SceneArgument,
+    view_size: ViewSize = None,
+    view: ViewName = None,
+    light: LightName = None,
+    assets: Assets = None,
+    up: Up = None,
+    json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
-    """Look at a view and print what it needs."""
+    """Say what a scene asks of shadows, without drawing any: map size, cascades, depth bits, bias, penumbra.
+
+    Each need with its number, its standard error where pixels were sampled, and the reason. Needs no OpenGL.
+    """
+    from dataclasses import asdict
+
+    from shadowbench.needs.survey import needs as needs_of
+    from shadowbench.needs.words import told
+    from shadowbench.scenes.views import chosen_view
+
     with ConsoleReporter(quiet) as reporter:
-        chosen = chosen_view(scene, view_size, view, light, assets, up)
-        for note in notes_on(chosen, view, light):
-            reporter.note(note)
-        found = needs(chosen)
+        chosen = chosen_view(scene, view_size or 512, view, light, assets, up)
+        notes_on_view(reporter, chosen, view, light)
+        found = needs_of(chosen)
         if found.pixels < found.view_size**2:
             part = found.pixels / found.view_size**2
             reporter.note(f"{part:.1%} of the pixels were looked at; ± is one standard error")
     rows = told(found)
-    if as_json:
+    if json:
         values = asdict(found)
         values["reach"].pop("matters")
         names = {"scene": chosen.scene.name, "view": chosen.camera.name}
         print_json(names | values | {"told": [asdict(row) for row in rows]})
         return
-    table = Table(title=f"{chosen.scene.name}, {view_size} × {view_size} pixels", title_justify="left", box=None)
-    for column in ("need", "number", "why"):
-        table.add_column(column)
-    for row in rows:
-        table.add_row(row.need, row.number, row.reason)
-    print_table(table)
+    title = f"{chosen.scene.name}, {chosen.size} × {chosen.size} pixels"
+    columns = dict.fromkeys(("need", "number", "why"), TEXT)
+    print_table(title, columns, [(row.need, row.number, row.reason) for row in rows], padded=True)

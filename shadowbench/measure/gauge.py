@@ -20,7 +20,7 @@ class Gauge(Runner):
 
     def __init__(self, view: View, rounds: int, folder: Path, worker: Worker, reporter: Reporter) -> None:
         reference = parse_spec(REFERENCE, {ShadowMap.name: ShadowMap})
-        study = Study((view.scene.name,), (reference,), reference, view_size=view.size, rounds=rounds)
+        study = Study.of([view.scene], [reference], view_size=view.size, rounds=rounds)
         super().__init__(study, folder, worker, reporter)
         self.view = view
 

@@ -66,7 +66,7 @@ def write_run_file(file: Path, info: DeviceInfo, notes: Sequence[str], study: St
         "clock": info.clock,
         "assumptions": list(notes),
         "study": {
-            "scenes": list(study.scenes),
+            "scenes": [scene if isinstance(scene, str) else scene.name for scene in study.scenes],
             "specs": [format_spec(spec) for spec in study.specs],
             "reference": name_of(study.reference),
             "view_size": study.view_size,

@@ -267,7 +267,7 @@ def tune(bench: Any) -> Tune:
     def run(text: str, trials: int, folder: Path, *split: Fold) -> Tuning:
         home = replace(parse_spec(text, KNOWN), named=frozenset())
         scenes = ("cube-on-plane", "sphere-and-torus")
-        study = Study(scenes, (home,), home, map_sizes=(128,), view_size=64, rounds=0)
+        study = Study.of(scenes, [home], map_size=(128,), view_size=64, rounds=0)
         bench.calls.clear()
         with Cells(study, folder, bench.worker, Notes()) as cells:
             blocks = cells.taking_part(home)
@@ -328,7 +328,7 @@ def test_folds_do_not_see_each_other_and_measure_nothing_twice(tune: Tune, bench
 
 
 def test_rows_that_no_view_takes_are_not_searched(bench: Any, tmp_path: Path) -> None:
-    study = Study(("cube-on-plane",), (SHADOW_MAP,), SHADOW_MAP, view_size=32, rounds=0)
+    study = Study.of(["cube-on-plane"], [SHADOW_MAP], view_size=32, rounds=0)
     with Cells(study, tmp_path / "rows", bench.worker, Notes()) as cells:
         blocks = cells.taking_part(SHADOW_MAP)
         refused = cells.refused_rows(SHADOW_MAP, USUAL, blocks)

@@ -192,7 +192,7 @@ EDITED = [
     ("measure/session.py", "unshadowed", True),
     ("measure/scoring.py", "unshadowed", True),
     ("studies/tables.py", "unshadowed", False),
-    ("cli/measure.py", "unshadowed", False),
+    ("commands/run.py", "unshadowed", False),
 ]
 
 

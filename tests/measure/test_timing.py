@@ -109,7 +109,7 @@ Found = dict[str, Timing | Untimed]
 
 def timed(worker: Scripted, *names: str, rounds: int = 3, reference: str = REFERENCE, **options: Any) -> Found:
     """What is said of each cell, by its spec."""
-    study = Study(("scene",), tuple(map(spec, names)), spec(reference), rounds=rounds)
+    study = Study.of(["scene"], [spec(name) for name in names], reference=spec(reference), rounds=rounds)
     cells = tuple(map(cell, names))
     view: Any = SimpleNamespace(scene=None, camera=None, light=SimpleNamespace(kind="directional"), size=1)
     stage = BlockStage(worker, study)  # type: ignore[arg-type]
@@ -321,6 +321,6 @@ def test_a_cell_alone_that_eats_memory_is_tried_in_a_fresh_worker(times: int, ki
     ],
 )
 def test_a_kind_of_light_that_the_reference_does_not_answer_has_its_own(chosen: str, names: dict[str, str]) -> None:
-    study = Study(("scene",), (), spec(chosen))
+    study = Study.of(["scene"], [], reference=spec(chosen))
     for kind, name in ({"point": "cube-map:size=1024"} | names).items():
         assert name_of(reference_cell(study, kind).spec) == name  # type: ignore[arg-type]

@@ -11,8 +11,7 @@ import pytest
 
 from shadowbench.data import data_folder
 from shadowbench.errors import InputError
-from shadowbench.studies.file import find_study, read_study, study_names
-from shadowbench.studies.study import Block, Study
+from shadowbench.studies.study import Block, Study, find_study, read_study, study_names
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import format_spec, parse_spec
 
@@ -70,7 +69,7 @@ def named(blocks: list[Block]) -> list[tuple[str, str]]:
 def test_what_a_study_leaves_out_has_the_promised_defaults(read: ReadStudy) -> None:
     study = read(SCENE)
     assert [spec.technique.name for spec in study.specs] == list(KNOWN)
-    assert study.map_sizes == ()
+    assert study.map_size is None
     assert (study.view_size, study.rounds, study.phases) == (512, 9, 1)
     assert (study.time_limit, study.memory_limit) == (120, 8)
     assert study.coordinates == "relative"
