@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from shadowbench.commands.console import NUMBER, TEXT, WHOLE, complain, number, out, print_json, print_table, say
+from shadowbench.commands import console
 from shadowbench.commands.options import Json, Quiet
 from shadowbench.errors import InputError, alternatives
 
@@ -57,22 +57,22 @@ def check(
     pictures = [] if update else write_pictures(found)
     if json:
         files = [str(file) for file, _ in pictures]
-        print_json({**values(found.findings), "notes": list(found.notes), "pictures": files})
+        console.print_json({**values(found.findings), "notes": list(found.notes), "pictures": files})
     else:
         _print(found.findings, baseline, time)
     if not quiet:
         for note in found.notes:
-            complain(f"note: {note}")
+            console.complain(f"note: {note}")
     if update:
         study = make_baseline(found.run, baseline)
         if not json and not quiet:
             line = f"{baseline / 'rows.jsonl'}: {counted(len(found.run.results), 'cell')}, the baseline from now on"
-            say(f"{line}; study.toml is {study}" if study else line)
+            console.say(f"{line}; study.toml is {study}" if study else line)
         return
     if pictures and not json and not quiet:
         what = "before and after" if any(before for _, before in pictures) else "after"
         many = f"{counted(len(pictures), 'picture')}, {what}"
-        say(f"{pictures[0][0].parent}: {many}: false shadow orange, false light blue")
+        console.say(f"{pictures[0][0].parent}: {many}: false shadow orange, false light blue")
     raise typer.Exit(1 if found.failing else 0)
 
 
@@ -107,7 +107,7 @@ def _print(findings: "Findings", baseline: Path, time: bool) -> None:
         if changes:
             _print_changes(title, changes)
     if findings.compared or findings.changes:
-        say(_summary(findings, baseline))
+        console.say(_summary(findings, baseline))
 
 
 def _summary(findings: "Findings", baseline: Path) -> str:
@@ -138,12 +138,13 @@ def _by_cell(changes: "Sequence[Change]") -> "dict[tuple[Any, ...], list[Change]
 def _print_changes(title: str, changes: "list[Change]") -> None:
     """A line for each cell: what changed most, and the names of what else did."""
     cells = list(_by_cell(changes).values())
-    columns = {"scene, view, light": TEXT, "spec": TEXT, "map": NUMBER, "what": WHOLE}
-    columns |= dict.fromkeys(("before", "", "after", "× tolerance"), NUMBER) | {"also": TEXT}
-    print_table(title, columns, [_line(worst, others) for worst, *others in cells[:_LINES]])
+    columns = ("scene, view, light", "spec", "map", "what", "before", "", "after", "× tolerance", "also")
+    rows = [_line(worst, others) for worst, *others in cells[:_LINES]]
+    numbers = ("map", "before", "", "after", "× tolerance")
+    console.print_table(title, columns, rows, numbers=numbers, whole=("what",))
     if len(cells) > _LINES:
-        say(f"  and {len(cells) - _LINES} more; --json has all")
-    out().print()
+        console.say(f"  and {len(cells) - _LINES} more; --json has all")
+    console.out().print()
 
 
 def _line(worst: "Change", others: "list[Change]") -> list[str]:
@@ -167,4 +168,4 @@ def _value(value: Any) -> str:
         return "none"
     if isinstance(value, str):
         return value if len(value) <= _LONGEST else f"{value[: _LONGEST - 1]}…"
-    return str(value) if isinstance(value, int) else number(value)
+    return str(value) if isinstance(value, int) else console.number(value)

@@ -3,9 +3,10 @@
 import json
 import logging
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
 
 from shadowbench.errors import printable
 
@@ -14,9 +15,6 @@ if TYPE_CHECKING:
     from rich.progress import TaskID
 
     from shadowbench.scenes.model import View
-
-TEXT, WHOLE, NUMBER = "text", "whole", "number"
-"""Kinds of columns: text that may wrap, text that may not, and numbers, which stand to the right."""
 
 _LONGEST_WORD = 24  # characters
 
@@ -48,7 +46,7 @@ def complain(line: str) -> None:
     err().print(line, markup=False, soft_wrap=True)
 
 
-class ConsoleReporter(logging.Handler):
+class Reporter(logging.Handler):
     """Notes and a progress bar for each stage of a run; silent when told so.
 
     A context manager, in which the package's logged warnings are notes too.
@@ -78,7 +76,7 @@ class ConsoleReporter(logging.Handler):
         )
         self._progress = Progress(*columns, console=err(), disable=quiet or not err().is_terminal, transient=True)
 
-    def __enter__(self) -> "ConsoleReporter":
+    def __enter__(self) -> "Reporter":
         logging.getLogger("shadowbench").addHandler(self)
         self._progress.start()
         return self
@@ -103,18 +101,21 @@ class ConsoleReporter(logging.Handler):
             self._progress.remove_task(self._task)
         self._task = self._progress.add_task(name, total=total, what=what)
 
+    def view(
+        self, scene: str, size: int | None, view: str | None, light: str | None, assets: Path | None, up: str | None
+    ) -> "View":
+        """The view that options choose, of 512 pixels a side unless they say; notes what is assumed of it."""
+        from shadowbench.scenes.views import chosen_view, notes_on
+
+        chosen = chosen_view(scene, size or 512, view, light, assets, up)
+        for line in notes_on(chosen, view, light):
+            self.note(line)
+        return chosen
+
     def step(self, what: str) -> None:
         """Advance the bar."""
         if self._task is not None:
             self._progress.update(self._task, advance=1, what=what)
-
-
-def notes_on_view(reporter: ConsoleReporter, view: "View", camera: str | None, light: str | None) -> None:
-    """What was assumed of a view that options chose."""
-    from shadowbench.scenes.views import notes_on
-
-    for line in notes_on(view, camera, light):
-        reporter.note(line)
 
 
 def say_unsupported(statuses: Sequence[str]) -> None:
@@ -124,26 +125,29 @@ def say_unsupported(statuses: Sequence[str]) -> None:
         complain(f"shadowbench: nothing was drawn, {which} {statuses[0]}")
 
 
-def say_failed(statuses: Sequence[str]) -> bool:
-    """Say on stderr how many cells failed and why the first did; whether any did."""
-    failed = [status for status in statuses if status.startswith("failed")]
-    if failed:
-        complain(f"shadowbench: {len(failed)} of {len(statuses)} cells failed; the first: {failed[0]}")
-    return bool(failed)
-
-
-def print_table(title: str, columns: Mapping[str, str], rows: Iterable[Sequence[str]], *, padded: bool = False) -> None:
+def print_table(
+    title: str,
+    columns: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    *,
+    numbers: Collection[str] = (),
+    whole: Collection[str] = (),
+    padded: bool = False,
+) -> None:
     """Print a table of which nothing is cut: where the terminal is too narrow for it, its lines are longer.
 
-    columns: their kinds, by heading. Text wraps between words; only words longer than _LONGEST_WORD are broken.
+    columns: headings; those among `numbers` stand to the right, and neither they nor those among `whole` wrap. Others
+    do between words; only words longer than _LONGEST_WORD are broken.
     """
     from rich.markup import escape
     from rich.measure import Measurement
     from rich.table import Table
 
     table = Table(title=escape(title) or None, title_justify="left", box=None, pad_edge=padded)
-    for heading, kind in columns.items():
-        table.add_column(heading, justify="right" if kind == NUMBER else "left", no_wrap=kind != TEXT, overflow="fold")
+    for heading in columns:
+        justify: Literal["right", "left"] = "right" if heading in numbers else "left"
+        kept = heading in numbers or heading in whole
+        table.add_column(heading, justify=justify, no_wrap=kept, overflow="fold")
     for row in rows:
         table.add_row(*map(escape, row))
     unlimited = out().options.update(width=10_000)

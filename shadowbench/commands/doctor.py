@@ -2,7 +2,7 @@
 
 import typer
 
-from shadowbench.commands.console import out, print_json, say
+from shadowbench.commands import console
 from shadowbench.commands.options import Json, Quiet
 
 app = typer.Typer()
@@ -16,16 +16,16 @@ def doctor(json: Json = False, quiet: Quiet = False) -> None:
     found = examination()
     missing = "missing" in found["opengl"]
     if json:
-        print_json(found)
+        console.print_json(found)
     else:
         for title, values in found.items():
-            out().print(title.replace("_", " "))
+            console.out().print(title.replace("_", " "))
             for name, value in values.items():
-                say(f"  {name.replace('_', ' ')}: {value}")
+                console.say(f"  {name.replace('_', ' ')}: {value}")
         if missing:
-            out().print("no technique can be drawn here; truth and score work")
+            console.out().print("no technique can be drawn here; truth and score work")
         elif "problem" in found["truth_cache"]:
-            out().print("truths are traced anew by each command; all else is here")
+            console.out().print("truths are traced anew by each command; all else is here")
         elif not quiet:
-            out().print("all is here")
+            console.out().print("all is here")
     raise typer.Exit(3 if missing else 0)

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from shadowbench.commands.console import ConsoleReporter, notes_on_view, say
+from shadowbench.commands import console
 from shadowbench.commands.options import Assets, LightName, Quiet, SceneArgument, Up, ViewName, ViewSize
 
 app = typer.Typer()
@@ -29,19 +29,17 @@ def export(
     """
     from shadowbench.engines.export import DESCRIPTION, export_view, unsaid
     from shadowbench.files import check_folder
-    from shadowbench.scenes.views import chosen_view
     from shadowbench.truth.cache import cached_truth
 
     check_folder(folder, DESCRIPTION)
-    with ConsoleReporter(quiet) as reporter:
-        chosen = chosen_view(scene, view_size or 512, view, light, assets, up)
-        notes_on_view(reporter, chosen, view, light)
+    with console.Reporter(quiet) as reporter:
+        chosen = reporter.view(scene, view_size, view, light, assets, up)
         for line in unsaid(chosen.scene):
             reporter.note(line)
         model, description, example = export_view(chosen, cached_truth(chosen), folder, scene)
     if not quiet:
         meshes = chosen.scene.meshes
         triangles = sum(len(mesh.faces) for mesh in meshes)
-        say(f"{model}: {len(meshes)} meshes, {triangles} triangles, the camera, the light")
-        say(f"{description}: matrices, pixels, conventions")
-        say(f"{example}: the truth, as an example of a mask")
+        console.say(f"{model}: {len(meshes)} meshes, {triangles} triangles, the camera, the light")
+        console.say(f"{description}: matrices, pixels, conventions")
+        console.say(f"{example}: the truth, as an example of a mask")

@@ -2,7 +2,7 @@
 
 import typer
 
-from shadowbench.commands.console import TEXT, ConsoleReporter, notes_on_view, print_json, print_table
+from shadowbench.commands import console
 from shadowbench.commands.options import Assets, Json, LightName, Quiet, SceneArgument, Up, ViewName, ViewSize
 
 app = typer.Typer()
@@ -27,11 +27,9 @@ def needs(
 
     from shadowbench.needs.survey import needs as needs_of
     from shadowbench.needs.words import told
-    from shadowbench.scenes.views import chosen_view
 
-    with ConsoleReporter(quiet) as reporter:
-        chosen = chosen_view(scene, view_size or 512, view, light, assets, up)
-        notes_on_view(reporter, chosen, view, light)
+    with console.Reporter(quiet) as reporter:
+        chosen = reporter.view(scene, view_size, view, light, assets, up)
         found = needs_of(chosen)
         if found.pixels < found.view_size**2:
             part = found.pixels / found.view_size**2
@@ -41,8 +39,8 @@ def needs(
         values = asdict(found)
         values["reach"].pop("matters")
         names = {"scene": chosen.scene.name, "view": chosen.camera.name}
-        print_json(names | values | {"told": [asdict(row) for row in rows]})
+        console.print_json(names | values | {"told": [asdict(row) for row in rows]})
         return
     title = f"{chosen.scene.name}, {chosen.size} × {chosen.size} pixels"
-    columns = dict.fromkeys(("need", "number", "why"), TEXT)
-    print_table(title, columns, [(row.need, row.number, row.reason) for row in rows], padded=True)
+    lines = [(row.need, row.number, row.reason) for row in rows]
+    console.print_table(title, ("need", "number", "why"), lines, padded=True)

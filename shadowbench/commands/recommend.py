@@ -5,16 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from shadowbench.commands.console import (
-    NUMBER,
-    WHOLE,
-    ConsoleReporter,
-    notes_on_view,
-    number,
-    print_json,
-    print_table,
-    say,
-)
+from shadowbench.commands import console
 from shadowbench.commands.options import Assets, Json, LightName, Plugins, Quiet, SceneArgument, Up, ViewName, ViewSize
 from shadowbench.errors import InputError
 
@@ -69,29 +60,25 @@ def recommend(
     when nothing meets the target: then the closest is shown, and what stands in the way.
     """
     from shadowbench.advice.recommended import export_choice, recommended, target_of, values
-    from shadowbench.files import check_folder
     from shadowbench.measure.printed import techniques_with
     from shadowbench.measure.worker import Worker
-    from shadowbench.scenes.views import chosen_view
 
     target = target_of(min_iou, max_edge_px, budget_ms)
     plugins = tuple(plugin or ())
     known = techniques_with(plugins)
-    check_folder(output)
     if export is not None:
         _make_folder(export)
-    with ConsoleReporter(quiet) as reporter, Worker(plugins) as worker:
-        chosen = chosen_view(scene, view_size or 512, view, light, assets, up)
-        notes_on_view(reporter, chosen, view, light)
+    with console.Reporter(quiet) as reporter, Worker(plugins) as worker:
+        chosen = reporter.view(scene, view_size, view, light, assets, up)
         found, info = recommended(chosen, target, known, output, worker, reporter, on_this_machine=on_this_machine)
     if export is not None:
         export_choice(found, export, plugins)
     if json:
-        print_json(values(found, info))
+        console.print_json(values(found, info))
     else:
         _print(found, info, output)
         if export is not None and found.choice is not None and not quiet:
-            say(f"{export}: parameters.json and the GLSL of the choice")
+            console.say(f"{export}: parameters.json and the GLSL of the choice")
     raise typer.Exit(0 if found.choice is not None else 1)
 
 
@@ -110,7 +97,7 @@ def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
     said = "; a software renderer's times are not a GPU's" if info.software else ""
     cost = "work" if found.unit == "work" else "ms"
     numbers = ("map", found.target.metric, cost, "× choice", "MiB")
-    columns = {"": WHOLE, "spec": WHOLE} | dict.fromkeys(numbers, NUMBER) | {"key": WHOLE}
+    columns = ("", "spec", *numbers, "key")
     shown: list[tuple[str, Tried]] = []
     if found.choice is not None:
         shown.append(("choice", found.choice))
@@ -120,11 +107,12 @@ def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
         if one is not found.closest:
             shown.append(("next" if one.error <= found.target.limit else "misses", one))
     title = f"{found.view.scene.name}, {found.target}, by {by}{said}"
-    print_table(title, columns, [(place, *_cells(found, one)) for place, one in shown])
+    rows = [(place, *_cells(found, one)) for place, one in shown]
+    console.print_table(title, columns, rows, numbers=numbers, whole=columns)
     lines = step_lines(found) if found.choice else in_the_way(found)
     for line in [*lines, *time_notes(found.reference), *excluded_lines(found)]:
-        say(line)
-    say(f"{found.measured} of {found.whole} specs measured; rows by key, masks and pictures in {folder}")
+        console.say(line)
+    console.say(f"{found.measured} of {found.whole} specs measured; rows by key, masks and pictures in {folder}")
 
 
 def _cells(found: "Recommendation", one: "Tried") -> list[str]:
@@ -135,8 +123,8 @@ def _cells(found: "Recommendation", one: "Tried") -> list[str]:
     return [
         format_spec(one.spec, size=False),
         str(one.spec.map_size or ""),
-        "" if value is None else number(value),
-        f"{one.cost:,.0f}" if found.unit == "work" else number(one.cost),
+        "" if value is None else console.number(value),
+        f"{one.cost:,.0f}" if found.unit == "work" else console.number(one.cost),
         f"{one.cost / found.choice.cost:.3g}" if found.choice else "",
         f"{one.bytes / 2**20:.3g}",
         str(one.result.score["key"]),

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from shadowbench.commands.console import ConsoleReporter, notes_on_view, say
+from shadowbench.commands import console
 from shadowbench.commands.options import SPEC, Assets, LightName, Plugins, Quiet, SceneArgument, Up, ViewName, ViewSize
 from shadowbench.errors import InputError
 
@@ -47,7 +47,6 @@ def render(
     from shadowbench.measure.runner import write_picture
     from shadowbench.measure.single import render as drawn_once
     from shadowbench.measure.worker import Worker
-    from shadowbench.scenes.views import chosen_view
     from shadowbench.scores.masks import write_mask
     from shadowbench.techniques.base import Technique
     from shadowbench.techniques.spec import parse_spec
@@ -61,9 +60,8 @@ def render(
     tinted = [name for name, one in known.items() if one.tint is not Technique.tint]
     if tint and spec.technique.name not in tinted:
         raise InputError(f"--tint: {spec.technique.name} has no colours of its own; allowed: {', '.join(tinted)}")
-    with ConsoleReporter(quiet) as reporter:
-        chosen = chosen_view(scene, view_size or 512, view, light, assets, up)
-        notes_on_view(reporter, chosen, view, light)
+    with console.Reporter(quiet) as reporter:
+        chosen = reporter.view(scene, view_size, view, light, assets, up)
     with Worker(plugin or ()) as worker:
         drawn = drawn_once(chosen, spec, worker, name=name, with_map=map is not None, tint=tint)
     if map is not None and drawn.map is None:
@@ -74,4 +72,4 @@ def render(
     if map is not None and drawn.map is not None:
         write_picture(map, np.round(np.clip(drawn.map, 0, 1) * 255).astype(np.uint8))
     if not quiet:
-        say(f"{output}: {name} on {chosen.scene.name}")
+        console.say(f"{output}: {name} on {chosen.scene.name}")

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from shadowbench.commands.console import NUMBER, WHOLE, number, out, print_json, print_table, say
+from shadowbench.commands import console
 from shadowbench.commands.options import Json, Quiet
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def repeat(
     found = compare_folders(first, second)
     if json:
         rankings = [dataclasses.asdict(ranking) | {"tau": ranking.tau} for ranking in found.rankings]
-        print_json({**dataclasses.asdict(found), "rankings": rankings, "holds": found.holds})
+        console.print_json({**dataclasses.asdict(found), "rankings": rankings, "holds": found.holds})
     else:
         _print(found, quiet)
     raise typer.Exit(0 if found.holds else 1)
@@ -52,19 +52,19 @@ def repeat(
 def _print(found: "Repeat", quiet: bool) -> None:
     from shadowbench.check.repeat import APART, ENOUGH
 
-    headings = ("cells", "pairs", "swapped", "τ", "τ of all pairs")
-    rows = [
-        (one.block, str(one.cells), str(one.sharp), str(one.swapped), number(one.tau), number(one.tau_of_all))
-        for one in found.rankings
-    ]
-    print_table("", {"scene, view, light, phase": WHOLE} | dict.fromkeys(headings, NUMBER), rows)
+    block, numbers = "scene, view, light, phase", ("cells", "pairs", "swapped", "τ", "τ of all pairs")
+    rows = []
+    for one in found.rankings:
+        taus = (console.number(tau) for tau in (one.tau, one.tau_of_all))
+        rows.append((one.block, str(one.cells), str(one.sharp), str(one.swapped), *taus))
+    console.print_table("", (block, *numbers), rows, numbers=numbers, whole=(block,))
     for name in found.unequal:
-        say(f"  work differs: {name}")
+        console.say(f"  work differs: {name}")
     if quiet:
         return
     apart = f"{100 * (APART - 1):.0f}%"
-    say(
+    console.say(
         f"τ: Kendall's, over the pairs that differ by more than {apart} in both runs and whose ratios' IQRs do not "
         f"overlap; {ENOUGH} or more in every line {'holds' if found.ranked_alike else 'does not hold'}"
     )
-    out().print(f"work: {found.counted - len(found.unequal)} of {found.counted} cells did exactly the same")
+    console.out().print(f"work: {found.counted - len(found.unequal)} of {found.counted} cells did exactly the same")

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from shadowbench.commands.console import ConsoleReporter, complain, say
+from shadowbench.commands import console
 from shadowbench.commands.options import Quiet
 
 app = typer.Typer()
@@ -52,7 +52,7 @@ def report(
     from shadowbench.studies.folder import read_folders
 
     target = report_target(output, format)
-    with ConsoleReporter(quiet) as reporter:
+    with console.Reporter(quiet) as reporter:
         reporter.stage("reading", 1, ", ".join(map(str, folders)))
         runs, sweeps = read_folders(folders)
         reporter.stage("charts and pictures", 1, str(target))
@@ -62,11 +62,11 @@ def report(
     for run in runs:
         if run.earlier:
             which = f"{len(run.earlier)} of {len(run.rows)} cells are of earlier commands"
-            complain(f"note: {run.folder}: {which}")
+            console.complain(f"note: {run.folder}: {which}")
     if format == "png":
         what = counted(charts, "chart")
     else:
         size = target.stat().st_size
         cells = counted(sum(len(one.rows) for one in (*runs, *sweeps)), "cell")
         what = f"{cells}, {f'{size / 1e6:.1f} MB' if size >= 1e6 else f'{size / 1e3:.0f} kB'}"
-    say(f"{target}: {what}")
+    console.say(f"{target}: {what}")

@@ -7,19 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from shadowbench.commands.console import (
-    NUMBER,
-    TEXT,
-    WHOLE,
-    ConsoleReporter,
-    complain,
-    number,
-    out,
-    print_json,
-    print_table,
-    say,
-    say_unsupported,
-)
+from shadowbench.commands import console
 from shadowbench.commands.options import SCENE, SPEC, Assets, Json, Plugins, Quiet, Up, ViewName, ViewSize, map_sizes
 from shadowbench.errors import InputError
 
@@ -144,27 +132,27 @@ def run(
         up=up,
     )
     limits = Limits(asked.time_limit, int(asked.memory_limit * 2**30))
-    with ConsoleReporter(quiet) as reporter, Worker(plugin or (), limits) as worker:
+    with console.Reporter(quiet) as reporter, Worker(plugin or (), limits) as worker:
         if not scenes and not study:
             cells, seconds = estimate(asked)
             on = f"{len(asked.scenes)} scenes"
             reporter.note(f"{cells} cells on {on}: about {seconds:.0f} s on two cores without a GPU")
         found = measure(asked, output, worker, reporter, time_again=time_again, profile=profile)
     if found.run.earlier and not quiet:
-        complain(f"note: {output}: {_found_before(found.run)}")
+        console.complain(f"note: {output}: {_found_before(found.run)}")
     if json:
         tables = summary(found.frame)
-        print_json({scene: [dataclasses.asdict(row) for row in rows] for scene, rows in tables.items()})
+        console.print_json({scene: [dataclasses.asdict(row) for row in rows] for scene, rows in tables.items()})
     else:
         _print(found, output, quiet)
     if profile:
         _print_profile(found.seconds)
     statuses = list(found.frame["status"])
-    say_unsupported(statuses)
+    console.say_unsupported(statuses)
     failed = [status for status in statuses if status.startswith("failed")]
     if failed:
         first = failed[0].removeprefix("failed: ")
-        complain(f"shadowbench: {len(failed)} of {len(statuses)} cells failed; the first: {first}")
+        console.complain(f"shadowbench: {len(failed)} of {len(statuses)} cells failed; the first: {first}")
     raise typer.Exit(3 if failed else 0)
 
 
@@ -197,36 +185,36 @@ def _print(found: "Measured", folder: Path, quiet: bool) -> None:
     if len(scenes) > 1:
         _print_scene(f"mean of the {len(scenes)} scenes in which every cell held", means, [], [])
     held = [row for rows in tables.values() for row in rows if row.cells]
-    if held and out().width < _WIDE:
+    if held and console.out().width < _WIDE:
         dropped = ", ".join(name for name in _columns(held, False) if name not in _columns(held, True))
         where = f"{folder / 'table.csv'} or a terminal of {_WIDE}"
-        say(f"columns left out at {out().width} characters, see {where}: {dropped}")
+        console.say(f"columns left out at {console.out().width} characters, see {where}: {dropped}")
     if not quiet:
         beside = "; masks/ and pictures/ beside it" if (found.frame["status"] == "ok").any() else ""
-        say(f"{folder / 'table.csv'}: {counted(len(found.run.rows), 'cell')}{beside}")
+        console.say(f"{folder / 'table.csv'}: {counted(len(found.run.rows), 'cell')}{beside}")
 
 
 def _print_scene(title: str, rows: "list[SummaryRow]", fits: "list[Slope]", notes: list[str]) -> None:
     """A line for each spec and map size that held, best first; then what did not hold, the slopes, and notes."""
-    columns = _columns(rows, out().width < _WIDE)
+    columns = _columns(rows, console.out().width < _WIDE)
     held = [
         (row.spec, str(row.map_size or ""), *(_cell(row, key) for key in columns.values())) for row in rows if row.cells
     ]
     if held:
-        print_table(title, {"spec": TEXT, "map": NUMBER} | dict.fromkeys(columns, NUMBER), held)
+        console.print_table(title, ("spec", "map", *columns), held, numbers=("map", *columns))
     else:
-        out().print(title, markup=False)
+        console.out().print(title, markup=False)
     for row in rows:
         for status, count in Counter(row.refused).items():
             share = f"{count} of {row.cells + len(row.refused)} cells " if row.cells + len(row.refused) > 1 else ""
-            say(f"  {row.spec} {row.map_size or ''}: {share}{status}")
+            console.say(f"  {row.spec} {row.map_size or ''}: {share}{status}")
     for fit in fits:
         sizes = f"{fit.sizes[0]} to {fit.sizes[-1]}"
         slope = fit.slope.text("{:+.2f}".format) + (", one phase" if fit.phases == 1 else "")
-        say(f"  slope of log(1 − IoU) over log(size), {sizes}: {slope}  {fit.spec}")
+        console.say(f"  slope of log(1 − IoU) over log(size), {sizes}: {slope}  {fit.spec}")
     for line in notes:
-        say(f"  {line}")
-    out().print()
+        console.say(f"  {line}")
+    console.out().print()
 
 
 def _notes(rows: "list[SummaryRow]") -> list[str]:
@@ -256,8 +244,8 @@ def _print_curves(scene: str, found: "list[Curve]") -> None:
             rows.append((row.spec, str(row.map_size or ""), f"{factor:g}", *cells, ", ".join(marks)))
     numbers = ("map", "× bias", "acne", "contact", "1 − IoU", "SSIM")
     title = f"{scene}, bias multiplied: acne against contact (peter-panning)"
-    print_table(title, {"spec": TEXT} | dict.fromkeys(numbers, NUMBER) | {"": WHOLE}, rows)
-    out().print()
+    console.print_table(title, ("spec", *numbers, ""), rows, numbers=numbers, whole=("",))
+    console.out().print()
 
 
 def _cell(row: "SummaryRow", key: str) -> str:
@@ -268,8 +256,8 @@ def _cell(row: "SummaryRow", key: str) -> str:
     if key == "gpu_bytes":
         return f"{value.median / 2**20:.1f}"
     if key == "error":
-        return value.complement().text(number)
-    return f"~{number(value.median)}" if key == "frame_ms" and row.wide else number(value.median)
+        return value.complement().text(console.number)
+    return f"~{console.number(value.median)}" if key == "frame_ms" and row.wide else console.number(value.median)
 
 
 def _print_profile(seconds: Mapping[str, float]) -> None:
@@ -277,8 +265,8 @@ def _print_profile(seconds: Mapping[str, float]) -> None:
 
     total = sum(seconds.values())
     for activity, value in sorted(seconds.items(), key=lambda item: -item[1]):
-        complain(f"{activity:<9} {value:8.2f} s  {value / total:6.1%}  {ACTIVITIES[activity]}")
-    complain(
+        console.complain(f"{activity:<9} {value:8.2f} s  {value / total:6.1%}  {ACTIVITIES[activity]}")
+    console.complain(
         f"{total:.2f} s in all, {share(seconds):.1%} of it inside GL passes, ray tracing and scoring; "
         f"{share(seconds, (*MEASURING, 'prepare')):.1%} with what is measured as prepare_ms"
     )

@@ -5,18 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from shadowbench.commands.console import (
-    NUMBER,
-    TEXT,
-    WHOLE,
-    ConsoleReporter,
-    complain,
-    notes_on_view,
-    number,
-    print_json,
-    print_table,
-    say,
-)
+from shadowbench.commands import console
 from shadowbench.commands.options import Assets, Json, LightName, Quiet, SceneArgument, Up, ViewName
 from shadowbench.errors import InputError
 
@@ -71,7 +60,6 @@ def score(
     from shadowbench.engines.scored import accuracy_of
     from shadowbench.engines.store import append_row, check_name
     from shadowbench.files import check_folder, check_outputs
-    from shadowbench.scenes.views import chosen_view
 
     if (output is None) != (name is None):
         raise InputError("-o DIR and --name NAME: found one of them; allowed: both, for a row in a run folder, or none")
@@ -84,9 +72,8 @@ def score(
     if output is not None:
         check_folder(output)
     handed = handed_over(scene, mask, lit, shadowed, ambient)
-    with ConsoleReporter(quiet) as reporter:
-        chosen = chosen_view(scene, handed.size, view, light, assets, up)
-        notes_on_view(reporter, chosen, view, light)
+    with console.Reporter(quiet) as reporter:
+        chosen = reporter.view(scene, handed.size, view, light, assets, up)
         accuracy = accuracy_of(handed, chosen)
     drawn = mask or shadowed
     sized = other_size(drawn, chosen) if drawn is not None else None
@@ -95,17 +82,18 @@ def score(
         write_difference(diff, accuracy.difference())
     new = append_row(accuracy, name, output) if output is not None and name is not None else False
     if json:
-        print_json(accuracy.values() | {"warnings": warnings})
+        console.print_json(accuracy.values() | {"warnings": warnings})
         return
     _print(accuracy)
     if quiet:
         return
     for warning in warnings:
-        complain(f"warning: {warning}")
+        console.complain(f"warning: {warning}")
     if diff is not None:
-        say(f"{diff}: false shadow orange, false light blue")
+        console.say(f"{diff}: false shadow orange, false light blue")
     if output is not None:
-        say(f"{output}: {f'a row of {name}, its mask and difference' if new else f'has this row of {name} already'}")
+        row = f"a row of {name}, its mask and difference" if new else f"has this row of {name} already"
+        console.say(f"{output}: {row}")
 
 
 def _print(accuracy: "Accuracy") -> None:
@@ -114,9 +102,10 @@ def _print(accuracy: "Accuracy") -> None:
     view = accuracy.view
     title = f"{accuracy.handed.name} on {view.scene.name}, {view.camera.name}, {view.light.name}, {view.size}²"
     rows = [
-        (metric.name, number(accuracy.metrics[metric.name]), metric.better, metric.help.split(". ")[0])
+        (metric.name, console.number(accuracy.metrics[metric.name]), metric.better, metric.help.split(". ")[0])
         for metric in METRICS.values()
     ]
-    print_table(title, {"metric": WHOLE, "": NUMBER, "better": WHOLE, "what it is": TEXT}, rows)
+    columns = ("metric", "", "better", "what it is")
+    console.print_table(title, columns, rows, numbers=("",), whole=("metric", "better"))
     for line in accuracy.summary():
-        say(f"  {line}")
+        console.say(f"  {line}")

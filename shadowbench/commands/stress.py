@@ -6,17 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from shadowbench.commands.console import (
-    TEXT,
-    WHOLE,
-    ConsoleReporter,
-    complain,
-    out,
-    print_json,
-    print_table,
-    say,
-    say_unsupported,
-)
+from shadowbench.commands import console
 from shadowbench.commands.options import SPEC, Json, Plugins, Quiet
 
 if TYPE_CHECKING:
@@ -67,17 +57,17 @@ def stress(
     known = techniques_with(plugin or ())
     asked = tuple(dict.fromkeys(parse_spec(text, known) for text in techniques or ()))
     specs = asked or default_specs(known.values())
-    with ConsoleReporter(quiet) as reporter, Worker(plugin or (), LIMITS) as worker:
+    with console.Reporter(quiet) as reporter, Worker(plugin or (), LIMITS) as worker:
         found = walk(specs, axes, output, worker, reporter, quick=quick)
     if json:
         frame = ranges_frame(found.ranges).astype(object)
-        print_json(frame.where(lambda frame: frame.notna(), None).to_dict("records"))
+        console.print_json(frame.where(lambda frame: frame.notna(), None).to_dict("records"))
     else:
         for spec in map(format_spec, specs):
             _print(spec, [one for one in found.ranges if one.spec == spec])
         if not quiet:
-            say(f"{output / 'ranges.csv'}: {len(found.ranges)} ranges of {len(found.rows)} cells")
-    say_unsupported([str(row["status"]) for row in found.rows])
+            console.say(f"{output / 'ranges.csv'}: {len(found.ranges)} ranges of {len(found.rows)} cells")
+    console.say_unsupported([str(row["status"]) for row in found.rows])
     raise typer.Exit(_exit_code(found.rows))
 
 
@@ -87,15 +77,15 @@ def _print(title: str, ranges: "Sequence[OperatingRange]") -> None:
 
     if not any(one.held for one in ranges):
         if ranges:
-            say(f"{title}: breaks at home on every axis")
+            console.say(f"{title}: breaks at home on every axis")
         return
     lights = [kind for kind in NAMES if any(one.light == kind for one in ranges)]
     rows = []
     for axis in dict.fromkeys(one.axis for one in ranges):
         texts = {one.light: one.text for one in ranges if one.axis is axis}
         rows.append([axis.name, *(texts.get(kind, "") for kind in lights)])
-    print_table(title, {"axis": WHOLE} | {NAMES[kind]: TEXT for kind in lights}, rows)
-    out().print()
+    console.print_table(title, ("axis", *(NAMES[kind] for kind in lights)), rows, whole=("axis",))
+    console.out().print()
 
 
 def _exit_code(rows: "Sequence[Record]") -> int:
@@ -109,6 +99,6 @@ def _exit_code(rows: "Sequence[Record]") -> int:
             row, one = found[0]
             place = f"{row['axis']} {row['axis_value']} {row['light']}"
             first = f"{row['spec']} at {place}: {one.text}"
-            complain(f"shadowbench: {what} in {len(found)} of {len(rows)} cells; the first: {first}")
+            console.complain(f"shadowbench: {what} in {len(found)} of {len(rows)} cells; the first: {first}")
             code = verdict
     return code

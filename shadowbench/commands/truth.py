@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from shadowbench.commands.console import ConsoleReporter, notes_on_view, say
+from shadowbench.commands import console
 from shadowbench.commands.options import Assets, LightName, Quiet, SceneArgument, Up, ViewName, ViewSize
 
 app = typer.Typer()
@@ -34,17 +34,15 @@ def truth(
     metres.
     """
     from shadowbench.files import check_outputs
-    from shadowbench.scenes.views import chosen_view
     from shadowbench.truth.cache import cached_truth, write_truth
 
     check_outputs(".npz", output)
-    with ConsoleReporter(quiet) as reporter:
-        chosen = chosen_view(scene, view_size or 512, view, light, assets, up)
-        notes_on_view(reporter, chosen, view, light)
+    with console.Reporter(quiet) as reporter:
+        chosen = reporter.view(scene, view_size, view, light, assets, up)
         found = cached_truth(chosen, pixel_samples)
     write_truth(output, found)
     if not quiet:
         receivers, shadowed = int(found.receivers.sum()), int((found.visibility < 0.5).sum())
         undecided = int((found.receivers & found.undecided).sum())
         pixels = f"{receivers} receivers of {found.receivers.size} pixels"
-        say(f"{output}: {pixels}, {shadowed} in shadow, {undecided} undecided")
+        console.say(f"{output}: {pixels}, {shadowed} in shadow, {undecided} undecided")

@@ -6,17 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from shadowbench.commands.console import (
-    NUMBER,
-    TEXT,
-    ConsoleReporter,
-    complain,
-    number,
-    out,
-    print_json,
-    print_table,
-    say,
-)
+from shadowbench.commands import console
 from shadowbench.commands.options import SCENE, SPEC, Assets, Json, Plugins, Quiet, Up, ViewSize, listed, map_sizes
 
 if TYPE_CHECKING:
@@ -91,7 +81,7 @@ def tune(
     from shadowbench.techniques.spec import parse_spec
 
     known = techniques_with(plugin or ())
-    with ConsoleReporter(quiet) as reporter, Worker(plugin or ()) as worker:
+    with console.Reporter(quiet) as reporter, Worker(plugin or ()) as worker:
         found = tuned(
             parse_spec(technique, known),
             output,
@@ -110,14 +100,14 @@ def tune(
             up=up,
         )
     if json:
-        print_json(values(found.found))
+        console.print_json(values(found.found))
     else:
         _print(found.found)
         if not quiet:
-            say(f"{output / 'table.csv'}: {counted(len(found.results), 'cell')}")
+            console.say(f"{output / 'table.csv'}: {counted(len(found.results), 'cell')}")
     failed = [one.status for one in found.results if one.status.startswith("failed")]
     if failed:
-        complain(f"shadowbench: {len(failed)} of {len(found.results)} cells failed; the first: {failed[0]}")
+        console.complain(f"shadowbench: {len(failed)} of {len(found.results)} cells failed; the first: {failed[0]}")
     raise typer.Exit(3 if failed else 0)
 
 
@@ -130,20 +120,19 @@ def _print(found: "Tuning") -> None:
         which = f"fold {place} of {len(found.folds)}: " if several else ""
         title = f"{which}best at each cost, from the cheapest; held out: {', '.join(best.fold.held_out)}"
         _print_entries(title, best.front)
-        out().print()
+        console.out().print()
     scenes = sum(len(best.fold.held_out) for best in found.folds)
     each = ", the tuned in each by the fold that held it out" if several else ""
     intervals = ", with 95% intervals over them" if scenes > 1 else ""
     title = f"beside the default and others on {counted(scenes, 'scene')} held out{each}{intervals}"
     _print_entries(title, (found.tuned, *found.others))
-    out().print("error: √((1 − IoU) · (1 − SSIM)), geometric mean over scenes; × tuned: median over scenes")
-    say(verdict(found))
+    console.out().print("error: √((1 − IoU) · (1 − SSIM)), geometric mean over scenes; × tuned: median over scenes")
+    console.say(verdict(found))
 
 
 def _print_entries(title: str, entries: "Sequence[Entry]") -> None:
-    headings = ("cost", "tuning", "held out", "1 − IoU × tuned", "1 − SSIM × tuned", "acne", "leak", "contact")
-    columns = {"": TEXT, "spec": TEXT} | dict.fromkeys(headings, NUMBER)
-    print_table(title, columns, [_line(entry) for entry in entries])
+    numbers = ("cost", "tuning", "held out", "1 − IoU × tuned", "1 − SSIM × tuned", "acne", "leak", "contact")
+    console.print_table(title, ("", "spec", *numbers), [_line(entry) for entry in entries], numbers=numbers)
 
 
 def _line(entry: "Entry") -> list[str]:
@@ -153,8 +142,8 @@ def _line(entry: "Entry") -> list[str]:
         entry.name,
         "each fold's own" if entry.spec is None else format_spec(entry.spec, size=False),
         f"{entry.cost:.2f}",
-        number(entry.tuning),
-        entry.held_out.text(number),
+        console.number(entry.tuning),
+        entry.held_out.text(console.number),
         *("–" if one is None else one.text("{:.3g}".format) for one in (entry.iou_ratio, entry.ssim_ratio)),
-        *(number(value) for value in (entry.acne, entry.leak, entry.contact)),
+        *(console.number(value) for value in (entry.acne, entry.leak, entry.contact)),
     ]
