@@ -27,7 +27,7 @@ from shadowbench.techniques.spec import Spec, format_spec, spec_of
 class Tuned:
     """What was found, and the cells that were measured for it."""
 
-    found: Tuning
+    tuning: Tuning
     results: tuple[Result, ...]
 
 
@@ -44,33 +44,23 @@ def tuned(
     against: Mapping[str, Spec] = {},
     trials: int = 100,
     map_size: Sequence[int] = (2048,),
-    view_size: int = 512,
     phases: int = 2,
-    assets: Path | None = None,
-    up: str | None = None,
+    **others: Any,
 ) -> Tuned:
     """Search a technique's parameters, and set what is found beside its default, its presets and specs `against` it.
 
     scenes: all built-in ones for none; held_out: names of scenes to compare on, every third for none; count: of folds;
-    params: names, separated by commas, the usual ones for None; map_size: several are averaged, as phases are. Writes
-    rows, `table.csv` and `run.json`. Raises InputError for what cannot be searched, CellFailed where the default fails.
+    params: names, separated by commas, the usual ones for None; map_size: several are averaged, as phases are; others:
+    fields of a study, such as `view_size` and `assets`. Writes rows, `table.csv` and `run.json`. Raises InputError for
+    what cannot be searched, CellFailed where the default fails.
     """
     if held_out and count is not None:
         raise InputError(f"--folds {count} holds out every scene once; allowed: it or --held-out, not both")
     home = _at(spec, map_size)
     names = searched(home, params)
-    others = _presets(home) | dict(against)
-    study = Study.of(
-        scenes or builtin_names(),
-        [home],
-        reference=home,
-        map_size=map_size,
-        view_size=view_size,
-        rounds=0,
-        phases=phases,
-        assets=assets,
-        up=up,
-    )
+    beside = {name: _at(other, map_size) for name, other in (_presets(home) | dict(against)).items()}
+    together = {"reference": home, "map_size": map_size, "rounds": 0, "phases": phases, **others}
+    study = Study.of(scenes or builtin_names(), [home], **together)
     check_folder(folder)
     with Cells(study, folder, worker, reporter) as cells:
         if not cells.info.pipeline_statistics:
@@ -78,8 +68,7 @@ def tuned(
         blocks = cells.taking_part(home)
         split = folds([scene.name for scene in scenes_of(blocks)], held_out, count)
         space = Space(home, names, cells.refused_rows(home, names, blocks))
-        at_size = {name: _at(other, map_size) for name, other in others.items()}
-        found = tune(space, cells, blocks, split, trials, at_size)
+        found = tune(space, cells, blocks, split, trials, beside)
     results = tuple(cells.results.values())
     write_run_file(folder / "run.json", cells.info, [], study, [one.score for one in results])
     write_cells(folder, results, {})

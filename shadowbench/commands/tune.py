@@ -100,9 +100,9 @@ def tune(
             up=up,
         )
     if json:
-        console.print_json(values(found.found))
+        console.print_json(values(found.tuning))
     else:
-        _print(found.found)
+        _print(found.tuning)
         if not quiet:
             console.say(f"{output / 'table.csv'}: {counted(len(found.results), 'cell')}")
     failed = [one.status for one in found.results if one.status.startswith("failed")]

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -31,18 +32,16 @@ def asked_study(
     *,
     study: str | None = None,
     map_size: Sequence[int] | None = None,
-    view_size: int | None = None,
-    rounds: int | None = None,
     phases: int | None = None,
     view: str | None = None,
     light: str | None = None,
-    assets: Path | None = None,
-    up: str | None = None,
+    **others: Any,
 ) -> Study:
     """The study of a file, or one of ours by name, `default` for None, with what is asked for in place of what it says.
 
-    known: the techniques that the file may name. Specs alone, without a study and map sizes, are measured as they are:
-    each at its own map size, in one phase. Raises InputError for anything wrong.
+    known: the techniques that the file may name; view, light: the only camera and light, by name; others: fields of the
+    study, such as `view_size`, `rounds` and `assets`; None leaves any to the file. Specs alone, without a study and map
+    sizes, are measured as they are: each at its own map size, in one phase. Raises InputError for anything wrong.
     """
     found = read_study(find_study(study or "default"), known)
     if specs:
@@ -57,14 +56,11 @@ def asked_study(
     changes = {
         "scenes": scenes,
         "map_size": map_size,
-        "view_size": view_size,
-        "rounds": rounds,
         "phases": phases,
         "views": (view,) if view else None,
         "lights": (light,) if light else None,
-        "assets": assets,
-        "up": up,
         "notes": (*found.notes, *notes),
+        **others,
     }
     return found.with_(**{name: value for name, value in changes.items() if value not in (None, (), [])})
 

@@ -249,6 +249,7 @@ ONE = '[[technique]]\nspec = "shadow-map"\n'
         ("scenes = []\n", ["scenes"]),
         ("scenes = [1]\n", ["scenes"]),
         (SCENE + "size = 3\n", ["unknown field 'size'", "map_size"]),
+        (SCENE + 'assets = "meshes"\n', ["unknown field 'assets'", "about, scenes, map_size"]),
         (SCENE + "map_size = 0\n", ["map_size", "0"]),
         (SCENE + "map_size = [512, 1.5]\n", ["map_size", "1.5"]),
         (SCENE + "map_size = []\n", ["map_size"]),
