@@ -2,12 +2,10 @@
 
 from shadowbench.errors import InputError, ShadowbenchError
 from shadowbench.measure.drawn import Drawn
-from shadowbench.measure.session import Unsupported
-from shadowbench.measure.timing import request_of
+from shadowbench.measure.session import CellRequest, Unsupported
 from shadowbench.measure.worker import CellFailed, Worker
 from shadowbench.scenes.model import View
-from shadowbench.studies.study import Cell
-from shadowbench.techniques.spec import Spec
+from shadowbench.techniques.spec import Spec, format_spec
 
 
 def render(view: View, spec: Spec, worker: Worker, *, name: str, with_map: bool = False, tint: bool = False) -> Drawn:
@@ -22,7 +20,7 @@ def render(view: View, spec: Spec, worker: Worker, *, name: str, with_map: bool 
     try:
         worker.call("load", view.scene)
         worker.call("open", view.camera, view.light, view.size)
-        drawn: Drawn = worker.call("draw", request_of(Cell(spec, 0)), with_map, tint)
+        drawn: Drawn = worker.call("draw", CellRequest(format_spec(spec, full=True)), with_map, tint)
     except Unsupported as reason:
         raise InputError(f"{name} does not go with {view.scene.name}: {reason}") from None
     except CellFailed as reason:
