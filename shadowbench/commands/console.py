@@ -1,6 +1,5 @@
 """How commands speak to people: results on stdout, notes, errors and progress on stderr. Rich is imported when used."""
 
-import json
 import logging
 import sys
 from collections.abc import Collection, Iterable, Sequence
@@ -162,6 +161,8 @@ def print_table(
 
 def print_json(value: Any) -> None:
     """One JSON document on stdout."""
+    import json
+
     print(json.dumps(value, indent=2, allow_nan=False))
 
 
