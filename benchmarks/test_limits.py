@@ -117,7 +117,7 @@ def python(*arguments: str) -> Call:
     ("code", "beside", "most"),
     [
         ("import shadowbench", "pass", 1.5),
-        ("import sys; sys.argv[1:] = ['--help']; from shadowbench.cli import main; main()", "import asyncio", 3.0),
+        ("import sys; sys.argv[1:] = ['--help']; from shadowbench.commands import main; main()", "import asyncio", 3.0),
         ("import pytest, shadowbench.pytest_plugin", "import pytest", 1.2),
     ],
     ids=["package", "help", "plugin"],
@@ -181,10 +181,10 @@ def test_one_study_run_twice(tmp_path: Path, benchmark: BenchmarkFixture) -> Non
 
     def run() -> None:
         for folder in folders:
-            python("-m", "shadowbench.cli", "run", "-s", str(tmp_path / "study.toml"), "-o", folder, "-q")()
+            python("-m", "shadowbench", "run", "-s", str(tmp_path / "study.toml"), "-o", folder, "-q")()
 
     benchmark.pedantic(run, rounds=1)
-    command = [sys.executable, "-m", "shadowbench.cli", "repeat", *folders, "--json"]
+    command = [sys.executable, "-m", "shadowbench", "repeat", *folders, "--json"]
     answer = subprocess.run(command, capture_output=True, text=True, check=False)
     (ranking,) = json.loads(answer.stdout)["rankings"]
     benchmark.extra_info |= {"tau": ranking["tau"], "sharp": ranking["sharp"]}
@@ -213,7 +213,7 @@ def test_views_of_4096_pixels_a_side_work_in_8_gib(tmp_path: Path, benchmark: Be
     command = [
         sys.executable,
         "-m",
-        "shadowbench.cli",
+        "shadowbench",
         "run",
         "cube-on-plane",
         "colonnade",
@@ -241,7 +241,7 @@ def test_the_largest_mask_is_scored_in_3_gib(tmp_path: Path, benchmark: Benchmar
     from PIL import Image
 
     Image.new("L", (4096, 4096), 255).save(tmp_path / "mask.png")
-    command = [sys.executable, "-m", "shadowbench.cli", "score", "cube-on-plane", str(tmp_path / "mask.png"), "-q"]
+    command = [sys.executable, "-m", "shadowbench", "score", "cube-on-plane", str(tmp_path / "mask.png"), "-q"]
     peak = benchmark.pedantic(lambda: peak_bytes(subprocess.Popen(command, stdout=subprocess.DEVNULL)), rounds=1)
     benchmark.extra_info["peak_bytes"] = peak
     assert peak < 3 << 30, f"{peak / 2**30:.2f} GiB"

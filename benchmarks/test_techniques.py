@@ -3,7 +3,6 @@
 pytest benchmarks/test_techniques.py -k "colonnade and shadow-map"
 """
 
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +13,7 @@ from shadowbench.measure.cells import Cell, PlacedView
 from shadowbench.measure.scoring import mask_record, reference_of
 from shadowbench.scenes.model import View
 from shadowbench.scores.reference import Reference
-from shadowbench.studies.file import find_study, read_study
+from shadowbench.studies.study import find_study, read_study
 from shadowbench.techniques.registry import techniques
 from shadowbench.truth.cache import cached_truth
 from shadowbench.truth.trace import Truth
@@ -32,7 +31,7 @@ class Known(NamedTuple):
 
 @pytest.fixture(scope="module", params=STUDY.scenes)
 def known(request: pytest.FixtureRequest) -> Known:
-    (block,) = replace(STUDY, scenes=(request.param,)).blocks()
+    (block,) = STUDY.with_(scenes=(request.param,)).blocks()
     truth = cached_truth(block.view)
     return Known(block.view, truth, reference_of(truth))
 

@@ -43,3 +43,36 @@ def replace_file(path: str | Path) -> Iterator[Path]:
         raise InputError(f"{path}: cannot be written ({os.strerror(error.errno).lower()})") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def check_outputs(suffix: str, *files: Path | None) -> None:
+    """Raise, before any work is done, the InputError that writing one of the files would end in.
+
+    Each must end with `suffix`: what is written is of that format, whatever the name says.
+    """
+
+    class Probed(Exception):
+        """The file could be written."""
+
+    named = [file for file in files if file is not None]
+    for file in named:
+        if [other.resolve() for other in named].count(file.resolve()) > 1:
+            raise InputError(f"{file}: is named twice; each output needs a file of its own")
+        try:
+            with replace_file(file):
+                raise Probed
+        except Probed:
+            pass
+        if file.suffix.lower() != suffix:
+            raise InputError(f"{file}: found a name that ends with {file.suffix or 'no suffix'!r}; allowed: {suffix}")
+
+
+def check_folder(folder: Path, own: str = "rows.jsonl") -> None:
+    """Raise InputError where files lie in a folder, hidden ones aside, and not `own`, the one that tells it is ours."""
+    try:
+        found = sorted(file.name for file in folder.iterdir() if not file.name.startswith("."))
+    except OSError:  # no such folder yet, or one that cannot be written either, which is told there
+        return
+    if found and own not in found:
+        allowed = f"a new folder, an empty one, or one with {own}"
+        raise InputError(f"{folder}: found other files, such as {found[0]:.60}; allowed: {allowed}")

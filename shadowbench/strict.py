@@ -2,9 +2,9 @@
 
 import tomllib
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, model_validator
 from pydantic_core import ErrorDetails
 
 from shadowbench.errors import InputError, alternatives
@@ -67,15 +67,18 @@ class Strict(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
+    not_in_files: ClassVar[frozenset[str]] = frozenset()
+    """Fields that only programs set: unknown where a model is read with a context, as a file is."""
+
     @model_validator(mode="before")
     @classmethod
-    def _name_what_is_allowed(cls, values: Any) -> Any:
+    def _name_what_is_allowed(cls, values: Any, info: ValidationInfo) -> Any:
+        hidden = cls.not_in_files if info.context is not None else frozenset()
+        known = [name for name in cls.model_fields if name not in hidden]
         if isinstance(values, dict):
             for key in values:
-                if key not in cls.model_fields:
-                    raise ValueError(
-                        f"unknown field {key!r:.60}{alternatives(key, cls.model_fields, none='none at all')}"
-                    )
+                if key not in known:
+                    raise ValueError(f"unknown field {key!r:.60}{alternatives(key, known, none='none at all')}")
         return values
 
 
@@ -110,7 +113,8 @@ def explain(where: str, error: ValidationError) -> InputError:
     # A field that takes one of several types has a complaint for each, all of one value, the type behind its place.
     same = [other for other in complaints if other["loc"][:-1] == place[:-1] and other["input"] is first["input"]]
     if any(isinstance(other["loc"][-1], str) and not other["loc"][-1].isidentifier() for other in same if other["loc"]):
-        allowed = " or ".join(_allowed(other) for other in same)
+        # That an object of ours may stand there is of no use to who writes a file.
+        allowed = " or ".join(_allowed(other) for other in same if other["type"] != "is_instance_of")
         place, message = place[:-1], f"found {_found(first['input'])}; allowed: {allowed}"
     field = "".join(f" {part + 1}" if isinstance(part, int) else f".{part}" for part in place).lstrip(".")
     return InputError(f"{where}: {field + ': ' if field else ''}{message}")

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shadowbench.cli import main
+from shadowbench.commands import main
 from shadowbench.gl.device import Device, Freeable, open_device
 from shadowbench.gl.gbuffer import GBuffer, SurfacePass, download
 from shadowbench.gl.geometry import DeviceGeometry

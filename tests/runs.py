@@ -18,9 +18,8 @@ import pytest
 from shadowbench.measure.place import Limits
 from shadowbench.measure.rows import Result
 from shadowbench.measure.worker import Worker
-from shadowbench.studies.file import read_study
 from shadowbench.studies.run import run_study
-from shadowbench.studies.study import Study
+from shadowbench.studies.study import Study, read_study
 from shadowbench.techniques import spec
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.registry import techniques
@@ -333,7 +332,7 @@ def start() -> Iterator[Callable[..., Started]]:
 
     def begin(*arguments: str | Path, **environment: str | Path) -> Started:
         process = subprocess.Popen(
-            [sys.executable, "-m", "shadowbench.cli", *map(str, arguments)],
+            [sys.executable, "-m", "shadowbench", *map(str, arguments)],
             env=os.environ | {name: str(value) for name, value in environment.items()},
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from shadowbench.check.baseline import identity
-from shadowbench.studies.file import read_study
+from shadowbench.studies.study import read_study
 from shadowbench.techniques.biases import Bias
 from shadowbench.techniques.filters import Filter
 from shadowbench.techniques.fits import Fit
@@ -55,7 +55,7 @@ def test_every_row_holds_somewhere(family: type[Row]) -> None:
 @pytest.mark.slow
 def test_the_sources_do_as_well_as_the_baseline(tmp_path: Path) -> None:
     def shadowbench(*words: str | Path) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-m", "shadowbench.cli", *map(str, words)]
+        command = [sys.executable, "-m", "shadowbench", *map(str, words)]
         return subprocess.run(command, capture_output=True, text=True, env=os.environ)
 
     run = shadowbench("run", "-s", BASELINE / "study.toml", "-o", tmp_path)

@@ -23,7 +23,7 @@ def test_importing_the_package_imports_no_other() -> None:
 
 
 def test_help_imports_what_reads_the_command_line_alone() -> None:
-    found = imported_by("from shadowbench.cli import main; main()", "--help")
+    found = imported_by("from shadowbench.commands import main; main()", "--help")
     assert {"shadowbench", "typer"} <= found <= {"shadowbench"} | OF_THE_COMMAND_LINE
 
 

@@ -41,7 +41,7 @@ TESTS = {
     "shadowbench/studies/t*s.py": ["tests/studies/test_tables.py", "tests/studies/test_times.py"],
 }
 # With what they import, these are imported once, before children are forked.
-WARM = ("shadowbench.cli", "tests.conftest", "hypothesis.extra.numpy", "scipy.optimize", "skimage.metrics")
+WARM = ("shadowbench.commands", "tests.conftest", "hypothesis.extra.numpy", "scipy.optimize", "skimage.metrics")
 FLIPPED = {"<": ["<=", ">="], "<=": ["<", ">"], ">": [">=", "<="], ">=": [">", "<"], "==": ["!="], "!=": ["=="]}
 NUMBER = re.compile(rb"[\d._]+(e[+-]?\d+)?")
 NO_INTEGER = re.compile(r"^E +\w*(Error|Exception)\b.*(integer|'int'|'float')", re.MULTILINE)

@@ -85,4 +85,4 @@ class Cells:
         return rows
 
     def _cells(self, spec: Spec) -> tuple[Cell, ...]:
-        return replace(self.study, specs=(spec,)).cells()
+        return self.study.with_specs([spec]).cells()

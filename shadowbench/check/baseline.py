@@ -4,16 +4,14 @@ Scores are compared wherever both sides have them, work where the renderer is th
 """
 
 import math
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from shadowbench.measure.rows import Record, Result
 from shadowbench.scores.metrics import METRICS
+from shadowbench.studies.folder import identity
 
-IDENTITY = ("scene", "view", "light", "phase", "map_size", "view_size", "coordinates")  # and the full spec
-_COMMA = re.compile(r",(?![^()]*\))")  # outside parentheses
 EXACT = ("draws", "primitives", "gpu_bytes", "reads", "rays")  # counts that the same code repeats exactly on a renderer
 INVOCATIONS = 0.02  # of shaders: a driver may shade a pixel of a quad more or less
 TIME_FACTOR = 1.1  # a ratio that grows by less is not worth a word
@@ -57,16 +55,6 @@ class Findings:
     def of(self, verdict: Verdict, times: bool) -> list[Change]:
         """The changes of a verdict that are, or are not, about time."""
         return [change for change in self.changes if change.verdict == verdict and (change.what == "time") == times]
-
-
-def identity(record: Record) -> tuple[Any, ...]:
-    """What names a cell whatever its sources; two runs' cells are the same if these are.
-
-    The order of a spec's parameters, that of the code, is no part of it.
-    """
-    name, _, parameters = str(record.get("full_spec")).partition(":")
-    spec = name, *sorted(_COMMA.split(parameters))
-    return spec, *(record.get(name) for name in IDENTITY)
 
 
 def compare(found: Sequence[Result], baseline: Sequence[Result], tolerances: Mapping[str, float] = {}) -> Findings:

@@ -2,7 +2,6 @@
 
 import json
 import shlex
-import tomllib
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -10,7 +9,8 @@ from pathlib import Path
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
 from shadowbench.measure.rows import SCHEMA, Result, RunFile
-from shadowbench.studies.file import StudyFile, Techniques, find_study, read_study, resolve
+from shadowbench.studies.crossing import Techniques
+from shadowbench.studies.study import find_study, read_study
 
 
 def bless(results: Sequence[Result], folder: Path) -> None:
@@ -62,9 +62,7 @@ def bless_study(about: RunFile, results: Sequence[Result], folder: Path, techniq
 
 def _makes(file: Path, folder: Path, results: Sequence[Result], techniques: Techniques) -> bool:
     try:
-        study = read_study(file, techniques)
-        text = StudyFile.model_validate(tomllib.loads(file.read_text(encoding="utf-8")))
-        moved = resolve(text, techniques, str(file), folder)
+        study, moved = read_study(file, techniques), read_study(file, techniques, folder)
     except InputError:  # it has changed since, or needs a plug-in
         return False
     rows = [result.score for result in results]

@@ -3,13 +3,15 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.stats import kendalltau
 
-from shadowbench.check.baseline import identity
+from shadowbench.errors import InputError
 from shadowbench.measure.rows import Record, Result
+from shadowbench.studies.folder import identity, read_runs
 
 APART = 1.05  # cells whose times differ by less need not keep their order
 ENOUGH = 0.95
@@ -45,9 +47,46 @@ class Repeat:
     unequal: tuple[str, ...]
 
     @property
+    def holds(self) -> bool:
+        """Whether the runs agree: every ranking, and all work."""
+        return self.ranked_alike and not self.unequal
+
+    @property
     def ranked_alike(self) -> bool:
         """Whether every ranking has a τ of 0.95 or more."""
         return all(one.tau is None or one.tau >= ENOUGH for one in self.rankings)
+
+
+def compare_folders(first: Path, second: Path | None = None) -> Repeat:
+    """Two folders of one study on one machine, or the last two times of each cell of one folder.
+
+    Raises InputError for folders that cannot be compared, or in which no two cells differ sharply.
+    """
+    one, other = _timed_twice(first) if second is None else _two_folders(first, second)
+    found = compare_runs(one, other)
+    if not any(ranking.sharp for ranking in found.rankings):
+        raise InputError(
+            f"{second or first}: no two cells differ sharply in both runs; "
+            "allowed: runs of one study on one machine, timed"
+        )
+    return found
+
+
+def _two_folders(first: Path, second: Path) -> tuple[Sequence[Result], Sequence[Result]]:
+    if first.resolve() == second.resolve():
+        raise InputError(f"{second}: is named twice; named once, the last two times of its cells are compared")
+    one, other = read_runs([first, second])
+    if one.renderer != other.renderer:
+        raise InputError(f"{second}: found rows of {other.renderer}; allowed: of {one.renderer}, as in {first}")
+    return one.results, other.results
+
+
+def _timed_twice(folder: Path) -> tuple[Sequence[Result], Sequence[Result]]:
+    (run,) = read_runs([folder])
+    if not run.times_before:
+        raise InputError(f"{folder}: no cell was timed twice; `shadowbench run … --time-again` times cells once more")
+    before = [Result(result.score, run.times_before.get(result.score["key"])) for result in run.results]
+    return before, run.results
 
 
 def compare_runs(first: Sequence[Result], second: Sequence[Result]) -> Repeat:

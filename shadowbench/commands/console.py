@@ -1,47 +1,66 @@
-"""How we speak to people: notes and progress on stderr, results on stdout."""
+"""How commands speak to people: results on stdout, notes, errors and progress on stderr. Rich is imported when used."""
 
-import json
 import logging
 import sys
-from collections.abc import Mapping, Sequence
-from contextlib import redirect_stderr, redirect_stdout
+from collections.abc import Collection, Iterable, Sequence
+from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
-from rich.console import Console
-from rich.measure import Measurement
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TaskID,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
-from rich.table import Table
-
-from shadowbench.errors import InputError, printable
-from shadowbench.files import replace_file
-from shadowbench.measure.printed import Cut
+from shadowbench.errors import printable
 
 if TYPE_CHECKING:
-    from shadowbench.techniques.base import Technique
+    from rich.console import Console
+    from rich.progress import TaskID
 
-# A pipe has no width; tables there are as wide as they like to be, and a spec stays in one piece.
-out = Console(highlight=False, width=None if sys.stdout.isatty() else 500)
-err = Console(stderr=True, highlight=False)
+    from shadowbench.scenes.model import View
 
 _LONGEST_WORD = 24  # characters
 
 
-class ConsoleReporter(logging.Handler):
+@cache
+def out() -> "Console":
+    """Where results go."""
+    from rich.console import Console
+
+    # A pipe has no width; tables there are as wide as they like to be, and a spec stays in one piece.
+    return Console(highlight=False, width=None if sys.stdout.isatty() else 500)
+
+
+@cache
+def err() -> "Console":
+    """Where all else goes."""
+    from rich.console import Console
+
+    return Console(stderr=True, highlight=False)
+
+
+def say(line: str) -> None:
+    """A line of the result."""
+    out().print(line, markup=False, soft_wrap=True)
+
+
+def complain(line: str) -> None:
+    """A line on stderr."""
+    err().print(line, markup=False, soft_wrap=True)
+
+
+class Reporter(logging.Handler):
     """Notes and a progress bar for each stage of a run; silent when told so.
 
     A context manager, in which the package's logged warnings are notes too.
     """
 
     def __init__(self, quiet: bool) -> None:
+        from rich.progress import (
+            BarColumn,
+            MofNCompleteColumn,
+            Progress,
+            TextColumn,
+            TimeElapsedColumn,
+            TimeRemainingColumn,
+        )
+
         super().__init__(logging.WARNING)
         self._quiet = quiet
         self._noted: set[str] = set()
@@ -54,9 +73,9 @@ class ConsoleReporter(logging.Handler):
             TimeRemainingColumn(),
             TextColumn("{task.fields[what]}"),
         )
-        self._progress = Progress(*columns, console=err, disable=quiet or not err.is_terminal, transient=True)
+        self._progress = Progress(*columns, console=err(), disable=quiet or not err().is_terminal, transient=True)
 
-    def __enter__(self) -> "ConsoleReporter":
+    def __enter__(self) -> "Reporter":
         logging.getLogger("shadowbench").addHandler(self)
         self._progress.start()
         return self
@@ -73,7 +92,7 @@ class ConsoleReporter(logging.Handler):
         """Print a line once."""
         if not self._quiet and line not in self._noted:
             self._noted.add(line)
-            err.print(f"note: {printable(line)}", markup=False, soft_wrap=True)
+            complain(f"note: {printable(line)}")
 
     def stage(self, name: str, total: int, what: str = "") -> None:
         """Begin a bar in place of the last; `what` it begins with stands behind it."""
@@ -81,82 +100,74 @@ class ConsoleReporter(logging.Handler):
             self._progress.remove_task(self._task)
         self._task = self._progress.add_task(name, total=total, what=what)
 
+    def view(
+        self, scene: str, size: int | None, view: str | None, light: str | None, assets: Path | None, up: str | None
+    ) -> "View":
+        """The view that options choose, of 512 pixels a side unless they say; notes what is assumed of it."""
+        from shadowbench.scenes.views import chosen_view, notes_on
+
+        chosen = chosen_view(scene, size or 512, view, light, assets, up)
+        for line in notes_on(chosen, view, light):
+            self.note(line)
+        return chosen
+
     def step(self, what: str) -> None:
         """Advance the bar."""
         if self._task is not None:
             self._progress.update(self._task, advance=1, what=what)
 
 
-def techniques_with(plugins: Sequence[Path]) -> Mapping[str, "type[Technique]"]:
-    """All techniques by name; what a plug-in prints while it is loaded goes to stderr, and is cut."""
-    from shadowbench.techniques.registry import techniques  # and with it moderngl, which not every command needs
-
-    stream = Cut(sys.stderr)
-    with redirect_stdout(stream), redirect_stderr(stream):
-        return techniques(plugins)
-
-
-def check_outputs(suffix: str, *files: Path | None) -> None:
-    """Raise, before any work is done, the InputError that writing one of the files would end in.
-
-    Each must end with `suffix`: what is written is of that format, whatever the name says.
-    """
-
-    class Probed(Exception):
-        """The file could be written."""
-
-    named = [file for file in files if file is not None]
-    for file in named:
-        if [other.resolve() for other in named].count(file.resolve()) > 1:
-            raise InputError(f"{file}: is named twice; each output needs a file of its own")
-        try:
-            with replace_file(file):
-                raise Probed
-        except Probed:
-            pass
-        if file.suffix.lower() != suffix:
-            raise InputError(f"{file}: found a name that ends with {file.suffix or 'no suffix'!r}; allowed: {suffix}")
-
-
-def check_folder(folder: Path, own: str = "rows.jsonl") -> None:
-    """Raise InputError where files lie in a folder, hidden ones aside, and not `own`, the one that tells it is ours."""
-    try:
-        found = sorted(file.name for file in folder.iterdir() if not file.name.startswith("."))
-    except OSError:  # no such folder yet, or one that cannot be written either, which is told there
-        return
-    if found and own not in found:
-        allowed = f"a new folder, an empty one, or one with {own}"
-        raise InputError(f"{folder}: found other files, such as {found[0]:.60}; allowed: {allowed}")
-
-
 def say_unsupported(statuses: Sequence[str]) -> None:
     """Say on stderr, as a command's last line, that nothing was drawn as all of its cells are unsupported."""
     if statuses and all(status.startswith("unsupported") for status in statuses):
         which = "the only cell is" if len(statuses) == 1 else f"all {len(statuses)} cells are"
-        err.print(f"shadowbench: nothing was drawn, {which} {statuses[0]}", markup=False, soft_wrap=True)
+        complain(f"shadowbench: nothing was drawn, {which} {statuses[0]}")
 
 
-def print_table(table: Table) -> None:
+def print_table(
+    title: str,
+    columns: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    *,
+    numbers: Collection[str] = (),
+    whole: Collection[str] = (),
+    padded: bool = False,
+) -> None:
     """Print a table of which nothing is cut: where the terminal is too narrow for it, its lines are longer.
 
-    Columns that may wrap do so between words; only words longer than _LONGEST_WORD are broken.
+    columns: headings; those among `numbers` stand to the right, and neither they nor those among `whole` wrap. Others
+    do between words; only words longer than _LONGEST_WORD are broken.
     """
-    unlimited = out.options.update(width=10_000)
+    from rich.markup import escape
+    from rich.measure import Measurement
+    from rich.table import Table
+
+    table = Table(title=escape(title) or None, title_justify="left", box=None, pad_edge=padded)
+    for heading in columns:
+        justify: Literal["right", "left"] = "right" if heading in numbers else "left"
+        kept = heading in numbers or heading in whole
+        table.add_column(heading, justify=justify, no_wrap=kept, overflow="fold")
+    for row in rows:
+        table.add_row(*map(escape, row))
+    unlimited = out().options.update(width=10_000)
     for column in table.columns:
-        sizes = [Measurement.get(out, unlimited, cell) for cell in (column.header, *column.cells)]
+        sizes = [Measurement.get(out(), unlimited, cell) for cell in (column.header, *column.cells)]
         words = min(max(size.minimum for size in sizes), _LONGEST_WORD)
         column.min_width = max(size.maximum for size in sizes) if column.no_wrap else words
-        column.overflow = "fold"
-    least = Measurement.get(out, unlimited, table).minimum
-    table.width = least if least > out.width else None
-    out.print(table, crop=False)
+    least = Measurement.get(out(), unlimited, table).minimum
+    table.width = least if least > out().width else None
+    out().print(table, crop=False)
 
 
 def print_json(value: Any) -> None:
     """One JSON document on stdout."""
+    import json
+
     print(json.dumps(value, indent=2, allow_nan=False))
 
 
-def number(value: float) -> str:
-    """Four significant digits, without an exponent where it can be."""
+def number(value: float | None) -> str:
+    """Four significant digits, without an exponent where it can be; – for none."""
+    if value is None:
+        return "–"
     return f"{value:.4g}" if value == 0 or abs(value) >= 1e-4 else f"{value:.2e}"

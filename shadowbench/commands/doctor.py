@@ -1,91 +1,31 @@
 """`doctor`: is all here that measuring needs, and which clock is used."""
 
-import dataclasses
-from pathlib import Path
-from typing import Any
+import typer
 
-from shadowbench.commands.console import check_outputs, out, print_json
-from shadowbench.errors import InputError, ShadowbenchError
-from shadowbench.gl.clock import WALL
-from shadowbench.measure.machine import machine, versions
-from shadowbench.measure.noise import ALLOWED, CELL, ROUNDS, SCENE, noise
-from shadowbench.measure.place import CellFailed
-from shadowbench.measure.session import DeviceInfo
-from shadowbench.measure.worker import Worker
-from shadowbench.truth.cache import KEPT_BYTES, cache_folder
+from shadowbench.commands import console
+from shadowbench.commands.options import Json, Quiet
+
+app = typer.Typer()
 
 
-def doctor_command(as_json: bool, quiet: bool) -> int:
-    """Print what is found, and unless `quiet` that all is here; 3 when there is no OpenGL, else 0."""
-    found: dict[str, Any] = {"machine": machine(), "versions": versions()}
-    problem = None
-    try:
-        with Worker() as worker:
-            info = worker.info
-            found["opengl"] = dataclasses.asdict(info) | {"why_this_clock": _why(info, info.clock)}
-            found["opengl"] |= _noise(worker, info)
-    except ShadowbenchError as error:
-        problem = str(error)
-        found["opengl"] = {"missing": problem}
-    cache = cache_folder()
-    files = list(cache.glob("*.npz"))
-    found["truth_cache"] = {
-        "folder": str(cache),
-        "truths": len(files),
-        "mib": round(sum(file.stat().st_size for file in files) / 2**20, 1),
-        "at_most_mib": KEPT_BYTES // 2**20,
-    }
-    unkept = _unkept(cache)
-    if unkept is not None:
-        found["truth_cache"]["problem"] = unkept
-    if as_json:
-        print_json(found)
+@app.command()
+def doctor(json: Json = False, quiet: Quiet = False) -> None:
+    """Check this machine: OpenGL and its limits, clock and its noise, cache of truths; says what is missing."""
+    from shadowbench.measure.doctor import examination
+
+    found = examination()
+    missing = "missing" in found["opengl"]
+    if json:
+        console.print_json(found)
     else:
         for title, values in found.items():
-            out.print(title.replace("_", " "))
+            console.out().print(title.replace("_", " "))
             for name, value in values.items():
-                out.print(f"  {name.replace('_', ' ')}: {value}", markup=False, soft_wrap=True)
-        if problem is not None:
-            out.print("no technique can be drawn here; truth and score work")
-        elif unkept is not None:
-            out.print("truths are traced anew by each command; all else is here")
+                console.say(f"  {name.replace('_', ' ')}: {value}")
+        if missing:
+            console.out().print("no technique can be drawn here; truth and score work")
+        elif "problem" in found["truth_cache"]:
+            console.out().print("truths are traced anew by each command; all else is here")
         elif not quiet:
-            out.print("all is here")
-    return 3 if problem else 0
-
-
-def _unkept(folder: Path) -> str | None:
-    """Why no truth can be kept in a folder, or None."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        check_outputs(".npz", folder / "truth.npz")
-    except (OSError, InputError) as error:
-        return str(error)
-    return None
-
-
-def _noise(worker: Worker, info: DeviceInfo) -> dict[str, Any]:
-    """What timing a cell against itself finds, and by which clock: queries may turn out to be impossible."""
-    try:
-        found = noise(worker)
-    except CellFailed as error:  # all else is still to be told
-        return {"noise": f"not measured: {error}"}
-    told: dict[str, Any] = {}
-    if found.clock != info.clock:
-        told |= {"clock": found.clock, "why_this_clock": _why(info, found.clock)}
-    told |= {
-        "noise": round(found.ratio, 4),
-        f"noise_worst_of_{ROUNDS}_rounds": round(found.worst, 4),
-        "noise_is": f"the ratio of {CELL} on {SCENE} to itself, timed as if it were two, over {found.n} rounds",
-    }
-    if found.ratio > ALLOWED:
-        told["noise_is"] += f"; more than {ALLOWED}: something else runs here, and smaller differences mean nothing"
-    return told
-
-
-def _why(info: DeviceInfo, clock: str) -> str:
-    if info.software:
-        return "a software renderer's timer queries are wrong; finishing before and after is right"
-    if clock == WALL:
-        return "the GPU's timer said more than the wall clock did; finishing before and after is right"
-    return "the GPU's own timer, one query at a time; whole frames and passes come from different draws"
+            console.out().print("all is here")
+    raise typer.Exit(3 if missing else 0)

@@ -1,45 +1,45 @@
 """`export`: a view for another renderer."""
 
 from pathlib import Path
+from typing import Annotated
 
-from shadowbench.commands.console import ConsoleReporter, check_folder, out
-from shadowbench.engines.export import DESCRIPTION, export_view
-from shadowbench.scenes.views import chosen_view, notes_on
-from shadowbench.truth.cache import cached_truth
+import typer
+
+from shadowbench.commands import console
+from shadowbench.commands.options import Assets, LightName, Quiet, SceneArgument, Up, ViewName, ViewSize
+
+app = typer.Typer()
 
 
-def export_command(
-    scene: str,
-    folder: Path,
-    view_size: int,
-    view: str | None,
-    light: str | None,
-    assets: Path | None,
-    up: str | None,
-    quiet: bool,
+@app.command(epilog="For example  shadowbench export stairs for-my-engine/ --view-size 1024")
+def export(
+    scene: SceneArgument,
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where the files go; made if need be.")],
+    view_size: ViewSize = None,
+    view: ViewName = None,
+    light: LightName = None,
+    assets: Assets = None,
+    up: Up = None,
+    quiet: Quiet = False,
 ) -> None:
-    """Write a view's model, description and truth into a folder."""
+    """Write a view for your engine: scene.glb, view.json, truth.png.
+
+    scene.glb: meshes with colours, the camera, the light (KHR_lights_punctual). view.json: matrices, near and far,
+    size, where pixels are sampled. truth.png: the ray-traced shadows, as an example of a mask for `shadowbench score`.
+    """
+    from shadowbench.engines.export import DESCRIPTION, export_view, unsaid
+    from shadowbench.files import check_folder
+    from shadowbench.truth.cache import cached_truth
+
     check_folder(folder, DESCRIPTION)
-    with ConsoleReporter(quiet) as reporter:
-        chosen = chosen_view(scene, view_size, view, light, assets, up)
-        for note in notes_on(chosen, view, light):
-            reporter.note(note)
-        for mesh in chosen.scene.meshes:
-            lacking = [what for what, holds in (("cast", mesh.casts), ("receive", mesh.receives)) if not holds]
-            if lacking:
-                reporter.note(
-                    f"{mesh.name} is to {' and '.join(lacking)} no shadow, which glTF cannot say: see view.json"
-                )
-        files = export_view(chosen, cached_truth(chosen), folder, scene)
+    with console.Reporter(quiet) as reporter:
+        chosen = reporter.view(scene, view_size, view, light, assets, up)
+        for line in unsaid(chosen.scene):
+            reporter.note(line)
+        model, description, example = export_view(chosen, cached_truth(chosen), folder, scene)
     if not quiet:
-        triangles = sum(len(mesh.faces) for mesh in chosen.scene.meshes)
-        for file, what in zip(
-            files,
-            (
-                f"{len(chosen.scene.meshes)} meshes, {triangles} triangles, the camera, the light",
-                "matrices, pixels, conventions",
-                "the truth, as an example of a mask",
-            ),
-            strict=True,
-        ):
-            out.print(f"{file}: {what}", markup=False, soft_wrap=True)
+        meshes = chosen.scene.meshes
+        triangles = sum(len(mesh.faces) for mesh in meshes)
+        console.say(f"{model}: {len(meshes)} meshes, {triangles} triangles, the camera, the light")
+        console.say(f"{description}: matrices, pixels, conventions")
+        console.say(f"{example}: the truth, as an example of a mask")

@@ -1,45 +1,46 @@
 """`needs`: what a scene asks of shadows."""
 
-from dataclasses import asdict
-from pathlib import Path
+import typer
 
-from rich.table import Table
+from shadowbench.commands import console
+from shadowbench.commands.options import Assets, Json, LightName, Quiet, SceneArgument, Up, ViewName, ViewSize
 
-from shadowbench.commands.console import ConsoleReporter, print_json, print_table
-from shadowbench.needs.survey import needs
-from shadowbench.needs.words import told
-from shadowbench.scenes.views import chosen_view, notes_on
+app = typer.Typer()
 
 
-def needs_command(
-    scene: str,
-    view_size: int,
-    view: str | None,
-    light: str | None,
-    assets: Path | None,
-    up: str | None,
-    as_json: bool,
-    quiet: bool,
+@app.command(epilog="For example  shadowbench needs street --view-size 1024")
+def needs(
+    scene: SceneArgument,
+    view_size: ViewSize = None,
+    view: ViewName = None,
+    light: LightName = None,
+    assets: Assets = None,
+    up: Up = None,
+    json: Json = False,
+    quiet: Quiet = False,
 ) -> None:
-    """Look at a view and print what it needs."""
-    with ConsoleReporter(quiet) as reporter:
-        chosen = chosen_view(scene, view_size, view, light, assets, up)
-        for note in notes_on(chosen, view, light):
-            reporter.note(note)
-        found = needs(chosen)
+    """Say what a scene asks of shadows, without drawing any: map size, cascades, depth bits, bias, penumbra.
+
+    Each need with its number, its standard error where pixels were sampled, and the reason. Needs no OpenGL.
+    """
+    from dataclasses import asdict
+
+    from shadowbench.needs.survey import needs as needs_of
+    from shadowbench.needs.words import told
+
+    with console.Reporter(quiet) as reporter:
+        chosen = reporter.view(scene, view_size, view, light, assets, up)
+        found = needs_of(chosen)
         if found.pixels < found.view_size**2:
             part = found.pixels / found.view_size**2
             reporter.note(f"{part:.1%} of the pixels were looked at; ± is one standard error")
     rows = told(found)
-    if as_json:
+    if json:
         values = asdict(found)
         values["reach"].pop("matters")
         names = {"scene": chosen.scene.name, "view": chosen.camera.name}
-        print_json(names | values | {"told": [asdict(row) for row in rows]})
+        console.print_json(names | values | {"told": [asdict(row) for row in rows]})
         return
-    table = Table(title=f"{chosen.scene.name}, {view_size} × {view_size} pixels", title_justify="left", box=None)
-    for column in ("need", "number", "why"):
-        table.add_column(column)
-    for row in rows:
-        table.add_row(row.need, row.number, row.reason)
-    print_table(table)
+    title = f"{chosen.scene.name}, {chosen.size} × {chosen.size} pixels"
+    lines = [(row.need, row.number, row.reason) for row in rows]
+    console.print_table(title, ("need", "number", "why"), lines, padded=True)

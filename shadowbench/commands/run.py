@@ -1,51 +1,21 @@
-"""`run`: a study from options, the run, its table."""
+"""`run`: a study measured, and its tables."""
 
-import dataclasses
-import operator
-import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-from rich.markup import escape
-from rich.table import Table
+import typer
 
-from shadowbench.commands.console import (
-    ConsoleReporter,
-    check_folder,
-    err,
-    number,
-    out,
-    print_json,
-    print_table,
-    say_unsupported,
-    techniques_with,
-)
+from shadowbench.commands import console
+from shadowbench.commands.options import SCENE, SPEC, Assets, Json, Plugins, Quiet, Up, ViewName, ViewSize, map_sizes
 from shadowbench.errors import InputError
-from shadowbench.measure.machine import write_run_file
-from shadowbench.measure.place import Limits
-from shadowbench.measure.profile import ACTIVITIES, MEASURING, share, whole
-from shadowbench.measure.session import Session
-from shadowbench.measure.worker import Worker
-from shadowbench.reports.folder import Run, write_cells
-from shadowbench.reports.words import counted
-from shadowbench.studies.file import find_study, read_study
-from shadowbench.studies.run import run_study
-from shadowbench.studies.study import Study
-from shadowbench.studies.sweeps import Curve, curves, places
-from shadowbench.studies.tables import (
-    Slope,
-    SummaryRow,
-    cells_frame,
-    over_scenes,
-    phase_note,
-    reference_times,
-    slopes,
-    summary,
-)
-from shadowbench.studies.times import time_notes
-from shadowbench.techniques.spec import Spec, parse_spec
+
+if TYPE_CHECKING:
+    from shadowbench.studies.folder import Run
+    from shadowbench.studies.measured import Measured
+    from shadowbench.studies.sweeps import Curve
+    from shadowbench.studies.tables import Slope, SummaryRow
 
 _COLUMNS = {  # heading: (value, or "error" for 1 − IoU)
     "1 − IoU": "error",
@@ -63,205 +33,223 @@ _WIDE = 110  # characters; a narrower terminal gets the columns that matter most
 _NARROW = ("error", "ssim", "frame_ms", "ratio")
 _OPTIONAL = ("frame_ms", "ratio", "gpu_bytes")  # shown where a row has them
 
-
-@dataclass(frozen=True)
-class RunOptions:
-    """What the command line says of a study; None and empty leave it to the study file."""
-
-    scenes: tuple[str, ...]
-    study: str | None
-    specs: tuple[str, ...]
-    map_size: str | None
-    view_size: int | None
-    rounds: int | None
-    phases: int | None
-    time_again: bool
-    view: str | None
-    light: str | None
-    plugins: tuple[Path, ...]
-    assets: Path | None
-    up: str | None
+app = typer.Typer()
 
 
-def run_command(options: RunOptions, folder: Path, *, profile: bool, as_json: bool, quiet: bool) -> int:
-    """Run, write `table.csv` and `run.json`, print a table per scene; 3 when a cell failed, else 0."""
-    study = study_from(options)
-    check_folder(folder)
-    limits = Limits(study.time_limit, int(study.memory_limit * 2**30))
-    start = time.perf_counter()
-    with ConsoleReporter(quiet) as reporter, Worker(options.plugins, limits) as worker:
-        if not options.scenes and not options.study:
-            reporter.note(_estimate(study))
-        ran = run_study(study, folder, worker, reporter, options.time_again)
-        info, spent = worker.info, worker.call(Session.spent) if profile else {}
-    swept = places(study.sweeps)
-    write_run_file(folder / "run.json", info, ran.notes, study.facts, [one.score for one in ran.results])
-    whole_folder = write_cells(folder, ran.results, swept)
-    frame = cells_frame(ran.results)
-    if whole_folder.earlier and not quiet:
-        err.print(f"note: {folder}: {_found_before(whole_folder)}", markup=False, soft_wrap=True)
-    tables, references, fits = summary(frame), reference_times(frame), slopes(frame)
-    if as_json:
-        print_json({scene: [dataclasses.asdict(row) for row in rows] for scene, rows in tables.items()})
+@app.command(
+    epilog="\b\nFor example\n"
+    "  shadowbench run cube-on-plane -t shadow-map --map-size 512,1024\n"
+    "  shadowbench run my.glb -t unshadowed -t 'shadow-map:bias=slope,filter=pcf(taps=5)'\n"
+    "  shadowbench run -s presets -o results/presets"
+)
+def run(
+    scenes: Annotated[list[str] | None, typer.Argument(metavar="SCENE", help=f"Each {SCENE}  [the study's].")] = None,
+    study: Annotated[
+        str | None,
+        typer.Option(
+            "-s",
+            "--study",
+            metavar="STUDY",
+            help="A study file (.toml) with scenes and techniques, or one of ours by name (shadowbench list studies).",
+        ),
+    ] = None,
+    techniques: Annotated[
+        list[str] | None,
+        typer.Option("-t", "--technique", metavar="SPEC", help=f"What to measure: {SPEC}; repeatable  [the study's]."),
+    ] = None,
+    map_size: Annotated[
+        str | None,
+        typer.Option(
+            metavar="N,N,...",
+            help="Sizes of the shadow map, for each spec that names none  [the study's; with -t and no study, "
+            "the technique's own].",
+        ),
+    ] = None,
+    view_size: ViewSize = None,
+    rounds: Annotated[
+        int | None,
+        typer.Option(metavar="N", min=0, max=10000, help="How often each cell is timed; 0: not at all  [9]."),
+    ] = None,
+    phases: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            min=1,
+            max=10000,
+            help="Positions of the map's texels to score; more than one give medians with intervals, of which the "
+            "first is timed  [the study's; with -t and neither study nor --map-size, 1].",
+        ),
+    ] = None,
+    time_again: Annotated[
+        bool,
+        typer.Option("--time-again", help="Time cells that have a time once more; `repeat DIR` compares the two."),
+    ] = False,
+    view: ViewName = None,
+    light: Annotated[
+        str | None, typer.Option("--light", metavar="NAME", help="A light of the scene, by its name  [each in turn].")
+    ] = None,
+    plugin: Plugins = None,
+    assets: Assets = None,
+    up: Up = None,
+    profile: Annotated[bool, typer.Option("--profile", help="Print where the time went.")] = False,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="DIR", help="Folder of the table, masks and pictures.")
+    ] = Path("results/latest"),
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Measure techniques on scenes: each is drawn, scored against ray tracing and timed.
+
+    Prints a table for each scene, best first, and writes it with masks and pictures into a folder. Stopped at any
+    point, the same command goes on where it was. Without arguments: three scenes, every technique at its defaults, map
+    sizes 512 to 4096. The columns are explained by `shadowbench list metrics`.
+    """
+    import dataclasses
+
+    from shadowbench.measure.place import Limits
+    from shadowbench.measure.printed import techniques_with
+    from shadowbench.measure.worker import Worker
+    from shadowbench.studies.measured import asked_study, estimate, measure
+    from shadowbench.studies.tables import summary
+    from shadowbench.techniques.spec import parse_spec
+
+    stray = [scene for scene in scenes or () if scene.isdecimal()]
+    if map_size is not None and stray:
+        together = ",".join([map_size, *stray])
+        raise InputError(f"--map-size: found {map_size!r:.60} and {stray[0]!r:.60} apart; allowed: {together}")
+    known = techniques_with(plugin or ())
+    asked = asked_study(
+        known,
+        scenes or (),
+        [parse_spec(text, known) for text in techniques or ()],
+        study=study,
+        map_size=map_sizes(map_size),
+        view_size=view_size,
+        rounds=rounds,
+        phases=phases,
+        view=view,
+        light=light,
+        assets=assets,
+        up=up,
+    )
+    limits = Limits(asked.time_limit, int(asked.memory_limit * 2**30))
+    with console.Reporter(quiet) as reporter, Worker(plugin or (), limits) as worker:
+        if not scenes and not study:
+            cells, seconds = estimate(asked)
+            on = f"{len(asked.scenes)} scenes"
+            reporter.note(f"{cells} cells on {on}: about {seconds:.0f} s on two cores without a GPU")
+        found = measure(asked, output, worker, reporter, time_again=time_again, profile=profile)
+    if found.run.earlier and not quiet:
+        console.complain(f"note: {output}: {_found_before(found.run)}")
+    if json:
+        tables = summary(found.frame)
+        console.print_json({scene: [dataclasses.asdict(row) for row in rows] for scene, rows in tables.items()})
     else:
-        times = "; times of a software renderer, not of a GPU" if info.software else "; times of this GPU"
-        times = times if study.rounds else ""
-        for scene, rows in tables.items():
-            rough = [row.wide for row in rows if row.values["frame_ms"] is not None]
-            notes = [*_notes(rows), *time_notes(references[scene], rough)]
-            _print_scene(f"{scene}, best first{times}", rows, [fit for fit in fits if fit.scene == scene], notes)
-            _print_curves(scene, curves(rows, swept))
-        scenes, means = over_scenes(tables)
-        if len(scenes) > 1:
-            _print_scene(f"mean of the {len(scenes)} scenes in which every cell held", means, [], [])
-        held = [row for rows in tables.values() for row in rows if row.cells]
-        if held and out.width < _WIDE:
-            dropped = ", ".join(name for name in _columns(held, False) if name not in _columns(held, True))
-            where = f"{folder / 'table.csv'} or a terminal of {_WIDE}"
-            out.print(f"columns left out at {out.width} characters, see {where}: {dropped}", soft_wrap=True)
-        if not quiet:
-            cells = counted(len(whole_folder.rows), "cell")
-            beside = "; masks/ and pictures/ beside it" if (frame["status"] == "ok").any() else ""
-            out.print(f"{folder / 'table.csv'}: {cells}{beside}", soft_wrap=True)
+        _print(found, output, quiet)
     if profile:
-        _print_profile(whole(ran.profile.seconds, spent, time.perf_counter() - start))
-    say_unsupported(list(frame["status"]))
-    failed = [status for status in frame["status"] if status.startswith("failed")]
+        _print_profile(found.seconds)
+    statuses = list(found.frame["status"])
+    console.say_unsupported(statuses)
+    failed = [status for status in statuses if status.startswith("failed")]
     if failed:
         first = failed[0].removeprefix("failed: ")
-        line = f"shadowbench: {len(failed)} of {len(frame)} cells failed; the first: {first}"
-        err.print(line, markup=False, soft_wrap=True)
-    return 3 if failed else 0
+        console.complain(f"shadowbench: {len(failed)} of {len(statuses)} cells failed; the first: {first}")
+    raise typer.Exit(3 if failed else 0)
 
 
-def _found_before(run: Run) -> str:
+def _found_before(run: "Run") -> str:
     """What stands in the folder beside the cells of this command."""
+    from shadowbench.reports.words import counted
+
     rows = [row for row in run.rows if row["key"] in run.earlier]
     named = [counted(len({row[what] for row in rows}), what) for what in ("scene", "spec")]
     found = f"found {counted(len(rows), 'cell')} of earlier commands ({', '.join(named)})"
     return f"{found}; they stay in table.csv and in reports"
 
 
-def study_from(options: RunOptions) -> Study:
-    """The study that the options make; raises InputError for what they get wrong."""
-    stray = [scene for scene in options.scenes if scene.isdecimal()]
-    if options.map_size is not None and stray:
-        together = ",".join([options.map_size, *stray])
-        raise InputError(f"--map-size: found {options.map_size!r:.60} and {stray[0]!r:.60} apart; allowed: {together}")
-    known = techniques_with(options.plugins)
-    study = read_study(find_study(options.study or "default"), known)
-    if options.specs and not (options.study or options.map_size):
-        study = replace(study, map_sizes=(), phases=1)  # specs alone mean what they say
-    if options.specs or options.phases:
-        study = replace(study, own_phases={})
-    specs = tuple(parse_spec(text, known) for text in options.specs)
-    changes = {
-        "scenes": options.scenes,
-        "specs": specs,
-        "map_sizes": map_sizes(options.map_size),
-        "view_size": options.view_size,
-        "rounds": options.rounds,
-        "phases": options.phases,
-        "views": (options.view,) if options.view else None,
-        "lights": (options.light,) if options.light else None,
-        "assets": options.assets,
-        "up": options.up,
-        "notes": (*study.notes, *_sized(specs, options.map_size)),
-    }
-    return replace(study, **{key: value for key, value in changes.items() if value not in (None, ())})  # type: ignore[arg-type]
+def _print(found: "Measured", folder: Path, quiet: bool) -> None:
+    """A table a scene, one over scenes, and where the rest is."""
+    from shadowbench.reports.words import counted
+    from shadowbench.studies.sweeps import curves
+    from shadowbench.studies.tables import over_scenes, reference_times, slopes, summary
+    from shadowbench.studies.times import time_notes
+
+    tables, references, fits = summary(found.frame), reference_times(found.frame), slopes(found.frame)
+    times = "; times of a software renderer, not of a GPU" if found.info.software else "; times of this GPU"
+    times = times if found.study.rounds else ""
+    for scene, rows in tables.items():
+        rough = [row.wide for row in rows if row.values["frame_ms"] is not None]
+        notes = [*_notes(rows), *time_notes(references[scene], rough)]
+        _print_scene(f"{scene}, best first{times}", rows, [fit for fit in fits if fit.scene == scene], notes)
+        _print_curves(scene, curves(rows, found.swept))
+    scenes, means = over_scenes(tables)
+    if len(scenes) > 1:
+        _print_scene(f"mean of the {len(scenes)} scenes in which every cell held", means, [], [])
+    held = [row for rows in tables.values() for row in rows if row.cells]
+    if held and console.out().width < _WIDE:
+        dropped = ", ".join(name for name in _columns(held, False) if name not in _columns(held, True))
+        where = f"{folder / 'table.csv'} or a terminal of {_WIDE}"
+        console.say(f"columns left out at {console.out().width} characters, see {where}: {dropped}")
+    if not quiet:
+        beside = "; masks/ and pictures/ beside it" if (found.frame["status"] == "ok").any() else ""
+        console.say(f"{folder / 'table.csv'}: {counted(len(found.run.rows), 'cell')}{beside}")
 
 
-def _sized(specs: Sequence[Spec], asked: str | None) -> list[str]:
-    """What to say of specs that name a size where --map-size asks for others."""
-    named = [spec.text for spec in specs if "size" in spec.named] if asked else []
-    return [f"{name} names its size, which --map-size {asked} leaves as it is" for name in named]
-
-
-def map_sizes(text: str | None) -> tuple[int, ...]:
-    """The sizes that --map-size names; raises InputError."""
-    if text is None:
-        return ()
-    try:
-        sizes = [int(part) for part in text.split(",")]
-    except ValueError:
-        sizes = []
-    if not sizes or min(sizes) < 1 or max(sizes) > 65536:
-        raise InputError(f"--map-size: found {text!r:.60}; allowed: whole numbers from 1 to 65536, separated by commas")
-    return tuple(sizes)
-
-
-def _estimate(study: Study) -> str:
-    """Rough, from a machine of two cores without a GPU; a GPU takes less."""
-    cells = study.cells()
-    frames = [(study.rounds * 4 / 3 if cell.phase == 0 else 0) + 4 for cell in cells]
-    pixels = [study.view_size**2 + (cell.spec.map_size or 0) ** 2 for cell in cells]
-    seconds = sum(map(operator.mul, pixels, frames)) * 1e-9 * 12 * len(study.scenes)
-    count = len(cells) * len(study.scenes)
-    return f"{count} cells on {len(study.scenes)} scenes: about {max(seconds, 5):.0f} s on two cores without a GPU"
-
-
-def _print_scene(title: str, rows: list[SummaryRow], fits: list[Slope], notes: list[str]) -> None:
+def _print_scene(title: str, rows: "list[SummaryRow]", fits: "list[Slope]", notes: list[str]) -> None:
     """A line for each spec and map size that held, best first; then what did not hold, the slopes, and notes."""
-    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
-    table.add_column("spec")
-    table.add_column("map", justify="right", no_wrap=True)
-    columns = _columns(rows, out.width < _WIDE)
-    for heading in columns:
-        table.add_column(heading, justify="right", no_wrap=True)
-    for row in rows:
-        if row.cells:
-            size = str(row.map_size or "")
-            table.add_row(escape(row.spec), size, *(_cell(row, key) for key in columns.values()))
-    if table.row_count:
-        print_table(table)
+    columns = _columns(rows, console.out().width < _WIDE)
+    held = [
+        (row.spec, str(row.map_size or ""), *(_cell(row, key) for key in columns.values())) for row in rows if row.cells
+    ]
+    if held:
+        console.print_table(title, ("spec", "map", *columns), held, numbers=("map", *columns))
     else:
-        out.print(title, markup=False)
+        console.out().print(title, markup=False)
     for row in rows:
         for status, count in Counter(row.refused).items():
             share = f"{count} of {row.cells + len(row.refused)} cells " if row.cells + len(row.refused) > 1 else ""
-            out.print(f"  {row.spec} {row.map_size or ''}: {share}{status}", markup=False, soft_wrap=True)
+            console.say(f"  {row.spec} {row.map_size or ''}: {share}{status}")
     for fit in fits:
         sizes = f"{fit.sizes[0]} to {fit.sizes[-1]}"
-        slope = fit.slope.text(_signed) + (", one phase" if fit.phases == 1 else "")
-        line = f"  slope of log(1 − IoU) over log(size), {sizes}: {slope}  {fit.spec}"
-        out.print(line, markup=False, soft_wrap=True)
+        slope = fit.slope.text("{:+.2f}".format) + (", one phase" if fit.phases == 1 else "")
+        console.say(f"  slope of log(1 − IoU) over log(size), {sizes}: {slope}  {fit.spec}")
     for line in notes:
-        out.print(f"  {line}", markup=False, soft_wrap=True)
-    out.print()
+        console.say(f"  {line}")
+    console.out().print()
 
 
-def _notes(rows: list[SummaryRow]) -> list[str]:
+def _notes(rows: "list[SummaryRow]") -> list[str]:
     """Of how many cells a table's numbers are medians, and which maps were scored in one phase."""
+    from shadowbench.studies.tables import phase_note
+
     cells = max(row.cells for row in rows)
     medians = f"medians of up to {cells} cells (views × phases), the error with its 95% interval" if cells > 1 else None
     return [note for note in (medians, phase_note(rows)) if note is not None]
 
 
-def _columns(rows: Sequence[SummaryRow], narrow: bool) -> dict[str, str]:
+def _columns(rows: "Sequence[SummaryRow]", narrow: bool) -> dict[str, str]:
     """The columns of a table, by heading: few on a narrow terminal; no optional one that no row has."""
     lacking = {key for key in _OPTIONAL if all(row.values.get(key) is None for row in rows)}
     return {heading: key for heading, key in _COLUMNS.items() if key not in lacking and (key in _NARROW or not narrow)}
 
 
-def _print_curves(scene: str, found: list[Curve]) -> None:
+def _print_curves(scene: str, found: "list[Curve]") -> None:
     """A line for each factor of a swept bias, as it grows: acne falls, contact rises; the best beside the default."""
     if not found:
         return
-    title = f"{scene}, bias multiplied: acne against contact (peter-panning)"
-    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
-    table.add_column("spec")
-    for heading in ("map", "× bias", "acne", "contact", "1 − IoU", "SSIM", ""):
-        table.add_column(heading, justify="left" if not heading else "right", no_wrap=True)
+    rows = []
     for curve in found:
         for factor, row in curve.rows:
             marks = [*(["default"] if factor == 1 else []), *(["best"] if factor == curve.best else [])]
             cells = [_cell(row, key) for key in ("acne", "contact", "error", "ssim")]
-            table.add_row(escape(row.spec), str(row.map_size or ""), f"{factor:g}", *cells, ", ".join(marks))
-    print_table(table)
-    out.print()
+            rows.append((row.spec, str(row.map_size or ""), f"{factor:g}", *cells, ", ".join(marks)))
+    numbers = ("map", "× bias", "acne", "contact", "1 − IoU", "SSIM")
+    title = f"{scene}, bias multiplied: acne against contact (peter-panning)"
+    console.print_table(title, ("spec", *numbers, ""), rows, numbers=numbers, whole=("",))
+    console.out().print()
 
 
-def _cell(row: SummaryRow, key: str) -> str:
+def _cell(row: "SummaryRow", key: str) -> str:
     """The error with its interval, the median alone of all else; a time that is rough is marked."""
     value = row.values.get("iou" if key == "error" else key)
     if value is None:
@@ -269,20 +257,17 @@ def _cell(row: SummaryRow, key: str) -> str:
     if key == "gpu_bytes":
         return f"{value.median / 2**20:.1f}"
     if key == "error":
-        return value.complement().text(number)
-    return f"~{number(value.median)}" if key == "frame_ms" and row.wide else number(value.median)
-
-
-def _signed(value: float) -> str:
-    return f"{value:+.2f}"
+        return value.complement().text(console.number)
+    return f"~{console.number(value.median)}" if key == "frame_ms" and row.wide else console.number(value.median)
 
 
 def _print_profile(seconds: Mapping[str, float]) -> None:
+    from shadowbench.measure.profile import ACTIVITIES, MEASURING, share
+
     total = sum(seconds.values())
     for activity, value in sorted(seconds.items(), key=lambda item: -item[1]):
-        err.print(f"{activity:<9} {value:8.2f} s  {value / total:6.1%}  {ACTIVITIES[activity]}", soft_wrap=True)
-    err.print(
+        console.complain(f"{activity:<9} {value:8.2f} s  {value / total:6.1%}  {ACTIVITIES[activity]}")
+    console.complain(
         f"{total:.2f} s in all, {share(seconds):.1%} of it inside GL passes, ray tracing and scoring; "
-        f"{share(seconds, (*MEASURING, 'prepare')):.1%} with what is measured as prepare_ms",
-        soft_wrap=True,
+        f"{share(seconds, (*MEASURING, 'prepare')):.1%} with what is measured as prepare_ms"
     )

@@ -1,193 +1,131 @@
 """`tune`: a technique's parameters searched on some scenes, compared with its default and presets on others."""
 
-from collections.abc import Mapping, Sequence
-from contextlib import closing
-from dataclasses import asdict, dataclass, fields, replace
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated
 
-from rich.markup import escape
-from rich.table import Table
+import typer
 
-from shadowbench.advice.tune import tune
-from shadowbench.advice.tune_beside import Entry, Tuning
-from shadowbench.advice.tune_cells import Cells
-from shadowbench.advice.tune_space import Space, searched
-from shadowbench.advice.tune_split import split_of
-from shadowbench.commands.console import (
-    ConsoleReporter,
-    check_folder,
-    err,
-    number,
-    out,
-    print_json,
-    print_table,
-    techniques_with,
+from shadowbench.commands import console
+from shadowbench.commands.options import SCENE, SPEC, Assets, Json, Plugins, Quiet, Up, ViewSize, listed, map_sizes
+
+if TYPE_CHECKING:
+    from shadowbench.advice.tune_beside import Entry, Tuning
+
+app = typer.Typer()
+
+
+@app.command(
+    epilog="\b\nFor example\n"
+    "  shadowbench tune -t shadow-map --scenes stairs,statue,street,my.glb --held-out statue,my\n"
+    "  shadowbench tune -t cube-map --params bias --trials 50"
 )
-from shadowbench.commands.run import map_sizes
-from shadowbench.errors import InputError
-from shadowbench.measure.machine import write_run_file
-from shadowbench.measure.measurer import Measurer
-from shadowbench.measure.row_store import RowStore
-from shadowbench.measure.worker import Worker
-from shadowbench.reports.folder import write_cells
-from shadowbench.reports.words import counted
-from shadowbench.scenes.library import builtin_names
-from shadowbench.studies.run import check_sizes
-from shadowbench.studies.study import Study, scenes_of
-from shadowbench.studies.tables import Interval
-from shadowbench.techniques.base import Technique
-from shadowbench.techniques.spec import Spec, parse_spec, spec_of
+def tune(
+    technique: Annotated[
+        str,
+        typer.Option("-t", "--technique", metavar="SPEC", help=f"What is tuned: {SPEC}; the rest of it stays."),
+    ],
+    scenes: Annotated[
+        str | None,
+        typer.Option(metavar="SCENE,SCENE,...", help=f"Each {SCENE}  [all built-in ones that it answers]."),
+    ] = None,
+    held_out: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME,NAME,...", help="Scenes, by name, to compare on and not to tune on  [every third, by hash]."
+        ),
+    ] = None,
+    params: Annotated[
+        str | None,
+        typer.Option(metavar="NAME,NAME,...", help="Parameters that are searched  [bias,filter,fit, those it has]."),
+    ] = None,
+    trials: Annotated[int, typer.Option(metavar="N", min=1, max=100_000, help="Settings that a search tries.")] = 100,
+    against: Annotated[
+        list[str] | None,
+        typer.Option(metavar="SPEC", help="What else to compare with, beside default and presets; repeatable."),
+    ] = None,
+    map_size: Annotated[str, typer.Option(metavar="N,N,...", help="Sizes of the map; several are averaged.")] = "2048",
+    view_size: ViewSize = None,
+    phases: Annotated[
+        int, typer.Option(metavar="N", min=1, max=10_000, help="Positions of the map's texels; they are averaged.")
+    ] = 2,
+    plugin: Plugins = None,
+    assets: Assets = None,
+    up: Up = None,
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder of rows and table.")] = Path(
+        "results/tune"
+    ),
+    json: Json = False,
+    quiet: Quiet = False,
+) -> None:
+    """Search the parameters at which a technique is most accurate at each cost, on several scenes.
 
+    Error is that of IoU and SSIM together, cost the work counted. What is best on the scenes tuned on is set beside
+    the default and the presets on scenes held out: every camera and light of a scene takes part. Stopped at any point,
+    the same command goes on where it was.
+    """
+    from shadowbench.advice.tuned import tuned, values
+    from shadowbench.measure.printed import techniques_with
+    from shadowbench.measure.worker import Worker
+    from shadowbench.reports.words import counted
+    from shadowbench.techniques.spec import parse_spec
 
-@dataclass(frozen=True)
-class TuneOptions:
-    """What the command line says; None leaves the choice to us."""
-
-    spec: str
-    scenes: str | None
-    held_out: str | None
-    params: str | None
-    against: tuple[str, ...]
-    trials: int
-    map_size: str
-    view_size: int
-    phases: int
-    plugins: tuple[Path, ...]
-    assets: Path | None
-    up: str | None
-
-
-def tune_command(options: TuneOptions, folder: Path, *, as_json: bool, quiet: bool) -> int:
-    """Search, write `table.csv` and `run.json`, print what was found; 3 when a cell failed, else 0."""
-    known = techniques_with(options.plugins)
-    sizes = map_sizes(options.map_size)
-    home = _at(parse_spec(options.spec, known), sizes)
-    names = searched(home, options.params)
-    others = _others(home, options, sizes, known)
-    study = Study(
-        scenes=_listed(options.scenes) or tuple(builtin_names()),
-        specs=(home,),
-        reference=home,
-        map_sizes=sizes,
-        view_size=options.view_size,
-        rounds=0,
-        phases=options.phases,
-        assets=options.assets,
-        up=options.up,
-    )
-    check_folder(folder)
-    with ConsoleReporter(quiet) as reporter, Worker(options.plugins) as worker:
-        info = worker.info
-        check_sizes(study, info)
-        if not info.pipeline_statistics:
-            raise InputError(f"{info.renderer} counts no invocations, so there is no cost to tune for")
-        with closing(RowStore(folder)) as store:
-            cells = Cells(study, Measurer(worker, store, study.conditions(), reporter))
-            blocks = cells.taking_part(home)
-            split = split_of([scene.name for scene in scenes_of(blocks)], _listed(options.held_out))
-            space = Space(home, names, cells.refused_rows(home, names, blocks))
-            found = tune(space, cells, blocks, split, options.trials, others)
-    results = list(cells.results.values())
-    write_run_file(folder / "run.json", info, [], study.facts, [one.score for one in results])
-    write_cells(folder, results, {})
-    if as_json:
-        print_json(_plain(found))
+    known = techniques_with(plugin or ())
+    with console.Reporter(quiet) as reporter, Worker(plugin or ()) as worker:
+        found = tuned(
+            parse_spec(technique, known),
+            output,
+            worker,
+            reporter,
+            scenes=listed(scenes),
+            held_out=listed(held_out),
+            params=params,
+            against={text: parse_spec(text, known) for text in against or ()},
+            trials=trials,
+            map_size=map_sizes(map_size) or (),
+            view_size=view_size or 512,
+            phases=phases,
+            assets=assets,
+            up=up,
+        )
+    if json:
+        console.print_json(values(found.tuning))
     else:
-        _print(found)
+        _print(found.tuning)
         if not quiet:
-            out.print(f"{folder / 'table.csv'}: {counted(len(results), 'cell')}", soft_wrap=True)
-    failed = [one.status for one in results if one.status.startswith("failed")]
+            console.say(f"{output / 'table.csv'}: {counted(len(found.results), 'cell')}")
+    failed = [one.status for one in found.results if one.status.startswith("failed")]
     if failed:
-        line = f"shadowbench: {len(failed)} of {len(results)} cells failed; the first: {failed[0]}"
-        err.print(line, markup=False, soft_wrap=True)
-    return 3 if failed else 0
+        console.complain(f"shadowbench: {len(failed)} of {len(found.results)} cells failed; the first: {failed[0]}")
+    raise typer.Exit(3 if failed else 0)
 
 
-def _listed(text: str | None) -> tuple[str, ...]:
-    return tuple(part.strip() for part in text.split(",") if part.strip()) if text else ()
+def _print(found: "Tuning") -> None:
+    from shadowbench.advice.tuned import verdict
+    from shadowbench.reports.words import counted
 
-
-def _at(spec: Spec, sizes: Sequence[int]) -> Spec:
-    """A spec that takes the sizes, also where it names one: the comparison is at the same."""
-    sized = spec.with_(size=sizes[0]) if spec.has_size else spec
-    return replace(sized, named=sized.named - {"size"})
-
-
-def _others(
-    home: Spec, options: TuneOptions, sizes: Sequence[int], known: Mapping[str, type[Technique]]
-) -> dict[str, Spec]:
-    """What the tuned is set beside, by name: the technique's presets, and what --against names."""
-    presets = {
-        f"preset={name}": spec_of(home.technique, (("preset", name),), f"preset {name}")
-        for name in home.technique.presets
-    }
-    return {name: _at(spec, sizes) for name, spec in presets.items()} | {
-        text: _at(parse_spec(text, known), sizes) for text in options.against
-    }
-
-
-def _print(found: Tuning) -> None:
     held_out = found.split.held_out
-    _print_table(f"best at each cost, from the cheapest; held out: {', '.join(held_out)}", found.front)
-    out.print()
+    _print_entries(f"best at each cost, from the cheapest; held out: {', '.join(held_out)}", found.front)
+    console.out().print()
     intervals = ", with 95% intervals over them" if len(held_out) > 1 else ""
     title = f"beside the default and others on {counted(len(held_out), 'scene')} held out{intervals}"
-    _print_table(title, (found.tuned, *found.others))
-    out.print("error: √((1 − IoU) · (1 − SSIM)), geometric mean over scenes; × tuned: median over scenes")
-    out.print(_verdict(found), markup=False, soft_wrap=True)
+    _print_entries(title, (found.tuned, *found.others))
+    console.out().print("error: √((1 − IoU) · (1 − SSIM)), geometric mean over scenes; × tuned: median over scenes")
+    console.say(verdict(found))
 
 
-def _print_table(title: str, entries: Sequence[Entry]) -> None:
-    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
-    table.add_column("")
-    table.add_column("spec")
-    for heading in ("cost", "tuning", "held out", "1 − IoU × tuned", "1 − SSIM × tuned", "acne", "leak", "contact"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    for entry in entries:
-        table.add_row(*_line(entry))
-    print_table(table)
+def _print_entries(title: str, entries: "Sequence[Entry]") -> None:
+    numbers = ("cost", "tuning", "held out", "1 − IoU × tuned", "1 − SSIM × tuned", "acne", "leak", "contact")
+    console.print_table(title, ("", "spec", *numbers), [_line(entry) for entry in entries], numbers=numbers)
 
 
-def _line(entry: Entry) -> list[str]:
+def _line(entry: "Entry") -> list[str]:
     return [
-        escape(entry.name),
-        escape(entry.spec.sizeless_text),
+        entry.name,
+        entry.spec.sizeless_text,
         f"{entry.cost:.2f}",
-        number(entry.tuning),
-        entry.held_out.text(number),
-        *("–" if one is None else one.text(_factor) for one in (entry.iou_ratio, entry.ssim_ratio)),
-        *("–" if value is None else number(value) for value in (entry.acne, entry.leak, entry.contact)),
+        console.number(entry.tuning),
+        entry.held_out.text(console.number),
+        *("–" if one is None else one.text("{:.3g}".format) for one in (entry.iou_ratio, entry.ssim_ratio)),
+        *(console.number(value) for value in (entry.acne, entry.leak, entry.contact)),
     ]
-
-
-def _verdict(found: Tuning) -> str:
-    """Whether the scenes held out speak for another default."""
-    default = found.others[0]
-    if found.tuned.spec == default.spec:
-        return "the default stands: nothing at its cost was surely better on the scenes that were tuned on"
-    iou, ssim = default.iou_ratio, default.ssim_ratio
-    worse = iou is not None and ssim is not None and (iou.low or 0) > 1 and ssim.median > 1
-    tuned = found.tuned.spec.sizeless_text
-    if worse:
-        return f"suggested default: {tuned}"
-    return f"the default stands: on the scenes held out it is not surely behind {tuned}"
-
-
-def _factor(value: float) -> str:
-    return f"{value:.3g}"
-
-
-def _plain(found: Tuning) -> dict[str, Any]:
-    def entry(one: Entry) -> dict[str, Any]:
-        values = {item.name: getattr(one, item.name) for item in fields(one)}
-        return {key: asdict(value) if isinstance(value, Interval) else value for key, value in values.items()} | {
-            "spec": one.spec.sizeless_text
-        }
-
-    return asdict(found.split) | {
-        "front": [entry(one) for one in found.front],
-        "tuned": entry(found.tuned),
-        "others": [entry(one) for one in found.others],
-        "verdict": _verdict(found),
-    }

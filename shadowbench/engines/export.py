@@ -12,7 +12,7 @@ import numpy as np
 from shadowbench.engines.model import glb_of
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
-from shadowbench.scenes.model import Camera, Floats, Light, View, unit
+from shadowbench.scenes.model import Camera, Floats, Light, Scene, View, unit
 from shadowbench.scores.masks import write_mask
 from shadowbench.truth.trace import Truth
 
@@ -38,6 +38,32 @@ def export_view(view: View, truth: Truth, folder: Path, reference: str) -> list[
         beside.write_text(_ROW.sub(lambda row: " ".join(row[0].split()), text) + "\n", encoding="utf-8")
     write_mask(example, truth.visibility)
     return [model, description, example]
+
+
+def unsaid(scene: Scene) -> list[str]:
+    """A line for each mesh that casts or receives no shadow, which glTF has no word for."""
+    lines = []
+    for mesh in scene.meshes:
+        lacking = [what for what, holds in (("cast", mesh.casts), ("receive", mesh.receives)) if not holds]
+        if lacking:
+            lines.append(f"{mesh.name} is to {' and '.join(lacking)} no shadow, which glTF cannot say: see view.json")
+    return lines
+
+
+def other_size(given: Path, view: View) -> str | None:
+    """A line where `export_view` wrote the scene beside a file, at another size than the view's; else None."""
+    exported = given.parent / DESCRIPTION
+    if not exported.is_file():
+        return None
+    try:
+        described = json.loads(exported.read_text(encoding="utf-8"))
+    except ValueError:  # somebody else's file of that name
+        return None
+    match described:
+        case {"scene": view.scene.name, "image": {"width": int(width)}} if width != view.size:
+            sizes = f"{view.size}², where {exported} says {width}²"
+            return f"{given}: {sizes}; a mask's size is the view's: scored as the view of {view.size}²"
+    return None
 
 
 def view_matrix(camera: Camera) -> Floats:

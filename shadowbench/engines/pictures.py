@@ -1,5 +1,6 @@
 """What another renderer hands over: a mask, or screenshots from which visibility is derived in linear light."""
 
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -112,3 +113,23 @@ def _side_of(file: Path) -> int:
 
 def _size(shape: tuple[int, ...]) -> str:
     return " × ".join(str(side) for side in (shape[1], shape[0], *shape[2:])) if len(shape) > 1 else str(shape)
+
+
+def handed_over(scene: str, mask: Path | None, lit: Path | None, shadowed: Path | None, ambient: Path | None) -> Handed:
+    """A mask, or what screenshots show; InputError for both, neither or half of them, which says how to hand them over.
+
+    scene: as the command `score` is given it.
+    """
+    if mask is not None and lit is shadowed is ambient is None:
+        return mask_from_file(mask)
+    if mask is None and lit is not None and shadowed is not None:
+        return from_screenshots(lit, shadowed, ambient)
+    if mask is lit is shadowed is ambient is None:
+        command = f"shadowbench score {shlex.quote(scene)}"
+        raise InputError(
+            f"score: found neither a mask nor screenshots of {scene:.200}; allowed: {command} MASK.png, or "
+            f"{command} --lit LIT.png --shadowed SHADOWED.png; shadowbench export says what to draw"
+        )
+    given = {"MASK": mask, "--lit": lit, "--shadowed": shadowed, "--ambient": ambient}
+    found = " and ".join(key for key, value in given.items() if value is not None)
+    raise InputError(f"score: found {found}; allowed: MASK, or --lit and --shadowed, with or without --ambient")

@@ -53,6 +53,20 @@ class Accuracy:
         false_shadow, false_light = wrong_pixels(self.comparison)
         return int(np.count_nonzero(false_shadow)), int(np.count_nonzero(false_light))
 
+    def values(self) -> dict[str, Any]:
+        """All that is known of it, as JSON has it."""
+        false_shadow, false_light = self.wrong
+        return {
+            "scene": self.view.scene.name,
+            "view": self.view.camera.name,
+            "light": self.view.light.name,
+            "view_size": self.view.size,
+            **self.record,
+            "false_shadow": false_shadow,
+            "false_light": false_light,
+            "errors": [{"kind": kind.name, "pixels": kind.pixels, "line": kind.line} for kind in self.kinds],
+        }
+
     def difference(self) -> NDArray[np.uint8]:
         """(N, N, 3) sRGB: false shadow orange, false light blue."""
         return difference_picture(self.comparison)

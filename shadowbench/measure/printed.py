@@ -3,8 +3,15 @@
 import codecs
 import io
 import os
+import sys
 import threading
+from collections.abc import Mapping, Sequence
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
 from typing import IO, TextIO
+
+from shadowbench.techniques.base import Technique
+from shadowbench.techniques.registry import techniques
 
 MOST = 100_000
 """Characters of one process that are passed on."""
@@ -44,3 +51,13 @@ def pass_on(pipe: IO[bytes]) -> threading.Thread:
     thread = threading.Thread(target=read, daemon=True)
     thread.start()
     return thread
+
+
+def techniques_with(plugins: Sequence[Path]) -> Mapping[str, type[Technique]]:
+    """All techniques by name, those of plug-ins too: what they print while they are loaded goes to stderr, and is cut.
+
+    Raises InputError for a plug-in that cannot be loaded.
+    """
+    stream = Cut(sys.stderr)
+    with redirect_stdout(stream), redirect_stderr(stream):
+        return techniques(plugins)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from shadowbench.reports.folder import Run
+from shadowbench.studies.folder import Run
 from shadowbench.studies.tables import Interval, SummaryRow, interval, pareto_front, summary_rows, titles
 from shadowbench.studies.times import ReferenceTime, by_one_reference
 

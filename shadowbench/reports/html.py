@@ -19,7 +19,6 @@ from shadowbench.reports.analysis import Configuration, Reach, Section, front, s
 from shadowbench.reports.axes import Chart
 from shadowbench.reports.bias_curve import bias_charts
 from shadowbench.reports.charts import default_size, front_chart, pass_chart, size_chart
-from shadowbench.reports.folder import Folder, Run, Sweep
 from shadowbench.reports.gallery import gallery, shots_of_breaks, shots_of_section, side, start_of_section
 from shadowbench.reports.heat_map import NOTHING, heat_map, is_dark, shade
 from shadowbench.reports.stability import Stability
@@ -45,6 +44,7 @@ from shadowbench.reports.words import (
 from shadowbench.scores.metrics import METRICS
 from shadowbench.stress.axes.model import NAMES
 from shadowbench.stress.ranges import OperatingRange
+from shadowbench.studies.folder import Folder, Run, Sweep
 
 _PAGE = Path(__file__).parent / "page"
 _GLOBALS = "window.vegaEmbed = vegaEmbed;"

@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Mapping, Sequence
 
 from shadowbench.reports.analysis import Section, front
-from shadowbench.reports.folder import Run, Sweep
 from shadowbench.reports.stability import Stability
 from shadowbench.reports.words import (
     digits,
@@ -23,6 +22,7 @@ from shadowbench.reports.words import (
     value_of,
     warned,
 )
+from shadowbench.studies.folder import Run, Sweep
 
 _COLUMNS = {
     "SSIM": "ssim",

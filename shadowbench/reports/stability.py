@@ -6,11 +6,11 @@ from functools import cached_property
 from statistics import fmean
 
 from shadowbench.measure.rows import Record
-from shadowbench.reports.folder import Sweep
 from shadowbench.scenes.model import LightKind
 from shadowbench.stress.axes import AXES, Axis, Value
 from shadowbench.stress.axes.model import NAMES
 from shadowbench.stress.ranges import Break, OperatingRange, operating_ranges
+from shadowbench.studies.folder import Sweep
 from shadowbench.techniques.unshadowed import Unshadowed
 
 Line = tuple[str, LightKind]

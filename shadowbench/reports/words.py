@@ -14,10 +14,10 @@ from shadowbench.reports.analysis import (
     reaches_iou,
     time_to_accuracy,
 )
-from shadowbench.reports.folder import Run, Sweep
 from shadowbench.reports.stability import Stability, whole
 from shadowbench.stress.axes.model import NAMES, shown
 from shadowbench.stress.ranges import TOLERANCES, OperatingRange, value_text
+from shadowbench.studies.folder import Run, Sweep
 from shadowbench.studies.tables import phase_note
 from shadowbench.studies.times import time_notes
 

@@ -6,7 +6,7 @@ from typing import TypeVar
 
 from shadowbench.errors import InputError, alternatives
 from shadowbench.scenes.library import load_scene
-from shadowbench.scenes.model import Camera, Light, View, view_of
+from shadowbench.scenes.model import Camera, Light, Scene, View, view_of
 
 LARGEST = 16384
 """Pixels along a side."""
@@ -15,20 +15,20 @@ Named = TypeVar("Named", Camera, Light)
 
 
 def chosen_view(
-    scene: str | Path,
+    scene: str | Path | Scene,
     size: int,
     camera: str | None = None,
     light: str | None = None,
     assets: Path | None = None,
     up: str | None = None,
 ) -> View:
-    """The view of size × size pixels of a scene by reference; its first camera and light unless they are named.
+    """The view of size × size pixels of a scene, by reference or loaded; its first camera and light unless named.
 
     `assets` and `up` are those of `load_scene`. Raises InputError for what there is not.
     """
     if not 1 <= size <= LARGEST:
         raise InputError(f"view size {size}: allowed are 1 to {LARGEST}")
-    loaded = load_scene(scene, assets, up)
+    loaded = scene if isinstance(scene, Scene) else load_scene(scene, assets, up)
     chosen = named(loaded.cameras, camera, "view") if camera else loaded.cameras[0]
     lamp = named(loaded.lights, light, "light") if light else loaded.lights[0]
     return view_of(loaded, chosen, lamp, size)

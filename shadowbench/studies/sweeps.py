@@ -9,7 +9,7 @@ import pandas as pd
 
 from shadowbench.errors import InputError
 from shadowbench.strict import short
-from shadowbench.studies.study import BiasSweep
+from shadowbench.studies.crossing import BiasSweep
 from shadowbench.studies.tables import SummaryRow
 
 _ALSO, _TIMES = "; ", " × "  # no spec has either in it

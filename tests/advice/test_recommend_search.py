@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from shadowbench.advice.recommend import Target, in_milliseconds, least_error, recommend, tried_of
 from shadowbench.advice.search import Search, Tried, extrapolated, place_of
 from shadowbench.advice.space import needed_space, no_choices, specs_of, start_size, whole_space
-from shadowbench.commands.recommend_words import in_the_way, step_lines
+from shadowbench.advice.words import in_the_way, step_lines
 from shadowbench.measure.rows import Result
 from shadowbench.measure.scoring import reference_of
 from shadowbench.needs.survey import Needs, needs

@@ -219,7 +219,7 @@ def tune(bench: Any) -> Tune:
     def run(text: str, trials: int, folder: Path) -> Tuning:
         home = replace(parse_spec(text, KNOWN), named=frozenset())
         scenes = ("cube-on-plane", "sphere-and-torus")
-        study = Study(scenes, (home,), home, map_sizes=(128,), view_size=64, rounds=0)
+        study = Study.of(scenes, [home], map_size=(128,), view_size=64, rounds=0)
         bench.calls.clear()
         with closing(RowStore(folder)) as store:
             cells = Cells(study, Measurer(bench.worker, store, study.conditions(), Notes()))
@@ -269,7 +269,7 @@ def test_a_stopped_search_goes_on_to_the_same_end(tune: Tune, bench: Any, tmp_pa
 
 
 def test_rows_that_no_view_takes_are_not_searched(bench: Any, tmp_path: Path) -> None:
-    study = Study(("cube-on-plane",), (SHADOW_MAP,), SHADOW_MAP, view_size=32, rounds=0)
+    study = Study.of(["cube-on-plane"], [SHADOW_MAP], view_size=32, rounds=0)
     with closing(RowStore(tmp_path / "rows")) as store:
         cells = Cells(study, Measurer(bench.worker, store, study.conditions(), Notes()))
         blocks = cells.taking_part(SHADOW_MAP)

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from shadowbench.scores.metrics import METRICS
-from shadowbench.studies.file import find_study, read_study
+from shadowbench.studies.study import find_study, read_study
 from shadowbench.techniques.registry import techniques
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -34,7 +34,7 @@ def entries(file: Path) -> dict[str, dict[str, Any]]:
 
 def run(folder: Path, spec: str) -> dict[str, str]:
     """The line of a cell in the table of `shadowbench run`."""
-    command = [sys.executable, "-m", "shadowbench.cli", "run", "cube-on-plane", "-t", spec, "--rounds", "0", "-q"]
+    command = [sys.executable, "-m", "shadowbench", "run", "cube-on-plane", "-t", spec, "--rounds", "0", "-q"]
     subprocess.run([*command, "-o", str(folder)], check=True, capture_output=True, timeout=200)
     with (folder / "table.csv").open(newline="") as stream:
         (cell,) = csv.DictReader(stream)
@@ -44,7 +44,7 @@ def run(folder: Path, spec: str) -> dict[str, str]:
 def test_every_technique_is_timed_at_every_map_size() -> None:
     study = read_study(find_study("trends"), techniques())
     assert {spec.technique.name for spec in study.specs} == set(techniques())
-    assert study.map_sizes == (512, 1024, 2048, 4096)
+    assert study.map_size == (512, 1024, 2048, 4096)
     listed = bench("benchmarks/test_techniques.py", "--collect-only", "-q")
     for cell in study.cells():
         assert (

@@ -95,7 +95,7 @@ def test_a_narrow_table_says_what_it_leaves_out(
     words = [*CUBE[:-1], "0", "-o", tmp_path]
     wide = shadowbench(*words).out
     assert "left out" not in wide
-    monkeypatch.setattr(console.out, "width", 80)
+    monkeypatch.setattr(console.out(), "width", 80)
     narrow = shadowbench(*words).out
     shown = narrow.splitlines()[1]
     (line,) = [line for line in narrow.splitlines() if "left out" in line]
@@ -113,7 +113,7 @@ def test_a_narrow_table_cuts_no_number(
 ) -> None:
     words = [*CUBE, "-t", "shadow-map:bias=slope(max=0.05)", "-o", tmp_path]
     wide = shadowbench(*words).out
-    monkeypatch.setattr(console.out, "width", width)
+    monkeypatch.setattr(console.out(), "width", width)
     narrow = shadowbench(*words).out
     headings = narrow.split("columns left out")[1].partition(": ")[2].splitlines()[0].split(", ")
     assert {"× ref", "ms", "1 − IoU", "SSIM"}.isdisjoint(headings)
@@ -270,7 +270,7 @@ def test_a_package_s_entry_point_adds_a_technique(half: Path, tmp_path: Path) ->
     (information / "METADATA").write_text("Metadata-Version: 2.1\nName: half-shadow\nVersion: 1.0\n")
     (information / "entry_points.txt").write_text("[shadowbench.techniques]\nhalf = half_shadow:Half\n")
     done = subprocess.run(
-        [sys.executable, "-m", "shadowbench.cli", *CUBE, "-t", "half:level=0.25", "--json", "-o", tmp_path / "out"],
+        [sys.executable, "-m", "shadowbench", *CUBE, "-t", "half:level=0.25", "--json", "-o", tmp_path / "out"],
         env=os.environ | {"PYTHONPATH": str(tmp_path)},
         capture_output=True,
         text=True,
@@ -288,7 +288,7 @@ def test_an_entry_point_that_cannot_be_imported_is_one_line_and_the_rest_works(t
     (information / "METADATA").write_text("Metadata-Version: 2.1\nName: gone\nVersion: 1.0\n")
     (information / "entry_points.txt").write_text("[shadowbench.techniques]\ngone = gone_away:Gone\n")
     done = subprocess.run(
-        [sys.executable, "-m", "shadowbench.cli", "list", "techniques"],
+        [sys.executable, "-m", "shadowbench", "list", "techniques"],
         env=os.environ | {"PYTHONPATH": str(tmp_path)},
         capture_output=True,
         text=True,

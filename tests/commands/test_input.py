@@ -350,7 +350,7 @@ def test_a_full_disk_is_one_line(shadowbench: Callable[..., Any], monkeypatch: p
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "out/masks")
 
-    monkeypatch.setattr("shadowbench.commands.listing.list_command", full)
+    monkeypatch.setattr("shadowbench.studies.catalogue.catalogue", full)
     answer = shadowbench("list")
     assert (answer.code, answer.out) == (2, "")
     assert answer.err == "shadowbench: out/masks: cannot be written (no space left on device)\n"
@@ -360,7 +360,7 @@ def test_an_internal_error_is_exit_3(shadowbench: Callable[..., Any], monkeypatc
     def broken(*_: object) -> None:
         raise LookupError("a bug")
 
-    monkeypatch.setattr("shadowbench.commands.listing.list_command", broken)
+    monkeypatch.setattr("shadowbench.studies.catalogue.catalogue", broken)
     answer = shadowbench("list")
     assert answer.code == 3
     assert answer.err.splitlines()[-1].startswith("shadowbench: an internal error")

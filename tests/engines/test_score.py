@@ -275,7 +275,7 @@ def test_scoring_imports_no_gl() -> None:
 @pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="only Linux tells which libraries are loaded")
 def test_export_and_score_load_no_library_of_gl(mask: Path, tmp_path: Path) -> None:
     code = (
-        "import sys; from shadowbench.cli import app; app(sys.argv[1:], standalone_mode=False); "
+        "import sys; from shadowbench.commands import app; app(sys.argv[1:], standalone_mode=False); "
         "print(*{line.split('/')[-1].strip() for line in open('/proc/self/maps')})"
     )
     for arguments in (["export", SCENE, tmp_path / "out"], ["score", SCENE, mask, "-o", tmp_path / "o", "--name", "x"]):

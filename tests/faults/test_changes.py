@@ -15,9 +15,9 @@ from typing import Any
 
 import pytest
 
-from shadowbench.cli import main
+from shadowbench.commands import main
 from shadowbench.scenes.library import load_scene
-from shadowbench.studies.file import read_study
+from shadowbench.studies.study import read_study
 from shadowbench.techniques.registry import techniques
 
 HERE = Path(__file__).resolve().parent
@@ -79,7 +79,7 @@ def ran(change: Change, edits: tuple[tuple[str, str, str], ...], sources: Path, 
         assert text.count(before) == 1, f"{file}: {before!r}"
         (copy / file).write_text(text.replace(before, after), encoding="utf-8")
     specs = [cell.spec.full_text for cell in STUDY.cells() if cell.spec.technique.name == change.technique]
-    command = [sys.executable, "-m", "shadowbench.cli", "run", *(SCENES[scene] for scene in change.scenes)]
+    command = [sys.executable, "-m", "shadowbench", "run", *(SCENES[scene] for scene in change.scenes)]
     command += ["-s", str(BASELINE / "study.toml"), "--phases", str(change.phases), "-o", str(folder / "run"), "-q"]
     command += [word for spec in specs for word in ("-t", spec)]
     environment = os.environ | {"PYTHONPATH": str(copy)}

@@ -72,7 +72,7 @@ def _run(arguments: list[str], root: Path) -> tuple[int, list[str], int, float]:
     start, most = time.monotonic(), 0
     with (root / "stderr").open("wb") as stderr:
         process = subprocess.Popen(
-            [sys.executable, "-m", "shadowbench.cli", *arguments],
+            [sys.executable, "-m", "shadowbench", *arguments],
             stdout=subprocess.DEVNULL,
             stderr=stderr,
             cwd=root / INSIDE,

@@ -18,7 +18,7 @@ import numpy as np
 from shadowbench.errors import InputError
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import view_of
-from shadowbench.studies.file import read_study
+from shadowbench.studies.study import read_study
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
 

@@ -196,7 +196,7 @@ EDITED = [
     ("measure/loaded.py", "unshadowed", True),
     ("measure/scoring.py", "unshadowed", True),
     ("studies/tables.py", "unshadowed", False),
-    ("cli/measure.py", "unshadowed", False),
+    ("commands/run.py", "unshadowed", False),
 ]
 
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from shadowbench.commands import doctor
 from shadowbench.gl.clock import QUERIES, WALL, Sample
+from shadowbench.measure import doctor
 from shadowbench.measure.noise import CELL, ROUNDS, SERIES, Noise, noise
 from shadowbench.measure.place import CellFailed
 
@@ -68,7 +68,7 @@ def told(monkeypatch: pytest.MonkeyPatch, software: bool, clock: str, found: Noi
     monkeypatch.setattr(doctor, "noise", answer)
     worker: Any = None
     info: Any = SimpleNamespace(software=software, clock=clock)
-    return doctor._noise(worker, info)
+    return doctor.clock_noise(worker, info)
 
 
 def test_doctor_says_when_the_gpu_s_timer_was_given_up(monkeypatch: pytest.MonkeyPatch) -> None:

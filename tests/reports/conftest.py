@@ -14,12 +14,12 @@ import vl_convert
 from PIL import Image
 
 from shadowbench.reports.analysis import Section, sections
-from shadowbench.reports.folder import read_folders, read_runs
 from shadowbench.reports.stability import Stability, stability
 from shadowbench.scores.masks import write_mask
 from shadowbench.scores.metrics import METRICS
 from shadowbench.stress.axes import AXES, Value, shown
 from shadowbench.stress.axes.model import NAMES
+from shadowbench.studies.folder import read_folders, read_runs
 from tests.conftest import key_of
 
 RECEIVERS = 1000

@@ -14,10 +14,10 @@ from shadowbench.reports.analysis import (
     sections,
     time_to_accuracy,
 )
-from shadowbench.reports.folder import read_runs
 from shadowbench.reports.gallery import shots_of_section
 from shadowbench.reports.markdown import markdown_report
 from shadowbench.reports.words import headline, reach_tables, refusals, section_notes, warned
+from shadowbench.studies.folder import read_runs
 from tests.reports.conftest import CELLS, RECEIVERS, Cell
 
 

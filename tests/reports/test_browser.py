@@ -21,7 +21,7 @@ LARGEST = 15e6  # bytes
 def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The report of the demo study and of a small sweep, made by the commands that make them."""
     folder = tmp_path_factory.mktemp("demo")
-    shadowbench = [sys.executable, "-m", "shadowbench.cli"]
+    shadowbench = [sys.executable, "-m", "shadowbench"]
     # Each cell is timed thrice in place of nine times: nothing here depends on how well.
     subprocess.run([*shadowbench, "run", "-s", "demo", "--rounds", "3", "-o", folder / "run", "--quiet"], check=True)
     axes = [word for name in AXES for word in ("--axis", name)]

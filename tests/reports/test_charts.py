@@ -11,8 +11,8 @@ from skimage.color import deltaE_ciede2000, rgb2lab
 from shadowbench.reports.analysis import Section, sections, specs_of
 from shadowbench.reports.bias_curve import bias_charts
 from shadowbench.reports.charts import default_size, figure, front_chart, pass_chart, size_chart
-from shadowbench.reports.folder import read_runs
 from shadowbench.reports.styles import COLORS, SHAPES, Styles, styles_of
+from shadowbench.studies.folder import read_runs
 from tests.reports.conftest import CELLS, Cell, texts
 
 Chart = dict[str, Any]

@@ -5,6 +5,7 @@ import io
 import re
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -12,10 +13,11 @@ import pytest
 from PIL import Image
 from rich.console import Console
 
-from shadowbench.commands import console, report
-from shadowbench.reports import gallery
+from shadowbench.commands import console
+from shadowbench.reports import gallery, report
 from shadowbench.reports.gallery import difference
 from shadowbench.scores.difference import FALSE_LIGHT, FALSE_SHADOW
+from shadowbench.studies import folder as folder_of_cells
 from tests.reports.conftest import CELLS, SIDE, Cell, galleries, scripts
 
 Shadowbench = Callable[..., Any]
@@ -162,11 +164,11 @@ def test_what_is_read_is_shown_before_the_first_chart(
     run_folder: Write, shadowbench: Shadowbench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     terminal = Console(file=io.StringIO(), force_terminal=True, width=300)
-    monkeypatch.setattr(console, "err", terminal)
+    monkeypatch.setattr(console, "err", lambda: terminal)
     shown: dict[str, str] = {}
 
-    def noted(name: str) -> Callable[..., Any]:
-        function = getattr(report, name)
+    def noted(module: ModuleType, name: str) -> Callable[..., Any]:
+        function = getattr(module, name)
 
         def call(*arguments: Any) -> Any:
             shown[name] = terminal.file.getvalue()  # type: ignore[attr-defined]
@@ -174,8 +176,8 @@ def test_what_is_read_is_shown_before_the_first_chart(
 
         return call
 
-    for name in ("read_folders", "html_report"):
-        monkeypatch.setattr(report, name, noted(name))
+    for module, name in ((folder_of_cells, "read_folders"), (report, "html_report")):
+        monkeypatch.setattr(module, name, noted(module, name))
     folder, page = run_folder(), tmp_path / "page.html"
     assert shadowbench("report", folder, "-o", page).code == 0
     assert "reading" in shown["read_folders"] and str(folder) in shown["read_folders"]

@@ -12,8 +12,7 @@ import pytest
 from shadowbench.data import data_folder
 from shadowbench.errors import InputError
 from shadowbench.measure.cells import Block
-from shadowbench.studies.file import find_study, read_study, study_names
-from shadowbench.studies.study import Study
+from shadowbench.studies.study import Study, find_study, read_study, study_names
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
 
@@ -71,7 +70,7 @@ def named(blocks: list[Block]) -> list[tuple[str, str]]:
 def test_what_a_study_leaves_out_has_the_promised_defaults(read: ReadStudy) -> None:
     study = read(SCENE)
     assert [spec.technique.name for spec in study.specs] == list(KNOWN)
-    assert study.map_sizes == ()
+    assert study.map_size is None
     assert (study.view_size, study.rounds, study.phases) == (512, 9, 1)
     assert (study.time_limit, study.memory_limit) == (120, 8)
     assert study.coordinates == "relative"
@@ -251,6 +250,7 @@ ONE = '[[technique]]\nspec = "shadow-map"\n'
         ("scenes = []\n", ["scenes"]),
         ("scenes = [1]\n", ["scenes"]),
         (SCENE + "size = 3\n", ["unknown field 'size'", "map_size"]),
+        (SCENE + 'assets = "meshes"\n', ["unknown field 'assets'", "about, scenes, map_size"]),
         (SCENE + "map_size = 0\n", ["map_size", "0"]),
         (SCENE + "map_size = [512, 1.5]\n", ["map_size", "1.5"]),
         (SCENE + "map_size = []\n", ["map_size"]),

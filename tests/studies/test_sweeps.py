@@ -9,8 +9,7 @@ import pandas as pd
 import pytest
 
 from shadowbench.errors import InputError
-from shadowbench.studies.file import read_study
-from shadowbench.studies.study import Study
+from shadowbench.studies.study import Study, read_study
 from shadowbench.studies.sweeps import Places, curves, places, places_of, with_factors
 from shadowbench.studies.tables import Interval, SummaryRow
 from shadowbench.techniques.biases import Bias

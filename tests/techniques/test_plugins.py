@@ -146,7 +146,7 @@ class Plugin:
     def command(self, *arguments: str | Path) -> str:
         """What `shadowbench …` prints, in a process of its own."""
         done = subprocess.run(
-            [sys.executable, "-m", "shadowbench.cli", *map(str, arguments), *self.flags],
+            [sys.executable, "-m", "shadowbench", *map(str, arguments), *self.flags],
             env=os.environ | {"PYTHONPATH": self.python_path},
             capture_output=True,
             text=True,

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from shadowbench.errors import InputError
+
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print results and errors only: no notes, no progress.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 Plugins = Annotated[
@@ -31,4 +33,21 @@ LightName = Annotated[
 SCENE = "a built-in name (shadowbench list scenes), a scene file (.toml), or a mesh file"
 SPEC = "a technique and its parameters (shadowbench list techniques)"
 SceneArgument = Annotated[str, typer.Argument(metavar="SCENE", help=f"What to look at: {SCENE}.")]
-OneSpec = Annotated[list[str], typer.Option("-t", "--technique", metavar="SPEC", help=f"What draws it: {SPEC}.")]
+
+
+def map_sizes(text: str | None) -> tuple[int, ...] | None:
+    """The sizes that --map-size names; raises InputError."""
+    if text is None:
+        return None
+    try:
+        sizes = [int(part) for part in text.split(",")]
+    except ValueError:
+        sizes = []
+    if not sizes or min(sizes) < 1 or max(sizes) > 65536:
+        raise InputError(f"--map-size: found {text!r:.60}; allowed: whole numbers from 1 to 65536, separated by commas")
+    return tuple(sizes)
+
+
+def listed(text: str | None) -> tuple[str, ...]:
+    """The parts of a text that commas separate, none of them empty."""
+    return tuple(part.strip() for part in text.split(",") if part.strip()) if text else ()

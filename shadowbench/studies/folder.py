@@ -1,5 +1,6 @@
 """Folders as they are read: rows, what `run.json` says of them, and where the pictures are."""
 
+import re
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from functools import cached_property
@@ -8,13 +9,24 @@ from typing import Any
 
 import pandas as pd
 
-from shadowbench.check.baseline import identity
 from shadowbench.errors import InputError
 from shadowbench.measure.rows import Record, Result, RunFile, read_rows, read_run_file
 from shadowbench.studies.sweeps import Places, places_of, with_factors
 from shadowbench.studies.tables import cells_frame, write_table
 
+IDENTITY = ("scene", "view", "light", "phase", "map_size", "view_size", "coordinates")  # and the full spec
+_COMMA = re.compile(r",(?![^()]*\))")  # outside parentheses
 _ALLOWED = "a folder that `shadowbench run` or `shadowbench stress` wrote"
+
+
+def identity(record: Record) -> tuple[Any, ...]:
+    """What names a cell whatever its sources; two runs' cells are the same if these are.
+
+    The order of a spec's parameters, that of the code, is no part of it.
+    """
+    name, _, parameters = str(record.get("full_spec")).partition(":")
+    spec = name, *sorted(_COMMA.split(parameters))
+    return spec, *(record.get(name) for name in IDENTITY)
 
 
 @dataclass(frozen=True, eq=False)

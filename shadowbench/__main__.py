@@ -1,0 +1,5 @@
+"""`python -m shadowbench`."""
+
+from shadowbench.commands import main
+
+main()

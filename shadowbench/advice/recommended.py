@@ -1,0 +1,162 @@
+"""What `recommend` computes: targets, the choice for a view measured into a folder, and its shaders for an engine."""
+
+import dataclasses
+import json
+import math
+from collections.abc import Mapping
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+from shadowbench.advice.recommend import Recommendation, Target, Unit, recommend
+from shadowbench.advice.search import Tried
+from shadowbench.advice.words import in_the_way
+from shadowbench.errors import InputError
+from shadowbench.files import check_folder, replace_file
+from shadowbench.measure.cells import Block, Cell, PlacedView
+from shadowbench.measure.machine import write_run_file
+from shadowbench.measure.measurer import Measurer, Reporter
+from shadowbench.measure.pictures import Pictures
+from shadowbench.measure.place import Place
+from shadowbench.measure.references import USUAL
+from shadowbench.measure.row_store import RowStore
+from shadowbench.measure.rows import Result
+from shadowbench.measure.session import DeviceInfo, Session
+from shadowbench.scenes.model import View
+from shadowbench.studies.crossing import Techniques
+from shadowbench.studies.folder import write_cells
+from shadowbench.studies.study import Study
+from shadowbench.techniques.params import Row
+from shadowbench.techniques.spec import Spec
+from shadowbench.truth.cache import cached_truth
+
+ROUNDS = 9
+LEAST_IOU = 0.99
+
+
+def target_of(min_iou: float | None = None, max_edge_px: float | None = None, budget_ms: float | None = None) -> Target:
+    """The target that options name, an IoU of 0.99 where they name none; InputError for one that means nothing."""
+    if min_iou is not None and max_edge_px is not None:
+        raise InputError("--min-iou and --max-edge-px: found both; allowed: one of them")
+    if min_iou is not None and not 0 < min_iou <= 1:
+        raise InputError(f"--min-iou: found {min_iou:g}; allowed: above 0, up to 1")
+    if max_edge_px is not None and not 0 <= max_edge_px < math.inf:
+        raise InputError(f"--max-edge-px: found {max_edge_px:g}; allowed: 0 and more")
+    if budget_ms is not None and not 0 < budget_ms < math.inf:
+        raise InputError(f"--budget-ms: found {budget_ms:g}; allowed: above 0")
+    if max_edge_px is not None:
+        return Target("edge_px", max_edge_px, budget_ms)
+    return Target("iou", LEAST_IOU if min_iou is None else min_iou, budget_ms)
+
+
+def recommended(
+    view: View,
+    target: Target,
+    known: Techniques,
+    folder: Path,
+    place: Place,
+    reporter: Reporter,
+    *,
+    on_this_machine: bool = False,
+) -> tuple[Recommendation, DeviceInfo]:
+    """The cheapest of the `known` techniques that meets a target in a view, and the device it was measured on.
+
+    Measures into a folder: rows, masks, pictures, `table.csv`, `run.json`. on_this_machine: rank by times even on a
+    software renderer. Raises InputError for a folder of other files, a budget on a software renderer, and a device that
+    counts no work.
+    """
+    check_folder(folder)
+    info = place.info
+    unit = _unit(target, info, on_this_machine)
+    reporter.stage("truth", 1)
+    truth = cached_truth(view)
+    study = Study.of([view.scene], [USUAL], view_size=view.size, rounds=ROUNDS if unit == "ms" else 0)
+    results: list[Result] = []
+    with closing(RowStore(folder)) as store:
+        measurer = Measurer(place, store, study.conditions(), reporter, Pictures(folder))
+        reporter.stage("measuring", 1)
+
+        def measure(spec: Spec) -> Result:
+            results.extend(measurer.measured(Block(view, (Cell(spec),))))
+            return results[-1]
+
+        found = recommend(view, truth, target, unit, known, info.max_map_size, measure)
+    write_run_file(folder / "run.json", info, view.scene.notes, study.facts, [one.score for one in results])
+    if results:
+        write_cells(folder, results, {})
+    return found, info
+
+
+def _unit(target: Target, info: DeviceInfo, on_this_machine: bool) -> Unit:
+    if not info.software or on_this_machine:
+        return "ms"
+    if target.budget_ms is not None:
+        raise InputError(
+            f"--budget-ms: {info.renderer} is a software renderer, whose times are not a GPU's; --on-this-machine "
+            "takes them for what they are"
+        )
+    if not info.pipeline_statistics:
+        raise InputError(f"{info.renderer} counts no work; allowed: --on-this-machine, which ranks by its times")
+    return "work"
+
+
+def export_choice(found: Recommendation, folder: Path, place: Place) -> None:
+    """`parameters.json` and a file for each stage of each program of the choice; nothing where there is no choice."""
+    if found.choice is None:
+        return
+    spec = found.choice.spec
+    shaders = place.call(Session.shaders, PlacedView(found.view), Cell(spec).request)
+    parameters = {
+        "spec": spec.text,
+        "technique": spec.technique.name,
+        "parameters": {name: _parameter(value) for name, value in spec.params},
+        "scene": found.view.scene.name,
+        "target": str(found.target),
+        "metre": found.view.scene.placement.length(1.0),  # a file unit in the shaders' units
+        "uniforms": {one.name: {name: _parameter(value) for name, value in one.uniforms.items()} for one in shaders},
+    }
+    for one in shaders:
+        with replace_file(folder / one.name) as beside:
+            beside.write_text(one.text, encoding="utf-8")
+    with replace_file(folder / "parameters.json") as beside:
+        beside.write_text(json.dumps(parameters, indent=2) + "\n", encoding="utf-8")
+
+
+def _parameter(value: Any) -> Any:
+    """A value as JSON has it: a row by its name and with its own parameters."""
+    if isinstance(value, Row):
+        return {"name": value.name, **value.model_dump(mode="json")}
+    return value.tolist() if hasattr(value, "tolist") else value
+
+
+def values(found: Recommendation, info: DeviceInfo) -> dict[str, Any]:
+    """A recommendation, as JSON has it."""
+    return {
+        "scene": found.view.scene.name,
+        "view": found.view.camera.name,
+        "light": found.view.light.name,
+        "view_size": found.view.size,
+        "target": {"metric": found.target.metric, "value": found.target.value, "budget_ms": found.target.budget_ms},
+        "ranked_by": "work_cost" if found.unit == "work" else "frame_ms",
+        "reference": None if found.reference is None else dataclasses.asdict(found.reference),
+        "renderer": info.renderer,
+        "choice": _values(found.choice),
+        "closest": _values(found.closest),
+        "in_the_way": in_the_way(found) if found.closest else [],
+        "runners_up": [_values(one) for one in found.runners_up],
+        "relaxed": _values(found.cheaper),
+        "tightened": _values(found.better),
+        "measured": found.measured,
+        "space": found.whole,
+        "evidence": [_values(one) for one in found.tried],
+        "refused": dict(found.refused),
+        "excluded": [{"what": one.what, "why": one.why, "specs": one.specs} for one in found.excluded],
+    }
+
+
+def _values(one: Tried | None) -> Mapping[str, Any] | None:
+    if one is None or one.result is None:
+        return None
+    row = one.result.score
+    values = {"spec": one.spec.text, "cost": one.cost, "gpu_bytes": one.bytes, "key": row["key"]}
+    return values | {"metrics": row["metrics"]}

@@ -1,5 +1,0 @@
-"""`python -m shadowbench.cli`."""
-
-from shadowbench.cli import main
-
-main()

@@ -1,0 +1,75 @@
+"""`render`: a view, drawn once with a technique."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from shadowbench.commands import console
+from shadowbench.commands.options import SPEC, Assets, LightName, Plugins, Quiet, SceneArgument, Up, ViewName, ViewSize
+from shadowbench.errors import InputError
+
+app = typer.Typer()
+
+
+@app.command(
+    epilog="\b\nFor example\n"
+    "  shadowbench render spot-lamp -t 'shadow-map:size=2048,filter=pcf' -o lamp.png --mask lamp-mask.png"
+)
+def render(
+    scene: SceneArgument,
+    technique: Annotated[list[str], typer.Option("-t", "--technique", metavar="SPEC", help=f"What draws it: {SPEC}.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="PICTURE.png", help="Where the shaded picture goes.")
+    ],
+    mask: Annotated[
+        Path | None, typer.Option(metavar="MASK.png", help="Visibility too, as 16-bit grey; white is lit.")
+    ] = None,
+    map: Annotated[
+        Path | None, typer.Option(metavar="MAP.png", help="The technique's depth map too, linear; near is dark.")
+    ] = None,
+    tint: Annotated[
+        bool, typer.Option("--tint", help="Tint the picture by what the technique did where, such as by cascade.")
+    ] = False,
+    view_size: ViewSize = None,
+    view: ViewName = None,
+    light: LightName = None,
+    plugin: Plugins = None,
+    assets: Assets = None,
+    up: Up = None,
+    quiet: Quiet = False,
+) -> None:
+    """Draw one picture with a technique's shadows, and if asked its mask and its map."""
+    import numpy as np
+
+    from shadowbench.files import check_outputs
+    from shadowbench.measure.pictures import write_picture
+    from shadowbench.measure.printed import techniques_with
+    from shadowbench.measure.single import render as drawn_once
+    from shadowbench.measure.worker import Worker
+    from shadowbench.scores.masks import write_mask
+    from shadowbench.techniques.base import Technique
+    from shadowbench.techniques.spec import parse_spec
+
+    if len(technique) > 1:
+        raise InputError(f"--technique: found {' and '.join(technique)}; allowed: one, and several with `run`")
+    check_outputs(".png", output, mask, map)
+    (name,) = technique
+    known = techniques_with(plugin or ())
+    spec = parse_spec(name, known)
+    tinted = [name for name, one in known.items() if one.tint is not Technique.tint]
+    if tint and spec.technique.name not in tinted:
+        raise InputError(f"--tint: {spec.technique.name} has no colours of its own; allowed: {', '.join(tinted)}")
+    with console.Reporter(quiet) as reporter:
+        chosen = reporter.view(scene, view_size, view, light, assets, up)
+    with Worker(plugin or ()) as worker:
+        drawn = drawn_once(chosen, spec, worker, name=name, with_map=map is not None, tint=tint)
+    if map is not None and drawn.map is None:
+        raise InputError(f"--map {map}: {spec.technique.name} has no map")
+    write_picture(output, drawn.picture)
+    if mask is not None:
+        write_mask(mask, drawn.visibility)
+    if map is not None and drawn.map is not None:
+        write_picture(map, np.round(np.clip(drawn.map, 0, 1) * 255).astype(np.uint8))
+    if not quiet:
+        console.say(f"{output}: {name} on {chosen.scene.name}")

@@ -1,0 +1,89 @@
+"""What there is to measure, with and by: techniques, scenes, metrics, studies."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from shadowbench.errors import InputError, alternatives
+from shadowbench.measure.printed import techniques_with
+from shadowbench.scenes.library import builtin_about, builtin_names
+from shadowbench.scores.metrics import METRICS
+from shadowbench.studies.crossing import Techniques
+from shadowbench.studies.study import find_study, read_study, study_names
+from shadowbench.techniques.params import Row, TechniqueParams, allowed
+from shadowbench.techniques.spec import format_value
+
+Entry = dict[str, Any]
+
+
+def catalogue(plugins: Sequence[Path] = (), what: str = "", name: str = "") -> dict[str, list[Entry]]:
+    """By kind (techniques, scenes, metrics, studies) an entry for each: its name and what is to be said of it.
+
+    plugins: Python files that add techniques; what: one kind alone; name: one entry alone. Raises InputError for a name
+    that there is not.
+    """
+    makers: dict[str, Callable[[], list[Entry]]] = {
+        "techniques": lambda: _techniques(techniques_with(plugins)),
+        "scenes": lambda: [{"name": name, "about": builtin_about(name)} for name in builtin_names()],
+        "metrics": _metrics,
+        "studies": lambda: [
+            {"name": name, "about": read_study(find_study(name), techniques_with(plugins)).about}
+            for name in study_names()
+        ],
+    }
+    if what and what not in makers:
+        raise InputError(f"list: found {what!r:.60}{alternatives(what, makers)}")
+    listed = {kind: make() for kind, make in makers.items() if what in ("", kind)}
+    return {kind: _only(name, rows, kind) for kind, rows in listed.items()} if name else listed
+
+
+def _only(name: str, rows: list[Entry], kind: str) -> list[Entry]:
+    found = [row for row in rows if row["name"] == name]
+    if not found:
+        raise InputError(f"list {kind}: found {name!r:.60}{alternatives(name, [row['name'] for row in rows])}")
+    return found
+
+
+def _techniques(known: Techniques) -> list[Entry]:
+    return [
+        {
+            "name": technique.name,
+            "help": " ".join((technique.__doc__ or "").split()),
+            "lights": sorted(technique.lights),
+            "parameters": _parameters(technique.Params),
+            "presets": technique.presets,
+        }
+        for technique in known.values()
+    ]
+
+
+def _parameters(model: type[TechniqueParams] | type[Row]) -> list[Entry]:
+    """Name, default, help and values of every field; a row's field lists its rows, each with its own parameters."""
+    found = []
+    for name, info in model.model_fields.items():
+        entry: Entry = {
+            "name": name,
+            "default": format_value(info.default),
+            "allowed": allowed(info),
+            "help": info.description,
+        }
+        if isinstance(info.default, Row):
+            entry["values"] = [
+                {"name": row.name, "help": " ".join((row.__doc__ or "").split()), "parameters": _parameters(row)}
+                for row in info.default.family().table.values()
+            ]
+        found.append(entry)
+    return found
+
+
+def _metrics() -> list[Entry]:
+    return [
+        {
+            "name": metric.name,
+            "better": metric.better,
+            "for": metric.kind,
+            "tolerance": metric.tolerance,
+            "help": metric.help,
+        }
+        for metric in METRICS.values()
+    ]

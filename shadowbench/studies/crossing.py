@@ -1,0 +1,143 @@
+"""The specs of a study file's `[[technique]]` table: its lists crossed, its bias multiplied."""
+
+import itertools
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import ValidationError
+
+from shadowbench.errors import InputError, alternatives
+from shadowbench.strict import explain
+from shadowbench.techniques.base import Technique
+from shadowbench.techniques.biases import Bias
+from shadowbench.techniques.params import Row
+from shadowbench.techniques.spec import Spec, format_value, parse_spec
+
+Techniques = Mapping[str, type[Technique]]
+
+MOST_SPECS = 10_000
+"""Specs of a study, each map size counted."""
+
+_FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)  # of a bias sweep that names none
+
+
+@dataclass(frozen=True)
+class BiasSweep:
+    """A spec whose bias a study multiplies, and what that makes of it: a factor and a spec each, by rising factor."""
+
+    home: Spec
+    swept: tuple[tuple[float, Spec], ...]
+
+
+@dataclass(frozen=True)
+class Crossed:
+    """What a `[[technique]]` makes: its specs, its own number of phases or None for the study's, its bias sweeps."""
+
+    specs: tuple[Spec, ...]
+    phases: int | None = None
+    sweeps: tuple[BiasSweep, ...] = ()
+
+
+def crossed(table: dict[str, Any], techniques: Techniques, where: str, notes: list[str]) -> Crossed:
+    """Every combination of a table's lists; raises InputError that begins with `where`.
+
+    Combinations that mean nothing are dropped, with a line in `notes`; a value that no combination takes is an error.
+    """
+    if not isinstance(table.get("spec"), str):
+        raise InputError(
+            f"{where}: spec: found {table.get('spec', 'none')!r:.60}; allowed: a technique's spec, as text"
+        )
+    base = parsed_spec(table["spec"], techniques, where)
+    lists = {key: listed(value) for key, value in table.items() if key not in ("spec", "bias_sweep", "phases")}
+    factors = _factors(table, where)
+    for key, choices in lists.items():
+        if key not in base.technique.Params.model_fields:
+            names = [*base.technique.Params.model_fields, "bias_sweep"]
+            known = alternatives(key, names, f"parameters of {base.technique.name}")
+            raise InputError(f"{where}: unknown parameter {key!r:.60}{known}")
+        if not choices:
+            raise InputError(f"{where}: {key}: found an empty list; allowed: one value or more")
+    count = math.prod(len(choices) for choices in lists.values()) * max(1, len(factors))
+    if count > MOST_SPECS:
+        raise InputError(f"{where}: its lists cross to {count} specs; allowed are at most {MOST_SPECS}")
+    made: list[Spec] = []
+    sweeps: list[BiasSweep] = []
+    dropped: list[InputError] = []
+    taken: set[tuple[str, str]] = set()
+    refused: dict[tuple[str, str], InputError] = {}
+    for row in itertools.product(*lists.values()):
+        chosen = {(key, repr(value)) for key, value in zip(lists, row, strict=True)}
+        try:
+            spec = base.with_(**dict(zip(lists, row, strict=True)))
+        except InputError as error:
+            dropped.append(error)
+            refused |= dict.fromkeys(chosen - refused.keys(), error)
+            continue
+        taken |= chosen
+        if not factors:
+            made.append(spec)
+        swept: dict[float, Spec] = {}
+        for factor in factors:
+            try:
+                swept[factor] = _swept(spec, factor)
+            except InputError as error:
+                dropped.append(error)
+        made += swept.values()
+        if swept:
+            sweeps.append(BiasSweep(spec, tuple(sorted(swept.items(), key=lambda pair: pair[0]))))
+    for choice, reason in refused.items():
+        if choice not in taken:
+            raise InputError(f"{where}: {reason}")
+    if not made:
+        raise InputError(f"{where}: {dropped[0]}")
+    notes.extend(dict.fromkeys(f"{where}: dropped: {error}" for error in dropped))
+    return Crossed(tuple(made), _phases(table, where), tuple(sweeps))
+
+
+def _phases(table: dict[str, Any], where: str) -> int | None:
+    """A table's own `phases`; None where it leaves them to the study."""
+    phases = table.get("phases")
+    if phases is not None and (isinstance(phases, bool) or not isinstance(phases, int) or not 1 <= phases <= 10_000):
+        raise InputError(f"{where}: phases: found {phases!r:.60}; allowed: a whole number from 1 to 10000")
+    return phases
+
+
+def _factors(table: dict[str, Any], where: str) -> list[float]:
+    """The factors of `bias_sweep`, ¼ to 4 where it is only asked for; none without it."""
+    asked = table.get("bias_sweep", False)
+    if isinstance(asked, bool):
+        return list(_FACTORS) if asked else []
+    factors = listed(asked)
+    for factor in factors or [None]:
+        if isinstance(factor, bool) or not isinstance(factor, int | float) or not 0 < factor < math.inf:
+            found = "an empty list" if factor is None else f"{factor!r:.60}"
+            raise InputError(f"{where}: bias_sweep: found {found}; allowed: true, or numbers above 0")
+    return factors
+
+
+def _swept(spec: Spec, factor: float) -> Spec:
+    """The spec with its bias times a factor; raises InputError where there is none, or it has nothing to multiply."""
+    bias = getattr(spec.params, "bias", None)
+    if not isinstance(bias, Bias) or not any(part.swept for part in bias.parts):
+        found = f", found bias={format_value(bias)}" if isinstance(bias, Row) else ""
+        raise InputError(f"bias_sweep: {spec.technique.name} has no bias here that can be multiplied{found}")
+    try:
+        row = bias.times(factor)
+    except ValidationError as error:
+        raise explain(f"bias_sweep {factor:g}: {format_value(bias)}", error) from None
+    return spec.with_(bias=row)
+
+
+def parsed_spec(text: str, techniques: Techniques, where: str) -> Spec:
+    """The spec of a text; raises InputError that begins with `where`."""
+    try:
+        return parse_spec(text, techniques)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+
+
+def listed(value: object) -> list[Any]:
+    """The entries of a list, or one value as the only entry."""
+    return list(value) if isinstance(value, list | tuple) else [value]

@@ -1,0 +1,112 @@
+"""The fields of a study: how a file writes each of them, and what is made of that."""
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BeforeValidator, Field, GetPydanticSchema, InstanceOf, ValidationInfo
+from pydantic_core import PydanticKnownError
+
+from shadowbench.scenes.library import builtin_names
+from shadowbench.scenes.model import Camera, Light, Scene
+from shadowbench.scenes.tables import camera_from_table, light_from_table
+from shadowbench.studies.crossing import Crossed, Techniques, crossed, listed, parsed_spec
+from shadowbench.techniques.spec import Spec
+
+MOST_NAMED = 1000
+"""Scenes, views, lights and tables of techniques that a file may have."""
+
+Table = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Source:
+    """The file that a study is read from: its folder, the techniques that it may name, what was noted in reading it."""
+
+    where: str
+    folder: Path
+    techniques: Techniques
+    notes: list[str] = field(default_factory=list)
+
+
+def _written(kind: Any) -> Any:
+    """The schema of what files have, for a field that holds what is made of it."""
+    return GetPydanticSchema(lambda _, handler: handler.generate_schema(kind))
+
+
+def _entries(kind: Any) -> Any:
+    """The same of a list."""
+    return _written(Annotated[list[kind], Field(min_length=1), AfterValidator(_few)])
+
+
+def _few(entries: list[Any], info: ValidationInfo) -> list[Any]:
+    if info.context is not None and len(entries) > MOST_NAMED:
+        sizes = {"field_type": "List", "max_length": MOST_NAMED, "actual_length": len(entries)}
+        raise PydanticKnownError("too_long", sizes)
+    return entries
+
+
+def _scenes(entries: list[str | Scene], info: ValidationInfo) -> tuple[str | Scene, ...]:
+    """Scenes by name, or by a path that is relative to the study's file."""
+    if info.context is None:
+        return tuple(entries)
+    folder = info.context.folder
+    return tuple(_scene_reference(entry, folder) if isinstance(entry, str) else entry for entry in entries)
+
+
+def _scene_reference(reference: str, folder: Path) -> str:
+    # A word that names no file here is a built-in name misspelt, which `load_scene` knows how to tell.
+    bare = not Path(reference).suffix and Path(reference).name == reference and not os.path.lexists(folder / reference)
+    return reference if bare or reference in builtin_names() else str(folder / reference)
+
+
+def _cameras(entries: list[Any], info: ValidationInfo) -> tuple[str | Camera, ...]:
+    def made(entry: Any, number: int) -> str | Camera:
+        return camera_from_table(entry, f"{_source(info).where}: views {number}", f"view-{number}")
+
+    return _made_of_tables(entries, made)
+
+
+def _lights(entries: list[Any], info: ValidationInfo) -> tuple[str | Light, ...]:
+    def made(entry: Any, number: int) -> str | Light:
+        light, notes = light_from_table(entry, f"{_source(info).where}: lights {number}", f"light-{number}")
+        _source(info).notes.extend(notes)
+        return light
+
+    return _made_of_tables(entries, made)
+
+
+def _crossings(entries: list[Any], info: ValidationInfo) -> tuple[Crossed, ...]:
+    def made(entry: Any, number: int) -> Crossed:
+        source = _source(info)
+        return crossed(entry, source.techniques, f"{source.where}: technique {number}", source.notes)
+
+    return _made_of_tables(entries, made)
+
+
+def _made_of_tables(entries: list[Any], made: Callable[[Any, int], Any]) -> tuple[Any, ...]:
+    """The entries, with what is made of those that are tables; `made` takes their number too."""
+    return tuple(made(one, number) if isinstance(one, dict) else one for number, one in enumerate(entries, start=1))
+
+
+def _reference(written: Any, info: ValidationInfo) -> Spec:
+    if isinstance(written, Spec):
+        return written
+    return parsed_spec(written, _source(info).techniques, f"{_source(info).where}: reference")
+
+
+def _source(info: ValidationInfo) -> Source:
+    assert isinstance(info.context, Source)  # only a file has what is still to be read
+    return info.context
+
+
+Sizes = Annotated[
+    tuple[Annotated[int, Field(ge=1, le=65536, strict=True)], ...], BeforeValidator(listed), Field(min_length=1)
+]
+Scenes = Annotated[tuple[str | Scene, ...], _entries(str | InstanceOf[Scene]), AfterValidator(_scenes)]
+Cameras = Annotated[tuple[str | Camera, ...], _entries(str | Table | InstanceOf[Camera]), AfterValidator(_cameras)]
+Lights = Annotated[tuple[str | Light, ...], _entries(str | Table | InstanceOf[Light]), AfterValidator(_lights)]
+Crossings = Annotated[tuple[Crossed, ...], _entries(Table | InstanceOf[Crossed]), AfterValidator(_crossings)]
+Reference = Annotated[Spec, _written(str | InstanceOf[Spec]), AfterValidator(_reference)]

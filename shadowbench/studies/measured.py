@@ -1,0 +1,122 @@
+"""What `run` computes: the study that options make of a file's, and its measurement into a folder."""
+
+import operator
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from shadowbench.files import check_folder
+from shadowbench.measure.machine import write_run_file
+from shadowbench.measure.measurer import Reporter
+from shadowbench.measure.place import Place
+from shadowbench.measure.profile import whole
+from shadowbench.measure.rows import Result
+from shadowbench.measure.session import DeviceInfo, Session
+from shadowbench.scenes.model import Scene
+from shadowbench.studies.crossing import Techniques
+from shadowbench.studies.folder import Run, write_cells
+from shadowbench.studies.run import run_study
+from shadowbench.studies.study import Study, find_study, read_study
+from shadowbench.studies.sweeps import Places, places
+from shadowbench.studies.tables import cells_frame
+from shadowbench.techniques.spec import Spec
+
+
+def asked_study(
+    known: Techniques,
+    scenes: Sequence[str | Scene] = (),
+    specs: Sequence[Spec] = (),
+    *,
+    study: str | None = None,
+    map_size: Sequence[int] | None = None,
+    phases: int | None = None,
+    view: str | None = None,
+    light: str | None = None,
+    **others: Any,
+) -> Study:
+    """The study of a file, or one of ours by name, `default` for None, with what is asked for in place of what it says.
+
+    known: the techniques that the file may name; view, light: the only camera and light, by name; others: fields of the
+    study, such as `view_size`, `rounds` and `assets`; None leaves any to the file. Specs alone, without a study and map
+    sizes, are measured as they are: each at its own map size, in one phase. Raises InputError for anything wrong.
+    """
+    found = read_study(find_study(study or "default"), known)
+    if specs:
+        if study is None and map_size is None:
+            found = found.with_(map_size=None, phases=1)
+        found = found.with_specs(specs)
+    elif phases:
+        found = found.with_specs(found.specs)
+    named = [spec.text for spec in specs if "size" in spec.named] if map_size else []
+    sizes = ",".join(map(str, map_size or ()))
+    notes = [f"{name} names its size, which --map-size {sizes} leaves as it is" for name in named]
+    changes = {
+        "scenes": scenes,
+        "map_size": map_size,
+        "phases": phases,
+        "views": (view,) if view else None,
+        "lights": (light,) if light else None,
+        "notes": (*found.notes, *notes),
+        **others,
+    }
+    return found.with_(**{name: value for name, value in changes.items() if value not in (None, (), [])})
+
+
+def estimate(study: Study) -> tuple[int, float]:
+    """How many cells a study has, and about how many seconds they take on two cores without a GPU, at least 5."""
+    cells = study.cells()
+    frames = [(study.rounds * 4 / 3 if cell.phase == 0 else 0) + 4 for cell in cells]
+    pixels = [study.view_size**2 + (cell.spec.map_size or 0) ** 2 for cell in cells]
+    seconds = sum(map(operator.mul, pixels, frames)) * 1e-9 * 12 * len(study.scenes)
+    return len(cells) * len(study.scenes), max(seconds, 5)
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """A study that was measured into a folder.
+
+    results: its cells, measured now or before; run: the whole folder, cells of earlier commands too; swept: where specs
+    stand in the study's bias sweeps; seconds: by activity, as `measure.profile` names them, empty where not asked for.
+    """
+
+    study: Study
+    results: tuple[Result, ...]
+    run: Run
+    swept: Places
+    info: DeviceInfo
+    seconds: Mapping[str, float]
+
+    @cached_property
+    def frame(self) -> pd.DataFrame:
+        """A line a cell of the study, with the columns of `table.csv`."""
+        return cells_frame(self.results)
+
+
+def measure(
+    study: Study,
+    folder: Path,
+    place: Place,
+    reporter: Reporter,
+    *,
+    time_again: bool = False,
+    profile: bool = False,
+) -> Measured:
+    """Measure a study into a folder: rows, masks, pictures, `table.csv` and `run.json`; what is there stays.
+
+    time_again: whether cells that have a time get another. Raises InputError for a folder of other files, a scene that
+    cannot be read, or a map or view that the device has no room for. A cell that fails is a row that says so.
+    """
+    check_folder(folder)
+    start = time.perf_counter()
+    ran = run_study(study, folder, place, reporter, time_again)
+    spent = place.call(Session.spent) if profile else {}
+    swept = places(study.sweeps)
+    write_run_file(folder / "run.json", place.info, ran.notes, study.facts, [one.score for one in ran.results])
+    run = write_cells(folder, ran.results, swept)
+    seconds = whole(ran.profile.seconds, spent, time.perf_counter() - start) if profile else {}
+    return Measured(study, tuple(ran.results), run, swept, place.info, seconds)

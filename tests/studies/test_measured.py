@@ -1,0 +1,99 @@
+"""Studies without a command line: what options make of a file's study, and scenes that are loaded already."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from shadowbench.errors import InputError
+from shadowbench.measure.single import render
+from shadowbench.scenes.library import load_scene
+from shadowbench.scenes.views import chosen_view
+from shadowbench.studies.measured import asked_study, measure
+from shadowbench.studies.study import Study
+from shadowbench.techniques.registry import techniques
+from shadowbench.techniques.spec import parse_spec
+from tests.runs import Bench, Notebook
+
+KNOWN = techniques()
+SPEC = parse_spec("shadow-map", KNOWN)
+SMALL = parse_spec("shadow-map:size=64", KNOWN)
+FILE = """
+scenes = ["cube-on-plane", "stairs"]
+map_size = [64, 128]
+phases = 2
+rounds = 3
+[[technique]]
+spec = "shadow-map"
+phases = 4
+bias_sweep = [1, 2]
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> str:
+    (tmp_path / "study.toml").write_text(FILE)
+    return str(tmp_path / "study.toml")
+
+
+def phases(study: Study) -> set[int]:
+    return {cell.phase for cell in study.cells()}
+
+
+def test_what_is_asked_for_stands_in_place_of_what_the_file_says(file: str) -> None:
+    kept = asked_study(KNOWN, study=file)
+    assert (kept.rounds, kept.map_size, phases(kept)) == (3, (64, 128), {0, 1, 2, 3})
+    asked = asked_study(KNOWN, ["lamp-by-wall"], study=file, rounds=0, map_size=[32], view_size=16, light="lamp")
+    assert (asked.scenes, asked.rounds, asked.map_size, asked.view_size) == (("lamp-by-wall",), 0, (32,), 16)
+    assert (asked.lights, asked.views) == (("lamp",), ("file",))
+    assert phases(asked_study(KNOWN, study=file, phases=3)) == {0, 1, 2}, "also of what has a number of its own"
+
+
+def test_specs_have_the_phases_of_the_study_and_keep_their_place_in_its_sweeps(file: str) -> None:
+    asked = asked_study(KNOWN, specs=[SPEC], study=file)
+    assert (asked.specs, phases(asked)) == ((SPEC,), {0, 1})
+    assert asked.sweeps == asked_study(KNOWN, study=file).sweeps
+
+
+def test_specs_alone_mean_what_they_say() -> None:
+    assert [cell.spec.text for cell in asked_study(KNOWN, specs=[SPEC, SMALL]).cells()] == [
+        "shadow-map",
+        "shadow-map:size=64",
+    ]
+    sized = asked_study(KNOWN, specs=[SPEC, SMALL], map_size=[32, 128])
+    assert {cell.spec.map_size for cell in sized.cells()} == {32, 64, 128}
+    assert sized.notes == ("shadow-map:size=64 names its size, which --map-size 32,128 leaves as it is",)
+
+
+@pytest.mark.parametrize(
+    ("make", "line"),
+    [
+        (lambda: Study.of(["stairs"], [SPEC], view_size=0), "study: view_size: found 0; allowed: "),
+        (lambda: Study.of([], [SPEC]), "study: scenes: found an empty list; allowed: 1 or more entries"),
+        (lambda: Study.of(["stairs"], [SPEC], size=3), "study: unknown field 'size'"),
+        (lambda: asked_study(KNOWN, study="nothing"), "nothing: no such study file"),
+    ],
+)
+def test_a_study_of_a_program_is_checked_as_a_file_is(make: Callable[[], Study], line: str) -> None:
+    with pytest.raises(InputError, match=line):
+        make()
+
+
+def test_a_scene_that_is_loaded_is_measured_as_one_by_name(bench: Bench, tmp_path: Path) -> None:
+    scene = load_scene("cube-on-plane")
+    named, loaded = (
+        measure(Study.of([one], [SMALL], view_size=32, rounds=0), tmp_path / name, bench.worker, Notebook())
+        for name, one in (("named", "cube-on-plane"), ("loaded", scene))
+    )
+    assert named.frame.drop(columns="command").equals(loaded.frame.drop(columns="command"))
+    assert (tmp_path / "loaded" / "table.csv").read_bytes() == (tmp_path / "named" / "table.csv").read_bytes()
+    assert named.run.about["study"] == loaded.run.about["study"]
+
+
+def test_a_view_is_drawn_once(bench: Bench) -> None:
+    view = chosen_view(load_scene("cube-on-plane"), 32)
+    drawn = render(view, SMALL, bench.worker, name="shadow-map", with_map=True)
+    assert drawn.visibility.shape == (32, 32) and drawn.map is not None and drawn.map.shape == (64, 64)
+    lamp = chosen_view("room-with-lamp", 32)
+    with pytest.raises(InputError, match="shadow-map does not go with room-with-lamp: a point light"):
+        render(lamp, SMALL, bench.worker, name="shadow-map")
