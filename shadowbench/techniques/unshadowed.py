@@ -3,6 +3,7 @@
 import moderngl
 
 from shadowbench.techniques.base import Frame, Stage, Technique
+from shadowbench.techniques.resolve import ResolvePass
 
 
 class Unshadowed(Technique):
@@ -11,13 +12,8 @@ class Unshadowed(Technique):
     name = "unshadowed"
 
     def build(self, stage: Stage) -> None:
-        self.program = stage.program("fullscreen.vert", "unshadowed/resolve.frag")
-        self.fullscreen = stage.fullscreen(self.program)
-        self.visibility = stage.texture()
-        self.target = stage.target(self.visibility)
+        self.resolve = ResolvePass(stage, "unshadowed/resolve.frag")
 
     def draw(self, frame: Frame) -> moderngl.Texture:
         with frame.timed("resolve", changes="view"):
-            self.program.set(light=frame.light_uniform)
-            self.fullscreen.draw(self.target, frame.surface.inputs)
-        return self.visibility
+            return self.resolve(frame)
