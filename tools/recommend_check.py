@@ -13,14 +13,14 @@ from pathlib import Path
 
 from shadowbench.advice.recommend import MARGINS, Target, recommend, tried_of
 from shadowbench.advice.search import Tried
-from shadowbench.advice.space import GRID, whole_space
+from shadowbench.advice.space import grid_of, whole_space
 from shadowbench.measure.gauge import Gauge
 from shadowbench.measure.runner import Result
 from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.views import chosen_view
 from shadowbench.techniques.base import Technique
-from shadowbench.techniques.registry import techniques
+from shadowbench.techniques.registry import own_techniques, techniques
 from shadowbench.techniques.spec import Spec, format_spec
 from shadowbench.truth.cache import cached_truth
 
@@ -172,9 +172,9 @@ def page(lines: Mapping[Target, Sequence[Line]], size: int) -> str:
 
 def _space() -> list[str]:
     rows = ["| technique | values |", "|---|---|"]
-    for name, grid in GRID.items():
-        values = "; ".join(f"`{key}` {', '.join(map(str, choices))}" for key, choices in grid.items())
-        rows.append(f"| `{name}` | {values or 'its defaults'} |")
+    for one in own_techniques():
+        values = "; ".join(f"`{key}` {', '.join(map(str, choices))}" for key, choices in grid_of(one).items())
+        rows += [] if one.no_choice else [f"| `{one.name}` | {values or 'its defaults'} |"]
     return rows
 
 

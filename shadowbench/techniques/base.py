@@ -5,9 +5,10 @@ and is timed. A whole technique is one file: parameters, `unsupported`, `build`,
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import moderngl
 import numpy as np
@@ -82,6 +83,13 @@ class Technique(ABC):
     lights: ClassVar[frozenset[LightKind]] = frozenset({"directional", "spot", "point"})  # kinds that it answers
     phased: ClassVar[bool] = False  # whether it has a grid that a phase can shift
     shown_in: ClassVar[str] = ""  # the built-in scene whose picture its documentation shows
+    # What `recommend` tries of its parameters, by name; all others at their defaults, and map sizes in any case.
+    grid: ClassVar[Mapping[str, Sequence[Any]]] = {}
+    no_choice: ClassVar[str] = ""  # why `recommend` never chooses it
+    only_planes: ClassVar[bool] = False  # whether receivers that are not planar stay lit
+    # Geometry alone decides, without a grid or a window: tests/laws holds it to what follows from that.
+    exact: ClassVar[bool] = False
+    variants: ClassVar[Sequence[str]] = ("",)  # items of the specs that tests/laws looks at
 
     def __init__(self, params: TechniqueParams) -> None:
         self.params = params
@@ -98,6 +106,16 @@ class Technique(ABC):
         if reason is None and view.light.kind not in cls.lights:
             return f"a {view.light.kind} light; {cls.name} answers {' and '.join(sorted(cls.lights))} ones"
         return reason
+
+    @classmethod
+    def view_slices(cls, params: TechniqueParams) -> int:
+        """How many slices of the view have a map each."""
+        return 1
+
+    @classmethod
+    def extra_work(cls, params: TechniqueParams) -> str | None:
+        """Why these parameters are no choice where work is what ranks, in words; None when they may be one."""
+        return None
 
     @abstractmethod
     def build(self, stage: Stage) -> None:

@@ -17,7 +17,7 @@ from shadowbench.techniques.biases import Bias, Texel
 from shadowbench.techniques.filters import Filter, Hardware
 from shadowbench.techniques.fits import CasterHull, window
 from shadowbench.techniques.lights import Box, LightSpace, LightView, light_space
-from shadowbench.techniques.maps import CasterMap, map_textures, map_uniforms, without_meaning
+from shadowbench.techniques.maps import MAP_GRID, CasterMap, map_textures, map_uniforms, without_meaning
 from shadowbench.techniques.params import one_of
 from shadowbench.techniques.resolve import ResolvePass
 from shadowbench.techniques.splits import Practical, Slice, Split, slices, snapped, stretched
@@ -38,6 +38,8 @@ class Cascades(Technique):
     lights = frozenset({"directional"})
     phased = True
     shown_in = "deep-street"
+    grid = {"count": (2, 3, 5), **MAP_GRID, "size": (256, 512, 1024, 2048)}
+    variants = ("box=scene", "box=tight", "box=sphere,stable=true")
 
     class Params(TechniqueParams):
         """Parameters of cascades."""
@@ -80,6 +82,11 @@ class Cascades(Technique):
             return f"a {view.light.kind} light shines from a place; cascades follow a directional one"
         meaningless = without_meaning("array", params.bias, params.filter)
         return meaningless or refused(device, params.size, params.depth, "array", params.count)
+
+    @classmethod
+    def view_slices(cls, params: TechniqueParams) -> int:
+        assert isinstance(params, cls.Params)
+        return params.count
 
     def build(self, stage: Stage) -> None:
         params = self.params

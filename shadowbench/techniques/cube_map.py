@@ -14,7 +14,7 @@ from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams
 from shadowbench.techniques.biases import Bias, Texel
 from shadowbench.techniques.filters import Filter, Hardware
 from shadowbench.techniques.fits import CasterHull
-from shadowbench.techniques.maps import CasterMap, map_textures, without_meaning
+from shadowbench.techniques.maps import MAP_GRID, CasterMap, map_textures, without_meaning
 from shadowbench.techniques.params import one_of
 from shadowbench.techniques.resolve import ResolvePass
 
@@ -39,6 +39,7 @@ class CubeMap(Technique):
     name = "cube-map"
     lights = frozenset({"spot", "point"})
     shown_in = "lamp-by-wall"
+    grid = MAP_GRID
     presets = {"course": "bias=constant(world=0.05),filter=pcf-20"}
 
     class Params(TechniqueParams):

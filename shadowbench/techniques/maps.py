@@ -22,6 +22,11 @@ from shadowbench.techniques.lights import LightView
 from shadowbench.techniques.params import TechniqueParams, one_of, param
 from shadowbench.techniques.reduction import VisibleBounds
 
+# What `recommend` tries of every map technique; biases cost alike, and their defaults are tuned.
+MAP_GRID = {
+    "filter": ("hard", "hardware", "pcf(taps=3)", "pcf(taps=5)"),
+    "depth": ("d16", "d32f"),  # of which no other has fewer bytes, or more digits
+}
 _NO_BIAS = NoBias()
 
 

@@ -13,7 +13,16 @@ from shadowbench.scenes.model import View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.biases import Bias, Texel
 from shadowbench.techniques.filters import Filter, Hardware
-from shadowbench.techniques.maps import CasterMap, FittedParams, FittedView, map_textures, map_uniforms, without_meaning
+from shadowbench.techniques.fits import Fit
+from shadowbench.techniques.maps import (
+    MAP_GRID,
+    CasterMap,
+    FittedParams,
+    FittedView,
+    map_textures,
+    map_uniforms,
+    without_meaning,
+)
 from shadowbench.techniques.params import one_of
 from shadowbench.techniques.resolve import ResolvePass
 
@@ -28,6 +37,8 @@ class ShadowMap(Technique):
     name = "shadow-map"
     lights = frozenset({"directional", "spot"})
     phased = True
+    grid = {"fit": ("visible", "view", "scene"), **MAP_GRID}
+    variants = tuple(f"fit={name}" for name in sorted(Fit.table))
     presets = {
         "course": "fit=scene,bias=slope,filter=pcf(taps=3)",
         "constant": "fit=scene,bias=constant(0.005),filter=hard",

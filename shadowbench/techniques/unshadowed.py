@@ -10,6 +10,8 @@ class Unshadowed(Technique):
     """All is lit: the floor that every score and every time is read against."""
 
     name = "unshadowed"
+    exact = True
+    no_choice = "draws no shadow: enough only where there is none"
 
     def build(self, stage: Stage) -> None:
         self.resolve = ResolvePass(stage, "unshadowed/resolve.frag")
