@@ -9,6 +9,7 @@ import typer
 
 from shadowbench import __version__
 from shadowbench.cli import about, choose, engines, measure, results
+from shadowbench.commands import new_technique
 
 _STOPPED = 130
 # Typer brought its own copy of click in 2025; either way this is what it raises for a wrong command line.
@@ -23,7 +24,7 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for part in (measure, results, choose, engines, about):  # as --help lists them
+for part in (measure, results, choose, engines, new_technique, about):  # as --help lists them
     app.add_typer(part.app)
 
 
