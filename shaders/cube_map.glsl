@@ -1,4 +1,5 @@
-// Where a receiver lies in a cube map whose depth is the distance to the light over map_far, and how it is compared with it.
+// Where a receiver lies in a cube map whose depth is the distance to the light over map_far, and the two ways of comparing
+// it. Directions past a face's edge fall on its neighbour.
 #define MAP_CUBE
 #include "map.glsl"
 #include "cube_faces.glsl"

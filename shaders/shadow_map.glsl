@@ -50,7 +50,7 @@ float compare_linear(MapPoint p, vec2 offset) {
 
 #include <filter>
 
-// Visibility of a receiver by one layer. To be called by every pixel of a quad: a bias may take screen derivatives.
+// Visibility of a receiver by one layer. Every pixel of a quad must call it: a bias may take screen derivatives.
 float map_visibility(Receiver r, int layer) {
     MapPoint p = map_point(r.position, layer);
     p = map_point(r.position + bias_offset(r, p), layer);

@@ -1,7 +1,21 @@
 """The contract of a technique.
 
 `build` sees geometry, device and parameters, never a pose; whatever depends on where camera or light are is in `draw`,
-and is timed. A whole technique is one file: parameters, `unsupported`, `build`, `draw`, and shaders beside it.
+and is timed. A whole technique is one file: parameters, `unsupported`, `build`, `draw`; shaders beside it or inline.
+`shadowbench new-technique NAME` writes one to start from. What most are made of: `resolve.ResolvePass`, the full-screen
+pass; `maps.FittedView` and `maps.CasterMap`, the light's view and the map that casters are drawn into.
+
+What a shader is given by `stage.program(…, params=self.params)` for a parameter `key`:
+
+    int, bool               #define KEY 1024; of a bool 1 or 0
+    choice (Literal)        #define KEY_CHOICE 1, with _ in place of -
+    float                   uniform float key, where the shader declares it; with metres=True it is a local length
+    row (a bias, a filter)  #include <key> is its file; its own parameters are named KEY_TAPS, key_scale
+
+and `uniform float metre`, the local length of a metre. `receiver.glsl` has a pixel's position, normal, N·L and the
+direction to the light; `map.glsl` its place in a map, by the uniforms that `maps.map_uniforms` makes, and
+`linear_depth.glsl` depth along the light's axis. `map.glsl` reads three defines: SIZE, from the parameter of that name;
+LAYERS, the maps of an array, 1 unless defined; REVERSED, 1 where depth 1 is near, 0 unless defined.
 """
 
 from abc import ABC, abstractmethod

@@ -25,7 +25,9 @@ def test_what_it_writes_runs_as_it_is(shadowbench: Shadowbench, tmp_path: Path, 
     assert float(row["iou"]) > 0.7
 
 
-@pytest.mark.parametrize("name", ["", "3d", "a/b", "../up", "two words", "none", "True-", "class\n", "é", "-x", "x" * 81])
+@pytest.mark.parametrize(
+    "name", ["", "3d", "a/b", "../up", "two words", "none", "True-", "class\n", "é", "-x", "x" * 81]
+)
 def test_a_bad_name_is_one_line(shadowbench: Shadowbench, tmp_path: Path, name: str) -> None:
     answer = shadowbench("new-technique", "-o", tmp_path, "--", name)
     assert answer.code == 2 and len(answer.err.splitlines()) == 1

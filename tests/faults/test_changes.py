@@ -57,22 +57,22 @@ def changes(file: str) -> list[Change]:
 
 STUDY = read_study(BASELINE / "study.toml", techniques())
 SCENES = {load_scene(scene).name: scene for scene in STUDY.scenes}
-# What is planted for a technique that has no fault of its own in faults.toml: a light from elsewhere.
-MIRRORED_LIGHT = ("shadowbench/techniques/base.py", "return (*xyz, w)", "return (-xyz[0], *xyz[1:], w)")
+# What is planted for a technique that has no fault of its own in faults.toml: its receivers lie elsewhere.
+MOVED_RECEIVERS = ("shaders/gbuffer/gbuffer.frag", "vec4(world, 1.0)", "vec4(world + vec3(0.1, 0.0, 0.1), 1.0)")
 
 
-def mirrored(technique: type[Technique]) -> Change:
+def misplaced(technique: type[Technique]) -> Change:
     """The fault on the first scene of the study whose light the technique answers."""
     kinds = {name: load_scene(file).lights[0].kind for name, file in SCENES.items()}
     scene = next(name for name, kind in kinds.items() if kind in technique.lights)
-    return Change(f"{technique.name}-under-a-mirrored-light", technique.name, (scene,), (MIRRORED_LIGHT,))
+    return Change(f"{technique.name}-of-moved-receivers", technique.name, (scene,), (MOVED_RECEIVERS,))
 
 
 def planted() -> list[Change]:
     """Those of the file, and one for each technique of ours that it forgets."""
     written = changes("faults.toml")
     covered = {change.technique for change in written}
-    return [*written, *(mirrored(one) for one in own_techniques() if one.name not in covered)]
+    return [*written, *(misplaced(one) for one in own_techniques() if one.name not in covered)]
 
 
 FAULTS, HARMLESS = planted(), changes("harmless.toml")
