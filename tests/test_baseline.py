@@ -16,7 +16,7 @@ from shadowbench.techniques.biases import Bias
 from shadowbench.techniques.filters import Filter
 from shadowbench.techniques.fits import Fit
 from shadowbench.techniques.params import Row
-from shadowbench.techniques.registry import techniques
+from shadowbench.techniques.registry import own_techniques, techniques
 from shadowbench.techniques.splits import Split
 
 BASELINE = Path(__file__).resolve().parents[1] / "results" / "baseline"
@@ -41,8 +41,11 @@ def test_it_has_the_cells_of_its_study() -> None:
     assert not [row for row in ROWS if row["status"].startswith("failed")]
 
 
-def test_every_technique_holds_somewhere() -> None:
-    assert {row["technique"] for row in HELD} == set(techniques())
+@pytest.mark.parametrize("name", [one.name for one in own_techniques()])
+def test_every_technique_holds_somewhere(name: str) -> None:
+    if name not in {cell.spec.technique.name for cell in STUDY.cells()}:
+        pytest.skip(f"the baseline's study leaves out {name}")
+    assert name in {row["technique"] for row in HELD}
 
 
 @pytest.mark.parametrize("family", [Bias, Filter, Fit, Split])

@@ -9,6 +9,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 PLUGINS = {
+    "exponential_shadow_map.py": "exponential-shadow-map",
     "sphere_proxies.py": "sphere-proxies",
     "variance_shadow_map.py": "variance-shadow-map",
 }
@@ -52,6 +53,19 @@ def test_variance_shadow_map_draws_the_lamp_s_shadow_nearly_as_a_hard_map_does(i
 
 def test_variance_shadow_map_draws_a_sun_s_shadow_too(iou: Callable[..., Any]) -> None:
     assert iou("cube-on-plane", "variance_shadow_map.py", "variance-shadow-map")["variance-shadow-map"] > 0.8
+
+
+@pytest.mark.parametrize("scene", ["cube-on-plane", "spot-lamp"])
+def test_exponential_shadow_map_is_about_as_right_as_a_depth_map(iou: Callable[..., Any], scene: str) -> None:
+    found = iou(
+        scene, "exponential_shadow_map.py", "exponential-shadow-map", "exponential-shadow-map:c=5.0", "shadow-map"
+    )
+    assert 1 - found["exponential-shadow-map"] < 1.5 * (1 - found["shadow-map"])
+    assert found["exponential-shadow-map:c=5.0"] < found["exponential-shadow-map"], "a blunt exponential leaks"
+
+
+def test_a_map_technique_with_contents_of_its_own_takes_50_lines() -> None:
+    assert len((ROOT / "examples" / "exponential_shadow_map.py").read_text(encoding="utf-8").splitlines()) <= 50
 
 
 def test_sphere_proxies_are_right_for_a_ball_and_wrong_for_a_cube(iou: Callable[..., Any], tmp_path: Path) -> None:

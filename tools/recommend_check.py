@@ -14,7 +14,7 @@ from pathlib import Path
 
 from shadowbench.advice.recommend import MARGINS, Target, recommend, tried_of
 from shadowbench.advice.search import Tried
-from shadowbench.advice.space import GRID, whole_space
+from shadowbench.advice.space import grid_of, whole_space
 from shadowbench.measure.cells import Block, Cell, Conditions
 from shadowbench.measure.measurer import Measurer
 from shadowbench.measure.pictures import Pictures
@@ -24,7 +24,7 @@ from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.views import chosen_view
 from shadowbench.techniques.base import Technique
-from shadowbench.techniques.registry import techniques
+from shadowbench.techniques.registry import own_techniques, techniques
 from shadowbench.techniques.spec import Spec
 from shadowbench.truth.cache import cached_truth
 
@@ -178,9 +178,9 @@ def page(lines: Mapping[Target, Sequence[Line]], size: int) -> str:
 
 def _space() -> list[str]:
     rows = ["| technique | values |", "|---|---|"]
-    for name, grid in GRID.items():
-        values = "; ".join(f"`{key}` {', '.join(map(str, choices))}" for key, choices in grid.items())
-        rows.append(f"| `{name}` | {values or 'its defaults'} |")
+    for one in own_techniques():
+        values = "; ".join(f"`{key}` {', '.join(map(str, choices))}" for key, choices in grid_of(one).items())
+        rows += [] if one.no_choice else [f"| `{one.name}` | {values or 'its defaults'} |"]
     return rows
 
 

@@ -1,11 +1,11 @@
 // Moves the receiver off its surface by the filter's reach (Holbert 2011), which is also how far a texel's stored
 // depth can lie in front of it.
-#define BIAS_HAS_MOVE
+#define BIAS_HAS_OFFSET
 #define BIAS_HAS_DEPTH
 uniform float bias_scale;
 uniform float bias_ulps;
 
-vec3 bias_move(Receiver r, MapPoint p) {
+vec3 bias_offset(Receiver r, MapPoint p) {
     return r.normal * (bias_scale * p.radius * length(p.texel) * sin_slope(r, p));
 }
 

@@ -1,10 +1,10 @@
-// Two biases that act together: their moves, depths and gradients add up.
-#include "bias/whole.glsl" with bias = bias_first
-#include "bias/whole.glsl" with bias = bias_second
-#define BIAS_HAS_MOVE
+// Two biases that act together: their offsets, depths and gradients add up.
+#include "bias.glsl" with bias = bias_first
+#include "bias.glsl" with bias = bias_second
+#define BIAS_HAS_OFFSET
 #define BIAS_HAS_DEPTH
 
-vec3 bias_move(Receiver r, MapPoint p) { return bias_first_move(r, p) + bias_second_move(r, p); }
+vec3 bias_offset(Receiver r, MapPoint p) { return bias_first_offset(r, p) + bias_second_offset(r, p); }
 
 float bias_depth(Receiver r, MapPoint p) { return bias_first_depth(r, p) + bias_second_depth(r, p); }
 

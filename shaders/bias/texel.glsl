@@ -3,14 +3,14 @@
 // where flat ground is met at every slant. At grazing light, where the limit would leave acne on flat ground, the
 // receiver moves off its surface by the reach instead (Holbert 2011): far enough for any slope. Not before: on curved
 // ground that costs contact.
-#define BIAS_HAS_MOVE
+#define BIAS_HAS_OFFSET
 #define BIAS_HAS_DEPTH
 uniform float bias_scale;
 uniform float bias_limit;
 uniform float bias_grazing;
 uniform float bias_ulps;
 
-vec3 bias_move(Receiver r, MapPoint p) {
+vec3 bias_offset(Receiver r, MapPoint p) {
     if (tan_slope(r, p) < bias_grazing) return vec3(0.0);
     return r.normal * (bias_scale * p.radius * length(p.texel) * sin_slope(r, p));
 }

@@ -6,7 +6,7 @@ out vec3 from_light;
 
 void main() { from_light = position - light_position; }
 #else
-#include "cube-map/project.glsl"
+#include "cube_faces.glsl"
 uniform int face;
 out vec3 away;
 

@@ -1,7 +1,7 @@
 // A triangle to each face that it may be seen on.
 layout(triangles, invocations = 6) in;
 layout(triangle_strip, max_vertices = 3) out;
-#include "cube-map/project.glsl"
+#include "cube_faces.glsl"
 in vec3 from_light[];
 out vec3 away;
 

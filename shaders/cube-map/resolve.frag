@@ -1,7 +1,6 @@
 // Visibility of every pixel by one cube map of distances.
-#include "map_cube.glsl"
+#include "cube_map.glsl"
 #include "bias.glsl"
-#include "compare_cube.glsl"
 uniform vec3 eye;
 uniform float view_far;
 #include <filter>
@@ -13,7 +12,7 @@ out float visibility;
 void main() {
     Receiver r = receiver_at(ivec2(gl_FragCoord.xy));
     MapPoint p = map_point(r.position);
-    p = map_point(r.position + bias_move(r, p));
+    p = map_point(r.position + bias_offset(r, p));
     p.bias = bias_depth(r, p);
-    visibility = r.facing ? filtered(p) : 1.0;
+    visibility = r.facing ? filter_visibility(p) : 1.0;
 }

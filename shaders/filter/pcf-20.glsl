@@ -15,7 +15,7 @@ float filter_reach(MapPoint p) {
     return filter_radius + angle * p.axis_distance / length(p.texel);
 }
 
-float filtered(MapPoint p) {
+float filter_visibility(MapPoint p) {
     vec3 away = -p.axis * p.axis_distance;
     float side = half_side(p);
     float lit = 0.0;

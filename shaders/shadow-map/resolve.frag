@@ -1,5 +1,5 @@
 // Visibility of every pixel by one 2-D depth map (Williams 1978).
-#include "lookup.glsl"
+#include "shadow_map.glsl"
 out float visibility;
 
 void main() { visibility = map_visibility(receiver_at(ivec2(gl_FragCoord.xy)), 0); }

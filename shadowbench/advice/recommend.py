@@ -17,6 +17,7 @@ from shadowbench.studies.tables import cells_frame
 from shadowbench.studies.times import ReferenceTime, by_one_reference
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.spec import Spec
+from shadowbench.techniques.unshadowed import Unshadowed
 from shadowbench.truth.trace import Truth
 
 Unit = Literal["work", "ms"]
@@ -108,8 +109,8 @@ def recommend(
     left, excluded = needed_space(whole, found, least_iou, unit == "work")
     out = [*no_choices(known, view.light.kind), *excluded]
     if not (truth.receivers & (truth.visibility < 0.5)).any():
-        left = [Spec(known["unshadowed"], known["unshadowed"].Params())]
-        out = [Excluded("all but unshadowed", "nothing that is seen is in shadow", len(whole))]
+        left = [Spec(Unshadowed, Unshadowed.Params())]
+        out = [Excluded(f"all but {Unshadowed.name}", "nothing that is seen is in shadow", len(whole))]
     refused: dict[str, str] = {}
 
     def tried(spec: Spec) -> Tried | None:

@@ -12,21 +12,6 @@ from shadowbench.techniques.base import Technique
 from shadowbench.techniques.spec import Spec
 
 SIZES = (256, 512, 1024, 2048, 4096)
-_FILTERS = ("hard", "hardware", "pcf(taps=3)", "pcf(taps=5)")
-_DEPTHS = ("d16", "d32f")  # of which no other has fewer bytes, or more digits
-
-# What a technique is tried with. Other parameters stay at their defaults: biases cost alike, and those are tuned.
-GRID: Mapping[str, Mapping[str, Sequence[Any]]] = {
-    "shadow-map": {"fit": ("visible", "view", "scene"), "filter": _FILTERS, "depth": _DEPTHS, "size": SIZES},
-    "cascades": {"count": (2, 3, 5), "filter": _FILTERS, "depth": _DEPTHS, "size": SIZES[:-1]},
-    "cube-map": {"filter": _FILTERS, "depth": _DEPTHS, "size": SIZES},
-    "shadow-volume": {"compare": ("position", "depth")},
-    "planar-projection": {},
-}
-NO_CHOICE = {
-    "ray-traced": "is traced on the CPU, with what the truth is made of: the end of the scale, not for a frame",
-    "unshadowed": "draws no shadow: enough only where there is none",
-}
 
 
 @dataclass(frozen=True)
@@ -38,10 +23,15 @@ class Excluded:
     specs: int
 
 
-def specs_of(technique: type[Technique], largest: int) -> list[Spec]:
-    """Every spec of a technique's grid, with maps up to the device's largest; of one that is not ours, its sizes."""
+def grid_of(technique: type[Technique]) -> dict[str, Sequence[Any]]:
+    """What is tried of a technique, its map sizes among it."""
     sizes = {"size": SIZES} if "size" in technique.Params.model_fields else {}
-    grid = dict(GRID.get(technique.name, sizes))
+    return {**technique.grid, **(sizes if "size" not in technique.grid else {})}
+
+
+def specs_of(technique: type[Technique], largest: int) -> list[Spec]:
+    """Every spec of a technique's grid, with maps up to the device's largest."""
+    grid = grid_of(technique)
     if "size" in grid:
         grid["size"] = [size for size in grid["size"] if size <= largest] or [largest]
     home = Spec(technique, technique.Params())
@@ -51,16 +41,16 @@ def specs_of(technique: type[Technique], largest: int) -> list[Spec]:
 
 def whole_space(known: Mapping[str, type[Technique]], light: LightKind, largest: int) -> list[Spec]:
     """All specs that answer a kind of light: what an exhaustive search would measure."""
-    answering = [one for one in known.values() if light in one.lights and one.name not in NO_CHOICE]
+    answering = [one for one in known.values() if light in one.lights and not one.no_choice]
     return [spec for technique in answering for spec in specs_of(technique, largest)]
 
 
 def no_choices(known: Mapping[str, type[Technique]], light: LightKind) -> list[Excluded]:
     """The techniques that are in no space for this light, with the reason."""
     return [
-        Excluded(name, NO_CHOICE.get(name) or f"answers {' and '.join(sorted(one.lights))} light, not {light}", 0)
+        Excluded(name, one.no_choice or f"answers {' and '.join(sorted(one.lights))} light, not {light}", 0)
         for name, one in known.items()
-        if name in NO_CHOICE or light not in one.lights
+        if one.no_choice or light not in one.lights
     ]
 
 
@@ -73,7 +63,7 @@ def needed_space(
     """
     rules = [_depth_rule(needs), _planar_rule(needs, least_iou)]
     if by_work:
-        rules.append(_compare_rule)
+        rules.append(_work_rule)
     left, excluded = list(space), []
     for rule in rules:
         found = {spec: reason for spec in left if (reason := rule(spec)) is not None}
@@ -108,20 +98,18 @@ def _planar_rule(needs: Needs, least_iou: float | None) -> _Rule:
         why = "no receiver that is seen is a plane"
     elif least_iou is not None and most < least_iou:
         why = f"only {seen.planar.value:.1%} of what is seen lies on planes: its IoU is below {most:.3g}"
-    name = "planar-projection"
-    return lambda spec: (name, why) if why is not None and spec.technique.name == name else None
+    return lambda spec: (spec.technique.name, why) if why is not None and spec.technique.only_planes else None
 
 
-def _compare_rule(spec: Spec) -> tuple[str, str] | None:
-    if spec.technique.name == "shadow-volume" and getattr(spec.params, "compare", None) == "depth":
-        return spec.text, "draws the surfaces' depth besides: faster on a GPU, but more work"
-    return None
+def _work_rule(spec: Spec) -> tuple[str, str] | None:
+    reason = spec.technique.extra_work(spec.params)
+    return None if reason is None else (spec.text, reason)
 
 
 def start_size(spec: Spec, needs: Needs) -> float:
     """The map size that needs predict for a technique: right at the shadows' edges, or a texel a pixel without any."""
-    texels, several = needs.texels, needs.cascades
-    if spec.technique.name == "cascades" and several is not None:
-        sizes, count = several.edge_size or several.size, int(getattr(spec.params, "count", several.best))
-        return sizes.get(count, sizes[several.best])
+    texels, several, slices = needs.texels, needs.cascades, spec.technique.view_slices(spec.params)
+    if slices > 1 and several is not None:
+        sizes = several.edge_size or several.size
+        return sizes.get(slices, sizes[several.best])
     return (texels.edge_size or texels.size).value

@@ -17,6 +17,7 @@ from shadowbench.commands import (
     export,
     listing,
     needs,
+    new_technique,
     recommend,
     render,
     repeat,
@@ -42,9 +43,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 _MEASURING, _RESULTS = (run, truth, render, stress), (report, check, repeat)
-_CHOOSING, _ENGINES, _ABOUT = (needs, tune, recommend), (export, score), (listing, doctor)
-_MEASURING, _RESULTS = (run, truth, render, stress), (report, check, repeat)
-_CHOOSING, _ENGINES, _ABOUT = (needs, tune, recommend), (export, score), (listing, doctor)
+_CHOOSING, _ENGINES, _ABOUT = (needs, tune, recommend), (export, score), (listing, new_technique, doctor)
 for module in (*_MEASURING, *_RESULTS, *_CHOOSING, *_ENGINES, *_ABOUT):  # as --help lists them
     app.add_typer(module.app)
 

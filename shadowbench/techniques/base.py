@@ -1,13 +1,28 @@
 """The contract of a technique.
 
 `build` sees geometry, device and parameters, never a pose; whatever depends on where camera or light are is in `draw`,
-and is timed. A whole technique is one file: parameters, `unsupported`, `build`, `draw`, and shaders beside it.
+and is timed. A whole technique is one file: parameters, `unsupported`, `build`, `draw`; shaders beside it or inline.
+`shadowbench new-technique NAME` writes one to start from. What most are made of: `resolve.ResolvePass`, the full-screen
+pass; `maps.FittedView` and `maps.CasterMap`, the light's view and the map that casters are drawn into.
+
+What a shader is given by `stage.program(…, params=self.params)` for a parameter `key`:
+
+    int, bool               #define KEY 1024; of a bool 1 or 0
+    choice (Literal)        #define KEY_CHOICE 1, with _ in place of -
+    float                   uniform float key, where the shader declares it; with metres=True it is a local length
+    row (a bias, a filter)  #include <key> is its file; its own parameters are named KEY_TAPS, key_scale
+
+and `uniform float metre`, the local length of a metre. `receiver.glsl` has a pixel's position, normal, N·L and the
+direction to the light; `map.glsl` its place in a map, by the uniforms that `maps.map_uniforms` makes, and
+`linear_depth.glsl` depth along the light's axis. `map.glsl` reads three defines: SIZE, from the parameter of that name;
+LAYERS, the maps of an array, 1 unless defined; REVERSED, 1 where depth 1 is near, 0 unless defined.
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import moderngl
 import numpy as np
@@ -82,6 +97,13 @@ class Technique(ABC):
     lights: ClassVar[frozenset[LightKind]] = frozenset({"directional", "spot", "point"})  # kinds that it answers
     phased: ClassVar[bool] = False  # whether it has a grid that a phase can shift
     shown_in: ClassVar[str] = ""  # the built-in scene whose picture its documentation shows
+    # What `recommend` tries of its parameters, by name; all others at their defaults, and map sizes in any case.
+    grid: ClassVar[Mapping[str, Sequence[Any]]] = {}
+    no_choice: ClassVar[str] = ""  # why `recommend` never chooses it
+    only_planes: ClassVar[bool] = False  # whether receivers that are not planar stay lit
+    # Geometry alone decides, without a grid or a window: tests/laws holds it to what follows from that.
+    exact: ClassVar[bool] = False
+    variants: ClassVar[Sequence[str]] = ("",)  # items of the specs that tests/laws looks at
 
     def __init__(self, params: TechniqueParams) -> None:
         self.params = params
@@ -98,6 +120,16 @@ class Technique(ABC):
         if reason is None and view.light.kind not in cls.lights:
             return f"a {view.light.kind} light; {cls.name} answers {' and '.join(sorted(cls.lights))} ones"
         return reason
+
+    @classmethod
+    def view_slices(cls, params: TechniqueParams) -> int:
+        """How many slices of the view have a map each."""
+        return 1
+
+    @classmethod
+    def extra_work(cls, params: TechniqueParams) -> str | None:
+        """Why these parameters are no choice where work is what ranks, in words; None when they may be one."""
+        return None
 
     @abstractmethod
     def build(self, stage: Stage) -> None:

@@ -12,15 +12,15 @@ from shadowbench.geometry.hull import CasterHull
 from shadowbench.geometry.lights import Box, LightSpace, LightView, light_space, window
 from shadowbench.geometry.slices import Slice, slices, snapped, stretched
 from shadowbench.gl.device import Device
-from shadowbench.gl.program import Drawable, Ranges, Value
+from shadowbench.gl.program import Value
 from shadowbench.gl.targets import DepthFormat, refused
 from shadowbench.scenes.model import View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.biases import Bias, Texel
-from shadowbench.techniques.culling import CasterChunks
 from shadowbench.techniques.filters import Filter, Hardware
-from shadowbench.techniques.maps import caster_state, map_textures, map_uniforms, shown, without_meaning
+from shadowbench.techniques.maps import MAP_GRID, CasterMap, map_textures, map_uniforms, without_meaning
 from shadowbench.techniques.params import one_of
+from shadowbench.techniques.resolve import ResolvePass
 from shadowbench.techniques.splits import Practical, Split
 
 
@@ -39,6 +39,8 @@ class Cascades(Technique):
     lights = frozenset({"directional"})
     phased = True
     shown_in = "deep-street"
+    grid = {"count": (2, 3, 5), **MAP_GRID, "size": (256, 512, 1024, 2048)}
+    variants = ("box=scene", "box=tight", "box=sphere,stable=true")
 
     class Params(TechniqueParams):
         """Parameters of cascades."""
@@ -82,26 +84,34 @@ class Cascades(Technique):
         meaningless = without_meaning("array", params.bias, params.filter)
         return meaningless or refused(device, params.size, params.depth, "array", params.count)
 
+    @classmethod
+    def view_slices(cls, params: TechniqueParams) -> int:
+        assert isinstance(params, cls.Params)
+        return params.count
+
     def build(self, stage: Stage) -> None:
         params = self.params
         self.stage = stage
         self.hull = CasterHull(stage.scene)
-        self.map = stage.depth_target(params.size, params.depth, "array", params.count)
-        self.radius = params.filter.radius(params.size)
-        self.defines = {"LAYERS": params.count, "MAP_ARRAY": 1, "REVERSED": 0, "FAR_RULE_LIT": 1}
+        self.reach = params.filter.radius(params.size)
+        self.defines = {"LAYERS": params.count, "MAP_ARRAY": 1}
         if params.layers == "geometry":
             texts = ("cascades/layers.vert", "depth.frag", "cascades/layers.geom")
-            self.depth_program = stage.program(*texts, defines={"LAYERS": params.count})
+            program = stage.program(*texts, defines=self.defines)
         else:
-            self.depth_program = stage.program("casters.vert", "depth.frag")
-        self.resolve_program = stage.program(
-            "fullscreen.vert", "cascades/resolve.frag", params=params, defines=self.defines
+            program = stage.program("casters.vert", "depth.frag")
+        self.map = CasterMap(
+            stage,
+            program,
+            params.size,
+            params.depth,
+            "array",
+            params.count,
+            bias=params.bias,
+            clamp=params.depth_clamp,
+            cull=params.cull,
         )
-        self.casters = stage.casters(self.depth_program)
-        self.chunks = CasterChunks(stage.scene, params.cull)
-        self.fullscreen = stage.fullscreen(self.resolve_program)
-        self.visibility = stage.texture()
-        self.target = stage.target(self.visibility)
+        self.resolve = ResolvePass(stage, "cascades/resolve.frag", params, self.defines)
 
     def draw(self, frame: Frame) -> moderngl.Texture:
         self.last = frame
@@ -110,13 +120,10 @@ class Cascades(Technique):
             space = light_space(frame.light)
             boxes = (self._box(space, part, frame.phase.shift) for part in self.slices)
             self.seen = [LightView(space, box, self.params.size) for box in boxes]
-            self.drawn = self._reaching(frame)
         with frame.timed("depth", changes="view"):
-            self._draw_maps()
+            self.map.draw(frame, self.seen, at_once=self.params.layers == "geometry")
         with frame.timed("resolve", changes="view"):
-            self.resolve_program.set(**self._uniforms())
-            self.fullscreen.draw(self.target, frame.surface.inputs | map_textures(self.map.texture))
-        return self.visibility
+            return self.resolve(frame, map_textures(self.map.texture), **self._uniforms(frame))
 
     def _slices(self, frame: Frame) -> list[Slice]:
         params = self.params
@@ -125,7 +132,7 @@ class Cascades(Technique):
         return slices(frame.camera, depths, params.blend if params.select == "depth" else 0.0)
 
     def _box(self, space: LightSpace, part: Slice, shift: tuple[float, float]) -> Box:
-        params, padding = self.params, self.radius + 1
+        params, padding = self.params, self.reach + 1
         # A clamped map has no need of a longer range, which would coarsen its depths and every bias given in them.
         longer = 1.0 if params.depth_clamp else params.z_mult
         if params.box != "sphere":
@@ -139,54 +146,29 @@ class Cascades(Technique):
         middle = space.box(center[None]).low
         return window(Box(middle - half, middle + half), space, params.size, padding, shift)
 
-    def _reaching(self, frame: Frame) -> list[Ranges | None]:
-        """What each draw is of: of the casters for all maps, or for one."""
-        regions = [shown(seen, self.params.bias) for seen in self.seen]
-        draws = [regions] if self.params.layers == "geometry" else [[region] for region in regions]
-        return [self.chunks.reaching(frame.light_uniform, *each) for each in draws]
-
-    def _draw_maps(self) -> None:
-        state = caster_state(self.params.bias, self.params.depth_clamp)
-        matrices = [seen.to_clip() for seen in self.seen]
-        self.map.target.clear(depth=1.0)
-        if self.params.layers == "geometry":
-            self.depth_program.set(world_to_clip=np.stack(matrices))
-            self.casters.draw(self.map.target, state=state, ranges=self.drawn[0])
-            return
-        for matrix, target, drawn in zip(matrices, self.map.each, self.drawn, strict=True):
-            self.depth_program.set(world_to_clip=matrix)
-            self.casters.draw(target, state=state, ranges=drawn)
-
-    def _uniforms(self) -> dict[str, Value]:
-        values = map_uniforms(self.seen)
-        values |= {"light": self.last.light_uniform, "filter_radius": self.radius, "depth_step": self.map.step}
-        values["position_step"] = self.hull.position_step(self.last.light)
+    def _uniforms(self, frame: Frame) -> dict[str, Value]:
+        values = map_uniforms(self.seen) | {"filter_radius": self.reach, "depth_step": self.map.step}
+        values["position_step"] = self.hull.position_step(frame.light)
         if self.params.select == "depth":
-            forward = -self.last.camera.basis()[2]
-            values["view_depth"] = (*map(float, forward), -float(forward @ self.last.camera.position))
+            forward = -frame.camera.basis()[2]
+            values["view_depth"] = (*map(float, forward), -float(forward @ frame.camera.position))
             values["starts"] = np.array([part.near for part in self.slices])
             values["ends"] = np.array([part.far for part in self.slices])
         return values
 
     @cached_property
-    def _tinting(self) -> tuple[Drawable, moderngl.Texture, moderngl.Framebuffer]:
-        stage, texts = self.stage, ("fullscreen.vert", "cascades/tint.frag")
-        program = stage.program(*texts, params=self.params, defines=self.defines)
-        colors = stage.texture(components=4)
-        return stage.fullscreen(program), colors, stage.target(colors)
+    def _tint(self) -> ResolvePass:
+        return ResolvePass(self.stage, "cascades/tint.frag", self.params, self.defines, components=4)
 
     def tint(self) -> moderngl.Texture:
-        fullscreen, colors, target = self._tinting
-        fullscreen.program.set(**self._uniforms())
-        fullscreen.draw(target, self.last.surface.inputs | map_textures(self.map.texture))
-        return colors
+        return self._tint(self.last, map_textures(self.map.texture), **self._uniforms(self.last))
 
     def map_image(self) -> NDArray[np.float32]:
         return np.hstack(list(self.map.texture.read()[:, ::-1]))
 
     def facts(self) -> dict[str, float]:
         scale = self.stage.placement.scale
-        facts: dict[str, float] = {"culled_triangles": sum(map(self.chunks.left_out, self.drawn))}
+        facts: dict[str, float] = {"culled_triangles": self.map.left_out}
         if self.params.blend:  # every pixel is looked up in two cascades
             facts["reads"] = 2 * self.params.filter.reads * self.stage.size[0] * self.stage.size[1]
         for number, (part, seen) in enumerate(zip(self.slices, self.seen, strict=True), start=1):

@@ -8,15 +8,15 @@ from numpy.typing import NDArray
 
 from shadowbench.geometry.hull import CasterHull
 from shadowbench.gl.device import Device
-from shadowbench.gl.program import Ranges
-from shadowbench.gl.targets import FACES, DepthFormat, refused
-from shadowbench.scenes.model import View
+from shadowbench.gl.program import Value
+from shadowbench.gl.targets import DepthFormat, refused
+from shadowbench.scenes.model import Floats, View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.biases import Bias, Texel
-from shadowbench.techniques.culling import CasterChunks
 from shadowbench.techniques.filters import Filter, Hardware
-from shadowbench.techniques.maps import caster_state, map_textures, without_meaning
+from shadowbench.techniques.maps import MAP_GRID, CasterMap, map_textures, without_meaning
 from shadowbench.techniques.params import one_of
+from shadowbench.techniques.resolve import ResolvePass
 
 _MARGIN = 1.001  # so that what lies farthest is not stored as an empty texel is
 _NEAREST = 2.0**-24  # of far: below what float32 positions can tell from the light itself
@@ -39,6 +39,7 @@ class CubeMap(Technique):
     name = "cube-map"
     lights = frozenset({"spot", "point"})
     shown_in = "lamp-by-wall"
+    grid = MAP_GRID
     presets = {"course": "bias=constant(world=0.05),filter=pcf-20"}
 
     class Params(TechniqueParams):
@@ -64,46 +65,44 @@ class CubeMap(Technique):
         params = self.params
         self.stage = stage
         self.hull = CasterHull(stage.scene)
-        self.map = stage.depth_target(params.size, params.depth, "cube")
-        geometry = "cube-map/faces.geom" if params.layers == "geometry" else None
-        self.depth_program = stage.program("cube-map/casters.vert", "cube-map/depth.frag", geometry, params=params)
-        self.resolve_program = stage.program(
-            "fullscreen.vert", "cube-map/resolve.frag", params=params, defines={"REVERSED": 0}
+        at_once = params.layers == "geometry"
+        texts = ("cube-map/casters.vert", "cube-map/depth.frag", "cube-map/faces.geom" if at_once else None)
+        self.map = CasterMap(
+            stage,
+            stage.program(*texts, params=params),
+            params.size,
+            params.depth,
+            "cube",
+            bias=params.bias,
+            clamp=False,
+            cull=params.cull and not at_once,
         )
-        self.resolve_program.set(filter_radius=params.filter.radius(params.size), depth_step=self.map.step)
-        self.casters = stage.casters(self.depth_program)
-        self.chunks = CasterChunks(stage.scene, params.cull and params.layers == "passes")
-        self.fullscreen = stage.fullscreen(self.resolve_program)
-        self.visibility = stage.texture()
-        self.target = stage.target(self.visibility)
+        self.resolve = ResolvePass(stage, "cube-map/resolve.frag", params)
 
     def draw(self, frame: Frame) -> moderngl.Texture:
         with frame.timed("depth", changes="light"):
             reach = np.linalg.norm(self.hull.points - frame.light.position, axis=1)
             self.far = float(reach.max()) * _MARGIN
-            self.depth_program.set(light_position=frame.light.position, map_far=self.far, near=self.far * _NEAREST)
-            self._draw_casters(frame)
+            self.map.program.set(light_position=frame.light.position, map_far=self.far, near=self.far * _NEAREST)
+            self.map.draw_layers(frame, self._draws(frame))
         with frame.timed("resolve", changes="view"):
-            self.resolve_program.set(light=frame.light_uniform, map_far=self.far)
-            self.resolve_program.set(position_step=self.hull.position_step(frame.light))
-            self.resolve_program.set(eye=frame.camera.position, view_far=frame.view.near_far[1])
-            textures = map_textures(self.map.texture, "edge")
-            self.fullscreen.draw(self.target, frame.surface.inputs | textures)
-        return self.visibility
+            return self.resolve(
+                frame,
+                map_textures(self.map.texture, "edge"),
+                map_far=self.far,
+                filter_radius=self.params.filter.radius(self.params.size),
+                depth_step=self.map.step,
+                position_step=self.hull.position_step(frame.light),
+                eye=frame.camera.position,
+                view_far=frame.view.near_far[1],
+            )
 
-    def _draw_casters(self, frame: Frame) -> None:
-        state = caster_state(self.params.bias, clamp=False)
-        self.map.target.clear(depth=1.0)
-        self.drawn: list[Ranges | None] = []
+    def _draws(self, frame: Frame) -> list[tuple[dict[str, Value], list[Floats]]]:
+        """All faces at once, or each by itself with the planes of its pyramid."""
         if self.params.layers == "geometry":
-            self.casters.draw(self.map.target, state=state)
-            return
-        for face in range(FACES):
-            planes = np.column_stack([_SIDES[face], -_SIDES[face] @ frame.light.position])
-            drawn = self.chunks.reaching(frame.light_uniform, planes)
-            self.depth_program.set(face=face)
-            self.casters.draw(self.map.each[face], state=state, ranges=drawn)
-            self.drawn.append(drawn)
+            return [({}, [])]
+        planes = [np.column_stack([sides, -sides @ frame.light.position]) for sides in _SIDES]
+        return [({"face": face}, [pyramid]) for face, pyramid in enumerate(planes)]
 
     def map_image(self) -> NDArray[np.float32]:
         """The faces unfolded into a cross, (3·size, 4·size), as the light sees them: +Z in front, +X to its left."""
@@ -115,6 +114,6 @@ class CubeMap(Technique):
     def facts(self) -> dict[str, float]:
         far = self.far / self.stage.placement.scale
         facts = {"texel_m": 2 * far / self.params.size, "depth_range_m": far}
-        facts["culled_triangles"] = sum(map(self.chunks.left_out, self.drawn))
+        facts["culled_triangles"] = self.map.left_out
         units = self.params.bias.depth_units
         return facts if units is None else facts | {"bias_m": units * far}

@@ -1,14 +1,146 @@
-"""What all map techniques share: the state that casters are drawn with, and what `map.glsl` and `compare.glsl` read."""
+"""What map techniques are made of: a light view fitted to the frame, casters drawn into a map, and how it is read.
 
-from collections.abc import Sequence
+A technique with one 2-D map is `FittedView`, then `CasterMap`, then a `ResolvePass` that is given `map_uniforms` for
+`map.glsl` and the map's textures.
+"""
 
+from collections.abc import Mapping, Sequence
+from typing import Annotated
+
+import moderngl
 import numpy as np
 
+from shadowbench.geometry.hull import CasterHull
 from shadowbench.geometry.lights import LightView
-from shadowbench.gl.program import Comparison, Sampling, State, Texture, Value, Wrap
+from shadowbench.gl.program import Comparison, Program, Ranges, Sampling, State, Texture, Value, Wrap
+from shadowbench.gl.targets import DepthFormat, Kind
 from shadowbench.scenes.model import Floats, vec3
-from shadowbench.techniques.biases import Bias, MapKind
+from shadowbench.techniques.base import Frame, Stage
+from shadowbench.techniques.biases import Bias, MapKind, NoBias
+from shadowbench.techniques.culling import CasterChunks
 from shadowbench.techniques.filters import Filter
+from shadowbench.techniques.fits import Fit, Sight, Visible
+from shadowbench.techniques.params import TechniqueParams, one_of, param
+from shadowbench.techniques.reduction import VisibleBounds
+
+# What `recommend` tries of every map technique; biases cost alike, and their defaults are tuned.
+MAP_GRID = {
+    "filter": ("hard", "hardware", "pcf(taps=3)", "pcf(taps=5)"),
+    "depth": ("d16", "d32f"),  # of which no other has fewer bytes, or more digits
+}
+_NO_BIAS = NoBias()
+
+
+class FittedParams(TechniqueParams):
+    """Parameters of a technique with one 2-D map that is fitted to the frame."""
+
+    fit: Annotated[Fit, one_of(Fit)] = param(Visible(), "which part of the scene the map shows")
+    size: int = param(1024, "texels along a side of the map", ge=1, le=65536)
+
+
+class FittedView:
+    """The light view of one 2-D map, fitted anew each frame; `reach`: texels around a receiver that a lookup reads."""
+
+    def __init__(self, stage: Stage, fit: Fit, size: int, reach: float) -> None:
+        self.hull = CasterHull(stage.scene)
+        self._stage, self._fit, self._size, self._padding = stage, fit, size, reach + 1
+        self._bounds = VisibleBounds(stage)
+
+    def __call__(self, frame: Frame) -> LightView:
+        """The view for a frame."""
+        sight = Sight(frame.view, self._stage.placement, self.hull, lambda space: self._bounds(frame, space))
+        return self._fit.light_view(sight, self._size, self._padding, frame.phase.shift)
+
+
+class CasterMap:
+    """Casters drawn from the light into a square map of depths, and of contents if the technique stores any.
+
+    program: with `in vec3 position`, and `uniform mat4 world_to_clip` for `draw`; its fragment shader writes the
+    `components` of the contents (2-D maps only), which are 1 where there is no caster. cull: leave out casters that
+    can reach no receiver that the map shows; clamp: keep those in front of near, at near.
+
+    `texture` has the depths, `contents` the contents, `step` is the spacing of depths near 1, and `left_out` how many
+    triangles culling left out of the last draw.
+    """
+
+    def __init__(
+        self,
+        stage: Stage,
+        program: Program,
+        size: int,
+        depth: DepthFormat = "d32f",
+        kind: Kind = "2d",
+        layers: int = 1,
+        *,
+        components: int = 0,
+        bias: Bias = _NO_BIAS,
+        clamp: bool = True,
+        reversed_depth: bool = False,
+        cull: bool = True,
+    ) -> None:
+        self.program, self.reversed_depth = program, reversed_depth
+        made = stage.depth_target(size, depth, kind, layers)
+        self.texture, self.step = made.texture, made.step
+        self._whole, self._each = made.target, made.each
+        if components:
+            self.contents = stage.texture((size, size), components)
+            self._whole = stage.target(self.contents, depth=made.texture)
+        self._casters = stage.casters(program)
+        self._chunks = CasterChunks(stage.scene, cull)
+        self._bias, self._state = bias, caster_state(bias, clamp, reversed_depth)
+        self.left_out = 0
+
+    @property
+    def stored(self) -> dict[str, tuple[Texture, Sampling]]:
+        """The contents as the sampler `map_stored`: four texels weighted, 1 outside the map."""
+        return {"map_stored": (self.contents, Sampling(linear=True, wrap="border", border=1.0))}
+
+    def draw(self, frame: Frame, views: Sequence[LightView], at_once: bool = False) -> None:
+        """Clear, and draw what each layer's light view sees; `at_once` by a program that chooses `gl_Layer` itself."""
+        if self.program.has("far_distance"):
+            self.program.set(far_distance=far_distance(views[0]))
+        matrices = [view.to_clip(self.reversed_depth) for view in views]
+        regions = [shown(view, self._bias) for view in views]
+        if at_once:
+            self.draw_layers(frame, [({"world_to_clip": np.stack(matrices)}, regions)])
+        else:
+            pairs = zip(matrices, regions, strict=True)
+            self.draw_layers(frame, [({"world_to_clip": matrix}, [region]) for matrix, region in pairs])
+
+    def draw_layers(self, frame: Frame, draws: Sequence[tuple[Mapping[str, Value], Sequence[Floats]]]) -> None:
+        """Clear, and draw once into all layers, or once into each.
+
+        draws: uniforms of the program, and the (P, 4) planes of the convex regions whose casters matter.
+        """
+        targets = self._each if len(draws) > 1 else (self._whole,)
+        self._whole.clear(1.0, 1.0, 1.0, 1.0, depth=0.0 if self.reversed_depth else 1.0)
+        self.left_out = 0
+        for target, (uniforms, regions) in zip(targets, draws, strict=True):
+            ranges: Ranges | None = self._chunks.reaching(frame.light_uniform, *regions)
+            self.left_out += self._chunks.left_out(ranges)
+            self.program.set(**uniforms)
+            self._casters.draw(target, state=self._state, ranges=ranges)
+
+
+class BoxBlur:
+    """Blurs a square texture in place by a box of taps² texels, along rows and then along columns; 1 leaves it."""
+
+    def __init__(self, stage: Stage, texture: moderngl.Texture, taps: int) -> None:
+        self._passes = []
+        if taps > 1:
+            program = stage.program("fullscreen.vert", "blur.frag", defines={"TAPS": taps})
+            scratch = stage.texture(texture.size, texture.components)
+            self._draw = stage.fullscreen(program)
+            self._passes = [
+                (stage.target(scratch), texture, (1.0, 0.0)),
+                (stage.target(texture), scratch, (0.0, 1.0)),
+            ]
+
+    def __call__(self) -> None:
+        """Blur."""
+        for target, source, direction in self._passes:
+            self._draw.program.set(direction=direction)
+            self._draw.draw(target, {"source": (source, Sampling())})
 
 
 def without_meaning(kind: MapKind, bias: Bias, filter: Filter) -> str | None:
@@ -37,6 +169,11 @@ def shown(seen: LightView, bias: Bias) -> Floats:
     A negative polygon offset brings casters from behind the far plane before it.
     """
     return seen.planes if min(bias.polygon_offset) >= 0 else seen.planes[:4]
+
+
+def far_distance(view: LightView) -> float:
+    """What `linear_depth.glsl` divides by: w at the far plane."""
+    return view.far if view.space.perspective else 1.0
 
 
 def map_uniforms(seen: Sequence[LightView], reversed_depth: bool = False) -> dict[str, Value]:

@@ -38,6 +38,9 @@ class PlanarProjection(Technique):
 
     name = "planar-projection"
     shown_in = "table-top"
+    only_planes = True
+    exact = True
+    variants = ("count=1024",)  # all planes: which of equal ones are the largest is rounding's
 
     class Params(TechniqueParams):
         """Parameters of planar-projection."""

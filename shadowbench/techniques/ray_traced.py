@@ -17,6 +17,8 @@ class RayTraced(Technique):
     """
 
     name = "ray-traced"
+    exact = True
+    no_choice = "is traced on the CPU, with what the truth is made of: the end of the scale, not for a frame"
 
     class Params(TechniqueParams):
         """Parameters of ray-traced."""

@@ -6,19 +6,25 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.geometry.hull import CasterHull
 from shadowbench.gl.device import Device
 from shadowbench.gl.program import Wrap
 from shadowbench.gl.targets import DepthFormat, refused
 from shadowbench.scenes.model import View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.biases import Bias, Texel
-from shadowbench.techniques.culling import CasterChunks
 from shadowbench.techniques.filters import Filter, Hardware
-from shadowbench.techniques.fits import Fit, Sight, Visible
-from shadowbench.techniques.maps import caster_state, map_textures, map_uniforms, shown, without_meaning
+from shadowbench.techniques.fits import Fit
+from shadowbench.techniques.maps import (
+    MAP_GRID,
+    CasterMap,
+    FittedParams,
+    FittedView,
+    map_textures,
+    map_uniforms,
+    without_meaning,
+)
 from shadowbench.techniques.params import one_of
-from shadowbench.techniques.reduction import VisibleBounds
+from shadowbench.techniques.resolve import ResolvePass
 
 
 class ShadowMap(Technique):
@@ -31,6 +37,8 @@ class ShadowMap(Technique):
     name = "shadow-map"
     lights = frozenset({"directional", "spot"})
     phased = True
+    grid = {"fit": ("visible", "view", "scene"), **MAP_GRID}
+    variants = tuple(f"fit={name}" for name in sorted(Fit.table))
     presets = {
         "course": "fit=scene,bias=slope,filter=pcf(taps=3)",
         "constant": "fit=scene,bias=constant(0.005),filter=hard",
@@ -40,11 +48,9 @@ class ShadowMap(Technique):
         "fixed": "fit=fixed,bias=slope,filter=pcf(taps=3)",
     }
 
-    class Params(TechniqueParams):
+    class Params(FittedParams):
         """Parameters of shadow-map."""
 
-        fit: Annotated[Fit, one_of(Fit)] = param(Visible(), "which part of the scene the map shows")
-        size: int = param(1024, "texels along a side of the map", ge=1, le=65536)
         depth: DepthFormat = param("d32f", "depth format")
         reversed: bool = param(False, "depth 1 at near and 0 at far; needs clip control")
         bias: Annotated[Bias, one_of(Bias)] = param(Texel(), "what keeps a surface from shadowing itself")
@@ -67,39 +73,35 @@ class ShadowMap(Technique):
     def build(self, stage: Stage) -> None:
         params = self.params
         self.stage = stage
-        self.hull = CasterHull(stage.scene)
-        self.bounds = VisibleBounds(stage)
-        self.map = stage.depth_target(params.size, params.depth)
-        self.depth_program = stage.program("casters.vert", "depth.frag")
-        self.resolve_program = stage.program(
-            "fullscreen.vert", "shadow-map/resolve.frag", params=params, defines={"LAYERS": 1}
+        self.reach = params.filter.radius(params.size)
+        self.fitted = FittedView(stage, params.fit, params.size, self.reach)
+        self.map = CasterMap(
+            stage,
+            stage.program("casters.vert", "depth.frag"),
+            params.size,
+            params.depth,
+            bias=params.bias,
+            clamp=params.fit.clamps,
+            reversed_depth=params.reversed,
+            cull=params.cull,
         )
-        self.radius = params.filter.radius(params.size)
-        self.resolve_program.set(filter_radius=self.radius, depth_step=self.map.step)
-        self.casters = stage.casters(self.depth_program)
-        self.chunks = CasterChunks(stage.scene, params.cull)
-        self.fullscreen = stage.fullscreen(self.resolve_program)
-        self.visibility = stage.texture()
-        self.target = stage.target(self.visibility)
+        self.resolve = ResolvePass(stage, "shadow-map/resolve.frag", params)
 
     def draw(self, frame: Frame) -> moderngl.Texture:
-        params = self.params
-        with frame.timed("fit", changes=params.fit.moves_with):
-            sight = Sight(frame.view, self.stage.placement, self.hull, lambda space: self.bounds(frame, space))
-            self.seen = params.fit.light_view(sight, params.size, self.radius + 1, frame.phase.shift)
-            self.drawn = self.chunks.reaching(frame.light_uniform, shown(self.seen, params.bias))
-        with frame.timed("depth", changes=params.fit.moves_with):
-            self.depth_program.set(world_to_clip=self.seen.to_clip(params.reversed))
-            self.map.target.clear(depth=0.0 if params.reversed else 1.0)
-            state = caster_state(params.bias, params.fit.clamps, params.reversed)
-            self.casters.draw(self.map.target, state=state, ranges=self.drawn)
+        params, moves = self.params, self.params.fit.moves_with
+        with frame.timed("fit", changes=moves):
+            self.seen = self.fitted(frame)
+        with frame.timed("depth", changes=moves):
+            self.map.draw(frame, [self.seen])
         with frame.timed("resolve", changes="view"):
-            uniforms = map_uniforms([self.seen], params.reversed)
-            self.resolve_program.set(light=frame.light_uniform, position_step=self.hull.position_step(frame.light))
-            self.resolve_program.set(**uniforms)
-            textures = map_textures(self.map.texture, params.wrap, params.reversed)
-            self.fullscreen.draw(self.target, frame.surface.inputs | textures)
-        return self.visibility
+            return self.resolve(
+                frame,
+                map_textures(self.map.texture, params.wrap, params.reversed),
+                filter_radius=self.reach,
+                depth_step=self.map.step,
+                position_step=self.fitted.hull.position_step(frame.light),
+                **map_uniforms([self.seen], params.reversed),
+            )
 
     def map_image(self) -> NDArray[np.float32] | None:
         depths = self.map.texture.read()[0, ::-1].astype(np.float64)
@@ -108,7 +110,7 @@ class ShadowMap(Technique):
     def facts(self) -> dict[str, float]:
         scale = self.stage.placement.scale
         facts = {"texel_m": max(self.seen.texel) / scale, "depth_range_m": (self.seen.far - self.seen.near) / scale}
-        facts["culled_triangles"] = self.chunks.left_out(self.drawn)
+        facts["culled_triangles"] = self.map.left_out
         units = self.params.bias.depth_units
         if units is not None and not self.seen.space.perspective:
             facts["bias_m"] = units * facts["depth_range_m"]

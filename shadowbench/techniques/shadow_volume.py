@@ -43,6 +43,8 @@ class ShadowVolume(Technique):
 
     name = "shadow-volume"
     shown_in = "inside-volume"
+    grid = {"compare": ("position", "depth")}
+    exact = True
 
     class Params(TechniqueParams):
         """Parameters of shadow-volume."""
@@ -64,6 +66,12 @@ class ShadowVolume(Technique):
             return self
 
     params: Params
+
+    @classmethod
+    def extra_work(cls, params: TechniqueParams) -> str | None:
+        assert isinstance(params, cls.Params)
+        by_depth = params.compare == "depth"
+        return "draws the surfaces' depth besides: faster on a GPU, but more work" if by_depth else None
 
     def build(self, stage: Stage) -> None:
         params = self.params

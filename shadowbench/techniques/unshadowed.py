@@ -3,21 +3,19 @@
 import moderngl
 
 from shadowbench.techniques.base import Frame, Stage, Technique
+from shadowbench.techniques.resolve import ResolvePass
 
 
 class Unshadowed(Technique):
     """All is lit: the floor that every score and every time is read against."""
 
     name = "unshadowed"
+    exact = True
+    no_choice = "draws no shadow: enough only where there is none"
 
     def build(self, stage: Stage) -> None:
-        self.program = stage.program("fullscreen.vert", "unshadowed/resolve.frag")
-        self.fullscreen = stage.fullscreen(self.program)
-        self.visibility = stage.texture()
-        self.target = stage.target(self.visibility)
+        self.resolve = ResolvePass(stage, "unshadowed/resolve.frag")
 
     def draw(self, frame: Frame) -> moderngl.Texture:
         with frame.timed("resolve", changes="view"):
-            self.program.set(light=frame.light_uniform)
-            self.fullscreen.draw(self.target, frame.surface.inputs)
-        return self.visibility
+            return self.resolve(frame)

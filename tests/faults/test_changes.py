@@ -18,7 +18,9 @@ import pytest
 from shadowbench.commands import main
 from shadowbench.scenes.library import load_scene
 from shadowbench.studies.study import read_study
-from shadowbench.techniques.registry import techniques
+from shadowbench.techniques.base import Technique
+from shadowbench.techniques.registry import own_techniques, techniques
+from shadowbench.techniques.unshadowed import Unshadowed
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
@@ -52,15 +54,42 @@ def changes(file: str) -> list[Change]:
     ]
 
 
-FAULTS, HARMLESS = changes("faults.toml"), changes("harmless.toml")
 STUDY = read_study(BASELINE / "study.toml", techniques())
 SCENES = {load_scene(scene).name: scene for scene in STUDY.scenes}
+# What is planted for a technique that has no fault of its own in faults.toml: its receivers lie elsewhere.
+MOVED_RECEIVERS = ("shaders/gbuffer/gbuffer.frag", "vec4(world, 1.0)", "vec4(world + vec3(0.1, 0.0, 0.1), 1.0)")
+
+
+def misplaced(technique: type[Technique]) -> Change:
+    """The fault on the first scene of the study whose light the technique answers."""
+    kinds = {name: load_scene(file).lights[0].kind for name, file in SCENES.items()}
+    scene = next(name for name, kind in kinds.items() if kind in technique.lights)
+    return Change(f"{technique.name}-of-moved-receivers", technique.name, (scene,), (MOVED_RECEIVERS,))
+
+
+def planted() -> list[Change]:
+    """Those of the file, and one for each technique of ours that it forgets."""
+    written = changes("faults.toml")
+    covered = {change.technique for change in written}
+    return [*written, *(misplaced(one) for one in own_techniques() if one.name not in covered)]
+
+
+FAULTS, HARMLESS = planted(), changes("harmless.toml")
 
 
 def test_there_are_enough_of_them() -> None:
     names = [change.name for change in FAULTS + HARMLESS]
     assert len(FAULTS) >= 20 and len(HARMLESS) >= 10 and len(set(names)) == len(names)
-    assert {change.technique for change in FAULTS} == set(techniques()), "each technique has a fault of its own"
+    assert {change.technique for change in FAULTS} == {one.name for one in own_techniques()}
+
+
+def test_a_technique_without_a_fault_of_its_own_is_planted_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    newcomer = type("Newcomer", (Unshadowed,), {"name": "newcomer", "lights": frozenset({"point"})})
+    monkeypatch.setattr(sys.modules[__name__], "own_techniques", lambda: (newcomer,))
+    fault = planted()[-1]
+    assert (fault.technique, fault.scenes) == ("newcomer", ("lamp-by-wall",))
+    ((file, before, _),) = fault.edits
+    assert (ROOT / file).read_text(encoding="utf-8").count(before) == 1
 
 
 @pytest.mark.parametrize("change", FAULTS + HARMLESS, ids=lambda change: change.name)
@@ -78,7 +107,8 @@ def ran(change: Change, edits: tuple[tuple[str, str, str], ...], sources: Path, 
         text = (copy / file).read_text(encoding="utf-8")
         assert text.count(before) == 1, f"{file}: {before!r}"
         (copy / file).write_text(text.replace(before, after), encoding="utf-8")
-    specs = [cell.spec.full_text for cell in STUDY.cells() if cell.spec.technique.name == change.technique]
+    cells = [cell.spec for cell in STUDY.cells() if cell.spec.technique.name == change.technique]
+    specs = [spec.full_text for spec in cells] or [change.technique]
     command = [sys.executable, "-m", "shadowbench", "run", *(SCENES[scene] for scene in change.scenes)]
     command += ["-s", str(BASELINE / "study.toml"), "--phases", str(change.phases), "-o", str(folder / "run"), "-q"]
     command += [word for spec in specs for word in ("-t", spec)]
@@ -88,8 +118,10 @@ def ran(change: Change, edits: tuple[tuple[str, str, str], ...], sources: Path, 
     return done.returncode, done.stderr
 
 
-def write_cells(change: Change, folder: Path) -> None:
-    """The committed baseline's rows of the change's cells."""
+def write_cells(change: Change, folder: Path) -> bool:
+    """The committed baseline's rows of the change's cells; False where it has none."""
+    if change.phases != STUDY.phases:
+        return False
     lines = (BASELINE / "rows.jsonl").read_text(encoding="utf-8").splitlines(keepends=True)
     rows = {line: json.loads(line) for line in lines}
     mine = [
@@ -97,6 +129,7 @@ def write_cells(change: Change, folder: Path) -> None:
     ]
     folder.mkdir()
     (folder / "rows.jsonl").write_text("".join(mine), encoding="utf-8")
+    return bool(mine)
 
 
 @dataclass
@@ -114,12 +147,11 @@ class Copies:
     def _run(self, change: Change) -> tuple[int, str]:
         folder = self.folder / change.name
         folder.mkdir()
-        if change.phases == STUDY.phases:
-            write_cells(change, folder / "baseline")
-        else:  # the committed one has no such cells
+        if not write_cells(change, folder / "baseline"):
             unchanged = folder / "unchanged"
             code, errors = ran(change, (), self.sources, unchanged)
             assert code == 0, errors
+            shutil.rmtree(folder / "baseline", ignore_errors=True)
             (unchanged / "run").rename(folder / "baseline")
         return ran(change, change.edits, self.sources, folder)
 

@@ -10,7 +10,6 @@ from functools import cache
 from typing import Literal
 
 from shadowbench.scenes.model import LightKind
-from shadowbench.techniques.fits import Fit
 from shadowbench.techniques.registry import own_techniques
 from shadowbench.techniques.spec import Spec, parse_spec
 
@@ -44,6 +43,7 @@ class Subject:
     name: str
     text: str
     lights: frozenset[LightKind]
+    exact: bool
 
     @property
     def technique(self) -> str:
@@ -56,30 +56,25 @@ class Subject:
 
 
 SIZE = 96  # texels along a side of the maps
-# What a technique fits its maps by; and enough planes for all, since which of equal ones are the largest is rounding's.
-VARIANTS = {
-    "shadow-map": [f"fit={name}" for name in sorted(Fit.table)],
-    "cascades": ["box=scene", "box=tight", "box=sphere,stable=true"],
-    "planar-projection": ["count=1024"],
-}
 
 
 @cache
 def subjects() -> dict[str, Subject]:
     """The columns by name: the truth, then every technique of this package with its variants."""
-    found = [Subject("truth", "", frozenset(LIGHTS))]
+    found = [Subject("truth", "", frozenset(LIGHTS), exact=True)]
     for technique in own_techniques():
         sized = f"size={SIZE}" if "size" in technique.Params.model_fields else ""
-        for named in VARIANTS.get(technique.name, [""]):
+        for named in technique.variants:
             name = ":".join(filter(None, [technique.name, named]))
             items = ",".join(filter(None, [named, sized]))
-            found.append(Subject(name, ":".join(filter(None, [technique.name, items])), technique.lights))
+            text = ":".join(filter(None, [technique.name, items]))
+            found.append(Subject(name, text, technique.lights, technique.exact))
     return {subject.name: subject for subject in found}
 
 
 FIXED, SCENE, VIEW, VISIBLE = (f"shadow-map:fit={name}" for name in ("fixed", "scene", "view", "visible"))
-SLICES, TIGHT, STABLE = (f"cascades:{box}" for box in VARIANTS["cascades"])
-RAYS = ["truth", "ray-traced", "shadow-volume", "planar-projection:count=1024", "unshadowed"]
+SLICES, TIGHT, STABLE = (f"cascades:{box}" for box in ("box=scene", "box=tight", "box=sphere,stable=true"))
+RAYS = [one.name for one in subjects().values() if one.exact]
 MAPS = [FIXED, SCENE, VIEW, VISIBLE, SLICES, TIGHT, STABLE, "cube-map"]
 ARGUED = [*RAYS, *MAPS]
 

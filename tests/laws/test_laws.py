@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from shadowbench.data import data_folder
 from shadowbench.gl.program import Stencil
 from shadowbench.scenes.model import AS_FILED, Scene, View
-from shadowbench.techniques import fits, shadow_map, shadow_volume, splits
+from shadowbench.techniques import fits, maps, shadow_volume, splits
 from shadowbench.techniques.biases import Constant, FrontCull
 from shadowbench.techniques.filters import PCF, Hard
 from shadowbench.techniques.maps import caster_state
@@ -212,7 +212,7 @@ def test_coordinates_that_are_not_made_relative_are_caught(studio, monkeypatch) 
 
 
 def test_casters_drawn_by_the_side_that_they_turn_to_the_light_are_caught(studio, monkeypatch) -> None:
-    monkeypatch.setattr(shadow_map, "caster_state", lambda bias, *rest: caster_state(FrontCull(), *rest))
+    monkeypatch.setattr(maps, "caster_state", lambda bias, *rest: caster_state(FrontCull(), *rest))
     assert_caught(studio, "another winding", VISIBLE, "equal", "a decided pixel differs")
 
 

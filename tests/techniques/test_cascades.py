@@ -176,7 +176,7 @@ def held_by(one, shot, slack: float = 0.0) -> np.ndarray:
     layer = np.full(shot.triangle.shape, len(technique.seen))
     for number, seen in reversed(list(enumerate(technique.seen))):
         at = (shot.position[..., :3] @ seen.space.basis.T * [1, 1, -1] - seen.box.low) / (seen.box.high - seen.box.low)
-        reach = np.array([technique.radius / seen.size] * 2 + [0]) + slack
+        reach = np.array([technique.reach / seen.size] * 2 + [0]) + slack
         layer[((at >= reach) & (at <= 1 - reach)).all(axis=-1)] = number
     return layer
 

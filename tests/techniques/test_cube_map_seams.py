@@ -20,8 +20,8 @@ from shadowbench.truth.trace import Truth, trace
 
 SIZE = 256
 PLANTED = {  # file, text, what a fault makes of it
-    "faces 1% too wide": ("cube-map/project.glsl", "vec4(on_face.xy,", "vec4(0.99 * on_face.xy,"),
-    "half a texel off": ("cube-map/project.glsl", "vec4(on_face.xy,", f"vec4(on_face.xy + on_face.z / {SIZE}.0,"),
+    "faces 1% too wide": ("cube_faces.glsl", "vec4(on_face.xy,", "vec4(0.99 * on_face.xy,"),
+    "half a texel off": ("cube_faces.glsl", "vec4(on_face.xy,", f"vec4(on_face.xy + on_face.z / {SIZE}.0,"),
     "outermost texels left out": (
         "cube-map/depth.frag",
         "gl_FragDepth",

@@ -17,6 +17,7 @@ from shadowbench.gl.clock import Clock
 from shadowbench.scenes.model import AS_FILED, Light, unit
 from shadowbench.techniques.base import Frame, Phase
 from shadowbench.techniques.fits import Fit
+from shadowbench.techniques.reduction import VisibleBounds
 
 SIZE = 128
 SCENES = ["sphere-and-torus", "spot-lamp", "street", "cube-on-plane"]
@@ -95,7 +96,7 @@ def test_the_reduction_is_the_least_and_greatest_over_the_g_buffer(studio, build
     shot = studio.shot(builtin(name, SIZE))
     one = build("shadow-map", shot)
     space = light_space(shot.view.light)
-    found = one.technique.bounds(Frame(shot.view, Phase(), 0, shot.surface, Clock(device)), space)
+    found = VisibleBounds(one.stage)(Frame(shot.view, Phase(), 0, shot.surface, Clock(device)), space)
     expected = space.box(receivers(shot))
     assert found.low == pytest.approx(expected.low, abs=2e-6) and found.high == pytest.approx(expected.high, abs=2e-6)
 
@@ -105,7 +106,7 @@ def test_the_reduction_reaches_every_pixel_of_any_size(studio, build, builtin, d
     shot = studio.shot(builtin("terrain", size))
     one = build("shadow-map:size=16", shot)
     space = light_space(shot.view.light)
-    found = one.technique.bounds(Frame(shot.view, Phase(), 0, shot.surface, Clock(device)), space)
+    found = VisibleBounds(one.stage)(Frame(shot.view, Phase(), 0, shot.surface, Clock(device)), space)
     expected = space.box(receivers(shot))
     assert found.low == pytest.approx(expected.low, abs=2e-6) and found.high == pytest.approx(expected.high, abs=2e-6)
 

@@ -1,7 +1,11 @@
-// Where a receiver lies in a cube map whose depth is the distance to the light over map_far.
-#include "map_point.glsl"
+// Where a receiver lies in a cube map whose depth is the distance to the light over map_far, and the two ways of comparing
+// it. Directions past a face's edge fall on its neighbour.
+#define MAP_CUBE
+#include "map.glsl"
 #include "cube_faces.glsl"
-uniform float map_far;  // local length
+uniform samplerCube map_depths;
+uniform samplerCubeShadow map_compare;  // the same map, compared and blended 2×2 by the hardware, across edges too
+uniform float map_far;                  // local length
 
 float filter_reach(MapPoint p);  // the filter's, in texels
 
@@ -24,8 +28,21 @@ MapPoint map_point(vec3 position) {
     // on_face.z · (u − N/(N·u)) without its part along the face's axis, u the unit direction. That vector is tan θ
     // long and square to u, so a texel gains at most texel · tan θ anywhere, and as much along one direction everywhere.
     p.texel = vec2(2.0 * on_face.z / map_size);
-    p.bias = 0.0;
-    p.gradient = vec2(0.0);
     p.radius = filter_reach(p);
     return p;
+}
+
+// An offset in texels of the receiver's face, on the face's plane.
+vec3 moved_direction(MapPoint p, vec2 offset) {
+    return cube_faces[p.layer] * vec3(offset * p.texel, 0.0) - p.axis * p.axis_distance;
+}
+
+float compare_direction(MapPoint p, vec3 direction) {
+    return p.depth - p.bias <= textureLod(map_depths, direction, 0.0).r ? 1.0 : 0.0;
+}
+
+float compare_nearest(MapPoint p, vec2 offset) { return compare_direction(p, moved_direction(p, offset)); }
+
+float compare_linear(MapPoint p, vec2 offset) {
+    return texture(map_compare, vec4(moved_direction(p, offset), p.depth - p.bias));
 }

@@ -1,0 +1,38 @@
+"""The pass that ends most techniques: one triangle over the image, from the G-buffer's receivers to a texture."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import moderngl
+
+from shadowbench.gl.program import Sampling, Texture, Value
+from shadowbench.techniques.base import Frame, Stage
+from shadowbench.techniques.params import TechniqueParams
+
+
+class ResolvePass:
+    """Runs a fragment shader, which includes `receiver.glsl`, for every pixel; built once, called each frame.
+
+    `texture` is what it draws: one component is visibility.
+    """
+
+    def __init__(
+        self,
+        stage: Stage,
+        fragment: Path | str,
+        params: TechniqueParams | None = None,
+        defines: Mapping[str, int | str] = {},
+        components: int = 1,
+    ) -> None:
+        self.program = stage.program("fullscreen.vert", fragment, params=params, defines=defines)
+        self.texture = stage.texture(components=components)
+        self._target = stage.target(self.texture)
+        self._triangle = stage.fullscreen(self.program)
+
+    def __call__(
+        self, frame: Frame, textures: Mapping[str, tuple[Texture, Sampling]] = {}, **uniforms: Value
+    ) -> moderngl.Texture:
+        """Draw with these textures beside the G-buffer's, and these uniforms beside the light."""
+        self.program.set(light=frame.light_uniform, **uniforms)
+        self._triangle.draw(self._target, {**frame.surface.inputs, **textures})
+        return self.texture

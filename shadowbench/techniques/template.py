@@ -1,0 +1,85 @@
+"""A new technique to start from: a small shadow map in one file, which runs as it is."""
+
+import keyword
+import re
+from pathlib import Path
+from string import Template
+
+from shadowbench.errors import InputError
+from shadowbench.files import replace_file
+from shadowbench.scenes.tables import LONGEST_NAME
+from shadowbench.techniques.registry import techniques
+
+_NAME = re.compile(rf"[A-Za-z][\w-]{{0,{LONGEST_NAME - 1}}}", re.ASCII)
+_TEXT = Template('''\
+"""Try it: shadowbench run cube-on-plane -t $name -t shadow-map --plugin $name.py.
+
+A shadow map to start from. shadowbench.techniques.base says what a technique is, and what its shaders are given.
+"""
+
+from shadowbench.techniques import maps
+from shadowbench.techniques.base import Technique, param
+from shadowbench.techniques.resolve import ResolvePass
+
+RESOLVE = """
+#include "map.glsl"
+uniform sampler2D map_depths;
+uniform float bias;  // the parameter; an int or a choice would be a #define, as SIZE is
+out float visibility;
+
+void main() {
+    Receiver r = receiver_at(ivec2(gl_FragCoord.xy));
+    MapPoint p = map_point(r.position, 0);
+    float stored = textureLod(map_depths, p.uv, 0.0).r;
+    bool shadowed = p.depth < 1.0 && p.depth - bias * p.depth_per_length > stored;
+    visibility = r.facing && p.axis_distance > 0.0 && shadowed ? 0.0 : 1.0;
+}
+"""
+
+
+class $class_name(Technique):
+    """What it computes, and whose idea it is.
+
+    Where it fails.
+    """
+
+    name = "$name"
+    lights = frozenset({"directional", "spot"})  # the kinds that it answers; there is "point" too
+    phased = True  # it has a grid of texels, which studies shift by parts of one
+
+    class Params(maps.FittedParams):  # which has fit and size
+        """Parameters of $name."""
+
+        bias: float = param(0.02, "length along the light that a receiver is brought forward by", ge=0, metres=True)
+
+    def build(self, stage):
+        """Makes programs, textures and targets; where camera and light are is not known yet."""
+        self.fitted = maps.FittedView(stage, self.params.fit, self.params.size, reach=0.5)
+        program = stage.program("casters.vert", "depth.frag")
+        self.map = maps.CasterMap(stage, program, self.params.size, clamp=self.params.fit.clamps)
+        self.resolve = ResolvePass(stage, RESOLVE, self.params)
+
+    def draw(self, frame):
+        """Draws each pass, timed, with what makes it stale: "light", "view" (camera or light) or "frame" (always)."""
+        with frame.timed("depth", changes=self.params.fit.moves_with):
+            self.seen = self.fitted(frame)
+            self.map.draw(frame, [self.seen])
+        with frame.timed("resolve", changes="view"):
+            return self.resolve(frame, maps.map_textures(self.map.texture), **maps.map_uniforms([self.seen]))
+''')
+
+
+def write_technique(name: str, folder: Path) -> Path:
+    """Write NAME.py of a technique of that name; raises InputError for a bad or taken name, and where a file is."""
+    words = f"letters, digits, _ and -, at most {LONGEST_NAME} of them, the first a letter"
+    class_name = "".join(part[:1].upper() + part[1:] for part in re.split("[-_]", name))
+    if not _NAME.fullmatch(name) or keyword.iskeyword(class_name):
+        raise InputError(f"new-technique: found {name!r:.90}; allowed: {words}, and no word of Python")
+    if name in techniques():
+        raise InputError(f"new-technique: there is a technique {name!r} already; allowed: another name")
+    file = folder / f"{name}.py"
+    if file.exists():
+        raise InputError(f"{file}: is there already, and is not overwritten")
+    with replace_file(file) as temporary:
+        temporary.write_text(_TEXT.substitute(name=name, class_name=class_name), encoding="utf-8")
+    return file

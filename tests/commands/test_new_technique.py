@@ -1,0 +1,50 @@
+"""`new-technique` from nothing to a row."""
+
+import csv
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Shadowbench = Callable[..., Any]
+
+
+@pytest.mark.parametrize("name", ["my-shadows", "CLASS_name", "x"])
+@pytest.mark.parametrize("scene", ["cube-on-plane", "spot-lamp"])
+def test_what_it_writes_runs_as_it_is(shadowbench: Shadowbench, tmp_path: Path, name: str, scene: str) -> None:
+    answer = shadowbench("new-technique", name, "-o", tmp_path)
+    file = tmp_path / f"{name}.py"
+    assert answer.code == 0 and f"-t {name} -t shadow-map --plugin {file}" in answer.out
+    small = ("--view-size", "64", "--map-size", "256", "--rounds", "1")
+    run = shadowbench("run", scene, "-t", name, "--plugin", file, *small, "-o", tmp_path / "out")
+    assert run.code == 0, run.err
+    with (tmp_path / "out" / "table.csv").open(newline="", encoding="utf-8") as stream:
+        row = {row["technique"]: row for row in csv.DictReader(stream)}[name]
+    assert (row["map_size"], row["status"]) == ("256", "ok")
+    assert float(row["iou"]) > 0.7
+
+
+@pytest.mark.parametrize(
+    "name", ["", "3d", "a/b", "../up", "two words", "none", "True-", "class\n", "é", "-x", "x" * 81]
+)
+def test_a_bad_name_is_one_line(shadowbench: Shadowbench, tmp_path: Path, name: str) -> None:
+    answer = shadowbench("new-technique", "-o", tmp_path, "--", name)
+    assert answer.code == 2 and len(answer.err.splitlines()) == 1
+    assert "new-technique: found " in answer.err and "allowed: letters, digits, _ and -" in answer.err
+    assert not list(tmp_path.rglob("*"))
+
+
+def test_a_name_that_is_taken_is_refused(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    answer = shadowbench("new-technique", "shadow-map", "-o", tmp_path)
+    assert answer.code == 2 and "there is a technique 'shadow-map' already" in answer.err
+    assert not list(tmp_path.iterdir())
+
+
+def test_nothing_is_overwritten(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text("precious")
+    answer = shadowbench("new-technique", "mine", "-o", tmp_path)
+    assert answer.code == 2 and "mine.py: is there already" in answer.err
+    assert (tmp_path / "mine.py").read_text() == "precious"
+    missing = shadowbench("new-technique", "mine", "-o", tmp_path / "none")
+    assert missing.code == 2 and "none: cannot write into this folder" in missing.err
