@@ -15,11 +15,12 @@ from pathlib import Path
 from shadowbench.advice.recommend import MARGINS, Target, recommend, tried_of
 from shadowbench.advice.search import Tried
 from shadowbench.advice.space import grid_of, whole_space
-from shadowbench.measure.cells import Block, Cell, Conditions
+from shadowbench.measure.cells import Block, Cell
 from shadowbench.measure.measurer import Measurer
 from shadowbench.measure.pictures import Pictures
 from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.rows import Result
+from shadowbench.measure.timing import Conditions
 from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.views import chosen_view

@@ -1,8 +1,7 @@
-"""What is measured: a cell, the view that it is seen in, and what beside those a measurement depends on."""
+"""What is measured: a cell, and the view that it is seen in."""
 
 from dataclasses import dataclass
 
-from shadowbench.measure.references import USUAL
 from shadowbench.scenes.model import Coordinates, Scene, View
 from shadowbench.techniques.spec import Spec
 
@@ -47,17 +46,3 @@ class PlacedView:
 
     view: View
     coordinates: Coordinates = "relative"
-
-
-@dataclass(frozen=True)
-class Conditions:
-    """What a measurement depends on beside the cell and its view.
-
-    rounds: how often a cell is timed, 0 for not at all; reference: what its times are ratios to; time_again: whether
-    cells that have a time get another, beside which the old one stays in the rows.
-    """
-
-    coordinates: Coordinates = "relative"
-    rounds: int = 0
-    reference: Spec = USUAL
-    time_again: bool = False

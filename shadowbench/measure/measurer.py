@@ -5,7 +5,7 @@ Rows go to disk as they are made; a call that finds rows of the same key does no
 
 from typing import Protocol
 
-from shadowbench.measure.cells import Block, Cell, Conditions, PlacedView
+from shadowbench.measure.cells import Block, Cell, PlacedView
 from shadowbench.measure.keys import cell_key, view_key
 from shadowbench.measure.machine import machine_key
 from shadowbench.measure.pictures import Pictures
@@ -15,7 +15,7 @@ from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.rows import Record, Result
 from shadowbench.measure.scorer import Asked, Scorer
 from shadowbench.measure.time_rows import time_row
-from shadowbench.measure.timing import Untimed, reference_cell, time_cells
+from shadowbench.measure.timing import Conditions, Untimed, reference_cell, time_cells
 
 _KEPT = 0.25  # of the memory limit: cells that were drawn and wait to be timed
 

@@ -5,16 +5,30 @@ from dataclasses import dataclass
 from typing import Concatenate
 
 from shadowbench.gl.clock import PassTimes, Sample
-from shadowbench.measure.cells import Cell, Conditions, PlacedView
+from shadowbench.measure.cells import Cell, PlacedView
 from shadowbench.measure.place import AteMemory, CellFailed, P, Place, R, status_of
-from shadowbench.measure.references import name_of, reference_for
+from shadowbench.measure.references import USUAL, name_of, reference_for
 from shadowbench.measure.session import Session, Unsupported
 from shadowbench.measure.time_rows import Times, Timing
-from shadowbench.scenes.model import LightKind
+from shadowbench.scenes.model import Coordinates, LightKind
 from shadowbench.techniques.spec import Spec
 from shadowbench.techniques.unshadowed import Unshadowed
 
 _SHARE = 0.5  # of the memory limit that the cells of a group may take together
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What a measurement depends on beside the cell and its view.
+
+    rounds: how often a cell is timed, 0 for not at all; reference: what its times are ratios to; time_again: whether
+    cells that have a time get another, beside which the old one stays in the rows.
+    """
+
+    coordinates: Coordinates = "relative"
+    rounds: int = 0
+    reference: Spec = USUAL
+    time_again: bool = False
 
 
 def reference_cell(reference: Spec, kind: LightKind) -> Cell:

@@ -9,9 +9,10 @@ from pydantic import Field, ValidationError
 
 from shadowbench.data import data_folder
 from shadowbench.errors import InputError, alternatives
-from shadowbench.measure.cells import Block, Cell, Conditions
+from shadowbench.measure.cells import Block, Cell
 from shadowbench.measure.references import USUAL, name_of
 from shadowbench.measure.rows import StudyFacts
+from shadowbench.measure.timing import Conditions
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, view_of
 from shadowbench.scenes.views import Named, named
@@ -172,7 +173,8 @@ def read_study(file: Path, techniques: Techniques, folder: Path | None = None) -
     Its scenes are relative to `folder`, which is the file's own unless another is given.
     """
     table = read_toml(file, str(file), f"no such study file{alternatives(file, study_names(), 'ours')}")
-    table.setdefault("technique", [Crossed((parse_spec(name, techniques),)) for name in techniques])
+    if "technique" not in table:
+        table["technique"] = [Crossed((parse_spec(name, techniques),)) for name in techniques]
     source = Source(str(file), folder or file.parent, techniques)
     study = _valid(table, source).with_(notes=tuple(source.notes))
     _check_size(study, str(file))

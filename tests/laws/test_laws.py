@@ -14,9 +14,11 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from shadowbench.data import data_folder
+from shadowbench.geometry import hull
+from shadowbench.geometry.slices import Slice
 from shadowbench.gl.program import Stencil
 from shadowbench.scenes.model import AS_FILED, Scene, View
-from shadowbench.techniques import fits, maps, shadow_volume, splits
+from shadowbench.techniques import maps, shadow_volume
 from shadowbench.techniques.biases import Constant, FrontCull
 from shadowbench.techniques.filters import PCF, Hard
 from shadowbench.techniques.maps import caster_state
@@ -217,18 +219,18 @@ def test_casters_drawn_by_the_side_that_they_turn_to_the_light_are_caught(studio
 
 
 def test_a_fit_that_takes_whichever_vertices_come_first_is_caught(studio, monkeypatch) -> None:
-    monkeypatch.setattr(fits, "hull_points", lambda points: points[: len(points) // 2])
+    monkeypatch.setattr(hull, "hull_points", lambda points: points[: len(points) // 2])
     assert_caught(studio, "another order", SCENE, "equal", "a decided pixel differs")
 
 
 def test_texels_that_grow_with_a_tilt_of_the_camera_are_caught(studio, monkeypatch) -> None:
-    sphere = splits.Slice.sphere
+    sphere = Slice.sphere
 
-    def grown(part: splits.Slice) -> tuple[np.ndarray, float]:
+    def grown(part: Slice) -> tuple[np.ndarray, float]:
         center, radius = sphere.fget(part)
         return center, radius * (1 if part.camera.up == (0, 1, 0) else 4)
 
-    monkeypatch.setattr(splits.Slice, "sphere", property(grown))
+    monkeypatch.setattr(Slice, "sphere", property(grown))
     assert_caught(studio, "any turn", STABLE, "within", "no phase errs as before")
 
 

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from shadowbench.gl.clock import QUERIES, WALL, PassTimes, Sample
-from shadowbench.measure.cells import Cell, CellRequest, Conditions, PlacedView
+from shadowbench.measure.cells import Cell, CellRequest, PlacedView
 from shadowbench.measure.place import AteMemory, CellFailed, Limits
 from shadowbench.measure.references import name_of
 from shadowbench.measure.session import Unsupported
 from shadowbench.measure.time_rows import Timing, time_row
-from shadowbench.measure.timing import Untimed, reference_cell, time_cells
+from shadowbench.measure.timing import Conditions, Untimed, reference_cell, time_cells
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import Spec, parse_spec
 
