@@ -25,11 +25,11 @@ from shadowbench.measure.cells import CellRequest, PlacedView
 from shadowbench.measure.noise import ALLOWED, noise
 from shadowbench.measure.scoring import mask_record, reference_of
 from shadowbench.measure.worker import Worker
-from shadowbench.needs.survey import needs
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, view_of
 from shadowbench.scenes.shapes import build_shape
-from shadowbench.truth.cache import cached_truth
+from shadowbench.survey.survey import needs
+from shadowbench.truths.cache import cached_truth
 
 ROUNDS = 7
 Call = Callable[[], object]

@@ -13,7 +13,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import View, view_of
 from shadowbench.techniques.registry import techniques
-from shadowbench.truth.trace import trace
+from shadowbench.truths.trace import trace
 
 # Spheres by their triangles: (how many, subdivisions of each). A million is three spheres.
 SPHERES = {1_280: (1, 3), 5_120: (1, 4), 20_480: (1, 5), 81_920: (1, 6), 327_680: (1, 7), 983_040: (3, 7)}

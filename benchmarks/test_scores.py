@@ -14,8 +14,8 @@ from shadowbench.measure.scoring import mask_record, reference_of
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import view_of
 from shadowbench.scores.metrics import score
-from shadowbench.truth.cache import cached_truth
-from shadowbench.truth.trace import Truth
+from shadowbench.truths.cache import cached_truth
+from shadowbench.truths.trace import Truth
 
 SIZES = (512, 1024, 2048)
 

@@ -15,8 +15,8 @@ from shadowbench.scenes.model import View
 from shadowbench.scores.reference import Reference
 from shadowbench.studies.study import find_study, read_study
 from shadowbench.techniques.registry import techniques
-from shadowbench.truth.cache import cached_truth
-from shadowbench.truth.trace import Truth
+from shadowbench.truths.cache import cached_truth
+from shadowbench.truths.trace import Truth
 
 STUDY = read_study(find_study("trends"), techniques())
 

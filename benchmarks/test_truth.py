@@ -19,8 +19,8 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import View, view_of
-from shadowbench.truth.embree import Tracer, over_slices
-from shadowbench.truth.trace import trace
+from shadowbench.truths.embree import Tracer, over_slices
+from shadowbench.truths.trace import trace
 
 SIZE = 1024
 ROUNDS = 7

@@ -1,13 +1,19 @@
 """Files that are either the old one or the whole new one, also when the program is killed while it writes."""
 
 import errno
+import io
 import os
 import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from shadowbench.errors import InputError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """What an OSError says of a disk, a quota or a limit on files that has no room left."""
@@ -76,3 +82,12 @@ def check_folder(folder: Path, own: str = "rows.jsonl") -> None:
     if found and own not in found:
         allowed = f"a new folder, an empty one, or one with {own}"
         raise InputError(f"{folder}: found other files, such as {found[0]:.60}; allowed: {allowed}")
+
+
+def png_of(image: "NDArray[np.uint8]") -> bytes:
+    """A (H, W, 3) sRGB or (H, W) grey image as the bytes of a PNG."""
+    from PIL import Image
+
+    held = io.BytesIO()
+    Image.fromarray(image).save(held, format="PNG")
+    return held.getvalue()

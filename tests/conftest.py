@@ -18,7 +18,7 @@ from shadowbench.gl.geometry import DeviceGeometry
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Mesh, Placement, Scene, View, view_of
 from shadowbench.scenes.shapes import build_shape
-from shadowbench.truth.trace import Truth, trace
+from shadowbench.truths.trace import Truth, trace
 
 pytest_plugins = ["tests.runs"]
 

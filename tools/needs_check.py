@@ -16,13 +16,13 @@ from shadowbench.measure.cells import CellRequest, PlacedView
 from shadowbench.measure.scoring import mask_record, reference_of
 from shadowbench.measure.session import Session, Unsupported
 from shadowbench.measure.worker import Worker
-from shadowbench.needs.depth import LOST
-from shadowbench.needs.maps import REFERENCE_SIZE
-from shadowbench.needs.survey import Needs, needs
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import View
 from shadowbench.scenes.views import chosen_view
-from shadowbench.truth.cache import cached_truth
+from shadowbench.survey.depth import LOST
+from shadowbench.survey.maps import REFERENCE_SIZE
+from shadowbench.survey.survey import Needs, needs
+from shadowbench.truths.cache import cached_truth
 
 LARGER = ("2CylinderEngine.glb", "armadillo.obj", "bgfx_tree.obj", "retroufo.gltf")
 SIZES = tuple(round(256 * 2 ** (k / 2)) for k in range(13))  # to 16384

@@ -13,7 +13,7 @@ from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import view_of
 from shadowbench.scores.metrics import score
-from shadowbench.truth.cache import cached_truth
+from shadowbench.truths.cache import cached_truth
 
 SCENES = ("sphere-and-torus", "stairs")
 SPECS = ("shadow-map:preset=course", "shadow-map", "ray-traced")

@@ -27,7 +27,7 @@ from shadowbench.scenes.views import chosen_view
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.registry import own_techniques, techniques
 from shadowbench.techniques.spec import Spec
-from shadowbench.truth.cache import cached_truth
+from shadowbench.truths.cache import cached_truth
 
 LARGER = ("2CylinderEngine.glb", "armadillo.obj", "bgfx_tree.obj", "retroufo.gltf")
 TARGETS = (

@@ -18,6 +18,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from PIL import Image
 
+from shadowbench.extremes.axes.model import NAMES
 from shadowbench.measure.cells import CellRequest, PlacedView
 from shadowbench.measure.drawn import Drawn
 from shadowbench.measure.scoring import reference_of
@@ -26,12 +27,11 @@ from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Light, Scene, View, view_of
 from shadowbench.scores.metrics import score
-from shadowbench.stress.axes.model import NAMES
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.params import Row, TechniqueParams, allowed
 from shadowbench.techniques.registry import source_file, techniques
 from shadowbench.techniques.spec import format_value
-from shadowbench.truth.cache import cached_truth
+from shadowbench.truths.cache import cached_truth
 
 ROOT = Path(__file__).resolve().parent.parent
 RANGES = ROOT / "results" / "ranges.csv"  # of a full `shadowbench stress`

@@ -10,15 +10,15 @@ import numpy as np
 from shadowbench.advice.search import Search, Tried
 from shadowbench.advice.space import Excluded, needed_space, no_choices, start_size, whole_space
 from shadowbench.measure.rows import Result
-from shadowbench.needs.survey import Needs, needs
 from shadowbench.scenes.model import View
 from shadowbench.scores.split import Split
 from shadowbench.studies.tables import cells_frame
 from shadowbench.studies.times import ReferenceTime, by_one_reference
+from shadowbench.survey.survey import Needs, needs
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.spec import Spec
 from shadowbench.techniques.unshadowed import Unshadowed
-from shadowbench.truth.trace import Truth
+from shadowbench.truths.trace import Truth
 
 Unit = Literal["work", "ms"]
 # How far below the predicted an error may be, of the same filter and of another: found on rows of all built-in scenes.

@@ -28,7 +28,7 @@ from shadowbench.studies.folder import write_cells
 from shadowbench.studies.study import Study
 from shadowbench.techniques.params import Row
 from shadowbench.techniques.spec import Spec
-from shadowbench.truth.cache import cached_truth
+from shadowbench.truths.cache import cached_truth
 
 ROUNDS = 9
 LEAST_IOU = 0.99

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from shadowbench.needs.survey import Needs
 from shadowbench.scenes.model import LightKind
+from shadowbench.survey.survey import Needs
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.spec import Spec
 

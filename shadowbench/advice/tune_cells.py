@@ -12,7 +12,7 @@ from shadowbench.measure.session import Session
 from shadowbench.scenes.model import view_of
 from shadowbench.studies.study import Study
 from shadowbench.techniques.spec import Spec
-from shadowbench.truth.cache import cached_truth
+from shadowbench.truths.cache import cached_truth
 
 
 class Cells:

@@ -29,7 +29,7 @@ def export(
     """
     from shadowbench.engines.export import DESCRIPTION, export_view, unsaid
     from shadowbench.files import check_folder
-    from shadowbench.truth.cache import cached_truth
+    from shadowbench.truths.cache import cached_truth
 
     check_folder(folder, DESCRIPTION)
     with console.Reporter(quiet) as reporter:

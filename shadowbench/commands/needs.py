@@ -25,8 +25,8 @@ def needs(
     """
     from dataclasses import asdict
 
-    from shadowbench.needs.survey import needs as needs_of
-    from shadowbench.needs.words import told
+    from shadowbench.survey.survey import needs as needs_of
+    from shadowbench.survey.words import told
 
     with console.Reporter(quiet) as reporter:
         chosen = reporter.view(scene, view_size, view, light, assets, up)

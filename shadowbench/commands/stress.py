@@ -10,8 +10,8 @@ from shadowbench.commands import console
 from shadowbench.commands.options import SPEC, Json, Plugins, Quiet
 
 if TYPE_CHECKING:
+    from shadowbench.extremes.ranges import OperatingRange
     from shadowbench.measure.rows import Record
-    from shadowbench.stress.ranges import OperatingRange
 
 app = typer.Typer()
 
@@ -45,12 +45,12 @@ def stress(
     breaks first, and how. Stopped at any point, the same command goes on where it was. Exit code 1 for NaN, infinity
     or an OpenGL error, 3 for a crash or hang; breaking points are no failure.
     """
+    from shadowbench.extremes.ranges import ranges_frame
+    from shadowbench.extremes.stressed import LIMITS, chosen_axes
+    from shadowbench.extremes.stressed import stress as walk
+    from shadowbench.extremes.sweep import default_specs
     from shadowbench.measure.printed import techniques_with
     from shadowbench.measure.worker import Worker
-    from shadowbench.stress.ranges import ranges_frame
-    from shadowbench.stress.stressed import LIMITS, chosen_axes
-    from shadowbench.stress.stressed import stress as walk
-    from shadowbench.stress.sweep import default_specs
     from shadowbench.techniques.spec import parse_spec
 
     axes = chosen_axes(axis or ())
@@ -73,7 +73,7 @@ def stress(
 
 def _print(title: str, ranges: "Sequence[OperatingRange]") -> None:
     """A line an axis, a column a kind of light; one line in all for what never holds."""
-    from shadowbench.stress.axes.model import NAMES
+    from shadowbench.extremes.axes.model import NAMES
 
     if not any(one.held for one in ranges):
         if ranges:
@@ -90,7 +90,7 @@ def _print(title: str, ranges: "Sequence[OperatingRange]") -> None:
 
 def _exit_code(rows: "Sequence[Record]") -> int:
     """What FORMATS promises, with one line a kind of failure on stderr."""
-    from shadowbench.stress.ranges import BROKEN, DEAD, failure
+    from shadowbench.extremes.ranges import BROKEN, DEAD, failure
 
     code = 0
     for kinds, verdict, what in ((BROKEN, 1, "NaN, infinity or an OpenGL error"), (DEAD, 3, "a crash, hang or error")):

@@ -34,7 +34,7 @@ def truth(
     metres.
     """
     from shadowbench.files import check_outputs
-    from shadowbench.truth.cache import cached_truth, write_truth
+    from shadowbench.truths.cache import cached_truth, write_truth
 
     check_outputs(".npz", output)
     with console.Reporter(quiet) as reporter:

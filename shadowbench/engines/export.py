@@ -14,7 +14,7 @@ from shadowbench.errors import InputError
 from shadowbench.files import replace_file
 from shadowbench.scenes.model import Camera, Floats, Light, Scene, View, unit
 from shadowbench.scores.masks import write_mask
-from shadowbench.truth.trace import Truth
+from shadowbench.truths.trace import Truth
 
 SCHEMA = 1
 _ROW = re.compile(r"\[[^][{}]*\]")  # a list of numbers, to stand on one line

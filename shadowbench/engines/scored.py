@@ -17,7 +17,7 @@ from shadowbench.errors import InputError
 from shadowbench.measure.scoring import mask_record, reference_of
 from shadowbench.scenes.model import View
 from shadowbench.scores.comparison import Comparison
-from shadowbench.truth.cache import cached_truth
+from shadowbench.truths.cache import cached_truth
 
 _NOTED_CLIPPED = 0.01
 """Share of the scored pixels that may be cut off before it is said."""

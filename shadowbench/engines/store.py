@@ -19,8 +19,8 @@ from shadowbench.measure.score_rows import Measured, identity, score_row
 from shadowbench.scenes.digest import view_digest
 from shadowbench.scores.masks import write_mask
 from shadowbench.sources import code_digest
-from shadowbench.truth import cache
-from shadowbench.truth.cache import cached_truth
+from shadowbench.truths import cache
+from shadowbench.truths.cache import cached_truth
 
 _IDENTITY = ("scene", "view", "light", "spec", "view_size", "renderer")
 _NAME = re.compile(r"[A-Za-z0-9][\w.+-]{0,79}")

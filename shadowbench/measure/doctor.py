@@ -12,7 +12,7 @@ from shadowbench.measure.noise import ALLOWED, CELL, ROUNDS, SCENE, noise
 from shadowbench.measure.place import CellFailed
 from shadowbench.measure.session import DeviceInfo
 from shadowbench.measure.worker import Worker
-from shadowbench.truth.cache import KEPT_BYTES, cache_folder
+from shadowbench.truths.cache import KEPT_BYTES, cache_folder
 
 
 def examination() -> dict[str, dict[str, Any]]:

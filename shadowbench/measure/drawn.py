@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from shadowbench.files import png_of
 from shadowbench.scenes.tables import LONGEST_NAME
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.filters import Filter
@@ -26,6 +27,10 @@ class Drawn:
     gpu_bytes: int
     work: dict[str, int]
     facts: dict[str, float]
+
+    def _repr_png_(self) -> bytes:
+        """The picture, as a notebook shows it."""
+        return png_of(self.picture)
 
 
 def own_work(technique: Technique, pixels: int, facts: dict[str, float]) -> dict[str, int]:

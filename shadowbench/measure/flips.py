@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter
 
-from shadowbench.truth.trace import Truth
+from shadowbench.truths.trace import Truth
 
 EDGE = 2  # pixels around a true edge in which flips are looked for
 

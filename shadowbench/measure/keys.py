@@ -15,7 +15,7 @@ from shadowbench.scenes.model import Coordinates, View
 from shadowbench.sources import PACKAGE, SOURCES, code_digest, files_in
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.registry import own_techniques, source_file
-from shadowbench.truth import cache as truths
+from shadowbench.truths import cache as truths
 
 # What draws, scores and traces, with all that these import; of techniques they import none.
 _MEASURING = tuple(Path(str(module.__file__)) for module in (session, scoring, truths))

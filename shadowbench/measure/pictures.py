@@ -11,7 +11,7 @@ from shadowbench.files import replace_file
 from shadowbench.measure.drawn import Drawn
 from shadowbench.scenes.model import View
 from shadowbench.scores.masks import mask_sha256, read_mask, write_mask
-from shadowbench.truth.trace import Truth
+from shadowbench.truths.trace import Truth
 
 
 class Pictures:

@@ -21,8 +21,8 @@ from shadowbench.measure.scoring import mask_record, reference_of
 from shadowbench.measure.session import Session, Unsupported
 from shadowbench.measure.writer import Writer
 from shadowbench.scores.reference import Reference
-from shadowbench.truth.cache import cached_truth
-from shadowbench.truth.trace import Truth
+from shadowbench.truths.cache import cached_truth
+from shadowbench.truths.trace import Truth
 
 
 @dataclass(frozen=True, eq=False)

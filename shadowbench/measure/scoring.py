@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from shadowbench.scores.masks import mask_sha256
 from shadowbench.scores.metrics import score
 from shadowbench.scores.reference import Reference
-from shadowbench.truth.trace import Truth
+from shadowbench.truths.trace import Truth
 
 
 def reference_of(truth: Truth) -> Reference:

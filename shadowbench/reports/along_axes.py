@@ -4,6 +4,9 @@ import json
 import math
 from collections.abc import Sequence
 
+from shadowbench.extremes.axes import Axis, Value, shown
+from shadowbench.extremes.axes.model import NAMES
+from shadowbench.extremes.ranges import TOLERANCES, OperatingRange, failure, value_text
 from shadowbench.measure.rows import Record
 from shadowbench.reports.axes import Chart
 from shadowbench.reports.charts import INK, LOOK, PICK, PICKED, chart_of
@@ -11,9 +14,6 @@ from shadowbench.reports.stability import Stability
 from shadowbench.reports.styles import Styles
 from shadowbench.reports.words import digits
 from shadowbench.scenes.model import LightKind
-from shadowbench.stress.axes import Axis, Value, shown
-from shadowbench.stress.axes.model import NAMES
-from shadowbench.stress.ranges import TOLERANCES, OperatingRange, failure, value_text
 
 ERROR = "1 − IoU"
 LIMITS: dict[str, float] = {ERROR: round(1 - TOLERANCES["iou"], 9)} | {

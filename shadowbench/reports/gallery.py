@@ -15,13 +15,13 @@ from PIL import Image
 from scipy.ndimage import uniform_filter
 
 from shadowbench.errors import InputError
+from shadowbench.extremes.ranges import value_text
 from shadowbench.measure.rows import Record
 from shadowbench.reports.analysis import Section, front
 from shadowbench.reports.stability import Stability
 from shadowbench.reports.words import digits
 from shadowbench.scores.difference import difference_over
 from shadowbench.scores.masks import read_mask
-from shadowbench.stress.ranges import value_text
 
 PIXELS = 160 * 512 * 512  # of all masks in a report: more cells, or larger ones, are shown smaller
 _SMALLEST = 128  # pixels a side

@@ -4,13 +4,13 @@ import json
 import re
 import textwrap
 
+from shadowbench.extremes.axes import Axis, shown
+from shadowbench.extremes.axes.model import NAMES
+from shadowbench.extremes.ranges import Failure, OperatingRange
 from shadowbench.reports.axes import Chart
 from shadowbench.reports.charts import chart_of
 from shadowbench.reports.stability import Line, Stability
 from shadowbench.reports.words import digits, range_facts
-from shadowbench.stress.axes import Axis, shown
-from shadowbench.stress.axes.model import NAMES
-from shadowbench.stress.ranges import Failure, OperatingRange
 
 SHADES = ("#8a3200", "#f2a777", "#e6f0f7")
 """Of a share of 0, ½ and 1: also told apart in grey, and by those who see no red or green."""

@@ -14,6 +14,8 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from shadowbench import __version__
+from shadowbench.extremes.axes.model import NAMES
+from shadowbench.extremes.ranges import OperatingRange
 from shadowbench.reports.along_axes import LIMITS, axis_chart, metrics_along
 from shadowbench.reports.analysis import Configuration, Reach, Section, front, specs_of
 from shadowbench.reports.axes import Chart
@@ -42,8 +44,6 @@ from shadowbench.reports.words import (
     warned,
 )
 from shadowbench.scores.metrics import METRICS
-from shadowbench.stress.axes.model import NAMES
-from shadowbench.stress.ranges import OperatingRange
 from shadowbench.studies.folder import Folder, Run, Sweep
 
 _PAGE = Path(__file__).parent / "page"

@@ -6,13 +6,13 @@ from pathlib import Path
 import pandas as pd
 
 from shadowbench.errors import InputError
+from shadowbench.extremes.ranges import points_frame
 from shadowbench.files import check_outputs, replace_file
 from shadowbench.reports.analysis import Section, sections
 from shadowbench.reports.figures import figures
 from shadowbench.reports.html import html_report
 from shadowbench.reports.markdown import markdown_report
 from shadowbench.reports.stability import Stability, stability
-from shadowbench.stress.ranges import points_frame
 from shadowbench.studies.folder import Run, Sweep
 
 FORMATS = ("html", "md", "csv", "png")

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from statistics import fmean
 
+from shadowbench.extremes.axes import AXES, Axis, Value
+from shadowbench.extremes.axes.model import NAMES
+from shadowbench.extremes.ranges import Break, OperatingRange, operating_ranges
 from shadowbench.measure.rows import Record
 from shadowbench.scenes.model import LightKind
-from shadowbench.stress.axes import AXES, Axis, Value
-from shadowbench.stress.axes.model import NAMES
-from shadowbench.stress.ranges import Break, OperatingRange, operating_ranges
 from shadowbench.studies.folder import Sweep
 from shadowbench.techniques.unshadowed import Unshadowed
 

@@ -3,6 +3,8 @@
 from collections import Counter
 from collections.abc import Sequence
 
+from shadowbench.extremes.axes.model import NAMES, shown
+from shadowbench.extremes.ranges import TOLERANCES, OperatingRange, value_text
 from shadowbench.reports.analysis import (
     EDGE_STEPS,
     IOU_STEPS,
@@ -15,8 +17,6 @@ from shadowbench.reports.analysis import (
     time_to_accuracy,
 )
 from shadowbench.reports.stability import Stability, whole
-from shadowbench.stress.axes.model import NAMES, shown
-from shadowbench.stress.ranges import TOLERANCES, OperatingRange, value_text
 from shadowbench.studies.folder import Run, Sweep
 from shadowbench.studies.tables import phase_note
 from shadowbench.studies.times import time_notes

@@ -15,7 +15,7 @@ from shadowbench.measure.session import DeviceInfo
 from shadowbench.scenes.model import Scene
 from shadowbench.scenes.views import first_of
 from shadowbench.studies.study import Study, scenes_of
-from shadowbench.truth.cache import cached_truth
+from shadowbench.truths.cache import cached_truth
 
 
 @dataclass(frozen=True, eq=False)

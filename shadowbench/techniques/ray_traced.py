@@ -5,7 +5,7 @@ import numpy as np
 
 from shadowbench.gl.gbuffer import download
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
-from shadowbench.truth.embree import NEVER, Tracer, over_slices
+from shadowbench.truths.embree import NEVER, Tracer, over_slices
 
 _STEPS = 4.0  # of float32 at the farthest coordinate
 

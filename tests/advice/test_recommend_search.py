@@ -16,12 +16,12 @@ from shadowbench.advice.space import needed_space, no_choices, specs_of, start_s
 from shadowbench.advice.words import in_the_way, step_lines
 from shadowbench.measure.rows import Result
 from shadowbench.measure.scoring import reference_of
-from shadowbench.needs.survey import Needs, needs
 from shadowbench.scenes.model import View
 from shadowbench.scores import score
+from shadowbench.survey.survey import Needs, needs
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import Spec, parse_spec
-from shadowbench.truth.trace import Truth
+from shadowbench.truths.trace import Truth
 
 KNOWN = techniques()
 PIXELS = 256**2

@@ -8,7 +8,7 @@ import numpy as np
 
 from shadowbench.measure.scoring import mask_record, reference_of
 from shadowbench.scores import reference, split
-from shadowbench.truth.trace import Truth
+from shadowbench.truths.trace import Truth
 
 
 def test_what_only_the_truth_decides_is_found_once(truth_of: Callable[..., Truth], monkeypatch: Any) -> None:

@@ -21,7 +21,7 @@ from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import view_of
 from shadowbench.scores.masks import read_mask
 from shadowbench.scores.metrics import METRICS
-from shadowbench.truth.trace import trace
+from shadowbench.truths.trace import trace
 
 Shadowbench = Callable[..., Any]
 SMALL = ["--view-size", "64", "--rounds", "1"]

@@ -12,7 +12,7 @@ from shadowbench.measure.scoring import reference_of
 from shadowbench.scenes.views import chosen_view
 from shadowbench.scores.comparison import Comparison
 from shadowbench.scores.reference import Reference
-from shadowbench.truth.cache import cached_truth
+from shadowbench.truths.cache import cached_truth
 
 FINER = 4
 

@@ -14,8 +14,8 @@ from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.meshes import read_meshes
 from shadowbench.scenes.model import Light, Scene, View, view_of
 from shadowbench.scores.masks import read_mask
-from shadowbench.truth.rays import ViewRays
-from shadowbench.truth.trace import Truth, trace
+from shadowbench.truths.rays import ViewRays
+from shadowbench.truths.trace import Truth, trace
 
 SIZE = 128
 

@@ -16,7 +16,7 @@ from shadowbench.scores.metrics import iou
 from shadowbench.techniques.base import Frame, Phase, Stage
 from shadowbench.techniques.registry import shader_folder
 from shadowbench.techniques.spec import Spec
-from shadowbench.truth.trace import trace
+from shadowbench.truths.trace import trace
 
 NUDGE = 1 / 256  # of a pixel or texel: the rasteriser's sub-pixel grid, as in the truth's definition of undecided
 DIAGONALS = list(product((-NUDGE, NUDGE), repeat=2))

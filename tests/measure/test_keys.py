@@ -237,7 +237,7 @@ def test_a_planted_fault_changes_the_keys_of_its_technique(edit: Callable[..., N
         assert key(fault["technique"]) != before
 
 
-@pytest.mark.parametrize("room", ["reports", "commands", "advice", "check", "stress", "engines", "needs"])
+@pytest.mark.parametrize("room", ["reports", "commands", "advice", "check", "extremes", "engines", "survey"])
 def test_no_edit_above_what_measures_changes_a_key(edit: Callable[..., None], room: str) -> None:
     before = {name: key(name) for name in KNOWN}
     files = sorted((ROOT / "shadowbench" / room).rglob("*.py"))

@@ -8,7 +8,7 @@ import numpy as np
 from shadowbench.measure.scoring import mask_record, reference_of
 from shadowbench.scores.masks import mask_sha256
 from shadowbench.scores.metrics import METRICS
-from shadowbench.truth.trace import Truth
+from shadowbench.truths.trace import Truth
 
 SIDE = 16
 

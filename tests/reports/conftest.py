@@ -13,12 +13,12 @@ import pytest
 import vl_convert
 from PIL import Image
 
+from shadowbench.extremes.axes import AXES, Value, shown
+from shadowbench.extremes.axes.model import NAMES
 from shadowbench.reports.analysis import Section, sections
 from shadowbench.reports.stability import Stability, stability
 from shadowbench.scores.masks import write_mask
 from shadowbench.scores.metrics import METRICS
-from shadowbench.stress.axes import AXES, Value, shown
-from shadowbench.stress.axes.model import NAMES
 from shadowbench.studies.folder import read_folders, read_runs
 from tests.conftest import key_of
 

@@ -13,6 +13,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from shadowbench.extremes.axes import AXES
+from shadowbench.extremes.axes.model import NAMES
+from shadowbench.extremes.ranges import TOLERANCES, value_text
 from shadowbench.reports import gallery
 from shadowbench.reports.along_axes import LIMITS, axis_chart, axis_figure, metrics_along
 from shadowbench.reports.gallery import Shot, side
@@ -21,9 +24,6 @@ from shadowbench.reports.stability import Stability
 from shadowbench.reports.styles import styles_of
 from shadowbench.reports.words import range_text, stability_headline
 from shadowbench.scores.masks import read_mask
-from shadowbench.stress.axes import AXES
-from shadowbench.stress.axes.model import NAMES
-from shadowbench.stress.ranges import TOLERANCES, value_text
 from tests.reports.conftest import CELLS, POINTS, Point, color_of, galleries, scripts, swept, texts
 
 Chart = dict[str, Any]

@@ -7,8 +7,8 @@ import pytest
 
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Floats, Scene, View, view_of
-from shadowbench.truth.embree import Tracer
-from shadowbench.truth.trace import Truth, trace
+from shadowbench.truths.embree import Tracer
+from shadowbench.truths.trace import Truth, trace
 
 MADE_FOR_ONE = ["deep-street", "inside-volume", "lamp-by-wall", "lamp-over-table", "table-top"]
 SIZE = 192

@@ -23,7 +23,7 @@ from shadowbench.scores.metrics import METRICS, score
 from shadowbench.studies.study import Study
 from shadowbench.studies.tables import cells_frame, summary, write_table
 from shadowbench.techniques.shadow_map import ShadowMap
-from shadowbench.truth.cache import cached_truth
+from shadowbench.truths.cache import cached_truth
 
 Records = Callable[..., list[dict[str, Any]]]
 

@@ -8,7 +8,7 @@ import pytest
 from shadowbench.scenes.assumed import camera_for, mesh_bounds, sun_for
 from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import View, view_of
-from shadowbench.truth.trace import trace
+from shadowbench.truths.trace import trace
 
 FAST = ["cube-on-plane", "sphere-and-torus", "spot-lamp", "room-with-lamp", "stairs"]
 

@@ -22,7 +22,7 @@ from shadowbench.techniques.filters import Filter
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
 from shadowbench.techniques.splits import Practical, Split
-from shadowbench.truth.trace import trace
+from shadowbench.truths.trace import trace
 
 SIZE = 96
 BOXES = ["scene", "tight", "sphere", "sphere,stable=true"]

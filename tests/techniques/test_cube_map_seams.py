@@ -16,7 +16,7 @@ from shadowbench.scenes.model import Camera, Light, Scene, unit, view_of
 from shadowbench.techniques.base import Frame, Phase, Stage
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
-from shadowbench.truth.trace import Truth, trace
+from shadowbench.truths.trace import Truth, trace
 
 SIZE = 256
 PLANTED = {  # file, text, what a fault makes of it

@@ -15,7 +15,7 @@ from shadowbench.scenes.model import AS_FILED, Camera, Light, Mesh, Scene, View,
 from shadowbench.techniques.planar_projection import flattening
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
-from shadowbench.truth.trace import trace
+from shadowbench.truths.trace import trace
 
 NAME = "planar-projection"
 FAST = ["cube-on-plane", "table-top", "lamp-over-table", "room-with-lamp"]

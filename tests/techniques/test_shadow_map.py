@@ -11,7 +11,7 @@ from shadowbench.techniques.filters import Filter
 from shadowbench.techniques.fits import Fit
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
-from shadowbench.truth.trace import trace
+from shadowbench.truths.trace import trace
 
 SIZE = 96
 SCENES = {"directional": "sphere-and-torus", "spot": "spot-lamp"}

@@ -14,7 +14,7 @@ from shadowbench.scenes.model import Light, Mesh, unit, view_of
 from shadowbench.techniques.base import Frame, Phase
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
-from shadowbench.truth.trace import trace
+from shadowbench.truths.trace import trace
 
 FAST = ["cube-on-plane", "spot-lamp", "room-with-lamp", "stairs"]
 REAL = ["armadillo.obj", "2CylinderEngine.glb", "bgfx_tree.obj", "retroufo.gltf"]

@@ -1,0 +1,287 @@
+"""What the commands compute, as functions that return values: `import shadowbench as sb`.
+
+    scene = sb.load("armadillo.obj")
+    truth = sb.truth(scene)
+    drawn = sb.render(scene, "shadow-map:size=2048")
+    sb.score(drawn.visibility, truth)["iou"]
+
+A scene is what `load` returns, or anything that it takes: a built-in name, a `.toml`, a mesh file. A technique is a
+spec as on the command line. What is wrong raises InputError with the line that the command would print; what fails
+raises ShadowbenchError. Notes, such as what was assumed of a scene, go to the logger `shadowbench`, as information.
+
+What draws shares one process, which holds the OpenGL context and is replaced when it fails; `close` ends it.
+"""
+
+import atexit
+import logging
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from shadowbench.advice.recommend import Recommendation
+from shadowbench.advice.recommended import recommended, target_of
+from shadowbench.errors import InputError as InputError
+from shadowbench.errors import ShadowbenchError as ShadowbenchError
+from shadowbench.extremes.ranges import ranges_frame
+from shadowbench.extremes.stressed import LIMITS, chosen_axes
+from shadowbench.extremes.stressed import stress as walked
+from shadowbench.extremes.sweep import default_specs
+from shadowbench.measure import single
+from shadowbench.measure.drawn import Drawn
+from shadowbench.measure.place import Limits
+from shadowbench.measure.printed import techniques_with
+from shadowbench.measure.scoring import reference_of
+from shadowbench.measure.worker import Worker
+from shadowbench.scenes.library import load_scene
+from shadowbench.scenes.model import Scene, View
+from shadowbench.scenes.views import chosen_view, notes_on
+from shadowbench.scores.masks import quantise
+from shadowbench.scores.metrics import score as metrics_of
+from shadowbench.studies.measured import asked_study, measure
+from shadowbench.survey.survey import Needs
+from shadowbench.survey.survey import needs as surveyed
+from shadowbench.techniques.spec import Spec, parse_spec
+from shadowbench.truths.cache import cached_truth
+from shadowbench.truths.trace import Truth
+
+SceneLike = Scene | str | Path
+Files = Sequence[str | Path]
+
+_log = logging.getLogger("shadowbench")
+
+
+class _Logged:
+    """Tells the logger how a measurement goes."""
+
+    def note(self, line: str) -> None:
+        _log.info(line)
+
+    def stage(self, name: str, total: int) -> None:
+        _log.debug("%s: %d", name, total)
+
+    def step(self, what: str) -> None:
+        _log.debug(what)
+
+
+class _Shared:
+    """The process that draws for every call, of the plug-ins and limits that the last call asked for."""
+
+    worker: Worker | None = None
+    of: tuple[tuple[Path, ...], Limits] | None = None
+
+
+def load(scene: SceneLike, *, assets: str | Path | None = None, up: str | None = None) -> Scene:
+    """A scene: a built-in by name, a `.toml`, or any mesh file; what the file lacks is assumed, and in its `notes`.
+
+    assets: a second folder in which a scene file's meshes may lie; up: y or z, the axis that points up in a mesh file
+    of a format that does not say. Raises InputError.
+    """
+    if isinstance(scene, Scene):
+        return scene
+    return load_scene(scene, None if assets is None else Path(assets), up)
+
+
+def truth(
+    scene: SceneLike,
+    *,
+    view_size: int = 512,
+    view: str | None = None,
+    light: str | None = None,
+    pixel_samples: int = 4,
+) -> Truth:
+    """The ray-traced shadows of a view: arrays of (view_size, view_size), row 0 at the top, as in `truth.npz`.
+
+    view, light: a camera and a light of the scene by name, the first of each for None; pixel_samples: rays along a side
+    of a pixel, over which `area` is averaged. Kept in a cache between calls. Raises InputError.
+    """
+    return cached_truth(_view(scene, view_size, view, light), pixel_samples)
+
+
+def render(
+    scene: SceneLike,
+    technique: str | Spec,
+    *,
+    view_size: int = 512,
+    view: str | None = None,
+    light: str | None = None,
+    plugins: Files = (),
+    tint: bool = False,
+) -> Drawn:
+    """One draw of a view with a technique's shadows: `visibility`, `picture` and `map`, beside its work and memory.
+
+    map: linear depth in [0, 1] as (H, W), near is 0; of `cube-map` the faces unfolded into a cross (3 · size,
+    4 · size), of `cascades` the layers beside each other (size, count · size); None for a technique without one.
+    tint: colour the picture by what the technique did where, such as by cascade. Raises InputError for what does not
+    go together, ShadowbenchError where the technique fails.
+    """
+    (spec,) = _specs([technique], plugins)
+    worker = _worker(plugins)
+    return single.render(_view(scene, view_size, view, light), spec, worker, name=spec.text, with_map=True, tint=tint)
+
+
+def score(visibility: NDArray[Any], truth: Truth) -> Mapping[str, float | None]:
+    """Every metric of a mask by its name, None where there is nothing to divide by; `list metrics` explains them.
+
+    visibility: (N, N) of the truth's size, floats in [0, 1] or whole numbers of 8 or 16 bits; 1, or their largest, is
+    lit. It is quantised to 16 bits first, as stored masks are. Raises InputError for anything else.
+    """
+    mask = np.asarray(visibility)
+    if mask.dtype.kind == "u":
+        mask = mask.astype(np.float64) / np.iinfo(mask.dtype).max
+    if mask.shape != truth.visibility.shape:
+        raise InputError(f"visibility: found shape {mask.shape}; allowed: that of the truth, {truth.visibility.shape}")
+    try:
+        return metrics_of(quantise(mask), reference_of(truth))
+    except ValueError as error:
+        raise InputError(f"visibility: {error}") from None
+
+
+def run(
+    scenes: SceneLike | Sequence[SceneLike] = (),
+    techniques: str | Spec | Sequence[str | Spec] = (),
+    *,
+    map_size: int | Sequence[int] | None = None,
+    view_size: int | None = None,
+    view: str | None = None,
+    light: str | None = None,
+    rounds: int | None = None,
+    phases: int | None = None,
+    study: str | None = None,
+    plugins: Files = (),
+    folder: str | Path | None = None,
+) -> pd.DataFrame:
+    """Measure techniques on scenes: a line a cell, with the columns of `table.csv`.
+
+    What is not given is the study's, a file or one of ours by name, and `default` for None. light: each of the scene's
+    in turn for None; rounds: how often each cell is timed, 0 for not at all; folder: a run folder that keeps rows,
+    masks and pictures, and goes on where it was. Raises InputError; a cell that fails is a line whose status says so.
+    """
+    asked = asked_study(
+        techniques_with(_paths(plugins)),
+        [_reference(one) for one in _listed(scenes)],
+        _specs(_listed(techniques), plugins),
+        study=study,
+        map_size=None if map_size is None else _listed(map_size),
+        phases=phases,
+        view=view,
+        light=light,
+        view_size=view_size,
+        rounds=rounds,
+    )
+    limits = Limits(asked.time_limit, int(asked.memory_limit * 2**30))
+    with _folder(folder) as place:
+        return measure(asked, place, _worker(plugins, limits), _Logged()).frame
+
+
+def needs(scene: SceneLike, *, view_size: int = 512, view: str | None = None, light: str | None = None) -> Needs:
+    """What a scene asks of shadows, without drawing any: map size, cascades, depth bits, bias, penumbra.
+
+    Raises InputError.
+    """
+    return surveyed(_view(scene, view_size, view, light))
+
+
+def recommend(
+    scene: SceneLike,
+    *,
+    min_iou: float | None = None,
+    max_edge_px: float | None = None,
+    budget_ms: float | None = None,
+    on_this_machine: bool = False,
+    view_size: int = 512,
+    view: str | None = None,
+    light: str | None = None,
+    plugins: Files = (),
+    folder: str | Path | None = None,
+) -> Recommendation:
+    """The cheapest technique and parameters that meet a target in a view, measured as they are searched for.
+
+    min_iou, 0.99 where neither is given, or max_edge_px: the target; budget_ms: milliseconds at most, on a GPU;
+    on_this_machine: rank by times even on a software renderer. `choice` is None where nothing meets it. Raises
+    InputError.
+    """
+    target = target_of(min_iou, max_edge_px, budget_ms)
+    chosen, known = _view(scene, view_size, view, light), techniques_with(_paths(plugins))
+    with _folder(folder) as place:
+        found, _ = recommended(
+            chosen, target, known, place, _worker(plugins), _Logged(), on_this_machine=on_this_machine
+        )
+    return found
+
+
+def stress(
+    techniques: str | Spec | Sequence[str | Spec] = (),
+    *,
+    axes: str | Sequence[str] = (),
+    quick: bool = False,
+    plugins: Files = (),
+    folder: str | Path | None = None,
+) -> pd.DataFrame:
+    """Operating ranges of techniques along axes: a line a technique, light and axis, with the columns of `ranges.csv`.
+
+    Without names, all techniques at their defaults, and all axes; quick: a few values of each. Raises InputError.
+    """
+    chosen = chosen_axes(_listed(axes))
+    specs = _specs(_listed(techniques), plugins) or default_specs(techniques_with(_paths(plugins)).values())
+    with _folder(folder) as place:
+        found = walked(specs, chosen, place, _worker(plugins, LIMITS), _Logged(), quick=quick)
+    return ranges_frame(found.ranges)
+
+
+def close() -> None:
+    """End the process that draws; the next call that draws starts another."""
+    if _Shared.worker is not None:
+        _Shared.worker.stop()
+    _Shared.worker = _Shared.of = None
+
+
+atexit.register(close)
+
+
+def _worker(plugins: Files, limits: Limits | None = None) -> Worker:
+    asked = _paths(plugins), limits or Limits()
+    if _Shared.worker is None or _Shared.of != asked:
+        close()
+        _Shared.worker, _Shared.of = Worker(*asked), asked
+    return _Shared.worker
+
+
+def _view(scene: SceneLike, size: int, camera: str | None, light: str | None) -> View:
+    chosen = chosen_view(load(scene), size, camera, light)
+    for line in notes_on(chosen, camera, light):
+        _log.info(line)
+    return chosen
+
+
+def _specs(techniques: Sequence[str | Spec], plugins: Files) -> list[Spec]:
+    known = techniques_with(_paths(plugins))
+    return [one if isinstance(one, Spec) else parse_spec(one, known) for one in techniques]
+
+
+def _paths(plugins: Files) -> tuple[Path, ...]:
+    return tuple(Path(plugin).resolve() for plugin in plugins)
+
+
+def _reference(scene: SceneLike) -> Scene | str:
+    return scene if isinstance(scene, Scene) else str(scene)
+
+
+def _listed(given: Any) -> list[Any]:
+    """One thing or several, as a list."""
+    return list(given) if isinstance(given, list | tuple) else [given]
+
+
+@contextmanager
+def _folder(given: str | Path | None) -> Iterator[Path]:
+    """The folder that is given, or one for the time being."""
+    if given is not None:
+        yield Path(given)
+        return
+    with TemporaryDirectory(prefix="shadowbench-") as folder:
+        yield Path(folder)

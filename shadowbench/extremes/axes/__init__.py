@@ -1,0 +1,36 @@
+"""The axes along which `stress` walks until a technique breaks."""
+
+from shadowbench.extremes.axes.casters import GAP, OVERLAP, THICKNESS, TRIANGLES
+from shadowbench.extremes.axes.lights import ELEVATION, FAR_NEAR, LAMP_DISTANCE, UP
+from shadowbench.extremes.axes.meshes import MESH
+from shadowbench.extremes.axes.model import Axis, Setting, Value, shown
+from shadowbench.extremes.axes.motion import CAMERA_STEP, LIGHT_STEP, VOLUME_WALL
+from shadowbench.extremes.axes.places import DISTANCE, DISTANCE_ABSOLUTE, SCALE
+from shadowbench.extremes.axes.sizes import DEPTH_FORMAT, MAP_TEXELS, VIEW_PIXELS
+
+AXES: dict[str, Axis] = {
+    axis.name: axis
+    for axis in (
+        ELEVATION,
+        UP,
+        FAR_NEAR,
+        DISTANCE,
+        DISTANCE_ABSOLUTE,
+        SCALE,
+        DEPTH_FORMAT,
+        MAP_TEXELS,
+        VIEW_PIXELS,
+        THICKNESS,
+        GAP,
+        LAMP_DISTANCE,
+        VOLUME_WALL,
+        MESH,
+        OVERLAP,
+        TRIANGLES,
+        CAMERA_STEP,
+        LIGHT_STEP,
+    )
+}
+"""All axes by name, in the order of the table."""
+
+__all__ = ["AXES", "Axis", "Setting", "Value", "shown"]

@@ -1,0 +1,119 @@
+"""Axes of the light: how low, how upright, how near to what it lights."""
+
+import math
+
+import numpy as np
+
+from shadowbench.extremes.axes.model import (
+    NAMES,
+    Axis,
+    Setting,
+    base_meshes,
+    ground,
+    light_at,
+    looking,
+    mesh,
+    shining,
+)
+from shadowbench.scenes.model import Light, LightKind, Mesh
+
+_LAMP_HEIGHT = 1.5
+
+
+def _elevation(degrees: float, kind: LightKind) -> Setting:
+    return Setting((looking(base_meshes(), light_at(kind, degrees)),))
+
+
+def _through_up(degrees: float, kind: LightKind) -> Setting:
+    """A floor seen alone, which is square to the light at 0, under a box that is out of sight."""
+    tilt = math.radians(degrees)
+    light = shining(kind, (math.sin(tilt), math.cos(tilt), 0.0))
+    box = mesh("box", 0.9, (0.0, 3.0, 0.0), turn=25.0)
+    return Setting((looking([ground(4.0), box], light, eye=(1.5, 2.0, 1.6), target=(0.1, 0.0, 0.1)),))
+
+
+def _far_near(ratio: float, kind: LightKind) -> Setting:
+    """A box as near to the light as that; seen from the light it looks the same at every ratio, and so does its shadow.
+
+    Farthest is a corner of the ground.
+    """
+    light = Light(NAMES[kind], kind, (0.0, -1.0, 0.0), (0.2, 2.0, -0.1), math.radians(100.0) if kind == "spot" else 0.0)
+    far = float(np.linalg.norm(np.subtract(light.position, (-2.0, 0.0, 2.0))))
+    near = far / ratio
+    center = np.add(light.position, np.array([0.15, -1.3, 0.1]) * near)
+    return Setting((looking([ground(4.0), mesh("box", 0.6 * near, center, turn=25.0)], light),))
+
+
+def _lamp_distance(metres: float, kind: LightKind) -> Setting:
+    """A lamp beside a wall that stands on the ground, at half its height."""
+    wall = Mesh(
+        "wall",
+        np.array([[-2.0, 0.0, 2.0], [-2.0, 0.0, -2.0], [-2.0, 3.0, -2.0], [-2.0, 3.0, 2.0]]),
+        np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32),
+    )
+    light = Light(NAMES[kind], kind, position=(-2.0 + metres, _LAMP_HEIGHT, 0.1))
+    return Setting((looking([*base_meshes(), wall], light, eye=(4.6, 3.4, 3.6), target=(-0.6, 0.7, 0.0)),))
+
+
+ELEVATION = Axis(
+    name="elevation",
+    unit="°",
+    values=(
+        89.9,
+        85.0,
+        75.0,
+        60.0,
+        50.0,
+        40.0,
+        30.0,
+        20.0,
+        15.0,
+        10.0,
+        7.0,
+        5.0,
+        3.0,
+        2.0,
+        1.0,
+        0.8,
+        0.7,
+        0.6,
+        0.5,
+        0.2,
+        0.1,
+    ),
+    home=50.0,
+    quick=(89.9, 50.0, 5.0, 0.1),
+    lights=("directional", "spot", "point"),
+    holds="a low light lengthens shadows and opens no surface",
+    change=_elevation,
+)
+UP = Axis(
+    name="through-up",
+    unit="°",
+    values=(5.0, 1.0, 0.1, 1e-3, 1e-5, 1e-7, 0.0, -1e-7, -1e-5, -1e-3, -0.1, -1.0, -5.0),
+    home=5.0,
+    quick=(5.0, 1e-5, 0.0),
+    lights=("directional", "spot"),
+    holds="a light along the up axis is a light like any other",
+    change=_through_up,
+)
+FAR_NEAR = Axis(
+    name="far-near",
+    unit="",
+    values=(1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7),
+    home=1e1,
+    quick=(1e1, 1e4, 1e7),
+    lights=("spot", "point"),
+    holds="a caster near the light shadows as its larger, farther likeness does",
+    change=_far_near,
+)
+LAMP_DISTANCE = Axis(
+    name="lamp-distance",
+    unit="m",
+    values=(2.0, 1.0, 0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3, 3e-4, 1e-4),
+    home=1.0,
+    quick=(1.0, 1e-2, 1e-4),
+    lights=("point",),
+    holds="a lamp close to a wall lights the wall, and the rest as before",
+    change=_lamp_distance,
+)

@@ -1,0 +1,92 @@
+"""The axis of ill-made meshes: what modellers and scanners leave behind."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from shadowbench.extremes.axes.model import Axis, Setting, base_meshes, light_at, looking
+from shadowbench.scenes.model import LightKind, Mesh
+from shadowbench.scenes.triangles import Triangles, without_zero_area
+
+_FLAT = 1e-7  # height of a sliver as a share of its longest edge
+
+
+def _closed(of: Triangles) -> Triangles:
+    return of
+
+
+def _slivers(of: Triangles) -> Triangles:
+    """Every triangle cut in three by a corner next to the middle of an edge, so that one part has nearly no height."""
+    a, b, c = (of.vertices[of.faces[:, k]] for k in range(3))
+    inner = (a + b) / 2 * (1 - _FLAT) + c * _FLAT
+    corners = [np.stack([a, b, inner], 1), np.stack([b, c, inner], 1), np.stack([c, a, inner], 1)]
+    return _loose(np.concatenate(corners))
+
+
+def _zero_area(of: Triangles) -> Triangles:
+    """A triangle without area on every edge, as loading leaves it: dropped."""
+    a, b = (of.vertices[of.faces[:, k]] for k in range(2))
+    flat = _loose(np.stack([a, b, (a + b) / 2], 1))
+    whole = Triangles(np.concatenate([of.vertices, flat.vertices]), np.concatenate([of.faces, flat.faces + len(of[0])]))
+    return without_zero_area(whole)[0]
+
+
+def _duplicated(of: Triangles) -> Triangles:
+    """Every triangle twice, every third one three times."""
+    return Triangles(of.vertices, np.concatenate([of.faces, of.faces, of.faces[::3]]))
+
+
+def _t_junctions(of: Triangles) -> Triangles:
+    """Every second triangle cut at the middle of an edge that its neighbour keeps whole."""
+    a, b, c = (of.vertices[of.faces[::2, k]] for k in range(3))
+    middle = (a + b) / 2
+    kept = of.vertices[of.faces[1::2]]
+    return _loose(np.concatenate([kept, np.stack([a, middle, c], 1), np.stack([middle, b, c], 1)]))
+
+
+def _inconsistent_winding(of: Triangles) -> Triangles:
+    """Every third triangle turned over."""
+    faces = of.faces.copy()
+    faces[::3] = faces[::3, ::-1]
+    return Triangles(of.vertices, faces)
+
+
+def _open(of: Triangles) -> Triangles:
+    """Every fifth triangle missing."""
+    return Triangles(of.vertices, of.faces[np.arange(len(of.faces)) % 5 != 0])
+
+
+def _loose(corners: np.ndarray) -> Triangles:
+    """Triangles from (N, 3, 3) corners, no vertex shared."""
+    return Triangles(corners.reshape(-1, 3), np.arange(3 * len(corners), dtype=np.int32).reshape(-1, 3))
+
+
+_KINDS: dict[str, Callable[[Triangles], Triangles]] = {
+    "closed": _closed,
+    "slivers": _slivers,
+    "zero-area": _zero_area,
+    "duplicated": _duplicated,
+    "t-junctions": _t_junctions,
+    "inconsistent-winding": _inconsistent_winding,
+    "open": _open,
+}
+
+
+def _ill_made(name: str, kind: LightKind) -> Setting:
+    floor, *casters = base_meshes()
+    made = [(_KINDS[name](Triangles(caster.vertices, caster.faces)), caster.name) for caster in casters]
+    meshes = [Mesh(called, of.vertices, of.faces) for of, called in made]
+    return Setting((looking([floor, *meshes], light_at(kind)),))
+
+
+MESH = Axis(
+    name="mesh",
+    unit="",
+    values=tuple(_KINDS),
+    home="closed",
+    quick=("closed", "slivers", "inconsistent-winding", "open"),
+    lights=("directional", "point"),
+    holds="triangles cast, however they are put together",
+    change=_ill_made,
+    ordered=False,
+)

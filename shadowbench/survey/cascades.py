@@ -1,0 +1,78 @@
+"""Whether cascades pay: the sizes that several maps over slices of the view need, against one."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from shadowbench.geometry.hull import concerned_vertices
+from shadowbench.geometry.lights import LightSpace
+from shadowbench.geometry.slices import practical_depths, slices
+from shadowbench.scenes.geometry import bounds_of
+from shadowbench.scenes.model import Floats, View
+from shadowbench.survey.maps import FLAT, FittedMap
+from shadowbench.survey.texels import Texels, edge_size
+
+COUNTS = (2, 3, 4, 5, 6, 7, 8)
+
+
+@dataclass(frozen=True)
+class CascadeSizes:
+    """What cascades would need, by their number, at their defaults otherwise.
+
+    depth_ratio: farthest over nearest view depth of what is seen; size, edge_size: of each map, as for one; best: the
+    number with the fewest texels in all, by the edges where there are any; saving: how many times fewer than one map.
+    """
+
+    depth_ratio: float
+    size: Mapping[int, float]
+    edge_size: Mapping[int, float]
+    best: int
+    saving: float
+
+    @property
+    def pay(self) -> bool:
+        """Whether any number of cascades takes fewer texels than one map."""
+        return self.saving > 1.0
+
+
+def cascades_of(fitted: FittedMap, one: Texels) -> CascadeSizes | None:
+    """What cascades would save over one map; None for a light that has none."""
+    samples, space = fitted.samples, fitted.space
+    if space is None or space.perspective:
+        return None
+    bounds = bounds_of(concerned_vertices(samples.view.scene.geometry))
+    sizes, edge_sizes = {}, {}
+    for count in COUNTS:
+        unit = fitted.seen.scaled(_extents(samples.view, bounds, space, fitted.seen.place, count))
+        sizes[count] = float(np.percentile(unit.longest, 95)) + 2 * fitted.padding
+        by_edges = edge_size(fitted, unit)
+        if by_edges is not None:
+            edge_sizes[count] = by_edges.value
+    single, several = (one.edge_size.value, edge_sizes) if one.edge_size else (one.size.value, sizes)
+    best = min(several, key=lambda count: count * several[count] ** 2)
+    ahead = samples.view.camera.basis()[2] @ (np.array(samples.view.camera.position)[:, None] - samples.point)
+    return CascadeSizes(
+        depth_ratio=float(ahead.max() / ahead.min()),
+        size=sizes,
+        edge_size=edge_sizes,
+        best=best,
+        saving=single**2 / (best * several[best] ** 2),
+    )
+
+
+def _extents(view: View, bounds: Floats, space: LightSpace, place: Floats, count: int) -> Floats:
+    """(2, R) width and height of the cascade that answers for each sample: the first whose box holds it."""
+    extents = np.zeros((2, place.shape[1]))
+    free = np.arange(place.shape[1])
+    parts = slices(view.camera, practical_depths(*view.near_far, count), 0.0)
+    for part in parts:
+        box = space.box(part.corners_within(bounds, float(np.abs(bounds).max())))
+        inside = np.full(len(free), True)
+        if part is not parts[-1]:  # outside the last, rounding alone leaves any
+            for row, low, high in zip(place, box.low, box.high, strict=True):
+                at = row.take(free)
+                inside &= (at >= low) & (at <= high)
+        extents[:, free[inside]] = np.maximum((box.high - box.low)[:2, None], FLAT)
+        free = free[~inside]
+    return extents

@@ -1,0 +1,117 @@
+"""Truths kept on disk, by a hash of the view and of the sources that trace it: a second run traces nothing."""
+
+import hashlib
+import logging
+import os
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import platformdirs
+from numpy.typing import NDArray
+
+from shadowbench.errors import InputError
+from shadowbench.files import replace_file
+from shadowbench.scenes.digest import view_digest
+from shadowbench.scenes.model import View
+from shadowbench.sources import code_digest
+from shadowbench.truths.trace import Truth, trace
+
+_RANGES: dict[str, tuple[type[np.generic], float, float]] = {
+    "visibility": (np.float32, 0, 1),
+    "receivers": (np.bool_, 0, 1),
+    "undecided": (np.bool_, 0, 1),
+    "area": (np.float32, 0, 1),
+    "blocker": (np.float32, 0, np.inf),
+    "cosine": (np.float32, 0, 1 + 1e-6),  # of vectors that are rounded
+    "diagonal": (np.float64, np.finfo(np.float64).tiny, np.finfo(np.float64).max),
+}
+"""Type, lowest and highest value of a truth's arrays, but `triangle`, whose range is the scene's."""
+
+_log = logging.getLogger(__name__)
+
+KEPT_BYTES = 4 << 30  # the oldest truths go when the folder grows past this
+
+
+def cached_truth(view: View, pixel_samples: int = 4, light_samples: int = 1) -> Truth:
+    """`trace`, or what it answered before for the same view and sources.
+
+    Where the cache cannot be read it is traced, where it cannot be written the truth is not kept: a logged warning.
+    """
+    file = cache_folder() / f"{_key(view, pixel_samples, light_samples)}.npz"
+    kept = read_truth(file, view)
+    if kept is not None:
+        with suppress(OSError):  # a folder that may only be read serves all the same
+            file.touch()
+        return kept
+    truth = trace(view, pixel_samples, light_samples)
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        write_truth(file, truth)
+        _forget_oldest(file.parent)
+    except (OSError, InputError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else error
+        _log.warning("truth cache %s: truths are traced and not kept (%s)", file.parent, reason)
+    return truth
+
+
+def cache_folder() -> Path:
+    """Where truths are kept: $SHADOWBENCH_CACHE, or the platform's folder for caches; made with the first truth."""
+    chosen = os.environ.get("SHADOWBENCH_CACHE")
+    return Path(chosen) if chosen else Path(platformdirs.user_cache_dir("shadowbench")) / "truth"
+
+
+def write_truth(file: Path, truth: Truth) -> None:
+    """All arrays of a truth as one compressed .npz."""
+    with replace_file(file) as beside, beside.open("wb") as stream:
+        np.savez_compressed(stream, **truth.arrays())  # type: ignore[arg-type]  # the stub types allow_pickle alone
+
+
+def read_truth(file: Path, view: View) -> Truth | None:
+    """The truth of a view in a file, None when it is missing, unreadable, cut short, damaged or of something else."""
+    if not file.is_file():  # a pipe would be waited for
+        return None
+    try:
+        # np.load leaves a file that it cannot read open, unless it is given one.
+        with file.open("rb") as stream, np.load(stream) as arrays:
+            values = {name: arrays[name] for name in arrays.files}
+    except Exception:  # whatever zipfile and NumPy raise for damaged bytes, MemoryError and TokenError among them
+        return None
+    return Truth(**{**values, "diagonal": float(values["diagonal"])}) if _is_truth(values, view) else None
+
+
+def _is_truth(values: dict[str, NDArray[Any]], view: View) -> bool:
+    """Whether arrays have the names, types, sizes and ranges of a truth of a view."""
+    ranges = {**_RANGES, "triangle": (np.int32, -1, len(view.scene.geometry.faces) - 1)}
+    if values.keys() != ranges.keys():
+        return False
+    for name, (kind, low, high) in ranges.items():
+        array, shape = values[name], () if name == "diagonal" else (view.size, view.size)
+        if array.dtype != kind or array.shape != shape or not ((array >= low) & (array <= high)).all():  # NaN neither
+            return False
+    return True
+
+
+@cache
+def _sources() -> str:
+    return code_digest(Path(__file__))
+
+
+def _key(view: View, pixel_samples: int, light_samples: int) -> str:
+    parts = (view_digest(view), pixel_samples, light_samples, _sources())
+    return hashlib.sha256(repr(parts).encode()).hexdigest()[:32]
+
+
+def _forget_oldest(folder: Path) -> None:
+    """Other processes may forget the same truths meanwhile."""
+    kept = []
+    for file in folder.glob("*.npz"):
+        with suppress(FileNotFoundError):
+            kept.append((file.stat().st_mtime, file.stat().st_size, file))
+    total = 0
+    for _, size, file in sorted(kept, reverse=True):
+        total += size
+        if total > KEPT_BYTES:
+            file.unlink(missing_ok=True)

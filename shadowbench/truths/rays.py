@@ -1,0 +1,234 @@
+"""A view's rays: what a point of each pixel sees, and the shadow ray from there to the light.
+
+All in float64 and local coordinates; Embree's float32 only chooses triangles. Vectors are (3, N), a row a component:
+NumPy takes a fraction of the time that it takes on (N, 3).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shadowbench.scenes.model import Floats, View, unit
+from shadowbench.truths.embree import NEVER, Tracer
+
+Mask = NDArray[np.bool_]
+Indices = NDArray[np.intp]
+
+FROM_LIGHT = 2.0  # local lengths from the centre up to which shadow rays begin at the light
+EDGE_ON = 1e-6  # |N·ray| below which a hit cannot be refined
+
+
+class ShadowRays(NamedTuple):
+    """Rays from points near surfaces to the light: `ahead` is the way already gone, `reach` what is left of it.
+
+    origins: (3, N); directions: (3, N), or (3, 1) where all are one; ahead: (N,); reach: (N,) or a number.
+    """
+
+    origins: Floats
+    directions: Floats
+    ahead: Floats
+    reach: Floats | float
+
+    def only(self, chosen: Mask) -> "ShadowRays":
+        """The chosen among them."""
+        return ShadowRays(
+            self.origins[:, chosen],
+            self.directions if self.directions.shape[1] == 1 else self.directions[:, chosen],
+            self.ahead[chosen],
+            self.reach if isinstance(self.reach, float) else self.reach[chosen],
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Receivers:
+    """The hits that face both camera and light.
+
+    rays: (R,) index of each in the rays that were asked for; triangle: (R,); point: (3, R); to_light: (3, R) unit, or
+    (3, 1) for a directional light; distance: (R,) or a number; cosine: (R,) N·L.
+    """
+
+    rays: Indices
+    triangle: Indices
+    point: Floats
+    to_light: Floats
+    distance: Floats | float
+    cosine: Floats
+
+    def only(self, chosen: Mask) -> "Receivers":
+        """The chosen among them."""
+        return Receivers(
+            self.rays[chosen],
+            self.triangle[chosen],
+            self.point[:, chosen],
+            self.to_light if isinstance(self.distance, float) else self.to_light[:, chosen],
+            self.distance if isinstance(self.distance, float) else self.distance[chosen],
+            self.cosine[chosen],
+        )
+
+    @classmethod
+    def together(cls, parts: "Sequence[Receivers]") -> "Receivers":
+        """The receivers of all parts, which are of one view."""
+        shared = isinstance(parts[0].distance, float)
+        return cls(
+            np.concatenate([part.rays for part in parts]),
+            np.concatenate([part.triangle for part in parts]),
+            np.concatenate([part.point for part in parts], axis=1),
+            parts[0].to_light if shared else np.concatenate([part.to_light for part in parts], axis=1),
+            parts[0].distance if shared else np.concatenate([part.distance for part in parts]),
+            np.concatenate([part.cosine for part in parts]),
+        )
+
+
+class ViewRays:
+    """The rays of a view that is in local coordinates."""
+
+    def __init__(self, view: View) -> None:
+        self._size = view.size
+        self._near, self._far = view.near_far
+        geometry = view.scene.geometry
+        self._all = Tracer(geometry.vertices, geometry.faces)
+        whole = len(geometry.caster_faces) == len(geometry.faces)
+        self._casters = self._all if whole else Tracer(geometry.vertices, geometry.caster_faces)
+
+        camera = view.camera
+        right, up, back = camera.basis()[:, :, None]
+        slope = np.tan(camera.fov_y / 2)
+        self._right, self._up, self._ahead = right * slope, up * slope, -back
+        self.eye = np.array(camera.position)[:, None]
+        low, high = geometry.bounds
+        self._gap = float(np.linalg.norm((low + high) / 2 - self.eye[:, 0]) - np.linalg.norm(high - low) / 2)
+
+        light, self._light_w = view.light.homogeneous
+        self._light = np.array(light)[:, None]
+        # Rounded about the light, a caster keeps its place as the light sees it, however near to the light it is.
+        self._from_light: Tracer | None = None
+        if self._light_w and np.abs(light).max() < FROM_LIGHT:
+            self._from_light = Tracer(geometry.vertices - self._light[:, 0], geometry.caster_faces)
+        self._axis = unit(view.light.direction)[:, None]
+        self._cos_half_angle = view.light.cos_half_angle
+
+        # A plane shows one side to a point, so normals are turned to the camera once and not for each hit.
+        normals, corners = geometry.normals.T, geometry.vertices[geometry.faces[:, 0]].T
+        below = dot(normals, corners) - dot(normals, self.eye)
+        self._below = -np.abs(below)  # of each plane, from the eye along its normal
+        self._normals = np.ascontiguousarray(normals * -np.sign(below))
+        self._receives = np.append(geometry.receives, False)  # the last for a triangle of −1
+        if self._light_w == 0:
+            self._cosines = dot(self._normals, self._light)
+            self._receives[:-1] &= self._cosines > 0
+
+    def directions(self, rows: slice, across: float = 0.5, down: float = 0.5) -> Floats:
+        """(3, N) through a point of each pixel of some rows, of length 1 along the view's axis: t is the view depth."""
+        x = (np.arange(self._size) + across) * (2 / self._size) - 1
+        y = 1 - (np.arange(rows.start, rows.stop) + down) * (2 / self._size)
+        row = self._ahead + x * self._right
+        grid: Floats = row[:, None, :] + (y * self._up)[:, :, None]
+        return grid.reshape(3, -1)
+
+    def nearest(self, directions: Floats) -> Indices:
+        """(N,) the triangle that each ray from the eye meets between the camera's planes, −1 for none."""
+        # Starting near the scene keeps the float32 origin exact for cameras far away.
+        start: Floats | float = self._near
+        if self._gap > self._near:
+            start = np.maximum(self._near, self._gap / np.sqrt(dot(directions, directions)))
+        triangle = self._all.nearest(single(self.eye + directions * start), single(directions), self._far - start)
+        return triangle.astype(np.intp)
+
+    def edge_on(self, directions: Floats, triangle: Indices) -> Mask:
+        """(N,) whether a ray meets its triangle so flatly that the hit cannot be refined."""
+        flat: Mask = dot(self._normals.take(triangle, axis=1), directions) > -EDGE_ON
+        return flat & (triangle >= 0)
+
+    def points(self, directions: Floats, triangle: Indices) -> Floats:
+        """(3, N) where the true rays meet the planes of their triangles."""
+        return self._points(directions, triangle, self._normals.take(triangle, axis=1))
+
+    def receivers(self, directions: Floats, triangle: Indices) -> Receivers:
+        """The receivers among what rays meet; a `triangle` of −1 is none."""
+        rays = np.flatnonzero(self._receives.take(triangle))
+        triangle = triangle.take(rays)
+        normal = self._normals.take(triangle, axis=1)
+        point = self._points(directions.take(rays, axis=1), triangle, normal)
+        if self._light_w == 0:
+            return Receivers(rays, triangle, point, self._light, NEVER, self._cosines.take(triangle))
+        to_light, distance = self._toward_light(point)
+        cosine = dot(normal, to_light)
+        facing = cosine > 0
+        if self._cos_half_angle > -1:
+            facing &= -dot(to_light, self._axis) >= self._cos_half_angle
+        chosen = np.flatnonzero(facing)
+        return Receivers(
+            rays=rays.take(chosen),
+            triangle=triangle.take(chosen),
+            point=point.take(chosen, axis=1),
+            to_light=to_light.take(chosen, axis=1),
+            distance=distance.take(chosen),
+            cosine=cosine.take(chosen),
+        )
+
+    def shadow_rays(self, receivers: Receivers, delta: float) -> ShadowRays:
+        """From δ above the surfaces, on the true rays: an offset along N slides a shadow by δ/tan(elevation)."""
+        ahead = delta / receivers.cosine
+        origins = receivers.point + receivers.to_light * ahead
+        # Nothing needs to be left of a way that ends before it begins.
+        reach = NEVER if self._light_w == 0 else np.maximum(receivers.distance - ahead, 0.0)
+        return ShadowRays(origins, receivers.to_light, ahead, reach)
+
+    def pixels(self, receivers: Receivers) -> Indices:
+        """(2, R) column and row, of the rows asked for, of each."""
+        row, column = np.divmod(receivers.rays, self._size)
+        return np.stack([column, row])
+
+    @property
+    def endless(self) -> bool:
+        """Whether shadow rays have no end: the light is directional."""
+        return self._light_w == 0
+
+    def raised_rays(self, receivers: Receivers, delta: float) -> ShadowRays:
+        """From δ above the surfaces, along N, to the light."""
+        origins = receivers.point + self._normals.take(receivers.triangle, axis=1) * delta
+        ahead = np.zeros(len(receivers.rays))
+        if self._light_w == 0:
+            return ShadowRays(origins, self._light, ahead, NEVER)
+        to_light, distance = self._toward_light(origins)
+        return ShadowRays(origins, to_light, ahead, distance)
+
+    def blocked(self, rays: ShadowRays) -> Mask:
+        """(N,) whether a caster stands in the way."""
+        if self._from_light is not None:
+            ends = rays.origins - self._light + rays.directions * rays.reach
+            return self._from_light.occluded(single(ends), single(-rays.directions), rays.reach)
+        return self._casters.occluded(single(rays.origins), single(rays.directions), rays.reach)
+
+    def blockers(self, rays: ShadowRays) -> Floats:
+        """(N,) distance along L from the surface to the nearest caster."""
+        way = self._casters.distance(single(rays.origins), single(rays.directions), rays.reach)
+        return rays.ahead + way.astype(np.float64)
+
+    def _points(self, directions: Floats, triangle: Indices, normal: Floats) -> Floats:
+        toward = np.minimum(dot(normal, directions), -EDGE_ON)
+        depth = self._below.take(triangle) / toward
+        return self.eye + directions * np.clip(depth, self._near, self._far)
+
+    def _toward_light(self, points: Floats) -> tuple[Floats, Floats]:
+        to_light = self._light - points
+        distance = np.sqrt(dot(to_light, to_light))
+        to_light /= np.maximum(distance, np.finfo(float).tiny)
+        return to_light, distance
+
+
+def dot(a: Floats, b: Floats) -> Floats:
+    """(N,) of two (3, N); either may be (3, 1)."""
+    product: Floats = np.einsum("ij,ij->j", a, b)
+    return product
+
+
+def single(vectors: Floats) -> NDArray[np.float32]:
+    """(3, N) float64 as the (N, 3) float32 that Embree reads."""
+    packed = np.empty(vectors.shape[::-1], dtype=np.float32)
+    for column, component in zip(packed.T, vectors, strict=True):
+        column[:] = component
+    return packed

@@ -1,0 +1,211 @@
+"""The axes of `stress`: what each changes, and that every value of it can be judged."""
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from shadowbench.extremes.axes import AXES, Axis, shown
+from shadowbench.extremes.axes.model import TEXEL
+from shadowbench.extremes.axes.motion import FRAMES
+from shadowbench.scenes.model import Light, LightKind, View
+from shadowbench.truths.trace import trace
+
+SMALL = 48
+
+every_axis = pytest.mark.parametrize("axis", AXES.values(), ids=AXES)
+
+
+def first(axis: str, value: float | str, light: LightKind = "directional") -> View:
+    return AXES[axis].at(value, light).views[0]
+
+
+def casters(view: View) -> list[np.ndarray]:
+    """The vertices of all meshes but the ground."""
+    return [mesh.vertices for mesh in view.scene.meshes[1:]]
+
+
+@every_axis
+def test_a_sweep_starts_where_nothing_is_extreme(axis: Axis) -> None:
+    assert axis.home in axis.values
+    assert axis.home in axis.quick
+    assert set(axis.quick) <= set(axis.values)
+    assert axis.swept(quick=True) == tuple(value for value in axis.values if value in axis.quick)
+    assert axis.swept(quick=False) == axis.values
+
+
+@every_axis
+def test_values_are_in_order(axis: Axis) -> None:
+    if not axis.ordered:
+        assert len(set(axis.values)) == len(axis.values)
+        return
+    rising = {float(one) < float(other) for one, other in pairwise(axis.values)}
+    assert len(rising) == 1
+    assert all(float(one) != float(other) for one, other in pairwise(axis.values))
+
+
+@every_axis
+def test_every_value_has_a_scene_of_its_own_name(axis: Axis) -> None:
+    names = [axis.at(value, axis.lights[0]).views[0].scene.name for value in axis.quick]
+    assert len(set(names)) == len(names)
+    assert names[0] == f"{axis.name}-{shown(axis.quick[0])}"
+
+
+def test_values_are_written_shortly() -> None:
+    values = (0.0, 0.1, -0.5, 89.9, 16384, 2097152, 1e-3, 3e-4, -1e-7, 1e5, 1e7, "d16")
+    texts = ["0", "0.1", "-0.5", "89.9", "16384", "2097152", "0.001", "3e-4", "-1e-7", "1e5", "1e7", "d16"]
+    assert [shown(value) for value in values] == texts
+
+
+@every_axis
+def test_light_and_shadow_are_in_view_at_every_value(axis: Axis) -> None:
+    """What shows no shadow, or nothing else, measures nothing."""
+    for light in axis.lights:
+        for value in axis.values:
+            truth = trace(replace(axis.at(value, light).views[0], size=SMALL), pixel_samples=1)
+            judged = truth.receivers & ~truth.undecided
+            shadow = judged & (truth.visibility < 0.5)
+            lit = judged & (truth.visibility >= 0.5)
+            assert shadow.sum() >= 0.01 * judged.sum(), (value, light)
+            assert lit.sum() >= 0.1 * judged.sum(), (value, light)
+
+
+def elevation(light: Light) -> float:
+    x, y, z = light.direction if light.kind == "directional" else -np.array(light.position)
+    return math.degrees(math.atan2(-y, math.hypot(x, z)))
+
+
+@pytest.mark.parametrize("kind", ["directional", "spot", "point"])
+def test_the_light_stands_at_its_elevation(kind: LightKind) -> None:
+    for value in AXES["elevation"].values:
+        assert elevation(first("elevation", value, kind).light) == pytest.approx(value)
+
+
+@pytest.mark.parametrize("kind", ["directional", "spot"])
+def test_the_light_passes_through_the_up_axis(kind: LightKind) -> None:
+    directions = np.array([first("through-up", value, kind).light.direction for value in AXES["through-up"].values])
+    assert (directions[:, 0] < 0).any() and (directions[:, 0] > 0).any()
+    assert (directions == [0.0, -1.0, 0.0]).all(axis=1).any()
+    assert np.ptp(directions[:, 2]) == 0
+
+
+@pytest.mark.parametrize("kind", ["spot", "point"])
+def test_the_nearest_caster_is_a_share_of_the_farthest_point_from_the_light(kind: LightKind) -> None:
+    for ratio in AXES["far-near"].values:
+        view = first("far-near", ratio, kind)
+        far = np.linalg.norm(view.scene.geometry.vertices - view.light.position, axis=1).max()
+        (caster,) = casters(view)
+        near = np.linalg.norm(caster - view.light.position, axis=1).min()
+        assert far / near == pytest.approx(ratio, rel=0.1)
+
+
+def test_the_lamp_stands_off_its_wall() -> None:
+    for metres in AXES["lamp-distance"].values:
+        view = first("lamp-distance", metres, "point")
+        (wall,) = (mesh for mesh in view.scene.meshes if mesh.name == "wall")
+        assert view.light.position[0] - wall.vertices[0, 0] == pytest.approx(metres)
+
+
+@pytest.mark.parametrize("kind", ["directional", "spot", "point"])
+def test_distance_moves_everything_and_scale_scales_it(kind: LightKind) -> None:
+    home = first("scale", 1.0, kind)
+    for axis, value, factor, distance in (("distance", 1e7, 1.0, 1e7), ("scale", 1e-6, 1e-6, 0.0)):
+        moved = first(axis, value, kind)
+        offset = np.mean(moved.scene.geometry.vertices - home.scene.geometry.vertices * factor, axis=0)
+        assert np.linalg.norm(offset) == pytest.approx(distance, abs=1e-9)
+        for mine, theirs in (
+            (moved.scene.geometry.vertices, home.scene.geometry.vertices),
+            (np.array(moved.camera.position), np.array(home.camera.position)),
+            (np.array(moved.camera.near), np.array(home.camera.near)),
+        ):
+            shift = offset if mine.shape else 0.0
+            assert np.allclose(mine, theirs * factor + shift, rtol=1e-6, atol=1e-7 * factor)
+        if kind == "directional":
+            assert moved.light == home.light
+        else:
+            assert np.allclose(moved.light.position, np.array(home.light.position) * factor + offset)
+
+
+def test_only_one_axis_keeps_the_files_coordinates() -> None:
+    kept = [name for name, axis in AXES.items() if axis.at(axis.home, axis.lights[0]).coordinates == "absolute"]
+    assert kept == ["distance-absolute"]
+
+
+def test_parameters_are_set_where_the_axis_is_theirs() -> None:
+    params = {name: axis.at(axis.values[0], axis.lights[0]).params for name, axis in AXES.items()}
+    assert {name: one for name, one in params.items() if one} == {
+        "depth-format": {"reversed": True, "depth": "d32f"},
+        "map-size": {"size": 16},
+    }
+    assert first("view-size", 32).size == 32
+
+
+def test_casters_are_as_thin_and_as_near_as_said() -> None:
+    for texels in AXES["thickness"].values:
+        _, plate = casters(first("thickness", texels))
+        assert np.ptp(plate[:, 1]) == pytest.approx(texels * TEXEL)
+    for share in AXES["gap"].values:
+        (plate,) = casters(first("gap", share))
+        assert plate[:, 1].min() == pytest.approx(share * 1.2)
+
+
+def test_casters_are_as_many_as_said() -> None:
+    for count in AXES["overlap"].values:
+        (plates,) = casters(first("overlap", count))
+        assert len(plates) == 8 * count
+        assert len(np.unique(plates[:, 1])) == 2 * count, "plates touch"
+    for count in (1, 12, 1024, 16384):
+        assert len(first("triangles", count).scene.meshes[1].faces) == count
+    two = first("triangles", 2097152).scene.meshes[1:]
+    assert sum(len(mesh.faces) for mesh in two) == 2097152
+
+
+def test_meshes_are_ill_made_as_said() -> None:
+    of = {name: first("mesh", name).scene.meshes[2] for name in AXES["mesh"].values}
+    whole = len(of["closed"].faces)
+    assert of["closed"].closed and of["slivers"].closed and of["zero-area"].closed
+    assert not of["open"].closed and not of["t-junctions"].closed and not of["duplicated"].closed
+    assert len(of["zero-area"].faces) == whole < len(of["duplicated"].faces)
+    assert len(of["slivers"].faces) == 3 * whole
+    corners = of["slivers"].vertices[of["slivers"].faces]
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    assert (2 * areas / longest**2 < 1e-6).sum() == whole
+    turned = of["inconsistent-winding"]
+    assert turned.closed and len(turned.faces) == whole
+    assert (turned.faces != of["closed"].faces).any(axis=1).mean() == pytest.approx(1 / 3, abs=0.01)
+
+
+@pytest.mark.parametrize("kind", ["directional", "spot", "point"])
+def test_the_eye_passes_the_wall_of_the_volume_at_zero(kind: LightKind) -> None:
+    for metres in AXES["volume-wall"].values:
+        view = first("volume-wall", metres, kind)
+        plate = casters(view)[0]
+        position, w = view.light.homogeneous
+        eye = np.array(view.camera.position)
+        toward = np.array(position) - w * eye
+        on_plate = eye + toward * ((plate[:, 1].min() - eye[1]) / toward[1])
+        assert plate[:, 2].min() < on_plate[2] < plate[:, 2].max()
+        beyond = on_plate[0] - plate[:, 0].max()
+        assert beyond == pytest.approx(0.0, abs=1e-12) if metres == 0 else (beyond > 0) == (metres > 0)
+        assert abs(beyond) <= abs(metres) * 1.5 + 1e-12
+
+
+@pytest.mark.parametrize("name", ["camera-step", "light-step"])
+def test_steps_are_parts_of_a_texel(name: str) -> None:
+    for texels in AXES[name].values:
+        assert texels < 1
+        views = AXES[name].at(texels, "directional").views
+        assert len(views) == FRAMES
+        assert len({view.scene for view in views}) == 1
+        for one, other in pairwise(views):
+            moved = np.subtract(other.camera.position, one.camera.position)
+            turned = np.subtract(other.light.direction, one.light.direction)
+            if name == "camera-step":
+                assert np.linalg.norm(moved) == pytest.approx(texels * TEXEL)
+                assert not turned.any()
+            else:
+                assert not moved.any()
+                assert 0 < np.linalg.norm(turned) <= texels * TEXEL

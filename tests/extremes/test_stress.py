@@ -1,0 +1,339 @@
+"""A sweep in this process: its rows, what breaks, what is left of an axis, and what its exit code says."""
+
+import csv
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from shadowbench.extremes.axes import AXES, Axis
+from shadowbench.extremes.ranges import Failure, failure, operating_range, operating_ranges
+from shadowbench.extremes.sweep import Sweep, changed_spec
+from shadowbench.measure.flips import flips
+from shadowbench.measure.place import Limits
+from shadowbench.scores.masks import mask_sha256, read_mask
+from shadowbench.scores.metrics import METRICS
+from shadowbench.techniques.spec import parse_spec
+from shadowbench.truths.trace import Truth
+
+Records = Callable[..., list[dict[str, Any]]]
+
+ELEVATION, MESH, MAP_SIZE = AXES["elevation"], AXES["mesh"], AXES["map-size"]
+
+
+def short(axis: Axis, *values: float | str) -> Axis:
+    """An axis of its home and some other values, under the sun alone."""
+    kept = tuple(value for value in axis.values if value in (axis.home, *values))
+    return replace(axis, values=kept, quick=kept, lights=("directional",))
+
+
+def row(axis: Axis, value: float | str, status: str = "ok", **metrics: float | None) -> dict[str, Any]:
+    """What a row says of a value; metrics that are not named are perfect."""
+    perfect = {"iou": 1.0, "acne": 0.0, "leak": 0.0}
+    about = {"technique": "t", "home_spec": "t", "light_kind": "directional", "axis": axis.name, "axis_value": value}
+    return {**about, "status": status, "metrics": perfect | metrics} if status == "ok" else {**about, "status": status}
+
+
+@pytest.mark.parametrize(
+    ("status", "kind"),
+    [
+        ("failed: crashed: SIGSEGV", "crash"),
+        ("failed: hung: no answer within 120 s", "hang"),
+        ("failed: ate memory: 4.20 GiB, allowed are 4", "memory"),
+        ("failed: ValueError: t drew visibility is NaN or infinite in 3 of 9 pixels (worker.py:1)", "nan"),
+        ("failed: ValueError: t: fact 'texel_m' is nan; allowed: finite numbers (session.py:1)", "nan"),
+        ("failed: ValueError: t: fact 'texel_m' is -inf; allowed: finite numbers (session.py:1)", "nan"),
+        ("failed: RuntimeError: OpenGL error GL_INVALID_VALUE in drawing t (device.py:1)", "gl-error"),
+        ("failed: ZeroDivisionError: no direction in [0 0 0] (model.py:1)", "error"),
+    ],
+)
+def test_what_the_worker_says_is_a_kind_of_failure(status: str, kind: str) -> None:
+    found = failure(row(ELEVATION, 1.0, status))
+    assert found is not None and found.kind == kind
+    assert found.text == status.removeprefix("failed: ")
+
+
+@pytest.mark.parametrize(
+    ("metrics", "found"),
+    [
+        ({}, None),
+        ({"iou": 0.95, "acne": 0.01, "leak": 0.01}, None),
+        ({"acne": None, "leak": None}, None),
+        ({"iou": None}, Failure("unjudged", text="neither the truth nor the mask has a shadow that is decided")),
+        ({"iou": 0.9499}, Failure("iou", 0.9499)),
+        ({"acne": 0.02, "leak": 0.5}, Failure("leak", 0.5)),
+        ({"iou": 0.2, "acne": 0.02}, Failure("acne", 0.02)),
+    ],
+)
+def test_a_cell_is_out_by_what_is_farthest_out(metrics: dict[str, float | None], found: Failure | None) -> None:
+    assert failure(row(ELEVATION, 1.0, **metrics)) == found
+    assert failure({**row(ELEVATION, 1.0), "flips": 0.03}) == Failure("flips", 0.03)
+    assert failure(row(ELEVATION, 1.0, "unsupported: no plane")) is None
+
+
+def test_a_range_ends_where_a_value_is_out_on_either_side_of_home() -> None:
+    rows = [row(ELEVATION, value) for value in ELEVATION.values if value not in (85.0, 2.0, 0.5)]
+    whole = operating_range(ELEVATION, rows)
+    assert (whole.plain, whole.text) == ("0.1…89.9°", "0.1…89.9°; 18 of 21 values")
+    rows += [row(ELEVATION, 85.0, leak=0.4), row(ELEVATION, 2.0, acne=0.041), row(ELEVATION, 0.5, "failed: hung: 1 s")]
+    found = operating_range(ELEVATION, rows)
+    assert found.held[0] == 75.0 and found.held[-1] == 3.0
+    assert found.text == "breaks at 85°: leak 40.00%; breaks at 2°: acne 4.10%"
+    assert found.worst == ("leak", "acne", "hang")
+
+
+def test_a_range_without_its_home_is_empty() -> None:
+    rows = [row(ELEVATION, value, iou=0.0 if value == ELEVATION.home else 1.0) for value in ELEVATION.values]
+    found = operating_range(ELEVATION, rows)
+    assert found.held == () and found.text == "breaks at 50°: IoU 0.000"
+
+
+def test_what_is_refused_ends_a_range_without_breaking_it() -> None:
+    rows = [row(MAP_SIZE, value, "unsupported: too large" if value > 4096 else "ok") for value in MAP_SIZE.values]
+    found = operating_range(MAP_SIZE, rows)
+    assert (
+        found.text == "16…4096 texels; refused: 8192, 16384"
+        and found.breaks == ()
+        and found.unsupported == (8192, 16384)
+    )
+    assert operating_range(MAP_SIZE, [row(MAP_SIZE, 1024, "unsupported: never")]).plain == "unsupported"
+
+
+def test_words_are_judged_each_alone() -> None:
+    rows = [row(MESH, value, iou=0.5 if value in ("slivers", "open") else 1.0) for value in MESH.values]
+    assert operating_range(MESH, rows).text == "breaks at slivers, open: IoU 0.500"
+    assert operating_range(MESH, [row(MESH, value) for value in MESH.values]).text == "all 7"
+
+
+def test_ranges_are_of_one_technique_light_and_axis() -> None:
+    rows = [row(axis, value) for axis in (MESH, ELEVATION) for value in axis.values]
+    rows += [{**one, "light_kind": "spot"} for one in rows] + [{**one, "home_spec": "u"} for one in rows]
+    found = operating_ranges([ELEVATION, MESH], rows)
+    assert [(one.axis.name, one.spec, one.light) for one in found] == [
+        (axis, spec, light)
+        for axis in ("elevation", "mesh")
+        for spec, light in (("t", "directional"), ("t", "spot"), ("u", "directional"))
+    ]
+
+
+def truth(visibility: list[float], undecided: list[bool] | None = None) -> Truth:
+    lit = np.array([visibility], dtype=np.float32)
+    nothing = np.zeros_like(lit, dtype=bool)
+    unsure = np.array([undecided], dtype=bool) if undecided else nothing
+    return Truth(lit, ~nothing, unsure, lit, lit, nothing.astype(np.int32), lit, 1.0)
+
+
+def mask(*values: float) -> np.ndarray:
+    return np.array([values], dtype=np.float32)
+
+
+def test_flips_are_changes_where_the_truth_stays() -> None:
+    still = truth([1, 1, 0, 0])
+    assert flips([mask(1, 1, 0, 0), mask(1, 1, 0, 1)], [still, still]) == 0.25
+    assert flips([mask(1, 1, 0, 0), mask(1, 1, 1, 0)], [still, truth([1, 1, 1, 0])]) == 0.0
+    unsure = truth([1, 1, 0, 0], [False, False, False, True])
+    assert flips([mask(1, 1, 0, 0), mask(1, 1, 1, 1)], [still, unsure]) == 1 / 3
+    assert flips([mask(1, 1, 0, 0), mask(1, 1, 0, 0), mask(0, 0, 0, 0)], [still] * 3) == 0.5
+    assert flips([mask(1, 1, 0, 0)] * 2, [still, truth([0, 0, 1, 1])]) is None
+
+
+def test_flips_far_from_every_true_edge_are_none() -> None:
+    still = truth([1, 1, 1, 1, 1, 1, 1, 0, 0, 0])
+    assert flips([mask(1, 1, 1, 1, 1, 1, 1, 0, 0, 0), mask(0, 0, 1, 1, 1, 1, 1, 0, 0, 0)], [still] * 2) == 0.0
+    assert flips([mask(1, 1, 1, 1, 1, 1, 1, 0, 0, 0), mask(1, 1, 1, 1, 1, 1, 0, 0, 0, 0)], [still] * 2) == 1 / 4
+
+
+def test_an_axis_of_parameters_is_of_those_that_have_them(bench: Any) -> None:
+    spec = parse_spec("shadow-map", bench.techniques)
+    setting = MAP_SIZE.at(64, "directional")
+    changed = changed_spec(spec, setting)
+    assert changed is not None and changed.map_size == 64
+    assert changed_spec(parse_spec("unshadowed", bench.techniques), setting) is None
+    assert changed_spec(spec, ELEVATION.at(5.0, "directional")) == spec
+
+
+class Swept:
+    """A sweep of a few specs along short axes."""
+
+    def __init__(self, bench: Any, folder: Path, specs: list[str], *axes: Axis) -> None:
+        self.steps: list[str] = []
+        parsed = [parse_spec(text, bench.techniques) for text in specs]
+        bench.calls.clear()
+        self.rows = Sweep(parsed, folder, bench.worker, self).run(axes, quick=True)
+        self.calls = list(bench.calls)
+
+    def note(self, line: str) -> None:
+        raise AssertionError(line)
+
+    def stage(self, name: str, total: int) -> None:
+        self.total = total
+
+    def step(self, what: str) -> None:
+        self.steps.append(what)
+
+
+ENDS = [
+    ("does:what=abort", "crash"),
+    ("does:what=nan", "nan"),
+    ("does:what=raise", "error"),
+    ("half", "leak"),
+    ("shadow-map", ""),
+]
+WILD = ["does:what=abort", "does:what=nan", "does:what=raise", "half", "shadow-map:size=256"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("stress")
+
+
+@pytest.fixture(scope="module")
+def swept(bench: Any, folder: Path) -> Swept:
+    bench.worker.limits = Limits()
+    return Swept(bench, folder, WILD, short(ELEVATION, 5.0), short(AXES["camera-step"]))
+
+
+def test_what_crashes_costs_its_own_cells_only(swept: Swept) -> None:
+    kinds = [(one["axis_value"], one["spec"], getattr(failure(one), "kind", "")) for one in swept.rows]
+    ends = [(value, *end) for value in (50.0, 5.0, 0.05) for end in ENDS]
+    assert kinds == [*ends[:-1], (0.05, "shadow-map", "flips")]
+    assert len(swept.steps) == swept.total == 3
+
+
+def test_what_hangs_is_a_row(bench: Any, tmp_path: Path) -> None:
+    bench.worker.limits = Limits(seconds=5)
+    swept = Swept(bench, tmp_path, ["does:what=hang", "half"], short(ELEVATION))
+    assert [getattr(failure(one), "kind", None) for one in swept.rows] == ["hang", "leak"]
+    assert swept.rows[0]["status"] == "failed: hung: no answer within 5 s"
+
+
+def test_a_row_is_a_score_record_with_its_place_on_the_axis(swept: Swept, folder: Path, records: Records) -> None:
+    written = records(folder, "score")
+    assert [one["key"] for one in written] == [one["key"] for one in swept.rows]
+    assert len({one["key"] for one in written}) == len(written)
+    last = swept.rows[-1]
+    assert (last["axis"], last["axis_value"], last["axis_unit"]) == ("camera-step", 0.05, "texels of 5.9 mm")
+    assert (last["technique"], last["map_size"], last["view_size"], last["phase"]) == ("shadow-map", 256, 256, 0)
+    assert (last["scene"], last["light"], last["light_kind"]) == ("camera-step-0.05", "sun", "directional")
+    assert set(last["metrics"]) == set(METRICS)
+    assert 0.01 < last["flips"] < 0.05, "the window of a map that is fitted to what is seen moves with the camera"
+    assert "flips" not in swept.rows[4]
+    assert swept.rows[4]["mask_sha256"] == last["mask_sha256"], "the first frame of a movement is the base scene"
+    assert swept.rows[4]["key"] != last["key"]
+
+
+def test_masks_and_truth_are_kept_of_what_is_out_of_tolerance(swept: Swept, folder: Path) -> None:
+    out = {one["key"] for one in swept.rows if one["status"] == "ok" and failure(one)}
+    assert all({file.stem for file in (folder / name).iterdir()} == out for name in ("masks", "pictures"))
+    half = swept.rows[3]
+    assert mask_sha256(read_mask(folder / "masks" / f"{half['key']}.png")) == half["mask_sha256"]
+    assert (folder / "truth" / "elevation-5.camera.sun.256.undecided.png").exists()
+
+
+@pytest.mark.parametrize("axis", [ELEVATION, AXES["light-step"]], ids=lambda axis: axis.name)
+def test_the_picture_of_a_break_is_drawn_with_the_mask_beside_it(bench: Any, tmp_path: Path, axis: Axis) -> None:
+    """Lit pixels look as they do without any shadows, and those in shadow are darker."""
+    bench.worker.limits = Limits()
+    specs = ["unshadowed", "shadow-map:bias=none,filter=hard,size=128", "shadow-map:filter=hard,size=16"]
+    floor, *others = Swept(bench, tmp_path, specs, short(axis)).rows
+    masks, pictures = (
+        {one["key"]: np.asarray(Image.open(tmp_path / kind / f"{one['key']}.png"), float) for one in (floor, *others)}
+        for kind in ("masks", "pictures")
+    )
+    lit = pictures[floor["key"]].mean(axis=-1)
+    assert (masks[floor["key"]] == 65535).all()
+    for one in others:
+        shown, dark = pictures[one["key"]].mean(axis=-1), masks[one["key"]] == 0
+        assert 0.005 < dark.mean() < 0.9, "there is something to see"
+        assert np.array_equal(shown[~dark], lit[~dark])
+        assert (shown[dark] < lit[dark]).mean() > 0.99
+
+
+def test_faces_turned_away_from_the_light_can_be_told_apart(bench: Any, tmp_path: Path) -> None:
+    """The box of the base scene has two that are seen: alike, they would look like its shadow."""
+    bench.worker.limits = Limits()
+    (row,) = Swept(bench, tmp_path, ["unshadowed"], short(ELEVATION)).rows
+    picture = np.asarray(Image.open(tmp_path / "pictures" / f"{row['key']}.png"), float).mean(axis=-1)
+    grounds, counts = np.unique(np.rint(picture[picture < 130]), return_counts=True)
+    assert (counts > 100).sum() >= 2, dict(zip(grounds, counts, strict=True))
+
+
+def test_a_second_sweep_measures_only_what_failed(bench: Any, swept: Swept, folder: Path) -> None:
+    again = Swept(bench, folder, ["half", "shadow-map:size=256"], short(ELEVATION, 5.0), short(AXES["camera-step"]))
+    assert "draw" not in again.calls
+    kept = [one for one in swept.rows if one["technique"] in ("half", "shadow-map")]
+    assert again.rows == kept
+    assert again.steps == ["elevation 50 directional", "elevation 5 directional", "camera-step 0.05 directional"]
+    bench.calls.clear()
+    retried = Swept(bench, folder, ["does:what=raise"], short(ELEVATION, 5.0))
+    assert retried.calls.count("draw") == 2
+
+
+def test_a_map_that_does_not_fit_is_refused_before_it_is_made(bench: Any, tmp_path: Path) -> None:
+    bench.worker.limits = Limits(bytes=3 << 29)
+    axis = replace(short(MAP_SIZE), values=(1024, 2048, 16384, 65536), quick=(1024, 2048, 16384, 65536))
+    swept = Swept(bench, tmp_path, ["shadow-map"], axis)
+    assert [one["status"][:11] for one in swept.rows] == ["ok", "ok", "unsupported", "unsupported"]
+    assert "takes about 1.0 GiB; a cell may take 0.75 GiB" in swept.rows[2]["status"]
+    assert "map size 65536" in swept.rows[3]["status"] and " allows 1 to " in swept.rows[3]["status"]
+    assert swept.calls.count("draw") == 2
+    again = Swept(bench, tmp_path, ["shadow-map"], axis)
+    assert again.rows == swept.rows and "draw" not in again.calls
+
+
+class TestCommand:
+    """`shadowbench stress`, with a plug-in that breaks in one way or another."""
+
+    def run(self, shadowbench: Any, wild: Path, folder: Path, what: str, *more: str) -> Any:
+        spec = f"does:what={what}"
+        few = ["--quick", "--axis", "depth-format", "--axis", "through-up", "-o", folder]
+        return shadowbench("stress", "-t", spec, "-t", "half", "--plugin", wild, *few, *more)
+
+    @pytest.mark.parametrize(
+        ("what", "code", "said"),
+        [
+            ("nan", 1, "NaN, infinity or an OpenGL error in 6 of 12 cells; the first: does:what=nan at through-up 5"),
+            ("gl-error", 1, "NaN, infinity or an OpenGL error in 6 of 12 cells"),
+            ("odd-facts", 1, "fact 'odd' is nan"),
+            ("raise", 3, "a crash, hang or error in 6 of 12 cells"),
+        ],
+    )
+    def test_exit_code_says_what_a_technique_did(
+        self, shadowbench: Any, wild: Path, half: Path, tmp_path: Path, what: str, code: int, said: str
+    ) -> None:
+        answer = self.run(shadowbench, wild, tmp_path, what, "--plugin", str(half))
+        assert answer.code == code, answer.err
+        assert said in answer.err
+
+    def test_breaking_points_are_what_was_asked_for(
+        self, shadowbench: Any, wild: Path, half: Path, tmp_path: Path
+    ) -> None:
+        answer = self.run(shadowbench, wild, tmp_path, "nothing", "--plugin", str(half), "--json")
+        assert answer.code == 0, answer.err
+        ranges = json.loads(answer.out)
+        with (tmp_path / "ranges.csv").open(newline="") as stream:
+            written = list(csv.DictReader(stream))
+        assert [one["range"] for one in written] == [one["range"] for one in ranges]
+        assert [(one["spec"], one["light"]) for one in ranges] == [
+            (spec, light) for light in ("directional", "spot") for spec in ("does", "half")
+        ]
+        assert all(one["axis"] == "through-up" and one["range"].startswith("breaks at 5°: leak") for one in ranges)
+        with (tmp_path / "table.csv").open(newline="") as stream:
+            cells = list(csv.DictReader(stream))
+        assert len(cells) == 12
+        assert {one["axis_value"] for one in cells} == {"5.0", "1e-05", "0.0"}
+        assert all(one["failure"].startswith("leak") for one in cells)
+        plain = self.run(shadowbench, wild, tmp_path, "nothing", "--plugin", str(half))
+        assert plain.out.splitlines()[:2] == [f"{spec}: breaks at home on every axis" for spec in ("does", "half")]
+        assert json.loads((tmp_path / "run.json").read_text())["study"]["view_size"] == 256
+
+    def test_an_unknown_axis_is_bad_input(self, shadowbench: Any, tmp_path: Path) -> None:
+        answer = shadowbench("stress", "--axis", "time", "-o", tmp_path / "out")
+        assert answer.code == 2
+        assert "--axis: found 'time'; allowed: elevation, through-up" in answer.err
+        assert not (tmp_path / "out").exists()

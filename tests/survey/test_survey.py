@@ -1,0 +1,221 @@
+"""All needs of a scene at once, and the command that prints them."""
+
+import json
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+
+from shadowbench.errors import InputError
+from shadowbench.gl.device import Device
+from shadowbench.scenes.geometry import Geometry
+from shadowbench.scenes.library import builtin_names
+from shadowbench.scenes.model import Light, Mesh
+from shadowbench.scenes.views import chosen_view
+from shadowbench.survey.receivers import Receivers, planes_of, receivers_of
+from shadowbench.survey.sampling import Samples, sampled
+from shadowbench.survey.survey import needs
+from shadowbench.survey.words import told
+from shadowbench.techniques.base import Stage
+from shadowbench.techniques.planar_projection import PlanarProjection
+from shadowbench.techniques.registry import shader_folder
+from shadowbench.truths.embree import Tracer
+from shadowbench.truths.trace import trace
+from tests.survey.conftest import box, from_above, looking, plate
+
+SUN = Light("sun", "directional", (0.5, -1.0, -0.3))
+FOUND = {"light", "receivers", "closed casters", "silhouette", "texel", "map size", "casters to leave out"}
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_every_scene_of_ours_has_needs_in_words(name: str) -> None:
+    found = needs(chosen_view(name, 128))
+    rows = told(found)
+    assert {row.need for row in rows} >= FOUND | {"map size, edges", "bias", "thinnest gap", "depth bits", "penumbra"}
+    assert all(row.number and row.reason and "nan" not in row.number + row.reason for row in rows)
+    assert ("cascades" in {row.need for row in rows}) == (found.light == "directional")
+
+
+def test_samples_are_the_receivers_and_shadows_of_the_truth(light: Light) -> None:
+    view = looking([plate(8.0), box(0.8, (0.0, 0.4, 0.0)), plate(0.6, (0.8, 1.0, 0.2))], light, size=128)
+    truth, samples = trace(view, 1), sampled(view)
+    receivers, shadow = np.zeros((2, 128 * 128), dtype=bool)
+    receivers[samples.pixel] = True
+    shadow[samples.pixel] = samples.shadowed
+    decided = ~truth.undecided.ravel()
+    np.testing.assert_array_equal(receivers[decided], truth.receivers.ravel()[decided])
+    np.testing.assert_array_equal(shadow[decided], truth.visibility.ravel()[decided] < 0.5)
+    blocked = samples.shadowed & decided[samples.pixel]
+    metres = samples.blocker[blocked] / samples.placement.scale
+    np.testing.assert_allclose(metres, truth.blocker.ravel()[samples.pixel[blocked]], rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize("length", [1e-170, 1e17])
+def test_the_length_of_a_spot_s_direction_changes_nothing(length: float) -> None:
+    meshes = [plate(8.0), box(0.8, (0.0, 0.4, 0.0))]
+    usual = Light("spot", "spot", (-0.5, -1.0, 0.25), (2.0, 4.0, -0.8), 1.2)
+    light = replace(usual, direction=(-0.5 * length, -1.0 * length, 0.25 * length))
+    found, expected = (sampled(looking(meshes, one)) for one in (light, usual))
+    np.testing.assert_array_equal(found.pixel, expected.pixel)
+
+
+def seen_by(samples: Samples) -> Receivers:
+    return receivers_of(samples, planes_of(samples.view.scene))
+
+
+def test_planes_hold_all_of_a_box_on_a_ground_and_none_of_a_ball() -> None:
+    flat = seen_by(sampled(looking([plate(8.0), box(0.8, (0.0, 0.4, 0.0))], SUN)))
+    assert flat.planar.value == 1.0 and flat.projection_suffices
+    made = trimesh.creation.icosphere(4)
+    ball = Mesh("ball", np.asarray(made.vertices), np.asarray(made.faces, dtype=np.int32))
+    assert seen_by(sampled(looking([ball], SUN))).planar.value < 0.2
+
+
+def test_planes_too_small_for_the_whole_hold_nothing_though_they_are_all_that_is_seen() -> None:
+    """A table that fills the picture is no plane for the technique beside 400 m of ground: it draws no shadow there."""
+    table, above = box(1.0, (0.0, -0.5, 0.0)), box(0.1, (0.0, 0.3, 0.0), "above")
+    seen = from_above([plate(400.0, (0.0, -1.0, 0.0)), table, above], SUN, width=0.8)
+    found = seen_by(sampled(seen))
+    assert found.shadowed.value > 0 and found.planar.value == 0.0 and found.planes == 0
+    assert not found.projection_suffices
+    assert "no plane holds any of what is seen" in {row.need: row.reason for row in told(needs(seen))}["receivers"]
+    alone = seen_by(sampled(from_above([table, above], SUN, width=0.8)))
+    assert alone.planar.value == 1.0 and alone.planes == 2
+
+
+def test_planes_beyond_the_largest_that_are_taken_hold_nothing() -> None:
+    most = PlanarProjection.Params().count
+    far = [plate(3.0, (0.0, -1.0 - k, 0.0), f"plate {k}") for k in range(most)]
+    for below, planar in ((far[1:], 1.0), (far, 0.0)):
+        found = seen_by(sampled(from_above([plate(2.0), *below], SUN, width=1.0)))
+        assert found.planar.value == planar and found.planes == planar
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_what_lies_on_planes_lies_on_those_that_projection_draws(name: str, device: Device, studio: Any) -> None:
+    view = chosen_view(name, 64)
+    shot = studio.shot(view)
+    folder = shader_folder(PlanarProjection)
+    stage = Stage(shot.view.scene, device, (64, 64), shot.geometry, shot.placement, folder)
+    technique = PlanarProjection(PlanarProjection.Params())
+    technique.build(stage)
+    of = np.full(len(view.scene.geometry.faces), -1)
+    for index, plane in enumerate(technique.planes):
+        of[plane.triangles] = index
+    stage.release()
+    samples = sampled(view)
+    found, seen = seen_by(samples), of[samples.triangle]
+    assert found.planar.value == np.mean(seen >= 0)
+    assert found.planes == len(np.unique(seen[seen >= 0]))
+
+
+def test_one_plane_holds_and_two_hold() -> None:
+    def reason(*meshes: Mesh) -> str:
+        return {row.need: row.reason for row in told(needs(from_above(meshes, SUN)))}["receivers"]
+
+    assert reason(plate(8.0)).startswith("1 plane holds all that is seen")
+    assert reason(plate(8.0), plate(0.5, (0.0, 0.1, 0.0))).startswith("2 planes hold all that is seen")
+    ball = trimesh.creation.icosphere(3, radius=0.4)
+    round_one = Mesh("ball", np.asarray(ball.vertices), np.asarray(ball.faces, dtype=np.int32))
+    assert reason(plate(50.0), round_one).startswith("planar-projection, on 1 plane, would leave")
+
+
+def test_cascades_are_compared_with_other_numbers_of_cascades() -> None:
+    rows = {row.need: row.reason for row in told(needs(chosen_view("cube-on-plane", 64)))}
+    assert rows["cascades"].startswith("have the fewest texels of all numbers of cascades; sizes by number")
+
+
+def test_without_casters_there_is_nothing_to_need() -> None:
+    with pytest.raises(InputError, match="no mesh casts a shadow"):
+        needs(looking([plate(8.0, casts=False)], SUN))
+
+
+def test_without_receivers_there_is_nothing_to_need() -> None:
+    with pytest.raises(InputError, match="no pixel shows a receiver that 'sun' shines on"):
+        needs(looking([plate(8.0, receives=False)], SUN))
+    with pytest.raises(InputError, match="no pixel shows a receiver"):
+        needs(from_above([plate(8.0)], Light("sun", "directional", (0.0, 1.0, 0.0))))
+
+
+def test_a_lit_plane_alone_has_needs_too() -> None:
+    found = needs(from_above([plate(8.0)], SUN))
+    assert found.bits is None and found.penumbra is None and found.texels.edge_size is None
+    assert {row.need for row in told(found)} >= FOUND
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 513, 700])
+def test_views_of_any_size_have_needs(size: int) -> None:
+    found = needs(looking([plate(8.0), box(0.8, (0.0, 0.4, 0.0))], SUN, size=size))
+    assert found.view_size == size and 1 <= found.pixels <= 512**2
+    assert told(found)
+
+
+def test_the_command_prints_a_table_and_json(shadowbench: Callable[..., Any]) -> None:
+    table = shadowbench("needs", "cube-on-plane", "--view-size", "64")
+    assert table.code == 0 and "map size, edges" in table.out and not table.err
+    answer = shadowbench("needs", "cube-on-plane", "--view-size", "64", "--json")
+    found = json.loads(answer.out)
+    assert answer.code == 0 and found["casters"]["silhouette"] == 10 and found["reach"]["triangles"] == 14
+    assert {row["need"] for row in found["told"]} >= FOUND
+
+
+def test_the_command_says_how_much_it_looked_at(shadowbench: Callable[..., Any]) -> None:
+    answer = shadowbench("needs", "cube-on-plane", "--view-size", "1024")
+    assert answer.code == 0 and "25.0% of the pixels" in answer.err and "±" in answer.out
+
+
+def test_the_command_refuses_a_scene_without_casters(tmp_path: Path, shadowbench: Callable[..., Any]) -> None:
+    scene = tmp_path / "bare.toml"
+    scene.write_text('name = "bare"\n[[mesh]]\nshape = "plane"\ncasts = false\n')
+    answer = shadowbench("needs", scene, "-q")
+    assert answer.code == 2 and not answer.out and answer.err.count("\n") == 1
+    assert "no mesh casts a shadow" in answer.err
+
+
+def test_needs_make_no_opengl_context() -> None:
+    code = (
+        "import sys; from shadowbench.scenes.views import chosen_view; from shadowbench.survey.survey import needs;"
+        "needs(chosen_view('cube-on-plane', 32)); sys.exit('glcontext' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False, timeout=120).returncode == 0
+
+
+def test_rays_are_those_of_the_picture_and_what_is_made_of_all_triangles_is_made_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: Counter[str] = Counter()
+    made: Counter[str] = Counter()
+    ask, crosses = Tracer._run, Geometry.__dict__["crosses"].func
+
+    def counted(tracer: Tracer, origins: Any, directions: Any, reach: Any, query: str) -> Any:
+        asked[query] += len(origins)
+        return ask(tracer, origins, directions, reach, query)
+
+    def computed(geometry: Geometry) -> Any:
+        made["normals of triangles"] += len(geometry.faces)
+        return crosses(geometry)
+
+    once = cached_property(computed)
+    once.__set_name__(Geometry, "crosses")
+    monkeypatch.setattr(Geometry, "crosses", once)
+    monkeypatch.setattr(Tracer, "_run", counted)
+    rays = []
+    for subdivisions in (1, 3, 5):
+        asked.clear()
+        made.clear()
+        ball = trimesh.creation.icosphere(subdivisions)
+        faces = np.asarray(ball.faces, dtype=np.int32)
+        view = looking([plate(8.0), Mesh("ball", ball.vertices * 0.4 + (0.0, 0.4, 0.0), faces)], SUN)
+        needs(view)
+        assert asked["INTERSECT"] == 64 * 64 + 1, "a ray a pixel, and the one that builds the only tree"
+        assert made == {"normals of triangles": len(view.scene.geometry.faces)}
+        rays.append(asked["DISTANCE"])
+    assert max(rays) <= 2 * 64 * 64 and max(rays) - min(rays) <= 4, "to the light, however many triangles there are"

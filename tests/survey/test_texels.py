@@ -1,0 +1,109 @@
+"""Map sizes that follow from the picture alone."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from shadowbench.scenes.model import Light, View
+from shadowbench.scenes.views import chosen_view
+from shadowbench.survey import sampling
+from shadowbench.survey.cascades import CascadeSizes, cascades_of
+from shadowbench.survey.depth import STEPS
+from shadowbench.survey.footprint import ANGLES, OFF
+from shadowbench.survey.maps import PADDING, REFERENCE_SIZE, FittedMap, fitted_map
+from shadowbench.survey.sampling import sampled
+from shadowbench.survey.texels import WRONG, Texels, texels_for, texels_of
+from shadowbench.techniques.biases import Texel
+from shadowbench.techniques.shadow_map import ShadowMap
+from tests.survey.conftest import box, from_above, looking, plate
+
+
+def of(view: View) -> tuple[FittedMap, Texels]:
+    fitted = fitted_map(sampled(view))
+    return fitted, texels_of(fitted)
+
+
+@pytest.mark.parametrize("elevation", [90.0, 60.0, 20.0])
+def test_a_plane_from_above_needs_as_many_texels_as_pixels_whatever_the_sun(
+    elevation: float, tilted: Callable[[float], Light]
+) -> None:
+    fitted, texels = of(from_above([plate(50.0)], tilted(elevation)))
+    # 64 pixel centres lie 63 pixels apart; the fit pads them by 2 texels on each side.
+    assert fitted.padding == 2.0
+    assert texels.size.value == pytest.approx(63 + 4, rel=1e-6)
+    assert texels.p95.value == pytest.approx(63 / (1024 - 4), rel=1e-6)
+    assert texels.largest.value == pytest.approx(63 / (1024 - 4), rel=1e-6)
+
+
+def test_twice_the_pixels_need_twice_the_texels() -> None:
+    meshes = [plate(50.0), plate(0.5, (0.0, 1.0, 0.0))]
+    sun = Light("sun", "directional", (0.3, -1.0, 0.2))
+    few, many = (of(looking(meshes, sun, size=size))[1] for size in (128, 256))
+    assert many.size.value / few.size.value == pytest.approx(2.0, rel=0.05)
+    assert many.edge_size is not None and few.edge_size is not None
+    assert many.edge_size.value / few.edge_size.value == pytest.approx(2.0, rel=0.15)
+
+
+def test_an_edge_over_a_plane_from_above_needs_what_its_mean_displacement_says() -> None:
+    sun = Light("sun", "directional", (0.5, -1.0, 0.0))
+    _, texels = of(from_above([plate(50.0), plate(0.4, (-0.25, 0.5, 0.0))], sun, size=128))
+    # Texels as long as pixels, an edge of any direction: its displacement along a row or column, averaged, is the
+    # integral of OFF / max(|sin|, |cos|); so many texels a pixel bring it to WRONG.
+    angles = (np.arange(3600) + 0.5) * np.pi / 7200
+    off = np.interp(np.minimum(angles, np.pi / 2 - angles), ANGLES, OFF)
+    mean = float((off / np.maximum(np.sin(angles), np.cos(angles))).mean())
+    assert texels.edge_size is not None
+    assert (texels.edge_size.value - 4) / 127 == pytest.approx(mean / WRONG, rel=0.01)
+
+
+@given(arrays(float, st.integers(1, 50), elements=st.floats(0.01, 1e4)))
+def test_that_many_texels_leave_so_many_edge_pixels_wrong(moved: np.ndarray) -> None:
+    texels = texels_for(moved)
+    assert np.minimum(moved / texels, 1.0).mean() == pytest.approx(WRONG, rel=1e-9)
+
+
+def test_no_shadow_has_no_edge_to_be_right_at() -> None:
+    assert of(from_above([plate(50.0)]))[1].edge_size is None
+
+
+def test_the_error_of_a_sample_holds_what_all_pixels_say(monkeypatch: pytest.MonkeyPatch) -> None:
+    view = looking([plate(50.0), box(1.0, (0.0, 0.5, 0.0)), box(0.5, (1.0, 0.25, 0.5))],
+                   Light("sun", "directional", (0.5, -1.0, -0.3)), size=512)  # fmt: skip
+    whole = of(view)[1]
+    monkeypatch.setattr(sampling, "LATTICE", 128)
+    part = of(view)[1]
+    assert whole.size.error == 0.0 and whole.edge_size is not None and whole.edge_size.error == 0.0
+    assert part.size.error and part.edge_size is not None and part.edge_size.error
+    # The box of what is seen is a little smaller where fewer pixels are looked at: 4 of 512.
+    assert part.size.value == pytest.approx(whole.size.value, abs=4 * part.size.error + 0.01 * whole.size.value)
+    assert part.edge_size.value == pytest.approx(
+        whole.edge_size.value, abs=4 * part.edge_size.error + 0.01 * whole.edge_size.value
+    )
+
+
+def cascades(view: View) -> CascadeSizes | None:
+    return cascades_of(*of(view))
+
+
+def test_cascades_pay_along_a_street_and_not_over_a_plane_from_above() -> None:
+    street = cascades(chosen_view("deep-street", 256))
+    assert street is not None and street.pay and street.saving > 10 and street.depth_ratio > 100
+    sizes = list(street.edge_size.values())
+    assert sizes == sorted(sizes, reverse=True)
+    flat = cascades(from_above([plate(50.0), plate(0.5, (0.0, 1.0, 0.0))], size=128))
+    assert flat is not None and not flat.pay and flat.depth_ratio < 1.2
+
+
+def test_a_lamp_has_no_cascades() -> None:
+    lamp = Light("lamp", "point", position=(1.5, 3.0, -1.0))
+    assert cascades(looking([plate(30.0)], lamp)) is None
+
+
+def test_needs_are_those_of_the_default_shadow_map() -> None:
+    params = ShadowMap.Params()
+    assert params.filter.radius(params.size) + 1 == PADDING and params.size == REFERENCE_SIZE
+    assert params.bias == Texel(ulps=STEPS)

@@ -1,0 +1,98 @@
+"""The package as a library: docs/python.md run as it stands, and what its functions promise."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import nbclient
+import nbformat
+import numpy as np
+import pytest
+
+import shadowbench as sb
+from shadowbench.api import _Shared
+
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "python.md"
+CODE = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def end() -> None:
+    yield
+    sb.close()
+
+
+def test_the_page_runs_as_a_script_without_a_guard(tmp_path: Path) -> None:
+    (tmp_path / "page.py").write_text("\n".join(CODE), encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "page.py"], cwd=tmp_path, capture_output=True, text=True, timeout=240, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "'iou': 0.9" in done.stdout and "did you mean 'shadow-map'" in done.stdout
+
+
+@pytest.mark.filterwarnings("default")  # of Jupyter's own
+def test_the_page_runs_in_a_notebook_and_a_truth_is_a_picture_there(tmp_path: Path) -> None:
+    book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(part) for part in CODE])
+    nbclient.NotebookClient(book, timeout=240, resources={"metadata": {"path": str(tmp_path)}}).execute()
+    shown = [output.get("data", {}) for cell in book.cells for output in cell.outputs]
+    assert sum("image/png" in data for data in shown) == 1
+
+
+def test_a_drawing_is_that_of_the_command(shadowbench, tmp_path: Path) -> None:
+    spec, mask = "cascades:count=2,size=64", tmp_path / "mask.png"
+    shadowbench("render", "cube-on-plane", "-t", spec, "-o", tmp_path / "a.png", "--mask", mask, "--view-size", 64)
+    drawn = sb.render("cube-on-plane", spec, view_size=64)
+    from shadowbench.scores.masks import read_mask
+
+    assert np.array_equal(drawn.visibility, read_mask(mask))
+    assert drawn.picture.shape == (64, 64, 3) and drawn.map is not None and drawn.map.shape == (64, 128)
+
+
+def test_a_table_has_the_columns_and_scores_of_a_run_folder(tmp_path: Path) -> None:
+    import pandas as pd
+
+    table = sb.run("cube-on-plane", "unshadowed", view_size=32, rounds=1, folder=tmp_path / "run")
+    kept = pd.read_csv(tmp_path / "run" / "table.csv")
+    assert [name for name in kept.columns if name != "command"] == [name for name in table if name != "command"]
+    assert table["iou"].tolist() == kept["iou"].tolist()
+
+
+def test_calls_share_one_process_until_it_is_closed_or_others_plug_ins_are_asked_for() -> None:
+    sb.render("cube-on-plane", "unshadowed", view_size=16)
+    first = _Shared.worker
+    sb.render("stairs", "unshadowed", view_size=16)
+    assert _Shared.worker is first
+    example = PAGE.parents[1] / "examples" / "sphere_proxies.py"
+    sb.render("cube-on-plane", "sphere-proxies", view_size=16, plugins=[example])
+    assert _Shared.worker is not first
+    sb.close()
+    assert _Shared.worker is None
+    sb.close()
+
+
+@pytest.mark.parametrize(
+    ("levels", "dtype"), [(1.0, np.float64), (1.0, np.float32), (255, np.uint8), (65535, np.uint16)]
+)
+def test_masks_of_any_depth_score_alike(levels: float, dtype: type) -> None:
+    truth = sb.truth("cube-on-plane", view_size=64)
+    assert sb.score((truth.visibility * levels).astype(dtype), truth)["iou"] == 1.0
+
+
+def test_errors_are_exceptions_of_one_line() -> None:
+    truth = sb.truth("cube-on-plane", view_size=16)
+    for wrong in (np.ones((8, 8)), np.full((16, 16), np.nan), np.full((16, 16), 2.0)):
+        with pytest.raises(sb.InputError, match=r"^visibility: [^\n]+$"):
+            sb.score(wrong, truth)
+    with pytest.raises(sb.InputError, match=r"did you mean 'stairs'\?"):
+        sb.load("stairz")
+    assert issubclass(sb.InputError, sb.ShadowbenchError)
+    with pytest.raises(AttributeError, match="has no attribute 'shadow'"):
+        _ = sb.shadow
+
+
+def test_names_of_functions_stay_when_the_rooms_behind_them_are_imported() -> None:
+    """A package sets each module of its own that is imported as an attribute of itself."""
+    for name in ("truth", "needs", "stress", "run", "render", "score", "load", "recommend", "close"):
+        assert callable(getattr(sb, name)), name

@@ -1,0 +1,193 @@
+"""Grazing light, N·L below 0.01: no decided receiver is wrong, and nearly all of them are decided.
+
+`SHADOWBENCH_GRAZING=1000 pytest tests/truths/test_grazing.py -m slow -rP` asks that many receivers of each view instead
+of 100, which is more than 20,000 in all, and prints what each view had.
+"""
+
+import math
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shadowbench.scenes.library import load_scene
+from shadowbench.scenes.model import Light, Mesh, Scene, View, vec3, view_of
+from shadowbench.truths.embree import NEVER
+from shadowbench.truths.near import CASTERS_A_RECEIVER, NearCasters
+from shadowbench.truths.rays import Receivers
+from shadowbench.truths.trace import GRAZING, OFFSET, Truth, trace
+
+from .conftest import near_edges
+
+RECEIVERS = int(os.environ.get("SHADOWBENCH_GRAZING", "100"))
+LOW, LOWEST = 0.01, 0.002  # N·L
+PLANE = 8.0
+SIZE = 2048
+FILES = ["armadillo.obj", "retroufo.gltf", "2CylinderEngine.glb", "bgfx_tree.obj"]
+Judge = Callable[..., Any]
+DIAGONAL = math.hypot(PLANE, PLANE)
+
+
+def wall(height: float, at: float = 0.0) -> Mesh:
+    """A wall across the plane, that many offsets high."""
+    top = height * OFFSET * DIAGONAL
+    corners = [[at, 0.0, -2.0], [at, 0.0, 2.0], [at, top, 2.0], [at, top, -2.0]]
+    return Mesh("wall", np.array(corners), np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32))
+
+
+@pytest.mark.parametrize("kind", ["directional", "spot", "point"])
+@pytest.mark.parametrize("slope", [0.0002, 0.0005, 0.005, 0.015, 0.03, 0.09])
+@pytest.mark.parametrize("height", [0.1, 0.2, 0.6, 3.0])
+def test_shadow_of_a_wall_no_higher_than_the_offset_is_right_and_decided(
+    height: float, slope: float, kind: Any, shape: Callable[..., Mesh], looking: Callable[..., View], judged: Judge
+) -> None:
+    """Every shadow ray that starts above the surface starts beyond the wall, whose shadow is height/slope long."""
+    length = height * OFFSET * DIAGONAL / slope
+    light = Light(kind, kind, (1.0, -slope, 0.0), (-2.0, 2.0 * slope, 0.1), math.radians(60.0))
+    middle = (0.9 * length, 0.0, 0.0)
+    fov = math.degrees(2 * math.atan(length))
+    view = looking([shape("plane", PLANE), wall(height)], light, 32, (0.9 * length, 1.0, 1e-3), middle, fov)
+    found = judged(view, trace(view, pixel_samples=1), pixels=np.arange(32 * 32))
+    assert found.receiver.mean() > 0.9
+    assert (~found.lit).sum() > 200 and found.lit.sum() > 200
+    assert found.decided.mean() > 0.9
+    assert found.wrong == 0
+
+
+def test_receivers_about_which_there_are_too_many_casters_are_undecided(
+    shape: Callable[..., Mesh], looking: Callable[..., View]
+) -> None:
+    slope, one = 0.005, wall(0.2)
+    length = 0.2 * OFFSET * DIAGONAL / slope
+    many = Mesh("walls", one.vertices, np.tile(one.faces, (CASTERS_A_RECEIVER + 1, 1)))
+    fov = math.degrees(2 * math.atan(length))
+    eye, middle = (0.9 * length, 1.0, 1e-3), (0.9 * length, 0.0, 0.0)
+    sun = Light("sun", "directional", (1.0, -slope, 0.0))
+    few, over = (
+        trace(looking([shape("plane", PLANE), mesh], sun, 32, eye, middle, fov), pixel_samples=1)
+        for mesh in (one, many)
+    )
+    assert (few.visibility == 0).sum() > 200 and not few.undecided[few.visibility == 0].any()
+    assert over.undecided[few.visibility == 0].all()
+
+
+@pytest.mark.parametrize("count", [10, 1000])
+def test_long_casters_are_candidates_only_where_they_are_low(count: int) -> None:
+    """Hairs along the diagonal rise from the ground: their boxes hold every receiver, their low ends none or one."""
+    hairs = np.linspace(-0.1, 0.1, count)[:, None] * [1.0, 0.0, -1.0]
+    low, high, aside = [-0.5, 1e-7, -0.5], [0.5, 0.1, 0.5], [1e-6, 1e-7, -0.5e-6]
+    triangles = np.stack([hairs + low, hairs + high, hairs + low + aside], axis=1)
+    ground = np.array([[[-1.0, 0.0, -1.0], [-1.0, 0.0, 3.0], [3.0, 0.0, -1.0]]])
+    corners = np.concatenate([ground, triangles]).reshape(-1, 3)
+    mesh = Mesh("hairs", corners, np.arange(len(corners), dtype=np.int32).reshape(-1, 3))
+    along = np.linspace(-0.3, 0.4, 64)
+    to_light = np.array([[1.0], [0.001], [0.0]])
+    receivers = Receivers(
+        np.arange(64),
+        np.zeros(64, dtype=np.intp),
+        np.stack([along, along * 0, along]),
+        to_light,
+        NEVER,
+        np.full(64, 1e-3),
+    )
+    near = NearCasters(Scene("hairs", (mesh,), (), ()).geometry)
+    pixels = np.stack([np.arange(64), np.zeros(64, dtype=np.intp)])
+    ways = np.broadcast_to(to_light * 4e-3, (3, 64))
+    assert sum(len(found) for _, found in near.candidates(receivers, ways, pixels, 4e-6)) == 0
+    receivers.point[:, 0] = hairs[0] + low - [1e-3, 1e-7, 0.0]
+    assert sum(len(found) for _, found in near.candidates(receivers, ways, pixels, 4e-6)) == 1
+
+
+LOW_SUN = Light("sun", "directional", (1.0, -0.0007, 0.2))
+
+
+@pytest.mark.parametrize("kind", ["directional", "spot", "point"])
+def test_second_copy_of_a_surface_leaves_it_lit_and_decided(
+    kind: Any, shape: Callable[..., Mesh], looking: Callable[..., View]
+) -> None:
+    light = Light(kind, kind, LOW_SUN.direction, (-3.9, 0.004, -0.5), math.radians(60.0))
+    copies = [shape("terrain", (PLANE, 0.001, PLANE), cells=16, waves=1.0, seed=3) for _ in range(2)]
+    alone, doubled = (trace(looking(meshes, light, 256), pixel_samples=1) for meshes in (copies[:1], copies))
+    assert (doubled.visibility == alone.visibility).all()
+    assert (doubled.undecided == alone.undecided).all()
+    assert (alone.receivers & (alone.cosine < LOW) & (alone.visibility == 1) & ~alone.undecided).sum() > 1000
+
+
+@pytest.mark.parametrize("above", [1e-9, 1e-8, 5e-8, 3e-7])
+def test_sheet_that_float32_cannot_tell_from_what_it_lies_on_is_right_or_undecided(
+    above: float, shape: Callable[..., Mesh], looking: Callable[..., View], judged: Judge
+) -> None:
+    """Above the ground by that share of the diagonal: its own surface is lit, the ground below it is not seen."""
+    sheet = shape("plane", PLANE / 2, (0.0, above * DIAGONAL, 0.0))
+    view = looking([shape("plane", PLANE), sheet], LOW_SUN, 64)
+    found = judged(view, trace(view, pixel_samples=1), pixels=np.arange(64 * 64))
+    assert found.wrong == 0
+    assert found.lit.sum() > 1000
+
+
+VIEWS: list[tuple[str, Any, float]] = [
+    *((file, "as given", 0.0) for file in FILES),
+    *((file, "directional", 0.3) for file in FILES),
+    ("armadillo.obj", "point", 0.05),
+    ("bgfx_tree.obj", "spot", 0.02),
+    *((name, "directional", 0.1) for name in ("cube-on-plane", "stairs", "statue", "sphere-and-torus", "street")),
+    *((name, "directional", 0.3) for name in ("pebbles", "terrain", "railings")),
+    ("cube-on-plane", "point", 0.004),
+    ("sphere-and-torus", "point", 0.005),
+    ("spot-lamp", "spot", 0.01),
+    ("statue", "spot", 0.01),
+    ("pebbles", "spot", 0.006),
+    ("table-top", "point", 0.76),
+]
+
+
+def low_light(scene: Scene, kind: Any, low: float) -> Light:
+    """A sun at an elevation of `low` degrees, or a lamp at a height of `low`, a fifth of the diagonal aside."""
+    along = np.array([0.86, 0.0, -0.51]) / math.hypot(0.86, 0.51)
+    if kind == "directional":
+        elevation = math.radians(low)
+        return Light("low", kind, vec3(along * math.cos(elevation) - [0.0, math.sin(elevation), 0.0]))
+    corners = scene.geometry.bounds
+    x, _, z = corners.mean(axis=0) - along * np.linalg.norm(corners[1] - corners[0]) / 5
+    return Light("low", kind, vec3(along), (float(x), low, float(z)), math.radians(60.0))
+
+
+def grazing_pixels(truth: Truth) -> np.ndarray:
+    """Flat indices of receivers in grazing light: of those below LOWEST and of the others as many at edges as not."""
+    random = np.random.default_rng(11)
+    lowest = (truth.cosine > GRAZING) & (truth.cosine < LOWEST)
+    other = (truth.cosine >= LOWEST) & (truth.cosine < LOW)
+    edges = near_edges(truth)
+    chosen = np.empty(0, dtype=np.intp)
+    for among, count in [(lowest & edges, 0.25), (other & edges, 0.5), (lowest, 0.75), (other, 1), (lowest | other, 1)]:
+        pixels = np.setdiff1d(np.flatnonzero(among), chosen)
+        more = min(int(RECEIVERS * count) - len(chosen), len(pixels))
+        chosen = np.append(chosen, random.choice(pixels, more, replace=False))
+    return chosen
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize(("name", "kind", "low"), VIEWS)
+def test_no_decided_receiver_in_grazing_light_is_wrong(
+    name: str, kind: Any, low: float, shared_scenes: Path, judged: Judge
+) -> None:
+    scene = load_scene(shared_scenes / name if "." in name else name)
+    light = scene.lights[0] if kind == "as given" else low_light(scene, kind, low)
+    view = view_of(scene, scene.cameras[0], light, SIZE)
+    truth = trace(view, pixel_samples=1)
+    pixels = grazing_pixels(truth)
+    found = judged(view, truth, pixels=pixels)
+    lowest = truth.cosine.ravel()[pixels] < LOWEST
+    print(
+        f"{name}, {kind} {low}: {found.decided.sum()} decided of {len(pixels)} receivers, {found.wrong} wrong, "
+        f"{(~found.lit).sum()} in shadow; {found.decided[lowest].sum()} of {lowest.sum()} below {LOWEST}; "
+        f"undecided of all {truth.undecided.sum() / truth.receivers.sum():.5f}"
+    )
+    assert len(pixels) >= RECEIVERS // 4
+    assert found.wrong == 0
+    assert found.decided.mean() >= 0.9
+    assert not lowest.any() or found.decided[lowest].mean() >= 0.9

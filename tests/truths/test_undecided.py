@@ -1,0 +1,159 @@
+"""How much of an image nobody can decide: next to nothing, or scores would rest on what is left."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from shadowbench.scenes.library import builtin_names, load_scene
+from shadowbench.scenes.model import Floats, Light, Mesh, View, view_of
+from shadowbench.truths.trace import GRAZING, OFFSET, Truth, trace
+
+SIZE = 1024
+FINE = {"canopy", "railings"}  # little but edges
+
+
+def share(truth: Truth) -> float:
+    return float(truth.undecided.sum() / truth.receivers.sum())
+
+
+def first_view(name: str) -> View:
+    scene = load_scene(name)
+    return view_of(scene, scene.cameras[0], scene.lights[0], SIZE)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", builtin_names())
+def test_builtin_scene_is_decided(name: str) -> None:
+    assert share(trace(first_view(name), pixel_samples=1)) < (0.01 if name in FINE else 0.001)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in builtin_names() if first_view(name).light.kind == "directional"])
+def test_builtin_scene_is_decided_under_a_grazing_sun(name: str, lowered: Callable[[View, float], View]) -> None:
+    view = first_view(name)
+    assert share(trace(lowered(view, 0.1), pixel_samples=1)) < 0.02
+
+
+def test_undecided_pixels_lie_at_edges(shape: Callable[..., Mesh], looking: Callable[..., View]) -> None:
+    sun = Light("sun", "directional", (0.5, -1.0, -0.3))
+    truth = trace(looking([shape("plane", 8.0), shape("box", at=(0, 0.5, 0))], sun, size=256))
+    assert truth.undecided.any()
+    code = truth.receivers + 2 * truth.visibility + 4 * (truth.triangle >= 0)
+    for row, column in zip(*truth.undecided.nonzero(), strict=True):
+        around = code[max(row - 1, 0) : row + 2, max(column - 1, 0) : column + 2]
+        assert around.min() != around.max()
+
+
+def test_grazing_light_decides_nothing(shape: Callable[..., Mesh], looking: Callable[..., View]) -> None:
+    ground = [shape("plane", 8.0)]
+    grazing = trace(looking(ground, Light("sun", "directional", (1.0, -9e-5, 0.0))))
+    assert grazing.undecided[grazing.receivers].all()
+    steeper = trace(looking(ground, Light("sun", "directional", (1.0, -2e-4, 0.0))))
+    assert not steeper.undecided[steeper.receivers].mean() > 0.1  # but the ground's own edge
+
+
+def test_lamp_within_the_offset_of_a_surface_decides_nothing(
+    shape: Callable[..., Mesh], looking: Callable[..., View]
+) -> None:
+    def lit_from(height: float) -> Truth:  # the ground's diagonal is 11.3, twice the offset 2.3e-5
+        lamp = Light("lamp", "point", position=(0.0, height, 0.0))
+        return trace(looking([shape("plane", 8.0)], lamp, eye=(0.0, 0.1, 0.0)))
+
+    assert lit_from(2e-5).undecided.all()
+    assert not lit_from(1e-4).undecided.any()
+
+
+@pytest.mark.parametrize(
+    ("above", "shadow", "undecided"),
+    [(-3.0, False, False), (-0.01, False, False), (0.0005, True, True), (0.01, True, False)],
+)
+def test_plate_within_the_offset_of_a_lamp_decides_nothing(
+    shape: Callable[..., Mesh], looking: Callable[..., View], above: float, shadow: bool, undecided: bool
+) -> None:
+    """A lamp that many offsets above or below a plate at 0.5, which hides the ground from it or does not."""
+    offset = OFFSET * math.sqrt(8**2 + 8**2 + 0.5**2)
+    lamp = Light("lamp", "point", position=(0.1, 0.5 + above * offset, 0.2))
+    meshes = [shape("plane", 8.0), shape("plane", 4.0, (0.0, 0.5, 0.0))]
+    truth = trace(looking(meshes, lamp, eye=(0.0, 0.4, 0.0), fov=60.0))
+    assert truth.receivers.all()
+    assert (truth.undecided == undecided).all()
+    assert undecided or (truth.visibility == float(not shadow)).all()
+
+
+@pytest.mark.parametrize(
+    ("height", "visibility", "undecided"),
+    [(0.2, 1, False), (0.3, 1, True), (0.9, 1, True), (1.1, 0, True), (3.7, 0, True), (4.4, 0, False)],
+)
+def test_occluder_within_four_offsets_of_a_surface_decides_nothing(
+    shape: Callable[..., Mesh], looking: Callable[..., View], height: float, visibility: int, undecided: bool
+) -> None:
+    """A plate that many offsets above the ground, too near to the camera to be seen; a ray starts one offset up."""
+    offset = OFFSET * math.hypot(8, 8)
+    meshes = [shape("plane", 8.0), shape("plane", 4.0, (0.0, height * offset, 0.0))]
+    noon = Light("sun", "directional", (0.1, -1.0, 0.0))
+    truth = trace(looking(meshes, noon, eye=(0.0, 1.0, 0.0), fov=20.0, near=1 - 0.1 * offset))
+    assert (truth.triangle < 2).all()
+    assert (truth.visibility == visibility).all()
+    assert (truth.undecided == undecided).all()
+
+
+def test_where_an_offset_along_the_normal_would_let_light_in_nothing_is_decided(
+    shape: Callable[..., Mesh], looking: Callable[..., View], on_ground: Callable[[View], Floats]
+) -> None:
+    """The end of a long shadow: a start at P + N·δ moves it by δ/tan(elevation), and so it is known no better."""
+    slope, tall = 1e-3, 2e-3
+    meshes = [shape("plane", 8.0), shape("box", (0.5, tall, 6.0), (-0.25 - tall / slope, tall / 2, 0.0))]
+    low = Light("sun", "directional", (1.0, -slope, 0.0))
+    view = looking(meshes, low, size=128, eye=(0.0, 1.0, 0.0), fov=3.0, target=(0.0, 0.0, -1e-3))
+    truth, x = trace(view), on_ground(view)[..., 0]
+    strip = OFFSET * math.hypot(8, 8) / slope
+    pixel = np.ptp(x) / 127
+    assert pixel < strip / 20
+    assert (truth.visibility == (x > 0))[np.abs(x) > pixel].all()
+    uncertain = (x > -strip) & (x < 0)
+    sure = (np.abs(x) > pixel) & (np.abs(x + strip) > pixel)
+    assert (truth.undecided == uncertain)[sure].all()
+
+
+def test_light_steeper_than_grazing_decides(shape: Callable[..., Mesh], looking: Callable[..., View]) -> None:
+    for factor, share in ((0.99, 1), (1.01, 0)):
+        sun = Light("sun", "directional", (1.0, -factor * GRAZING, 0.0))
+        truth = trace(looking([shape("plane", 8.0)], sun, eye=(0.0, 1.0, 0.0)))
+        assert truth.undecided.mean() == share
+
+
+@pytest.mark.parametrize(("pixels", "undecided"), [(1 / 300, True), (1 / 220, False)])
+@pytest.mark.parametrize("side", [-1, 1])
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_centre_nearer_to_an_edge_than_the_rasterisers_grid_is_undecided(
+    shape: Callable[..., Mesh],
+    looking: Callable[..., View],
+    sun: Light,
+    pixels: float,
+    undecided: bool,
+    side: int,
+    sign: int,
+) -> None:
+    """A ground that ends that many pixels before or behind a column of centres, on its left or its right."""
+    wide = 2 * math.tan(math.radians(10.0)) / 64  # a pixel on the ground
+    edge = (0.5 + sign * pixels) * wide
+    view = looking([shape("plane", 8.0, (edge + 4 * side, 0, 0))], sun, eye=(0, 1, 0), target=(0, 0, -1e-4), fov=20.0)
+    truth = trace(view)
+    assert (truth.undecided[:, 32] == undecided).all()
+    assert not truth.undecided[:, :32].any() and not truth.undecided[:, 33:].any()
+    assert (truth.triangle[:, 32] >= 0).all() == (side * sign < 0)
+
+
+def test_surface_seen_edge_on_is_undecided(shape: Callable[..., Mesh], looking: Callable[..., View]) -> None:
+    """An eye a millionth above the ground: rounding alone says where its rays meet it."""
+
+    def seen_from(height: float) -> Truth:
+        noon = Light("sun", "directional", (0.1, -1.0, 0.0))
+        return trace(looking([shape("plane", 8.0)], noon, eye=(3.0, height, 0.0), size=8, fov=1e-7))
+
+    flat = seen_from(1.5e-6)  # a slope of 5e-7
+    assert (flat.triangle >= 0).all()
+    assert flat.undecided.all()
+    assert not seen_from(6e-6).undecided.any()  # of 2e-6

@@ -1,0 +1,89 @@
+"""Views at the limits of what can be seen."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from shadowbench.errors import InputError
+from shadowbench.scenes.model import Floats, Light, Mesh, View
+from shadowbench.truths.trace import Truth, trace
+
+Shape = Callable[..., Mesh]
+Looking = Callable[..., View]
+OnGround = Callable[[View], Floats]
+
+
+def test_camera_inside_a_mesh(shape: Shape, looking: Looking, sun: Light) -> None:
+    lamp = Light("lamp", "point", position=(0.3, 0.2, -0.1))
+    truth = trace(looking([shape("box", 2.0)], lamp, eye=(0.5, 0.4, 0.6)))
+    assert truth.receivers.all()
+    assert (truth.visibility == 1).all()
+    dark = trace(looking([shape("box", 2.0)], sun, eye=(0.5, 0.4, 0.6)))
+    assert (dark.visibility == 0)[dark.receivers].all()
+    assert dark.receivers.any()
+
+
+def test_light_along_up(shape: Shape, looking: Looking, on_ground: OnGround, sun: Light) -> None:
+    """The shadow of a box under the zenith is its footprint."""
+    noon = Light("sun", "directional", (0.0, -1.0, 0.0))
+    view = looking([shape("plane", 8.0), shape("box", at=(0, 1.5, 0))], noon, size=128)
+    truth = trace(view)
+    ground = (truth.triangle == 0) | (truth.triangle == 1)
+    under = (np.abs(on_ground(view)[..., [0, 2]]) < 0.5).all(axis=-1)
+    decided = ground & ~truth.undecided
+    assert (under & decided).any()
+    assert ((truth.visibility == 0) == under)[decided].all()
+
+
+def test_camera_looking_along_up(shape: Shape, looking: Looking, sun: Light) -> None:
+    above = trace(looking([shape("plane", 8.0), shape("box", at=(0, 0.5, 0))], sun, eye=(0.0, 6.0, 0.0)))
+    assert above.receivers.any()
+    assert (above.visibility == 0).any()
+
+
+def test_ground_alone_is_lit(light: Light, shape: Shape, looking: Looking) -> None:
+    truth = trace(looking([shape("plane", 8.0)], light))
+    assert truth.receivers.any()
+    assert (truth.visibility == 1).all()
+    assert (truth.area == 1).all()
+    assert np.isinf(truth.blocker).all()
+
+
+def test_camera_looking_at_nothing_is_refused(shape: Shape, looking: Looking, sun: Light) -> None:
+    with pytest.raises(InputError, match="looks at nothing"):
+        trace(looking([shape("plane", 8.0)], sun, target=(2.3, 9.0, 3.5)))
+
+
+@pytest.mark.parametrize("samples", [(0, 1), (4, 0), (-1, 1)])
+def test_no_samples_are_refused(samples: tuple[int, int], shape: Shape, looking: Looking, sun: Light) -> None:
+    with pytest.raises(InputError, match="1 and more"):
+        trace(looking([shape("plane", 8.0)], sun), *samples)
+
+
+@pytest.mark.parametrize("size", [1, 7, 65])
+def test_any_size_is_traced(size: int, shape: Shape, looking: Looking, sun: Light) -> None:
+    truth = trace(looking([shape("plane", 8.0)], sun, size=size))
+    assert truth.visibility.shape == (size, size)
+    assert truth.receivers[size // 2, size // 2]
+
+
+def between_planes(shape: Shape, looking: Looking, sun: Light, **planes: float) -> Truth:
+    """A plate at depth 2 and the ground at depth 5, seen from above through it."""
+    plate = shape("plane", 1.0, (0.0, 3.0, 0.0))
+    return trace(looking([shape("plane", 8.0), plate], sun, eye=(0.0, 5.0, 0.0), size=65, **planes))
+
+
+def test_mesh_before_near_is_not_seen_but_casts(shape: Shape, looking: Looking, sun: Light) -> None:
+    assert between_planes(shape, looking, sun).triangle[32, 32] >= 2
+    cut = between_planes(shape, looking, sun, near=2.5)
+    assert cut.triangle.max() < 2
+    assert cut.triangle[32, 32] >= 0
+    assert (cut.visibility == 0).any()
+
+
+def test_mesh_beyond_far_is_not_seen(shape: Shape, looking: Looking, sun: Light) -> None:
+    cut = between_planes(shape, looking, sun, far=4.0)
+    assert cut.triangle[32, 32] >= 2
+    assert (cut.triangle[0] == -1).all()
+    assert not cut.receivers[0].any()
