@@ -8,6 +8,7 @@ from shadowbench.gl.geometry import DeviceGeometry
 from shadowbench.gl.picture import PicturePass
 from shadowbench.measure.cells import PlacedView
 from shadowbench.scenes.model import AS_FILED, Coordinates, Scene, View
+from shadowbench.techniques.base import Frame, Stage, Technique
 
 
 class LoadedScene:
@@ -50,3 +51,13 @@ class OpenView:
         mine, asked = self.filed, at.view
         same = (mine.camera, mine.light, mine.size) == (asked.camera, asked.light, asked.size)
         return same and self.loaded.shows(at)
+
+
+@dataclass(frozen=True, eq=False)
+class Built:
+    """A cell that can be drawn; `prepare_ms`: what building it took."""
+
+    technique: Technique
+    stage: Stage
+    frame: Frame
+    prepare_ms: float

@@ -21,7 +21,7 @@ from shadowbench.gl.device import Device, open_device
 from shadowbench.gl.gbuffer import download
 from shadowbench.measure.cells import CellRequest, PlacedView
 from shadowbench.measure.drawn import Drawn, numbers, own_work
-from shadowbench.measure.loaded import LoadedScene, OpenView
+from shadowbench.measure.loaded import Built, LoadedScene, OpenView
 from shadowbench.measure.profile import Profile
 from shadowbench.scores.masks import quantise
 from shadowbench.techniques.base import Frame, Phase, Stage, Technique
@@ -45,16 +45,6 @@ class DeviceInfo:
     subpixel_bits: int
     pipeline_statistics: bool
     clip_control: bool
-
-
-@dataclass(frozen=True, eq=False)
-class Built:
-    """A cell that can be drawn; `prepare_ms`: what building it took."""
-
-    technique: Technique
-    stage: Stage
-    frame: Frame
-    prepare_ms: float
 
 
 class Unsupported(Exception):
