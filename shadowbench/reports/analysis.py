@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import pandas as pd
 
 from shadowbench.studies.folder import Run
-from shadowbench.studies.tables import Interval, SummaryRow, interval, pareto_front, summary_rows, titles
-from shadowbench.studies.times import ReferenceTime, by_one_reference
+from shadowbench.studies.tables import Interval, SummaryRow, interval, summary_rows, titles
+from shadowbench.studies.times import ReferenceTime, by_one_reference, pareto_front
 
 IOU_STEPS = (0.95, 0.99, 0.999)
 EDGE_STEPS = (1.0, 0.5, 0.25)

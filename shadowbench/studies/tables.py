@@ -225,13 +225,3 @@ def slopes(frame: pd.DataFrame) -> list[Slope]:
             drawn = tuple(sorted({int(size) for size in group["map_size"]}))
             found.append(Slope(str(scene), str(spec), drawn, slope, group["phase"].nunique()))
     return found
-
-
-def pareto_front(points: Sequence[tuple[float, float]]) -> list[int]:
-    """Indices of the points (cost, error) that none beats, by cost: no other is as good in both and better in one."""
-    order = sorted(range(len(points)), key=lambda index: points[index])
-    front: list[int] = []
-    for index in order:
-        if not front or points[index][1] < points[front[-1]][1] or points[index] == points[front[-1]]:
-            front.append(index)
-    return front

@@ -1,4 +1,4 @@
-"""Times of a table by one reference time.
+"""Times of a table by one reference time, and the front of costs and errors.
 
 A millisecond of one block, run or load of the machine is no millisecond of another. A ratio to the reference that was
 measured in turn with the cell is, so that tables, charts and choices use ratios, and show them as milliseconds by one
@@ -72,6 +72,16 @@ def by_one_reference(table: pd.DataFrame) -> tuple[pd.DataFrame, ReferenceTime |
     spans = reference_ms[ours].groupby([table["view"], table["light"]]).agg(["min", "max"])
     shortest, longest = spans.iloc[(spans["max"] / spans["min"]).to_numpy().argmax()]
     return shown, ReferenceTime(str(name), ms, float(shortest), float(longest), len(blocks), left_out)
+
+
+def pareto_front(points: Sequence[tuple[float, float]]) -> list[int]:
+    """Indices of the points (cost, error) that none beats, by cost: no other is as good in both and better in one."""
+    order = sorted(range(len(points)), key=lambda index: points[index])
+    front: list[int] = []
+    for index in order:
+        if not front or points[index][1] < points[front[-1]][1] or points[index] == points[front[-1]]:
+            front.append(index)
+    return front
 
 
 def time_notes(reference: ReferenceTime | None, rough: Sequence[bool] = ()) -> list[str]:

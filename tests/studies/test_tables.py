@@ -5,8 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from shadowbench.measure.rows import Result
 from shadowbench.scores.metrics import METRICS
@@ -16,7 +14,6 @@ from shadowbench.studies.tables import (
     cells_frame,
     interval,
     over_scenes,
-    pareto_front,
     slopes,
     summary,
 )
@@ -188,17 +185,3 @@ def test_a_time_whose_middle_half_spans_more_than_a_third_of_it_is_rough(iqr: fl
     values = {"frame_ms": Interval(3.0), "frame_iqr_ms": None if iqr is None else Interval(iqr)}
     assert SummaryRow("a", 512, 1, (), values, 1).wide is rough
     assert not SummaryRow("a", 512, 1, (), {"frame_iqr_ms": Interval(9.0)}, 1).wide
-
-
-SMALL = st.integers(0, 5).map(float)  # few values, so that ties are met
-
-
-@given(st.lists(st.tuples(SMALL, SMALL), max_size=25))
-def test_the_front_is_what_no_other_point_beats(points: list[tuple[float, float]]) -> None:
-    def beaten(one: tuple[float, float]) -> bool:
-        return any(other[0] <= one[0] and other[1] <= one[1] and other != one for other in points)
-
-    found = pareto_front(points)
-    assert set(found) == {index for index, point in enumerate(points) if not beaten(point)}
-    assert [points[index][0] for index in found] == sorted(points[index][0] for index in found)
-    assert [points[index][1] for index in found] == sorted((points[index][1] for index in found), reverse=True)

@@ -4,11 +4,13 @@ from typing import Any
 
 import pandas as pd
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from shadowbench.measure.rows import Result
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.tables import cells_frame, reference_times, summary
-from shadowbench.studies.times import DRIFT, WIDE, ReferenceTime, by_one_reference, time_notes
+from shadowbench.studies.times import DRIFT, WIDE, ReferenceTime, by_one_reference, pareto_front, time_notes
 
 
 def timed(
@@ -141,3 +143,17 @@ def test_notes_count_blocks_and_cells_left_out(count: int, ending: str) -> None:
     blocks, left_out = time_notes(ReferenceTime("r", 10.0, 10.0, 10.0, count, count))
     assert blocks.endswith(f"over {count} block{ending}")
     assert left_out.startswith(f"times of {count} cell{ending} left out")
+
+
+SMALL = st.integers(0, 5).map(float)  # few values, so that ties are met
+
+
+@given(st.lists(st.tuples(SMALL, SMALL), max_size=25))
+def test_the_front_is_what_no_other_point_beats(points: list[tuple[float, float]]) -> None:
+    def beaten(one: tuple[float, float]) -> bool:
+        return any(other[0] <= one[0] and other[1] <= one[1] and other != one for other in points)
+
+    found = pareto_front(points)
+    assert set(found) == {index for index, point in enumerate(points) if not beaten(point)}
+    assert [points[index][0] for index in found] == sorted(points[index][0] for index in found)
+    assert [points[index][1] for index in found] == sorted((points[index][1] for index in found), reverse=True)
