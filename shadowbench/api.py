@@ -9,23 +9,25 @@ A scene is what `load` returns, or anything that it takes: a built-in name, a `.
 spec as on the command line. What is wrong raises InputError with the line that the command would print; what fails
 raises ShadowbenchError. Notes, such as what was assumed of a scene, go to the logger `shadowbench`, as information.
 
-What draws shares one process, which holds the OpenGL context and is replaced when it fails; `close` ends it.
+What draws shares one process, which holds the OpenGL context and is replaced when it fails; `close` ends it. Threads
+take turns. Where several things are taken, one will do, or a list, an array or a series.
 """
 
 import atexit
 import logging
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from threading import RLock
 from typing import Any
 
-import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from shadowbench.advice.recommend import Recommendation
 from shadowbench.advice.recommended import recommended, target_of
+from shadowbench.arguments import lit_share, number, of_kind, several, whole
 from shadowbench.errors import InputError as InputError
 from shadowbench.errors import ShadowbenchError as ShadowbenchError
 from shadowbench.extremes.ranges import ranges_frame
@@ -40,7 +42,7 @@ from shadowbench.measure.scoring import reference_of
 from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Scene, View
-from shadowbench.scenes.views import chosen_view, notes_on
+from shadowbench.scenes.views import LARGEST, chosen_view, notes_on
 from shadowbench.scores.masks import quantise
 from shadowbench.scores.metrics import score as metrics_of
 from shadowbench.studies.measured import asked_study, measure
@@ -51,7 +53,8 @@ from shadowbench.truths.cache import cached_truth
 from shadowbench.truths.trace import Truth
 
 SceneLike = Scene | str | Path
-Files = Sequence[str | Path]
+SpecLike = str | Spec
+Files = str | Path | Iterable[str | Path]
 
 _log = logging.getLogger("shadowbench")
 
@@ -72,6 +75,7 @@ class _Logged:
 class _Shared:
     """The process that draws for every call, of the plug-ins and limits that the last call asked for."""
 
+    turn = RLock()
     worker: Worker | None = None
     of: tuple[tuple[Path, ...], Limits] | None = None
 
@@ -82,9 +86,11 @@ def load(scene: SceneLike, *, assets: str | Path | None = None, up: str | None =
     assets: a second folder in which a scene file's meshes may lie; up: y or z, the axis that points up in a mesh file
     of a format that does not say. Raises InputError.
     """
-    if isinstance(scene, Scene):
-        return scene
-    return load_scene(scene, None if assets is None else Path(assets), up)
+    given = of_kind(scene, "scene", "a built-in name, a file, or what load returns", Scene, str, Path)
+    if isinstance(given, Scene):
+        return given
+    folder = None if assets is None else Path(of_kind(assets, "assets", "a folder", str, Path))
+    return load_scene(given, folder, up)
 
 
 def truth(
@@ -100,12 +106,12 @@ def truth(
     view, light: a camera and a light of the scene by name, the first of each for None; pixel_samples: rays along a side
     of a pixel, over which `area` is averaged. Kept in a cache between calls. Raises InputError.
     """
-    return cached_truth(_view(scene, view_size, view, light), pixel_samples)
+    return cached_truth(_view(scene, view_size, view, light), whole(pixel_samples, "pixel_samples", 1, 64))
 
 
 def render(
     scene: SceneLike,
-    technique: str | Spec,
+    technique: SpecLike,
     *,
     view_size: int = 512,
     view: str | None = None,
@@ -120,22 +126,20 @@ def render(
     tint: colour the picture by what the technique did where, such as by cascade. Raises InputError for what does not
     go together, ShadowbenchError where the technique fails.
     """
-    (spec,) = _specs([technique], plugins)
-    worker = _worker(plugins)
-    return single.render(_view(scene, view_size, view, light), spec, worker, name=spec.text, with_map=True, tint=tint)
+    files = _paths(plugins)
+    (spec,) = _specs(of_kind(technique, "technique", "a spec as text, or a Spec", str, Spec), files)
+    chosen = _view(scene, view_size, view, light)
+    return single.render(chosen, spec, _worker(files), name=spec.text, with_map=True, tint=tint)
 
 
 def score(visibility: NDArray[Any], truth: Truth) -> Mapping[str, float | None]:
     """Every metric of a mask by its name, None where there is nothing to divide by; `list metrics` explains them.
 
-    visibility: (N, N) of the truth's size, floats in [0, 1] or whole numbers of 8 or 16 bits; 1, or their largest, is
-    lit. It is quantised to 16 bits first, as stored masks are. Raises InputError for anything else.
+    visibility: (N, N) of the truth's size: floats in [0, 1], booleans, uint8 or uint16; 1, or their largest, is lit. It
+    is quantised to 16 bits first, as stored masks are. Raises InputError for anything else.
     """
-    mask = np.asarray(visibility)
-    if mask.dtype.kind == "u":
-        mask = mask.astype(np.float64) / np.iinfo(mask.dtype).max
-    if mask.shape != truth.visibility.shape:
-        raise InputError(f"visibility: found shape {mask.shape}; allowed: that of the truth, {truth.visibility.shape}")
+    of_kind(truth, "truth", "what truth returns", Truth)
+    mask = lit_share(visibility, "visibility", truth.visibility.shape)
     try:
         return metrics_of(quantise(mask), reference_of(truth))
     except ValueError as error:
@@ -143,10 +147,10 @@ def score(visibility: NDArray[Any], truth: Truth) -> Mapping[str, float | None]:
 
 
 def run(
-    scenes: SceneLike | Sequence[SceneLike] = (),
-    techniques: str | Spec | Sequence[str | Spec] = (),
+    scenes: SceneLike | Iterable[SceneLike] = (),
+    techniques: SpecLike | Iterable[SpecLike] = (),
     *,
-    map_size: int | Sequence[int] | None = None,
+    map_size: int | Iterable[int] | None = None,
     view_size: int | None = None,
     view: str | None = None,
     light: str | None = None,
@@ -162,21 +166,23 @@ def run(
     in turn for None; rounds: how often each cell is timed, 0 for not at all; folder: a run folder that keeps rows,
     masks and pictures, and goes on where it was. Raises InputError; a cell that fails is a line whose status says so.
     """
+    files = _paths(plugins)
+    named = several(scenes, "scenes", "built-in names, files, and what load returns", Scene, str, Path)
     asked = asked_study(
-        techniques_with(_paths(plugins)),
-        [_reference(one) for one in _listed(scenes)],
-        _specs(_listed(techniques), plugins),
-        study=study,
-        map_size=None if map_size is None else _listed(map_size),
-        phases=phases,
+        techniques_with(files),
+        [one if isinstance(one, Scene) else str(one) for one in named],
+        _specs(techniques, files),
+        study=None if study is None else str(of_kind(study, "study", "a name or a file", str, Path)),
+        map_size=None if map_size is None else _sizes(map_size),
+        phases=None if phases is None else whole(phases, "phases", 1, 10_000),
         view=view,
         light=light,
-        view_size=view_size,
-        rounds=rounds,
+        view_size=None if view_size is None else whole(view_size, "view_size", 1, LARGEST),
+        rounds=None if rounds is None else whole(rounds, "rounds", 0, 10_000),
     )
     limits = Limits(asked.time_limit, int(asked.memory_limit * 2**30))
     with _folder(folder) as place:
-        return measure(asked, place, _worker(plugins, limits), _Logged()).frame
+        return measure(asked, place, _worker(files, limits), _Logged()).frame
 
 
 def needs(scene: SceneLike, *, view_size: int = 512, view: str | None = None, light: str | None = None) -> Needs:
@@ -206,19 +212,19 @@ def recommend(
     on_this_machine: rank by times even on a software renderer. `choice` is None where nothing meets it. Raises
     InputError.
     """
-    target = target_of(min_iou, max_edge_px, budget_ms)
-    chosen, known = _view(scene, view_size, view, light), techniques_with(_paths(plugins))
+    limits = {"min_iou": min_iou, "max_edge_px": max_edge_px, "budget_ms": budget_ms}
+    target = target_of(**{name: None if one is None else number(one, name) for name, one in limits.items()})
+    files = _paths(plugins)
+    chosen, known = _view(scene, view_size, view, light), techniques_with(files)
     with _folder(folder) as place:
-        found, _ = recommended(
-            chosen, target, known, place, _worker(plugins), _Logged(), on_this_machine=on_this_machine
-        )
+        found, _ = recommended(chosen, target, known, place, _worker(files), _Logged(), on_this_machine=on_this_machine)
     return found
 
 
 def stress(
-    techniques: str | Spec | Sequence[str | Spec] = (),
+    techniques: SpecLike | Iterable[SpecLike] = (),
     *,
-    axes: str | Sequence[str] = (),
+    axes: str | Iterable[str] = (),
     quick: bool = False,
     plugins: Files = (),
     folder: str | Path | None = None,
@@ -227,10 +233,11 @@ def stress(
 
     Without names, all techniques at their defaults, and all axes; quick: a few values of each. Raises InputError.
     """
-    chosen = chosen_axes(_listed(axes))
-    specs = _specs(_listed(techniques), plugins) or default_specs(techniques_with(_paths(plugins)).values())
+    files = _paths(plugins)
+    chosen = chosen_axes(several(axes, "axes", "names of axes", str))
+    specs = _specs(techniques, files) or default_specs(techniques_with(files).values())
     with _folder(folder) as place:
-        found = walked(specs, chosen, place, _worker(plugins, LIMITS), _Logged(), quick=quick)
+        found = walked(specs, chosen, place, _worker(files, LIMITS), _Logged(), quick=quick)
     return ranges_frame(found.ranges)
 
 
@@ -244,44 +251,45 @@ def close() -> None:
 atexit.register(close)
 
 
-def _worker(plugins: Files, limits: Limits | None = None) -> Worker:
-    asked = _paths(plugins), limits or Limits()
-    if _Shared.worker is None or _Shared.of != asked:
-        close()
-        _Shared.worker, _Shared.of = Worker(*asked), asked
-    return _Shared.worker
+def _worker(plugins: tuple[Path, ...], limits: Limits | None = None) -> Worker:
+    asked = plugins, limits or Limits()
+    with _Shared.turn:
+        if _Shared.worker is None or _Shared.of != asked:
+            close()
+            _Shared.worker, _Shared.of = Worker(*asked), asked
+        return _Shared.worker
 
 
 def _view(scene: SceneLike, size: int, camera: str | None, light: str | None) -> View:
-    chosen = chosen_view(load(scene), size, camera, light)
+    chosen = chosen_view(load(scene), whole(size, "view_size", 1, LARGEST), camera, light)
     for line in notes_on(chosen, camera, light):
         _log.info(line)
     return chosen
 
 
-def _specs(techniques: Sequence[str | Spec], plugins: Files) -> list[Spec]:
-    known = techniques_with(_paths(plugins))
-    return [one if isinstance(one, Spec) else parse_spec(one, known) for one in techniques]
+def _specs(given: SpecLike | Iterable[SpecLike], plugins: tuple[Path, ...]) -> list[Spec]:
+    known = techniques_with(plugins)
+    specs = several(given, "techniques", "specs, as text or as a Spec", str, Spec)
+    return [one if isinstance(one, Spec) else parse_spec(one, known) for one in specs]
 
 
 def _paths(plugins: Files) -> tuple[Path, ...]:
-    return tuple(Path(plugin).resolve() for plugin in plugins)
+    return tuple(Path(file).resolve() for file in several(plugins, "plugins", "Python files", str, Path))
 
 
-def _reference(scene: SceneLike) -> Scene | str:
-    return scene if isinstance(scene, Scene) else str(scene)
-
-
-def _listed(given: Any) -> list[Any]:
-    """One thing or several, as a list."""
-    return list(given) if isinstance(given, list | tuple) else [given]
+def _sizes(given: int | Iterable[int]) -> list[int]:
+    """At least one."""
+    sizes = [whole(size, "map_size", 1, 65536) for size in (given if isinstance(given, Iterable) else [given])]
+    if not sizes:
+        raise InputError("map_size: found none; allowed: one or several, or None for the study's")
+    return sizes
 
 
 @contextmanager
 def _folder(given: str | Path | None) -> Iterator[Path]:
     """The folder that is given, or one for the time being."""
     if given is not None:
-        yield Path(given)
+        yield Path(of_kind(given, "folder", "a folder", str, Path))
         return
     with TemporaryDirectory(prefix="shadowbench-") as folder:
         yield Path(folder)

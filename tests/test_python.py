@@ -1,13 +1,16 @@
 """The package as a library: docs/python.md run as it stands, and what its functions promise."""
 
+import os
 import re
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import nbclient
 import nbformat
 import numpy as np
+import pandas as pd
 import pytest
 
 import shadowbench as sb
@@ -51,8 +54,6 @@ def test_a_drawing_is_that_of_the_command(shadowbench, tmp_path: Path) -> None:
 
 
 def test_a_table_has_the_columns_and_scores_of_a_run_folder(tmp_path: Path) -> None:
-    import pandas as pd
-
     table = sb.run("cube-on-plane", "unshadowed", view_size=32, rounds=1, folder=tmp_path / "run")
     kept = pd.read_csv(tmp_path / "run" / "table.csv")
     assert [name for name in kept.columns if name != "command"] == [name for name in table if name != "command"]
@@ -90,6 +91,90 @@ def test_errors_are_exceptions_of_one_line() -> None:
     assert issubclass(sb.InputError, sb.ShadowbenchError)
     with pytest.raises(AttributeError, match="has no attribute 'shadow'"):
         _ = sb.shadow
+
+
+WRONG = {
+    "a size as text": lambda: sb.truth("stairs", view_size="64"),
+    "half a sample": lambda: sb.truth("stairs", pixel_samples=1.5),
+    "a list of techniques": lambda: sb.render("stairs", ["shadow-map"]),
+    "a number for a scene": lambda: sb.run(np.array(["stairs", 3], dtype=object), "unshadowed"),
+    "no map size": lambda: sb.run("stairs", "shadow-map", map_size=[]),
+    "a plug-in that is a number": lambda: sb.render("stairs", "unshadowed", plugins=5),
+    "a target as text": lambda: sb.recommend("stairs", min_iou="0.9"),
+    "a truth that is none": lambda: sb.score(np.ones((64, 64)), None),
+    "complex light": lambda: sb.score(np.ones((64, 64), complex), sb.truth("stairs", view_size=64)),
+    "levels up to 1": lambda: sb.score(np.ones((64, 64), np.uint8), sb.truth("stairs", view_size=64)),
+    "a masked array": lambda: sb.score(np.ma.ones((64, 64)), sb.truth("stairs", view_size=64)),
+    "one name twice": lambda: sb.run([sb.load("stairs"), "stairs"], "unshadowed"),
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_what_is_no_argument_is_one_line(wrong: str) -> None:
+    with pytest.raises(sb.InputError, match=r"^[^\n]{10,200}$"):
+        WRONG[wrong]()
+
+
+def test_numbers_and_lists_of_other_libraries_are_taken() -> None:
+    given = {"map_size": np.array([16, 32]), "view_size": np.int64(32), "rounds": np.int64(0), "phases": np.int64(1)}
+    table = sb.run(pd.Series(["stairs", "cube-on-plane"]), np.array(["shadow-map"]), **given)
+    assert table["map_size"].tolist() == [16, 32, 16, 32]
+
+
+def test_what_a_scene_is_made_of_cannot_change_under_what_is_kept_of_it() -> None:
+    with pytest.raises(ValueError, match="read-only"):
+        sb.load("stairs").meshes[0].vertices[:] *= 2
+
+
+def lit(spec: str) -> float:
+    return float(sb.render("cube-on-plane", spec, view_size=64).visibility.mean())
+
+
+def test_threads_take_turns() -> None:
+    wanted = {spec: lit(spec) for spec in ("unshadowed", "shadow-volume")}
+    with ThreadPoolExecutor(4) as pool:
+        found = list(pool.map(lit, list(wanted) * 6))
+    assert found == list(wanted.values()) * 6 and len(set(found)) == 2
+
+
+INTERRUPTED = """
+import os, signal
+import shadowbench as sb
+
+first = sb.render("cube-on-plane", "shadow-volume", view_size=64).visibility
+for delay in (0.005, 0.05, 0.2):
+    signal.setitimer(signal.ITIMER_REAL, delay)
+    signal.signal(signal.SIGALRM, lambda *_: os.kill(os.getpid(), signal.SIGINT))
+    try:
+        sb.render("cube-on-plane", "shadow-map:size=8192,filter=pcf", view_size=64)
+    except KeyboardInterrupt:
+        pass
+    assert (sb.render("cube-on-plane", "shadow-volume", view_size=64).visibility == first).all()
+"""
+FORKED = """
+import os, sys
+import shadowbench as sb
+from shadowbench.api import _Shared
+
+first = sb.render("cube-on-plane", "shadow-volume", view_size=64).visibility
+process = _Shared.worker._process.pid
+for draws in (False, True):
+    child = os.fork()
+    if not child:
+        if draws:
+            assert (sb.render("cube-on-plane", "shadow-volume", view_size=64).visibility == first).all()
+        sys.exit(0)
+    assert os.waitpid(child, 0)[1] == 0
+    assert (sb.render("cube-on-plane", "shadow-volume", view_size=64).visibility == first).all()
+    assert _Shared.worker._process.pid == process
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals and forks of POSIX")
+@pytest.mark.parametrize("script", [INTERRUPTED, FORKED], ids=["ctrl-c", "fork"])
+def test_an_answer_is_that_of_its_own_call(script: str) -> None:
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=200, check=False)
+    assert done.returncode == 0, done.stderr
 
 
 def test_names_of_functions_stay_when_the_rooms_behind_them_are_imported() -> None:

@@ -29,13 +29,18 @@ _PROGRAM = "import sys; sys.path[:] = sys.argv[3:]; from shadowbench.measure.ser
 
 
 class Worker:
-    """A session in a process of its own; after a failure the next call finds a fresh one. Use as a context manager."""
+    """A session in a process of its own; after a failure the next call finds a fresh one. Use as a context manager.
+
+    Threads take turns. A fork of this process has no part in the session: it starts one of its own.
+    """
 
     def __init__(self, plugins: Sequence[Path] = (), limits: Limits | None = None) -> None:
         self.limits = limits or Limits()
         self._plugins = [Path(plugin).resolve() for plugin in plugins]
         self._process: subprocess.Popen[bytes] | None = None
         self._info: DeviceInfo | None = None
+        self._owner = os.getpid()
+        self._turn = threading.RLock()
 
     def __enter__(self) -> "Worker":
         return self
@@ -53,18 +58,16 @@ class Worker:
 
     def call(self, method: Callable[Concatenate[Session, P], R], *arguments: P.args, **options: P.kwargs) -> R:
         """The answer of `method(session, …)`; raises Unsupported, CellFailed, or the start's ShadowbenchError."""
-        self.ready()
-        try:
-            self._pipe.send((method, arguments, options))
-            answer: R = self._answer(self.limits.seconds)
+        with self._turn:
+            self.ready()
+            answer: R = self._asked((method, arguments, options), self.limits.seconds)
             return answer
-        except (BrokenPipeError, ConnectionResetError, EOFError):
-            raise CellFailed(self._obituary()) from None
 
     def ready(self) -> None:
         """Start the process where there is none."""
-        if self._process is None or self._process.poll() is not None:
-            self._start()
+        with self._turn:
+            if self._process is None or self._owner != os.getpid() or self._process.poll() is not None:
+                self._start()
 
     def _start(self) -> None:
         self.stop()
@@ -74,13 +77,24 @@ class Worker:
             assert self._process.stdout is not None
             self._printed = pass_on(self._process.stdout)
             self._pipe = Pipe(ours)
+        self._owner = os.getpid()
+        self._info = self._asked(self._plugins, _START_S)
+
+    def _asked(self, message: object, seconds: float) -> Any:
+        """The answer to a message; raises it where it is an error, and CellFailed where there is none."""
         try:
-            self._pipe.send(self._plugins)
-            self._info = self._answer(_START_S)
+            self._pipe.send(message)
+            kind, value = self._answer(seconds)
         except (BrokenPipeError, ConnectionResetError, EOFError):
             raise CellFailed(self._obituary()) from None
+        except BaseException:  # Ctrl-C, say: the answer that is still to come is not the next call's
+            self.stop()
+            raise
+        if kind == "error":
+            raise value
+        return value
 
-    def _answer(self, seconds: float) -> Any:
+    def _answer(self, seconds: float) -> tuple[str, Any]:
         assert self._process is not None
         watched = psutil.Process(self._process.pid)
         end = time.monotonic() + seconds
@@ -89,10 +103,8 @@ class Worker:
                 self.stop()
                 raise CellFailed(f"hung: no answer within {seconds:g} s")
             self._check_memory(watched)
-        kind, value = self._pipe.receive()
-        if kind == "error":
-            raise value
-        return value
+        answer: tuple[str, Any] = self._pipe.receive()
+        return answer
 
     def _check_memory(self, watched: psutil.Process) -> None:
         try:
@@ -115,7 +127,8 @@ class Worker:
 
     def stop(self) -> None:
         """End the process and what its plug-ins started, by force."""
-        if self._process is None:
+        if self._process is None or self._owner != os.getpid():
+            self._process = None
             return
         family = _family(self._process.pid)
         if os.name == "posix":

@@ -58,8 +58,8 @@ def perpendicular_basis(back: Floats, up: Sequence[float] | Floats) -> Floats:
 class Mesh:
     """Triangles of one surface, in world space.
 
-    vertices: (V, 3) float64; faces: (F, 3) int32 into them, counter-clockwise seen from outside;
-    color: linear RGB in [0, 1]; planar: flagged as a planar receiver.
+    vertices: (V, 3) float64; faces: (F, 3) int32 into them, counter-clockwise seen from outside; both read-only,
+    as what is made of them is kept. color: linear RGB in [0, 1]; planar: flagged as a planar receiver.
     """
 
     name: str
@@ -69,6 +69,12 @@ class Mesh:
     casts: bool = True
     receives: bool = True
     planar: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("vertices", "faces"):
+            view = getattr(self, name).view()
+            view.flags.writeable = False
+            object.__setattr__(self, name, view)
 
     @cached_property
     def closed(self) -> bool:

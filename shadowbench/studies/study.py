@@ -121,7 +121,8 @@ class Study(Strict):
             scene = reference if isinstance(reference, Scene) else load_scene(reference, self.assets, self.up)
             first = files.setdefault(scene.name, reference)
             if first != reference:
-                raise InputError(f"two scenes are called {scene.name!r}: {first} and {reference}; names must differ")
+                both = " and ".join(one if isinstance(one, str) else "one that is loaded" for one in (first, reference))
+                raise InputError(f"two scenes are called {scene.name!r}: {both}; names must differ")
             for camera, light in itertools.product(self.cameras(scene), self.lights_of(scene)):
                 yield Block(view_of(scene, camera, light, self.view_size), self.cells())
 

@@ -41,6 +41,13 @@ def test_a_name_that_is_taken_is_refused(shadowbench: Shadowbench, tmp_path: Pat
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("name", ["numpy", "shadowbench", "typing", "class", "import"])
+def test_a_name_of_python_s_own_is_refused(shadowbench: Shadowbench, tmp_path: Path, name: str) -> None:
+    """A file of that name would stand before the module wherever somebody starts Python beside it."""
+    answer = shadowbench("new-technique", name, "-o", tmp_path)
+    assert answer.code == 2 and "allowed: " in answer.err and not list(tmp_path.iterdir())
+
+
 def test_nothing_is_overwritten(shadowbench: Shadowbench, tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text("precious")
     answer = shadowbench("new-technique", "mine", "-o", tmp_path)
