@@ -11,8 +11,19 @@ if TYPE_CHECKING:
     from shadowbench.errors import InputError, ShadowbenchError
 
 __version__ = "0.1.0"
-__all__ = ["InputError", "ShadowbenchError", "close", "load", "needs", "recommend", "render", "run", "score", "stress"]
-__all__ += ["truth"]
+__all__ = [
+    "InputError",
+    "ShadowbenchError",
+    "close",
+    "load",
+    "needs",
+    "recommend",
+    "render",
+    "run",
+    "score",
+    "stress",
+    "truth",
+]
 
 
 def __getattr__(name: str) -> Any:

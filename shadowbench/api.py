@@ -22,6 +22,7 @@ from tempfile import TemporaryDirectory
 from threading import RLock
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
@@ -45,6 +46,7 @@ from shadowbench.scenes.model import Scene, View
 from shadowbench.scenes.views import LARGEST, chosen_view, notes_on
 from shadowbench.scores.masks import quantise
 from shadowbench.scores.metrics import score as metrics_of
+from shadowbench.studies.crossing import Techniques
 from shadowbench.studies.measured import asked_study, measure
 from shadowbench.survey.survey import Needs
 from shadowbench.survey.survey import needs as surveyed
@@ -127,7 +129,8 @@ def render(
     go together, ShadowbenchError where the technique fails.
     """
     files = _paths(plugins)
-    (spec,) = _specs(of_kind(technique, "technique", "a spec as text, or a Spec", str, Spec), files)
+    one = of_kind(technique, "technique", "a spec as text, or a Spec", str, Spec)
+    (spec,) = _specs(one, techniques_with(files))
     chosen = _view(scene, view_size, view, light)
     return single.render(chosen, spec, _worker(files), name=spec.text, with_map=True, tint=tint)
 
@@ -167,11 +170,12 @@ def run(
     masks and pictures, and goes on where it was. Raises InputError; a cell that fails is a line whose status says so.
     """
     files = _paths(plugins)
+    known = techniques_with(files)
     named = several(scenes, "scenes", "built-in names, files, and what load returns", Scene, str, Path)
     asked = asked_study(
-        techniques_with(files),
+        known,
         [one if isinstance(one, Scene) else str(one) for one in named],
-        _specs(techniques, files),
+        _specs(techniques, known),
         study=None if study is None else str(of_kind(study, "study", "a name or a file", str, Path)),
         map_size=None if map_size is None else _sizes(map_size),
         phases=None if phases is None else whole(phases, "phases", 1, 10_000),
@@ -235,7 +239,8 @@ def stress(
     """
     files = _paths(plugins)
     chosen = chosen_axes(several(axes, "axes", "names of axes", str))
-    specs = _specs(techniques, files) or default_specs(techniques_with(files).values())
+    known = techniques_with(files)
+    specs = _specs(techniques, known) or default_specs(known.values())
     with _folder(folder) as place:
         found = walked(specs, chosen, place, _worker(files, LIMITS), _Logged(), quick=quick)
     return ranges_frame(found.ranges)
@@ -267,8 +272,7 @@ def _view(scene: SceneLike, size: int, camera: str | None, light: str | None) ->
     return chosen
 
 
-def _specs(given: SpecLike | Iterable[SpecLike], plugins: tuple[Path, ...]) -> list[Spec]:
-    known = techniques_with(plugins)
+def _specs(given: SpecLike | Iterable[SpecLike], known: Techniques) -> list[Spec]:
     specs = several(given, "techniques", "specs, as text or as a Spec", str, Spec)
     return [one if isinstance(one, Spec) else parse_spec(one, known) for one in specs]
 
@@ -279,7 +283,8 @@ def _paths(plugins: Files) -> tuple[Path, ...]:
 
 def _sizes(given: int | Iterable[int]) -> list[int]:
     """At least one."""
-    sizes = [whole(size, "map_size", 1, 65536) for size in (given if isinstance(given, Iterable) else [given])]
+    found = several(given, "map_size", "whole numbers", int, np.integer)
+    sizes = [whole(size, "map_size", 1, 65536) for size in found]
     if not sizes:
         raise InputError("map_size: found none; allowed: one or several, or None for the study's")
     return sizes

@@ -8,10 +8,9 @@ from shadowbench.techniques.shadow_map import ShadowMap
 from shadowbench.techniques.spec import Spec
 from shadowbench.techniques.unshadowed import Unshadowed
 
-REFERENCE = "shadow-map:size=1024"
-"""The reference of a study that names none, as text; as a spec it is USUAL."""
-
 USUAL = Spec(ShadowMap, ShadowMap.Params(size=1024))
+"""The reference of a study that names none."""
+
 _INSTEAD: Mapping[LightKind, Spec] = {"point": Spec(CubeMap, CubeMap.Params(size=1024))}
 
 

@@ -14,6 +14,7 @@ from shadowbench.scores.difference import FALSE_LIGHT, FALSE_SHADOW
 from shadowbench.scores.masks import write_mask
 from shadowbench.scores.metrics import METRICS
 from tests.conftest import key_of
+from tests.runs import CHANGING
 
 Shadowbench = Callable[..., Any]
 GOOD = {name: 0.9 if metric.better == "higher" else 0.1 for name, metric in METRICS.items()}
@@ -303,25 +304,6 @@ def test_update_brings_the_study_that_makes_the_cells(shadowbench: Shadowbench, 
     assert not (tmp_path / "other" / "study.toml").exists()
 
 
-SCENE = """
-name = "changing"
-[camera]
-position = [3.0, 3.0, 4.0]
-target = [0.0, 0.3, 0.0]
-fov_y = 36.0
-[[light]]
-name = "sun"
-kind = "directional"
-direction = [0.5, -1.0, -0.3]
-[[mesh]]
-shape = "plane"
-scale = 8.0
-[[mesh]]
-shape = "box"
-translate = [0.0, 0.5, 0.0]
-"""
-
-
 def test_a_scene_that_is_changed_and_changed_back_is_what_it_was(shadowbench: Shadowbench, tmp_path: Path) -> None:
     scene, folder, baseline = tmp_path / "changing.toml", tmp_path / "now", tmp_path / "baseline"
 
@@ -332,23 +314,23 @@ def test_a_scene_that_is_changed_and_changed_back_is_what_it_was(shadowbench: Sh
         assert shadowbench("run", scene, *words).code == 0
         return (folder / "truth" / "changing.camera.sun.32.png").read_bytes()
 
-    other = SCENE.replace("[0.0, 0.5, 0.0]", "[1.0, 1.5, 0.0]")
-    first = run(SCENE)
+    other = CHANGING.replace("[0.0, 0.5, 0.0]", "[1.0, 1.5, 0.0]")
+    first = run(CHANGING)
     assert shadowbench("check", folder, "--baseline", baseline, "--update").code == 0
     assert run(other) != first
     assert shadowbench("check", folder, "--baseline", baseline).code == 1
     measured = (folder / "rows.jsonl").read_bytes()
-    assert run(SCENE) == first
+    assert run(CHANGING) == first
     assert (folder / "rows.jsonl").read_bytes() == measured, "nothing was measured again"
     answer = shadowbench("check", folder, "--baseline", baseline)
     assert answer.code == 0 and "1 of them by equal masks" in answer.out
 
     truth = folder / "truth" / "changing.camera.sun.32.png"
     kept = truth.stat().st_mtime_ns, truth.stat().st_ino
-    assert run(SCENE) == first and (truth.stat().st_mtime_ns, truth.stat().st_ino) == kept, "no need to write it"
+    assert run(CHANGING) == first and (truth.stat().st_mtime_ns, truth.stat().st_ino) == kept, "no need to write it"
     for spoil in (truth.unlink, partial(truth.write_text, "no picture")):
         spoil()
-        assert run(SCENE) == first
+        assert run(CHANGING) == first
 
 
 def test_run_json_names_the_machine_as_the_times_do(shadowbench: Shadowbench, tmp_path: Path) -> None:

@@ -12,20 +12,11 @@ from shadowbench.measure.place import CellFailed
 from shadowbench.measure.session import Session
 from shadowbench.studies.tables import cells_frame
 from shadowbench.techniques.shadow_map import ShadowMap
+from tests.runs import SMALL
 
 Records = Callable[..., list[dict[str, Any]]]
 Added = Callable[[str], tuple[int, int]]
 
-SMALL = """
-scenes = ["cube-on-plane"]
-view_size = 64
-rounds = 1
-reference = "unshadowed"
-[[technique]]
-spec = "unshadowed"
-[[technique]]
-spec = "shadow-map:size=64"
-"""
 HALVES = SMALL.replace('"shadow-map:size=64"', '"half"').replace('reference = "unshadowed"', 'reference = "REFERENCE"')
 
 

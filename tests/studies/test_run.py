@@ -24,6 +24,7 @@ from shadowbench.studies.study import Study
 from shadowbench.studies.tables import cells_frame, summary, write_table
 from shadowbench.techniques.shadow_map import ShadowMap
 from shadowbench.truths.cache import cached_truth
+from tests.runs import SMALL
 
 Records = Callable[..., list[dict[str, Any]]]
 
@@ -228,18 +229,6 @@ def test_two_runs_give_the_same_masks_and_score_records(bench: Any, run: Run, tm
     assert masks
     for mask in masks:
         assert (other.folder / "masks" / mask.name).read_bytes() == mask.read_bytes()
-
-
-SMALL = """
-scenes = ["cube-on-plane"]
-view_size = 64
-rounds = 1
-reference = "unshadowed"
-[[technique]]
-spec = "unshadowed"
-[[technique]]
-spec = "shadow-map:size=64"
-"""
 
 
 def test_a_changed_parameter_measures_only_what_changed(bench: Any, tmp_path: Path, records: Records) -> None:

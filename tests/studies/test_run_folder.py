@@ -8,26 +8,11 @@ from typing import Any
 
 import pytest
 
+from tests.runs import CHANGING
+
 Shadowbench = Callable[..., Any]
 
 SMALL = ("--view-size", "32", "--rounds", "0")
-SCENE = """
-name = "moving"
-[camera]
-position = [3.0, 3.0, 4.0]
-target = [0.0, 0.3, 0.0]
-fov_y = 36.0
-[[light]]
-name = "sun"
-kind = "directional"
-direction = [0.5, -1.0, -0.3]
-[[mesh]]
-shape = "plane"
-scale = 8.0
-[[mesh]]
-shape = "box"
-translate = [0.0, 0.5, 0.0]
-"""
 
 
 def table(folder: Path) -> list[dict[str, str]]:
@@ -94,12 +79,12 @@ def test_a_scene_changed_and_changed_back_stays_what_it_is_under_later_commands(
         assert len(found) == len(lines)
         return found
 
-    moved = SCENE.replace("[0.0, 0.5, 0.0]", "[1.0, 1.5, 0.0]")
-    first = run(SCENE, "unshadowed")
+    moved = CHANGING.replace("[0.0, 0.5, 0.0]", "[1.0, 1.5, 0.0]")
+    first = run(CHANGING, "unshadowed")
     other = run(moved, "unshadowed")
     assert other.keys() == first.keys() and other != first
-    assert run(SCENE, "unshadowed") == first
-    assert run(SCENE, "shadow-map:size=32").items() >= first.items(), "not the row that is last in the file"
+    assert run(CHANGING, "unshadowed") == first
+    assert run(CHANGING, "shadow-map:size=32").items() >= first.items(), "not the row that is last in the file"
 
 
 @pytest.mark.parametrize("specs", [("unshadowed", "half"), ("half", "unshadowed")])
