@@ -23,7 +23,7 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 from shadowbench.measure.cells import CellRequest, PlacedView
 from shadowbench.measure.noise import ALLOWED, noise
-from shadowbench.measure.scoring import mask_record, reference_of
+from shadowbench.measure.scoring import mask_record, prepare_truth
 from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, view_of
@@ -89,7 +89,7 @@ def one_core() -> Iterator[None]:
 def test_scoring_a_cell_of_1024_pixels_a_side(held: Any, fixed_work: Call, one_core: None) -> None:
     scene = load_scene("colonnade")
     truth = cached_truth(view_of(scene, scene.cameras[0], scene.lights[0], 1024), 1)
-    against, mask = reference_of(truth), np.roll(truth.visibility, (1, 2), axis=(0, 1))
+    against, mask = prepare_truth(truth), np.roll(truth.visibility, (1, 2), axis=(0, 1))
     held(lambda: mask_record(mask, truth, against, truth.triangle), fixed_work, most=10)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from shadowbench.measure.scoring import mask_record, reference_of
+from shadowbench.measure.scoring import mask_record, prepare_truth
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import view_of
 from shadowbench.scores.metrics import score
@@ -37,10 +37,10 @@ def note(size: int, what: str, growth: Any, benchmark: BenchmarkFixture) -> None
 @pytest.mark.benchmark(group="scores")
 def test_a_cell(size: int, growth: Any, benchmark: BenchmarkFixture) -> None:
     truth = truth_of(size)
-    reference = reference_of(truth)
+    prepared = prepare_truth(truth)
     mask = np.roll(truth.visibility, (1, 2), axis=(0, 1))
-    score(mask, reference)  # the truth's side of it
-    benchmark.pedantic(mask_record, args=(mask, truth, reference, truth.triangle), rounds=5, warmup_rounds=1)
+    score(mask, prepared)  # the truth's side of it
+    benchmark.pedantic(mask_record, args=(mask, truth, prepared, truth.triangle), rounds=5, warmup_rounds=1)
     note(size, "scoring a cell", growth, benchmark)
 
 
@@ -50,5 +50,5 @@ def test_a_view(size: int, growth: Any, benchmark: BenchmarkFixture) -> None:
     """The first cell of a view less any other: edges, distances, interiors, moments of the truth."""
     truth = truth_of(size)
     mask = np.roll(truth.visibility, (1, 2), axis=(0, 1))
-    benchmark.pedantic(lambda: score(mask, reference_of(truth)), rounds=5, warmup_rounds=1)
+    benchmark.pedantic(lambda: score(mask, prepare_truth(truth)), rounds=5, warmup_rounds=1)
     note(size, "a view's first cell", growth, benchmark)

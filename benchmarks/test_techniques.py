@@ -10,9 +10,9 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from shadowbench.measure.cells import Cell, PlacedView
-from shadowbench.measure.scoring import mask_record, reference_of
+from shadowbench.measure.scoring import mask_record, prepare_truth
 from shadowbench.scenes.model import View
-from shadowbench.scores.reference import Reference
+from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.studies.study import find_study, read_study
 from shadowbench.techniques.registry import techniques
 from shadowbench.truths.cache import cached_truth
@@ -26,14 +26,14 @@ class Known(NamedTuple):
 
     view: View
     truth: Truth
-    reference: Reference
+    prepared: PreparedTruth
 
 
 @pytest.fixture(scope="module", params=STUDY.scenes)
 def known(request: pytest.FixtureRequest) -> Known:
     (block,) = STUDY.with_(scenes=(request.param,)).blocks()
     truth = cached_truth(block.view)
-    return Known(block.view, truth, reference_of(truth))
+    return Known(block.view, truth, prepare_truth(truth))
 
 
 def _id(cell: Cell) -> str:
@@ -42,12 +42,12 @@ def _id(cell: Cell) -> str:
 
 @pytest.mark.parametrize("cell", STUDY.cells(), ids=_id)
 def test_frame(known: Known, cell: Cell, cells: Any, growth: Any, benchmark: BenchmarkFixture) -> None:
-    view, truth, reference = known
+    view, truth, prepared = known
     benchmark.group = view.scene.name
     at, request = PlacedView(view), cell.request
     cells.time(benchmark, view, request.spec)
     drawn = cells.session.draw(at, request)
-    record = mask_record(drawn.visibility, truth, reference, cells.session.surface(at))
+    record = mask_record(drawn.visibility, truth, prepared, cells.session.surface(at))
     benchmark.extra_info |= record["metrics"] | {
         "spec": cell.spec.text,
         "gpu_bytes": drawn.gpu_bytes,

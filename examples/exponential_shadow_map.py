@@ -16,7 +16,7 @@ uniform float c;
 out float visibility;
 void main() {
     Receiver r = receiver_at(ivec2(gl_FragCoord.xy));
-    MapPoint p = map_point(r.position, 0);
+    ShadowCoord p = shadow_coord(r.position, 0);
     float lit = textureLod(map_stored, p.uv, 0.0).r * exp(c * (1.0 - linear_depth(p.depth, p.axis_distance)));
     visibility = r.facing && p.axis_distance > 0.0 && p.depth < 1.0 ? min(lit, 1.0) : 1.0;
 }"""
@@ -42,9 +42,9 @@ class ExponentialShadowMap(Technique):
 
     def draw(self, frame):
         with frame.timed("map", changes=self.params.fit.moves_with):
-            self.seen = self.fitted(frame)
-            self.map.draw(frame, [self.seen])
+            self.light_view = self.fitted(frame)
+            self.map.draw(frame, [self.light_view])
             self.blur()
         with frame.timed("resolve", changes="view"):
-            uniforms = map_uniforms([self.seen]) | {"far_distance": far_distance(self.seen)}
+            uniforms = map_uniforms([self.light_view]) | {"far_distance": far_distance(self.light_view)}
             return self.resolve(frame, self.map.stored, **uniforms)

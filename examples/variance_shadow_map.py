@@ -3,7 +3,7 @@
     shadowbench run spot-lamp -t variance-shadow-map -t shadow-map --plugin examples/variance_shadow_map.py
 
 `FittedView` finds the light view, `CasterMap` draws what the first shader stores, and `map.glsl` finds a receiver's
-place in the map (`map_point`) from what `map_uniforms` says of the light view.
+place in the map (`shadow_coord`) from what `map_uniforms` says of the light view.
 """
 
 from shadowbench.gl.gbuffer import download
@@ -39,7 +39,7 @@ float chebyshev_upper_bound(vec2 moments, float d) {
 
 void main() {
     Receiver r = receiver_at(ivec2(gl_FragCoord.xy));
-    MapPoint p = map_point(r.position, 0);
+    ShadowCoord p = shadow_coord(r.position, 0);
     visibility = 1.0;
     if (!r.facing || p.axis_distance <= 0.0 || p.depth > 1.0) return;
     vec2 moments = textureLod(map_stored, p.uv, 0.0).xy;
@@ -80,17 +80,17 @@ class VarianceShadowMap(Technique):
     def draw(self, frame):
         moves = self.params.fit.moves_with
         with frame.timed("fit", changes=moves):
-            self.seen = self.fitted(frame)
+            self.light_view = self.fitted(frame)
         with frame.timed("depth", changes=moves):
-            self.map.draw(frame, [self.seen])
+            self.map.draw(frame, [self.light_view])
         with frame.timed("blur", changes=moves):
             self.blur()
         with frame.timed("resolve", changes="view"):
-            uniforms = map_uniforms([self.seen]) | {"far_distance": far_distance(self.seen)}
+            uniforms = map_uniforms([self.light_view]) | {"far_distance": far_distance(self.light_view)}
             return self.resolve(frame, self.map.stored, **uniforms)
 
     def map_image(self):
         return download(self.map.contents)[..., 0]
 
     def facts(self):
-        return {"texel_m": max(self.seen.texel) / self.stage.placement.scale}
+        return {"texel_m": max(self.light_view.texel) / self.stage.placement.scale}

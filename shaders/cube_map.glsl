@@ -7,12 +7,12 @@ uniform samplerCube map_depths;
 uniform samplerCubeShadow map_compare;  // the same map, compared and blended 2×2 by the hardware, across edges too
 uniform float map_far;                  // local length
 
-float filter_reach(MapPoint p);  // the filter's, in texels
+float filter_reach(ShadowCoord p);  // the filter's, in texels
 
-MapPoint map_point(vec3 position) {
+ShadowCoord shadow_coord(vec3 position) {
     vec3 away = position - light.xyz;
     vec3 lengths = abs(away);
-    MapPoint p;
+    ShadowCoord p;
     if (lengths.x >= max(lengths.y, lengths.z)) p.layer = away.x > 0.0 ? 0 : 1;
     else if (lengths.y >= lengths.z) p.layer = away.y > 0.0 ? 2 : 3;
     else p.layer = away.z > 0.0 ? 4 : 5;
@@ -33,16 +33,16 @@ MapPoint map_point(vec3 position) {
 }
 
 // An offset in texels of the receiver's face, on the face's plane.
-vec3 moved_direction(MapPoint p, vec2 offset) {
+vec3 moved_direction(ShadowCoord p, vec2 offset) {
     return cube_faces[p.layer] * vec3(offset * p.texel, 0.0) - p.axis * p.axis_distance;
 }
 
-float compare_direction(MapPoint p, vec3 direction) {
+float compare_direction(ShadowCoord p, vec3 direction) {
     return p.depth - p.bias <= textureLod(map_depths, direction, 0.0).r ? 1.0 : 0.0;
 }
 
-float compare_nearest(MapPoint p, vec2 offset) { return compare_direction(p, moved_direction(p, offset)); }
+float compare_nearest(ShadowCoord p, vec2 offset) { return compare_direction(p, moved_direction(p, offset)); }
 
-float compare_linear(MapPoint p, vec2 offset) {
+float compare_linear(ShadowCoord p, vec2 offset) {
     return texture(map_compare, vec4(moved_direction(p, offset), p.depth - p.bias));
 }

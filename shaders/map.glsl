@@ -1,5 +1,5 @@
 // Where a receiver lies in a shadow map, of one layer or several (LAYERS). All depths are the map's own, in [0, 1], growing
-// towards the light where REVERSED. SIZE comes from the parameter of that name; cube_map.glsl has a map_point of its own.
+// towards the light where REVERSED. SIZE comes from the parameter of that name; cube_map.glsl has a shadow_coord of its own.
 #include "receiver.glsl"
 #ifndef LAYERS
 #define LAYERS 1
@@ -14,7 +14,7 @@ uniform float position_step;  // local length that float32 rounds positions by
 const float depth_sign = REVERSED == 1 ? -1.0 : 1.0;
 const float map_size = float(SIZE);
 
-struct MapPoint {
+struct ShadowCoord {
     vec2 uv;                 // in the layer, [0, 1]
     int layer;               // of an array, face of a cube
     float depth;
@@ -34,14 +34,14 @@ float step_of_depth(float depth_per_length) { return max(depth_step, position_st
 // Of the angle between the surface and what the map's depth grows along. For a directional light and for a cube, whose
 // depth is the distance, that is θ, the angle between N and L; for a spot it differs from θ off the axis, where even a
 // surface that faces the light changes its depth in the map.
-float sin_slope(Receiver r, MapPoint p) {
+float sin_slope(Receiver r, ShadowCoord p) {
     float along = dot(r.normal, p.axis);
     return sqrt(max(1.0 - along * along, 0.0));
 }
 
 // Depth along the axis that the surface gains for each length across the map: on the plane N·P = c seen in direction
 // d (d·axis = 1) the depth is c/(N·d), and its gradient is |N across the axis| · depth/(N·d).
-float tan_slope(Receiver r, MapPoint p) {
+float tan_slope(Receiver r, ShadowCoord p) {
     return sin_slope(r, p) * p.axis_distance / (r.distance * max(r.cosine, 1e-6));
 }
 
@@ -52,8 +52,8 @@ uniform vec2 texel_width[LAYERS];   // local lengths of a texel; for a spot at u
 uniform float depth_scale[LAYERS];  // depth per local length along the axis: 1/(far − near); for a spot f·n/(f − n)
 uniform vec3 light_axis;            // unit vector from the map's plane back towards the light
 
-MapPoint map_point(vec3 position, int layer) {
-    MapPoint p;
+ShadowCoord shadow_coord(vec3 position, int layer) {
+    ShadowCoord p;
     vec4 projected = world_to_map[layer] * vec4(position, 1.0);
     p.uv = projected.xy / projected.w;
     p.layer = layer;
@@ -68,5 +68,5 @@ MapPoint map_point(vec3 position, int layer) {
 }
 
 // Of a world-space plane (N, −N·P), in the layer's own space: a plane maps by the inverse transpose.
-vec4 plane_in_map(vec4 plane, MapPoint p) { return plane * map_to_world[p.layer]; }
+vec4 plane_in_map(vec4 plane, ShadowCoord p) { return plane * map_to_world[p.layer]; }
 #endif

@@ -15,7 +15,7 @@ uniform sampler2DShadow map_compare;  // the same map, compared and blended 2×2
 #endif
 
 // Lit where the receiver, on its own plane above the texel's centre, is not behind the stored depth.
-float compare(float stored, vec2 texel, MapPoint p) {
+float compare(float stored, vec2 texel, ShadowCoord p) {
     // Clamped as the map's own depths are: a plane that runs past the far plane must not lie behind an empty texel, and
     // one that runs past the near plane not in front of the casters that are stored there.
     float depth = p.depth + dot(p.gradient, (texel + 0.5) / map_size - p.uv);
@@ -25,13 +25,13 @@ float compare(float stored, vec2 texel, MapPoint p) {
 }
 
 // The one texel that holds uv, moved by an offset in texels.
-float compare_nearest(MapPoint p, vec2 offset) {
+float compare_nearest(ShadowCoord p, vec2 offset) {
     vec2 texel = floor(p.uv * map_size + offset);
     return compare(textureLod(map_depths, IN_LAYER((texel + 0.5) / map_size, p), 0.0).r, texel, p);
 }
 
 // Four texels around uv, weighted as a linear filter would.
-float compare_linear(MapPoint p, vec2 offset) {
+float compare_linear(ShadowCoord p, vec2 offset) {
 #ifdef BIAS_HAS_GRADIENT
     // Each texel has its own depth to compare with, which the hardware's comparison cannot know.
     vec2 at = p.uv * map_size + offset - 0.5;
@@ -52,8 +52,8 @@ float compare_linear(MapPoint p, vec2 offset) {
 
 // Visibility of a receiver by one layer. Every pixel of a quad must call it: a bias may take screen derivatives.
 float map_visibility(Receiver r, int layer) {
-    MapPoint p = map_point(r.position, layer);
-    p = map_point(r.position + bias_offset(r, p), layer);
+    ShadowCoord p = shadow_coord(r.position, layer);
+    p = shadow_coord(r.position + bias_offset(r, p), layer);
     // Casters in front of near are stored at near itself; a bias larger than the receiver's depth would see past them.
     float room = REVERSED == 1 ? 1.0 - p.depth : p.depth;
     p.bias = min(bias_depth(r, p), max(room - depth_step, 0.0));

@@ -36,10 +36,10 @@ from shadowbench.extremes.stressed import LIMITS, chosen_axes
 from shadowbench.extremes.stressed import stress as walked
 from shadowbench.extremes.sweep import default_specs
 from shadowbench.measure import single
-from shadowbench.measure.drawn import Drawn
-from shadowbench.measure.place import Limits
+from shadowbench.measure.executor import Limits
 from shadowbench.measure.printed import techniques_with
-from shadowbench.measure.scoring import reference_of
+from shadowbench.measure.rendering import Rendering
+from shadowbench.measure.scoring import prepare_truth
 from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Scene, View
@@ -120,7 +120,7 @@ def render(
     light: str | None = None,
     plugins: Files = (),
     tint: bool = False,
-) -> Drawn:
+) -> Rendering:
     """One draw of a view with a technique's shadows: `visibility`, `picture` and `map`, beside its work and memory.
 
     map: linear depth in [0, 1] as (H, W), near is 0; of `cube-map` the faces unfolded into a cross (3 · size,
@@ -144,7 +144,7 @@ def score(visibility: NDArray[Any], truth: Truth) -> Mapping[str, float | None]:
     of_kind(truth, "truth", "what truth returns", Truth)
     mask = lit_share(visibility, "visibility", truth.visibility.shape)
     try:
-        return metrics_of(quantise(mask), reference_of(truth))
+        return metrics_of(quantise(mask), prepare_truth(truth))
     except ValueError as error:
         raise InputError(f"visibility: {error}") from None
 
@@ -185,8 +185,8 @@ def run(
         rounds=None if rounds is None else whole(rounds, "rounds", 0, 10_000),
     )
     limits = Limits(asked.time_limit, int(asked.memory_limit * 2**30))
-    with _folder(folder) as place:
-        return measure(asked, place, _worker(files, limits), _Logged()).frame
+    with _folder(folder) as path:
+        return measure(asked, path, _worker(files, limits), _Logged()).frame
 
 
 def needs(scene: SceneLike, *, view_size: int = 512, view: str | None = None, light: str | None = None) -> Needs:
@@ -220,8 +220,8 @@ def recommend(
     target = target_of(**{name: None if one is None else number(one, name) for name, one in limits.items()})
     files = _paths(plugins)
     chosen, known = _view(scene, view_size, view, light), techniques_with(files)
-    with _folder(folder) as place:
-        found, _ = recommended(chosen, target, known, place, _worker(files), _Logged(), on_this_machine=on_this_machine)
+    with _folder(folder) as path:
+        found, _ = recommended(chosen, target, known, path, _worker(files), _Logged(), on_this_machine=on_this_machine)
     return found
 
 
@@ -241,8 +241,8 @@ def stress(
     chosen = chosen_axes(several(axes, "axes", "names of axes", str))
     known = techniques_with(files)
     specs = _specs(techniques, known) or default_specs(known.values())
-    with _folder(folder) as place:
-        found = walked(specs, chosen, place, _worker(files, LIMITS), _Logged(), quick=quick)
+    with _folder(folder) as path:
+        found = walked(specs, chosen, path, _worker(files, LIMITS), _Logged(), quick=quick)
     return ranges_frame(found.ranges)
 
 

@@ -54,7 +54,7 @@ class ShadowAccuracy:
     def _empty(self) -> str:
         """Why a metric has nothing to divide by."""
         comparison = self.accuracy.comparison
-        scored, truth, mask = comparison.reference.pixels, int(comparison.reference.shadow.sum()), comparison.shadow
+        scored, truth, mask = comparison.truth.pixels, int(comparison.truth.shadow.sum()), comparison.shadow
         if not truth and not mask.any():
             return f"neither the truth nor the mask has a shadow in the {scored} pixels scored"
         return (

@@ -15,7 +15,7 @@ from typing import Any
 import psutil
 import pytest
 
-from shadowbench.measure.place import Limits
+from shadowbench.measure.executor import Limits
 from shadowbench.measure.rows import Result
 from shadowbench.measure.worker import Worker
 from shadowbench.studies.run import run_study

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from shadowbench.measure.cells import CellRequest, PlacedView
-from shadowbench.measure.scoring import mask_record, reference_of
+from shadowbench.measure.scoring import mask_record, prepare_truth
 from shadowbench.measure.session import Session, Unsupported
 from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import builtin_names
@@ -88,11 +88,11 @@ def check(view: View, worker: Worker) -> Checked:
     technique = "cube-map:depth=d32f" if view.light.kind == "point" else "shadow-map:depth=d32f"
     predicted = needs(view)
     truth = cached_truth(view)
-    reference = reference_of(truth)
+    prepared = prepare_truth(truth)
 
     def measure(spec: str) -> Metrics:
         drawn = worker.call(Session.draw, PlacedView(view), CellRequest(spec))
-        metrics: Metrics = mask_record(drawn.visibility, truth, reference)["metrics"]
+        metrics: Metrics = mask_record(drawn.visibility, truth, prepared)["metrics"]
         return metrics
 
     def edge_p95(spec: str) -> float | None:

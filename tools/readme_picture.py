@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from shadowbench.measure.cells import CellRequest, PlacedView
-from shadowbench.measure.scoring import reference_of
+from shadowbench.measure.scoring import prepare_truth
 from shadowbench.measure.session import Session
 from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import load_scene
@@ -35,7 +35,7 @@ def _row(worker: Worker, name: str) -> NDArray[np.uint8]:
     scene = load_scene(name)
     view = view_of(scene, scene.cameras[0], scene.lights[0], SIZE)
     truth = cached_truth(view)
-    reference = reference_of(truth)
+    prepared = prepare_truth(truth)
     tiles = []
     with worker:
         for spec in SPECS:
@@ -44,7 +44,7 @@ def _row(worker: Worker, name: str) -> NDArray[np.uint8]:
             shadow, decided = drawn.visibility < 0.5, truth.receivers & ~truth.undecided
             tile[decided & shadow & (truth.visibility > 0.5)] = FALSE_SHADOW
             tile[decided & ~shadow & (truth.visibility < 0.5)] = FALSE_LIGHT
-            tiles.append(_labelled(tile, f"{spec}   IoU {score(drawn.visibility, reference)['iou']:.3f}"))
+            tiles.append(_labelled(tile, f"{spec}   IoU {score(drawn.visibility, prepared)['iou']:.3f}"))
     return np.hstack(tiles)
 
 

@@ -20,8 +20,8 @@ from PIL import Image
 
 from shadowbench.extremes.axes.model import NAMES
 from shadowbench.measure.cells import CellRequest, PlacedView
-from shadowbench.measure.drawn import Drawn
-from shadowbench.measure.scoring import reference_of
+from shadowbench.measure.rendering import Rendering
+from shadowbench.measure.scoring import prepare_truth
 from shadowbench.measure.session import Session
 from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import load_scene
@@ -66,7 +66,7 @@ class Shown:
 
     scene: str
     reasons: dict[str, str | None]
-    drawn: Drawn | None
+    drawn: Rendering | None
     scores: dict[str, float | None]
 
 
@@ -125,7 +125,7 @@ def _show(worker: Worker, technique: type[Technique], draw: bool) -> Shown:
         if not draw:
             return Shown(name, reasons, None, dict.fromkeys(SHOWN))
         drawn = worker.call(Session.draw, PlacedView(view), CellRequest(technique.name))
-        return Shown(name, reasons, drawn, score(drawn.visibility, reference_of(cached_truth(view))))
+        return Shown(name, reasons, drawn, score(drawn.visibility, prepare_truth(cached_truth(view))))
     raise SystemExit(f"{technique.name} declines {', '.join(FALLBACK)}: give it `shown_in`, the name of one it draws")
 
 

@@ -3,4 +3,4 @@
 uniform float bias_units;
 uniform float metre;  // local length: w is the distance along a spot's axis, in the file's units
 
-float bias_depth(Receiver r, MapPoint p) { return light.w > 0.0 ? bias_units * metre / p.axis_distance : bias_units; }
+float bias_depth(Receiver r, ShadowCoord p) { return light.w > 0.0 ? bias_units * metre / p.axis_distance : bias_units; }

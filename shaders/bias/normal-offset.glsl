@@ -5,8 +5,8 @@
 uniform float bias_scale;
 uniform float bias_ulps;
 
-vec3 bias_offset(Receiver r, MapPoint p) {
+vec3 bias_offset(Receiver r, ShadowCoord p) {
     return r.normal * (bias_scale * p.radius * length(p.texel) * sin_slope(r, p));
 }
 
-float bias_depth(Receiver r, MapPoint p) { return bias_ulps * p.step; }
+float bias_depth(Receiver r, ShadowCoord p) { return bias_ulps * p.step; }

@@ -6,7 +6,7 @@ uniform float bias_limit;
 uniform float bias_slack;
 uniform float bias_ulps;
 
-vec2 bias_gradient(Receiver r, MapPoint p) {
+vec2 bias_gradient(Receiver r, ShadowCoord p) {
 #ifdef BIAS_GRADIENT_DERIVATIVE
     vec3 dx = dFdx(vec3(p.uv, p.depth));
     vec3 dy = dFdy(vec3(p.uv, p.depth));
@@ -21,7 +21,7 @@ vec2 bias_gradient(Receiver r, MapPoint p) {
     return gradient * min(1.0, bias_limit / max(tan_slope(r, p), 1e-6));
 }
 
-float bias_depth(Receiver r, MapPoint p) {
+float bias_depth(Receiver r, ShadowCoord p) {
     // The texel's centre may lie on a neighbouring triangle, which leans towards the light.
     return bias_slack * max(p.texel.x, p.texel.y) * p.depth_per_length + bias_ulps * p.step;
 }

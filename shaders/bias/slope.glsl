@@ -2,4 +2,4 @@
 uniform float bias_max;
 uniform float bias_min;
 
-float bias_depth(Receiver r, MapPoint p) { return max(bias_max * (1.0 - r.cosine), bias_min); }
+float bias_depth(Receiver r, ShadowCoord p) { return max(bias_max * (1.0 - r.cosine), bias_min); }

@@ -10,12 +10,12 @@ uniform float bias_limit;
 uniform float bias_grazing;
 uniform float bias_ulps;
 
-vec3 bias_offset(Receiver r, MapPoint p) {
+vec3 bias_offset(Receiver r, ShadowCoord p) {
     if (tan_slope(r, p) < bias_grazing) return vec3(0.0);
     return r.normal * (bias_scale * p.radius * length(p.texel) * sin_slope(r, p));
 }
 
-float bias_depth(Receiver r, MapPoint p) {
+float bias_depth(Receiver r, ShadowCoord p) {
     float steep = tan_slope(r, p);
     float most = bias_limit * (1.0 + light.w) * max(p.texel.x, p.texel.y);
     float reach = bias_scale * p.radius * min(length(p.texel) * steep, most);

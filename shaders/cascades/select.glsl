@@ -28,8 +28,8 @@ Choice cascade_of(Receiver r) {
 #else
 // How far inside a layer's box the point lies where the bias moves it, less the filter's reach, as a share of the box.
 float room_in(Receiver r, int layer) {
-    MapPoint p = map_point(r.position, layer);
-    p = map_point(r.position + bias_offset(r, p), layer);
+    ShadowCoord p = shadow_coord(r.position, layer);
+    p = shadow_coord(r.position + bias_offset(r, p), layer);
     vec3 at = vec3(p.uv, p.depth);
     vec3 room = min(at, 1.0 - at) - vec3(vec2(filter_radius / map_size), 0.0);
     return min(room.x, min(room.y, room.z));

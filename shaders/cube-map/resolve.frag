@@ -5,14 +5,14 @@ uniform vec3 eye;
 uniform float view_far;
 #include <filter>
 #ifndef FILTER_HAS_REACH
-float filter_reach(MapPoint p) { return filter_radius; }
+float filter_reach(ShadowCoord p) { return filter_radius; }
 #endif
 out float visibility;
 
 void main() {
     Receiver r = receiver_at(ivec2(gl_FragCoord.xy));
-    MapPoint p = map_point(r.position);
-    p = map_point(r.position + bias_offset(r, p));
+    ShadowCoord p = shadow_coord(r.position);
+    p = shadow_coord(r.position + bias_offset(r, p));
     p.bias = bias_depth(r, p);
     visibility = r.facing ? filter_visibility(p) : 1.0;
 }

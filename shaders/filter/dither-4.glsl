@@ -1,7 +1,7 @@
 // Four taps whose pattern moves with the parity of the pixel (Bunnell and Pellacini 2004).
 uniform float filter_width;
 
-float filter_visibility(MapPoint p) {
+float filter_visibility(ShadowCoord p) {
 #ifdef FILTER_UNIT_MAP
     float w = filter_width * map_size / 1000.0;
 #else

@@ -1,1 +1,1 @@
-float filter_visibility(MapPoint p) { return compare_linear(p, vec2(0.0)); }
+float filter_visibility(ShadowCoord p) { return compare_linear(p, vec2(0.0)); }

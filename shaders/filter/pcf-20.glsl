@@ -4,18 +4,18 @@
 uniform float filter_spread;
 const float to_corner = sqrt(3.0);
 
-float half_side(MapPoint p) {
+float half_side(ShadowCoord p) {
     return filter_spread * (1.0 + distance(eye, light.xyz - p.axis * p.axis_distance) / view_far);
 }
 
 // In texel diagonals, of which a radius of 1 reaches one: half a texel, and the largest angle that an offset can make,
 // as a length across at the receiver's distance.
-float filter_reach(MapPoint p) {
+float filter_reach(ShadowCoord p) {
     float angle = asin(min(to_corner * half_side(p) / p.axis_distance, 1.0));
     return filter_radius + angle * p.axis_distance / length(p.texel);
 }
 
-float filter_visibility(MapPoint p) {
+float filter_visibility(ShadowCoord p) {
     vec3 away = -p.axis * p.axis_distance;
     float side = half_side(p);
     float lit = 0.0;

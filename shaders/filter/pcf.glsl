@@ -1,5 +1,5 @@
 // Percentage-closer filtering (Reeves, Salesin and Cook 1987): an n×n box at texel steps.
-float filter_visibility(MapPoint p) {
+float filter_visibility(ShadowCoord p) {
     const int reach = (FILTER_TAPS - 1) / 2;
     float lit = 0.0;
     for (int y = -reach; y <= reach; ++y)

@@ -34,13 +34,13 @@ float facing(Corner a, Corner b, Corner c) {
 }
 
 // How often a triangle's cap counts: facing ones once in a closed part, all of them, turned to the light, in others.
-uniform bool turned;
-float cap_weight(float side) { return turned ? side : max(side, 0.0); }
+uniform bool count_both_facings;
+float cap_weight(float side) { return count_both_facings ? side : max(side, 0.0); }
 
 // How often the wall of edge a → b counts: the sum over its two triangles of ±1, by the direction in which the triangle,
 // turned to the light, runs along the edge. That is its facing in the order a, b, third corner, however it is wound.
 // In a closed part only the facing one of two opposed triangles counts, which halves the sum.
 float wall_weight(Corner c, Corner a, Corner b, Corner d) {
     float sum = facing(a, b, c) + (d.id == a.id ? 0.0 : facing(a, b, d));
-    return turned ? sum : 0.5 * sum;
+    return count_both_facings ? sum : 0.5 * sum;
 }

@@ -14,10 +14,10 @@ from shadowbench.advice.words import in_the_way
 from shadowbench.errors import InputError
 from shadowbench.files import check_folder, replace_file
 from shadowbench.measure.cells import Block, Cell, PlacedView
+from shadowbench.measure.executor import Executor
 from shadowbench.measure.machine import write_run_file
 from shadowbench.measure.measurer import Measurer, Reporter
 from shadowbench.measure.pictures import Pictures
-from shadowbench.measure.place import Place
 from shadowbench.measure.references import USUAL
 from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.rows import Result
@@ -54,7 +54,7 @@ def recommended(
     target: Target,
     known: Techniques,
     folder: Path,
-    place: Place,
+    executor: Executor,
     reporter: Reporter,
     *,
     on_this_machine: bool = False,
@@ -66,14 +66,14 @@ def recommended(
     counts no work.
     """
     check_folder(folder)
-    info = place.info
+    info = executor.info
     unit = _unit(target, info, on_this_machine)
     reporter.stage("truth", 1)
     truth = cached_truth(view)
     study = Study.of([view.scene], [USUAL], view_size=view.size, rounds=ROUNDS if unit == "ms" else 0)
     results: list[Result] = []
     with closing(RowStore(folder)) as store:
-        measurer = Measurer(place, store, study.conditions(), reporter, Pictures(folder))
+        measurer = Measurer(executor, store, study.conditions(), reporter, Pictures(folder))
         reporter.stage("measuring", 1)
 
         def measure(spec: Spec) -> Result:
@@ -100,12 +100,12 @@ def _unit(target: Target, info: DeviceInfo, on_this_machine: bool) -> Unit:
     return "work"
 
 
-def export_choice(found: Recommendation, folder: Path, place: Place) -> None:
+def export_choice(found: Recommendation, folder: Path, executor: Executor) -> None:
     """`parameters.json` and a file for each stage of each program of the choice; nothing where there is no choice."""
     if found.choice is None:
         return
     spec = found.choice.spec
-    shaders = place.call(Session.shaders, PlacedView(found.view), Cell(spec).request)
+    shaders = executor.call(Session.shaders, PlacedView(found.view), Cell(spec).request)
     parameters = {
         "spec": spec.text,
         "technique": spec.technique.name,

@@ -12,7 +12,7 @@ from shadowbench.advice.tune_space import Space
 from shadowbench.advice.tune_split import Split
 from shadowbench.errors import InputError
 from shadowbench.measure.cells import Block
-from shadowbench.measure.place import CellFailed
+from shadowbench.measure.executor import CellFailed
 from shadowbench.studies.times import pareto_front
 from shadowbench.techniques.spec import Spec
 

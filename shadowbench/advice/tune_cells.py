@@ -52,7 +52,7 @@ class Cells:
     def refusal(self, spec: Spec, block: Block) -> str | None:
         """Why a spec has no answer for a block's view; None where it has one."""
         at = PlacedView(block.view, self.study.coordinates)
-        return self.measurer.place.call(Session.unsupported, at, Cell(spec).request)
+        return self.measurer.executor.call(Session.unsupported, at, Cell(spec).request)
 
     def refused_rows(self, spec: Spec, names: Sequence[str], blocks: Sequence[Block]) -> dict[str, frozenset[str]]:
         """By parameter, the rows with which a spec has no answer under one of the kinds of light that there are."""

@@ -13,9 +13,9 @@ from shadowbench.advice.tune_space import Space, searched
 from shadowbench.advice.tune_split import split_of
 from shadowbench.errors import InputError
 from shadowbench.files import check_folder
+from shadowbench.measure.executor import Executor
 from shadowbench.measure.machine import write_run_file
 from shadowbench.measure.measurer import Measurer, Reporter
-from shadowbench.measure.place import Place
 from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.rows import Result
 from shadowbench.scenes.library import builtin_names
@@ -38,7 +38,7 @@ class Tuned:
 def tuned(
     spec: Spec,
     folder: Path,
-    place: Place,
+    executor: Executor,
     reporter: Reporter,
     *,
     scenes: Sequence[str | Scene] = (),
@@ -63,12 +63,12 @@ def tuned(
     together = {"reference": home, "map_size": map_size, "rounds": 0, "phases": phases, **others}
     study = Study.of(scenes or builtin_names(), [home], **together)
     check_folder(folder)
-    info = place.info
+    info = executor.info
     check_sizes(study, info)
     if not info.pipeline_statistics:
         raise InputError(f"{info.renderer} counts no invocations, so there is no cost to tune for")
     with closing(RowStore(folder)) as store:
-        cells = Cells(study, Measurer(place, store, study.conditions(), reporter))
+        cells = Cells(study, Measurer(executor, store, study.conditions(), reporter))
         blocks = cells.taking_part(home)
         split = split_of([scene.name for scene in scenes_of(blocks)], held_out)
         space = Space(home, names, cells.refused_rows(home, names, blocks))

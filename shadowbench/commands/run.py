@@ -106,7 +106,7 @@ def run(
     """
     import dataclasses
 
-    from shadowbench.measure.place import Limits
+    from shadowbench.measure.executor import Limits
     from shadowbench.measure.printed import techniques_with
     from shadowbench.measure.worker import Worker
     from shadowbench.studies.measured import asked_study, estimate, measure

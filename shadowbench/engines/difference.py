@@ -18,9 +18,9 @@ def difference_picture(comparison: Comparison) -> NDArray[np.uint8]:
 
     The colour is as strong as the difference of visibility; pixels that are not scored are white.
     """
-    reference = comparison.reference
-    grey = np.where(reference.valid, _SHADOW + (_LIT - _SHADOW) * reference.visibility, _UNSCORED)
-    return difference_over(grey, np.where(reference.valid, comparison.visibility - reference.visibility, 0))
+    prepared = comparison.truth
+    grey = np.where(prepared.valid, _SHADOW + (_LIT - _SHADOW) * prepared.visibility, _UNSCORED)
+    return difference_over(grey, np.where(prepared.valid, comparison.visibility - prepared.visibility, 0))
 
 
 def write_difference(file: Path, picture: NDArray[np.uint8]) -> None:

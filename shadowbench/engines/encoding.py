@@ -40,26 +40,26 @@ def reading_of(comparison: Comparison) -> Reading:
     The misfit is the mean absolute difference of soft pixels to the truth's `area`, each reading shifted as it seems to
     be and at the blur that fits it best; as it is unless another reading leaves clearly less.
     """
-    reference, given = comparison.reference, comparison.visibility
+    prepared, given = comparison.truth, comparison.visibility
     plain = Reading(shift_of(comparison))
-    soft = reference.valid & (given > _SOFT[0]) & (given < _SOFT[1])
+    soft = prepared.valid & (given > _SOFT[0]) & (given < _SOFT[1])
     if np.count_nonzero(soft) < _FEWEST:
         return plain
     readings = [(Reading(plain.shift, False), given)]
     decoded = decode_srgb(given).astype(np.float32)
-    readings.append((Reading(shift_of(Comparison(decoded, reference)), True), decoded))
+    readings.append((Reading(shift_of(Comparison(decoded, prepared)), True), decoded))
     umbra = _umbra(comparison)
     if umbra is not None and _RAISED[0] < umbra < _RAISED[1]:
         lowered = np.clip((given - np.float32(umbra)) / np.float32(1 - umbra), 0, 1)
-        readings.append((Reading(shift_of(Comparison(lowered, reference)), False, round(umbra, 3)), lowered))
-    misfits = [_misfit(values, reference.area, reference.valid, soft, reading.shift) for reading, values in readings]
+        readings.append((Reading(shift_of(Comparison(lowered, prepared)), False, round(umbra, 3)), lowered))
+    misfits = [_misfit(values, prepared.area, prepared.valid, soft, reading.shift) for reading, values in readings]
     best = int(np.argmin(misfits))
     return readings[best if misfits[best] < _CLEAR * misfits[0] else 0][0]
 
 
 def _umbra(comparison: Comparison) -> float | None:
     """The median visibility well inside the truth's shadow; None where that is too small to tell."""
-    inside = comparison.visibility[comparison.reference.shadow_interior]
+    inside = comparison.visibility[comparison.truth.shadow_interior]
     return float(np.median(inside)) if len(inside) >= _FEWEST else None
 
 

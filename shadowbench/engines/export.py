@@ -21,8 +21,10 @@ _ROW = re.compile(r"\[[^][{}]*\]")  # a list of numbers, to stand on one line
 MODEL, DESCRIPTION, EXAMPLE = "scene.glb", "view.json", "truth.png"
 
 
-def export_view(view: View, truth: Truth, folder: Path, reference: str) -> list[Path]:
-    """Write a view's files into a folder, made if need be, and return them; `reference` is what names its scene.
+def export_view(view: View, truth: Truth, folder: Path, scene_name: str) -> list[Path]:
+    """Write a view's files into a folder, made if need be, and return their paths.
+
+    scene_name: the scene as commands name it.
 
     InputError when the folder cannot be written.
     """
@@ -34,7 +36,7 @@ def export_view(view: View, truth: Truth, folder: Path, reference: str) -> list[
     with replace_file(model) as beside:
         beside.write_bytes(glb_of(view))
     with replace_file(description) as beside:
-        text = json.dumps(describe(view, reference), indent=2, ensure_ascii=False, allow_nan=False)
+        text = json.dumps(describe(view, scene_name), indent=2, ensure_ascii=False, allow_nan=False)
         beside.write_text(_ROW.sub(lambda row: " ".join(row[0].split()), text) + "\n", encoding="utf-8")
     write_mask(example, truth.visibility)
     return [model, description, example]
@@ -88,7 +90,7 @@ def projection_matrix(view: View) -> Floats:
     )
 
 
-def describe(view: View, reference: str) -> dict[str, Any]:
+def describe(view: View, scene_name: str) -> dict[str, Any]:
     """What `view.json` holds: everything that the model's file leaves to convention, and the model's poses again."""
     camera, (near, far) = view.camera, view.near_far
     names = ["--view", camera.name, "--light", view.light.name]
@@ -132,7 +134,7 @@ def describe(view: View, reference: str) -> dict[str, Any]:
             "example": EXAMPLE,
             "format": "grey PNG, 8 or 16 bit, linear (no sRGB curve): full where the light is seen, 0 in shadow, "
             "full where no surface faces camera and light",
-            "score": shlex.join(["shadowbench", "score", reference, "MASK.png", *names]),
+            "score": shlex.join(["shadowbench", "score", scene_name, "MASK.png", *names]),
         },
         "assumptions": list(view.scene.notes),
     }

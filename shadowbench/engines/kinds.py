@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from shadowbench.scores.comparison import Comparison
-from shadowbench.scores.reference import INTERIOR_PX
+from shadowbench.scores.prepared import INTERIOR_PX
 
 Mask = NDArray[np.bool_]
 
@@ -29,14 +29,14 @@ def kinds_of(comparison: Comparison, metrics: dict[str, float | None]) -> list[K
     edge is a displaced edge; any other is acne where it is dark, a leak where it is lit. `metrics` is what `score`
     says of the same comparison.
     """
-    reference = comparison.reference
+    prepared = comparison.truth
     false_shadow, false_light = wrong_pixels(comparison)
-    at_edge = reference.squared_edge_distance < INTERIOR_PX**2  # nearer than what the metrics call acne and leak
+    at_edge = prepared.squared_edge_distance < INTERIOR_PX**2  # nearer than what the metrics call acne and leak
     dark_edge, acne = _split(false_shadow, at_edge)
-    contact, elsewhere = _split(false_light, reference.contact)
+    contact, elsewhere = _split(false_light, prepared.contact)
     lit_edge, leak = _split(elsewhere, at_edge)
     displaced = dark_edge | lit_edge
-    reach = np.sqrt(np.percentile(reference.squared_edge_distance[displaced], 95)) if displaced.any() else 0.0
+    reach = np.sqrt(np.percentile(prepared.squared_edge_distance[displaced], 95)) if displaced.any() else 0.0
     found = [
         Kind("displaced edge", int(np.count_nonzero(displaced)), f"95% of them within {reach:.3g} px of the true edge"),
         Kind(
@@ -52,8 +52,8 @@ def kinds_of(comparison: Comparison, metrics: dict[str, float | None]) -> list[K
 
 def wrong_pixels(comparison: Comparison) -> tuple[Mask, Mask]:
     """(N, N) false shadow and false light: valid pixels on the other side of ½ than the truth."""
-    reference = comparison.reference
-    return comparison.shadow & reference.lit, comparison.lit & reference.shadow
+    prepared = comparison.truth
+    return comparison.shadow & prepared.lit, comparison.lit & prepared.shadow
 
 
 def _split(wrong: Mask, place: Mask) -> tuple[Mask, Mask]:

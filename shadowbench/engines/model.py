@@ -88,8 +88,8 @@ def _camera_node(view: View) -> Json:
 def _light_node(light: Light) -> Json:
     # Both kinds of light that have a direction shine along their node's −z.
     turn = np.eye(3) if light.kind == "point" else perpendicular_basis(-unit(light.direction), (0.0, 1.0, 0.0))
-    reference = {"KHR_lights_punctual": {"light": 0}}
-    return {"name": light.name, "extensions": reference, "matrix": _columns(turn, light.position)}
+    extension = {"KHR_lights_punctual": {"light": 0}}
+    return {"name": light.name, "extensions": extension, "matrix": _columns(turn, light.position)}
 
 
 def _columns(basis: Floats, position: tuple[float, float, float]) -> list[float]:

@@ -14,7 +14,7 @@ from shadowbench.engines.orientation import misorientation
 from shadowbench.engines.pictures import Handed
 from shadowbench.engines.shift import shift_of
 from shadowbench.errors import InputError
-from shadowbench.measure.scoring import mask_record, reference_of
+from shadowbench.measure.scoring import mask_record, prepare_truth
 from shadowbench.scenes.model import View
 from shadowbench.scores.comparison import Comparison
 from shadowbench.truths.cache import cached_truth
@@ -74,7 +74,7 @@ class Accuracy:
     def summary(self) -> list[str]:
         """Some lines about what is wrong, for people."""
         false_shadow, false_light = self.wrong
-        scored = self.comparison.reference.pixels
+        scored = self.comparison.truth.pixels
         lines = [f"{scored} pixels scored: {false_shadow} of false shadow, {false_light} of false light"]
         if unmeasured := self.record["input"]["unmeasured"]:
             lines.append(f"{unmeasured} more not scored: lit and ambient picture differ there by less than 1/64")
@@ -93,20 +93,20 @@ def accuracy_of(handed: Handed, view: View) -> Accuracy:
     if handed.measurable is not None:
         unmeasured = int(np.count_nonzero(truth.receivers & ~truth.undecided & ~handed.measurable))
         truth = replace(truth, receivers=truth.receivers & handed.measurable)
-    reference = reference_of(truth)
-    if unmeasured and not reference.pixels:
+    prepared = prepare_truth(truth)
+    if unmeasured and not prepared.pixels:
         raise InputError(
             f"{handed.name}: lit − ambient is below 1/64 in every pixel; allowed: a lit picture of the view"
         )
-    if fault := misorientation(handed.visibility, reference):
+    if fault := misorientation(handed.visibility, prepared):
         raise InputError(
             f"{handed.name}: is {fault}, against the truth of {view.scene.name}; "
             "allowed: row 0 at the top, column 0 at the left, full = lit, 0 = in shadow"
         )
-    comparison = Comparison(handed.visibility, reference)
+    comparison = Comparison(handed.visibility, prepared)
     # Screenshots are decoded already.
     reading = reading_of(comparison) if handed.measurable is None else Reading(shift_of(comparison))
-    clipped = 0 if handed.clipped is None else int(np.count_nonzero(handed.clipped & reference.valid))
+    clipped = 0 if handed.clipped is None else int(np.count_nonzero(handed.clipped & prepared.valid))
     warnings = []
     if reading.shift is not None:
         warnings.append(f"seems shifted by {_told(reading.shift)}; scored as it is")
@@ -116,8 +116,8 @@ def accuracy_of(handed: Handed, view: View) -> Accuracy:
         warnings.append("seems to be sRGB-encoded (its soft values are too light for a linear mask); scored as it is")
     if seems_of_another(comparison):
         warnings.append("has little in common with the truth; is it a mask of this scene, view and light?")
-    if clipped > _NOTED_CLIPPED * reference.pixels:
-        share = clipped / reference.pixels
+    if clipped > _NOTED_CLIPPED * prepared.pixels:
+        share = clipped / prepared.pixels
         warnings.append(f"the lit picture is at full in {share:.1%} of the scored pixels and may be cut off there")
     given = {
         "source": "mask" if handed.measurable is None else "screenshots",
@@ -128,13 +128,13 @@ def accuracy_of(handed: Handed, view: View) -> Accuracy:
         "clipped": clipped,
         "warnings": warnings,
     }
-    record = {**mask_record(handed.visibility, truth, reference), "input": given}
+    record = {**mask_record(handed.visibility, truth, prepared), "input": given}
     return Accuracy(handed, view, comparison, record, tuple(f"{handed.name}: {line}" for line in warnings))
 
 
 def seems_of_another(comparison: Comparison) -> bool:
     """Whether a mask's shadow and the truth's are there, and lie beside each other."""
-    mask, truth = comparison.shadow, comparison.reference.shadow
+    mask, truth = comparison.shadow, comparison.truth.shadow
     common, smaller = np.count_nonzero(mask & truth), min(np.count_nonzero(mask), np.count_nonzero(truth))
     return bool(common < _COMMON * smaller and common < _ALIKE_IOU * np.count_nonzero(mask | truth))
 

@@ -31,16 +31,16 @@ def shift_of(comparison: Comparison) -> Shift | None:
     like the truth: a bias moves each shadow by a length of its own. Along edges that all run one way nothing can be
     seen, and that part is 0.
     """
-    reference = comparison.reference
-    if np.count_nonzero(reference.valid) < _FEWEST:  # one pixel has no gradient either
+    prepared = comparison.truth
+    if np.count_nonzero(prepared.valid) < _FEWEST:  # one pixel has no gradient either
         return None
-    weight = reference.valid.astype(np.float32)
+    weight = prepared.valid.astype(np.float32)
     shift = (0.0, 0.0)
     for sigma in _SMOOTHING:
-        truth, mask = smooth(reference.area, weight, sigma), smooth(comparison.visibility, weight, sigma)
+        truth, mask = smooth(prepared.area, weight, sigma), smooth(comparison.visibility, weight, sigma)
         there = moved(truth, shift)
         rows, columns = (np.gradient(there, axis=axis) for axis in (0, 1))
-        edges = _inside(reference.valid, max(map(abs, shift)) + 2 * sigma) & (np.hypot(rows, columns) > 0.05 / sigma)
+        edges = _inside(prepared.valid, max(map(abs, shift)) + 2 * sigma) & (np.hypot(rows, columns) > 0.05 / sigma)
         if np.count_nonzero(edges) < _FEWEST:
             return None
         # A mask that lies s further is T(p − s): its difference to T is −∇T · s.

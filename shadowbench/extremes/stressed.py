@@ -10,9 +10,9 @@ from shadowbench.extremes.axes.model import VIEW_SIZE
 from shadowbench.extremes.ranges import OperatingRange, operating_ranges, points_frame, ranges_frame
 from shadowbench.extremes.sweep import Sweep
 from shadowbench.files import check_folder
+from shadowbench.measure.executor import Executor, Limits
 from shadowbench.measure.machine import write_run_file
 from shadowbench.measure.measurer import Reporter
-from shadowbench.measure.place import Limits, Place
 from shadowbench.measure.rows import Record
 from shadowbench.studies.folder import read_folders
 from shadowbench.studies.study import Study
@@ -42,23 +42,23 @@ def stress(
     specs: Sequence[Spec],
     axes: Sequence[Axis],
     folder: Path,
-    place: Place,
+    executor: Executor,
     reporter: Reporter,
     *,
     quick: bool = False,
 ) -> Stressed:
     """Walk specs along axes, a few values of each where `quick`; write rows, `ranges.csv`, `table.csv` and `run.json`.
 
-    place: one with LIMITS. Raises InputError for a folder of other files. A cell that fails is a row that says so.
+    executor: one with LIMITS. Raises InputError for a folder of other files. A cell that fails is a row that says so.
     """
     check_folder(folder)
-    rows = Sweep(specs, folder, place, reporter).run(axes, quick)
+    rows = Sweep(specs, folder, executor, reporter).run(axes, quick)
     ranges = operating_ranges(axes, rows)
     write_table(folder / "ranges.csv", ranges_frame(ranges))
     study = Study.of(
         [axis.name for axis in axes], specs, reference=specs[0], view_size=VIEW_SIZE, rounds=0
     )  # as `run.json` tells it
-    write_run_file(folder / "run.json", place.info, [], study.facts, rows)
+    write_run_file(folder / "run.json", executor.info, [], study.facts, rows)
     _, (whole,) = read_folders([folder])
     write_table(folder / "table.csv", points_frame(whole.rows))
     return Stressed(tuple(rows), tuple(ranges))

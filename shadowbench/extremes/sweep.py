@@ -10,10 +10,10 @@ from pathlib import Path
 from shadowbench.extremes.axes import Axis, Setting, Value, shown
 from shadowbench.extremes.ranges import failure
 from shadowbench.measure.cells import Cell, PlacedView
+from shadowbench.measure.executor import Executor
 from shadowbench.measure.keys import cell_key, view_key
 from shadowbench.measure.measurer import Reporter
 from shadowbench.measure.pictures import Pictures
-from shadowbench.measure.place import Place
 from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.rows import Record
 from shadowbench.measure.scorer import Asked, Scorer
@@ -41,15 +41,15 @@ class Point:
 class Sweep:
     """Walks specs along axes into one folder; what is there already is not measured again."""
 
-    def __init__(self, specs: Sequence[Spec], folder: Path, place: Place, reporter: Reporter) -> None:
-        self.specs, self.folder, self.place, self.reporter = specs, folder, place, reporter
+    def __init__(self, specs: Sequence[Spec], folder: Path, executor: Executor, reporter: Reporter) -> None:
+        self.specs, self.folder, self.executor, self.reporter = specs, folder, executor, reporter
         self._bytes: dict[tuple[Spec, str, LightKind], tuple[int, int]] = {}  # of a map of some size
 
     def run(self, axes: Sequence[Axis], quick: bool) -> list[Record]:
         """The rows of all values, in the order of the axes; pictures of those that are out of tolerance."""
         points = [Point(axis, value, light) for axis in axes for light in axis.lights for value in axis.swept(quick)]
         with closing(RowStore(self.folder, sweep=True)) as store:
-            scorer = Scorer(self.place, store, Pictures(self.folder), lambda row: failure(row) is not None)
+            scorer = Scorer(self.executor, store, Pictures(self.folder), lambda row: failure(row) is not None)
             self.reporter.stage("stress", len(points))
             rows = []
             for point in points:
@@ -76,7 +76,7 @@ class Sweep:
 
         views: their keys.
         """
-        parts = [cell_key(Cell(spec), view, setting.coordinates, self.place.info.renderer) for view in views]
+        parts = [cell_key(Cell(spec), view, setting.coordinates, self.executor.info.renderer) for view in views]
         key = json.dumps([point.axis.name, point.value, point.light, parts])
         stands = {
             "axis": point.axis.name,
@@ -93,13 +93,13 @@ class Sweep:
 
         What it would take is told from the last smaller map of the same cell: bytes grow with the square of the size.
         """
-        size, info = spec.map_size, self.place.info
+        size, info = spec.map_size, self.executor.info
         if size is None:
             return None
         if size > info.max_map_size:
             return f"map size {size}: {info.renderer} allows 1 to {info.max_map_size}"
         smaller, taken = self._bytes.get((home, point.axis.name, point.light), (size, 0))
-        needed, limit = taken * (size / smaller) ** 2, SHARE * self.place.limits.bytes
+        needed, limit = taken * (size / smaller) ** 2, SHARE * self.executor.limits.bytes
         if size > smaller and needed > limit:
             return (
                 f"map size {size} takes about {needed / 2**30:.1f} GiB; a cell may take {limit / 2**30:g} GiB, half of "

@@ -13,7 +13,7 @@ def concerned_vertices(geometry: Geometry) -> Floats:
     return used_by(geometry.faces[concerned] if concerned.any() else geometry.faces, geometry.vertices)
 
 
-class CasterHull:
+class SceneHull:
     """What a fit knows of the geometry, computed once: points that bound it in every direction, and its boxes."""
 
     def __init__(self, scene: Scene) -> None:

@@ -7,9 +7,9 @@ from typing import Any
 from shadowbench.errors import InputError, ShadowbenchError
 from shadowbench.files import check_outputs
 from shadowbench.gl.clock import WALL
+from shadowbench.measure.executor import CellFailed
 from shadowbench.measure.machine import machine, versions
 from shadowbench.measure.noise import ALLOWED, CELL, ROUNDS, SCENE, noise
-from shadowbench.measure.place import CellFailed
 from shadowbench.measure.session import DeviceInfo
 from shadowbench.measure.worker import Worker
 from shadowbench.truths.cache import KEPT_BYTES, cache_folder

@@ -6,10 +6,10 @@ Rows go to disk as they are made; a call that finds rows of the same key does no
 from typing import Protocol
 
 from shadowbench.measure.cells import Block, Cell, PlacedView
+from shadowbench.measure.executor import Executor
 from shadowbench.measure.keys import cell_key, view_key
 from shadowbench.measure.machine import machine_key
 from shadowbench.measure.pictures import Pictures
-from shadowbench.measure.place import Place
 from shadowbench.measure.profile import Profile
 from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.rows import Record, Result
@@ -38,17 +38,17 @@ class Measurer:
 
     def __init__(
         self,
-        place: Place,
+        executor: Executor,
         store: RowStore,
         conditions: Conditions,
         reporter: Reporter,
         pictures: Pictures | None = None,
         profile: Profile | None = None,
     ) -> None:
-        self.place, self.store, self.conditions, self.reporter = place, store, conditions, reporter
+        self.executor, self.store, self.conditions, self.reporter = executor, store, conditions, reporter
         self.profile = profile or Profile()
-        self._scorer = Scorer(place, store, pictures, profile=self.profile)
-        self._machine = machine_key(place.info)
+        self._scorer = Scorer(executor, store, pictures, profile=self.profile)
+        self._machine = machine_key(executor.info)
 
     def measured(self, block: Block) -> list[Result]:
         """The rows of a block's cells, made now or before: a step for each, and one for each that may have a time."""
@@ -56,7 +56,7 @@ class Measurer:
         view = view_key(block.view)
         keys = {cell: self._key(cell, view) for cell in block.cells}
         missing = sum(self.store.done(key) is None for key in keys.values())
-        more, room = {"assumptions": list(block.scene.notes)}, int(_KEPT * self.place.limits.bytes)
+        more, room = {"assumptions": list(block.scene.notes)}, int(_KEPT * self.executor.limits.bytes)
         asked = [Asked(cell, key, more=more, keep=room if self.times(cell) else 0) for cell, key in keys.items()]
         self._scorer.rows([at], asked, lambda cell: self.reporter.step(f"{block.scene.name} {cell.spec.text}"))
         for _ in range(len(keys) - missing):
@@ -70,7 +70,7 @@ class Measurer:
         return self.conditions.rounds > 0 and cell.phase == 0
 
     def _key(self, cell: Cell, view: str) -> str:
-        return cell_key(cell, view, self.conditions.coordinates, self.place.info.renderer)
+        return cell_key(cell, view, self.conditions.coordinates, self.executor.info.renderer)
 
     def _time(self, at: PlacedView, view: str, keys: dict[Cell, str]) -> dict[Cell, str]:
         """Time what held and has no time yet. Says what failed."""
@@ -90,7 +90,7 @@ class Measurer:
         }
         steps = 0
         with self.profile.of("waiting"):
-            for timing in time_cells(self.place, at, self.conditions, sizes, lacking) if sizes else ():
+            for timing in time_cells(self.executor, at, self.conditions, sizes, lacking) if sizes else ():
                 if isinstance(timing, Untimed):
                     lost = "no time" if timing.cell in sizes else "no ratios to this reference"
                     self.reporter.note(f"{name} {timing.cell.spec.text}: {lost}: {timing.reason}")

@@ -6,7 +6,7 @@ import numpy as np
 
 from shadowbench.gl.clock import Sample
 from shadowbench.measure.cells import CellRequest, PlacedView
-from shadowbench.measure.place import Place
+from shadowbench.measure.executor import Executor
 from shadowbench.measure.session import Session
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import view_of
@@ -31,18 +31,18 @@ class Noise:
     clock: str
 
 
-def noise(place: Place) -> Noise:
+def noise(executor: Executor) -> Noise:
     """Hold one cell twice, and time the two in turn; raises CellFailed."""
     scene = load_scene(SCENE)
     at = PlacedView(view_of(scene, scene.cameras[0], scene.lights[0], VIEW_SIZE))
     for _ in range(2):
-        place.call(Session.hold, at, CellRequest(CELL))
+        executor.call(Session.hold, at, CellRequest(CELL))
     samples: list[list[Sample]] = []
     while len(samples) < SERIES * ROUNDS:
-        samples.append([place.call(Session.time_frame, held) for held in range(2)])
+        samples.append([executor.call(Session.time_frame, held) for held in range(2)])
         if len({sample.clock for pair in samples for sample in pair}) > 1:
             samples = []  # queries were given up, and for good: by two clocks there is no ratio
-    place.call(Session.let_go)
+    executor.call(Session.let_go)
     ms = np.array([[sample.ms for sample in pair] for pair in samples])
     ratios = ms[:, 0] / ms[:, 1]
     series = [_apart(part) for part in np.split(ratios, SERIES)]

@@ -8,7 +8,7 @@ from PIL import Image
 
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
-from shadowbench.measure.drawn import Drawn
+from shadowbench.measure.rendering import Rendering
 from shadowbench.scenes.model import View
 from shadowbench.scores.masks import mask_sha256, read_mask, write_mask
 from shadowbench.truths.trace import Truth
@@ -20,7 +20,7 @@ class Pictures:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
-    def write_cell(self, key: str, drawn: Drawn) -> None:
+    def write_cell(self, key: str, drawn: Rendering) -> None:
         """What a cell drew."""
         write_mask(self._made("masks") / f"{key}.png", drawn.visibility)
         write_picture(self._made("pictures") / f"{key}.png", drawn.picture)

@@ -48,14 +48,14 @@ def score_row(
     cell: CellIdentity,
     renderer: str,
     outcome: Measured | str,
-    place: Mapping[str, Any] = {},
+    axis_fields: Mapping[str, Any] = {},
     more: Mapping[str, Any] = {},
 ) -> dict[str, Any]:
     """A score record. outcome: as text, the status of a cell that did not hold.
 
-    place: what is known before it is drawn, as where it stands on an axis; more: what a cell that held has besides.
+    axis_fields: the value of the axis that `stress` walks along, if any; more: further fields of a cell that is ok.
     """
-    row = {"kind": "score", "key": key, **cell, **place, "renderer": renderer}
+    row = {"kind": "score", "key": key, **cell, **axis_fields, "renderer": renderer}
     if isinstance(outcome, str):
         return row | {"status": outcome}
     drawn = {"gpu_bytes": outcome.gpu_bytes, "work": dict(outcome.work), "facts": dict(outcome.facts)}

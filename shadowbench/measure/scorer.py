@@ -9,18 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.measure.cells import Cell, PlacedView
-from shadowbench.measure.drawn import Drawn
+from shadowbench.measure.executor import CellFailed, Executor, MemoryExceeded, status_of
 from shadowbench.measure.flips import flips
 from shadowbench.measure.pictures import Pictures
-from shadowbench.measure.place import AteMemory, CellFailed, Place, status_of
 from shadowbench.measure.profile import Profile
+from shadowbench.measure.rendering import Rendering
 from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.rows import CellIdentity, Record
 from shadowbench.measure.score_rows import Measured, identity, score_row
-from shadowbench.measure.scoring import mask_record, reference_of
+from shadowbench.measure.scoring import mask_record, prepare_truth
 from shadowbench.measure.session import Session, Unsupported
 from shadowbench.measure.writer import Writer
-from shadowbench.scores.reference import Reference
+from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.truths.cache import cached_truth
 from shadowbench.truths.trace import Truth
 
@@ -35,7 +35,7 @@ class Asked:
 
     cell: Cell
     key: str
-    place: Mapping[str, Any] = field(default_factory=dict)
+    axis_fields: Mapping[str, Any] = field(default_factory=dict)
     more: Mapping[str, Any] = field(default_factory=dict)
     keep: int = 0
     refused: str | None = None
@@ -47,7 +47,7 @@ class _Seen:
 
     at: PlacedView
     profile: Profile
-    place: Place
+    executor: Executor
 
     @cached_property
     def truth(self) -> Truth:
@@ -55,14 +55,14 @@ class _Seen:
             return cached_truth(self.at.view)
 
     @cached_property
-    def reference(self) -> Reference:
+    def prepared(self) -> PreparedTruth:
         truth = self.truth
         with self.profile.of("score"):
-            return reference_of(truth)
+            return prepare_truth(truth)
 
     @cached_property
     def surface(self) -> NDArray[np.int32]:
-        return self.place.call(Session.surface, self.at)
+        return self.executor.call(Session.surface, self.at)
 
 
 class Scorer:
@@ -74,15 +74,15 @@ class Scorer:
 
     def __init__(
         self,
-        place: Place,
+        executor: Executor,
         store: RowStore,
         pictures: Pictures | None = None,
         shown: Callable[[Record], bool] | None = None,
         profile: Profile | None = None,
     ) -> None:
-        self.place, self.store, self.pictures, self.shown = place, store, pictures, shown
+        self.executor, self.store, self.pictures, self.shown = executor, store, pictures, shown
         self.profile = profile or Profile()
-        self.renderer = place.info.renderer
+        self.renderer = executor.info.renderer
 
     def rows(
         self, frames: Sequence[PlacedView], asked: Sequence[Asked], made: Callable[[Cell], object] = lambda cell: None
@@ -91,7 +91,7 @@ class Scorer:
 
         frames: the view; several are a movement, of which the first is scored, and flips are looked for in all.
         """
-        seen = [_Seen(at, self.profile, self.place) for at in frames]
+        seen = [_Seen(at, self.profile, self.executor) for at in frames]
         missing: dict[str, Asked] = {}
         for one in asked:
             if self.store.done(one.key) is None:
@@ -105,10 +105,10 @@ class Scorer:
                 made(one.cell)
         return [self.store.scores[one.key] for one in asked]
 
-    def _row(self, seen: Sequence[_Seen], asked: Asked, writer: Writer) -> tuple[Record, Drawn | None]:
+    def _row(self, seen: Sequence[_Seen], asked: Asked, writer: Writer) -> tuple[Record, Rendering | None]:
         """A cell's row, and what the first frame drew; None for a cell that did not hold."""
         first, cell = seen[0], _named(asked.cell, seen[0].at)
-        make = partial(score_row, asked.key, cell, self.renderer, place=asked.place)
+        make = partial(score_row, asked.key, cell, self.renderer, axis_fields=asked.axis_fields)
         try:
             if asked.refused is not None:
                 raise Unsupported(asked.refused)
@@ -117,33 +117,33 @@ class Scorer:
                 drawn, *later = [self._draw(one.at, asked, writer) for one in seen]
         except (Unsupported, CellFailed) as reason:
             return make(status_of(reason)), None
-        truth, reference = first.truth, first.reference
+        truth, prepared = first.truth, first.prepared
         with self.profile.of("score"):
-            mask = mask_record(drawn.visibility, truth, reference, surface)
+            mask = mask_record(drawn.visibility, truth, prepared, surface)
         more = dict(asked.more)
         if later:
             masks = [one.visibility for one in (drawn, *later)]
             more["flips"] = flips(masks, [one.truth for one in seen])
         return make(Measured(mask, drawn.gpu_bytes, drawn.work, drawn.facts), more=more), drawn
 
-    def _draw(self, at: PlacedView, asked: Asked, writer: Writer) -> Drawn:
+    def _draw(self, at: PlacedView, asked: Asked, writer: Writer) -> Rendering:
         """A cell, which the session keeps for timing while there is room."""
         try:
             return self._build_and_draw(at, asked, writer, asked.keep)
-        except AteMemory:
+        except MemoryExceeded:
             if not asked.keep:
                 raise
             # The others that were kept may have been too much beside it; the new worker has none.
             return self._build_and_draw(at, asked, writer, 0)
 
-    def _build_and_draw(self, at: PlacedView, asked: Asked, writer: Writer, keep: int) -> Drawn:
+    def _build_and_draw(self, at: PlacedView, asked: Asked, writer: Writer, keep: int) -> Rendering:
         request = asked.cell.request
         writer.finish()  # building is timed: nothing runs beside it
-        self.place.call(Session.build, at, request)
+        self.executor.call(Session.build, at, request)
         writer.start()
-        return self.place.call(Session.draw, at, request, keep=keep)
+        return self.executor.call(Session.draw, at, request, keep=keep)
 
-    def _keep(self, seen: _Seen, row: Record, drawn: Drawn | None) -> None:
+    def _keep(self, seen: _Seen, row: Record, drawn: Rendering | None) -> None:
         """Images first: a row says that they are there."""
         if drawn is not None and self.pictures is not None and (self.shown is None or self.shown(row)):
             self.pictures.write_cell(row["key"], drawn)

@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 
 from shadowbench.scores.masks import mask_sha256
 from shadowbench.scores.metrics import score
-from shadowbench.scores.reference import Reference
+from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.truths.trace import Truth
 
 
-def reference_of(truth: Truth) -> Reference:
+def prepare_truth(truth: Truth) -> PreparedTruth:
     """A truth as scores see it."""
-    return Reference(
+    return PreparedTruth(
         visibility=truth.visibility,
         receivers=truth.receivers,
         undecided=truth.undecided,
@@ -25,15 +25,15 @@ def reference_of(truth: Truth) -> Reference:
 
 
 def mask_record(
-    visibility: NDArray[np.float32], truth: Truth, reference: Reference, surface: NDArray[np.int32] | None = None
+    visibility: NDArray[np.float32], truth: Truth, prepared: PreparedTruth, surface: NDArray[np.int32] | None = None
 ) -> dict[str, Any]:
     """What a score record says of a mask: its metrics and digest, and how many pixels they rest on.
 
-    visibility: (N, N), quantised to 16 bits; reference: `reference_of(truth)`, made once for many masks; surface:
+    visibility: (N, N), quantised to 16 bits; prepared: `prepare_truth(truth)`, made once for many masks; surface:
     (N, N) triangle ids of the G-buffer that the mask was drawn over, None where there is none. Row 0 is at the top.
     """
     record: dict[str, Any] = {
-        "metrics": score(visibility, reference),
+        "metrics": score(visibility, prepared),
         "receivers": int(truth.receivers.sum()),
         "undecided": int((truth.receivers & truth.undecided).sum()),
         "mask_sha256": mask_sha256(visibility),

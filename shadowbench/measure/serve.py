@@ -17,8 +17,8 @@ import psutil
 import shadowbench
 from shadowbench.errors import ShadowbenchError, message, quoted
 from shadowbench.gl.program import ShaderError
+from shadowbench.measure.executor import CellFailed, MemoryExceeded
 from shadowbench.measure.pipe import Pipe
-from shadowbench.measure.place import AteMemory, CellFailed
 from shadowbench.measure.session import Session, Unsupported
 
 if sys.platform == "win32":
@@ -62,7 +62,7 @@ def serve(handle: str, parent: str) -> None:
         except Unsupported as reason:
             answer = "error", reason
         except MemoryError:
-            answer = "error", AteMemory("ate memory: an allocation failed")
+            answer = "error", MemoryExceeded("ate memory: an allocation failed")
         except Exception as error:  # whatever a technique raises costs its own cell only
             answer = "error", CellFailed(_told(error))
         pipe.send(answer)

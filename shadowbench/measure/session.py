@@ -20,9 +20,9 @@ from shadowbench.gl.clock import Clock, PassTimes, Sample, with_cost, work_of
 from shadowbench.gl.device import Device, open_device
 from shadowbench.gl.gbuffer import download
 from shadowbench.measure.cells import CellRequest, PlacedView
-from shadowbench.measure.drawn import Drawn, numbers, own_work
 from shadowbench.measure.loaded import Built, LoadedScene, OpenView
 from shadowbench.measure.profile import Profile
+from shadowbench.measure.rendering import Rendering, numbers, own_work
 from shadowbench.scores.masks import quantise
 from shadowbench.techniques.base import Frame, Phase, Stage, Technique
 from shadowbench.techniques.registry import shader_folder, techniques
@@ -148,7 +148,7 @@ class Session:
 
     def draw(
         self, at: PlacedView, request: CellRequest, with_map: bool = False, tinted: bool = False, keep: int = 0
-    ) -> Drawn:
+    ) -> Rendering:
         """Build unless it is kept, draw once, read back, release. Raises Unsupported, or whatever the technique raises.
 
         `tinted` multiplies the technique's own colours into the picture, where it has any. It is kept for `hold`
@@ -167,7 +167,7 @@ class Session:
             built.stage.release()
         return drawn
 
-    def _drawn(self, opened: OpenView, request: CellRequest, built: Built, with_map: bool, tinted: bool) -> Drawn:
+    def _drawn(self, opened: OpenView, request: CellRequest, built: Built, with_map: bool, tinted: bool) -> Rendering:
         technique, frame, view = built.technique, built.frame, opened.view
         self._tidy()
         with self._passes():
@@ -186,7 +186,7 @@ class Session:
             # The same frame, index 0, so that the work is that of the frame which is scored: history stays void.
             work = work_of(self.device, lambda: technique.draw(frame))
         work = with_cost(work | own_work(technique, view.size**2, facts))
-        return Drawn(visibility, picture, depths, built.stage.bytes, work, facts)
+        return Rendering(visibility, picture, depths, built.stage.bytes, work, facts)
 
     def hold(self, at: PlacedView, request: CellRequest) -> float:
         """Hold a cell for timing, as it was kept or built anew, warmed up; the milliseconds that building it took."""

@@ -2,24 +2,26 @@
 
 from shadowbench.errors import InputError, ShadowbenchError
 from shadowbench.measure.cells import Cell, PlacedView
-from shadowbench.measure.drawn import Drawn
-from shadowbench.measure.place import CellFailed, Place
+from shadowbench.measure.executor import CellFailed, Executor
+from shadowbench.measure.rendering import Rendering
 from shadowbench.measure.session import Session, Unsupported
 from shadowbench.scenes.model import View
 from shadowbench.techniques.spec import Spec
 
 
-def render(view: View, spec: Spec, place: Place, *, name: str, with_map: bool = False, tint: bool = False) -> Drawn:
+def render(
+    view: View, spec: Spec, executor: Executor, *, name: str, with_map: bool = False, tint: bool = False
+) -> Rendering:
     """Visibility and picture of a view with a technique's shadows, and its map where asked for and there is one.
 
     name: what errors call the spec; tint: colour the picture by what the technique did where. Raises InputError for a
     map beyond the device, and for a technique that has no answer for the view; ShadowbenchError where it fails.
     """
-    largest = place.info.max_map_size
+    largest = executor.info.max_map_size
     if (spec.map_size or 0) > largest:
         raise InputError(f"map size {spec.map_size}: this device allows 1 to {largest}")
     try:
-        return place.call(Session.draw, PlacedView(view), Cell(spec).request, with_map=with_map, tinted=tint)
+        return executor.call(Session.draw, PlacedView(view), Cell(spec).request, with_map=with_map, tinted=tint)
     except Unsupported as reason:
         raise InputError(f"{name} does not go with {view.scene.name}: {reason}") from None
     except CellFailed as reason:

@@ -6,7 +6,7 @@ from typing import Concatenate
 
 from shadowbench.gl.clock import PassTimes, Sample
 from shadowbench.measure.cells import Cell, PlacedView
-from shadowbench.measure.place import AteMemory, CellFailed, P, Place, R, status_of
+from shadowbench.measure.executor import CellFailed, Executor, MemoryExceeded, P, R, status_of
 from shadowbench.measure.references import USUAL, name_of, reference_for
 from shadowbench.measure.session import Session, Unsupported
 from shadowbench.measure.time_rows import Times, Timing
@@ -45,7 +45,7 @@ class Untimed:
 
 
 def time_cells(
-    place: Place, at: PlacedView, conditions: Conditions, sizes: Mapping[Cell, int], lacking: Container[Cell] = ()
+    executor: Executor, at: PlacedView, conditions: Conditions, sizes: Mapping[Cell, int], lacking: Container[Cell] = ()
 ) -> Iterator[Timing | Untimed]:
     """Time cells of one view; `sizes` are their GPU bytes.
 
@@ -57,22 +57,22 @@ def time_cells(
     no_ratio = None
     if wanted not in sizes:
         try:  # one that fails must not take every group with it
-            place.call(Session.draw, at, wanted.request)
+            executor.call(Session.draw, at, wanted.request)
         except (CellFailed, Unsupported) as reason:
             yield Untimed(wanted, str(reason))
             reference, no_ratio = None, status_of(reason)
-    limit = _SHARE * place.limits.bytes
+    limit = _SHARE * executor.limits.bytes
     group: list[Cell] = []
     held = 0
     for cell, size in sizes.items():
         if reference is None and cell in lacking:
             continue
         if group and held + size > limit:
-            yield from _time_group(place, at, conditions, group, reference, no_ratio)
+            yield from _time_group(executor, at, conditions, group, reference, no_ratio)
             group, held = [], 0
         group.append(cell)
         held += size
-    yield from _time_group(place, at, conditions, group, reference, no_ratio)
+    yield from _time_group(executor, at, conditions, group, reference, no_ratio)
 
 
 class _Culprit(Exception):
@@ -85,7 +85,7 @@ class _Culprit(Exception):
 
 
 def _time_group(
-    place: Place,
+    executor: Executor,
     at: PlacedView,
     conditions: Conditions,
     group: list[Cell],
@@ -99,17 +99,17 @@ def _time_group(
     while group:
         cells = list(dict.fromkeys([floor, *([reference] if reference else []), *group]))
         try:
-            times = _measure(place, at, conditions.rounds, cells)
+            times = _measure(executor, at, conditions.rounds, cells)
         except _Culprit as culprit:
-            _let_go(place)
+            _let_go(executor)
             blamed = culprit.cell
             together = blamed is not None and len(group) > 1
-            if together and isinstance(culprit.reason, AteMemory):  # which says nothing of this one
+            if together and isinstance(culprit.reason, MemoryExceeded):  # which says nothing of this one
                 middle = len(group) // 2
-                yield from _time_group(place, at, conditions, group[:middle], reference, no_ratio)
-                yield from _time_group(place, at, conditions, group[middle:], reference, no_ratio)
+                yield from _time_group(executor, at, conditions, group[:middle], reference, no_ratio)
+                yield from _time_group(executor, at, conditions, group[middle:], reference, no_ratio)
                 return
-            if blamed is not None and isinstance(culprit.reason, AteMemory) and not again:
+            if blamed is not None and isinstance(culprit.reason, MemoryExceeded) and not again:
                 again = True  # nor of one alone: the worker had drawn others before; the new one has not
                 continue
             if blamed is None or blamed not in (*group, reference):  # without view or floor there is no time
@@ -126,13 +126,13 @@ def _time_group(
         return
 
 
-def _measure(place: Place, at: PlacedView, rounds: int, cells: list[Cell]) -> dict[Cell, Times]:
+def _measure(executor: Executor, at: PlacedView, rounds: int, cells: list[Cell]) -> dict[Cell, Times]:
     """Hold all cells, then time them interleaved, round by round; a third of as many rounds for single passes."""
     numbers = range(len(cells))
 
     def ask(of: int | None, method: Callable[Concatenate[Session, P], R], *arguments: P.args, **options: P.kwargs) -> R:
         try:
-            return place.call(method, *arguments, **options)
+            return executor.call(method, *arguments, **options)
         except (CellFailed, Unsupported) as reason:
             raise _Culprit(None if of is None else cells[of], reason) from None
 
@@ -148,16 +148,16 @@ def _measure(place: Place, at: PlacedView, rounds: int, cells: list[Cell]) -> di
     if len(clocks) > 1:  # queries were given up midway, and for good: the second time the wall measures everything
         frames, passes, clocks = sample()
     (clock,) = clocks  # times by two clocks have no median
-    _let_go(place)
+    _let_go(executor)
     return {
         cell: Times([of[n] for of in frames], [of[n] for of in passes], prepare_ms[n], clock)
         for n, cell in enumerate(cells)
     }
 
 
-def _let_go(place: Place) -> None:
+def _let_go(executor: Executor) -> None:
     """Have the session release what it holds; one that fails even at that is stopped, and holds nothing either."""
     try:
-        place.call(Session.let_go)
+        executor.call(Session.let_go)
     except CellFailed:
-        place.stop()
+        executor.stop()

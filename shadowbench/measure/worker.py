@@ -16,8 +16,8 @@ from typing import Any, Concatenate
 
 import psutil
 
+from shadowbench.measure.executor import CellFailed, Limits, MemoryExceeded, P, R
 from shadowbench.measure.pipe import Pipe
-from shadowbench.measure.place import AteMemory, CellFailed, Limits, P, R
 from shadowbench.measure.printed import pass_on
 from shadowbench.measure.session import DeviceInfo, Session
 
@@ -113,7 +113,7 @@ class Worker:
             return  # it died; the pipe says so next
         if held > self.limits.bytes:
             self.stop()
-            raise AteMemory(f"ate memory: {held / 2**30:.2f} GiB, allowed are {self.limits.bytes / 2**30:g}")
+            raise MemoryExceeded(f"ate memory: {held / 2**30:.2f} GiB, allowed are {self.limits.bytes / 2**30:g}")
 
     def _obituary(self) -> str:
         assert self._process is not None

@@ -142,10 +142,10 @@ def lights_of(layout: Layout, where: str) -> tuple[list[Light], list[str]]:
     notes = []
     held = layout.extensions.KHR_lights_punctual
     for node in nodes_of(layout):
-        reference = node.data.extensions.KHR_lights_punctual
-        if reference is None or held is None or not node.visible:
+        light_index = node.data.extensions.KHR_lights_punctual
+        if light_index is None or held is None or not node.visible:
             continue
-        data = held.lights[reference.light]
+        data = held.lights[light_index.light]
         kind = data.type
         name = _unique(node.data.name or data.name, "light", {light.name for light in lights})
         position, direction = _pose(node, where, "light")

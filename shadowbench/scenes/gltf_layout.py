@@ -32,8 +32,8 @@ def checked_layout(document: dict[str, Any], where: str) -> Layout:
         _check_index(node.camera, layout.cameras, f"{told}.camera")
         for child in node.children:
             _check_index(child, layout.nodes, f"{told}.children")
-        reference = node.extensions.KHR_lights_punctual
-        _check_index(reference.light if reference else None, lights.lights if lights else [], f"{told}: light")
+        light_index = node.extensions.KHR_lights_punctual
+        _check_index(light_index.light if light_index else None, lights.lights if lights else [], f"{told}: light")
     for what, count in (
         ("cameras", sum(node.camera is not None for node in layout.nodes)),
         ("lights", sum(node.extensions.KHR_lights_punctual is not None for node in layout.nodes)),

@@ -34,7 +34,7 @@ class Root(Part):
     nodes: list[Count] = []
 
 
-class LightReference(Part):
+class LightIndex(Part):
     """A node's light."""
 
     light: Count
@@ -52,7 +52,7 @@ class NodeExtensions(Part):
     model_config = ConfigDict(extra="allow")
 
     KHR_node_visibility: Visibility | None = None
-    KHR_lights_punctual: LightReference | None = None
+    KHR_lights_punctual: LightIndex | None = None
 
 
 class NodeTable(Part):

@@ -1,4 +1,4 @@
-"""Scenes by reference: a built-in name, a scene file, or a mesh file alone."""
+"""Scenes by name or path: a built-in name, a scene file, or a mesh file alone."""
 
 import os
 from dataclasses import replace
@@ -17,13 +17,13 @@ WITHOUT_UP = (".obj", ".ply", ".stl", ".off")
 """Formats that do not say which axis points up; a glTF's is y."""
 
 
-def load_scene(reference: str | Path, assets: Path | None = None, up: str | None = None) -> Scene:
-    """The scene that `reference` names: a built-in, a `.toml`, or a mesh file, which gets a ground, camera and sun.
+def load_scene(source: str | Path, assets: Path | None = None, up: str | None = None) -> Scene:
+    """The scene that `source` names: a built-in, a `.toml`, or a mesh file, which gets a ground, camera and sun.
 
     `assets` is a second folder in which a scene file's meshes may lie. `up`, y or z, is the axis that points up in a
     mesh file of a format that does not say. Raises InputError, one line, for anything wrong.
     """
-    text = str(reference)
+    text = str(source)
     if up is not None:
         _check_up(up, text)
     if text in builtin_names():
@@ -40,19 +40,19 @@ def load_scene(reference: str | Path, assets: Path | None = None, up: str | None
         return read_scene_file(path, assets)
     if suffix in MESH_SUFFIXES:
         return read_mesh_scene(path, up)
-    if isinstance(reference, Path) or path.name != text or os.path.lexists(path):
+    if isinstance(source, Path) or path.name != text or os.path.lexists(path):
         kinds = " ".join((".toml", *MESH_SUFFIXES))
         raise InputError(f"{text:.200}: unknown kind of file; allowed: a built-in scene's name, or {kinds}")
     raise InputError(f"{text!r:.60} {_not_builtin(text)}")
 
 
-def _check_up(up: str, reference: str) -> None:
+def _check_up(up: str, source: str) -> None:
     if up not in ("y", "z"):
         raise InputError(f"--up: found {up!r:.60}; allowed: y, z")
-    if Path(reference).suffix.lower() not in WITHOUT_UP:
+    if Path(source).suffix.lower() not in WITHOUT_UP:
         kinds = " ".join(WITHOUT_UP)
         raise InputError(
-            f"--up {up}: {reference:.200} says what is up; allowed with mesh files that do not ({kinds}); "
+            f"--up {up}: {source:.200} says what is up; allowed with mesh files that do not ({kinds}); "
             "a scene file turns its meshes by rotate = [-90, 0, 0]"
         )
 

@@ -22,7 +22,7 @@ def chosen_view(
     assets: Path | None = None,
     up: str | None = None,
 ) -> View:
-    """The view of size × size pixels of a scene, by reference or loaded; its first camera and light unless named.
+    """The view of size × size pixels of a scene, by name, by file or loaded; its first camera and light unless named.
 
     `assets` and `up` are those of `load_scene`. Raises InputError for what there is not.
     """

@@ -2,6 +2,6 @@
 
 from shadowbench.scores.masks import mask_sha256, quantise, read_mask, write_mask
 from shadowbench.scores.metrics import METRICS, Metric, score
-from shadowbench.scores.reference import Reference
+from shadowbench.scores.prepared import PreparedTruth
 
-__all__ = ["METRICS", "Metric", "Reference", "mask_sha256", "quantise", "read_mask", "score", "write_mask"]
+__all__ = ["METRICS", "Metric", "PreparedTruth", "mask_sha256", "quantise", "read_mask", "score", "write_mask"]

@@ -5,7 +5,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shadowbench.scores.reference import Reference
+from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.scores.split import Split
 from shadowbench.scores.ssim import ssim_map
 
@@ -14,15 +14,15 @@ class Comparison(Split):
     """A mask and the truth of its view; the one argument of a metric.
 
     visibility: (H, W) in [0, 1], quantised here, so that scoring what was stored gives the same numbers; ValueError
-    as `quantise` raises it, or if its shape is not that of `reference`. Its values outside `reference.valid` are in
+    as `quantise` raises it, or if its shape is not that of `prepared`. Its values outside `prepared.valid` are in
     no set and no sum.
     """
 
-    def __init__(self, visibility: ArrayLike, reference: Reference) -> None:
-        super().__init__(visibility, reference.valid)
-        self.reference = reference
-        if self.shape != reference.shape:
-            raise ValueError(f"visibility has shape {self.shape}; allowed: the truth's {reference.shape}")
+    def __init__(self, visibility: ArrayLike, prepared: PreparedTruth) -> None:
+        super().__init__(visibility, prepared.valid)
+        self.truth = prepared
+        if self.shape != prepared.shape:
+            raise ValueError(f"visibility has shape {self.shape}; allowed: the truth's {prepared.shape}")
 
     @cached_property
     def edge_distances(self) -> NDArray[np.float64] | None:
@@ -30,24 +30,24 @@ class Comparison(Split):
 
         If only one of them has an edge: the image's diagonal, once.
         """
-        reference = self.reference
-        mask_to_truth = reference.squared_edge_distance[self.edge]
-        truth_to_mask = self.squared_edge_distance[reference.edge]
+        prepared = self.truth
+        mask_to_truth = prepared.squared_edge_distance[self.edge]
+        truth_to_mask = self.squared_edge_distance[prepared.edge]
         if mask_to_truth.size == 0 and truth_to_mask.size == 0:
             return None
         if mask_to_truth.size == 0 or truth_to_mask.size == 0:
-            return np.array([reference.image_diagonal])
+            return np.array([prepared.image_diagonal])
         pooled: NDArray[np.float64] = np.sqrt(np.concatenate([mask_to_truth, truth_to_mask]), dtype=np.float64)
         return pooled
 
     @cached_property
     def error(self) -> NDArray[np.float32]:
         """Absolute difference to the truth's visibility; meant for valid pixels."""
-        error: NDArray[np.float32] = np.abs(self.visibility - self.reference.visibility)
+        error: NDArray[np.float32] = np.abs(self.visibility - self.truth.visibility)
         return error
 
     @cached_property
     def ssim_map(self) -> NDArray[np.float32]:
         """SSIM at the centres that have a whole window (see `ssim`)."""
-        reference = self.reference
-        return ssim_map(self.visibility, reference.visibility, reference.valid, reference.ssim_moments)
+        prepared = self.truth
+        return ssim_map(self.visibility, prepared.visibility, prepared.valid, prepared.ssim_moments)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shadowbench.scores.comparison import Comparison
-from shadowbench.scores.reference import Reference
+from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.scores.ssim import INSIDE
 
 
@@ -30,26 +30,26 @@ class Metric:
     tolerance: float = 0.001
 
 
-def score(visibility: ArrayLike, reference: Reference) -> dict[str, float | None]:
+def score(visibility: ArrayLike, prepared: PreparedTruth) -> dict[str, float | None]:
     """Every metric of the table, by name, in its order.
 
     visibility: (H, W) in [0, 1], 1 lit and 0 in shadow, quantised before it is scored; its values at pixels that are
     not valid never matter, but must be numbers. ValueError for NaN, infinity, values out of range, or another shape.
     """
-    comparison = Comparison(visibility, reference)
+    comparison = Comparison(visibility, prepared)
     return {metric.name: metric.function(comparison) for metric in METRICS.values()}
 
 
 def iou(comparison: Comparison) -> float | None:
     """Intersection over union of the shadows (visibility < ½); Jaccard 1901."""
-    return _overlap(comparison.shadow, comparison.reference.shadow)
+    return _overlap(comparison.shadow, comparison.truth.shadow)
 
 
 def iou_soft(comparison: Comparison) -> float | None:
     """Sum of the lesser over sum of the greater darkness (1 − visibility); Ruzicka 1958."""
-    mask, truth = comparison.visibility, comparison.reference.visibility
-    greater = _sum(1 - np.minimum(mask, truth), comparison.reference.valid)
-    lesser = _sum(1 - np.maximum(mask, truth), comparison.reference.valid)
+    mask, truth = comparison.visibility, comparison.truth.visibility
+    greater = _sum(1 - np.minimum(mask, truth), comparison.truth.valid)
+    lesser = _sum(1 - np.maximum(mask, truth), comparison.truth.valid)
     return _ratio(lesser, greater)
 
 
@@ -58,57 +58,57 @@ def boundary_iou(comparison: Comparison) -> float | None:
 
     The strip is Euclidean where their code erodes with a square: the same for edges along rows and columns.
     """
-    reference = comparison.reference
-    boundary = comparison.shadow & (comparison.squared_edge_distance < reference.boundary_width**2)
-    return _overlap(boundary, reference.boundary)
+    prepared = comparison.truth
+    boundary = comparison.shadow & (comparison.squared_edge_distance < prepared.boundary_width**2)
+    return _overlap(boundary, prepared.boundary)
 
 
 def ssim(comparison: Comparison) -> float | None:
     """Mean SSIM over valid pixels with a whole window inside the image; Wang et al. 2004."""
-    return _mean(comparison.ssim_map, comparison.reference.valid[INSIDE])
+    return _mean(comparison.ssim_map, comparison.truth.valid[INSIDE])
 
 
 def ssim_edge(comparison: Comparison) -> float | None:
     """Mean SSIM over valid pixels within 8 px of a true edge, with a whole window inside the image."""
-    return _mean(comparison.ssim_map, comparison.reference.edge_zone[INSIDE])
+    return _mean(comparison.ssim_map, comparison.truth.edge_zone[INSIDE])
 
 
 def mae(comparison: Comparison) -> float | None:
     """Mean absolute error against the truth at the pixel's centre."""
-    return _ratio(_sum(comparison.error, comparison.reference.valid), comparison.reference.pixels)
+    return _ratio(_sum(comparison.error, comparison.truth.valid), comparison.truth.pixels)
 
 
 def mae_area(comparison: Comparison) -> float | None:
     """Mean absolute error against the truth averaged over the pixel."""
-    reference = comparison.reference
-    return _ratio(_sum(np.abs(comparison.visibility - reference.area), reference.valid), reference.pixels)
+    prepared = comparison.truth
+    return _ratio(_sum(np.abs(comparison.visibility - prepared.area), prepared.valid), prepared.pixels)
 
 
 def mae_lit(comparison: Comparison) -> float | None:
     """Mean absolute error weighted by N·L."""
-    reference = comparison.reference
-    return _ratio(_sum(comparison.error * reference.cosine, reference.valid), reference.cosine_sum)
+    prepared = comparison.truth
+    return _ratio(_sum(comparison.error * prepared.cosine, prepared.valid), prepared.cosine_sum)
 
 
 def acne(comparison: Comparison) -> float | None:
     """Share of the lit interior that is in shadow."""
-    return _share(comparison.shadow, comparison.reference.lit_interior)
+    return _share(comparison.shadow, comparison.truth.lit_interior)
 
 
 def acne_soft(comparison: Comparison) -> float | None:
     """Mean darkness (1 − visibility) of the lit interior."""
-    interior = comparison.reference.lit_interior
+    interior = comparison.truth.lit_interior
     return _mean(1 - comparison.visibility, interior)
 
 
 def leak(comparison: Comparison) -> float | None:
     """Share of the shadow's interior that is lit."""
-    return _share(comparison.lit, comparison.reference.shadow_interior)
+    return _share(comparison.lit, comparison.truth.shadow_interior)
 
 
 def contact(comparison: Comparison) -> float | None:
     """Share of the shadow next to its occluder that is lit."""
-    return _share(comparison.lit, comparison.reference.contact)
+    return _share(comparison.lit, comparison.truth.contact)
 
 
 def edge_px(comparison: Comparison) -> float | None:

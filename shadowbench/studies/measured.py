@@ -11,9 +11,9 @@ from typing import Any
 import pandas as pd
 
 from shadowbench.files import check_folder
+from shadowbench.measure.executor import Executor
 from shadowbench.measure.machine import write_run_file
 from shadowbench.measure.measurer import Reporter
-from shadowbench.measure.place import Place
 from shadowbench.measure.profile import whole
 from shadowbench.measure.rows import Result
 from shadowbench.measure.session import DeviceInfo, Session
@@ -39,7 +39,7 @@ def asked_study(
     light: str | None = None,
     **others: Any,
 ) -> Study:
-    """The study of a file, or one of ours by name, `default` for None, with what is asked for in place of what it says.
+    """The study of a file or a built-in one, `default` for None, with the given fields replaced.
 
     known: the techniques that the file may name; view, light: the only camera and light, by name; others: fields of the
     study, such as `view_size`, `rounds` and `assets`; None leaves any to the file. Specs alone, without a study and map
@@ -100,7 +100,7 @@ class Measured:
 def measure(
     study: Study,
     folder: Path,
-    place: Place,
+    executor: Executor,
     reporter: Reporter,
     *,
     time_again: bool = False,
@@ -113,10 +113,10 @@ def measure(
     """
     check_folder(folder)
     start = time.perf_counter()
-    ran = run_study(study, folder, place, reporter, time_again)
-    spent = place.call(Session.spent) if profile else {}
+    ran = run_study(study, folder, executor, reporter, time_again)
+    spent = executor.call(Session.spent) if profile else {}
     swept = places(study.sweeps)
-    write_run_file(folder / "run.json", place.info, ran.notes, study.facts, [one.score for one in ran.results])
+    write_run_file(folder / "run.json", executor.info, ran.notes, study.facts, [one.score for one in ran.results])
     run = write_cells(folder, ran.results, swept)
     seconds = whole(ran.profile.seconds, spent, time.perf_counter() - start) if profile else {}
-    return Measured(study, tuple(ran.results), run, swept, place.info, seconds)
+    return Measured(study, tuple(ran.results), run, swept, executor.info, seconds)

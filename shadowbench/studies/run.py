@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from shadowbench.errors import InputError
+from shadowbench.measure.executor import Executor
 from shadowbench.measure.measurer import Measurer, Reporter
 from shadowbench.measure.pictures import Pictures
-from shadowbench.measure.place import Place
 from shadowbench.measure.profile import Profile
 from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.rows import Result
@@ -27,12 +27,12 @@ class Ran:
     profile: Profile
 
 
-def run_study(study: Study, folder: Path, place: Place, reporter: Reporter, time_again: bool = False) -> Ran:
+def run_study(study: Study, folder: Path, executor: Executor, reporter: Reporter, time_again: bool = False) -> Ran:
     """Measure all cells of a study, those that are not in the folder; raises InputError before anything is written.
 
     time_again: whether cells that have a time get another, beside which the old one stays in the rows.
     """
-    check_sizes(study, place.info)
+    check_sizes(study, executor.info)
     profile, blocks = Profile(), list(study.blocks())
     notes = [*study.notes, *(note for scene in scenes_of(blocks) for note in _notes_on(study, scene))]
     for note in notes:
@@ -47,7 +47,7 @@ def run_study(study: Study, folder: Path, place: Place, reporter: Reporter, time
         reporter.step(block.view.name)
     with closing(RowStore(folder)) as store:
         conditions = study.conditions(time_again)
-        measurer = Measurer(place, store, conditions, reporter, Pictures(folder), profile)
+        measurer = Measurer(executor, store, conditions, reporter, Pictures(folder), profile)
         cells = [cell for block in blocks for cell in block.cells]
         reporter.stage("cells", len(cells) + sum(map(measurer.times, cells)))
         results = [result for block in blocks for result in measurer.measured(block)]

@@ -117,11 +117,11 @@ class Study(Strict):
     def blocks(self) -> Iterator[Block]:
         """All blocks, scene by scene; raises InputError for a scene that cannot be read."""
         files: dict[str, str | Scene] = {}
-        for reference in dict.fromkeys(self.scenes):
-            scene = reference if isinstance(reference, Scene) else load_scene(reference, self.assets, self.up)
-            first = files.setdefault(scene.name, reference)
-            if first != reference:
-                both = " and ".join(one if isinstance(one, str) else "one that is loaded" for one in (first, reference))
+        for source in dict.fromkeys(self.scenes):
+            scene = source if isinstance(source, Scene) else load_scene(source, self.assets, self.up)
+            first = files.setdefault(scene.name, source)
+            if first != source:
+                both = " and ".join(one if isinstance(one, str) else "one that is loaded" for one in (first, source))
                 raise InputError(f"two scenes are called {scene.name!r}: {both}; names must differ")
             for camera, light in itertools.product(self.cameras(scene), self.lights_of(scene)):
                 yield Block(view_of(scene, camera, light, self.view_size), self.cells())

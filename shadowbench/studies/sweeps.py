@@ -28,10 +28,10 @@ class Curve:
     best: float
 
 
-Place = tuple[str, float]
+SweepPoint = tuple[str, float]
 """The spec whose bias was multiplied, as tables write it, and by what."""
 
-Places = Mapping[tuple[str, int | None], tuple[Place, ...]]
+Places = Mapping[tuple[str, int | None], tuple[SweepPoint, ...]]
 """By spec, as tables write it, and map size, None for any: its places in the sweeps, one a sweep, its own first."""
 
 
@@ -107,12 +107,12 @@ def _lines(frame: pd.DataFrame) -> list[tuple[str, float | None]]:
     return list(zip(frame["spec"], sizes, strict=True))
 
 
-def _others(text: object) -> tuple[Place, ...]:
+def _others(text: object) -> tuple[SweepPoint, ...]:
     parts = [part.rsplit(_TIMES, 1) for part in text.split(_ALSO)] if isinstance(text, str) else []
     return tuple((home, float(factor)) for home, factor in parts)
 
 
-def _at(found: Places, spec: str, size: int | None) -> tuple[Place, ...]:
+def _at(found: Places, spec: str, size: int | None) -> tuple[SweepPoint, ...]:
     homes: dict[str, float] = {}
     for key in dict.fromkeys([(spec, size), (spec, None)]):
         for home, factor in found.get(key, ()):
@@ -126,7 +126,7 @@ def _add(homes: dict[str, float], home: str, factor: float) -> None:
         homes[home] = factor
 
 
-def _own_first(homes: Mapping[str, float]) -> tuple[Place, ...]:
+def _own_first(homes: Mapping[str, float]) -> tuple[SweepPoint, ...]:
     return tuple(sorted(homes.items(), key=lambda place: place[1] != 1))
 
 

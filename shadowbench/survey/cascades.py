@@ -44,7 +44,7 @@ def cascades_of(fitted: FittedMap, one: Texels) -> CascadeSizes | None:
     bounds = bounds_of(concerned_vertices(samples.view.scene.geometry))
     sizes, edge_sizes = {}, {}
     for count in COUNTS:
-        unit = fitted.seen.scaled(_extents(samples.view, bounds, space, fitted.seen.place, count))
+        unit = fitted.footprint.scaled(_extents(samples.view, bounds, space, fitted.footprint.place, count))
         sizes[count] = float(np.percentile(unit.longest, 95)) + 2 * fitted.padding
         by_edges = edge_size(fitted, unit)
         if by_edges is not None:

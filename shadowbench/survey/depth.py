@@ -63,7 +63,7 @@ class Depths:
 
 def depths_of(fitted: FittedMap) -> Depths:
     """The depths of a fitted map, whose near and far are those of our fits."""
-    samples, space, z = fitted.samples, fitted.space, fitted.seen.place[2]
+    samples, space, z = fitted.samples, fitted.space, fitted.footprint.place[2]
     if space is None:
         away = samples.view.scene.geometry.vertices - samples.view.light.position
         far = float(np.linalg.norm(away, axis=1).max())
@@ -140,8 +140,8 @@ def ahead_of_texels(fitted: FittedMap) -> Floats:
 def _before(fitted: FittedMap, offset: Floats) -> Floats:
     """(R,) how much before each sample's depth the first caster is that the light meets at (2, R) from it."""
     samples, before = fitted.samples, np.empty(offset.shape[1])
-    for mine, space, seen in fitted.parts():
-        u, v = seen.place[:2] - offset[:, mine]
+    for mine, space, footprint in fitted.parts():
+        u, v = footprint.place[:2] - offset[:, mine]
         if space.perspective:
             rays = space.basis.T @ np.stack([u, v, np.full(len(mine), -1.0)])
             origins = np.broadcast_to(space.origin, (len(mine), 3))
@@ -151,5 +151,5 @@ def _before(fitted: FittedMap, offset: Floats) -> Floats:
             start = float(space.box(corners(box_planes(samples.view.scene.geometry.bounds), 1.0)).low[2])
             origins = space.basis.T @ np.stack([u, v, np.full(len(mine), -start)])
             met = start + samples.casters.distance(origins.T, -space.basis[2:], NEVER).astype(np.float64)
-        before[mine] = fitted.seen.place[2, mine] - met
+        before[mine] = fitted.footprint.place[2, mine] - met
     return before

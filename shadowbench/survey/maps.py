@@ -21,12 +21,12 @@ FLAT = 1e-9  # local length below which a window has no extent
 class FittedMap:
     """One map fitted to samples, as `fit=visible` does, or the cube around a point light.
 
-    seen: the samples' footprint where a unit is one of light space, of a cube's face at distance 1; box: theirs; space:
+    footprint: the samples' where a unit is one of light space, of a cube's face at distance 1; box: theirs; space:
     the light's, None for a cube; padding: texels around the box on each side, which a filter reads.
     """
 
     samples: Samples
-    seen: Footprint
+    footprint: Footprint
     box: Box
     extent: Floats
     space: LightSpace | None
@@ -35,7 +35,7 @@ class FittedMap:
     @cached_property
     def unit(self) -> Footprint:
         """The samples' footprint where the whole window, without the padding, is a unit."""
-        return self.seen.scaled(self.extent)
+        return self.footprint.scaled(self.extent)
 
     @cached_property
     def reach(self) -> Floats:
@@ -51,7 +51,7 @@ class FittedMap:
         if self.space is None:
             yield from cube_faces(self.samples)
         else:
-            yield self.everything, self.space, self.seen
+            yield self.everything, self.space, self.footprint
 
     @property
     def everything(self) -> Indices:
@@ -63,14 +63,14 @@ def fitted_map(samples: Samples) -> FittedMap:
     """The map that techniques fit to samples by default."""
     light = samples.view.light
     if light.kind == "point":
-        seen = cube_footprint(samples)
-        return FittedMap(samples, seen, _box(seen), np.full(2, 2.0), None, 0.0)
+        found = cube_footprint(samples)
+        return FittedMap(samples, found, _box(found), np.full(2, 2.0), None, 0.0)
     space = light_space(light)
-    seen = footprint(samples, space)
-    box = _box(seen)
+    found = footprint(samples, space)
+    box = _box(found)
     extent = np.maximum((box.high - box.low)[:2], FLAT)
-    return FittedMap(samples, seen, box, extent, space, PADDING)
+    return FittedMap(samples, found, box, extent, space, PADDING)
 
 
-def _box(seen: Footprint) -> Box:
-    return Box(seen.place.min(axis=1), seen.place.max(axis=1))
+def _box(found: Footprint) -> Box:
+    return Box(found.place.min(axis=1), found.place.max(axis=1))

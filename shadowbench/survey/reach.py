@@ -42,11 +42,11 @@ def reach_of(fitted: FittedMap) -> Reach:
     geometry = samples.view.scene.geometry
     faces = geometry.caster_faces
     matters = np.zeros(len(faces), dtype=bool)
-    for _, space, seen in fitted.parts():
-        if not seen.place.shape[1]:
+    for _, space, footprint in fitted.parts():
+        if not footprint.place.shape[1]:
             continue
         places, ahead = _projected(geometry.vertices, space)
-        grid = _grid(seen, samples.step)
+        grid = _grid(footprint, samples.step)
         for part in in_slices(len(faces)):
             corners = faces[part].T
             beyond = np.zeros(corners.shape[1], dtype=bool)
@@ -89,11 +89,11 @@ class _Grid:
         return found
 
 
-def _grid(seen: Footprint, step: int) -> _Grid:
+def _grid(footprint: Footprint, step: int) -> _Grid:
     """What is seen, with all of a pixel and a half step of it."""
-    half = np.abs(seen.jacobian).sum(axis=1) * ((step + 1) / 2)
-    depth = seen.place[2] + (np.abs(seen.slope) * half).sum(axis=0)
-    low, high = seen.place[:2] - half, seen.place[:2] + half
+    half = np.abs(footprint.jacobian).sum(axis=1) * ((step + 1) / 2)
+    depth = footprint.place[2] + (np.abs(footprint.slope) * half).sum(axis=0)
+    low, high = footprint.place[:2] - half, footprint.place[:2] + half
     start, end = low.min(axis=1)[:, None], high.max(axis=1)[:, None]
     grid = _Grid(start, end, np.maximum(end - start, ROUNDING) / (CELLS - 2), np.empty(0))
     levels = _pyramid(grid.cells(low), grid.cells(high), depth)

@@ -146,7 +146,7 @@ class Technique(ABC):
     def tint(self) -> moderngl.Texture | None:
         """Colours (RGBA, linear, of the image's size) to show what the last draw did where; None without any.
 
-        Drawn on demand: a debug picture multiplies them into its surfaces.
+        Rendering on demand: a debug picture multiplies them into its surfaces.
         """
         return None
 

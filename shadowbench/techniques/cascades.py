@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import model_validator
 
-from shadowbench.geometry.hull import CasterHull
+from shadowbench.geometry.hull import SceneHull
 from shadowbench.geometry.lights import Box, LightSpace, LightView, light_space, window
 from shadowbench.geometry.slices import Slice, slices, snapped, stretched
 from shadowbench.gl.device import Device
@@ -92,7 +92,7 @@ class Cascades(Technique):
     def build(self, stage: Stage) -> None:
         params = self.params
         self.stage = stage
-        self.hull = CasterHull(stage.scene)
+        self.hull = SceneHull(stage.scene)
         self.reach = params.filter.radius(params.size)
         self.defines = {"LAYERS": params.count, "MAP_ARRAY": 1}
         if params.layers == "geometry":
@@ -119,9 +119,9 @@ class Cascades(Technique):
             self.slices = self._slices(frame)
             space = light_space(frame.light)
             boxes = (self._box(space, part, frame.phase.shift) for part in self.slices)
-            self.seen = [LightView(space, box, self.params.size) for box in boxes]
+            self.light_views = [LightView(space, box, self.params.size) for box in boxes]
         with frame.timed("depth", changes="view"):
-            self.map.draw(frame, self.seen, at_once=self.params.layers == "geometry")
+            self.map.draw(frame, self.light_views, at_once=self.params.layers == "geometry")
         with frame.timed("resolve", changes="view"):
             return self.resolve(frame, map_textures(self.map.texture), **self._uniforms(frame))
 
@@ -147,7 +147,7 @@ class Cascades(Technique):
         return window(Box(middle - half, middle + half), space, params.size, padding, shift)
 
     def _uniforms(self, frame: Frame) -> dict[str, Value]:
-        values = map_uniforms(self.seen) | {"filter_radius": self.reach, "depth_step": self.map.step}
+        values = map_uniforms(self.light_views) | {"filter_radius": self.reach, "depth_step": self.map.step}
         values["position_step"] = self.hull.position_step(frame.light)
         if self.params.select == "depth":
             forward = -frame.camera.basis()[2]
@@ -171,9 +171,9 @@ class Cascades(Technique):
         facts: dict[str, float] = {"culled_triangles": self.map.left_out}
         if self.params.blend:  # every pixel is looked up in two cascades
             facts["reads"] = 2 * self.params.filter.reads * self.stage.size[0] * self.stage.size[1]
-        for number, (part, seen) in enumerate(zip(self.slices, self.seen, strict=True), start=1):
+        for number, (part, light_view) in enumerate(zip(self.slices, self.light_views, strict=True), start=1):
             facts[f"far_{number}_m"] = part.far / scale
-            facts[f"texel_{number}_m"] = max(seen.texel) / scale
+            facts[f"texel_{number}_m"] = max(light_view.texel) / scale
             if self.params.bias.depth_units is not None:
-                facts[f"bias_{number}_m"] = self.params.bias.depth_units * (seen.far - seen.near) / scale
+                facts[f"bias_{number}_m"] = self.params.bias.depth_units * (light_view.far - light_view.near) / scale
         return facts

@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.geometry.hull import CasterHull
+from shadowbench.geometry.hull import SceneHull
 from shadowbench.gl.device import Device
 from shadowbench.gl.program import Value
 from shadowbench.gl.targets import DepthFormat, refused
@@ -64,7 +64,7 @@ class CubeMap(Technique):
     def build(self, stage: Stage) -> None:
         params = self.params
         self.stage = stage
-        self.hull = CasterHull(stage.scene)
+        self.hull = SceneHull(stage.scene)
         at_once = params.layers == "geometry"
         texts = ("cube-map/casters.vert", "cube-map/depth.frag", "cube-map/faces.geom" if at_once else None)
         self.map = CasterMap(

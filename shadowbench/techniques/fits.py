@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from shadowbench.geometry.convex import box_planes, corners, frustum_planes, view_planes
-from shadowbench.geometry.hull import CasterHull
+from shadowbench.geometry.hull import SceneHull
 from shadowbench.geometry.lights import Box, LightSpace, LightView, light_space, window
 from shadowbench.gl.clock import Changes
 from shadowbench.scenes.model import Floats, Placement, View
@@ -17,13 +17,13 @@ Reduction = Callable[[LightSpace], Box | None]
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
-    """What a fit may look at: the view, the geometry's hull, and the box of the receivers that are seen."""
+class FitContext:
+    """The inputs of a fit: the view, the scene's hull, and the bounds of the visible receivers in a light space."""
 
     view: View
     placement: Placement
-    hull: CasterHull
-    seen: Reduction
+    hull: SceneHull
+    visible_bounds: Reduction
 
 
 class Fit(Row):
@@ -36,14 +36,14 @@ class Fit(Row):
         """What makes the map stale: "light", or "view" where the camera does too."""
         return "view"
 
-    def receivers(self, space: LightSpace, sight: Sight) -> Box | None:
+    def receivers(self, space: LightSpace, context: FitContext) -> Box | None:
         """What the map must show; None for nothing at all."""
         raise NotImplementedError(self.name)
 
-    def light_view(self, sight: Sight, size: int, padding: float, shift: tuple[float, float]) -> LightView:
+    def light_view(self, context: FitContext, size: int, padding: float, shift: tuple[float, float]) -> LightView:
         """The view of a map of size² texels: the receivers, padded by texels and shifted by parts of one."""
-        space = light_space(sight.view.light)
-        box = self.receivers(space, sight) or Box(np.zeros(3), np.ones(3))
+        space = light_space(context.view.light)
+        box = self.receivers(space, context) or Box(np.zeros(3), np.ones(3))
         return LightView(space, window(box, space, size, padding, shift), size)
 
 
@@ -61,11 +61,11 @@ class Fixed(Fit):
     distance: float = param(4.58, "of a directional light from the origin", metres=True)
     fov: float = param(45.0, "degrees of the perspective", gt=0, le=170)
 
-    def light_view(self, sight: Sight, size: int, padding: float, shift: tuple[float, float]) -> LightView:
-        metres, space = sight.placement.length, light_space(sight.view.light)
+    def light_view(self, context: FitContext, size: int, padding: float, shift: tuple[float, float]) -> LightView:
+        metres, space = context.placement.length, light_space(context.view.light)
         half = float(np.tan(np.radians(self.fov) / 2)) if space.perspective else metres(self.half)
         if not space.perspective:
-            origin = sight.placement.points((0.0, 0.0, 0.0)) + space.basis[2] * metres(self.distance)
+            origin = context.placement.points((0.0, 0.0, 0.0)) + space.basis[2] * metres(self.distance)
             space = replace(space, origin=origin)
         step = np.array([*shift, 0.0]) * (2 * half / size)
         low, high = np.array([-half, -half, metres(self.near)]), np.array([half, half, metres(self.far)])
@@ -81,10 +81,10 @@ class SceneFit(Fit):
 
     name = "scene"
 
-    def receivers(self, space: LightSpace, sight: Sight) -> Box | None:
+    def receivers(self, space: LightSpace, context: FitContext) -> Box | None:
         if not space.perspective:
-            return space.box(sight.hull.points)
-        return _region(space, sight, [])
+            return space.box(context.hull.points)
+        return _region(space, context, [])
 
     @property
     def moves_with(self) -> Changes:
@@ -96,8 +96,8 @@ class ViewFit(Fit):
 
     name = "view"
 
-    def receivers(self, space: LightSpace, sight: Sight) -> Box | None:
-        return _region(space, sight, [view_planes(sight.view)])
+    def receivers(self, space: LightSpace, context: FitContext) -> Box | None:
+        return _region(space, context, [view_planes(context.view)])
 
 
 class Visible(Fit):
@@ -105,15 +105,15 @@ class Visible(Fit):
 
     name = "visible"
 
-    def receivers(self, space: LightSpace, sight: Sight) -> Box | None:
-        return sight.seen(space)
+    def receivers(self, space: LightSpace, context: FitContext) -> Box | None:
+        return context.visible_bounds(space)
 
 
-def _region(space: LightSpace, sight: Sight, more: list[Floats]) -> Box | None:
+def _region(space: LightSpace, context: FitContext, more: list[Floats]) -> Box | None:
     """Box of the scene's bounds within further planes, and within the base frustum of a perspective light."""
-    planes = [box_planes(sight.hull.bounds), *more]
+    planes = [box_planes(context.hull.bounds), *more]
     if space.perspective:
-        reach = 2 * sight.hull.extent + float(np.abs(space.origin).max())
+        reach = 2 * context.hull.extent + float(np.abs(space.origin).max())
         planes.append(frustum_planes(space.origin, space.basis, space.half, reach * 1e-6, 4 * reach))
-    found = corners(np.vstack(planes), sight.hull.extent)
+    found = corners(np.vstack(planes), context.hull.extent)
     return space.box(found) if len(found) else None

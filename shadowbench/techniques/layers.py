@@ -40,7 +40,7 @@ class LayerBound:
         self._target = stage.target(self._counts)
         self._bounds = Bounds(stage, _SIZE, "values")
 
-    def __call__(self, frame: Frame, turned: bool) -> float:
+    def __call__(self, frame: Frame, count_both_facings: bool) -> float:
         """No ray of light crosses more layers than this. Reading it back waits for the device."""
         faces = _to_faces(frame.light, self._corners)
         tiles = (1, 1) if len(faces) == 1 else (3, 2)
@@ -54,7 +54,7 @@ class LayerBound:
         self._outline.set(texel=texel)
         for is_open, fill, outline in self._drawn:
             for drawable in (fill, outline):
-                drawable.program.set(turned=turned or is_open)
+                drawable.program.set(count_both_facings=count_both_facings or is_open)
                 drawable.draw(self._target, state=state)
         _, highest = self._bounds({"values": (self._counts, Sampling())})
         return float(highest[0])

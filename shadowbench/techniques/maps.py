@@ -10,7 +10,7 @@ from typing import Annotated
 import moderngl
 import numpy as np
 
-from shadowbench.geometry.hull import CasterHull
+from shadowbench.geometry.hull import SceneHull
 from shadowbench.geometry.lights import LightView
 from shadowbench.gl.program import Comparison, Program, Ranges, Sampling, State, Texture, Value, Wrap
 from shadowbench.gl.targets import DepthFormat, Kind
@@ -19,7 +19,7 @@ from shadowbench.techniques.base import Frame, Stage
 from shadowbench.techniques.biases import Bias, MapKind, NoBias
 from shadowbench.techniques.culling import CasterChunks
 from shadowbench.techniques.filters import Filter
-from shadowbench.techniques.fits import Fit, Sight, Visible
+from shadowbench.techniques.fits import Fit, FitContext, Visible
 from shadowbench.techniques.params import TechniqueParams, one_of, param
 from shadowbench.techniques.reduction import VisibleBounds
 
@@ -42,14 +42,14 @@ class FittedView:
     """The light view of one 2-D map, fitted anew each frame; `reach`: texels around a receiver that a lookup reads."""
 
     def __init__(self, stage: Stage, fit: Fit, size: int, reach: float) -> None:
-        self.hull = CasterHull(stage.scene)
+        self.hull = SceneHull(stage.scene)
         self._stage, self._fit, self._size, self._padding = stage, fit, size, reach + 1
         self._bounds = VisibleBounds(stage)
 
     def __call__(self, frame: Frame) -> LightView:
         """The view for a frame."""
-        sight = Sight(frame.view, self._stage.placement, self.hull, lambda space: self._bounds(frame, space))
-        return self._fit.light_view(sight, self._size, self._padding, frame.phase.shift)
+        context = FitContext(frame.view, self._stage.placement, self.hull, lambda space: self._bounds(frame, space))
+        return self._fit.light_view(context, self._size, self._padding, frame.phase.shift)
 
 
 class CasterMap:
@@ -100,7 +100,7 @@ class CasterMap:
         if self.program.has("far_distance"):
             self.program.set(far_distance=far_distance(views[0]))
         matrices = [view.to_clip(self.reversed_depth) for view in views]
-        regions = [shown(view, self._bias) for view in views]
+        regions = [storable_region(view, self._bias) for view in views]
         if at_once:
             self.draw_layers(frame, [({"world_to_clip": np.stack(matrices)}, regions)])
         else:
@@ -163,12 +163,12 @@ def caster_state(bias: Bias, clamp: bool = True, reversed_depth: bool = False) -
     )
 
 
-def shown(seen: LightView, bias: Bias) -> Floats:
+def storable_region(light_view: LightView, bias: Bias) -> Floats:
     """(P, 4) planes of the region whose casters a map may store: its window, and what lies before its far plane.
 
     A negative polygon offset brings casters from behind the far plane before it.
     """
-    return seen.planes if min(bias.polygon_offset) >= 0 else seen.planes[:4]
+    return light_view.planes if min(bias.polygon_offset) >= 0 else light_view.planes[:4]
 
 
 def far_distance(view: LightView) -> float:
@@ -176,15 +176,15 @@ def far_distance(view: LightView) -> float:
     return view.far if view.space.perspective else 1.0
 
 
-def map_uniforms(seen: Sequence[LightView], reversed_depth: bool = False) -> dict[str, Value]:
+def map_uniforms(light_views: Sequence[LightView], reversed_depth: bool = False) -> dict[str, Value]:
     """What `map.glsl` needs of the light views of its layers, which share one light."""
-    to_map = np.stack([view.to_map(reversed_depth) for view in seen])
+    to_map = np.stack([view.to_map(reversed_depth) for view in light_views])
     return {
         "world_to_map": to_map,
         "map_to_world": np.linalg.inv(to_map).astype(np.float64),
-        "texel_width": np.array([view.texel for view in seen]),
-        "depth_scale": np.array([view.depth_scale for view in seen]),
-        "light_axis": vec3(seen[0].space.basis[2]),
+        "texel_width": np.array([view.texel for view in light_views]),
+        "depth_scale": np.array([view.depth_scale for view in light_views]),
+        "light_axis": vec3(light_views[0].space.basis[2]),
     }
 
 

@@ -90,9 +90,9 @@ class ShadowMap(Technique):
     def draw(self, frame: Frame) -> moderngl.Texture:
         params, moves = self.params, self.params.fit.moves_with
         with frame.timed("fit", changes=moves):
-            self.seen = self.fitted(frame)
+            self.light_view = self.fitted(frame)
         with frame.timed("depth", changes=moves):
-            self.map.draw(frame, [self.seen])
+            self.map.draw(frame, [self.light_view])
         with frame.timed("resolve", changes="view"):
             return self.resolve(
                 frame,
@@ -100,18 +100,21 @@ class ShadowMap(Technique):
                 filter_radius=self.reach,
                 depth_step=self.map.step,
                 position_step=self.fitted.hull.position_step(frame.light),
-                **map_uniforms([self.seen], params.reversed),
+                **map_uniforms([self.light_view], params.reversed),
             )
 
     def map_image(self) -> NDArray[np.float32] | None:
         depths = self.map.texture.read()[0, ::-1].astype(np.float64)
-        return self.seen.linear(depths, self.params.reversed).astype(np.float32)
+        return self.light_view.linear(depths, self.params.reversed).astype(np.float32)
 
     def facts(self) -> dict[str, float]:
         scale = self.stage.placement.scale
-        facts = {"texel_m": max(self.seen.texel) / scale, "depth_range_m": (self.seen.far - self.seen.near) / scale}
+        facts = {
+            "texel_m": max(self.light_view.texel) / scale,
+            "depth_range_m": (self.light_view.far - self.light_view.near) / scale,
+        }
         facts["culled_triangles"] = self.map.left_out
         units = self.params.bias.depth_units
-        if units is not None and not self.seen.space.perspective:
+        if units is not None and not self.light_view.space.perspective:
             facts["bias_m"] = units * facts["depth_range_m"]
         return facts

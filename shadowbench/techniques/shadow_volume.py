@@ -104,12 +104,12 @@ class ShadowVolume(Technique):
     def draw(self, frame: Frame) -> moderngl.Texture:
         with frame.timed("extrude", changes="light"):  # by a geometry shader: only which triangles are
             _, w = frame.light.homogeneous
-            turned = bool(w) and self.casters.around(frame.light.position)
-            self.volumes.extrude(frame, turned)
+            count_both_facings = bool(w) and self.casters.around(frame.light.position)
+            self.volumes.extrude(frame, count_both_facings)
         self.layers = None
         if self.bound is not None:
             with frame.timed("layers", changes="light"):
-                self.layers = self.bound(frame, turned)
+                self.layers = self.bound(frame, count_both_facings)
         self.in_color = self.params.counter == "color" or (self.layers or 0) > MOST_LAYERS
         with frame.timed("clear", changes="view"):
             self.stenciled.target.clear(1.0, depth=1.0)

@@ -30,7 +30,7 @@ out float visibility;
 
 void main() {
     Receiver r = receiver_at(ivec2(gl_FragCoord.xy));
-    MapPoint p = map_point(r.position, 0);
+    ShadowCoord p = shadow_coord(r.position, 0);
     float stored = textureLod(map_depths, p.uv, 0.0).r;
     bool shadowed = p.depth < 1.0 && p.depth - bias * p.depth_per_length > stored;
     visibility = r.facing && p.axis_distance > 0.0 && shadowed ? 0.0 : 1.0;
@@ -64,10 +64,10 @@ class $class_name(Technique):
     def draw(self, frame):
         """Draws each pass, timed, with what makes it stale: "light", "view" (camera or light) or "frame" (always)."""
         with frame.timed("depth", changes=self.params.fit.moves_with):
-            self.seen = self.fitted(frame)
-            self.map.draw(frame, [self.seen])
+            self.light_view = self.fitted(frame)
+            self.map.draw(frame, [self.light_view])
         with frame.timed("resolve", changes="view"):
-            return self.resolve(frame, maps.map_textures(self.map.texture), **maps.map_uniforms([self.seen]))
+            return self.resolve(frame, maps.map_textures(self.map.texture), **maps.map_uniforms([self.light_view]))
 ''')
 
 

@@ -40,8 +40,8 @@ class Volumes(Protocol):
 
     left_out: int
 
-    def extrude(self, frame: Frame, turned: bool) -> None:
-        """Take a frame's light; `turned` counts all triangles of closed parts too, not facing ones alone."""
+    def extrude(self, frame: Frame, count_both_facings: bool) -> None:
+        """Take a frame's light; `count_both_facings`: of closed parts too, not only the triangles that face it."""
 
     def place(self, frame: Frame, world_to_clip: Floats, planes: Floats) -> None:
         """Take a frame's camera, and the planes (P, 4) of the region whose shadows matter; without any it is all."""
@@ -72,8 +72,8 @@ class ShaderVolumes:
             for part, mode in self._modes.items()
         }
 
-    def extrude(self, frame: Frame, turned: bool) -> None:
-        self._turned = turned
+    def extrude(self, frame: Frame, count_both_facings: bool) -> None:
+        self._count_both_facings = count_both_facings
         for program in self._programs.values():
             program.set(light=frame.light_uniform)
 
@@ -93,7 +93,7 @@ class ShaderVolumes:
         program = self._programs[part]
         program.set(sign_drawn=float(sign), front_adds=float(front_adds))
         for is_open, drawable, ranges in zip((False, True), self._drawn[part], self._ranges[part], strict=True):
-            program.set(turned=self._turned or is_open)
+            program.set(count_both_facings=self._count_both_facings or is_open)
             drawable.draw(onto.target, onto.textures, onto.state, ranges)
 
 
@@ -132,12 +132,12 @@ class ArrayVolumes:
         self._vertices = stage.scene.geometry.vertices.astype(np.float32)
         self._surfaces = [(casters.closed.faces, False), (casters.open.faces, True)]
 
-    def extrude(self, frame: Frame, turned: bool) -> None:
+    def extrude(self, frame: Frame, count_both_facings: bool) -> None:
         light = np.array(frame.light_uniform, dtype=np.float32)
         for program in self._programs.values():
             if program.has("light"):
                 program.set(light=frame.light_uniform)
-        counted = [self._counted(faces, light, turned or is_open) for faces, is_open in self._surfaces]
+        counted = [self._counted(faces, light, count_both_facings or is_open) for faces, is_open in self._surfaces]
         faces, weights = (np.concatenate(parts) for parts in zip(*counted, strict=True))
         makers = {"wall": self._walls, "cap": self._caps}
         self._drawn = {
@@ -153,7 +153,7 @@ class ArrayVolumes:
             self._programs[part].set(sign_drawn=float(one), front_adds=float(front_adds))
             self._drawn[part, one].draw(onto.target, onto.textures, onto.state)
 
-    def _counted(self, faces: Indices, light: Singles, turned: bool) -> tuple[Indices, Singles]:
+    def _counted(self, faces: Indices, light: Singles, count_both_facings: bool) -> tuple[Indices, Singles]:
         """The faces that count, and 1 or −1 for each by whether the light sees it counter-clockwise."""
         order = np.argsort(faces, axis=1)
         parity = np.where((np.diff(order, axis=1) % 3 == 1).all(axis=1), 1.0, -1.0)
@@ -165,7 +165,7 @@ class ArrayVolumes:
             + (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) * to_light[:, 2]
         )
         side = np.where(volume > 0, parity, -parity)
-        counts = turned | (side > 0)
+        counts = count_both_facings | (side > 0)
         return faces[counts], side[counts]
 
     def _walls(self, faces: Indices, weights: Singles, light: Singles) -> Singles:

@@ -15,7 +15,7 @@ from shadowbench.advice.search import Search, Tried, extrapolated, place_of
 from shadowbench.advice.space import needed_space, no_choices, specs_of, start_size, whole_space
 from shadowbench.advice.words import in_the_way, step_lines
 from shadowbench.measure.rows import Result
-from shadowbench.measure.scoring import reference_of
+from shadowbench.measure.scoring import prepare_truth
 from shadowbench.scenes.model import View
 from shadowbench.scores import score
 from shadowbench.survey.survey import Needs, needs
@@ -140,12 +140,12 @@ def test_one_wrong_pixel_is_about_the_least_error(
     metric: Literal["iou", "edge_px"], truth_of: Callable[..., Truth]
 ) -> None:
     truth = truth_of("cube-on-plane", 64)
-    reference = reference_of(truth)
+    prepared = prepare_truth(truth)
     found = least_error(truth, metric)
-    for y, x in np.argwhere(reference.edge)[::7]:
+    for y, x in np.argwhere(prepared.edge)[::7]:
         mask = truth.visibility.copy()
         mask[y, x] = 1.0
-        error = Target(metric, 0.5).error(score(mask, reference))
+        error = Target(metric, 0.5).error(score(mask, prepared))
         assert 0.4 * found < error < 4 * found
 
 

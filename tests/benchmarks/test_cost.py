@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from shadowbench.measure.scoring import mask_record, reference_of
-from shadowbench.scores import reference, split
+from shadowbench.measure.scoring import mask_record, prepare_truth
+from shadowbench.scores import prepared, split
 from shadowbench.truths.trace import Truth
 
 
@@ -25,13 +25,13 @@ def test_what_only_the_truth_decides_is_found_once(truth_of: Callable[..., Truth
 
     truth = truth_of("sphere-and-torus", 128)
     for module, name in (
-        (reference, "squared_distance"),
+        (prepared, "squared_distance"),
         (split, "squared_distance"),
         (split, "edge_pixels"),
-        (reference, "window_moments"),
+        (prepared, "window_moments"),
     ):
         counted(module, name)
-    against = reference_of(truth)
+    against = prepare_truth(truth)
     each = []
     for shift in range(3):
         before = counts.copy()

@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from shadowbench.measure.scoring import reference_of
+from shadowbench.measure.scoring import prepare_truth
 from shadowbench.scenes.views import chosen_view
 from shadowbench.scores.comparison import Comparison
-from shadowbench.scores.reference import Reference
+from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.truths.cache import cached_truth
 
 FINER = 4
 
 
 @pytest.fixture(scope="session")
-def reference(truth_cache: None) -> Callable[..., Reference]:
+def prepared(truth_cache: None) -> Callable[..., PreparedTruth]:
     """The truth of a built-in scene's first view, as scores see it."""
-    return lru_cache(lambda name, size=256: reference_of(cached_truth(chosen_view(name, size))))
+    return lru_cache(lambda name, size=256: prepare_truth(cached_truth(chosen_view(name, size))))
 
 
 @pytest.fixture(scope="session")
@@ -42,9 +42,9 @@ def drawn(truth_cache: None) -> Callable[..., np.ndarray]:
 
 
 @pytest.fixture(scope="session")
-def comparison(reference: Callable[..., Reference]) -> Callable[..., Comparison]:
+def comparison(prepared: Callable[..., PreparedTruth]) -> Callable[..., Comparison]:
     """A mask beside the truth of a built-in scene."""
-    return lambda mask, name: Comparison(mask, reference(name, len(mask)))
+    return lambda mask, name: Comparison(mask, prepared(name, len(mask)))
 
 
 @pytest.fixture

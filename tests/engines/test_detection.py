@@ -31,10 +31,10 @@ def blurred(mask: np.ndarray, times: int) -> np.ndarray:
 
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize("quality", ["exact", "acne"])
-def test_a_turned_or_inverted_mask_is_named(name: str, quality: str, drawn: Callable, reference: Callable) -> None:
+def test_a_turned_or_inverted_mask_is_named(name: str, quality: str, drawn: Callable, prepared: Callable) -> None:
     mask = drawn(name, hard=True)
     mask = with_acne(mask, 0.1) if quality == "acne" else mask
-    truth = reference(name)
+    truth = prepared(name)
     assert misorientation(mask, truth) is None
     assert misorientation(mask[::-1], truth) == "flipped vertically"
     assert misorientation(mask[:, ::-1], truth) == "flipped horizontally"
@@ -44,8 +44,8 @@ def test_a_turned_or_inverted_mask_is_named(name: str, quality: str, drawn: Call
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_a_bad_mask_is_not_taken_for_a_turned_one(name: str, drawn: Callable, reference: Callable) -> None:
-    mask, truth = drawn(name, hard=True), reference(name)
+def test_a_bad_mask_is_not_taken_for_a_turned_one(name: str, drawn: Callable, prepared: Callable) -> None:
+    mask, truth = drawn(name, hard=True), prepared(name)
     bad = [
         np.ones_like(mask),
         np.zeros_like(mask),

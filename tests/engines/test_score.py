@@ -33,12 +33,12 @@ def rows_of(folder: Path) -> list[dict]:
     return [json.loads(line) for line in (folder / "rows.jsonl").read_text(encoding="utf-8").splitlines()]
 
 
-def test_every_metric_is_printed_and_is_that_of_a_run(shadowbench: Callable, mask: Path, reference: Callable) -> None:
+def test_every_metric_is_printed_and_is_that_of_a_run(shadowbench: Callable, mask: Path, prepared: Callable) -> None:
     answer = shadowbench("score", SCENE, mask)
     assert answer.code == 0
     assert [line.split()[0] for line in answer.out.splitlines()[2 : 2 + len(METRICS)]] == list(METRICS)
     found = json.loads(shadowbench("score", SCENE, mask, "--json").out)
-    assert found["metrics"] == score(read_mask(mask), reference(SCENE))
+    assert found["metrics"] == score(read_mask(mask), prepared(SCENE))
     assert found["metrics"]["iou"] > 0.98 and found["warnings"] == []
     assert (found["view_size"], found["view"], found["light"]) == (256, "camera", "light")
 
@@ -63,7 +63,7 @@ def test_what_is_turned_inverted_or_not_square_is_refused(
 
 
 def test_a_shift_and_an_encoding_are_warned_of_and_scored_as_they_are(
-    shadowbench: Callable, drawn: Callable, tmp_path: Path, reference: Callable
+    shadowbench: Callable, drawn: Callable, tmp_path: Path, prepared: Callable
 ) -> None:
     file = tmp_path / "mask.png"
     for values, key, line in (
@@ -76,7 +76,7 @@ def test_a_shift_and_an_encoding_are_warned_of_and_scored_as_they_are(
         assert answer.code == 0 and line in answer.err
         found = json.loads(shadowbench("score", SCENE, file, "--json").out)
         assert found["input"][key] and line in found["warnings"][0] and len(found["warnings"]) == 1
-        assert found["metrics"] == score(read_mask(file), reference(SCENE))
+        assert found["metrics"] == score(read_mask(file), prepared(SCENE))
 
 
 def test_a_mask_of_another_scene_is_warned_of_and_an_empty_or_a_dark_one_is_not(
@@ -115,19 +115,19 @@ def test_a_mask_of_another_size_than_the_export_beside_it_is_warned_of(
 
 
 def test_screenshots_give_the_scores_of_the_mask_behind_them(
-    shadowbench: Callable, drawn: Callable, png: Callable, reference: Callable
+    shadowbench: Callable, drawn: Callable, png: Callable, prepared: Callable
 ) -> None:
-    visibility, light = drawn(SCENE), np.clip(reference(SCENE).cosine, 0, 1) * 0.8
+    visibility, light = drawn(SCENE), np.clip(prepared(SCENE).cosine, 0, 1) * 0.8
     ambient = np.full_like(light, 0.1)
     pictures = {"lit": ambient + light, "shadowed": ambient + light * visibility, "ambient": ambient}
     files = [part for name, values in pictures.items() for part in (f"--{name}", png(f"{name}.png", srgb(values)))]
     found = json.loads(shadowbench("score", SCENE, *files, "--json").out)
-    exact = score(visibility, reference(SCENE))
+    exact = score(visibility, prepared(SCENE))
     assert found["metrics"]["iou"] == pytest.approx(exact["iou"], abs=2e-3)
     assert found["metrics"]["mae"] == pytest.approx(exact["mae"], abs=2e-3)
-    weak = reference(SCENE).valid & (light < 1 / 64 - 2e-3)
-    assert weak.sum() <= found["input"]["unmeasured"] <= (reference(SCENE).valid & (light < 1 / 64 + 2e-3)).sum()
-    assert found["receivers"] + found["input"]["unmeasured"] >= reference(SCENE).pixels
+    weak = prepared(SCENE).valid & (light < 1 / 64 - 2e-3)
+    assert weak.sum() <= found["input"]["unmeasured"] <= (prepared(SCENE).valid & (light < 1 / 64 + 2e-3)).sum()
+    assert found["receivers"] + found["input"]["unmeasured"] >= prepared(SCENE).pixels
     assert found["input"]["source"] == "screenshots"
 
 
@@ -173,9 +173,9 @@ def test_a_row_is_kept_once_and_a_changed_mask_is_another(
 
 
 def test_the_difference_shows_false_shadow_orange_and_false_light_blue(
-    shadowbench: Callable, reference: Callable, tmp_path: Path
+    shadowbench: Callable, prepared: Callable, tmp_path: Path
 ) -> None:
-    truth = reference(SCENE)
+    truth = prepared(SCENE)
     wrong = truth.visibility.copy()
     wrong[:, :128] = 1 - wrong[:, :128] * 0.5  # half a shadow where it is light, light where it is shadow
     write_mask(tmp_path / "mask.png", wrong)
@@ -188,8 +188,8 @@ def test_the_difference_shows_false_shadow_orange_and_false_light_blue(
     assert np.ptp(picture[truth.valid & ~left], axis=-1).max() == 0
 
 
-def test_errors_are_told_by_their_kind(comparison: Callable, reference: Callable) -> None:
-    truth = reference(SCENE)
+def test_errors_are_told_by_their_kind(comparison: Callable, prepared: Callable) -> None:
+    truth = prepared(SCENE)
     acne = truth.visibility.copy()
     speckled = truth.lit_interior & (np.add.outer(np.arange(256), np.arange(256)) % 4 == 0)
     acne[speckled] = 0

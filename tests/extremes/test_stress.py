@@ -14,8 +14,8 @@ from PIL import Image
 from shadowbench.extremes.axes import AXES, Axis
 from shadowbench.extremes.ranges import Failure, failure, operating_range, operating_ranges
 from shadowbench.extremes.sweep import Sweep, changed_spec
+from shadowbench.measure.executor import Limits
 from shadowbench.measure.flips import flips
-from shadowbench.measure.place import Limits
 from shadowbench.scores.masks import mask_sha256, read_mask
 from shadowbench.scores.metrics import METRICS
 from shadowbench.techniques.spec import parse_spec

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from shadowbench.gl.clock import Clock
 from shadowbench.gl.gbuffer import download
-from shadowbench.measure.scoring import reference_of
+from shadowbench.measure.scoring import prepare_truth
 from shadowbench.scenes.model import Light, View, perpendicular_basis, unit, vec3
 from shadowbench.scores.comparison import Comparison
 from shadowbench.scores.metrics import iou
@@ -95,8 +95,8 @@ class Drawing:
 
     def errors(self, phases: int) -> list[float]:
         """1 − IoU in each of the first phases."""
-        reference = reference_of(trace(self.view, pixel_samples=1))
-        found = [iou(Comparison(self.visibility(phase=Phase(k)), reference)) for k in range(phases)]
+        prepared = prepare_truth(trace(self.view, pixel_samples=1))
+        found = [iou(Comparison(self.visibility(phase=Phase(k)), prepared)) for k in range(phases)]
         return [1 - agreed for agreed in found if agreed is not None]
 
 

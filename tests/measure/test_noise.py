@@ -9,8 +9,8 @@ import pytest
 
 from shadowbench.gl.clock import QUERIES, WALL, Sample
 from shadowbench.measure import doctor
+from shadowbench.measure.executor import CellFailed
 from shadowbench.measure.noise import CELL, ROUNDS, SERIES, Noise, noise
-from shadowbench.measure.place import CellFailed
 
 
 class Scripted:

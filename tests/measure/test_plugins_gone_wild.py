@@ -12,7 +12,7 @@ import pytest
 from shadowbench.errors import LONGEST_QUOTE
 from shadowbench.measure import printed
 from shadowbench.measure.cells import CellRequest, PlacedView
-from shadowbench.measure.place import CellFailed, Limits
+from shadowbench.measure.executor import CellFailed, Limits
 from shadowbench.measure.session import Session, Unsupported
 from shadowbench.measure.worker import Worker
 from shadowbench.scenes.views import chosen_view

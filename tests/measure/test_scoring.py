@@ -5,7 +5,7 @@ import sys
 
 import numpy as np
 
-from shadowbench.measure.scoring import mask_record, reference_of
+from shadowbench.measure.scoring import mask_record, prepare_truth
 from shadowbench.scores.masks import mask_sha256
 from shadowbench.scores.metrics import METRICS
 from shadowbench.truths.trace import Truth
@@ -39,7 +39,7 @@ def test_a_mask_is_scored_where_receivers_are_decided() -> None:
     mask = np.ones((SIDE, SIDE), np.float32)
     mask[1:, : SIDE // 4] = 0  # half of the shadow
     mask[-1, SIDE // 2 :] = 0  # nobody can say that it is wrong
-    record = mask_record(mask, true, reference_of(true))
+    record = mask_record(mask, true, prepare_truth(true))
     assert list(record["metrics"]) == list(METRICS)
     assert record["metrics"]["iou"] == 0.5
     assert (record["receivers"], record["undecided"]) == (SIDE * (SIDE - 1), SIDE)
@@ -48,14 +48,14 @@ def test_a_mask_is_scored_where_receivers_are_decided() -> None:
 
 def test_surfaces_are_compared_where_there_is_one_and_receivers_are_decided() -> None:
     true = truth()
-    reference = reference_of(true)
+    prepared = prepare_truth(true)
     surface = true.triangle.copy()
-    assert mask_record(true.visibility, true, reference, surface)["surface_mismatch"] == 0
+    assert mask_record(true.visibility, true, prepared, surface)["surface_mismatch"] == 0
     surface[0], surface[-1] = -1, -1
-    assert mask_record(true.visibility, true, reference, surface)["surface_mismatch"] == 0
+    assert mask_record(true.visibility, true, prepared, surface)["surface_mismatch"] == 0
     surface[3, 4:7] = -1
-    assert mask_record(true.visibility, true, reference, surface)["surface_mismatch"] == 3
-    assert "surface_mismatch" not in mask_record(true.visibility, true, reference)
+    assert mask_record(true.visibility, true, prepared, surface)["surface_mismatch"] == 3
+    assert "surface_mismatch" not in mask_record(true.visibility, true, prepared)
 
 
 def test_a_mask_is_scored_without_gl() -> None:

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
+from shadowbench.measure.executor import CellFailed
 from shadowbench.measure.machine import machine_key
-from shadowbench.measure.place import CellFailed
 from shadowbench.measure.session import Session
 from shadowbench.studies.tables import cells_frame
 from shadowbench.techniques.shadow_map import ShadowMap

@@ -11,7 +11,7 @@ import pytest
 
 from shadowbench.gl.clock import QUERIES, WALL, PassTimes, Sample
 from shadowbench.measure.cells import Cell, CellRequest, PlacedView
-from shadowbench.measure.place import AteMemory, CellFailed, Limits
+from shadowbench.measure.executor import CellFailed, Limits, MemoryExceeded
 from shadowbench.measure.references import name_of
 from shadowbench.measure.session import Unsupported
 from shadowbench.measure.time_rows import Timing, time_row
@@ -232,7 +232,7 @@ def crash(wanted: str, of: str | None = None, error: Exception | None = None) ->
 
 
 def test_a_view_that_cannot_be_opened_costs_the_times_of_its_cells() -> None:
-    for error in (CellFailed("crashed: SIGSEGV"), AteMemory("ate memory")):
+    for error in (CellFailed("crashed: SIGSEGV"), MemoryExceeded("ate memory")):
         worker = Scripted(fails=crash("open", error=error))
         found = timed(worker, SLOW, FAST, FLOOR, reference=FLOOR)
         assert {name: isinstance(one, Untimed) and one.reason for name, one in found.items()} == dict.fromkeys(
@@ -286,7 +286,7 @@ def test_a_worker_that_cannot_let_go_is_stopped_and_the_times_stand() -> None:
 
 def test_cells_that_eat_memory_together_are_timed_apart() -> None:
     def fails(method: str, name: str | None) -> Exception | None:
-        return AteMemory("ate memory") if method == "hold" and {SLOW, FAST} <= {*worker.held, name} else None
+        return MemoryExceeded("ate memory") if method == "hold" and {SLOW, FAST} <= {*worker.held, name} else None
 
     worker = Scripted(fails=fails)
     found = timed(worker, SLOW, FAST)
@@ -299,7 +299,7 @@ def test_cells_that_eat_memory_together_are_timed_apart() -> None:
 def test_a_cell_alone_that_eats_memory_is_tried_in_a_fresh_worker(times: int, kind: type) -> None:
     def fails(method: str, name: str | None) -> Exception | None:
         often = Counter(worker.calls)["hold", SLOW]
-        return AteMemory("ate memory") if (method, name) == ("hold", SLOW) and often <= times else None
+        return MemoryExceeded("ate memory") if (method, name) == ("hold", SLOW) and often <= times else None
 
     worker = Scripted(fails=fails)
     (found,) = timed(worker, SLOW).values()

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from shadowbench.measure.cells import CellRequest, PlacedView
+from shadowbench.measure.executor import CellFailed
 from shadowbench.measure.pipe import Pipe
-from shadowbench.measure.place import CellFailed
 from shadowbench.measure.session import Session
 from shadowbench.measure.worker import Worker
 from shadowbench.scenes.views import chosen_view

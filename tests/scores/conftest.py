@@ -3,12 +3,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from shadowbench.scores import Reference
+from shadowbench.scores import PreparedTruth
 
 
 @pytest.fixture(scope="session")
-def truth() -> Callable[..., Reference]:
-    """A Reference of a visibility; what is not given is the simplest: all receivers, a far blocker, N·L = 1."""
+def truth() -> Callable[..., PreparedTruth]:
+    """A PreparedTruth of a visibility; what is not given is the simplest: all receivers, a far blocker, N·L = 1."""
 
     def build(visibility, **given):
         visibility = np.asarray(visibility, np.float32)
@@ -21,7 +21,7 @@ def truth() -> Callable[..., Reference]:
             "cosine": np.ones(shape),
             "diagonal": 10.0,
         }
-        return Reference(visibility=visibility, **(simplest | given))
+        return PreparedTruth(visibility=visibility, **(simplest | given))
 
     return build
 

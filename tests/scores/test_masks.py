@@ -80,9 +80,9 @@ def test_a_stored_mask_comes_back_bit_for_bit(tmp_path_factory, visibility):
 def test_a_stored_mask_scores_the_same_numbers(tmp_path, truth, disc):
     rng = np.random.default_rng(3)
     mask = np.clip(disc(30, right=1) + rng.normal(0, 0.1, (128, 128)), 0, 1)
-    reference = truth(disc(30), area=np.clip(disc(30) * 0.9, 0, 1), cosine=rng.random((128, 128)))
+    prepared = truth(disc(30), area=np.clip(disc(30) * 0.9, 0, 1), cosine=rng.random((128, 128)))
     write_mask(tmp_path / "mask.png", mask)
-    assert score(read_mask(tmp_path / "mask.png"), reference) == score(mask, reference)
+    assert score(read_mask(tmp_path / "mask.png"), prepared) == score(mask, prepared)
 
 
 def test_the_file_is_16_bit_grey_and_alone_in_its_folder(tmp_path):

@@ -70,8 +70,8 @@ def test_the_truth_itself_gets_the_best_value_of_every_metric(truth, disc):
 @given(seeds)
 def test_no_mask_is_better_than_the_truth(truth, seed):
     mask, view = random_view(np.random.default_rng(seed))
-    reference = truth(**view | {"area": view["visibility"]})
-    scores, best = score(mask, reference), score(reference.visibility, reference)
+    prepared = truth(**view | {"area": view["visibility"]})
+    scores, best = score(mask, prepared), score(prepared.visibility, prepared)
     for name, metric in METRICS.items():
         if scores[name] is not None and best[name] is not None:
             worse = scores[name] - best[name]
@@ -81,13 +81,13 @@ def test_no_mask_is_better_than_the_truth(truth, seed):
 @pytest.mark.parametrize("name", METRICS)
 def test_a_worse_mask_never_scores_better(truth, half_plane, name):
     """The shadow retreats from its occluder, and acne of the same area spreads over the lit side."""
-    reference = truth(half_plane(64), blocker=np.where(half_plane(64) < 0.5, 0.1, np.inf))
+    prepared = truth(half_plane(64), blocker=np.where(half_plane(64) < 0.5, 0.1, np.inf))
     noise = np.random.default_rng(5).random((128, 128))
 
     def mask(amount):
         return np.where((half_plane(64) == 1) & (noise < amount / 200), 0, half_plane(64 - amount))
 
-    values = [score(mask(amount), reference)[name] for amount in (0, 1, 2, 4, 8, 16)]
+    values = [score(mask(amount), prepared)[name] for amount in (0, 1, 2, 4, 8, 16)]
     towards_worse = values[::-1] if METRICS[name].better == "higher" else values
     assert towards_worse == sorted(towards_worse)
     assert values[-1] != values[0]
@@ -157,12 +157,12 @@ def test_boundary_iou_does_not_forgive_a_large_shadow(truth, disc):
 
 
 def test_acne_is_the_share_of_dark_pixels_in_the_lit_interior(truth, half_plane):
-    mask, reference = half_plane(64), truth(half_plane(64))
+    mask, prepared = half_plane(64), truth(half_plane(64))
     speckled = np.random.default_rng(2).random(mask.shape) < 0.05
     mask[speckled] = 0
-    interior = reference.lit_interior
-    assert score(mask, reference)["acne"] == speckled[interior].mean()
-    assert score(mask, reference)["leak"] == 0
+    interior = prepared.lit_interior
+    assert score(mask, prepared)["acne"] == speckled[interior].mean()
+    assert score(mask, prepared)["leak"] == 0
 
 
 def test_partial_acne_shows_in_the_soft_scores_only(truth, half_plane):
@@ -233,9 +233,9 @@ def test_the_95th_percentile_of_known_distances(truth):
 def test_excluded_pixels_never_matter(truth, seed):
     rng = np.random.default_rng(seed)
     mask, view = random_view(rng)
-    reference = truth(**view)
-    changed = np.where(reference.valid, mask, rng.random(mask.shape))
-    assert score(changed, reference) == score(mask, reference)
+    prepared = truth(**view)
+    changed = np.where(prepared.valid, mask, rng.random(mask.shape))
+    assert score(changed, prepared) == score(mask, prepared)
 
 
 @given(seeds)
@@ -264,13 +264,13 @@ def test_turning_both_images_changes_no_score(truth, turn, seed):
 def test_flipping_more_pixels_never_helps(truth, seed, few, more):
     rng = np.random.default_rng(seed)
     _, view = random_view(rng)
-    reference = truth(**view)
+    prepared = truth(**view)
     order = rng.permutation(SIZE * SIZE)
 
     def flipped(count):
-        mask = reference.visibility.copy()
+        mask = prepared.visibility.copy()
         mask.flat[order[:count]] = 1 - mask.flat[order[:count]]
-        return score(mask, reference)
+        return score(mask, prepared)
 
     better, worse = flipped(few), flipped(few + more)
     assert worse["mae"] >= better["mae"]

@@ -79,10 +79,10 @@ def test_empty_regions_do_not_dilute_it(truth, half_plane):
     """A band without receivers, far from any edge, leaves the others' windows as they were."""
     receivers = np.ones((128, 128), bool)
     receivers[:, 100:] = False
-    reference = truth(half_plane(64), receivers=receivers)
+    prepared = truth(half_plane(64), receivers=receivers)
     _, similarity = scikit_image(half_plane(66), half_plane(64), full=True)
     expected = similarity[INSIDE][receivers[INSIDE]].mean()
-    assert score(half_plane(66), reference)["ssim"] == pytest.approx(expected, abs=1e-7)
+    assert score(half_plane(66), prepared)["ssim"] == pytest.approx(expected, abs=1e-7)
 
 
 def test_it_prefers_a_displaced_edge_to_a_smooth_one_as_its_help_says(truth, disc):

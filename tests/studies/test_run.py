@@ -13,10 +13,10 @@ from PIL import Image
 from shadowbench.data import data_folder
 from shadowbench.errors import InputError
 from shadowbench.measure import pictures, scorer
+from shadowbench.measure.executor import MemoryExceeded
 from shadowbench.measure.machine import write_run_file
-from shadowbench.measure.place import AteMemory
 from shadowbench.measure.rows import Result, read_run_file
-from shadowbench.measure.scoring import reference_of
+from shadowbench.measure.scoring import prepare_truth
 from shadowbench.measure.session import Session
 from shadowbench.scores.masks import mask_sha256, read_mask
 from shadowbench.scores.metrics import METRICS, score
@@ -171,7 +171,7 @@ def test_the_truth_that_is_shown_is_the_truth(run: Run) -> None:
 
 
 def test_scoring_a_stored_mask_again_gives_the_stored_scores(run: Run, records: Records) -> None:
-    references = {block.scene.name: reference_of(cached_truth(block.view)) for block in run.study.blocks()}
+    references = {block.scene.name: prepare_truth(cached_truth(block.view)) for block in run.study.blocks()}
     held = [record for record in records(run.folder, "score") if record["status"] == "ok"]
     assert held
     for record in held:
@@ -293,7 +293,7 @@ def test_a_cell_is_not_blamed_for_the_memory_of_those_that_wait_to_be_timed(
             kept.append(options.get("keep", 0))
             if kept[-1] and len(kept) > 1:
                 bench.worker.stop()
-                raise AteMemory("ate memory")
+                raise MemoryExceeded("ate memory")
         return call(method, *arguments, **options)
 
     monkeypatch.setattr(bench.worker, "call", full)
@@ -415,10 +415,10 @@ def test_the_truth_s_side_of_scoring_is_found_once_a_view(
     made: list[Any] = []
 
     def counted(truth: Any) -> Any:
-        made.append(reference_of(truth))
+        made.append(prepare_truth(truth))
         return made[-1]
 
-    monkeypatch.setattr(scorer, "reference_of", counted)
+    monkeypatch.setattr(scorer, "prepare_truth", counted)
     Run(bench, tmp_path / "out")
     assert len(made) == 2  # scenes, of five cells each
 

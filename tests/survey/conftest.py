@@ -8,7 +8,7 @@ import pytest
 
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, view_of
 
-Place = tuple[float, float, float]
+Position = tuple[float, float, float]
 
 DOWN = Light("sun", "directional", (0.0, -1.0, 0.0))
 LIGHTS = (
@@ -24,13 +24,13 @@ def light(request: pytest.FixtureRequest) -> Light:
     return chosen
 
 
-def plate(side: float, center: Place = (0.0, 0.0, 0.0), name: str = "plate", **flags: bool) -> Mesh:
+def plate(side: float, center: Position = (0.0, 0.0, 0.0), name: str = "plate", **flags: bool) -> Mesh:
     """A horizontal square, facing up."""
     corners = np.array([[-1, 0, 1], [1, 0, 1], [1, 0, -1], [-1, 0, -1]]) * side / 2 + center
     return Mesh(name, corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32), **flags)
 
 
-def box(side: float, center: Place, name: str = "box") -> Mesh:
+def box(side: float, center: Position, name: str = "box") -> Mesh:
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     faces = [face for a, b, c, d in quads for face in ((a, b, c), (a, c, d))]
@@ -41,8 +41,8 @@ def looking(
     meshes: Sequence[Mesh],
     light: Light,
     size: int = 64,
-    eye: Place = (2.3, 4.0, 3.4),
-    target: Place = (0.0, 0.0, 0.0),
+    eye: Position = (2.3, 4.0, 3.4),
+    target: Position = (0.0, 0.0, 0.0),
     fov: float = 50.0,
 ) -> View:
     camera = Camera("camera", eye, target, math.radians(fov))

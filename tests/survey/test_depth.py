@@ -73,7 +73,7 @@ def test_every_kind_of_light_has_its_depths(light: Light) -> None:
     assert bias is not None and bias.bridged is not None and bias.bridged.value == 0.0
     assert 0 < bias.needed.value <= bias.worst
     # The derivative of what is stored, by differences.
-    z = fitted.seen.place[2]
+    z = fitted.footprint.place[2]
     order = np.argsort(z)[:: max(1, len(z) // 50)]
     slope = np.diff(depths.stored[order]) / np.diff(z[order])
     middle = (depths.per_length[order][1:] + depths.per_length[order][:-1]) / 2

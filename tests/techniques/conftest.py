@@ -12,7 +12,7 @@ from shadowbench.gl.clock import Clock
 from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import download
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene, Vec3, View, unit, view_of
-from shadowbench.scores import Reference, score
+from shadowbench.scores import PreparedTruth, score
 from shadowbench.techniques.base import Frame, Phase, Stage, Technique
 from shadowbench.techniques.registry import shader_folder, techniques
 from shadowbench.techniques.spec import parse_spec
@@ -75,10 +75,10 @@ def scored() -> Callable[..., dict[str, float | None]]:
     names = ("visibility", "receivers", "undecided", "area", "blocker", "cosine", "diagonal")
 
     @lru_cache
-    def reference(truth) -> Reference:
-        return Reference(**{name: getattr(truth, name) for name in names})
+    def prepared(truth) -> PreparedTruth:
+        return PreparedTruth(**{name: getattr(truth, name) for name in names})
 
-    return lambda visibility, truth: score(visibility, reference(truth))
+    return lambda visibility, truth: score(visibility, prepared(truth))
 
 
 @pytest.fixture(scope="session")

@@ -173,10 +173,12 @@ def test_every_receiver_in_view_lies_in_a_box(name: str, box: str, studio, build
 def held_by(one, shot, slack: float = 0.0) -> np.ndarray:
     """The first layer whose box holds a pixel's position with the filter's reach, or the number of layers."""
     technique = one.technique
-    layer = np.full(shot.triangle.shape, len(technique.seen))
-    for number, seen in reversed(list(enumerate(technique.seen))):
-        at = (shot.position[..., :3] @ seen.space.basis.T * [1, 1, -1] - seen.box.low) / (seen.box.high - seen.box.low)
-        reach = np.array([technique.reach / seen.size] * 2 + [0]) + slack
+    layer = np.full(shot.triangle.shape, len(technique.light_views))
+    for number, light_view in reversed(list(enumerate(technique.light_views))):
+        at = (shot.position[..., :3] @ light_view.space.basis.T * [1, 1, -1] - light_view.box.low) / (
+            light_view.box.high - light_view.box.low
+        )
+        reach = np.array([technique.reach / light_view.size] * 2 + [0]) + slack
         layer[((at >= reach) & (at <= 1 - reach)).all(axis=-1)] = number
     return layer
 
@@ -356,9 +358,9 @@ def test_a_phase_shifts_each_window_by_parts_of_its_texel(box: str, studio, buil
     shot = studio.shot(builtin("street", 32))
     one = build(f"cascades:box={box},size=128", shot)
     one.draw(shot)
-    before = one.technique.seen
+    before = one.technique.light_views
     one.draw(shot, phase=3)
-    for plain, moved in zip(before, one.technique.seen, strict=True):
+    for plain, moved in zip(before, one.technique.light_views, strict=True):
         for a, b in ((plain.box.low, moved.box.low), (plain.box.high, moved.box.high)):
             assert (b - a)[:2] / plain.texel == pytest.approx(Phase(3).shift, abs=1e-6)
             assert b[2] == a[2]
@@ -388,8 +390,8 @@ def creeping(studio, build) -> Callable[..., list[tuple[np.ndarray, np.ndarray]]
     def creep(shot, items: str, steps: int = 32):
         one = build(f"cascades:box=sphere,{items}", shot)
         one.draw(shot)
-        space = one.technique.seen[0].space
-        return followed(one, shot, space.basis[0], steps + 1, one.technique.seen[0].texel[0] / 4)
+        space = one.technique.light_views[0].space
+        return followed(one, shot, space.basis[0], steps + 1, one.technique.light_views[0].texel[0] / 4)
 
     return creep
 
@@ -433,8 +435,8 @@ def test_snapped_texels_do_not_depend_on_where_the_camera_looks(studio, build, b
         one.technique.draw(
             Frame(replace(shot.view, camera=replace(camera, target=target)), Phase(), 0, shot.surface, one.clock)
         )
-        texels.append([seen.texel for seen in one.technique.seen])
-        grids.append([seen.box.low[:2] / seen.texel for seen in one.technique.seen])
+        texels.append([light_view.texel for light_view in one.technique.light_views])
+        grids.append([light_view.box.low[:2] / light_view.texel for light_view in one.technique.light_views])
     assert np.ptp(texels, axis=0).max() <= 1e-15
     assert np.abs(np.array(grids) - np.round(grids)).max() < 1e-6, "whole texels from the light's own origin"
 
@@ -458,7 +460,7 @@ def test_facts_are_metres(studio, build, builtin) -> None:
     one.draw(shot)
     facts, scale = one.technique.facts(), shot.placement.scale
     assert facts["far_2_m"] == pytest.approx(shot.filed.near_far[1])
-    first = one.technique.seen[0]
+    first = one.technique.light_views[0]
     assert facts["texel_1_m"] == pytest.approx(max(first.texel) / scale)
     assert facts["bias_1_m"] == pytest.approx(0.01 * (first.far - first.near) / scale)
     assert facts["texel_1_m"] < facts["texel_2_m"]

@@ -35,15 +35,15 @@ def receivers(shot) -> np.ndarray:
     return shot.position[(shot.position[..., 3] > 0) & facing & inside][:, :3]
 
 
-def seen_by(build, shot, items: str, phase: int = 0) -> LightView:
+def light_view_of(build, shot, items: str, phase: int = 0) -> LightView:
     one = build(f"shadow-map:{items}", shot)
     one.draw(shot, phase)
-    return one.technique.seen
+    return one.technique.light_view
 
 
-def unpadded(seen: LightView, padding: float) -> Box:
-    step = np.array([*seen.texel, 0.0]) * padding
-    return Box(seen.box.low + step, seen.box.high - step)
+def unpadded(light_view: LightView, padding: float) -> Box:
+    step = np.array([*light_view.texel, 0.0]) * padding
+    return Box(light_view.box.low + step, light_view.box.high - step)
 
 
 @pytest.mark.parametrize("fit", MOVING)
@@ -53,9 +53,9 @@ def test_all_receivers_in_view_lie_in_the_window_and_its_padding_is_free(
     studio, build, builtin, name, fit, filter_, radius
 ) -> None:
     shot = studio.shot(builtin(name, SIZE))
-    seen = seen_by(build, shot, f"fit={fit},filter={filter_},size=256")
-    box, points = unpadded(seen, radius + 1), seen.space.box(receivers(shot))
-    slack = 1e-5 * (seen.box.high - seen.box.low)
+    light_view = light_view_of(build, shot, f"fit={fit},filter={filter_},size=256")
+    box, points = unpadded(light_view, radius + 1), light_view.space.box(receivers(shot))
+    slack = 1e-5 * (light_view.box.high - light_view.box.low)
     assert (points.low >= box.low - slack).all() and (points.high <= box.high + slack).all()
     if fit == "visible":
         assert points.low[:2] == pytest.approx(box.low[:2], abs=slack[:2].max()), "and not a texel more"
@@ -65,21 +65,21 @@ def test_all_receivers_in_view_lie_in_the_window_and_its_padding_is_free(
 @pytest.mark.parametrize("name", SCENES)
 def test_scene_shows_every_vertex(studio, build, builtin, name: str) -> None:
     shot = studio.shot(builtin(name, SIZE))
-    seen = seen_by(build, shot, "fit=scene,filter=hard")
+    light_view = light_view_of(build, shot, "fit=scene,filter=hard")
     points = shot.view.scene.geometry.vertices
-    if seen.space.perspective:  # those in the lamp's own pyramid
-        x, y, axial = ((points - seen.space.origin) @ seen.space.basis.T * [1, 1, -1]).T
-        points = points[(axial > 0) & (np.maximum(np.abs(x), np.abs(y)) <= axial * seen.space.half)]
-    held, box = seen.space.box(points), unpadded(seen, 1.5)
+    if light_view.space.perspective:  # those in the lamp's own pyramid
+        x, y, axial = ((points - light_view.space.origin) @ light_view.space.basis.T * [1, 1, -1]).T
+        points = points[(axial > 0) & (np.maximum(np.abs(x), np.abs(y)) <= axial * light_view.space.half)]
+    held, box = light_view.space.box(points), unpadded(light_view, 1.5)
     assert (held.low >= box.low - 1e-9).all() and (held.high <= box.high + 1e-9).all()
-    if not seen.space.perspective:
+    if not light_view.space.perspective:
         assert held.low[:2] == pytest.approx(box.low[:2]) and held.high[:2] == pytest.approx(box.high[:2])
 
 
 @pytest.mark.parametrize("name", SCENES)
 def test_visible_lies_in_view_and_view_in_scene(studio, build, builtin, name: str) -> None:
     shot = studio.shot(builtin(name, SIZE))
-    boxes = [unpadded(seen_by(build, shot, f"fit={fit},filter=hard"), 1.5) for fit in MOVING[::-1]]
+    boxes = [unpadded(light_view_of(build, shot, f"fit={fit},filter=hard"), 1.5) for fit in MOVING[::-1]]
     # `scene` bounds the vertices, `view` the box around them within the frustum, so `view` may be the larger where the
     # whole scene is seen.
     space = light_space(shot.view.light)
@@ -132,7 +132,7 @@ def test_fixed_is_the_published_matrix_in_file_units(studio, build, builtin, kin
     position = tuple((unit(toward) * 4.58).tolist())
     view = replace(view, light=Light(kind, kind, tuple(-toward), position, math.radians(45)))
     shot = studio.shot(view)
-    seen = seen_by(build, shot, "preset=fixed")
+    light_view = light_view_of(build, shot, "preset=fixed")
     near, far = 1.0, 7.5
     if kind == "directional":
         projection = np.diag([1 / 10, 1 / 10, -2 / (far - near), 1.0])
@@ -145,9 +145,9 @@ def test_fixed_is_the_published_matrix_in_file_units(studio, build, builtin, kin
     points = np.random.default_rng(1).uniform(-2, 2, (50, 3))
     expected = np.column_stack([points, np.ones(50)]) @ published.T
     local = shot.placement.points(points)
-    found = np.column_stack([local, np.ones(50)]) @ seen.to_map().T
+    found = np.column_stack([local, np.ones(50)]) @ light_view.to_map().T
     assert found[:, :3] / found[:, 3:] == pytest.approx(expected[:, :3] / expected[:, 3:], abs=1e-9)
-    assert (seen.near, seen.far) == pytest.approx((near * shot.placement.scale, far * shot.placement.scale))
+    assert (light_view.near, light_view.far) == pytest.approx((near * shot.placement.scale, far * shot.placement.scale))
 
 
 HALTON = [(0, 0), (1 / 2, 1 / 3), (1 / 4, 2 / 3), (3 / 4, 1 / 9), (1 / 8, 4 / 9), (5 / 8, 7 / 9)]
@@ -159,11 +159,11 @@ def test_a_phase_moves_the_window_by_a_halton_point_in_texels(studio, build, bui
     shot = studio.shot(builtin(name, 64))
     one = build(f"shadow-map:fit={fit},size=128", shot)
     one.draw(shot)
-    start = one.technique.seen
+    start = one.technique.light_view
     for phase, expected in enumerate(HALTON):
         one.draw(shot, phase)
-        seen = one.technique.seen
-        for moved, fixed in ((seen.box.low, start.box.low), (seen.box.high, start.box.high)):
+        light_view = one.technique.light_view
+        for moved, fixed in ((light_view.box.low, start.box.low), (light_view.box.high, start.box.high)):
             assert (moved - fixed)[:2] / start.texel == pytest.approx(expected, abs=1e-9)
             assert moved[2] == fixed[2]
         assert Phase(phase).shift == pytest.approx(expected)
@@ -194,11 +194,11 @@ def test_facts_are_in_metres(studio, build, builtin, fit: str) -> None:
     shot = studio.shot(builtin("cube-on-plane", 64))
     one = build(f"shadow-map:fit={fit},size=128,bias=constant(0.01)", shot)
     one.draw(shot)
-    seen, facts = one.technique.seen, one.technique.facts()
+    light_view, facts = one.technique.light_view, one.technique.facts()
     scale = shot.placement.scale
-    width = (seen.box.high - seen.box.low)[:2] / scale
+    width = (light_view.box.high - light_view.box.low)[:2] / scale
     assert facts["texel_m"] == pytest.approx(max(width) / 128)
-    assert facts["depth_range_m"] == pytest.approx((seen.far - seen.near) / scale)
+    assert facts["depth_range_m"] == pytest.approx((light_view.far - light_view.near) / scale)
     assert facts["bias_m"] == pytest.approx(0.01 * facts["depth_range_m"])
     if fit == "fixed":
         assert facts["texel_m"] == pytest.approx(20 / 128) and facts["depth_range_m"] == pytest.approx(6.5)
@@ -264,18 +264,18 @@ def test_hull_points_reach_as_far_as_all_points(seed: int) -> None:
 def test_map_and_clip_space_agree(kind: str, reversed_depth: bool) -> None:
     light = Light(kind, kind, (0.3, -1.0, 0.2), (0.0, 3.0, 0.0), 1.0)
     space = light_space(light)
-    seen = LightView(space, Box(np.array([-0.4, -0.3, 1.0]), np.array([0.2, 0.5, 5.0])), 64)
+    light_view = LightView(space, Box(np.array([-0.4, -0.3, 1.0]), np.array([0.2, 0.5, 5.0])), 64)
     points = np.random.default_rng(2).uniform(-1, 1, (20, 3))
     points = np.column_stack([points, np.ones(20)])
-    on_map, clip = points @ seen.to_map(reversed_depth).T, points @ seen.to_clip(reversed_depth).T
+    on_map, clip = points @ light_view.to_map(reversed_depth).T, points @ light_view.to_clip(reversed_depth).T
     assert on_map[:, :2] / on_map[:, 3:] == pytest.approx(clip[:, :2] / clip[:, 3:] / 2 + 0.5)
     z = clip[:, 2] / clip[:, 3]
     assert on_map[:, 2] / on_map[:, 3] == pytest.approx(z if reversed_depth else z / 2 + 0.5)
-    forward = points @ seen.to_map().T
+    forward = points @ light_view.to_map().T
     depth = forward[:, 2] / forward[:, 3]
     assert on_map[:, 2] / on_map[:, 3] == pytest.approx(1 - depth if reversed_depth else depth)
     axial = -((points[:, :3] - space.origin) @ space.basis.T)[:, 2]
-    assert seen.linear(on_map[:, 2] / on_map[:, 3], reversed_depth) == pytest.approx((axial - 1) / 4)
+    assert light_view.linear(on_map[:, 2] / on_map[:, 3], reversed_depth) == pytest.approx((axial - 1) / 4)
 
 
 @pytest.mark.parametrize("direction", [(0.0, -1.0, 0.0), (0.0, 1.0, 0.0), (1e-9, -1.0, 0.0), (0.3, 0.2, -0.9)])

@@ -24,17 +24,17 @@ class MapLookup:
     """Where the receivers of a shot lie in a technique's map, in texels and depth."""
 
     def __init__(self, technique, shot, bias: float, wrap: str = "border") -> None:
-        seen, size = technique.seen, technique.params.size
-        space = seen.space
+        light_view, size = technique.light_view, technique.params.size
+        space = light_view.space
         x, y, axial = np.moveaxis((shot.position[..., :3] - space.origin) @ space.basis.T * [1, 1, -1], -1, 0)
-        near, far = seen.near, seen.far
+        near, far = light_view.near, light_view.far
         with np.errstate(all="ignore"):
             if space.perspective:
                 x, y = x / axial, y / axial
                 self.depth = far * (axial - near) / (axial * (far - near))
             else:
                 self.depth = (axial - near) / (far - near)
-        low, high = seen.box.low, seen.box.high
+        low, high = light_view.box.low, light_view.box.high
         self.axial = axial
         self.u, self.v = (x - low[0]) / (high[0] - low[0]) * size, (y - low[1]) / (high[1] - low[1]) * size
         light, w = shot.view.light.homogeneous
@@ -197,9 +197,9 @@ def test_the_map_image_is_linear_depth_with_row_0_at_the_top(build, studio, buil
     shot = studio.shot(builtin(SCENES[kind], 64))
     one = build(f"shadow-map:size=128,{FIXED[kind]}", shot)
     one.draw(shot)
-    image, seen = one.technique.map_image(), one.technique.seen
+    image, light_view = one.technique.map_image(), one.technique.light_view
     lookup = MapLookup(one.technique, shot, 0.0)
-    n, f = seen.near, seen.far
+    n, f = light_view.near, light_view.far
     z = 2 * lookup.map[::-1] - 1
     distance = 2 * n * f / (f + n - z * (f - n)) if kind == "spot" else n + (z + 1) / 2 * (f - n)
     assert image.shape == (128, 128)

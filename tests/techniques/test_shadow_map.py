@@ -145,7 +145,7 @@ def test_16_bits_are_too_few_for_a_deep_perspective_map(shape, looking, spot, st
     for depth in ("d16", "d24", "d32f"):
         one = build(f"shadow-map:fit=scene,bias=texel(scale=1,limit=8,ulps=4),size=1024,depth={depth}", shot)
         iou[depth] = scored(one.draw(shot), truth)["iou"]
-    assert one.technique.seen.far / one.technique.seen.near == pytest.approx(1e4)
+    assert one.technique.light_view.far / one.technique.light_view.near == pytest.approx(1e4)
     assert iou["d16"] < 0.1
     assert iou["d24"] > 0.95 and iou["d32f"] > 0.95
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from shadowbench.errors import InputError
-from shadowbench.geometry.hull import CasterHull
+from shadowbench.geometry.hull import SceneHull
 from shadowbench.geometry.lights import Box, light_space, window
 from shadowbench.scenes.model import AS_FILED, Light, Scene
-from shadowbench.techniques.fits import Fixed, SceneFit, Sight, Visible
+from shadowbench.techniques.fits import FitContext, Fixed, SceneFit, Visible
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
 
@@ -57,20 +57,20 @@ def test_a_map_smaller_than_its_padding_shows_the_box_in_one_texel(size: int) ->
     assert (shown.high - shown.low)[:2] == pytest.approx((size, size / 2))
 
 
-def sight(view, scene: Scene, seen: Box | None = None) -> Sight:
-    return Sight(view, AS_FILED, CasterHull(scene), lambda space: seen)
+def context(view, scene: Scene, bounds: Box | None = None) -> FitContext:
+    return FitContext(view, AS_FILED, SceneHull(scene), lambda space: bounds)
 
 
 def test_where_no_receiver_is_seen_there_is_a_map_all_the_same(looking, sun, shape) -> None:
     view = looking([shape("plane")], sun())
-    shown = Visible().light_view(sight(view, view.scene), 64, 0.0, (0.0, 0.0))
+    shown = Visible().light_view(context(view, view.scene), 64, 0.0, (0.0, 0.0))
     assert np.isfinite(shown.to_map()).all() and shown.near < shown.far and min(shown.texel) > 0
 
 
 def test_a_lamp_within_the_scene_sees_from_a_millionth_of_its_reach(looking, spot, shape) -> None:
     """The reach: the scene's width and its own distance from the origin."""
     view = looking([shape("box", 4.0)], spot((0.5, 1.5, 0.0), (0.5, 0.0, 0.0), 60.0), eye=(1.0, 1.0, 1.0))
-    found = SceneFit().receivers(light_space(view.light), sight(view, view.scene))
+    found = SceneFit().receivers(light_space(view.light), context(view, view.scene))
     assert found is not None
     assert found.low[2] == pytest.approx((4 + 1.5) * 1e-6) and found.high[2] == pytest.approx(1.5 + 2)
 
@@ -89,7 +89,7 @@ def test_the_position_step_is_half_a_float32_spacing_of_the_farthest_place(
     shape, kind, place, extent, farthest
 ) -> None:
     """Rounding to nearest moves a place by no more; a lamp outside the scene is such a place, a sun is none."""
-    hull = CasterHull(Scene("test", (shape("box", [2 * extent, extent, extent]),), (), ()))
+    hull = SceneHull(Scene("test", (shape("box", [2 * extent, extent, extent]),), (), ()))
     light = Light(kind, kind, (0.0, -1.0, 0.0), (0.0, -place, place / 2), 1.0)
     assert hull.position_step(light) == np.spacing(np.float32(farthest)) / 2
 

@@ -14,7 +14,7 @@ from shadowbench.truths.trace import Truth
 
 from .oracle import answers
 
-Place = tuple[float, float, float]
+Position = tuple[float, float, float]
 
 SUN = Light("sun", "directional", (0.5, -1.0, -0.3))
 SPOT = Light("spot", "spot", (-0.5, -1.0, 0.2), (2.0, 4.0, -0.8), math.radians(60.0))
@@ -41,8 +41,8 @@ def looking() -> Callable[..., View]:
         meshes: Sequence[Mesh],
         light: Light,
         size: int = 64,
-        eye: Place = (2.3, 4.0, 3.4),
-        target: Place = (0.0, 0.0, 0.0),
+        eye: Position = (2.3, 4.0, 3.4),
+        target: Position = (0.0, 0.0, 0.0),
         fov: float = 50.0,
         near: float | None = None,
         far: float | None = None,

@@ -15,7 +15,7 @@ class CellFailed(ShadowbenchError):
     """A call that was not answered: it raised, crashed, hung or ate memory; the text says which."""
 
 
-class AteMemory(CellFailed):
+class MemoryExceeded(CellFailed):
     """The process that draws grew past its limit."""
 
 
@@ -32,7 +32,7 @@ class Limits:
     bytes: int = 8 << 30
 
 
-class Place(Protocol):
+class Executor(Protocol):
     """A session somewhere. After a failure, the next call finds a fresh one."""
 
     @property

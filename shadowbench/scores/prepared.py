@@ -17,7 +17,7 @@ BOUNDARY_WIDTH = 0.02  # of the image's diagonal (Cheng et al. 2021)
 CONTACT_DISTANCE = 0.02  # of the scene's diagonal
 
 
-class Reference(Split):
+class PreparedTruth(Split):
     """The truth of one view, as scores see it.
 
     Everything derived is found when first asked for, then kept: at 1024² about 50 MB in all.

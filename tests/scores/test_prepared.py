@@ -5,22 +5,22 @@ import pytest
 def test_undecided_pixels_and_non_receivers_are_in_no_set(truth, half_plane):
     rng = np.random.default_rng(0)
     receivers, undecided = rng.random((2, 128, 128)) < [[[0.9]], [[0.01]]]
-    reference = truth(half_plane(64), receivers=receivers, undecided=undecided)
-    np.testing.assert_array_equal(reference.valid, receivers & ~undecided)
+    prepared = truth(half_plane(64), receivers=receivers, undecided=undecided)
+    np.testing.assert_array_equal(prepared.valid, receivers & ~undecided)
     for name in ("shadow", "lit", "edge", "boundary", "edge_zone", "lit_interior", "shadow_interior", "contact"):
-        assert not (getattr(reference, name) & ~reference.valid).any(), name
+        assert not (getattr(prepared, name) & ~prepared.valid).any(), name
 
 
 def test_a_valid_pixel_is_in_shadow_or_lit(truth):
-    reference = truth([[0, 0.49], [0.51, 1]])
-    np.testing.assert_array_equal(reference.shadow, [[True, True], [False, False]])
-    np.testing.assert_array_equal(reference.lit, ~reference.shadow)
+    prepared = truth([[0, 0.49], [0.51, 1]])
+    np.testing.assert_array_equal(prepared.shadow, [[True, True], [False, False]])
+    np.testing.assert_array_equal(prepared.lit, ~prepared.shadow)
 
 
 def test_interiors_keep_four_pixels_from_the_other_class(truth, half_plane):
-    reference = truth(half_plane(64))
-    assert np.flatnonzero(reference.lit_interior[10]).tolist() == list(range(67, 128))  # pixel 63 is in shadow
-    assert np.flatnonzero(reference.shadow_interior[10]).tolist() == list(range(61))
+    prepared = truth(half_plane(64))
+    assert np.flatnonzero(prepared.lit_interior[10]).tolist() == list(range(67, 128))  # pixel 63 is in shadow
+    assert np.flatnonzero(prepared.shadow_interior[10]).tolist() == list(range(61))
 
 
 def test_interiors_keep_four_pixels_from_an_undecided_one(truth):
@@ -38,24 +38,24 @@ def test_all_of_a_wholly_lit_view_is_interior(truth):
 
 
 def test_the_edge_zone_is_eight_pixels_on_both_sides(truth, half_plane):
-    reference = truth(half_plane(64))
-    assert np.flatnonzero(reference.edge_zone[10]).tolist() == list(range(56, 72))
+    prepared = truth(half_plane(64))
+    assert np.flatnonzero(prepared.edge_zone[10]).tolist() == list(range(56, 72))
 
 
 def test_the_edge_zone_of_one_pixel_is_round(truth):
     """The border is half a pixel from the pixel's centre."""
     y, x = np.mgrid[:31, :31] - 15
-    reference = truth(np.where((x == 0) & (y == 0), 0.0, 1.0))
-    np.testing.assert_array_equal(reference.edge_zone, x**2 + y**2 <= 8.5**2)
+    prepared = truth(np.where((x == 0) & (y == 0), 0.0, 1.0))
+    np.testing.assert_array_equal(prepared.edge_zone, x**2 + y**2 <= 8.5**2)
 
 
 def test_a_gap_of_invalid_pixels_is_no_edge(truth, half_plane):
     receivers = np.ones((128, 128), bool)
     receivers[:, 64] = False
-    reference = truth(half_plane(64), receivers=receivers)
-    assert not reference.edge.any()
-    assert not reference.boundary.any()
-    assert not reference.edge_zone.any()
+    prepared = truth(half_plane(64), receivers=receivers)
+    assert not prepared.edge.any()
+    assert not prepared.boundary.any()
+    assert not prepared.edge_zone.any()
 
 
 def test_the_border_of_the_image_is_no_edge(truth):
@@ -64,17 +64,17 @@ def test_the_border_of_the_image_is_no_edge(truth):
 
 @pytest.mark.parametrize(("side", "width"), [(8, 1), (52, 1), (54, 2), (128, 4)])
 def test_the_boundary_is_a_fiftieth_of_the_diagonal_wide_and_at_least_a_pixel(truth, half_plane, side, width):
-    reference = truth(half_plane(side // 2, side, side))
-    assert reference.boundary_width == width
-    assert np.flatnonzero(reference.boundary[0]).tolist() == list(range(side // 2 - width, side // 2))
+    prepared = truth(half_plane(side // 2, side, side))
+    assert prepared.boundary_width == width
+    assert np.flatnonzero(prepared.boundary[0]).tolist() == list(range(side // 2 - width, side // 2))
 
 
 def test_contact_is_shadow_with_a_near_blocker(truth, half_plane):
     blocker = np.full((128, 128), np.inf)
     blocker[:, :10] = 0.19  # 2% of a diagonal of 10 is 0.2
     blocker[:, 10:64] = 0.21
-    reference = truth(half_plane(64), blocker=blocker)
-    assert np.flatnonzero(reference.contact[0]).tolist() == list(range(10))
+    prepared = truth(half_plane(64), blocker=blocker)
+    assert np.flatnonzero(prepared.contact[0]).tolist() == list(range(10))
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from shadowbench.techniques.filters import Filter
 
 
 @dataclass(frozen=True, eq=False)
-class Drawn:
+class Rendering:
     """One draw of a cell, images with row 0 at the top.
 
     visibility: (N, N) float32 quantised to 16 bits; picture: (N, N, 3) uint8 sRGB, shaded with it; map: (H, W) float32
