@@ -1,4 +1,4 @@
-"""Workflows and issue forms are YAML, and what they call is there."""
+"""Workflows, issue forms and the citation are YAML, and what they name is there."""
 
 import re
 import shlex
@@ -8,6 +8,7 @@ import pytest
 import typer
 import yaml
 
+from shadowbench import __version__
 from shadowbench.commands import app
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -46,3 +47,7 @@ def test_an_issue_form_asks_for_something(file: Path) -> None:
     assert form["name"] and form["description"]
     assert all(field["attributes"]["label"] for field in form["body"] if field["type"] != "markdown")
     assert any(field.get("validations", {}).get("required") for field in form["body"])
+
+
+def test_the_citation_is_of_this_version() -> None:
+    assert yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))["version"] == __version__
