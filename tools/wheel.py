@@ -1,6 +1,6 @@
-"""Builds the sdist and, from it, the wheel; tries the wheel in an empty environment and moves both to dist/.
+"""Builds the sdist and, from it, the wheel; tries the wheel in an empty environment and copies both to dist/.
 
-python tools/wheel.py [-o DIR]: what does not build, install or run stops it, and nothing is moved.
+python tools/wheel.py [-o DIR]: what does not build, install or run stops it, and nothing is copied.
 """
 
 import argparse
@@ -26,7 +26,7 @@ TRIED = [
 
 
 def main() -> int:
-    """Build, try, move; 1 for a command that failed."""
+    """Build, try, copy; 1 for a command that failed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("-o", "--output", metavar="DIR", type=Path, default=ROOT / "dist", help="[dist]")
     output = parser.parse_args().output
@@ -38,8 +38,8 @@ def main() -> int:
             print(f"failed, with exit code {error.returncode}: {shown(error.cmd)}", file=sys.stderr)
             return 1
         output.mkdir(parents=True, exist_ok=True)
-        moved = [Path(shutil.copy2(file, output)) for file in built]
-    for file in moved:
+        copied = [Path(shutil.copy2(file, output)) for file in built]
+    for file in copied:
         print(f"{file}: {file.stat().st_size / 1e6:.1f} MB")
     return 0
 
