@@ -1,6 +1,6 @@
 # Everything runs from .venv, which `setup` keeps ready; nothing needs to be installed before `make`.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-slow lint clean
+.PHONY: help setup demo test test-slow lint wheel clean
 
 bin := .venv/bin
 gl_4_1 := MESA_GL_VERSION_OVERRIDE=4.1FC MESA_GLSL_VERSION_OVERRIDE=410
@@ -11,6 +11,7 @@ help:
 	@echo "make test       lint and the fast tests"
 	@echo "make test-slow  the slow tests, and the GL tests once more as OpenGL 4.1"
 	@echo "make lint       format, ruff, mypy, the arrows between the packages"
+	@echo "make wheel      sdist and wheel into dist/, once the wheel has run in an empty environment"
 	@echo "make setup      what the others do first: system packages and .venv"
 	@echo "make clean      remove .venv, caches, results/latest/ and results/stress/"
 
@@ -35,6 +36,9 @@ lint: setup
 	$(bin)/ruff check
 	$(bin)/mypy --no-error-summary
 	$(bin)/lint-imports --no-cache
+
+wheel: setup
+	$(bin)/python tools/wheel.py
 
 clean:
 	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks build dist results/latest results/stress results/fuzz results/recommend results/recommend-check results/tune

@@ -13,7 +13,7 @@ from PIL import Image
 from shadowbench.techniques.registry import own_techniques
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").glob("*.md"))]
 TOOL = ROOT / "tools" / "technique_docs.py"
 
 

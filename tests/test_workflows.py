@@ -1,0 +1,53 @@
+"""Workflows, issue forms and the citation are YAML, and what they name is there."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+import typer
+import yaml
+
+from shadowbench import __version__
+from shadowbench.commands import app
+
+ROOT = Path(__file__).resolve().parents[1]
+SUITE, ENGINES = ROOT / ".github" / "workflows" / "ci.yml", ROOT / "docs" / "ci-for-engines.yml"
+FORMS = sorted((ROOT / ".github" / "ISSUE_TEMPLATE").glob("*.yml"))
+COMMAND = re.compile(r"(?m)^(?:# +| +(?:- )?run: )(shadowbench [^#\n]+)")  # in a step, or in a comment by itself
+
+
+def parse(line: str) -> None:
+    """Raises a UsageError for a command line that shadowbench does not take."""
+    group = typer.main.get_command(app)
+    with group.make_context("shadowbench", shlex.split(line)[1:]) as context:
+        name, command, words = group.resolve_command(context, [*context._protected_args, *context.args])
+        command.make_context(name, words, parent=context).close()
+
+
+def test_the_suite_s_workflow_runs_what_ci_runs() -> None:
+    (job,) = yaml.safe_load(SUITE.read_text(encoding="utf-8"))["jobs"].values()
+    assert "bash .ci/run" in [step.get("run") for step in job["steps"]]
+    assert (ROOT / ".ci" / "run").is_file()
+
+
+def test_the_engines_workflow_has_commands_that_shadowbench_takes() -> None:
+    text = ENGINES.read_text(encoding="utf-8")
+    (job,) = yaml.safe_load(text)["jobs"].values()
+    lines = COMMAND.findall(text)
+    assert [line for step in job["steps"] if (line := step.get("run", "")).startswith("shadowbench")] == lines[1:]
+    assert [line.split()[1] for line in lines] == ["check", "export", "score", "check", "report"]
+    for line in lines:
+        parse(line)
+
+
+@pytest.mark.parametrize("file", FORMS, ids=lambda file: file.stem)
+def test_an_issue_form_asks_for_something(file: Path) -> None:
+    form = yaml.safe_load(file.read_text(encoding="utf-8"))
+    assert form["name"] and form["description"]
+    assert all(field["attributes"]["label"] for field in form["body"] if field["type"] != "markdown")
+    assert any(field.get("validations", {}).get("required") for field in form["body"])
+
+
+def test_the_citation_is_of_this_version() -> None:
+    assert yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))["version"] == __version__
