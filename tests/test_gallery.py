@@ -34,6 +34,12 @@ WHERE = {  # the pixels that are wrong until they are cured, as sets of the trut
     "outside-the-map": "shadow",
     "eye-in-volume": "valid",
 }
+ALSO = {  # other cures that the text names; they leave at most half of the error
+    "peter-panning": "shadow-map:preset=constant,fit=visible",
+    "aliasing": "shadow-map:fit=visible,filter=hard,size=256",
+    "cut-off-casters": "cascades:count=2,size=512,box=tight,depth_clamp=false",
+    "outside-the-map": "shadow-map:fit=scene",
+}
 FREE = ("acne", "peter-panning", "light-leaks", "cascade-seams", "shimmering")
 
 
@@ -78,6 +84,24 @@ def test_the_enlarged_part_shows_more_of_it_than_the_whole(scene: str) -> None:
     left, top, side = (part * SIZE // gallery.PARTS for part in ARTEFACTS[scene].crop)
     part = mask[top : top + side, left : left + side]
     assert part.sum() >= 16 and (part.mean() > 2 * mask.mean() or mask.mean() > 0.2)
+
+
+@pytest.mark.parametrize("scene", ALSO)
+def test_other_cures_that_the_text_names_help_too(scene: str) -> None:
+    other = sb.render(ARTEFACTS[scene].file, ALSO[scene], view_size=SIZE)
+    assert error(scene, [other]) <= error(scene, drawn(scene).broken) / 2
+
+
+def test_a_map_that_repeats_casts_shadows_where_there_is_no_caster() -> None:
+    repeated = sb.render(
+        ARTEFACTS["outside-the-map"].file, "shadow-map:fit=fixed(half=2.5),wrap=repeat", view_size=SIZE
+    )
+    truth = drawn("outside-the-map").truths[0]
+    assert (
+        gallery.value("acne", [repeated], [truth])
+        > 0.1
+        > gallery.value("acne", drawn("outside-the-map").broken, [truth])
+    )
 
 
 @pytest.mark.parametrize("scene", FREE)
