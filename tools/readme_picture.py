@@ -4,7 +4,8 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
+from pages import labelled
+from PIL import Image
 
 from shadowbench.measure.cells import CellRequest, PlacedView
 from shadowbench.measure.scoring import prepare_truth
@@ -44,16 +45,8 @@ def _row(worker: Worker, name: str) -> NDArray[np.uint8]:
             shadow, decided = drawn.visibility < 0.5, truth.receivers & ~truth.undecided
             tile[decided & shadow & (truth.visibility > 0.5)] = FALSE_SHADOW
             tile[decided & ~shadow & (truth.visibility < 0.5)] = FALSE_LIGHT
-            tiles.append(_labelled(tile, f"{spec}   IoU {score(drawn.visibility, prepared)['iou']:.3f}"))
+            tiles.append(labelled(tile, f"{spec}   IoU {score(drawn.visibility, prepared)['iou']:.3f}"))
     return np.hstack(tiles)
-
-
-def _labelled(tile: NDArray[np.uint8], text: str) -> NDArray[np.uint8]:
-    image = Image.fromarray(tile)
-    draw = ImageDraw.Draw(image)
-    draw.rectangle((0, 0, SIZE, 22), fill=(255, 255, 255))
-    draw.text((6, 4), text, fill=(0, 0, 0), font=ImageFont.load_default(13))
-    return np.asarray(image)
 
 
 if __name__ == "__main__":

@@ -4,19 +4,15 @@ Numbers and pictures change with the renderer, so that --check looks at neither.
 """
 
 import argparse
-import difflib
 import inspect
-import io
 import re
 import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
-from PIL import Image
+from pages import compare, png
 
 from shadowbench.extremes.axes.model import NAMES
 from shadowbench.measure.cells import CellRequest, PlacedView
@@ -57,7 +53,6 @@ technique breaks is what a full `shadowbench stress` found on small scenes of it
 above 1%, or more than 1% of the receivers at true edges that flip where the truth does not.
 [results/ranges.csv](../results/ranges.csv) has all ranges.
 """
-NUMBERS = re.compile(r"-?\d+\.\d+|…")
 
 
 @dataclass(frozen=True)
@@ -80,36 +75,22 @@ def main() -> int:
         shown = {one.name: _show(worker, one, draw=not check) for one in ours}
     page = _page(ours, shown)
     if check:
-        return _compare(PAGE.read_text(encoding="utf-8") if PAGE.exists() else "", page)
+        return compare(PAGE, page, Path(__file__).name)
     PICTURES.mkdir(parents=True, exist_ok=True)
     for file in PICTURES.glob("*.png"):
         if file.stem not in shown:
             file.unlink()
     for name, one in shown.items():
         if one.drawn is not None:
-            (PICTURES / f"{name}.png").write_bytes(_png(one.drawn.picture))
+            (PICTURES / f"{name}.png").write_bytes(png([one.drawn.picture], LARGEST))
     PAGE.write_text(page, encoding="utf-8")
     print(PAGE)
     return 0
 
 
-def without_numbers(page: str) -> str:
-    """The page as --check sees it: lines of measured numbers keep their names alone."""
-    return "\n".join(NUMBERS.sub("…", line) if line.startswith("Measured") else line for line in page.splitlines())
-
-
 def _ours() -> list[type[Technique]]:
     """Every registered technique of this repository; an installed package's are documented by it."""
     return [one for one in techniques().values() if source_file(one).resolve().is_relative_to(ROOT)]
-
-
-def _compare(committed: str, made: str) -> int:
-    old, new = without_numbers(committed).splitlines(), without_numbers(made).splitlines()
-    lines = list(difflib.unified_diff(old, new, "docs/techniques.md", "as it should be", lineterm="", n=0))
-    if lines:
-        print("\n".join(lines))
-        print("stale: run python tools/technique_docs.py", file=sys.stderr)
-    return int(bool(lines))
 
 
 def _show(worker: Worker, technique: type[Technique], draw: bool) -> Shown:
@@ -240,16 +221,6 @@ def _first_line(technique: type[Technique]) -> str:
 
 def _number(value: float | None) -> str:
     return "…" if value is None else f"{value:.4f}"
-
-
-def _png(picture: NDArray[np.uint8]) -> bytes:
-    """An optimised PNG; in 256 colours where true colour takes more room than a page should ask for."""
-    for image in (Image.fromarray(picture), Image.fromarray(picture).quantize(256)):
-        stream = io.BytesIO()
-        image.save(stream, format="PNG", optimize=True)
-        if stream.tell() < LARGEST:
-            return stream.getvalue()
-    raise SystemExit(f"a picture takes {stream.tell()} bytes; allowed are {LARGEST}")
 
 
 if __name__ == "__main__":

@@ -1,0 +1,157 @@
+"""Each scene of the gallery shows its artefact where the text says, the metric sees it, and the cure cures it."""
+
+import re
+import subprocess
+import sys
+from functools import cache
+
+import artefact_gallery as gallery
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from pages import compare
+from PIL import Image
+
+import shadowbench as sb
+from shadowbench.measure.rendering import Rendering
+from shadowbench.measure.scoring import prepare_truth
+from shadowbench.scores.metrics import METRICS
+
+ARTEFACTS = {one.scene: one for one in gallery.artefacts()}
+SIZE = 128
+FACTOR = 5  # the error of the broken setting over the cured one's
+LEAST = 0.03  # of the broken setting's error, in the metric's own unit
+WHERE = {  # the pixels that are wrong until they are cured, as sets of the truth
+    "acne": "lit_interior",
+    "peter-panning": "contact",
+    "light-leaks": "contact",
+    "aliasing": "edge_zone",
+    "perspective-aliasing": "edge_zone",
+    "projective-aliasing": "edge_zone",
+    "cascade-seams": "shadow_interior",
+    "shimmering": "edge_zone",
+    "cut-off-casters": "shadow",
+    "outside-the-map": "shadow",
+    "eye-in-volume": "valid",
+}
+ALSO = {  # other cures that the text names; they leave at most half of the error
+    "peter-panning": "shadow-map:preset=constant,fit=visible",
+    "aliasing": "shadow-map:fit=visible,filter=hard,size=256",
+    "cut-off-casters": "cascades:count=2,size=512,box=tight,depth_clamp=false",
+    "outside-the-map": "shadow-map:fit=scene",
+}
+FREE = ("acne", "peter-panning", "light-leaks", "cascade-seams", "shimmering")
+
+
+@pytest.fixture(autouse=True, scope="module")
+def end() -> None:
+    yield
+    sb.close()
+
+
+@cache
+def drawn(scene: str) -> gallery.Drawn:
+    return gallery.draw(ARTEFACTS[scene], SIZE)
+
+
+def error(scene: str, frames: list[Rendering]) -> float:
+    metric = ARTEFACTS[scene].metric
+    value = gallery.value(metric, frames, drawn(scene).truths)
+    return 1 - value if metric in METRICS and METRICS[metric].better == "higher" else value
+
+
+def wrong(scene: str, frames: list[Rendering]) -> NDArray[np.bool_]:
+    truth = prepare_truth(drawn(scene).truths[0])
+    return truth.valid & ((frames[0].visibility < 0.5) != truth.shadow)
+
+
+@pytest.mark.parametrize("scene", ARTEFACTS)
+def test_the_metric_sees_the_artefact_and_its_cure(scene: str) -> None:
+    broken, cured = error(scene, drawn(scene).broken), error(scene, drawn(scene).cured)
+    assert broken >= LEAST and broken >= FACTOR * cured
+
+
+@pytest.mark.parametrize("scene", ARTEFACTS)
+def test_what_the_cure_puts_right_lies_where_the_text_says(scene: str) -> None:
+    cured = wrong(scene, drawn(scene).broken) & ~wrong(scene, drawn(scene).cured)
+    region = getattr(prepare_truth(drawn(scene).truths[0]), WHERE[scene])
+    assert cured.any() and region[cured].mean() >= 0.9
+
+
+@pytest.mark.parametrize("scene", [scene for scene, one in ARTEFACTS.items() if one.crop])
+def test_the_enlarged_part_shows_more_of_it_than_the_whole(scene: str) -> None:
+    mask = wrong(scene, drawn(scene).broken)
+    left, top, side = (part * SIZE // gallery.PARTS for part in ARTEFACTS[scene].crop)
+    part = mask[top : top + side, left : left + side]
+    assert part.sum() >= 16 and (part.mean() > 2 * mask.mean() or mask.mean() > 0.2)
+
+
+@pytest.mark.parametrize("scene", ALSO)
+def test_other_cures_that_the_text_names_help_too(scene: str) -> None:
+    other = sb.render(ARTEFACTS[scene].file, ALSO[scene], view_size=SIZE)
+    assert error(scene, [other]) <= error(scene, drawn(scene).broken) / 2
+
+
+def test_a_map_that_repeats_casts_shadows_where_there_is_no_caster() -> None:
+    repeated = sb.render(
+        ARTEFACTS["outside-the-map"].file, "shadow-map:fit=fixed(half=2.5),wrap=repeat", view_size=SIZE
+    )
+    truth = drawn("outside-the-map").truths[0]
+    assert (
+        gallery.value("acne", [repeated], [truth])
+        > 0.1
+        > gallery.value("acne", drawn("outside-the-map").broken, [truth])
+    )
+
+
+@pytest.mark.parametrize("scene", FREE)
+def test_a_cure_that_is_a_matter_of_arithmetic_asks_for_no_more_work_or_memory(scene: str) -> None:
+    before, after = drawn(scene).broken[0], drawn(scene).cured[0]
+    assert after.work["cost"] <= 1.01 * before.work["cost"] and after.gpu_bytes == before.gpu_bytes
+
+
+def test_lengths_of_the_text_are_those_of_the_scenes() -> None:
+    late, seam = drawn("peter-panning").broken[0].facts, drawn("cascade-seams").broken[0].facts
+    assert (round(late["depth_range_m"]), round(late["bias_m"], 2)) == (39, 0.19)
+    assert (round(seam["bias_1_m"], 2), round(seam["bias_2_m"], 2)) == (0.12, 0.48)
+    assert drawn("light-leaks").broken[0].facts["bias_m"] >= 0.1
+    grazed = drawn("projective-aliasing").truths[0]
+    assert 1 / grazed.cosine[SIZE // 4, SIZE // 2] == pytest.approx(6, abs=0.3)
+
+
+def test_where_the_eye_is_in_a_volume_light_and_shadow_change_places() -> None:
+    assert wrong("eye-in-volume", drawn("eye-in-volume").broken).sum() == (
+        prepare_truth(drawn("eye-in-volume").truths[0]).pixels
+    )
+
+
+def test_shadows_shimmer_while_the_true_one_stands_still() -> None:
+    frames = drawn("shimmering")
+    still = max(np.mean(a.visibility != b.visibility) for a, b in zip(frames.truths, frames.truths[1:], strict=False))
+    crawling = max(
+        np.mean(a.visibility != b.visibility) for a, b in zip(frames.broken, frames.broken[1:], strict=False)
+    )
+    assert crawling > 5 * still
+
+
+def test_the_page_is_what_the_tool_writes(tmp_path) -> None:
+    command = [sys.executable, gallery.__file__, "--check"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    page, file = gallery.PAGE.read_text(encoding="utf-8"), tmp_path / "gallery.md"
+    number, size = re.sub(r"(?m)^(Measured: `acne` )\S+", r"\g<1>0.1234", page), page.replace("size=256", "size=255", 1)
+    assert page not in (number, size)
+    for text, stale in ((page, 0), (number, 0), (size, 1)):
+        file.write_text(text, encoding="utf-8")
+        assert compare(file, page, "tool") == stale
+
+
+def test_every_artefact_has_a_scene_and_a_picture_that_is_small_and_moves_where_it_should() -> None:
+    assert {file.stem for file in gallery.SCENES.glob("*.toml")} == {*ARTEFACTS, "artefacts"}
+    assert {file.stem for file in gallery.PICTURES.iterdir()} == set(ARTEFACTS)
+    for scene in ARTEFACTS:
+        file = gallery.PICTURES / f"{scene}.png"
+        assert file.stat().st_size < gallery.LARGEST
+        with Image.open(file) as picture:
+            assert picture.width == 4 * gallery.SIZE
+            assert (getattr(picture, "n_frames", 1) > 1) == (ARTEFACTS[scene].metric == "flips")

@@ -1,0 +1,57 @@
+"""What the tools that make pages of docs/ share: small PNGs, labels, and whether a committed page is stale."""
+
+import difflib
+import io
+import re
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+LABEL = 22  # pixels, the height of a label
+NUMBERS = re.compile(r"-?\d+\.\d+|…")
+
+
+def labelled(tile: NDArray[np.uint8], text: str) -> NDArray[np.uint8]:
+    """A (H, W, 3) picture with a line of text over its top LABEL rows."""
+    image = Image.fromarray(tile)
+    draw = ImageDraw.Draw(image)
+    draw.rectangle((0, 0, image.width, LABEL), fill=(255, 255, 255))
+    draw.text((6, 4), text, fill=(0, 0, 0), font=ImageFont.load_default(13))
+    return np.asarray(image)
+
+
+def png(frames: Sequence[NDArray[np.uint8]], largest: int) -> bytes:
+    """An optimised PNG of a (H, W, 3) picture, or one that moves; in 256 colours, then 16, where it would be too large.
+
+    SystemExit where even that takes more than `largest` bytes.
+    """
+    film = Image.fromarray(np.vstack(frames))
+    for image in (film, film.quantize(256), film.quantize(16)):
+        height = film.height // len(frames)  # all frames share a palette
+        first, *rest = (image.crop((0, top, film.width, top + height)) for top in range(0, film.height, height))
+        stream = io.BytesIO()
+        moves = {"save_all": True, "append_images": rest, "duration": 400, "loop": 0} if rest else {}
+        first.save(stream, format="PNG", optimize=True, **moves)
+        if stream.tell() < largest:
+            return stream.getvalue()
+    raise SystemExit(f"a picture takes {stream.tell()} bytes; allowed are {largest}")
+
+
+def without_numbers(page: str) -> str:
+    """A page as `compare` sees it: lines of measured numbers keep their names alone."""
+    return "\n".join(NUMBERS.sub("…", line) if line.startswith("Measured") else line for line in page.splitlines())
+
+
+def compare(file: Path, made: str, tool: str) -> int:
+    """0, or 1 and the difference printed, where a committed page is not what its tool makes."""
+    committed = file.read_text(encoding="utf-8") if file.exists() else ""
+    old, new = without_numbers(committed).splitlines(), without_numbers(made).splitlines()
+    lines = list(difflib.unified_diff(old, new, file.name, "as it should be", lineterm="", n=0))
+    if lines:
+        print("\n".join(lines))
+        print(f"stale: run python tools/{tool}", file=sys.stderr)
+    return int(bool(lines))
