@@ -1,4 +1,4 @@
-"""`needs`: what a scene asks of shadows."""
+"""`needs`: what a scene requires of a shadow technique."""
 
 import typer
 
@@ -19,9 +19,10 @@ def needs(
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Say what a scene asks of shadows, without drawing any: map size, cascades, depth bits, bias, penumbra.
+    """Predict map size, cascades, bias and depth bits.
 
-    Each need with its number, its standard error where pixels were sampled, and the reason. Needs no OpenGL.
+    Computed from the geometry and one shadow ray per pixel, before any technique is drawn; needs no OpenGL. Each
+    prediction comes with its reason, and with its standard error (±) where only a sample of the pixels was traced.
     """
     from dataclasses import asdict
 
@@ -33,7 +34,7 @@ def needs(
         found = needs_of(chosen)
         if found.pixels < found.view_size**2:
             part = found.pixels / found.view_size**2
-            reporter.note(f"{part:.1%} of the pixels were looked at; ± is one standard error")
+            reporter.note(f"{part:.1%} of the pixels were sampled; ± is one standard error")
     rows = told(found)
     if json:
         values = asdict(found)

@@ -1,4 +1,4 @@
-"""`recommend`: the cheapest spec that meets a target in a view."""
+"""`recommend`: the cheapest technique, parameters and map size that meet a target in a view."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -26,20 +26,22 @@ app = typer.Typer()
 def recommend(
     scene: SceneArgument,
     min_iou: Annotated[
-        float | None, typer.Option(metavar="X", help="Least IoU of the shadow, up to 1  [0.99].")
+        float | None, typer.Option(metavar="X", help="Target: IoU of the shadow, at least  [0.99].")
     ] = None,
     max_edge_px: Annotated[
         float | None,
-        typer.Option(metavar="X", help="Most that the shadow's edges are off, the mean in pixels; instead of an IoU."),
+        typer.Option(
+            metavar="X", help="Target instead of an IoU: mean distance of shadow edges from the true ones, at most."
+        ),
     ] = None,
     budget_ms: Annotated[
-        float | None, typer.Option(metavar="X", help="Most milliseconds of a frame's shadows, on a GPU.")
+        float | None, typer.Option(metavar="X", help="Time of a frame's shadows, at most; on a GPU.")
     ] = None,
     on_this_machine: Annotated[
-        bool, typer.Option("--on-this-machine", help="Rank by times of a software renderer, which are not a GPU's.")
+        bool, typer.Option("--on-this-machine", help="Rank by time even on a software renderer.")
     ] = False,
     export: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder for parameters and GLSL of the choice, ready to paste.")
+        Path | None, typer.Option(metavar="DIR", help="Folder for the parameters and the GLSL of the choice.")
     ] = None,
     view_size: ViewSize = None,
     view: ViewName = None,
@@ -48,16 +50,32 @@ def recommend(
     assets: Assets = None,
     up: Up = None,
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="DIR", help="Folder of the rows, which are measured once.")
+        Path,
+        typer.Option("-o", "--output", metavar="DIR", help="Folder for the measured cells, which later calls reuse."),
     ] = Path("results/recommend"),
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Find the cheapest technique, parameters and map size that meet a target in a scene.
+    """Find the cheapest technique that meets a target in a scene.
 
-    Measures few of them: needs leave out what cannot pay or suffice, what was measured tells what else may. Ranks by a
-    frame's milliseconds; on a software renderer by work (shader invocations, texture reads), then bytes. Exit code 1
-    when nothing meets the target: then the closest is shown, and what stands in the way.
+    Searches techniques, parameters and map sizes. Only a few are measured: geometry excludes some (see `shadowbench
+    needs`), and what has been measured predicts cost and error of the rest. Cost is the time of a frame; on a software
+    renderer it is work (shader invocations, texture reads), since its times are not those of a GPU. Exit code 1 if
+    nothing meets the target: then the closest is shown, and why it falls short.
+
+    \b
+    Lines of the table
+      choice   the cheapest that meets the target
+      next     of each technique, the cheapest other that meets it
+      misses   of a technique that never does, the most accurate
+      closest  the most accurate of all, where nothing meets the target
+    Columns
+      map         texels along a side of the shadow map
+      iou         or edge_px: the target's metric
+      work or ms  cost of a frame
+      × choice    cost over that of the choice
+      MiB         textures and buffers
+      key         name of the cell's mask and picture in the output folder
     """
     from shadowbench.advice.recommended import export_choice, recommended, target_of, values
     from shadowbench.measure.printed import techniques_with
@@ -94,7 +112,7 @@ def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
     from shadowbench.studies.times import time_notes
 
     by = "work" if found.unit == "work" else "this machine's times" if info.software else "this GPU's times"
-    said = "; a software renderer's times are not a GPU's" if info.software else ""
+    said = "; times of a software renderer are not those of a GPU" if info.software else ""
     cost = "work" if found.unit == "work" else "ms"
     numbers = ("map", found.target.metric, cost, "× choice", "MiB")
     columns = ("", "spec", *numbers, "key")
@@ -112,7 +130,7 @@ def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
     lines = step_lines(found) if found.choice else in_the_way(found)
     for line in [*lines, *time_notes(found.reference), *excluded_lines(found)]:
         console.say(line)
-    console.say(f"{found.measured} of {found.whole} specs measured; rows by key, masks and pictures in {folder}")
+    console.say(f"{found.measured} of {found.whole} specs measured; masks and pictures, by key, in {folder}")
 
 
 def _cells(found: "Recommendation", one: "Tried") -> list[str]:

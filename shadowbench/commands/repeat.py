@@ -1,4 +1,4 @@
-"""`repeat`: two runs of one study, in two folders or in one, and whether they say the same."""
+"""`repeat`: whether two runs of one study agree, in two folders or in one."""
 
 import dataclasses
 from pathlib import Path
@@ -26,17 +26,25 @@ def repeat(
         Path | None,
         typer.Argument(
             metavar="[DIR]",
-            help="The same study, run again into a folder of its own; without it, the last two times of each cell in "
-            "the first folder, as `run --time-again` leaves them.",
+            help="The same study, run again into another folder; without it, the last two times of each cell in the "
+            "first folder, which `run --time-again` makes.",
         ),
     ] = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Compare two runs of one study on one machine: the order of cells by time, and their work.
+    """Tell whether two runs of a study agree on ranking and work.
 
-    Measures nothing. Exit code 1 when a ranking's Kendall tau is below 0.95, over the pairs that are apart in both
-    runs, or work differs.
+    Compares the order of cells by time, and their work counters, between two runs on one machine; measures nothing.
+    Exit code 1 if Kendall's tau is below 0.95 in any ranking, or work differs.
+
+    \b
+    Columns
+      cells           cells with a time in both runs
+      pairs           pairs of cells whose times clearly differ in both runs
+      swapped         those of the pairs that the two runs order differently
+      τ               Kendall's tau over these pairs; 1: the same order
+      τ of all pairs  Kendall's tau over all pairs, noise included
     """
     from shadowbench.check.repeat import compare_folders
 
@@ -64,7 +72,7 @@ def _print(found: "Repeat", quiet: bool) -> None:
         return
     apart = f"{100 * (APART - 1):.0f}%"
     console.say(
-        f"τ: Kendall's, over the pairs that differ by more than {apart} in both runs and whose ratios' IQRs do not "
-        f"overlap; {ENOUGH} or more in every line {'holds' if found.ranked_alike else 'does not hold'}"
+        f"τ: Kendall's tau over the pairs whose times differ by more than {apart}, with interquartile ranges that do "
+        f"not overlap, in both runs; {'at least' if found.ranked_alike else 'not everywhere at least'} {ENOUGH}"
     )
-    console.out().print(f"work: {found.counted - len(found.unequal)} of {found.counted} cells did exactly the same")
+    console.out().print(f"work: exactly the same in {found.counted - len(found.unequal)} of {found.counted} cells")

@@ -42,7 +42,7 @@ def run_study(study: Study, folder: Path, executor: Executor, reporter: Reporter
         with profile.of("truth"):
             truth = cached_truth(block.view)
         if not (truth.visibility < 0.5).any():
-            notes.append(f"{block.view.name}: nothing is in shadow, so that most scores say nothing")
+            notes.append(f"{block.view.name}: nothing is in shadow, so most metrics are undefined or trivial")
             reporter.note(notes[-1])
         reporter.step(block.view.name)
     with closing(RowStore(folder)) as store:

@@ -103,7 +103,7 @@ class SummaryRow:
         return ms is not None and iqr is not None and iqr.median > WIDE * ms.median
 
     @property
-    def anecdote(self) -> bool:
+    def single_phase(self) -> bool:
         """Whether a map was scored at one position of its grid alone."""
         return self.map_size is not None and self.phases == 1
 
@@ -157,12 +157,12 @@ def summary_rows(table: pd.DataFrame) -> list[SummaryRow]:
 
 
 def phase_note(rows: Sequence[SummaryRow]) -> str | None:
-    """What to say of maps that were scored at one position of their grid; None where there are none."""
+    """A warning about maps that were scored at one sub-texel offset only; None where there are none."""
     mapped = [row for row in rows if row.map_size is not None and row.cells]
-    if not any(row.anecdote for row in mapped):
+    if not any(row.single_phase for row in mapped):
         return None
-    which = "" if all(row.anecdote for row in mapped) else "maps without an interval: "
-    return f"{which}one phase, an anecdote: another position of the map's grid may reverse which of two maps is better"
+    which = "" if all(row.single_phase for row in mapped) else "maps without an interval: "
+    return f"{which}scored in one phase (sub-texel offset) only; another may reverse the order of two maps (--phases 8)"
 
 
 def over_scenes(tables: Mapping[str, Sequence[SummaryRow]]) -> tuple[list[str], list[SummaryRow]]:

@@ -88,17 +88,16 @@ def time_notes(reference: ReferenceTime | None, rough: Sequence[bool] = ()) -> l
     """What the reader of a table must know of its times; `rough`: of each of them whether it is marked."""
     if reference is None:
         return []
-    name, blocks = reference.name, f"{reference.blocks} block{'' if reference.blocks == 1 else 's'}"
-    notes = [
-        f"milliseconds are ratios to {name}, timed in turn with it, × its median of {reference.ms:.3g} ms over {blocks}"
-    ]
+    name = reference.name
+    whose = "its own time" if reference.blocks == 1 else f"its median over {reference.blocks} measurements"
+    notes = [f"ms: time relative to {name}, in interleaved rounds, × {reference.ms:.3g} ms, {whose}"]
     if reference.drifted:
         span = f"{reference.shortest_ms:.3g} to {reference.longest_ms:.3g} ms"
-        notes.append(f"the machine was not equally busy: {name} took {span}; ratios hold, milliseconds are rough")
+        notes.append(f"the load of the machine varied: {name} took {span}; rely on × ref rather than on ms")
     if any(rough):
         count = f"{sum(rough)} of {len(rough)} times"
-        notes.append(f"~: {count} are rough: the middle half of the rounds spans more than a third; more --rounds tell")
+        notes.append(f"~: {count} have an interquartile range above a third of their median; more --rounds help")
     if reference.left_out:
         count = f"{reference.left_out} cell{'' if reference.left_out == 1 else 's'}"
-        notes.append(f"times of {count} left out: no ratio to {name}")
+        notes.append(f"times of {count} left out: they have no ratio to {name}")
     return notes

@@ -71,7 +71,7 @@ def test_what_regressed_is_told_worst_first_and_fails(
     words = ["t", "camera", "sun", "shadow-map", "512", "iou", "0.9", "→", "0.8", "100.0", "ssim"]
     assert lines[2].split() == words
     assert lines[3].split() == ["s", *words[1:8], "0.89", "10.0"]
-    assert lines[5].strip() == "improved, most first"
+    assert lines[5].strip() == "improved, largest change first"
     assert lines[7].split()[3:] == ["cube-map", "512", "acne", "0.1", "→", "0.01", "90.0"]
     assert lines[-1].endswith(": 2 regressed, 1 improved")
 
@@ -184,8 +184,8 @@ def test_an_equal_mask_against_another_truth_fails(
 ) -> None:
     found, baseline = now(cell(mask_sha256="a", metrics=WORSE)), then(cell(mask_sha256="a"))
     answer = shadowbench("check", found, "--baseline", baseline)
-    assert answer.code == 1 and "equal masks" not in answer.out
-    assert "1 of them by equal masks" in shadowbench("check", now(cell(mask_sha256="a")), "--baseline", baseline).out
+    assert answer.code == 1 and "identical" not in answer.out
+    assert "1 of them identical" in shadowbench("check", now(cell(mask_sha256="a")), "--baseline", baseline).out
 
 
 def masks(folder: Path, score: dict[str, Any], visibility: np.ndarray) -> None:
@@ -323,7 +323,7 @@ def test_a_scene_that_is_changed_and_changed_back_is_what_it_was(shadowbench: Sh
     assert run(CHANGING) == first
     assert (folder / "rows.jsonl").read_bytes() == measured, "nothing was measured again"
     answer = shadowbench("check", folder, "--baseline", baseline)
-    assert answer.code == 0 and "1 of them by equal masks" in answer.out
+    assert answer.code == 0 and "1 of them identical" in answer.out
 
     truth = folder / "truth" / "changing.camera.sun.32.png"
     kept = truth.stat().st_mtime_ns, truth.stat().st_ino

@@ -119,7 +119,7 @@ def test_the_same_study_run_twice(tmp_path: Path, shadowbench: Callable[..., Any
         with_ratios(folder / "rows.jsonl")
     answer = shadowbench("repeat", *folders)
     assert answer.code == 0, answer.out
-    assert "work: 4 of 4 cells did exactly the same" in answer.out
+    assert "work: exactly the same in 4 of 4 cells" in answer.out
     found = json.loads(shadowbench("repeat", *folders, "--json").out)
     (ranking,) = found["rankings"]
     assert (ranking["tau"], found["holds"], found["unequal"]) == (1, True, [])

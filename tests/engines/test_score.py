@@ -142,7 +142,7 @@ def test_a_row_is_kept_once_and_a_changed_mask_is_another(
 ) -> None:
     folder = tmp_path / "rows"
     keep = ("-o", folder, "--name", "my-engine")
-    assert "a row of my-engine" in shadowbench("score", SCENE, mask, *keep).out
+    assert "score, mask and difference of my-engine added" in shadowbench("score", SCENE, mask, *keep).out
     assert "already" in shadowbench("score", SCENE, mask, *keep).out
     (row,) = rows_of(folder)
     expected = {
@@ -162,11 +162,11 @@ def test_a_row_is_kept_once_and_a_changed_mask_is_another(
     assert (folder / "differences" / f"{row['key']}.png").exists()
     assert (folder / "truth" / f"{SCENE}.camera.light.256.png").exists()
     write_mask(mask, drawn(SCENE, shift=(0, 0.25)))
-    assert "a row of my-engine" in shadowbench("score", SCENE, mask, *keep).out
-    assert "a row of another" in shadowbench("score", SCENE, mask, *keep[:3], "another").out
+    assert "score, mask and difference of my-engine added" in shadowbench("score", SCENE, mask, *keep).out
+    assert "score, mask and difference of another added" in shadowbench("score", SCENE, mask, *keep[:3], "another").out
     assert len({row["key"] for row in rows_of(folder)}) == len(rows_of(folder)) == 3
     write_mask(mask, drawn(SCENE))  # as it was at first: the newest row is the one that counts
-    assert "a row of my-engine" in shadowbench("score", SCENE, mask, *keep).out
+    assert "score, mask and difference of my-engine added" in shadowbench("score", SCENE, mask, *keep).out
     assert "already" in shadowbench("score", SCENE, mask, *keep).out
     rows = rows_of(folder)
     assert rows[-1]["metrics"] == row["metrics"] and len({row["key"] for row in rows}) == len(rows) == 4

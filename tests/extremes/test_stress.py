@@ -329,7 +329,9 @@ class TestCommand:
         assert {one["axis_value"] for one in cells} == {"5.0", "1e-05", "0.0"}
         assert all(one["failure"].startswith("leak") for one in cells)
         plain = self.run(shadowbench, wild, tmp_path, "nothing", "--plugin", str(half))
-        assert plain.out.splitlines()[:2] == [f"{spec}: breaks at home on every axis" for spec in ("does", "half")]
+        assert plain.out.splitlines()[:2] == [
+            f"{spec}: out of tolerance already at the ordinary value of every axis" for spec in ("does", "half")
+        ]
         assert json.loads((tmp_path / "run.json").read_text())["study"]["view_size"] == 256
 
     def test_an_unknown_axis_is_bad_input(self, shadowbench: Any, tmp_path: Path) -> None:

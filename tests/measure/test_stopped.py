@@ -118,7 +118,7 @@ def test_ctrl_c_stops_without_a_word_too_many(
     os.killpg(stopped.process.pid, signal.SIGINT)
     code, printed, err = stopped.end()
     assert code == 130
-    assert err.splitlines() == ["shadowbench: stopped; the same command goes on from here"]
+    assert err.splitlines() == ["shadowbench: stopped; repeat the command to resume"]
     assert printed == ""
     assert_gone(family)
     assert len(records(out)) == rows
@@ -139,7 +139,7 @@ def test_ctrl_c_while_the_worker_starts_is_silent_too(start: Any, arguments: Any
     os.killpg(stopped.process.pid, signal.SIGINT)
     code, _, err = stopped.end()
     assert code == 130
-    assert err.splitlines() == ["shadowbench: stopped; the same command goes on from here"]
+    assert err.splitlines() == ["shadowbench: stopped; repeat the command to resume"]
 
 
 def test_ctrl_c_waits_until_the_worker_is_known(monkeypatch: pytest.MonkeyPatch) -> None:

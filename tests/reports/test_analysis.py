@@ -146,8 +146,8 @@ def test_front_prices_and_passes_are_by_ratios_whatever_the_machine_did_meanwhil
 def test_a_section_says_what_its_times_are_by_and_which_are_rough(section_of: Callable[..., Section]) -> None:
     section = section_of(LOADED)
     notes = section_notes(section)
-    assert "milliseconds are ratios to shadow-map:size=1024" in notes[1] and "15 ms over 2 blocks" in notes[1]
-    assert "not equally busy: shadow-map:size=1024 took 10 to 20 ms" in notes[2]
+    assert "ms: time relative to shadow-map:size=1024" in notes[1] and "15 ms, its median over 2" in notes[1]
+    assert "load of the machine varied: shadow-map:size=1024 took 10 to 20 ms" in notes[2]
     assert notes[3].startswith("~: ")
     text = markdown_report([section.run], {section.title: [section]}, [])
     assert "| ~27.0 |" in text and "| 12.0 |" in text
@@ -160,9 +160,9 @@ def test_maps_of_one_phase_are_called_so(section_of: Callable[..., Section]) -> 
         return section_notes(section_of(cells, name=name))[0]
 
     alone = [Cell("a", size, 0.1, None) for size in (512, 1024)]
-    assert note(*alone, name="one").startswith("one phase, an anecdote")
+    assert note(*alone, name="one").startswith("scored in one phase")
     again = Cell("a", 512, 0.2, None, phase=1)
-    assert note(*alone, again, name="some").startswith("maps without an interval: one phase, an anecdote")
+    assert note(*alone, again, name="some").startswith("maps without an interval: scored in one phase")
     assert section_notes(section_of((alone[0], again), name="two")) == []
 
 

@@ -163,14 +163,16 @@ def test_a_spec_that_held_nowhere_takes_no_part_in_the_mean_over_scenes() -> Non
     assert [(row.spec, row.values["iou"].median) for row in means] == [("a", pytest.approx(0.3))]
 
 
-def test_a_map_at_one_position_of_its_grid_is_an_anecdote() -> None:
+def test_a_map_that_was_scored_at_one_offset_is_marked() -> None:
     two = [result(phase=0), result(0.6, phase=1)]
     without, lost = result(size=None, spec="volume"), result(spec="lost", untimed="crashed")
     (row,) = summary(cells_frame(two))["cube"]
-    assert (row.phases, row.anecdote) == (2, False)
+    assert (row.phases, row.single_phase) == (2, False)
     (row,) = summary(cells_frame(two[:1]))["cube"]
-    assert (row.phases, row.anecdote) == (1, True)
-    assert not any(row.anecdote for row in summary(cells_frame([without, lost]))["cube"]), "no map, or none that held"
+    assert (row.phases, row.single_phase) == (1, True)
+    assert not any(row.single_phase for row in summary(cells_frame([without, lost]))["cube"]), (
+        "no map, or none that held"
+    )
     assert [fit.phases for fit in slopes(cells_frame([*two, result(size=128), result(0.7, size=128, phase=1)]))] == [2]
 
 

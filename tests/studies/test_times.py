@@ -87,7 +87,7 @@ def test_a_time_against_another_reference_or_none_stands_beside_no_other() -> No
     assert left[columns].isna().all(axis=None)
     assert frame["frame_ms"].notna().sum() == 3
     assert reference is not None and (reference.ms, reference.left_out) == (15, 2)
-    assert "times of 2 cells left out: no ratio to shadow-map:size=1024" in time_notes(reference)
+    assert "times of 2 cells left out: they have no ratio to shadow-map:size=1024" in time_notes(reference)
 
 
 def test_without_any_ratio_there_is_no_time() -> None:
@@ -110,7 +110,7 @@ def test_a_table_says_where_the_reference_took_longer_by_more_than_a_quarter(lon
     assert DRIFT == 1.25
     reference = by_one_reference(cells_frame([timed("a", 1.0), timed("b", 1.0, longest)]))[1]
     assert reference is not None and reference.drifted is drifted
-    assert any("not equally busy" in note for note in time_notes(reference)) is drifted
+    assert any("load of the machine varied" in note for note in time_notes(reference)) is drifted
 
 
 def test_a_reference_that_costs_more_in_another_view_or_light_says_nothing_of_the_machine() -> None:
@@ -133,15 +133,17 @@ def test_notes_name_the_reference_and_the_mark() -> None:
     first, *others = time_notes(reference, [True, False])
     assert (
         first
-        == "milliseconds are ratios to shadow-map:size=1024, timed in turn with it, × its median of 15 ms over 2 blocks"
+        == "ms: time relative to shadow-map:size=1024, in interleaved rounds, × 15 ms, its median over 2 measurements"
     )
-    assert any(note.startswith("~: 1 of 2 times are rough") for note in others)
+    assert any(note.startswith("~: 1 of 2 times have an interquartile range") for note in others)
 
 
-@pytest.mark.parametrize(("count", "ending"), [(1, ""), (2, "s")])
-def test_notes_count_blocks_and_cells_left_out(count: int, ending: str) -> None:
+@pytest.mark.parametrize(
+    ("count", "ending", "whose"), [(1, "", "its own time"), (2, "s", "its median over 2 measurements")]
+)
+def test_notes_count_blocks_and_cells_left_out(count: int, ending: str, whose: str) -> None:
     blocks, left_out = time_notes(ReferenceTime("r", 10.0, 10.0, 10.0, count, count))
-    assert blocks.endswith(f"over {count} block{ending}")
+    assert blocks.endswith(f"× 10 ms, {whose}")
     assert left_out.startswith(f"times of {count} cell{ending} left out")
 
 

@@ -61,6 +61,7 @@ def _triangles(count: float, kind: LightKind) -> Setting:
 
 THICKNESS = Axis(
     name="thickness",
+    about="a wall gets thinner than a shadow-map texel: light leaks through it",
     unit="texels of 5.9 mm",
     values=(30.0, 10.0, 3.0, 1.0, 0.3, 0.1, 0.03, 0.01),
     home=10.0,
@@ -71,6 +72,7 @@ THICKNESS = Axis(
 )
 GAP = Axis(
     name="gap",
+    about="a caster is lowered onto its receiver: peter-panning where the bias exceeds the gap",
     unit="of the caster",
     values=(1.0, 0.3, 0.1, 0.03, 1e-2, 3e-3, 1e-3, 1e-4, 1e-5),
     home=0.3,
@@ -81,6 +83,7 @@ GAP = Axis(
 )
 OVERLAP = Axis(
     name="overlap",
+    about="stacked casters: the stencil count of a shadow volume overflows 8 bits at 256",
     unit="casters",
     values=(1, 3, 10, 30, 100, 127, 128, 255, 256, 257, 512, 1000),
     home=1,
@@ -91,6 +94,7 @@ OVERLAP = Axis(
 )
 TRIANGLES = Axis(
     name="triangles",
+    about="triangles of one caster, up to two million",
     unit="",
     values=(1, 12, 1024, 16384, 262144, 1048576, 2097152),
     home=1024,

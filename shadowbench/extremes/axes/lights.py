@@ -57,6 +57,7 @@ def _lamp_distance(metres: float, kind: LightKind) -> Setting:
 
 ELEVATION = Axis(
     name="elevation",
+    about="the light sinks from the zenith to the horizon: long shadows, light at grazing incidence",
     unit="°",
     values=(
         89.9,
@@ -89,6 +90,7 @@ ELEVATION = Axis(
 )
 UP = Axis(
     name="through-up",
+    about="the light passes through the up axis, where a look-at matrix built from that axis degenerates",
     unit="°",
     values=(5.0, 1.0, 0.1, 1e-3, 1e-5, 1e-7, 0.0, -1e-7, -1e-5, -1e-3, -0.1, -1.0, -5.0),
     home=5.0,
@@ -99,6 +101,7 @@ UP = Axis(
 )
 FAR_NEAR = Axis(
     name="far-near",
+    about="the caster approaches the lamp: the ratio of the far to the near plane, and with it depth precision",
     unit="",
     values=(1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7),
     home=1e1,
@@ -109,6 +112,7 @@ FAR_NEAR = Axis(
 )
 LAMP_DISTANCE = Axis(
     name="lamp-distance",
+    about="a point light approaches a wall: light at grazing incidence, and a wide range of depths",
     unit="m",
     values=(2.0, 1.0, 0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3, 3e-4, 1e-4),
     home=1.0,

@@ -81,6 +81,7 @@ def _ill_made(name: str, kind: LightKind) -> Setting:
 
 MESH = Axis(
     name="mesh",
+    about="defects of casters: slivers, duplicated triangles, T-junctions, inconsistent winding, holes",
     unit="",
     values=tuple(_KINDS),
     home="closed",

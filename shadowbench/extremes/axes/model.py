@@ -49,14 +49,15 @@ class Setting:
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """A way to the extreme.
+    """One stress parameter and its values.
 
-    values: in order, from one end to the other, or words; home: the value where nothing is extreme yet, from which the
-    operating range is searched both ways; quick: the values of a quick sweep; lights: kinds that it is walked under;
-    holds: what must hold along it, in words; ordered: whether values have neighbours.
+    about: what varies, and what that stresses; values: in order, from one end to the other, or words; home: the
+    ordinary value, from which the operating range is searched in both directions; quick: the values of a quick sweep;
+    lights: the kinds that it is swept under; holds: what must hold along it; ordered: whether values have neighbours.
     """
 
     name: str
+    about: str
     unit: str
     values: tuple[Value, ...]
     home: Value

@@ -62,6 +62,7 @@ _STILL = "a pixel changes when the truth's does"
 
 VOLUME_WALL = Axis(
     name="volume-wall",
+    about="the eye crosses the side of a shadow volume: z-pass counts go wrong at the near plane",
     unit="m",
     values=(0.5, 0.1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 0.0, -1e-6, -1e-5, -1e-4, -1e-3, -1e-2, -0.1, -0.5),
     home=0.5,
@@ -72,6 +73,7 @@ VOLUME_WALL = Axis(
 )
 CAMERA_STEP = Axis(
     name="camera-step",
+    about="the camera moves by fractions of a texel: shimmering edges",
     unit="texels of 5.9 mm",
     values=(0.05, 0.1, 0.25, 0.5, 0.75),
     home=0.05,
@@ -80,4 +82,9 @@ CAMERA_STEP = Axis(
     holds=_STILL,
     change=_camera_steps,
 )
-LIGHT_STEP = replace(CAMERA_STEP, name="light-step", change=_light_steps)
+LIGHT_STEP = replace(
+    CAMERA_STEP,
+    name="light-step",
+    about="the light moves so that shadow edges shift by fractions of a texel: shimmering edges",
+    change=_light_steps,
+)

@@ -48,6 +48,7 @@ def _scaled(factor: float, kind: LightKind) -> Setting:
 
 DISTANCE = Axis(
     name="distance",
+    about="the whole scene moves away from the world origin; coordinates are taken relative to its centre",
     unit="m",
     values=(0.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7),
     home=0.0,
@@ -59,11 +60,13 @@ DISTANCE = Axis(
 DISTANCE_ABSOLUTE = replace(
     DISTANCE,
     name="distance-absolute",
+    about="the whole scene moves away from the world origin, in absolute float32 coordinates",
     holds="moving everything changes nothing, until float32 coordinates are too coarse for the scene",
     change=_absolute,
 )
 SCALE = Axis(
     name="scale",
+    about="the whole scene is scaled: lengths that are hard-coded in metres show",
     unit="×",
     values=(1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6),
     home=1.0,

@@ -22,6 +22,7 @@ def _view_size(pixels: float, kind: LightKind) -> Setting:
 
 DEPTH_FORMAT = Axis(
     name="depth-format",
+    about="depth formats from reversed 32-bit float to 16 bits: precision of the depth comparison",
     unit="",
     values=(_REVERSED, "d32f", "d24", "d16"),
     home="d32f",
@@ -33,6 +34,7 @@ DEPTH_FORMAT = Axis(
 )
 MAP_TEXELS = Axis(
     name="map-size",
+    about="texels along a side of the shadow map: aliasing of a small map, memory of a large one",
     unit="texels",
     values=(16, 32, 64, 128, 256, 512, MAP_SIZE, 2048, 4096, 8192, 16384),
     home=MAP_SIZE,
@@ -43,6 +45,7 @@ MAP_TEXELS = Axis(
 )
 VIEW_PIXELS = Axis(
     name="view-size",
+    about="pixels along a side of the picture, over a shadow map of fixed size",
     unit="px",
     values=(16, 32, 64, 128, VIEW_SIZE, 512, 1024, 2048, 4096),
     home=VIEW_SIZE,
