@@ -64,7 +64,11 @@ def excluded_lines(found: Recommendation) -> list[str]:
     for one in found.excluded:
         count = f" ({one.specs} specs)" if one.specs > 1 else ""
         lines.append(f"not tried: {one.what}{count}: {one.why}")
-    return [*lines, *(f"did not hold: {spec}: {status}" for spec, status in found.refused.items())]
+    rest = found.whole - found.measured - sum(one.specs for one in found.excluded)
+    if rest > 0:
+        why = "to cost more than the choice, or to miss the target" if found.choice else "to miss the target"
+        lines.append(f"not tried: {rest} more specs: predicted from those measured {why}")
+    return [*lines, *(f"no result: {spec}: {status}" for spec, status in found.refused.items())]
 
 
 def _name(one: Tried) -> str:

@@ -19,7 +19,7 @@ from shadowbench.measure.rows import Record
 from shadowbench.reports.gallery import difference, read_view
 from shadowbench.reports.words import counted
 from shadowbench.scores.metrics import METRICS
-from shadowbench.studies.folder import Run, identity, read_runs
+from shadowbench.studies.folder import IDENTITY, Run, identity, read_runs
 
 _PICTURES = 8  # of the cells that are worst
 _FOREIGN = re.compile(r"[^\w.+=-]+")  # not every file system takes it
@@ -61,8 +61,8 @@ def check(
     findings = compare(run.results, then.results if then else (), tolerances)
     if findings.compared == 0 and not update:
         raise InputError(
-            f"{folder} and {baseline} have no cell in common; allowed: runs of the same scenes, specs, "
-            "map sizes and view size"
+            f"{folder} and {baseline} have no cell in common: {_apart(run, then)}; allowed: runs of the same scenes, "
+            "specs, map sizes and view size"
         )
     failing = findings.of("regressed", times=False) + (findings.of("regressed", times=True) if time else [])
     notes = list(findings.notes)
@@ -71,7 +71,27 @@ def check(
     if whole.earlier:
         older = counted(len(whole.earlier), "cell")
         notes.append(f"{older} of earlier commands in {folder} left out; run.json lists those of the last")
+    for one in (whole, then):
+        if one is not None and one.cut_off:
+            notes.append(
+                f"{one.folder / 'rows.jsonl'}: the last line is cut off and was ignored; its writer was stopped"
+            )
     return Checked(run, then, findings, tuple(failing), tuple(notes))
+
+
+def _apart(run: Run, baseline: Run | None) -> str:
+    """The fields that keep two runs' cells apart: those of which no value stands in both."""
+    sides = [zip(*(identity(row) for row in side.rows), strict=True) for side in (run, baseline) if side]
+    fields = []
+    for name, here, there in zip(("spec", *IDENTITY), *(map(set, side) for side in sides), strict=True):
+        if here.isdisjoint(there):
+            fields.append(f"{name} is {_values_of(here)} against {_values_of(there)}")
+    return "; ".join(fields) or "each field has values in common, but no cell agrees in all of them"
+
+
+def _values_of(found: set[Any]) -> str:
+    texts = sorted(f"{one[0]}:{','.join(one[1:])}" if isinstance(one, tuple) else str(one) for one in found)
+    return ", ".join(f"{text:.60}" for text in texts[:3]) + (", …" if len(texts) > 3 else "")
 
 
 def _baseline(folder: Path, update: bool) -> Run | None:

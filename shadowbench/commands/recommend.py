@@ -72,7 +72,7 @@ def recommend(
     Columns
       map         texels along a side of the shadow map
       iou         or edge_px: the target's metric
-      work or ms  cost of a frame
+      work or ms  cost of a frame; ~ marks a time that varied much
       × choice    cost over that of the choice
       MiB         textures and buffers
       key         name of the cell's mask and picture in the output folder
@@ -128,9 +128,18 @@ def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
     rows = [(place, *_cells(found, one)) for place, one in shown]
     console.print_table(title, columns, rows, numbers=numbers, whole=columns)
     lines = step_lines(found) if found.choice else in_the_way(found)
-    for line in [*lines, *time_notes(found.reference), *excluded_lines(found)]:
+    rough = [_is_rough(found, one) for _, one in shown]
+    for line in [*lines, *time_notes(found.reference, rough), *excluded_lines(found)]:
         console.say(line)
     console.say(f"{found.measured} of {found.whole} specs measured; masks and pictures, by key, in {folder}")
+
+
+def _is_rough(found: "Recommendation", one: "Tried") -> bool:
+    """Whether the rounds of a time varied much."""
+    from shadowbench.studies.times import WIDE
+
+    time = one.result.time if one.result else None
+    return found.unit == "ms" and time is not None and time["ratio_iqr"] > WIDE * time["ratio"]
 
 
 def _cells(found: "Recommendation", one: "Tried") -> list[str]:
@@ -140,7 +149,7 @@ def _cells(found: "Recommendation", one: "Tried") -> list[str]:
         one.spec.sizeless_text,
         str(one.spec.map_size or ""),
         "" if value is None else console.number(value),
-        f"{one.cost:,.0f}" if found.unit == "work" else console.number(one.cost),
+        f"{one.cost:,.0f}" if found.unit == "work" else "~" * _is_rough(found, one) + console.number(one.cost),
         f"{one.cost / found.choice.cost:.3g}" if found.choice else "",
         f"{one.bytes / 2**20:.3g}",
         str(one.result.score["key"]),

@@ -196,7 +196,7 @@ def _found_before(run: "Run") -> str:
     rows = [row for row in run.rows if row["key"] in run.earlier]
     named = [counted(len({row[what] for row in rows}), what) for what in ("scene", "spec")]
     found = f"the folder also holds {counted(len(rows), 'cell')} of earlier commands ({', '.join(named)})"
-    return f"{found}; they are not in the tables above, but in table.csv and in reports"
+    return f"{found}; they are in table.csv and in reports"
 
 
 def _print(found: "Measured", folder: Path, quiet: bool) -> None:

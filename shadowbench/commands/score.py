@@ -60,7 +60,8 @@ def score(
 
     Compares them with the ray-traced shadows of the scene; needs no OpenGL. `shadowbench export` writes the scene to
     draw. A mask that is flipped, inverted or not square is refused; one that seems shifted or sRGB-encoded is scored as
-    it is, with a warning. After the metrics, the wrong pixels are listed by kind of error, most pixels first.
+    it is, with a warning. Below the metrics, the wrong pixels are listed by kind of error, most pixels first; the line
+    `displaced edge` is about those pixels alone, whereas edge_px and edge_p95 are about every edge, that of a leak too.
     """
     from shadowbench.engines.difference import write_difference
     from shadowbench.engines.export import other_size

@@ -38,7 +38,11 @@ def kinds_of(comparison: Comparison, metrics: dict[str, float | None]) -> list[K
     displaced = dark_edge | lit_edge
     reach = np.sqrt(np.percentile(prepared.squared_edge_distance[displaced], 95)) if displaced.any() else 0.0
     found = [
-        Kind("displaced edge", int(np.count_nonzero(displaced)), f"95% of them within {reach:.3g} px of the true edge"),
+        Kind(
+            "displaced edge",
+            int(np.count_nonzero(displaced)),
+            f"these wrong pixels lie within {reach:.3g} px of the true edge (95% of them)",
+        ),
         Kind(
             "peter-panning",
             int(np.count_nonzero(contact)),

@@ -114,6 +114,8 @@ def accuracy_of(handed: Handed, view: View) -> Accuracy:
         warnings.append(f"its shadow is {reading.umbra:.2f}, not 0; scored as it is")
     if reading.encoded:
         warnings.append("seems to be sRGB-encoded (its soft values are too light for a linear mask); scored as it is")
+    if (line := _uniform(comparison)) is not None:
+        warnings.append(line)
     if seems_of_another(comparison):
         warnings.append("has little in common with the truth; is it a mask of this scene, view and light?")
     if clipped > _NOTED_CLIPPED * prepared.pixels:
@@ -130,6 +132,16 @@ def accuracy_of(handed: Handed, view: View) -> Accuracy:
     }
     record = {**mask_record(handed.visibility, truth, prepared), "input": given}
     return Accuracy(handed, view, comparison, record, tuple(f"{handed.name}: {line}" for line in warnings))
+
+
+def _uniform(comparison: Comparison) -> str | None:
+    """A warning for a truth, else a mask, that is lit or in shadow in every scored pixel."""
+    pixels = comparison.truth.pixels
+    for whose, shadow in (("in this view the truth", comparison.truth.shadow), ("the mask", comparison.shadow)):
+        count = int(np.count_nonzero(shadow))
+        if pixels and count in (0, pixels):
+            return f"{whose} is {'in shadow' if count else 'lit'} in every scored pixel, so most metrics say little"
+    return None
 
 
 def seems_of_another(comparison: Comparison) -> bool:

@@ -56,9 +56,9 @@ def section_notes(section: Section) -> list[str]:
 
 
 def value_of(one: Configuration, name: str) -> str:
-    """A metric or a time as text; a frame time that is rough is marked."""
+    """A metric or a time as text; ~ before every time of a cell whose rounds varied much."""
     value = one.value(name)
-    return "–" if value is None else f"{'~' if name == 'frame_ms' and one.row.wide else ''}{digits(value)}"
+    return "–" if value is None else f"{'~' if name.endswith('_ms') and one.row.wide else ''}{digits(value)}"
 
 
 def headline(section: Section) -> list[str]:

@@ -34,7 +34,8 @@ class Folder:
     """What somebody measured into a folder. `label` names it in a report; `about` is its `run.json`, empty without one.
 
     `rows` holds the score of each cell once: as the last command found it, else as `table.csv` names it, else as it was
-    measured last. `older` counts the other records of the same cells.
+    measured last. `older` counts the other records of the same cells; `cut_off`: whether the last line of `rows.jsonl`
+    is incomplete, as a killed writer leaves it.
     """
 
     label: str
@@ -42,6 +43,7 @@ class Folder:
     about: RunFile
     rows: tuple[Record, ...]
     older: int
+    cut_off: bool
 
     @property
     def renderer(self) -> str:
@@ -133,7 +135,8 @@ def _read(folder: Path, label: str) -> Run | Sweep:
     file = folder / "rows.jsonl"
     if not file.exists():
         raise InputError(f"{folder}: found no rows.jsonl; allowed: {_ALLOWED}")
-    rows, _ = read_rows(file)
+    rows, end = read_rows(file)
+    cut_off = end < file.stat().st_size
     scores = [row for row in rows if row["kind"] == "score"]
     count = len({row["key"] for row in scores})
     if not scores:
@@ -147,7 +150,7 @@ def _read(folder: Path, label: str) -> Run | Sweep:
     shown, last = _named(scores, table), _named(scores, keys)
     if kinds == {True}:
         points = _points(scores if table is None else shown, last)
-        return Sweep(label, folder, about, tuple(points), count - len(points))
+        return Sweep(label, folder, about, tuple(points), count - len(points), cut_off)
     times = [row for row in rows if row["kind"] == "time"]
     machine = about.get("machine_key") or (times[-1].get("machine") if times else None)
     last_times: dict[str, Record] = {}
@@ -167,6 +170,7 @@ def _read(folder: Path, label: str) -> Run | Sweep:
         about=about,
         rows=tuple(cells),
         older=count - len(cells),
+        cut_off=cut_off,
         times=last_times,
         times_before=times_before,
         foreign=sum(row.get("machine") != machine for row in times),

@@ -1,5 +1,6 @@
 """Runs a study into a folder: truths first, then block after block."""
 
+import math
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +16,9 @@ from shadowbench.measure.session import DeviceInfo
 from shadowbench.scenes.model import Scene
 from shadowbench.scenes.views import first_of
 from shadowbench.studies.study import Study, scenes_of
+from shadowbench.techniques.unshadowed import Unshadowed
 from shadowbench.truths.cache import cached_truth
+from shadowbench.truths.trace import Truth
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,20 +40,29 @@ def run_study(study: Study, folder: Path, executor: Executor, reporter: Reporter
     notes = [*study.notes, *(note for scene in scenes_of(blocks) for note in _notes_on(study, scene))]
     for note in notes:
         reporter.note(note)
+    uniform: set[str] = set()  # views
     reporter.stage("truth", len(blocks))
     for block in blocks:  # all of them before anything is written: a view that shows nothing is bad input
         with profile.of("truth"):
             truth = cached_truth(block.view)
-        if not (truth.visibility < 0.5).any():
-            notes.append(f"{block.view.name}: nothing is in shadow, so most metrics are undefined or trivial")
+        if (line := _uniform_truth(truth)) is not None:
+            notes.append(f"{block.view.name}: {line}")
             reporter.note(notes[-1])
+            uniform.add(block.view.name)
         reporter.step(block.view.name)
     with closing(RowStore(folder)) as store:
         conditions = study.conditions(time_again)
         measurer = Measurer(executor, store, conditions, reporter, Pictures(folder), profile)
         cells = [cell for block in blocks for cell in block.cells]
         reporter.stage("cells", len(cells) + sum(map(measurer.times, cells)))
-        results = [result for block in blocks for result in measurer.measured(block)]
+        results = []
+        for block in blocks:
+            found = measurer.measured(block)
+            results += found
+            masks = () if block.view.name in uniform else filter(None, map(_uniform_mask, found))
+            for line in dict.fromkeys(masks):  # phases may say the same
+                notes.append(f"{block.view.name}: {line}")
+                reporter.note(notes[-1])
     return Ran(results, notes, profile)
 
 
@@ -60,6 +72,25 @@ def check_sizes(study: Study, info: DeviceInfo) -> None:
     for what, size in (("map size", largest), ("view size", study.view_size)):
         if size > info.max_map_size:
             raise InputError(f"{what} {size}: {info.renderer} allows 1 to {info.max_map_size}")
+
+
+def _uniform_truth(truth: Truth) -> str | None:
+    shadow = truth.visibility[truth.receivers & ~truth.undecided] < 0.5
+    if not shadow.any():
+        return "nothing is in shadow, so most metrics are undefined or trivial"
+    return "everything is in shadow, so most metrics are undefined or trivial" if shadow.all() else None
+
+
+def _uniform_mask(result: Result) -> str | None:
+    """A line about a mask without an edge, in a view whose truth has one: it is lit, or in shadow, all over."""
+    row = result.score
+    if result.score["status"] != "ok" or row["technique"] == Unshadowed.name:
+        return None
+    if row["metrics"]["edge_px"] != math.hypot(row["view_size"], row["view_size"]):
+        return None
+    size = f" at {row['map_size']}" if row["map_size"] else ""
+    where = "in shadow" if row["metrics"]["iou"] else "lit"
+    return f"{row['spec']}{size} draws every scored pixel {where}"
 
 
 def _notes_on(study: Study, scene: Scene) -> list[str]:

@@ -189,6 +189,29 @@ def test_a_cache_that_cannot_be_is_one_note(
     assert doctor.out.splitlines()[-1] == "ready, but every command traces its truths again: the cache cannot be used"
 
 
+def test_masks_of_one_value_are_noted(shadowbench: Shadowbench, half: Path, tmp_path: Path) -> None:
+    specs = ("-t", "half:level=1", "-t", "half:level=0", "-t", "unshadowed", "-t", "shadow-map:size=64")
+    run = ("run", "cube-on-plane", *specs, "--plugin", half, "--view-size", "32", "--rounds", "0")
+    said = [
+        f"cube-on-plane.camera.light.32: half:level={level} draws every scored pixel {side}"
+        for level, side in (("1.0", "lit"), ("0.0", "in shadow"))
+    ]
+    answer = shadowbench(*run, "-o", tmp_path)
+    assert answer.err.splitlines() == [f"note: {line}" for line in said]
+    assert json.loads((tmp_path / "run.json").read_text())["assumptions"] == said
+    assert shadowbench(*run, "-o", tmp_path).err == answer.err, "rows that were found say it too"
+
+
+@pytest.mark.parametrize("width", [80, 120, 500])
+def test_no_line_of_a_table_ends_in_blanks(
+    shadowbench: Shadowbench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, width: int
+) -> None:
+    monkeypatch.setattr(console.out(), "width", width)
+    run = shadowbench(*CUBE, "-o", tmp_path).out
+    for out in (run, *(shadowbench("list", what).out for what in ("metrics", "scenes"))):
+        assert [line for line in out.splitlines() if line != line.rstrip()] == []
+
+
 def test_flat_triangles_and_further_cameras_are_said_and_stand_in_the_run_file(
     shadowbench: Shadowbench, tmp_path: Path
 ) -> None:

@@ -96,6 +96,27 @@ def test_a_mask_of_another_scene_is_warned_of_and_an_empty_or_a_dark_one_is_not(
         assert (line in shadowbench("score", SCENE, file).err) == told
 
 
+@pytest.mark.parametrize(("value", "side"), [(1.0, "lit"), (0.0, "in shadow")])
+def test_a_mask_of_one_value_is_warned_of(shadowbench: Callable, tmp_path: Path, value: float, side: str) -> None:
+    file = tmp_path / "mask.png"
+    write_mask(file, np.full((256, 256), value))
+    warning = f"warning: {file}: the mask is {side} in every scored pixel, so most metrics say little\n"
+    assert shadowbench("score", SCENE, file).err == warning
+
+
+@pytest.mark.parametrize(("height", "side"), [(-1.0, "lit"), (1.0, "in shadow")])
+def test_a_truth_of_one_value_is_warned_of(shadowbench: Callable, tmp_path: Path, height: float, side: str) -> None:
+    scene, file = tmp_path / "floor.toml", tmp_path / "mask.png"
+    scene.write_text(
+        '[camera]\nposition = [0, 0.9, 0.1]\ntarget = [0, 0, 0]\n[light]\nkind = "directional"\n'
+        'direction = [0, -1, 0]\n[[mesh]]\nshape = "plane"\n[[mesh]]\nshape = "plane"\nscale = 9\n'
+        f"translate = [0, {height}, 0]\nreceives = false\n"
+    )
+    write_mask(file, np.full((64, 64), float(side == "lit")))
+    warning = f"warning: {file}: in this view the truth is {side} in every scored pixel, so most metrics say little"
+    assert warning in shadowbench("score", scene, file).err.splitlines()
+
+
 def test_a_mask_of_another_size_than_the_export_beside_it_is_warned_of(
     shadowbench: Callable, drawn: Callable, tmp_path: Path
 ) -> None:

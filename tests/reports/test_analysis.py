@@ -16,8 +16,9 @@ from shadowbench.reports.analysis import (
 )
 from shadowbench.reports.gallery import shots_of_section
 from shadowbench.reports.markdown import markdown_report
-from shadowbench.reports.words import headline, reach_tables, refusals, section_notes, warned
+from shadowbench.reports.words import headline, reach_tables, refusals, section_notes, value_of, warned
 from shadowbench.studies.folder import read_runs
+from shadowbench.studies.tables import Interval
 from tests.reports.conftest import CELLS, RECEIVERS, Cell
 
 
@@ -153,6 +154,14 @@ def test_a_section_says_what_its_times_are_by_and_which_are_rough(section_of: Ca
     assert "| ~27.0 |" in text and "| 12.0 |" in text
     assert all(note[1:] in text for note in notes)
     assert section_notes(section_of((Cell("unshadowed", None, 1.0, None),), name="untimed")) == []
+
+
+def test_every_time_of_a_cell_that_varied_is_marked_and_no_metric(section_of: Callable[..., Section]) -> None:
+    marks = {}
+    for one in section_of(LOADED).timed:
+        one.row.values["camera_ms"] = Interval(3.0)
+        marks[one.spec] = [value_of(one, name)[0] == "~" for name in ("frame_ms", "camera_ms", "ratio", "ssim")]
+    assert marks["slow"] == [True, True, False, False] and not any(marks["fast"])
 
 
 def test_maps_of_one_phase_are_called_so(section_of: Callable[..., Section]) -> None:

@@ -39,8 +39,9 @@ def test_a_second_command_leaves_the_cells_of_the_first_in_table_and_report(
     assert shadowbench("check", out, "--baseline", baseline, "--update").code == 0
 
     answer = shadowbench("run", "cube-on-plane", "-t", "unshadowed", *SMALL, "-o", out)
-    found = "found 2 cells of earlier commands (1 scene, 2 specs); they stay in table.csv and in reports"
-    assert answer.err == f"note: {out}: {found}\n"
+    found = "the folder also holds 2 cells of earlier commands (1 scene, 2 specs)"
+    where = "they are in table.csv and in reports"
+    assert answer.err == f"note: {out}: {found}; {where}\n"
     assert "shadow-map" not in answer.out and f"{out / 'table.csv'}: 3 cells" in answer.out
     assert {row["key"]: row for row in table(out)}.items() >= first.items(), (
         "with the command, and the factor of its bias"

@@ -99,7 +99,9 @@ def test_a_run_prints_the_curve_with_default_and_best_and_keeps_the_factors(
     arguments = ("run", "-s", tmp_path / "study.toml", "--view-size", "64", "-o", tmp_path / "run", "-q")
     answer = shadowbench(*arguments)
     assert answer.code == 0, answer.err
-    curve = answer.out.split("cube-on-plane, bias multiplied: acne against contact (peter-panning)")[1].splitlines()
+    curve = answer.out.split("cube-on-plane, bias multiplied by a factor: acne against contact (peter-panning)")[
+        1
+    ].splitlines()
     lines = [line.split() for line in curve if line.startswith("shadow-map")]
     assert [line[2] for line in lines] == ["0.25", "0.5", "1", "2", "4"]
     assert [line[0] for line in lines if "default" in " ".join(line[7:])] == ["shadow-map"]
