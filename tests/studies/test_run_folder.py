@@ -60,7 +60,7 @@ def test_a_second_command_leaves_the_cells_of_the_first_in_table_and_report(
     assert answer.code == 2 and "no cell in common" in answer.err, "the last command's cells are compared"
 
     answer = shadowbench("run", "-s", study, "-o", out)
-    assert "found 1 cell of earlier commands (1 scene, 1 spec)" in answer.err
+    assert "the folder also holds 1 cell of earlier commands (1 scene, 1 spec)" in answer.err
     assert sorted(keys(out)) == sorted(first) and len(table(out)) == 3
     assert {row["key"]: row for row in table(out)}.items() >= first.items(), "measured before: the command that made it"
     assert shadowbench("check", out, "--baseline", baseline).code == 0
