@@ -19,16 +19,18 @@ def step_lines(found: Recommendation) -> list[str]:
     lines = []
     if found.cheaper is not None:
         saved = 1 - found.cheaper.cost / choice.cost
-        lines.append(f"relaxed to {target.text(found.cheaper.error)}: {_name(found.cheaper)} saves {saved:.0%}")
+        lines.append(
+            f"relaxing the target to {target.text(found.cheaper.error)} saves {saved:.0%}: {_name(found.cheaper)}"
+        )
     else:
-        lines.append("relaxed: nothing that was measured costs a tenth less")
+        lines.append("relaxing the target: nothing measured costs at least a tenth less")
     if found.better is not None:
         times = found.better.cost / choice.cost
         lines.append(
-            f"tightened to {target.text(found.better.error)}: {_name(found.better)} costs {times:.3g} × as much"
+            f"tightening it to {target.text(found.better.error)} costs {times:.3g} × as much: {_name(found.better)}"
         )
     elif choice.error > 0:
-        lines.append("tightened: nothing measured is twice as accurate")
+        lines.append("tightening it: nothing measured has less than half the error")
     return lines
 
 
@@ -45,17 +47,17 @@ def _obstacles(found: Recommendation) -> Iterator[str]:
     met = [one for one in found.tried if one.error <= target.limit]
     yield f"nothing meets {target}; the closest is {_name(near)}: {target.text(near.error)}"
     if met and target.budget_ms is not None:
-        yield f"in the way: the budget; {_name(met[0])} reaches {target.text(met[0].error)} in {met[0].cost:.3g} ms"
+        yield f"obstacle: the budget; {_name(met[0])} reaches {target.text(met[0].error)} in {met[0].cost:.3g} ms"
         return
     metrics = near.result.score["metrics"]
     kinds = {kind: metrics[kind] for kind in _KINDS if metrics[kind]}
     if kinds:
         worst = max(kinds, key=lambda kind: kinds[kind])
-        yield f"in the way: {worst}, {kinds[worst]:.2%} {_KINDS[worst]}"
+        yield f"obstacle: {worst}, {kinds[worst]:.2%} {_KINDS[worst]}"
     size = (needs.texels.edge_size or needs.texels.size).value
     largest = max((one.spec.map_size or 0 for one in found.tried), default=0)
     if largest and size > largest:
-        yield f"in the way: one map would need a size of {size:.0f} for its edges, the largest tried is {largest}"
+        yield f"obstacle: map size; exact edges need about {size:.0f} texels a side, the largest tried has {largest}"
 
 
 def excluded_lines(found: Recommendation) -> list[str]:

@@ -77,7 +77,7 @@ def _print_axes(rows: list[dict[str, Any]], title: str) -> None:
     for row in rows:
         console.out().print(f"{row['name']}: {row['about']}", markup=False)
         unit = f", {row['unit']}" if row["unit"] else ""
-        console.out().print(f"  values{unit}: {' '.join(row['values'])}; ordinary value {row['home']}", markup=False)
+        console.out().print(f"  values{unit}: {' '.join(row['values'])}; default {row['home']}", markup=False)
         console.out().print(f"  swept under {', '.join(row['lights'])} lights", markup=False)
     console.out().print()
 

@@ -97,7 +97,7 @@ def _print(title: str, ranges: "Sequence[OperatingRange]") -> None:
 
     if not any(one.held for one in ranges):
         if ranges:
-            console.say(f"{title}: out of tolerance already at the ordinary value of every axis")
+            console.say(f"{title}: out of tolerance already at the default value of every axis")
         return
     lights = [kind for kind in NAMES if any(one.light == kind for one in ranges)]
     rows = []

@@ -147,7 +147,7 @@ def test_on_this_machine_times_rank_and_an_impossible_budget_is_not_met(
     command = ("recommend", "cube-on-plane", "--view-size", "64", "-o", tmp_path / "rows", "--on-this-machine")
     answer = shadowbench(*command, "--budget-ms", "0.0001")
     assert answer.code == 1
-    assert "closest" in answer.out and "in the way: the budget" in answer.out
+    assert "closest" in answer.out and "obstacle: the budget" in answer.out
     answer = shadowbench(*command, "--json")
     assert answer.code == 0
     found = json.loads(answer.out)

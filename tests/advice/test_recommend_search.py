@@ -194,7 +194,7 @@ def test_what_has_no_edge_to_compare_is_said_so_and_relaxes_no_target(
     view, truth, target = builtin("street", 128), truth_of("street", 128), Target("edge_px", 0.5)
     found = recommend(view, truth, target, "work", known, 1024, measure)
     assert found.choice is not None and found.choice.spec.map_size == 512
-    assert step_lines(found)[0] == "relaxed: nothing that was measured costs a tenth less"
+    assert step_lines(found)[0] == "relaxing the target: nothing measured costs at least a tenth less"
     none = recommend(view, truth, target, "work", known, 256, measure)
     assert none.choice is None
     assert in_the_way(none)[0].endswith(": no edges to compare, and other shadows")
@@ -316,5 +316,5 @@ def test_where_nothing_meets_the_target_the_closest_is_told_and_what_stands_in_t
     assert found.closest.spec.map_size == 1024 and found.closest.error == pytest.approx(20 / 1024)
     told = in_the_way(found)
     assert told[0].startswith("nothing meets IoU ≥ 0.99; the closest is shadow-map")
-    assert told[1] == "in the way: leak, 30.00% of the umbra is lit"
+    assert told[1] == "obstacle: leak, 30.00% of the umbra is lit"
     assert "the largest tried is 1024" in told[2]

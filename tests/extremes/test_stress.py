@@ -330,7 +330,7 @@ class TestCommand:
         assert all(one["failure"].startswith("leak") for one in cells)
         plain = self.run(shadowbench, wild, tmp_path, "nothing", "--plugin", str(half))
         assert plain.out.splitlines()[:2] == [
-            f"{spec}: out of tolerance already at the ordinary value of every axis" for spec in ("does", "half")
+            f"{spec}: out of tolerance already at the default value of every axis" for spec in ("does", "half")
         ]
         assert json.loads((tmp_path / "run.json").read_text())["study"]["view_size"] == 256
 

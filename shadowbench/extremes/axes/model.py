@@ -52,7 +52,7 @@ class Axis:
     """One stress parameter and its values.
 
     about: what varies, and what that stresses; values: in order, from one end to the other, or words; home: the
-    ordinary value, from which the operating range is searched in both directions; quick: the values of a quick sweep;
+    default value, from which the operating range is searched in both directions; quick: the values of a quick sweep;
     lights: the kinds that it is swept under; holds: what must hold along it; ordered: whether values have neighbours.
     """
 
