@@ -317,4 +317,4 @@ def test_where_nothing_meets_the_target_the_closest_is_told_and_what_stands_in_t
     told = in_the_way(found)
     assert told[0].startswith("nothing meets IoU ≥ 0.99; the closest is shadow-map")
     assert told[1] == "obstacle: leak, 30.00% of the umbra is lit"
-    assert "the largest tried is 1024" in told[2]
+    assert "the largest tried has 1024" in told[2]
