@@ -30,6 +30,12 @@ def list_things(
 
     Techniques with their parameters and presets, built-in scenes, metrics (the columns of tables), built-in studies,
     and the axes along which `stress` varies a scene.
+
+    \b
+    Columns of metrics
+      better     whether higher or lower values are better
+      for        the shadows that it judges fairly: hard, soft or both
+      tolerance  how much worse it may get before `check` fails
     """
     from shadowbench.catalogue import catalogue
 

@@ -34,7 +34,7 @@ def render(
         typer.Option(metavar="MAP.png", help="File for the technique's shadow map: linear depth, near is dark."),
     ] = None,
     tint: Annotated[
-        bool, typer.Option("--tint", help="Tint the picture by what answered each pixel, such as its cascade.")
+        bool, typer.Option("--tint", help="Colour each pixel by what the technique used there, such as its cascade.")
     ] = False,
     view_size: ViewSize = None,
     view: ViewName = None,
