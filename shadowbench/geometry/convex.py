@@ -64,6 +64,6 @@ def hull_points(points: Floats) -> Floats:
         return corners(box_planes(bounds_of(points)), float(np.abs(points).max()))
 
 
-def apart(points: Floats, planes: Floats) -> bool:
+def is_outside(points: Floats, planes: Floats) -> bool:
     """Whether all (N, 3) points are outside one of (P, 4) planes: then their hull is clear of the region in them."""
     return bool((points @ planes[:, :3].T + planes[:, 3] < 0.0).all(axis=0).any())

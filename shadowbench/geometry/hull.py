@@ -7,7 +7,7 @@ from shadowbench.scenes.geometry import Geometry, bounds_of, used_by
 from shadowbench.scenes.model import Floats, Light, Scene
 
 
-def concerned_vertices(geometry: Geometry) -> Floats:
+def caster_and_receiver_vertices(geometry: Geometry) -> Floats:
     """(N, 3) corners of what casts or receives, or of everything if nothing does."""
     concerned = geometry.casts | geometry.receives  # a sky that does neither must not widen the map
     return used_by(geometry.faces[concerned] if concerned.any() else geometry.faces, geometry.vertices)
@@ -17,7 +17,7 @@ class SceneHull:
     """What a fit knows of the geometry, computed once: points that bound it in every direction, and its boxes."""
 
     def __init__(self, scene: Scene) -> None:
-        vertices = concerned_vertices(scene.geometry)
+        vertices = caster_and_receiver_vertices(scene.geometry)
         self.bounds = bounds_of(vertices)
         self.extent = float(np.abs(self.bounds).max())
         self.points = hull_points(vertices)

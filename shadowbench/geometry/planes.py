@@ -66,14 +66,14 @@ def find_planes(
     areas = np.linalg.norm(geometry.crosses, axis=0)[searched]
     areas /= areas.sum()
     offsets = -np.einsum("ij,ij->i", normals, points.take(faces[:, 0], axis=0))
-    look = _Look(points, faces, areas, tolerance)
+    search = _PlaneSearch(points, faces, areas, tolerance)
     chance = np.random.default_rng(0)
 
     found: list[Plane] = []
-    for cell in _cells(look, normals, offsets, least):
+    for cell in _cells(search, normals, offsets, least):
         failures = 0
         while failures < _FAILURES and len(found) < _SPARE * most:
-            cell = cell[look.free[cell]]
+            cell = cell[search.free[cell]]
             total = np.cumsum(areas[cell])
             large = sorted((plane.share for plane in found), reverse=True)[most - 1 : most]
             if not len(cell) or total[-1] < max([least / 2, *large]) - _EQUAL:
@@ -81,7 +81,7 @@ def find_planes(
             # The largest is the most exact; if it is alone, one by lot, where much area has many chances.
             lot = np.searchsorted(total, chance.random() * total[-1]) if failures else 0
             first = cell[min(lot, len(cell) - 1)]
-            equation, distances = look.settled(np.append(normals[first], offsets[first]))
+            equation, distances = search.refined(np.append(normals[first], offsets[first]))
             own = distances <= tolerance
             share = float(areas[own].sum())
             if share == 0.0 or share < least:
@@ -89,14 +89,14 @@ def find_planes(
                 own[first] = True
                 cell = cell[~own[cell]]
                 continue
-            look.free &= ~own
+            search.free &= ~own
             filed = np.append(equation[:3], equation[3] * diagonal - equation[:3] @ center)
             found.append(Plane(filed, np.flatnonzero(searched)[own], share, float(distances[own].max()) * diagonal))
     return tuple(sorted(found, key=lambda plane: (-round(plane.share / _EQUAL), plane.triangles[0]))[:most])
 
 
 @dataclass(eq=False)
-class _Look:
+class _PlaneSearch:
     """Triangles to look for planes among, of which some are still free."""
 
     points: Floats
@@ -107,7 +107,7 @@ class _Look:
     def __post_init__(self) -> None:
         self.free = np.ones(len(self.faces), dtype=bool)
 
-    def settled(self, guess: Floats) -> tuple[Floats, Floats]:
+    def refined(self, guess: Floats) -> tuple[Floats, Floats]:
         """The equation that a guess leads to, and how far (F,) triangles are off it: infinitely if not free.
 
         The area on it only grows, so that a little beside a plane, which moves the fit, cannot lose the plane.
@@ -137,7 +137,7 @@ class _Look:
         return furthest
 
 
-def _cells(look: _Look, normals: Floats, offsets: Floats, least: float) -> Iterator[NDArray[np.int64]]:
+def _cells(search: _PlaneSearch, normals: Floats, offsets: Floats, least: float) -> Iterator[NDArray[np.int64]]:
     """Triangles of alike planes, largest first: of layers, largest area first, then once more of whole cells.
 
     A stack of sheets has much area in a cell and little in a plane: by layers the largest planes come first. What
@@ -154,14 +154,14 @@ def _cells(look: _Look, normals: Floats, offsets: Floats, least: float) -> Itera
     # Most triangles of curved bodies share a cell with too little area, and so a layer with less: out before sorting,
     # by the upper bits alone, which some cells share.
     bits = (cell >> 48) + (1 << 15)
-    enough = np.flatnonzero(np.bincount(bits, look.areas)[bits] >= least / 2)
-    normals, middles, areas = normals[enough], look.points[look.faces[enough]].mean(axis=1), look.areas[enough]
+    enough = np.flatnonzero(np.bincount(bits, search.areas)[bits] >= least / 2)
+    normals, middles, areas = normals[enough], search.points[search.faces[enough]].mean(axis=1), search.areas[enough]
     named, cell = np.unique(cell[enough], return_inverse=True)
     # Heights are along one normal a cell, its largest triangle's: those of small ones scatter.
     order = np.lexsort([-areas, cell])
     largest = order[np.flatnonzero(np.diff(cell[order], prepend=-1))]
     heights = np.einsum("ij,ij->i", middles, normals[largest][cell])
-    layers = np.column_stack([named[cell], np.floor(heights / (_LOOSE * look.tolerance) + 0.37).astype(np.int64)])
+    layers = np.column_stack([named[cell], np.floor(heights / (_LOOSE * search.tolerance) + 0.37).astype(np.int64)])
     _, within = np.unique(layers @ _MIXING[:2], return_inverse=True)
     for group in (within, cell):
         totals = np.bincount(group, areas)

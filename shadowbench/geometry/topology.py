@@ -38,7 +38,7 @@ class Casters:
     closed: Surface
     open: Surface
 
-    def around(self, point: Vec3) -> bool:
+    def may_contain(self, point: Vec3) -> bool:
         """Whether a point may be inside a closed part."""
         low, high = self.closed.boxes.transpose(1, 0, 2)
         return bool(((low <= point) & (point <= high)).all(axis=1).any())
@@ -55,7 +55,7 @@ class Topology:
 
     faces: Indices
     edges: Indices
-    sides: Indices
+    half_edges: Indices
     part: Indices
     closed: NDArray[np.bool_]
     open: NDArray[np.bool_]
@@ -92,7 +92,7 @@ def topology_of(scene: Scene) -> Topology:
     return Topology(
         faces=faces,
         edges=_edges(faces, first, second),
-        sides=np.column_stack(sides),
+        half_edges=np.column_stack(sides),
         part=part,
         closed=closed,
         open=loose > 0,
@@ -156,6 +156,6 @@ def _surface(topology: Topology, chosen: NDArray[np.bool_]) -> Surface:
         return order[chosen[of[order]]], np.cumsum(np.bincount(of, minlength=len(chosen))[chosen])
 
     own, face_ends = by_part(topology.part)
-    mine, edge_ends = by_part(topology.part[topology.sides[:, 0] // 3])
+    mine, edge_ends = by_part(topology.part[topology.half_edges[:, 0] // 3])
     faces, edges, boxes = topology.faces[own], topology.edges[mine], topology.boxes[chosen]
     return Surface(faces, edges, face_ends, edge_ends, boxes)

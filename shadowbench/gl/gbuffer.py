@@ -51,7 +51,7 @@ def download(texture: moderngl.Texture, dtype: str = "f4") -> NDArray[np.generic
     return values[::-1]
 
 
-class SurfacePass:
+class GBufferPass:
     """Draws the G-buffer of any view of one geometry."""
 
     def __init__(self, device: Device, geometry: DeviceGeometry) -> None:
@@ -61,7 +61,7 @@ class SurfacePass:
         self.program: Program = link(
             device, compose("gbuffer/gbuffer.vert", roots), compose("gbuffer/gbuffer.frag", roots, TRIANGLE_DEFINES)
         )
-        self.drawable = geometry.everything(self.program)
+        self.drawable = geometry.all_faces(self.program)
 
     def draw(self, view: View) -> GBuffer:
         """The G-buffer of a view; `view` is in the coordinates of the uploaded geometry."""

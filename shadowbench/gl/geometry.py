@@ -15,7 +15,7 @@ _ROW = 2048
 TRIANGLE_DEFINES = {"TRIANGLE_ROW": str(_ROW)}  # what `triangle.glsl` needs
 
 
-def by_triangle(values: NDArray[_Value]) -> NDArray[_Value]:
+def triangle_texels(values: NDArray[_Value]) -> NDArray[_Value]:
     """(height, width, …) texels that `triangle.glsl` reads, from (F, …) values; zeros fill the last row."""
     texels = np.zeros((-(-len(values) // _ROW) * _ROW, *values.shape[1:]), dtype=values.dtype)
     texels[: len(values)] = values
@@ -23,7 +23,7 @@ def by_triangle(values: NDArray[_Value]) -> NDArray[_Value]:
 
 
 class DeviceGeometry:
-    """Uploaded once a scene; techniques draw `casters`, the G-buffer draws `everything`.
+    """Uploaded once a scene; techniques draw `casters`, the G-buffer draws `all_faces`.
 
     `normals` and `colors` are textures addressed by triangle: `texel_of` in `triangle.glsl`. The fourth component of a
     normal is 1 for triangles that receive shadows.
@@ -42,10 +42,10 @@ class DeviceGeometry:
 
     @staticmethod
     def _texture(device: Device, rows: NDArray[np.float64]) -> moderngl.Texture:
-        texels = by_triangle(rows.astype(np.float32))
+        texels = triangle_texels(rows.astype(np.float32))
         return device.context.texture((_ROW, len(texels)), 4, texels.tobytes(), dtype="f4")
 
-    def everything(self, program: Program) -> Drawable:
+    def all_faces(self, program: Program) -> Drawable:
         """All triangles, `gl_PrimitiveID` being the triangle's index."""
         return self._drawable(program, self._faces)
 

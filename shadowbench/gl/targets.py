@@ -141,7 +141,7 @@ def depth_target(device: Device, size: int, depth: DepthFormat, kind: Kind = "2d
     return DepthTarget(texture, whole, each, step, layers * size * size * (bits // 8))
 
 
-def refused(device: Device, size: int, depth: DepthFormat, kind: Kind = "2d", layers: int = 1) -> str | None:
+def unsupported_map(device: Device, size: int, depth: DepthFormat, kind: Kind = "2d", layers: int = 1) -> str | None:
     """Why the driver would refuse such a map, in words, or None. Asked of proxy textures: nothing is allocated."""
     internal, data, _, _ = _FORMATS[depth]
     _specify(device, _PROXIES[kind], kind, internal, size, layers, data)

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field, ValidationError
 
 from shadowbench.errors import InputError, alternatives
-from shadowbench.scenes.assumed import completed, mesh_bounds
+from shadowbench.scenes.assumed import mesh_bounds, with_assumptions
 from shadowbench.scenes.meshes import Contents, read_meshes
 from shadowbench.scenes.model import Floats, Mesh, Scene
 from shadowbench.scenes.shapes import SHAPES, build_shape
@@ -107,7 +107,7 @@ def read_scene_file(path: Path, assets: Path | None = None) -> Scene:
     if not meshes:
         raise InputError(f"{path.name}: all {dropped} triangles have zero area; at least one must have some")
     scene = Scene(name, tuple(meshes), tuple(cameras), tuple(lights), tuple(notes), dropped)
-    return completed(scene, mesh_bounds(meshes, path.name), path.name)
+    return with_assumptions(scene, mesh_bounds(meshes, path.name), path.name)
 
 
 def _tables(

@@ -25,7 +25,7 @@ HONOURED = re.compile(
     r"KHR_draco_mesh_compression|KHR_mesh_quantization|KHR_lights_punctual|KHR_node_visibility"
     r"|(KHR|EXT|MSFT)_texture_\w+|KHR_materials_\w+|KHR_xmp\w*|EXT_lights_image_based"
 )
-TOLD = {"EXT_mesh_gpu_instancing"}
+WITH_OWN_NOTE = {"EXT_mesh_gpu_instancing"}
 """Extensions that are not honoured and have a line of their own in `notes_on`."""
 POINTS, TRIANGLES, STRIP, FAN = 0, 4, 5, 6
 LINES = (1, 2, 3)
@@ -217,7 +217,7 @@ def notes_on(layout: Layout, where: str) -> list[str]:
     hidden = sum(node.mesh is not None for node in invisible)
     dark = sum(node.extensions.KHR_lights_punctual is not None for node in invisible)
     extensions = {*layout.extensionsUsed, *layout.extensions.model_fields_set}.union(*by_node)
-    ignored = sorted(name for name in extensions if not HONOURED.fullmatch(name) and name not in TOLD)
+    ignored = sorted(name for name in extensions if not HONOURED.fullmatch(name) and name not in WITH_OWN_NOTE)
     found = [
         (hidden, "mesh(es) of hidden nodes left out"),
         (dark, "light(s) of hidden nodes left out"),

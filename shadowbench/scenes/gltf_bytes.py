@@ -20,7 +20,7 @@ UNSIGNED = (5121, 5123, 5125)
 TRIANGLES, STRIP = 4, 5
 
 
-class Surface(NamedTuple):
+class TrianglePrimitive(NamedTuple):
     """A primitive of triangles: the number of its mesh, (V, 3) positions, (F, 3) indices into them, unchecked."""
 
     mesh: int
@@ -29,7 +29,7 @@ class Surface(NamedTuple):
     faces: NDArray[Any]
 
 
-def read_primitives(layout: Layout, chunk: bytes | None, path: Path, where: str) -> Iterator[Surface]:
+def read_primitives(layout: Layout, chunk: bytes | None, path: Path, where: str) -> Iterator[TrianglePrimitive]:
     """The primitives that are surfaces, in the order of the file; InputError for bytes that do not make one."""
     buffers = buffers_of(layout, chunk, path, where)
     decoded = _decompressed(layout, buffers, where)
@@ -37,7 +37,7 @@ def read_primitives(layout: Layout, chunk: bytes | None, path: Path, where: str)
         for primitive in mesh.primitives:
             if primitive.mode in (TRIANGLES, STRIP):
                 positions, corners = _arrays(layout, buffers, primitive, decoded, f"{where}: meshes[{number}]")
-                yield Surface(number, primitive, positions, corners)
+                yield TrianglePrimitive(number, primitive, positions, corners)
 
 
 def _decompressed(layout: Layout, buffers: list[bytes], where: str) -> dict[tuple[int, int], Decoded]:

@@ -16,37 +16,37 @@ Count = Annotated[int, Field(ge=0, le=2**53, strict=True)]
 Number = Annotated[float, Field(strict=True)]
 
 
-class Part(BaseModel):
+class JsonObject(BaseModel):
     """An object of the JSON; what it has beyond its fields is somebody else's."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
 
 
-class Asset(Part):
+class Asset(JsonObject):
     """Whose version decides how to read the rest."""
 
     version: str = Field(strict=True)
 
 
-class Root(Part):
+class SceneTable(JsonObject):
     """A scene: its root nodes."""
 
     nodes: list[Count] = []
 
 
-class LightIndex(Part):
+class LightIndex(JsonObject):
     """A node's light."""
 
     light: Count
 
 
-class Visibility(Part):
+class Visibility(JsonObject):
     """Whether a node and what hangs on it are to be seen."""
 
     visible: bool = Field(True, strict=True)
 
 
-class NodeExtensions(Part):
+class NodeExtensions(JsonObject):
     """Of a node; others are kept to be named."""
 
     model_config = ConfigDict(extra="allow")
@@ -55,7 +55,7 @@ class NodeExtensions(Part):
     KHR_lights_punctual: LightIndex | None = None
 
 
-class NodeTable(Part):
+class NodeTable(JsonObject):
     """A node: where it is, what it holds, what hangs on it."""
 
     name: str | None = None
@@ -77,20 +77,20 @@ class NodeTable(Part):
         return rotation
 
 
-class Draco(Part):
+class Draco(JsonObject):
     """A compressed primitive: where its bytes are, and which of its attributes is what."""
 
     bufferView: Count
     attributes: dict[str, Count]
 
 
-class PrimitiveExtensions(Part):
+class PrimitiveExtensions(JsonObject):
     """Of a primitive."""
 
     KHR_draco_mesh_compression: Draco | None = None
 
 
-class Primitive(Part):
+class Primitive(JsonObject):
     """Accessors by attribute, and of the indices."""
 
     attributes: dict[str, Count]
@@ -101,14 +101,14 @@ class Primitive(Part):
     extensions: PrimitiveExtensions = PrimitiveExtensions()
 
 
-class MeshTable(Part):
+class MeshTable(JsonObject):
     """A mesh: one primitive or more."""
 
     name: str | None = None
     primitives: list[Primitive]
 
 
-class Accessor(Part):
+class Accessor(JsonObject):
     """`count` elements in a bufferView."""
 
     bufferView: Count | None = None
@@ -120,7 +120,7 @@ class Accessor(Part):
     sparse: dict[str, Any] | None = None
 
 
-class BufferView(Part):
+class BufferView(JsonObject):
     """A stretch of a buffer; `byteStride` from one element to the next, where they do not follow each other."""
 
     buffer: Count
@@ -129,28 +129,28 @@ class BufferView(Part):
     byteStride: Annotated[int, Field(ge=1, le=252, strict=True)] | None = None
 
 
-class Buffer(Part):
+class Buffer(JsonObject):
     """Bytes: a file, a data URI, or without `uri` the second chunk of a .glb."""
 
     uri: str | None = None
     byteLength: Count
 
 
-class Surface(Part):
+class MetallicRoughness(JsonObject):
     """The colour of a material."""
 
     baseColorFactor: Annotated[list[Number], Field(min_length=3, max_length=4)] | None = None
 
 
-class Material(Part):
+class Material(JsonObject):
     """A material."""
 
     alphaMode: str = "OPAQUE"
-    pbrMetallicRoughness: Surface = Surface()
+    pbrMetallicRoughness: MetallicRoughness = MetallicRoughness()
     extensions: dict[str, Any] = {}
 
 
-class Lens(Part):
+class Perspective(JsonObject):
     """A perspective camera."""
 
     yfov: Number
@@ -158,37 +158,37 @@ class Lens(Part):
     zfar: Number | None = None
 
 
-class CameraTable(Part):
+class CameraTable(JsonObject):
     """A camera of either type."""
 
     name: str | None = None
     type: str = Field(strict=True)
-    perspective: Lens | None = None
+    perspective: Perspective | None = None
 
 
-class Cone(Part):
+class SpotCone(JsonObject):
     """Of a spot."""
 
     outerConeAngle: Number = math.pi / 4
 
 
-class LightTable(Part):
+class LightTable(JsonObject):
     """A KHR_lights_punctual light."""
 
     name: str | None = None
     type: str = Field(strict=True)
-    spot: Cone = Cone()
+    spot: SpotCone = SpotCone()
     range: Number | None = None
     intensity: Number | None = None
 
 
-class Lights(Part):
+class Lights(JsonObject):
     """The lights of the file."""
 
     lights: list[LightTable]
 
 
-class Extensions(Part):
+class Extensions(JsonObject):
     """Of the file; others are kept to be named."""
 
     model_config = ConfigDict(extra="allow")
@@ -196,12 +196,12 @@ class Extensions(Part):
     KHR_lights_punctual: Lights | None = None
 
 
-class Layout(Part):
+class Layout(JsonObject):
     """A whole file."""
 
     asset: Asset
     scene: Count | None = None
-    scenes: list[Root] | None = None
+    scenes: list[SceneTable] | None = None
     nodes: Annotated[list[NodeTable], Field(max_length=MOST_COPIES)] = []
     meshes: list[MeshTable] = []
     accessors: list[Accessor] = []

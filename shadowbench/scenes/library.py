@@ -6,7 +6,7 @@ from pathlib import Path
 
 from shadowbench.data import data_folder
 from shadowbench.errors import InputError, alternatives
-from shadowbench.scenes.assumed import completed, ground_for, mesh_bounds, up_for
+from shadowbench.scenes.assumed import assumed_ground, assumed_up_note, mesh_bounds, with_assumptions
 from shadowbench.scenes.files import read_document, read_scene_file
 from shadowbench.scenes.meshes import MESH_SUFFIXES, read_meshes
 from shadowbench.scenes.model import Scene
@@ -68,16 +68,16 @@ def read_mesh_scene(path: Path, up: str | None = None) -> Scene:
     contents = read_meshes(path)
     meshes, notes = list(contents.meshes), list(contents.notes)
     if up is None and path.suffix.lower() in WITHOUT_UP:
-        notes.append(up_for(path.name))
+        notes.append(assumed_up_note(path.name))
     if up == "z":
         meshes = [replace(mesh, vertices=mesh.vertices[:, [0, 2, 1]] * [1.0, 1.0, -1.0] + 0.0) for mesh in meshes]
     bounds = mesh_bounds(meshes, path.name)
-    ground = ground_for(meshes, bounds, path.name)
+    ground = assumed_ground(meshes, bounds, path.name)
     if ground is not None:
         meshes.append(ground[0])
         notes.append(ground[1])
     scene = Scene(name, tuple(meshes), contents.cameras, contents.lights, tuple(notes), contents.dropped)
-    return completed(scene, bounds, path.name)
+    return with_assumptions(scene, bounds, path.name)
 
 
 def builtin_names() -> list[str]:

@@ -29,7 +29,7 @@ class Lines(NamedTuple):
     starts: Integers
     ends: Integers
 
-    def chosen(self, which: NDArray[np.bool_] | slice, skip: int = 0) -> "Lines":
+    def select(self, which: NDArray[np.bool_] | slice, skip: int = 0) -> "Lines":
         """Some of the lines, without their first `skip` bytes."""
         return self._replace(starts=self.starts[which] + skip, ends=self.ends[which])
 

@@ -212,7 +212,7 @@ class Placement:
         )
 
 
-AS_FILED = Placement((0.0, 0.0, 0.0), 1.0)
+IDENTITY_PLACEMENT = Placement((0.0, 0.0, 0.0), 1.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,7 @@ def read_obj(data: bytes, where: str) -> Polygons:
     first, second = letters[lines.starts], letters[lines.starts + 1]
     apart = np.isin(second, np.frombuffer(b" \t\v\f\n", dtype=np.uint8))
     is_vertex, is_face, is_object = (apart & (first == ord(letter)) for letter in "vfo")
-    vertex_lines, face_lines = lines.chosen(is_vertex, skip=1), lines.chosen(is_face, skip=1)
+    vertex_lines, face_lines = lines.select(is_vertex, skip=1), lines.select(is_face, skip=1)
     rows = numbers(vertex_lines, where)
     if len(rows.counts) and rows.counts.min() < 3:
         k = int(rows.counts.argmin())
@@ -33,9 +33,9 @@ def read_obj(data: bytes, where: str) -> Polygons:
         raise InputError(f"{where}: line {line}: found a vertex of {rows.counts[k]} numbers; at least 3 are needed")
     vertices = rows.values[rows.starts[:, None] + np.arange(3)]
     corners, counts = _corners(face_lines, vertex_lines, where)
-    owners, names = _objects(lines.chosen(is_object, skip=1), face_lines, raw, where)
+    owners, names = _objects(lines.select(is_object, skip=1), face_lines, raw, where)
     normals = (first == ord("v")) & np.isin(second, np.frombuffer(b"nt", dtype=np.uint8))
-    notes = _left_out(lines.chosen(~(is_vertex | is_face | normals)), where)
+    notes = _left_out(lines.select(~(is_vertex | is_face | normals)), where)
     return Polygons(vertices, corners, counts, owners, names, notes)
 
 

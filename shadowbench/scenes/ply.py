@@ -128,7 +128,7 @@ def _text_rows(element: Element, lines: Lines, at: int, where: str) -> tuple[dic
     end = at + element.rows
     if end > len(lines.starts):
         raise InputError(f"{where}: cut short: {len(lines.starts) - at} of {element.rows} {element.name:.20} rows")
-    own = lines.chosen(slice(at, end))
+    own = lines.select(slice(at, end))
     rows = numbers(own, where)
     cursor, limit = rows.starts.copy(), rows.starts + rows.counts
     columns = {}

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shadowbench.geometry.hull import concerned_vertices
+from shadowbench.geometry.hull import caster_and_receiver_vertices
 from shadowbench.geometry.lights import LightSpace
 from shadowbench.geometry.slices import practical_depths, slices
 from shadowbench.scenes.geometry import bounds_of
@@ -31,7 +31,7 @@ class CascadeSizes:
     saving: float
 
     @property
-    def pay(self) -> bool:
+    def worthwhile(self) -> bool:
         """Whether any number of cascades takes fewer texels than one map."""
         return self.saving > 1.0
 
@@ -41,10 +41,10 @@ def cascades_of(fitted: FittedMap, one: Texels) -> CascadeSizes | None:
     samples, space = fitted.samples, fitted.space
     if space is None or space.perspective:
         return None
-    bounds = bounds_of(concerned_vertices(samples.view.scene.geometry))
+    bounds = bounds_of(caster_and_receiver_vertices(samples.view.scene.geometry))
     sizes, edge_sizes = {}, {}
     for count in COUNTS:
-        unit = fitted.footprint.scaled(_extents(samples.view, bounds, space, fitted.footprint.place, count))
+        unit = fitted.footprint.scaled(_extents(samples.view, bounds, space, fitted.footprint.coords, count))
         sizes[count] = float(np.percentile(unit.longest, 95)) + 2 * fitted.padding
         by_edges = edge_size(fitted, unit)
         if by_edges is not None:

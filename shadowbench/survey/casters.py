@@ -36,7 +36,7 @@ def casters_of(view: View) -> Casters:
     wall = np.append(np.where((start < end) == np.repeat(lit, 3), 1, -1), 0)  # 0 at −1, for no side
     edges = topology.edges[:, 1:3]
     first = np.flatnonzero((np.diff(edges, axis=0, prepend=-1) != 0).any(axis=1))
-    walls = np.add.reduceat(wall[topology.sides].sum(axis=1), first) if len(first) else first
+    walls = np.add.reduceat(wall[topology.half_edges].sum(axis=1), first) if len(first) else first
     return Casters(
         triangles=len(faces),
         closed=int(np.count_nonzero(closed)),

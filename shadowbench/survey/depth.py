@@ -63,7 +63,7 @@ class Depths:
 
 def depths_of(fitted: FittedMap) -> Depths:
     """The depths of a fitted map, whose near and far are those of our fits."""
-    samples, space, z = fitted.samples, fitted.space, fitted.footprint.place[2]
+    samples, space, z = fitted.samples, fitted.space, fitted.footprint.coords[2]
     if space is None:
         away = samples.view.scene.geometry.vertices - samples.view.light.position
         far = float(np.linalg.norm(away, axis=1).max())
@@ -109,7 +109,7 @@ def bias_of(fitted: FittedMap, depths: Depths) -> BiasNeed | None:
     if not len(lit):
         return None
     metres = 1 / samples.placement.scale
-    ahead = ahead_of_texels(fitted)
+    ahead = required_bias(fitted)
     needed = samples.estimate(lambda chosen: float(np.quantile(ahead[chosen], 1 - LOST)), lit)
     thinnest = bridged = None
     if len(dark):
@@ -123,7 +123,7 @@ def bias_of(fitted: FittedMap, depths: Depths) -> BiasNeed | None:
     )
 
 
-def ahead_of_texels(fitted: FittedMap) -> Floats:
+def required_bias(fitted: FittedMap) -> Floats:
     """(R,) how far each sample is behind the depth in its texel, along what the map stores, in local lengths.
 
     A texel lies anywhere about its point: one place by lot. There its depth is that of the receiver's own plane, but no
@@ -140,8 +140,8 @@ def ahead_of_texels(fitted: FittedMap) -> Floats:
 def _before(fitted: FittedMap, offset: Floats) -> Floats:
     """(R,) how much before each sample's depth the first caster is that the light meets at (2, R) from it."""
     samples, before = fitted.samples, np.empty(offset.shape[1])
-    for mine, space, footprint in fitted.parts():
-        u, v = footprint.place[:2] - offset[:, mine]
+    for mine, space, footprint in fitted.light_spaces():
+        u, v = footprint.coords[:2] - offset[:, mine]
         if space.perspective:
             rays = space.basis.T @ np.stack([u, v, np.full(len(mine), -1.0)])
             origins = np.broadcast_to(space.origin, (len(mine), 3))
@@ -151,5 +151,5 @@ def _before(fitted: FittedMap, offset: Floats) -> Floats:
             start = float(space.box(corners(box_planes(samples.view.scene.geometry.bounds), 1.0)).low[2])
             origins = space.basis.T @ np.stack([u, v, np.full(len(mine), -start)])
             met = start + samples.casters.distance(origins.T, -space.basis[2:], NEVER).astype(np.float64)
-        before[mine] = fitted.footprint.place[2, mine] - met
+        before[mine] = fitted.footprint.coords[2, mine] - met
     return before

@@ -29,18 +29,18 @@ class Footprint:
     in pixels, y downwards; slope: (2, R) how much further from the light the receiver's plane is for a unit of u and v.
     """
 
-    place: Floats
+    coords: Floats
     jacobian: Floats
     slope: Floats
 
     def scaled(self, extent: Floats) -> "Footprint":
         """The footprint where a unit of the map is (2,) or (2, R) units of this one."""
         across = np.broadcast_to(extent.reshape(2, -1), self.slope.shape)
-        return Footprint(self.place, self.jacobian / across[:, None], self.slope * across)
+        return Footprint(self.coords, self.jacobian / across[:, None], self.slope * across)
 
-    def only(self, chosen: Indices) -> "Footprint":
+    def select(self, chosen: Indices) -> "Footprint":
         """The chosen samples."""
-        return Footprint(self.place[:, chosen], self.jacobian[..., chosen], self.slope[:, chosen])
+        return Footprint(self.coords[:, chosen], self.jacobian[..., chosen], self.slope[:, chosen])
 
     @property
     def longest(self) -> Floats:
@@ -102,7 +102,7 @@ def cube_faces(samples: Samples) -> Iterator[tuple[Indices, LightSpace, Footprin
         mine = np.flatnonzero(face == index)
         back = np.eye(3)[index // 2] * (1 if index % 2 else -1)
         space = LightSpace(perpendicular_basis(back, (0.0, 1.0, 0.0)), origin, True, 1.0)
-        yield mine, space, footprint(samples.only(mine), space)
+        yield mine, space, footprint(samples.select(mine), space)
 
 
 def cube_footprint(samples: Samples) -> Footprint:
@@ -110,9 +110,9 @@ def cube_footprint(samples: Samples) -> Footprint:
     count = len(samples.pixel)
     whole = Footprint(np.empty((3, count)), np.empty((2, 2, count)), np.empty((2, count)))
     for mine, _, part in cube_faces(samples):
-        u, v, ahead = part.place
+        u, v, ahead = part.coords
         ray = np.sqrt(u**2 + v**2 + 1)  # the distance is ray · ahead, and changes with both
-        whole.place[:, mine] = u, v, ahead * ray
+        whole.coords[:, mine] = u, v, ahead * ray
         whole.jacobian[..., mine] = part.jacobian
-        whole.slope[:, mine] = part.slope * ray + ahead * part.place[:2] / ray
+        whole.slope[:, mine] = part.slope * ray + ahead * part.coords[:2] / ray
     return whole

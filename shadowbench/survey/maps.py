@@ -46,15 +46,15 @@ class FittedMap:
         """How many texels of a map of a size lie across the window."""
         return size - 2 * self.padding
 
-    def parts(self) -> Iterator[tuple[Indices, LightSpace, Footprint]]:
+    def light_spaces(self) -> Iterator[tuple[Indices, LightSpace, Footprint]]:
         """The map's spaces, one or a cube's six, each with the samples in it and their footprint there."""
         if self.space is None:
             yield from cube_faces(self.samples)
         else:
-            yield self.everything, self.space, self.footprint
+            yield self.all_samples, self.space, self.footprint
 
     @property
-    def everything(self) -> Indices:
+    def all_samples(self) -> Indices:
         """All samples."""
         return np.arange(len(self.samples.pixel))
 
@@ -73,4 +73,4 @@ def fitted_map(samples: Samples) -> FittedMap:
 
 
 def _box(found: Footprint) -> Box:
-    return Box(found.place.min(axis=1), found.place.max(axis=1))
+    return Box(found.coords.min(axis=1), found.coords.max(axis=1))

@@ -42,8 +42,8 @@ def reach_of(fitted: FittedMap) -> Reach:
     geometry = samples.view.scene.geometry
     faces = geometry.caster_faces
     matters = np.zeros(len(faces), dtype=bool)
-    for _, space, footprint in fitted.parts():
-        if not footprint.place.shape[1]:
+    for _, space, footprint in fitted.light_spaces():
+        if not footprint.coords.shape[1]:
             continue
         places, ahead = _projected(geometry.vertices, space)
         grid = _grid(footprint, samples.step)
@@ -92,8 +92,8 @@ class _Grid:
 def _grid(footprint: Footprint, step: int) -> _Grid:
     """What is seen, with all of a pixel and a half step of it."""
     half = np.abs(footprint.jacobian).sum(axis=1) * ((step + 1) / 2)
-    depth = footprint.place[2] + (np.abs(footprint.slope) * half).sum(axis=0)
-    low, high = footprint.place[:2] - half, footprint.place[:2] + half
+    depth = footprint.coords[2] + (np.abs(footprint.slope) * half).sum(axis=0)
+    low, high = footprint.coords[:2] - half, footprint.coords[:2] + half
     start, end = low.min(axis=1)[:, None], high.max(axis=1)[:, None]
     grid = _Grid(start, end, np.maximum(end - start, ROUNDING) / (CELLS - 2), np.empty(0))
     levels = _pyramid(grid.cells(low), grid.cells(high), depth)

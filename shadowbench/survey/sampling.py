@@ -84,7 +84,7 @@ class Samples:
         beside = (of[:-2, 1:-1] == 0) | (of[2:, 1:-1] == 0) | (of[1:-1, :-2] == 0) | (of[1:-1, 2:] == 0)
         return np.flatnonzero((beside & (inner == 1)).ravel()[self.pixel])
 
-    def only(self, chosen: Indices) -> "Samples":
+    def select(self, chosen: Indices) -> "Samples":
         """The chosen samples, whose edges are other ones."""
         return replace(self, **{name: getattr(self, name)[..., chosen] for name in OF_EACH})
 
@@ -106,7 +106,7 @@ class Samples:
         return Estimate(value, float(scatter.std(ddof=1) / np.sqrt(GROUPS) * np.sqrt(1 - self.part)))
 
 
-def sampled(view: View) -> Samples:
+def sample_view(view: View) -> Samples:
     """The samples of a view that `view_of` made; raises InputError where no pixel shows a receiver."""
     placed, placement = view.placed()
     geometry = placed.scene.geometry

@@ -12,7 +12,7 @@ from shadowbench.survey.maps import fitted_map
 from shadowbench.survey.penumbra import Penumbra, penumbra_of
 from shadowbench.survey.reach import Reach, reach_of
 from shadowbench.survey.receivers import Receivers, planes_of, receivers_of
-from shadowbench.survey.sampling import sampled
+from shadowbench.survey.sampling import sample_view
 from shadowbench.survey.texels import Texels, texels_of
 
 
@@ -48,7 +48,7 @@ def needs(view: View) -> Needs:
     with ThreadPoolExecutor(1) as pool:
         planes = pool.submit(planes_of, view.scene)
         casters = pool.submit(lambda: casters_of(view.placed()[0]))
-        samples = sampled(view)
+        samples = sample_view(view)
         fitted = fitted_map(samples)
         reach = pool.submit(reach_of, fitted)
         texels = texels_of(fitted)

@@ -31,7 +31,7 @@ class Texels:
 
 def texels_of(fitted: FittedMap) -> Texels:
     """How large one map, or a cube, must be."""
-    samples, everything = fitted.samples, fitted.everything
+    samples, everything = fitted.samples, fitted.all_samples
     p95 = samples.estimate(lambda chosen: float(np.percentile(fitted.reach[chosen], 95)), everything)
     # A largest value has no standard error: what was not looked at may exceed it.
     largest = Estimate(float(fitted.reach.max()), None if samples.step > 1 else 0.0)
@@ -52,7 +52,7 @@ def edge_size(fitted: FittedMap, unit: Footprint) -> Estimate | None:
     samples = fitted.samples
     if not len(samples.edges):
         return None
-    moved = unit.only(samples.edges).displacement
+    moved = unit.select(samples.edges).displacement
     row = np.zeros(len(samples.pixel), dtype=np.intp)
     row[samples.edges] = np.arange(len(samples.edges))
 

@@ -96,10 +96,10 @@ class Technique(ABC):
     presets: ClassVar[dict[str, str]] = {}  # name: the items that it stands for, as a spec writes them
     lights: ClassVar[frozenset[LightKind]] = frozenset({"directional", "spot", "point"})  # kinds that it answers
     phased: ClassVar[bool] = False  # whether it has a grid that a phase can shift
-    shown_in: ClassVar[str] = ""  # the built-in scene whose picture its documentation shows
+    picture_scene: ClassVar[str] = ""  # the built-in scene whose picture its documentation shows
     # What `recommend` tries of its parameters, by name; all others at their defaults, and map sizes in any case.
     grid: ClassVar[Mapping[str, Sequence[Any]]] = {}
-    no_choice: ClassVar[str] = ""  # why `recommend` never chooses it
+    never_recommended: ClassVar[str] = ""  # why `recommend` never chooses it
     only_planes: ClassVar[bool] = False  # whether receivers that are not planar stay lit
     # Geometry alone decides, without a grid or a window: tests/laws holds it to what follows from that.
     exact: ClassVar[bool] = False

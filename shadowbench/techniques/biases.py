@@ -21,19 +21,19 @@ class Bias(Row):
     shader = "bias/none.glsl"
 
     @classmethod
-    def chosen(cls, value: "Row | str | Call") -> "Bias":
+    def from_value(cls, value: "Row | str | Call") -> "Bias":
         """The bias, or the sum of biases, that a spec's value names; raises ValueError with the names allowed."""
         value = parse_value(value) if isinstance(value, str) else value
         if isinstance(value, Call) and value.name == "+":
             return Sum(**value.keywords(["first", "second"]))
-        return value if isinstance(value, Sum) else super().chosen(value)
+        return value if isinstance(value, Sum) else super().from_value(value)
 
     @property
-    def parts(self) -> "tuple[Bias, ...]":
+    def terms(self) -> "tuple[Bias, ...]":
         """The biases that act together."""
         return (self,)
 
-    def times(self, factor: float) -> Self:
+    def scaled(self, factor: float) -> Self:
         """The same with what is `swept` multiplied; raises ValidationError beyond a parameter's limits."""
         return type(self)(**{**dict(self), **{name: getattr(self, name) * factor for name in self.swept}})
 
@@ -174,8 +174,8 @@ class Sum(Bias):
     """
 
     shader = "bias/sum.glsl"
-    first: Annotated[Bias, BeforeValidator(Bias.chosen)]
-    second: Annotated[Bias, BeforeValidator(Bias.chosen)]
+    first: Annotated[Bias, BeforeValidator(Bias.from_value)]
+    second: Annotated[Bias, BeforeValidator(Bias.from_value)]
 
     @model_validator(mode="after")
     def _has_one_form(self) -> Self:
@@ -184,22 +184,22 @@ class Sum(Bias):
         return self
 
     @property
-    def parts(self) -> tuple[Bias, ...]:
-        return (self.first, *self.second.parts)
+    def terms(self) -> tuple[Bias, ...]:
+        return (self.first, *self.second.terms)
 
-    def times(self, factor: float) -> Self:
-        return type(self)(first=self.first.times(factor), second=self.second.times(factor))
+    def scaled(self, factor: float) -> Self:
+        return type(self)(first=self.first.scaled(factor), second=self.second.scaled(factor))
 
     @property
     def polygon_offset(self) -> tuple[float, float]:
-        factors, units = zip(*(part.polygon_offset for part in self.parts), strict=True)
+        factors, units = zip(*(term.polygon_offset for term in self.terms), strict=True)
         return (sum(factors), sum(units))
 
     @property
     def cull(self) -> Literal["", "front"]:
-        return next((part.cull for part in self.parts if part.cull), "")
+        return next((term.cull for term in self.terms if term.cull), "")
 
     @property
     def depth_units(self) -> float | None:
-        fixed = [part.depth_units for part in self.parts if part.depth_units is not None]
+        fixed = [term.depth_units for term in self.terms if term.depth_units is not None]
         return sum(fixed) if fixed else None

@@ -13,12 +13,12 @@ from shadowbench.geometry.lights import Box, LightSpace, LightView, light_space,
 from shadowbench.geometry.slices import Slice, slices, snapped, stretched
 from shadowbench.gl.device import Device
 from shadowbench.gl.program import Value
-from shadowbench.gl.targets import DepthFormat, refused
+from shadowbench.gl.targets import DepthFormat, unsupported_map
 from shadowbench.scenes.model import View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.biases import Bias, Texel
 from shadowbench.techniques.filters import Filter, Hardware
-from shadowbench.techniques.maps import MAP_GRID, CasterMap, map_textures, map_uniforms, without_meaning
+from shadowbench.techniques.maps import MAP_GRID, CasterMap, map_textures, map_uniforms, unsupported_rows
 from shadowbench.techniques.params import one_of
 from shadowbench.techniques.resolve import ResolvePass
 from shadowbench.techniques.splits import Practical, Split
@@ -38,7 +38,7 @@ class Cascades(Technique):
     name = "cascades"
     lights = frozenset({"directional"})
     phased = True
-    shown_in = "deep-street"
+    picture_scene = "deep-street"
     grid = {"count": (2, 3, 5), **MAP_GRID, "size": (256, 512, 1024, 2048)}
     variants = ("box=scene", "box=tight", "box=sphere,stable=true")
 
@@ -81,8 +81,8 @@ class Cascades(Technique):
         assert isinstance(params, cls.Params)
         if view.light.kind != "directional":
             return f"a {view.light.kind} light shines from a place; cascades follow a directional one"
-        meaningless = without_meaning("array", params.bias, params.filter)
-        return meaningless or refused(device, params.size, params.depth, "array", params.count)
+        meaningless = unsupported_rows("array", params.bias, params.filter)
+        return meaningless or unsupported_map(device, params.size, params.depth, "array", params.count)
 
     @classmethod
     def view_slices(cls, params: TechniqueParams) -> int:
@@ -121,7 +121,7 @@ class Cascades(Technique):
             boxes = (self._box(space, part, frame.phase.shift) for part in self.slices)
             self.light_views = [LightView(space, box, self.params.size) for box in boxes]
         with frame.timed("depth", changes="view"):
-            self.map.draw(frame, self.light_views, at_once=self.params.layers == "geometry")
+            self.map.draw(frame, self.light_views, layered=self.params.layers == "geometry")
         with frame.timed("resolve", changes="view"):
             return self.resolve(frame, map_textures(self.map.texture), **self._uniforms(frame))
 
@@ -168,7 +168,7 @@ class Cascades(Technique):
 
     def facts(self) -> dict[str, float]:
         scale = self.stage.placement.scale
-        facts: dict[str, float] = {"culled_triangles": self.map.left_out}
+        facts: dict[str, float] = {"culled_triangles": self.map.culled}
         if self.params.blend:  # every pixel is looked up in two cascades
             facts["reads"] = 2 * self.params.filter.reads * self.stage.size[0] * self.stage.size[1]
         for number, (part, light_view) in enumerate(zip(self.slices, self.light_views, strict=True), start=1):

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from shadowbench.geometry.hull import SceneHull
 from shadowbench.gl.device import Device
 from shadowbench.gl.program import Value
-from shadowbench.gl.targets import DepthFormat, refused
+from shadowbench.gl.targets import DepthFormat, unsupported_map
 from shadowbench.scenes.model import Floats, View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.biases import Bias, Texel
 from shadowbench.techniques.filters import Filter, Hardware
-from shadowbench.techniques.maps import MAP_GRID, CasterMap, map_textures, without_meaning
+from shadowbench.techniques.maps import MAP_GRID, CasterMap, map_textures, unsupported_rows
 from shadowbench.techniques.params import one_of
 from shadowbench.techniques.resolve import ResolvePass
 
@@ -38,7 +38,7 @@ class CubeMap(Technique):
 
     name = "cube-map"
     lights = frozenset({"spot", "point"})
-    shown_in = "lamp-by-wall"
+    picture_scene = "lamp-by-wall"
     grid = MAP_GRID
     presets = {"course": "bias=constant(world=0.05),filter=pcf-20"}
 
@@ -59,14 +59,16 @@ class CubeMap(Technique):
         assert isinstance(params, cls.Params)
         if view.light.kind == "directional":
             return "a directional light has no position to look around from"
-        return without_meaning("cube", params.bias, params.filter) or refused(device, params.size, params.depth, "cube")
+        return unsupported_rows("cube", params.bias, params.filter) or unsupported_map(
+            device, params.size, params.depth, "cube"
+        )
 
     def build(self, stage: Stage) -> None:
         params = self.params
         self.stage = stage
         self.hull = SceneHull(stage.scene)
-        at_once = params.layers == "geometry"
-        texts = ("cube-map/casters.vert", "cube-map/depth.frag", "cube-map/faces.geom" if at_once else None)
+        layered = params.layers == "geometry"
+        texts = ("cube-map/casters.vert", "cube-map/depth.frag", "cube-map/faces.geom" if layered else None)
         self.map = CasterMap(
             stage,
             stage.program(*texts, params=params),
@@ -75,7 +77,7 @@ class CubeMap(Technique):
             "cube",
             bias=params.bias,
             clamp=False,
-            cull=params.cull and not at_once,
+            cull=params.cull and not layered,
         )
         self.resolve = ResolvePass(stage, "cube-map/resolve.frag", params)
 
@@ -114,6 +116,6 @@ class CubeMap(Technique):
     def facts(self) -> dict[str, float]:
         far = self.far / self.stage.placement.scale
         facts = {"texel_m": 2 * far / self.params.size, "depth_range_m": far}
-        facts["culled_triangles"] = self.map.left_out
+        facts["culled_triangles"] = self.map.culled
         units = self.params.bias.depth_units
         return facts if units is None else facts | {"bias_m": units * far}

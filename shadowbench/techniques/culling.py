@@ -33,19 +33,22 @@ class CasterChunks:
             low, high = np.minimum.reduceat(places, 3 * first), np.maximum.reduceat(places, 3 * first)
             self.boxes = np.stack([low, high], axis=1)
 
-    def reaching(self, light: tuple[float, ...], *regions: Floats) -> Ranges | None:
-        """The indices of what `reaching` keeps for any of the regions, and of some triangles between; None for all."""
+    def index_ranges(self, light: tuple[float, ...], *regions: Floats) -> Ranges | None:
+        """(first, count) index ranges of the chunks that may shadow any region; None to draw all.
+
+        regions: (P, 4) planes each. The ranges include small gaps between chunks.
+        """
         if not self.cull:
             return None
-        kept = np.any([reaching(self.boxes, light, planes) for planes in regions], axis=0)
-        return ranges_of(kept, 3 * self.ends)
+        kept = np.any([may_shadow(self.boxes, light, planes) for planes in regions], axis=0)
+        return kept_ranges(kept, 3 * self.ends)
 
-    def left_out(self, ranges: Ranges | None) -> int:
+    def count_culled(self, ranges: Ranges | None) -> int:
         """How many triangles a draw of these ranges leaves out."""
         return 0 if ranges is None else self.triangles - sum(count for _, count in ranges) // 3
 
 
-def reaching(boxes: Floats, light: tuple[float, ...], planes: Floats) -> NDArray[np.bool_]:
+def may_shadow(boxes: Floats, light: tuple[float, ...], planes: Floats) -> NDArray[np.bool_]:
     """(C,) which casters may cast a shadow into a convex region; none that does is left out.
 
     boxes: (C, 2, 3) lowest and highest corners; light: unit vector towards it and w = 0, or its position and w = 1;
@@ -61,7 +64,7 @@ def reaching(boxes: Floats, light: tuple[float, ...], planes: Floats) -> NDArray
     return kept
 
 
-def looked_at(view: View) -> Floats:
+def visible_region(view: View) -> Floats:
     """(P, 4) planes of what a view shows of its scene; for a sun also those that its light moves along."""
     bounds = view.scene.geometry.bounds
     planes = np.vstack([box_planes(bounds), view_planes(view)])
@@ -71,7 +74,7 @@ def looked_at(view: View) -> Floats:
     return np.vstack([planes, LightView(space, space.box(seen), 1).planes]) if len(seen) else planes
 
 
-def ranges_of(kept: NDArray[np.bool_], ends: NDArray[np.int64]) -> Ranges:
+def kept_ranges(kept: NDArray[np.bool_], ends: NDArray[np.int64]) -> Ranges:
     """(first, count) of what is kept of runs that end before (C,) `ends`; small gaps are filled."""
     starts, stops = np.concatenate([[0], ends])[:-1][kept], ends[kept]
     if not len(starts):

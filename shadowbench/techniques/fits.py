@@ -36,14 +36,14 @@ class Fit(Row):
         """What makes the map stale: "light", or "view" where the camera does too."""
         return "view"
 
-    def receivers(self, space: LightSpace, context: FitContext) -> Box | None:
+    def receiver_bounds(self, space: LightSpace, context: FitContext) -> Box | None:
         """What the map must show; None for nothing at all."""
         raise NotImplementedError(self.name)
 
     def light_view(self, context: FitContext, size: int, padding: float, shift: tuple[float, float]) -> LightView:
         """The view of a map of size² texels: the receivers, padded by texels and shifted by parts of one."""
         space = light_space(context.view.light)
-        box = self.receivers(space, context) or Box(np.zeros(3), np.ones(3))
+        box = self.receiver_bounds(space, context) or Box(np.zeros(3), np.ones(3))
         return LightView(space, window(box, space, size, padding, shift), size)
 
 
@@ -81,7 +81,7 @@ class SceneFit(Fit):
 
     name = "scene"
 
-    def receivers(self, space: LightSpace, context: FitContext) -> Box | None:
+    def receiver_bounds(self, space: LightSpace, context: FitContext) -> Box | None:
         if not space.perspective:
             return space.box(context.hull.points)
         return _region(space, context, [])
@@ -96,7 +96,7 @@ class ViewFit(Fit):
 
     name = "view"
 
-    def receivers(self, space: LightSpace, context: FitContext) -> Box | None:
+    def receiver_bounds(self, space: LightSpace, context: FitContext) -> Box | None:
         return _region(space, context, [view_planes(context.view)])
 
 
@@ -105,7 +105,7 @@ class Visible(Fit):
 
     name = "visible"
 
-    def receivers(self, space: LightSpace, context: FitContext) -> Box | None:
+    def receiver_bounds(self, space: LightSpace, context: FitContext) -> Box | None:
         return context.visible_bounds(space)
 
 

@@ -8,7 +8,7 @@ from shadowbench.gl.program import Sampling, State
 from shadowbench.scenes.geometry import bounds_of, used_by
 from shadowbench.scenes.model import Floats, Light, perpendicular_basis, unit
 from shadowbench.techniques.base import Frame, Stage
-from shadowbench.techniques.reduction import Bounds
+from shadowbench.techniques.reduction import MinMaxReduction
 
 _SIZE = (3072, 2048)  # texels; a lamp's tiles have 1024 × 1024. Smaller texels are touched by fewer outlines
 _FACES = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
@@ -38,7 +38,7 @@ class LayerBound:
         ]
         self._counts = stage.texture(_SIZE, dtype="f2")  # exact to 2048, and not less where there are more
         self._target = stage.target(self._counts)
-        self._bounds = Bounds(stage, _SIZE, "values")
+        self._bounds = MinMaxReduction(stage, _SIZE, "values")
 
     def __call__(self, frame: Frame, count_both_facings: bool) -> float:
         """No ray of light crosses more layers than this. Reading it back waits for the device."""

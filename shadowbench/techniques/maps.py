@@ -59,7 +59,7 @@ class CasterMap:
     `components` of the contents (2-D maps only), which are 1 where there is no caster. cull: leave out casters that
     can reach no receiver that the map shows; clamp: keep those in front of near, at near.
 
-    `texture` has the depths, `contents` the contents, `step` is the spacing of depths near 1, and `left_out` how many
+    `texture` has the depths, `contents` the contents, `step` is the spacing of depths near 1, and `culled` how many
     triangles culling left out of the last draw.
     """
 
@@ -88,20 +88,20 @@ class CasterMap:
         self._casters = stage.casters(program)
         self._chunks = CasterChunks(stage.scene, cull)
         self._bias, self._state = bias, caster_state(bias, clamp, reversed_depth)
-        self.left_out = 0
+        self.culled = 0
 
     @property
     def stored(self) -> dict[str, tuple[Texture, Sampling]]:
         """The contents as the sampler `map_stored`: four texels weighted, 1 outside the map."""
         return {"map_stored": (self.contents, Sampling(linear=True, wrap="border", border=1.0))}
 
-    def draw(self, frame: Frame, views: Sequence[LightView], at_once: bool = False) -> None:
-        """Clear, and draw what each layer's light view sees; `at_once` by a program that chooses `gl_Layer` itself."""
+    def draw(self, frame: Frame, views: Sequence[LightView], layered: bool = False) -> None:
+        """Clear, and draw what each layer's light view sees; `layered` by a program that chooses `gl_Layer` itself."""
         if self.program.has("far_distance"):
             self.program.set(far_distance=far_distance(views[0]))
         matrices = [view.to_clip(self.reversed_depth) for view in views]
         regions = [storable_region(view, self._bias) for view in views]
-        if at_once:
+        if layered:
             self.draw_layers(frame, [({"world_to_clip": np.stack(matrices)}, regions)])
         else:
             pairs = zip(matrices, regions, strict=True)
@@ -114,10 +114,10 @@ class CasterMap:
         """
         targets = self._each if len(draws) > 1 else (self._whole,)
         self._whole.clear(1.0, 1.0, 1.0, 1.0, depth=0.0 if self.reversed_depth else 1.0)
-        self.left_out = 0
+        self.culled = 0
         for target, (uniforms, regions) in zip(targets, draws, strict=True):
-            ranges: Ranges | None = self._chunks.reaching(frame.light_uniform, *regions)
-            self.left_out += self._chunks.left_out(ranges)
+            ranges: Ranges | None = self._chunks.index_ranges(frame.light_uniform, *regions)
+            self.culled += self._chunks.count_culled(ranges)
             self.program.set(**uniforms)
             self._casters.draw(target, state=self._state, ranges=ranges)
 
@@ -143,10 +143,10 @@ class BoxBlur:
             self._draw.draw(target, {"source": (source, Sampling())})
 
 
-def without_meaning(kind: MapKind, bias: Bias, filter: Filter) -> str | None:
+def unsupported_rows(kind: MapKind, bias: Bias, filter: Filter) -> str | None:
     """Why bias or filter does not serve a kind of map, in words; None when both do."""
     names = {"2d": "a 2-D map", "array": "an array of maps", "cube": "a cube map"}
-    rows: tuple[Bias | Filter, ...] = (*bias.parts, filter)
+    rows: tuple[Bias | Filter, ...] = (*bias.terms, filter)
     return next((f"{row.name} has no meaning for {names[kind]}" for row in rows if kind not in row.maps), None)
 
 

@@ -70,7 +70,7 @@ class Row(Strict):
         return next(base for base in cls.__mro__ if Row in base.__bases__)
 
     @classmethod
-    def chosen(cls, value: "Row | str | Call") -> Self:
+    def from_value(cls, value: "Row | str | Call") -> Self:
         """The row that a spec's value names; raises ValueError with the names that are allowed."""
         if isinstance(value, cls):
             return value
@@ -88,4 +88,4 @@ class Row(Strict):
 
 def one_of(family: type[Row]) -> Callable[[Any], Any]:
     """The validator of a field whose value is a row of `family`: `bias: Annotated[Bias, one_of(Bias)]`."""
-    return BeforeValidator(family.chosen)  # type: ignore[return-value]  # pydantic calls it a validator, not a callable
+    return BeforeValidator(family.from_value)  # type: ignore[return-value]  # pydantic calls it a validator, not a callable

@@ -6,10 +6,10 @@ from typing import Literal
 import moderngl
 import numpy as np
 
-from shadowbench.geometry.convex import apart, box_planes, corners, view_planes
+from shadowbench.geometry.convex import box_planes, corners, is_outside, view_planes
 from shadowbench.geometry.planes import LEAST_SHARE, MOST_PLANES, TOLERANCE, Plane, find_planes
 from shadowbench.gl.device import Device
-from shadowbench.gl.geometry import TRIANGLE_DEFINES, by_triangle
+from shadowbench.gl.geometry import TRIANGLE_DEFINES, triangle_texels
 from shadowbench.gl.matrices import view_projection
 from shadowbench.gl.program import Sampling, State, Texture
 from shadowbench.scenes.geometry import Geometry, bounds_of, used_by
@@ -37,7 +37,7 @@ class PlanarProjection(Technique):
     """
 
     name = "planar-projection"
-    shown_in = "table-top"
+    picture_scene = "table-top"
     only_planes = True
     exact = True
     variants = ("count=1024",)  # all planes: which of equal ones are the largest is rounding's
@@ -82,7 +82,7 @@ class PlanarProjection(Technique):
         of_triangle = np.full(len(geometry.faces), -1, dtype=np.int32)
         for index, plane in enumerate(self.planes):
             of_triangle[plane.triangles] = index
-        texels = by_triangle(of_triangle)
+        texels = triangle_texels(of_triangle)
         self.plane_of_triangle = stage.texture(texels.shape[::-1], dtype="i4")
         self.plane_of_triangle.write(texels.tobytes())
         self.visibility = stage.texture()
@@ -116,7 +116,7 @@ class PlanarProjection(Technique):
         for index, plane in enumerate(self.planes):
             equation = plane.equation * np.sign(plane.equation @ light)
             # A side turned away from the light, or either of them edge-on, receives nothing.
-            if equation @ light > 0.0 and equation @ [*eye, 1.0] > 0.0 and not apart(self.corners[index], frustum):
+            if equation @ light > 0.0 and equation @ [*eye, 1.0] > 0.0 and not is_outside(self.corners[index], frustum):
                 yield index, equation
 
     def facts(self) -> dict[str, float]:

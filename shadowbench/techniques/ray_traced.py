@@ -18,7 +18,7 @@ class RayTraced(Technique):
 
     name = "ray-traced"
     exact = True
-    no_choice = "is traced on the CPU, with what the truth is made of: the end of the scale, not for a frame"
+    never_recommended = "is traced on the CPU, with what the truth is made of: the end of the scale, not for a frame"
 
     class Params(TechniqueParams):
         """Parameters of ray-traced."""

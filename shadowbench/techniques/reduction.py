@@ -14,7 +14,7 @@ from shadowbench.techniques.base import Frame, Stage
 _REACH = 8  # texels along a side that one step makes one of
 
 
-class Bounds:
+class MinMaxReduction:
     """Reduces textures of one size in steps of 8×8 texels; built once, called each frame.
 
     source: what the first step reads, `values` (the sampler `values`) or `receivers` (a G-buffer, in light space).
@@ -47,7 +47,7 @@ class VisibleBounds:
     """The box of a G-buffer's visible receivers in a light's space."""
 
     def __init__(self, stage: Stage) -> None:
-        self._bounds = Bounds(stage, stage.size, "receivers")
+        self._bounds = MinMaxReduction(stage, stage.size, "receivers")
 
     def __call__(self, frame: Frame, space: LightSpace) -> Box | None:
         """The box, None when no receiver is seen."""

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from shadowbench.gl.device import Device
 from shadowbench.gl.program import Wrap
-from shadowbench.gl.targets import DepthFormat, refused
+from shadowbench.gl.targets import DepthFormat, unsupported_map
 from shadowbench.scenes.model import View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.biases import Bias, Texel
@@ -21,7 +21,7 @@ from shadowbench.techniques.maps import (
     FittedView,
     map_textures,
     map_uniforms,
-    without_meaning,
+    unsupported_rows,
 )
 from shadowbench.techniques.params import one_of
 from shadowbench.techniques.resolve import ResolvePass
@@ -68,7 +68,7 @@ class ShadowMap(Technique):
             return "a point light shines all round, one 2-D map sees less than half of it"
         if params.reversed and not device.clip_control:
             return "reversed depth needs clip control (OpenGL 4.5)"
-        return without_meaning("2d", params.bias, params.filter) or refused(device, params.size, params.depth)
+        return unsupported_rows("2d", params.bias, params.filter) or unsupported_map(device, params.size, params.depth)
 
     def build(self, stage: Stage) -> None:
         params = self.params
@@ -113,7 +113,7 @@ class ShadowMap(Technique):
             "texel_m": max(self.light_view.texel) / scale,
             "depth_range_m": (self.light_view.far - self.light_view.near) / scale,
         }
-        facts["culled_triangles"] = self.map.left_out
+        facts["culled_triangles"] = self.map.culled
         units = self.params.bias.depth_units
         if units is not None and not self.light_view.space.perspective:
             facts["bias_m"] = units * facts["depth_range_m"]

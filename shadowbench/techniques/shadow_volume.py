@@ -13,10 +13,10 @@ from shadowbench.gl.program import Comparison, Sampling, State, Stencil
 from shadowbench.gl.targets import StencilTarget
 from shadowbench.scenes.model import Floats, View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
-from shadowbench.techniques.culling import looked_at
+from shadowbench.techniques.culling import visible_region
 from shadowbench.techniques.layers import LayerBound
-from shadowbench.techniques.reduction import Bounds
-from shadowbench.techniques.volumes import ArrayVolumes, Faces, Onto, Part, ShaderVolumes, Volumes
+from shadowbench.techniques.reduction import MinMaxReduction
+from shadowbench.techniques.volumes import ArrayVolumes, Extrusion, RenderPass, ShaderVolumes, VolumePart, Volumes
 
 # What the stencil holds is, modulo 256, the number of layers between receiver and light: increments and decrements
 # wrap, so that they add up modulo 256 in any order, however many walls the camera's ray crosses. A receiver's layers
@@ -42,7 +42,7 @@ class ShadowVolume(Technique):
     """
 
     name = "shadow-volume"
-    shown_in = "inside-volume"
+    picture_scene = "inside-volume"
     grid = {"compare": ("position", "depth")}
     exact = True
 
@@ -50,7 +50,7 @@ class ShadowVolume(Technique):
         """Parameters of shadow-volume."""
 
         count: Literal["z-pass", "z-fail"] = param("z-fail", "count in front of the receiver, or behind it")
-        faces: Faces = param("silhouette", "what is extruded: every facing triangle, or edges of the outline alone")
+        faces: Extrusion = param("silhouette", "what is extruded: every facing triangle, or edges of the outline alone")
         counter: Literal["stencil", "color"] = param("stencil", "8 bits that wrap, or a float target that is blended")
         compare: Literal["position", "depth"] = param(
             "position",
@@ -87,7 +87,7 @@ class ShadowVolume(Technique):
         stencil = params.counter == "stencil"
         self.bound = LayerBound(stage, self.casters) if stencil and many else None
         if params.compare == "depth":
-            self.distances = Bounds(stage, stage.size, "values")
+            self.distances = MinMaxReduction(stage, stage.size, "values")
             self.depth_program = stage.program("casters.vert", "depth.frag")
             self.surfaces = stage.surfaces(self.depth_program)
         self.visibility = stage.texture()
@@ -104,7 +104,7 @@ class ShadowVolume(Technique):
     def draw(self, frame: Frame) -> moderngl.Texture:
         with frame.timed("extrude", changes="light"):  # by a geometry shader: only which triangles are
             _, w = frame.light.homogeneous
-            count_both_facings = bool(w) and self.casters.around(frame.light.position)
+            count_both_facings = bool(w) and self.casters.may_contain(frame.light.position)
             self.volumes.extrude(frame, count_both_facings)
         self.layers = None
         if self.bound is not None:
@@ -126,7 +126,7 @@ class ShadowVolume(Technique):
                 self.surfaces.draw(self.stenciled.target, state=State(depth_test="<", color_write=False))
         with frame.timed("volumes", changes="view"):
             planes = self._counted_in(frame.view) if self.params.cull else np.empty((0, 4))
-            self.volumes.place(frame, view_projection(view), planes)
+            self.volumes.set_camera(frame, view_projection(view), planes)
             self._count("wall", frame)
             if self.params.count == "z-fail":
                 self._count("cap", frame)
@@ -137,8 +137,8 @@ class ShadowVolume(Technique):
     def _counted_in(self, view: View) -> Floats:
         """The planes of where a volume changes a count: at what is seen, and by z-pass from the eye on."""
         if self.params.count == "z-fail":
-            return looked_at(view)
-        return looked_at(replace(view, camera=replace(view.camera, near=_AT_EYE * view.near_far[1])))
+            return visible_region(view)
+        return visible_region(replace(view, camera=replace(view.camera, near=_AT_EYE * view.near_far[1])))
 
     def _pulled(self, frame: Frame) -> View:
         """The view with its near plane at the nearest visible surface, but for the rounding of depths.
@@ -149,7 +149,7 @@ class ShadowVolume(Technique):
         near, far = frame.view.near_far
         return replace(frame.view, camera=replace(frame.camera, near=max(near, 0.999 * far * float(lowest[0]))))
 
-    def _count(self, part: Part, frame: Frame) -> None:
+    def _count(self, part: VolumePart, frame: Frame) -> None:
         """Add up what a part of the volumes contributes behind the receivers, or in front of them."""
         behind = self.params.count == "z-fail"
         # A cap seen counter-clockwise is entered by the camera's ray; a wall a → b → infinity seen so is left.
@@ -160,13 +160,13 @@ class ShadowVolume(Technique):
         compare: Comparison = "" if not by_depth else ">=" if behind else "<"
         state = State(compare, depth_write=False, depth_clamp=True, clip_distances=1 if part == "cap" else 0)
         if self.in_color:
-            onto = Onto(self.counting, frame.surface.inputs, replace(state, blend="add"))
-            self.volumes.draw(part, 0, front_adds, onto)
+            render_pass = RenderPass(self.counting, frame.surface.inputs, replace(state, blend="add"))
+            self.volumes.draw(part, 0, front_adds, render_pass)
             return
         for sign in (1, -1):
             stencil = _ADDING if sign * front_adds > 0 else _SUBTRACTING
             counted = replace(state, color_write=False, stencil=stencil)
-            self.volumes.draw(part, sign, front_adds, Onto(self.stenciled.target, frame.surface.inputs, counted))
+            self.volumes.draw(part, sign, front_adds, RenderPass(self.stenciled.target, frame.surface.inputs, counted))
 
     def _resolve(self, frame: Frame) -> None:
         if self.in_color:
@@ -181,7 +181,7 @@ class ShadowVolume(Technique):
         facts = {
             "closed_parts": float(len(self.casters.closed.boxes)),
             "open_parts": float(len(self.casters.open.boxes)),
-            "culled_parts": float(self.volumes.left_out),
+            "culled_parts": float(self.volumes.culled),
             "counted_in_color": float(self.in_color),
         }
         return facts if self.layers is None else facts | {"layers_at_most": self.layers}

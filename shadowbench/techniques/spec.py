@@ -122,7 +122,7 @@ def _validated(technique: "type[Technique]", values: dict[str, Any], where: str)
 def format_value(value: Any, full: bool = False) -> str:
     """A parameter's value as a spec writes it; `full` writes defaults of rows too."""
     if isinstance(value, Sum):
-        return "+".join(format_value(part, full) for part in value.parts)
+        return "+".join(format_value(term, full) for term in value.terms)
     if isinstance(value, Row):
         inner = _format_items(value, full)
         return f"{value.name}({inner})" if inner else value.name

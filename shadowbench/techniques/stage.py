@@ -134,12 +134,12 @@ class Stage:
 
     def surfaces(self, program: Program) -> Drawable:
         """All of the scene's triangles, `gl_PrimitiveID` being the index that the G-buffer has."""
-        return self._drawable(self._geometry.everything(program))
+        return self._drawable(self._geometry.all_faces(program))
 
     def indexed(self, program: Program, indices: NDArray[np.integer], mode: int = moderngl.TRIANGLES) -> Drawable:
         """The scene's own vertices by other indices into them, as triangles or another primitive."""
         if indices.size == 0:  # a buffer cannot be empty
-            return self._drawable(replace(self._geometry.everything(program), mode=mode, count=0))
+            return self._drawable(replace(self._geometry.all_faces(program), mode=mode, count=0))
         buffer = self.buffer(indices.astype(np.uint32))
         return self._drawable(self._geometry.indexed(program, buffer, mode))
 

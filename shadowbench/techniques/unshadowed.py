@@ -11,7 +11,7 @@ class Unshadowed(Technique):
 
     name = "unshadowed"
     exact = True
-    no_choice = "draws no shadow: enough only where there is none"
+    never_recommended = "draws no shadow: enough only where there is none"
 
     def build(self, stage: Stage) -> None:
         self.resolve = ResolvePass(stage, "unshadowed/resolve.frag")

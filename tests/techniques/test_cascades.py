@@ -57,7 +57,7 @@ def test_fixed_ends_at_the_published_shares_of_far(studio, build) -> None:
 
 
 def test_a_fixed_slice_that_ends_before_near_is_empty() -> None:
-    assert Split.chosen("fixed").depths(3.0, 50.0, 5).tolist() == [3, 3, 3, 5, 25, 50]
+    assert Split.from_value("fixed").depths(3.0, 50.0, 5).tolist() == [3, 3, 3, 5, 25, 50]
 
 
 # What a map shows

@@ -8,7 +8,7 @@ import pytest
 from shadowbench.errors import InputError
 from shadowbench.geometry.hull import SceneHull
 from shadowbench.geometry.lights import Box, light_space, window
-from shadowbench.scenes.model import AS_FILED, Light, Scene
+from shadowbench.scenes.model import IDENTITY_PLACEMENT, Light, Scene
 from shadowbench.techniques.fits import FitContext, Fixed, SceneFit, Visible
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
@@ -58,7 +58,7 @@ def test_a_map_smaller_than_its_padding_shows_the_box_in_one_texel(size: int) ->
 
 
 def context(view, scene: Scene, bounds: Box | None = None) -> FitContext:
-    return FitContext(view, AS_FILED, SceneHull(scene), lambda space: bounds)
+    return FitContext(view, IDENTITY_PLACEMENT, SceneHull(scene), lambda space: bounds)
 
 
 def test_where_no_receiver_is_seen_there_is_a_map_all_the_same(looking, sun, shape) -> None:
@@ -70,7 +70,7 @@ def test_where_no_receiver_is_seen_there_is_a_map_all_the_same(looking, sun, sha
 def test_a_lamp_within_the_scene_sees_from_a_millionth_of_its_reach(looking, spot, shape) -> None:
     """The reach: the scene's width and its own distance from the origin."""
     view = looking([shape("box", 4.0)], spot((0.5, 1.5, 0.0), (0.5, 0.0, 0.0), 60.0), eye=(1.0, 1.0, 1.0))
-    found = SceneFit().receivers(light_space(view.light), context(view, view.scene))
+    found = SceneFit().receiver_bounds(light_space(view.light), context(view, view.scene))
     assert found is not None
     assert found.low[2] == pytest.approx((4 + 1.5) * 1e-6) and found.high[2] == pytest.approx(1.5 + 2)
 

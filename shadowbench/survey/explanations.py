@@ -24,7 +24,7 @@ _LIGHTS = {
 
 
 @dataclass(frozen=True)
-class Told:
+class Explanation:
     """A need as people read it: what it is of, its number with its error, and why it matters."""
 
     need: str
@@ -32,13 +32,13 @@ class Told:
     reason: str
 
 
-def told(needs: Needs) -> tuple[Told, ...]:
+def explanations_of(needs: Needs) -> tuple[Explanation, ...]:
     """Every need that there is, in a row each."""
     return tuple(_rows(needs))
 
 
-def _rows(needs: Needs) -> Iterator[Told]:
-    yield Told("light", needs.light, _LIGHTS[needs.light])
+def _rows(needs: Needs) -> Iterator[Explanation]:
+    yield Explanation("light", needs.light, _LIGHTS[needs.light])
     yield _receivers(needs.receivers)
     yield from _casters(needs.casters)
     yield from _texels(needs.texels)
@@ -53,19 +53,21 @@ def _rows(needs: Needs) -> Iterator[Told]:
     yield _reach(needs.reach)
 
 
-def _receivers(need: Receivers) -> Told:
+def _receivers(need: Receivers) -> Explanation:
     number = f"{_share(need.planar)} on planes"
     if need.planes == 0:
-        return Told("receivers", number, "no plane holds any of what is seen: planar-projection would leave it lit")
+        return Explanation(
+            "receivers", number, "no plane holds any of what is seen: planar-projection would leave it lit"
+        )
     planes = "1 plane" if need.planes == 1 else f"{need.planes} planes"
     if need.projection_suffices:
         hold = "holds" if need.planes == 1 else "hold"
-        return Told("receivers", number, f"{planes} {hold} all that is seen: planar-projection suffices")
+        return Explanation("receivers", number, f"{planes} {hold} all that is seen: planar-projection suffices")
     left = 1 - need.planar.value
-    return Told("receivers", number, f"planar-projection, on {planes}, would leave {left:.2%} of them lit")
+    return Explanation("receivers", number, f"planar-projection, on {planes}, would leave {left:.2%} of them lit")
 
 
-def _casters(need: Casters) -> Iterator[Told]:
+def _casters(need: Casters) -> Iterator[Explanation]:
     if need.closed == need.triangles:
         reason = "all are: volumes have an inside, and their walls are counted once"
     else:
@@ -74,62 +76,64 @@ def _casters(need: Casters) -> Iterator[Told]:
         if turned:
             parts.append(f"{turned} {'' if parts else 'are '}in closed parts not wound outwards")
         reason = f"triangles; {', '.join(parts)}, which volumes count with both signs"
-    yield Told("closed casters", f"{need.closed} of {need.triangles}", reason)
+    yield Explanation("closed casters", f"{need.closed} of {need.triangles}", reason)
     reason = f"of {need.edges} are outlines for the light: volumes have so many walls"
-    yield Told("silhouette", f"{need.silhouette} edges", reason)
+    yield Explanation("silhouette", f"{need.silhouette} edges", reason)
 
 
-def _texels(need: Texels) -> Iterator[Told]:
+def _texels(need: Texels) -> Iterator[Explanation]:
     face = "a face of a cube" if need.faces > 1 else "a fitted map"
     reach = f"is what one of {face} of {REFERENCE_SIZE} reaches over 95% of what is seen"
     reason = f"{reach}; the largest {need.largest.value:.3g}"
-    yield Told("texel", f"{_value(need.p95)} px", reason)
-    yield Told("map size", _value(need.size, "4.0f"), "of one whose texel is a pixel at most over 95% of what is seen")
+    yield Explanation("texel", f"{_value(need.p95)} px", reason)
+    yield Explanation(
+        "map size", _value(need.size, "4.0f"), "of one whose texel is a pixel at most over 95% of what is seen"
+    )
     if need.edge_size:
-        yield Told(
+        yield Explanation(
             "map size, edges",
             _value(need.edge_size, "4.0f"),
             "of one that is right at 95% of the shadows' edge pixels (edge_p95 below 1), compared 2×2",
         )
 
 
-def _cascades(need: CascadeSizes) -> Iterator[Told]:
+def _cascades(need: CascadeSizes) -> Iterator[Explanation]:
     sizes = need.edge_size or need.size
     each = ", ".join(f"{count}: {size:.0f}" for count, size in sizes.items())
-    yield Told(
+    yield Explanation(
         "cascades",
         f"{need.best} × {sizes[need.best]:.0f}",
         f"have the fewest texels of all numbers of cascades; sizes by number: {each}",
     )
     depths = f"the farthest seen is {need.depth_ratio:.3g} times as far as the nearest"
-    if need.pay:
+    if need.worthwhile:
         reason = (
             f"{depths}: so many times fewer texels than one map's for the same edges, casters drawn {need.best} times"
         )
     else:
         reason = f"{depths}: too little for cascades to pay; one fitted map needs fewer texels"
-    yield Told("cascades save", f"{need.saving:.3g} ×", reason)
+    yield Explanation("cascades save", f"{need.saving:.3g} ×", reason)
 
 
-def _bits(need: DepthBits) -> Told:
+def _bits(need: DepthBits) -> Explanation:
     closest = (
         f"0.1% of the shadow is closer to its caster than {_value(need.closest)} m, over a range of {need.range:.4g} m"
     )
     if need.bits is None:
-        return Told("depth bits", "none", f"{closest}: too little for {STEPS:g} steps of any format")
+        return Explanation("depth bits", "none", f"{closest}: too little for {STEPS:g} steps of any format")
     rest = "; 32 are floats, reversed" if need.bits == 32 else ""
-    return Told("depth bits", str(need.bits), f"{closest}: {STEPS:g} steps of {need.bits} bits are less{rest}")
+    return Explanation("depth bits", str(need.bits), f"{closest}: {STEPS:g} steps of {need.bits} bits are less{rest}")
 
 
-def _bias(need: BiasNeed) -> Iterator[Told]:
-    yield Told(
+def _bias(need: BiasNeed) -> Iterator[Explanation]:
+    yield Explanation(
         "bias",
         f"{_value(need.needed)} m",
         f"along the light, for a map of {REFERENCE_SIZE}: acne on 0.1% of what is lit; the worst slope needs "
         f"{need.worst:.3g}. Half of it at twice the size",
     )
     if need.thinnest and need.bridged:
-        yield Told(
+        yield Explanation(
             "thinnest gap",
             f"{_value(need.thinnest)} m",
             f"{1 - THIN:.0%} of the shadow has more between caster and receiver; that bias would light "
@@ -137,20 +141,20 @@ def _bias(need: BiasNeed) -> Iterator[Told]:
         )
 
 
-def _penumbra(need: Penumbra, sun: bool) -> Told:
+def _penumbra(need: Penumbra, sun: bool) -> Explanation:
     size = f"{np.degrees(need.radius) * 2:.2g}° across" if sun else f"of {need.radius:.3g} m radius"
     whose = f"the {'sun' if sun else 'lamp'} is {size}" + (", as the scene gives it no size" if need.assumed else "")
     enough = "hard shadows are enough" if need.hard_is_enough else "hard shadows are too sharp"
-    return Told(
+    return Explanation(
         "penumbra",
         f"{_value(need.p95)} px",
         f"is what 95% are below, half below {need.median.value:.3g}: {whose}; {enough}",
     )
 
 
-def _reach(need: Reach) -> Told:
+def _reach(need: Reach) -> Explanation:
     sure = "" if need.sure else ", unless it hides between the pixels that were looked at"
-    return Told(
+    return Explanation(
         "casters to leave out",
         f"{need.useless} triangles",
         f"of {need.triangles} can darken nothing that is seen{sure}",
