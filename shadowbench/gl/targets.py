@@ -93,13 +93,13 @@ class DepthTarget:
 
     texture: DepthTexture
     target: moderngl.Framebuffer
-    each: tuple[moderngl.Framebuffer, ...]
+    layer_targets: tuple[moderngl.Framebuffer, ...]
     step: float
     bytes: int
 
     def release(self) -> None:
         """Free the texture."""
-        for framebuffer in (self.target, *self.each):
+        for framebuffer in (self.target, *self.layer_targets):
             framebuffer.release()
         self.texture.release()
 
@@ -136,9 +136,9 @@ def depth_target(device: Device, size: int, depth: DepthFormat, kind: Kind = "2d
         texture.release()
         raise
     whole = framebuffer_of(texture)
-    each = tuple(framebuffer_of(texture, layer=layer) for layer in range(0 if kind == "2d" else layers))
+    layer_targets = tuple(framebuffer_of(texture, layer=layer) for layer in range(0 if kind == "2d" else layers))
     device.check(what)
-    return DepthTarget(texture, whole, each, step, layers * size * size * (bits // 8))
+    return DepthTarget(texture, whole, layer_targets, step, layers * size * size * (bits // 8))
 
 
 def unsupported_map(device: Device, size: int, depth: DepthFormat, kind: Kind = "2d", layers: int = 1) -> str | None:

@@ -28,10 +28,10 @@ from shadowbench.techniques.resolve import ResolvePass
 
 
 class ShadowMap(Technique):
-    """One depth map from the light, compared with every pixel of the view.
+    """One depth map from the light, compared with the depth of every visible receiver.
 
     Orthographic for a directional light, perspective for a spot. Fails where a texel covers more than a pixel
-    (stairs), where a bias is too small (acne) or too large (leaks, peter-panning), and outside what the map shows.
+    (stairs), where the bias is too small (acne) or too large (leaks, peter-panning), and outside the map.
     """
 
     name = "shadow-map"
@@ -52,12 +52,12 @@ class ShadowMap(Technique):
         """Parameters of shadow-map."""
 
         depth: DepthFormat = param("d32f", "depth format")
-        reversed: bool = param(False, "depth 1 at near and 0 at far; needs clip control")
-        bias: Annotated[Bias, one_of(Bias)] = param(Texel(), "what keeps a surface from shadowing itself")
-        filter: Annotated[Filter, one_of(Filter)] = param(Hardware(), "how texels are compared and weighted")
-        wrap: Wrap = param("border", "what lies outside the map; border is lit")
-        far_rule: Literal["lit", "none"] = param("lit", "what lies beyond the map's far plane; none is in shadow")
-        cull: bool = param(True, "leaves out casters that can reach no receiver that a map shows")
+        reversed: bool = param(False, "reversed depth, 1 at near and 0 at far; needs clip control")
+        bias: Annotated[Bias, one_of(Bias)] = param(Texel(), "bias against self-shadowing")
+        filter: Annotated[Filter, one_of(Filter)] = param(Hardware(), "filter of the depth comparisons")
+        wrap: Wrap = param("border", "wrap mode outside the map; border is lit")
+        far_rule: Literal["lit", "none"] = param("lit", "receivers beyond the map's far plane: lit, or none: in shadow")
+        cull: bool = param(True, "skips casters that cannot shadow any receiver in the map")
 
     params: Params
 

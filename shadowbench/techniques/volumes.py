@@ -1,4 +1,4 @@
-"""Volumes of casters, extruded by geometry shaders or, for reference, by NumPy."""
+"""Shadow volume geometry, extruded by geometry shaders or, to check these, by NumPy."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ _PARTS: tuple[VolumePart, ...] = ("wall", "cap")
 
 @dataclass(frozen=True, eq=False)
 class RenderPass:
-    """Where volumes are drawn, and how."""
+    """Render target, textures and state of one draw."""
 
     target: moderngl.Framebuffer
     textures: Mapping[str, tuple[Texture, Sampling]]
@@ -31,27 +31,33 @@ class RenderPass:
 
 
 class Volumes(Protocol):
-    """Draws the walls or caps of all volumes.
+    """Draws the walls or caps of all shadow volumes.
 
-    Walls run a, b, infinity, and caps as their triangles are wound: the light sees a cap of positive weight
-    counter-clockwise. `sign` 1 or −1 draws what counts with that sign, each as often as it counts; 0 draws all, with
-    its weight. `culled`: how many parts reach nothing that is looked at.
+    Each has an integer weight. Walls are wound a, b, infinity, and caps as their triangles: seen from the light, a cap
+    of positive weight is counter-clockwise. `culled`: number of parts that cannot shadow the visible region.
     """
 
     culled: int
 
     def extrude(self, frame: Frame, count_both_facings: bool) -> None:
-        """Take a frame's light; `count_both_facings`: of closed parts too, not only the triangles that face it."""
+        """Extrude for the frame's light.
+
+        count_both_facings: extrude all triangles of closed parts too, not only those that face the light.
+        """
 
     def set_camera(self, frame: Frame, world_to_clip: Floats, planes: Floats) -> None:
-        """Take a frame's camera, and the planes (P, 4) of the region whose shadows matter; without any it is all."""
+        """Set the frame's camera, and cull parts that cannot shadow the region inside (P, 4) planes; none for P = 0."""
 
     def draw(self, part: VolumePart, sign: int, front_adds: int, render_pass: RenderPass) -> None:
-        """Draw; in colour, what is seen counter-clockwise adds `front_adds` times its weight, the rest subtracts it."""
+        """Draw the walls or the caps.
+
+        sign: 1 or −1 draws those with a weight of that sign, as many times as their weight; 0 draws all once.
+        front_adds: in a colour target, counter-clockwise faces add front_adds · weight, others subtract it.
+        """
 
 
 class ShaderVolumes:
-    """Extruded by geometry shaders, silhouettes from lines with adjacency."""
+    """Shadow volumes extruded by geometry shaders; silhouette edges are found from lines with adjacency."""
 
     def __init__(self, stage: Stage, casters: Casters, faces: Extrusion, params: TechniqueParams) -> None:
         self._programs: dict[VolumePart, Program] = {
@@ -78,8 +84,8 @@ class ShaderVolumes:
             program.set(light=frame.light_uniform)
 
     def set_camera(self, frame: Frame, world_to_clip: Floats, planes: Floats) -> None:
-        _see(self._programs, frame, world_to_clip)
-        # Only a whole part is left out: of what is counted along a camera's ray, its walls and caps cancel together.
+        _set_camera(self._programs, frame, world_to_clip)
+        # Whole parts only: the counts of a part's walls and caps along a camera ray cancel only together.
         kept = [may_shadow(surface.boxes, frame.light_uniform, planes) for surface in self._surfaces]
         self._ranges = {
             part: [
@@ -105,7 +111,7 @@ def _indices(surface: Surface, mode: int) -> tuple[Indices, Indices]:
     return surface.faces, 3 * surface.face_ends
 
 
-def _see(programs: Mapping[VolumePart, Program], frame: Frame, world_to_clip: Floats) -> None:
+def _set_camera(programs: Mapping[VolumePart, Program], frame: Frame, world_to_clip: Floats) -> None:
     for program in programs.values():
         program.set(world_to_clip=world_to_clip)
         if program.has("eye"):
@@ -113,7 +119,7 @@ def _see(programs: Mapping[VolumePart, Program], frame: Frame, world_to_clip: Fl
 
 
 class ArrayVolumes:
-    """Extruded by NumPy, every triangle by itself, in the float32 that the shaders use. Leaves nothing out."""
+    """Shadow volumes of single triangles, extruded by NumPy in float32 as in the shaders. No culling."""
 
     culled = 0
 
@@ -124,7 +130,7 @@ class ArrayVolumes:
             )
             for part in _PARTS
         }
-        self._edges = "from" in self._programs["wall"].linked  # as the variant has it
+        self._edges = "from" in self._programs["wall"].linked  # declared only with compare=position
         edges = {"from": 3, "to": 3} if self._edges else {}
         attributes = {"wall": {"point": 4} | edges, "cap": {"point": 4}}
         self._uploads = {
@@ -147,7 +153,7 @@ class ArrayVolumes:
         }
 
     def set_camera(self, frame: Frame, world_to_clip: Floats, planes: Floats) -> None:
-        _see(self._programs, frame, world_to_clip)
+        _set_camera(self._programs, frame, world_to_clip)
 
     def draw(self, part: VolumePart, sign: int, front_adds: int, render_pass: RenderPass) -> None:
         for one in (sign,) if sign else (1, -1):
@@ -155,7 +161,7 @@ class ArrayVolumes:
             self._drawn[part, one].draw(render_pass.target, render_pass.textures, render_pass.state)
 
     def _counted(self, faces: Indices, light: Singles, count_both_facings: bool) -> tuple[Indices, Singles]:
-        """The faces that count, and 1 or −1 for each by whether the light sees it counter-clockwise."""
+        """The faces to extrude, and their weights: 1 if counter-clockwise seen from the light, else −1."""
         order = np.argsort(faces, axis=1)
         parity = np.where((np.diff(order, axis=1) % 3 == 1).all(axis=1), 1.0, -1.0)
         a, b, c = self._vertices[np.take_along_axis(faces, order, axis=1)].transpose(1, 0, 2)
