@@ -50,14 +50,14 @@ def test_words_say_which_casters_are_open_and_which_are_wound_inwards() -> None:
     def reason(*meshes: Mesh) -> str:
         return {row.need: row.reason for row in explanations_of(needs(looking(meshes, SUN)))}["closed casters"]
 
-    signs = "which volumes count with both signs"
+    signs = "which shadow volumes count with signed weights"
     assert casters_of(looking([plate(9.0), mesh, turned], SUN)).open == 2
     assert reason(plate(9.0), mesh, turned) == (
         f"triangles; 2 are in open parts, 12 in closed parts not wound outwards, {signs}"
     )
     assert reason(plate(9.0), mesh) == f"triangles; 2 are in open parts, {signs}"
     assert reason(plate(9.0, casts=False), turned) == f"triangles; 12 are in closed parts not wound outwards, {signs}"
-    assert reason(plate(9.0, casts=False), mesh).startswith("all are")
+    assert reason(plate(9.0, casts=False), mesh).startswith("triangles, all in closed parts")
 
 
 def test_a_ball_has_the_outlines_that_lie_between_triangles_turned_to_the_light_and_away(light: Light) -> None:

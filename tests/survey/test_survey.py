@@ -87,7 +87,7 @@ def test_planes_too_small_for_the_whole_hold_nothing_though_they_are_all_that_is
     assert found.shadowed.value > 0 and found.planar.value == 0.0 and found.planes == 0
     assert not found.projection_suffices
     assert (
-        "no plane holds any of what is seen"
+        "no visible receiver is on a plane"
         in {row.need: row.reason for row in explanations_of(needs(seen))}["receivers"]
     )
     alone = seen_by(sample_view(from_above([table, above], SUN, width=0.8)))
@@ -124,8 +124,8 @@ def test_one_plane_holds_and_two_hold() -> None:
     def reason(*meshes: Mesh) -> str:
         return {row.need: row.reason for row in explanations_of(needs(from_above(meshes, SUN)))}["receivers"]
 
-    assert reason(plate(8.0)).startswith("1 plane holds all that is seen")
-    assert reason(plate(8.0), plate(0.5, (0.0, 0.1, 0.0))).startswith("2 planes hold all that is seen")
+    assert reason(plate(8.0)).startswith("all visible receivers are on 1 plane:")
+    assert reason(plate(8.0), plate(0.5, (0.0, 0.1, 0.0))).startswith("all visible receivers are on 2 planes:")
     ball = trimesh.creation.icosphere(3, radius=0.4)
     round_one = Mesh("ball", np.asarray(ball.vertices), np.asarray(ball.faces, dtype=np.int32))
     assert reason(plate(50.0), round_one).startswith("planar-projection, on 1 plane, would leave")
@@ -133,7 +133,7 @@ def test_one_plane_holds_and_two_hold() -> None:
 
 def test_cascades_are_compared_with_other_numbers_of_cascades() -> None:
     rows = {row.need: row.reason for row in explanations_of(needs(chosen_view("cube-on-plane", 64)))}
-    assert rows["cascades"].startswith("have the fewest texels of all numbers of cascades; sizes by number")
+    assert rows["cascades"].startswith("number and map size with the fewest texels in total; sizes by number")
 
 
 def test_without_casters_there_is_nothing_to_need() -> None:
