@@ -1,4 +1,4 @@
-"""The layout of a glTF's JSON, checked before anything is read by it: types, indices, and sizes against its buffers."""
+"""Validation of a glTF's JSON before its data is read: types, indices, and sizes against its buffers."""
 
 from typing import Any
 
@@ -13,7 +13,7 @@ from shadowbench.strict import explain
 
 
 def checked_layout(document: dict[str, Any], where: str) -> Layout:
-    """The layout of a document; InputError if a part is of a wrong type, or an index names what is not there."""
+    """The validated JSON. Raises InputError for a wrong type, an index out of range, or a size beyond its buffer."""
     try:
         layout = Layout.model_validate(document)
     except ValidationError as error:
@@ -72,7 +72,7 @@ def _check_index(index: int | None, parts: list[Any], where: str) -> None:
 
 def _check_accessor(accessor: Accessor, layout: Layout, where: str) -> None:
     if accessor.bufferView is None:
-        return  # zeros by the specification, a decoder's result by an extension
+        return  # zeros by the specification, or filled by an extension's decoder
     _check_index(accessor.bufferView, layout.bufferViews, f"{where}.bufferView")
     view = layout.bufferViews[accessor.bufferView]
     row = np.dtype(DTYPES[accessor.componentType]).itemsize * NUMBERS[accessor.type]
@@ -82,7 +82,7 @@ def _check_accessor(accessor: Accessor, layout: Layout, where: str) -> None:
 
 
 def _check_triangles(layout: Layout, where: str) -> None:
-    """Against few bytes that stand for many triangles: accessors that share a bufferView, nodes that share a mesh."""
+    """Raise InputError for too many triangles, which sharing of bufferViews and meshes allows in a small file."""
     counts = [sum(_corners(primitive, layout) for primitive in mesh.primitives) for mesh in layout.meshes]
     drawn = sum(counts[node.mesh] for node in layout.nodes if node.mesh is not None)
     corners = max(sum(counts), drawn)
@@ -91,6 +91,6 @@ def _check_triangles(layout: Layout, where: str) -> None:
 
 
 def _corners(primitive: Primitive, layout: Layout) -> int:
-    """Vertices that a primitive reads, through its indices or not, at least."""
+    """Lower bound on the number of vertices that a primitive draws."""
     used = [primitive.attributes.get("POSITION"), primitive.indices]
     return max((layout.accessors[index].count for index in used if index is not None), default=0)

@@ -1,4 +1,4 @@
-"""A glTF's JSON as models: only what is used here, by the names of the glTF 2.0 specification."""
+"""Models of a glTF's JSON, with the field names of the glTF 2.0 specification; only the fields used here."""
 
 import math
 from typing import Annotated, Any, Literal
@@ -8,46 +8,46 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 from shadowbench.scenes.tables import MOST_COPIES
 
 DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-"""NumPy's name of a number, by componentType."""
+"""NumPy dtype by componentType."""
 NUMBERS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
-"""Numbers of an element, by type."""
+"""Number of components of an element by type."""
 
 Count = Annotated[int, Field(ge=0, le=2**53, strict=True)]
 Number = Annotated[float, Field(strict=True)]
 
 
 class JsonObject(BaseModel):
-    """An object of the JSON; what it has beyond its fields is somebody else's."""
+    """Base class of the JSON's objects; unknown fields are ignored."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
 
 
 class Asset(JsonObject):
-    """Whose version decides how to read the rest."""
+    """The asset object, with the glTF version."""
 
     version: str = Field(strict=True)
 
 
 class SceneTable(JsonObject):
-    """A scene: its root nodes."""
+    """A scene, with its root nodes."""
 
     nodes: list[Count] = []
 
 
 class LightIndex(JsonObject):
-    """A node's light."""
+    """KHR_lights_punctual of a node: index of its light."""
 
     light: Count
 
 
 class Visibility(JsonObject):
-    """Whether a node and what hangs on it are to be seen."""
+    """KHR_node_visibility of a node: whether it and its descendants are visible."""
 
     visible: bool = Field(True, strict=True)
 
 
 class NodeExtensions(JsonObject):
-    """Of a node; others are kept to be named."""
+    """Extensions of a node; the names of unknown ones are kept for notes."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -56,7 +56,7 @@ class NodeExtensions(JsonObject):
 
 
 class NodeTable(JsonObject):
-    """A node: where it is, what it holds, what hangs on it."""
+    """A node: its transform, mesh, camera, skin and children."""
 
     name: str | None = None
     mesh: Count | None = None
@@ -71,27 +71,27 @@ class NodeTable(JsonObject):
 
     @field_validator("rotation")
     @classmethod
-    def _turns(cls, rotation: list[float]) -> list[float]:
+    def _not_zero(cls, rotation: list[float]) -> list[float]:
         if not any(rotation):
             raise ValueError("found four zeros; allowed: a unit quaternion")
         return rotation
 
 
 class Draco(JsonObject):
-    """A compressed primitive: where its bytes are, and which of its attributes is what."""
+    """KHR_draco_mesh_compression of a primitive: its compressed bytes, and the Draco ids of its attributes."""
 
     bufferView: Count
     attributes: dict[str, Count]
 
 
 class PrimitiveExtensions(JsonObject):
-    """Of a primitive."""
+    """Extensions of a primitive."""
 
     KHR_draco_mesh_compression: Draco | None = None
 
 
 class Primitive(JsonObject):
-    """Accessors by attribute, and of the indices."""
+    """A primitive: accessors of its attributes and indices."""
 
     attributes: dict[str, Count]
     indices: Count | None = None
@@ -102,14 +102,14 @@ class Primitive(JsonObject):
 
 
 class MeshTable(JsonObject):
-    """A mesh: one primitive or more."""
+    """A mesh: a list of primitives."""
 
     name: str | None = None
     primitives: list[Primitive]
 
 
 class Accessor(JsonObject):
-    """`count` elements in a bufferView."""
+    """An accessor: `count` elements in a bufferView."""
 
     bufferView: Count | None = None
     byteOffset: Count = 0
@@ -121,7 +121,7 @@ class Accessor(JsonObject):
 
 
 class BufferView(JsonObject):
-    """A stretch of a buffer; `byteStride` from one element to the next, where they do not follow each other."""
+    """A range of a buffer. `byteStride`: distance of successive elements, None if tightly packed."""
 
     buffer: Count
     byteOffset: Count = 0
@@ -130,14 +130,14 @@ class BufferView(JsonObject):
 
 
 class Buffer(JsonObject):
-    """Bytes: a file, a data URI, or without `uri` the second chunk of a .glb."""
+    """A buffer: a file, a data URI, or without `uri` the binary chunk of a .glb."""
 
     uri: str | None = None
     byteLength: Count
 
 
 class MetallicRoughness(JsonObject):
-    """The colour of a material."""
+    """The base colour of a material."""
 
     baseColorFactor: Annotated[list[Number], Field(min_length=3, max_length=4)] | None = None
 
@@ -151,7 +151,7 @@ class Material(JsonObject):
 
 
 class Perspective(JsonObject):
-    """A perspective camera."""
+    """The parameters of a perspective camera."""
 
     yfov: Number
     znear: Number
@@ -159,7 +159,7 @@ class Perspective(JsonObject):
 
 
 class CameraTable(JsonObject):
-    """A camera of either type."""
+    """A perspective or orthographic camera."""
 
     name: str | None = None
     type: str = Field(strict=True)
@@ -167,7 +167,7 @@ class CameraTable(JsonObject):
 
 
 class SpotCone(JsonObject):
-    """Of a spot."""
+    """The cone of a spot light."""
 
     outerConeAngle: Number = math.pi / 4
 
@@ -183,13 +183,13 @@ class LightTable(JsonObject):
 
 
 class Lights(JsonObject):
-    """The lights of the file."""
+    """KHR_lights_punctual of the file: its lights."""
 
     lights: list[LightTable]
 
 
 class Extensions(JsonObject):
-    """Of the file; others are kept to be named."""
+    """Extensions of the file; the names of unknown ones are kept for notes."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -197,7 +197,7 @@ class Extensions(JsonObject):
 
 
 class Layout(JsonObject):
-    """A whole file."""
+    """The JSON of a glTF file."""
 
     asset: Asset
     scene: Count | None = None

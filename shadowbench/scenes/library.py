@@ -1,4 +1,4 @@
-"""Scenes by name or path: a built-in name, a scene file, or a mesh file alone."""
+"""Scenes by name or path: a built-in scene, a scene file, or a mesh file."""
 
 import os
 from dataclasses import replace
@@ -14,14 +14,14 @@ from shadowbench.scenes.tables import NAME, NAMES, name_from
 
 LONGEST_PATH = 4096
 WITHOUT_UP = (".obj", ".ply", ".stl", ".off")
-"""Formats that do not say which axis points up; a glTF's is y."""
+"""Mesh formats that do not specify the up axis; in glTF it is y."""
 
 
 def load_scene(source: str | Path, assets: Path | None = None, up: str | None = None) -> Scene:
-    """The scene that `source` names: a built-in, a `.toml`, or a mesh file, which gets a ground, camera and sun.
+    """A built-in scene, the scene of a `.toml`, or that of a mesh file with a default ground, camera and sun.
 
-    `assets` is a second folder in which a scene file's meshes may lie. `up`, y or z, is the axis that points up in a
-    mesh file of a format that does not say. Raises InputError, one line, for anything wrong.
+    assets: a second folder for the meshes of a scene file. up: "y" or "z", the up axis of a mesh file whose format does
+    not specify it. Raises InputError for an invalid name or file.
     """
     text = str(source)
     if up is not None:
@@ -58,7 +58,7 @@ def _check_up(up: str, source: str) -> None:
 
 
 def read_mesh_scene(path: Path, up: str | None = None) -> Scene:
-    """A mesh file as a scene: its own cameras and lights if it is a glTF, and what it lacks assumed, noted."""
+    """The scene of a mesh file: a glTF's own cameras and lights, and defaults, with notes, for those it has not."""
     name = name_from(path.stem)
     if not NAME.fullmatch(name):
         raise InputError(
@@ -81,12 +81,12 @@ def read_mesh_scene(path: Path, up: str | None = None) -> Scene:
 
 
 def builtin_names() -> list[str]:
-    """The names of the scenes that travel with the package, sorted."""
+    """Sorted names of the built-in scenes."""
     return sorted(path.stem for path in data_folder("scenes").glob("*.toml"))
 
 
 def builtin_about(name: str) -> str:
-    """What a built-in scene asks of a technique, in one line."""
+    """One line on what a built-in scene tests. Raises InputError for an unknown name."""
     if name not in builtin_names():
         raise InputError(f"{name!r:.60} {_not_builtin(name)}")
     return read_document(data_folder("scenes") / f"{name}.toml").about

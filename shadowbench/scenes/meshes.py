@@ -94,8 +94,8 @@ def read_meshes(path: Path, where: str | None = None) -> Contents:
         raise
     except (Exception, RecursionError) as error:  # a corrupt file makes the readers raise nearly anything
         reason = " ".join(str(error).split())[:160]
-        told = f"{type(error).__name__}: {reason}" if reason else type(error).__name__
-        raise InputError(f"{where}: cannot be read as {suffix}: {told}") from error
+        cause = f"{type(error).__name__}: {reason}" if reason else type(error).__name__
+        raise InputError(f"{where}: cannot be read as {suffix}: {cause}") from error
 
 
 def _assembled(
