@@ -23,7 +23,7 @@ void main() {
 
 
 class ExponentialShadowMap(Technique):
-    """Blurred e^(c·depth), divided by the receiver's (Annen et al. 2008). Leaks at contacts, within 1/c of the range."""
+    """Blurred e^(c·depth) over the receiver's (Annen et al. 2008). Leaks at contacts, within 1/c of the range."""
 
     name = "exponential-shadow-map"
     lights = frozenset({"directional", "spot"})

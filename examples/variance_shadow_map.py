@@ -2,8 +2,8 @@
 
     shadowbench run spot-lamp -t variance-shadow-map -t shadow-map --plugin examples/variance_shadow_map.py
 
-`FittedView` fits the light view, `CasterMap` renders the moments with the first shader, and `shadow_coord` of `map.glsl`
-computes a receiver's shadow coordinates from the light view's `map_uniforms`.
+`FittedView` fits the light view, `CasterMap` renders the moments with the first shader, and `shadow_coord` of
+`map.glsl` computes a receiver's shadow coordinates from the light view's `map_uniforms`.
 """
 
 from shadowbench.gl.gbuffer import download

@@ -41,10 +41,10 @@ def assumed_camera(bounds: Floats, where: str) -> tuple[Camera, str]:
     center, diagonal = bounds.mean(axis=0), float(np.linalg.norm(bounds[1] - bounds[0]))
     position = center + unit(VIEW_FROM) * (diagonal / 2) / math.sin(FOV_Y / 2)
     camera = Camera("camera", vec3(position), vec3(center), FOV_Y)
-    seen = (
+    pose = (
         f"at {vector_text(camera.position)} looking at {vector_text(camera.target)}, fov_y {math.degrees(FOV_Y):.0f}°"
     )
-    return camera, f"no camera in {where}: assumed {seen}"
+    return camera, f"no camera in {where}: assumed {pose}"
 
 
 def assumed_sun(where: str) -> tuple[Light, str]:

@@ -27,13 +27,13 @@ def checked_layout(document: dict[str, Any], where: str) -> Layout:
             _check_index(child, layout.nodes, f"{where}: scenes: nodes")
     lights = layout.extensions.KHR_lights_punctual
     for number, node in enumerate(layout.nodes):
-        told = f"{where}: nodes[{number}]"
-        _check_index(node.mesh, layout.meshes, f"{told}.mesh")
-        _check_index(node.camera, layout.cameras, f"{told}.camera")
+        entry = f"{where}: nodes[{number}]"
+        _check_index(node.mesh, layout.meshes, f"{entry}.mesh")
+        _check_index(node.camera, layout.cameras, f"{entry}.camera")
         for child in node.children:
-            _check_index(child, layout.nodes, f"{told}.children")
+            _check_index(child, layout.nodes, f"{entry}.children")
         light_index = node.extensions.KHR_lights_punctual
-        _check_index(light_index.light if light_index else None, lights.lights if lights else [], f"{told}: light")
+        _check_index(light_index.light if light_index else None, lights.lights if lights else [], f"{entry}: light")
     for what, count in (
         ("cameras", sum(node.camera is not None for node in layout.nodes)),
         ("lights", sum(node.extensions.KHR_lights_punctual is not None for node in layout.nodes)),
@@ -45,13 +45,15 @@ def checked_layout(document: dict[str, Any], where: str) -> Layout:
             raise InputError(f"{where}: cameras[{number}].perspective: found none; it must be given")
     for number, mesh in enumerate(layout.meshes):
         for primitive in mesh.primitives:
-            told = f"{where}: meshes[{number}]: primitive"
+            entry = f"{where}: meshes[{number}]: primitive"
             for name, index in primitive.attributes.items():
-                _check_index(index, layout.accessors, f"{told}: {name:.40}")
-            _check_index(primitive.indices, layout.accessors, f"{told}: indices")
-            _check_index(primitive.material, layout.materials, f"{told}: material")
+                _check_index(index, layout.accessors, f"{entry}: {name:.40}")
+            _check_index(primitive.indices, layout.accessors, f"{entry}: indices")
+            _check_index(primitive.material, layout.materials, f"{entry}: material")
             draco = primitive.extensions.KHR_draco_mesh_compression
-            _check_index(draco.bufferView if draco else None, layout.bufferViews, f"{told}: KHR_draco_mesh_compression")
+            _check_index(
+                draco.bufferView if draco else None, layout.bufferViews, f"{entry}: KHR_draco_mesh_compression"
+            )
     for number, view in enumerate(layout.bufferViews):
         _check_index(view.buffer, layout.buffers, f"{where}: bufferViews[{number}].buffer")
         size = layout.buffers[view.buffer].byteLength

@@ -69,19 +69,19 @@ def triangulated(polygons: Polygons, where: str) -> tuple[Integers, Integers, li
     second = starts[owner] + 1 + np.arange(total) - rows[owner]
     faces = corners[np.stack([starts[owner], second, second + 1], axis=1)]
     many = np.flatnonzero(counts > 3)
-    bent = crossing = work = 0
+    nonplanar = crossing = work = 0
     kept = np.ones(total, dtype=bool)
     for part in in_slices(len(many)):
         chosen = many[part]
         fans = _fans(vertices[gather(faces, rows[chosen], sizes[chosen])], sizes[chosen])
-        bent += int(fans.bent.sum())
-        right = fans.right
-        quads = np.flatnonzero(~right & (counts[chosen] == 4))
+        nonplanar += int(fans.nonplanar.sum())
+        valid = fans.valid
+        quads = np.flatnonzero(~valid & (counts[chosen] == 4))
         others = corners[starts[chosen[quads], None, None] + OTHER_DIAGONAL]
-        turned = quads[_fans(vertices[others.reshape(-1, 3)], sizes[chosen[quads]]).right]
-        right[turned] = True
-        faces[rows[chosen[turned], None] + np.arange(2)] = others[np.isin(quads, turned)]
-        waiting = np.flatnonzero(~right)
+        other_fan = quads[_fans(vertices[others.reshape(-1, 3)], sizes[chosen[quads]]).valid]
+        valid[other_fan] = True
+        faces[rows[chosen[other_fan], None] + np.arange(2)] = others[np.isin(quads, other_fan)]
+        waiting = np.flatnonzero(~valid)
         work += int((counts[chosen[waiting]] ** 2).sum())
         if work > MOST_CORNERS**2:
             raise InputError(
@@ -92,15 +92,15 @@ def triangulated(polygons: Polygons, where: str) -> tuple[Integers, Integers, li
             polygon = chosen[k]
             size, row = int(counts[polygon]), int(rows[polygon])
             ring = corners[starts[polygon] : starts[polygon] + size]
-            cut = _cut(vertices[ring], fans.normals[k])
-            if cut is None:
-                crossing += int(fans.solid[k])
+            triangulation = _earcut(vertices[ring], fans.normals[k])
+            if triangulation is None:
+                crossing += int(fans.has_area[k])
             else:
-                faces[row : row + len(cut)] = ring[cut]
-                kept[row + len(cut) : row + size - 2] = False
+                faces[row : row + len(triangulation)] = ring[triangulation]
+                kept[row + len(triangulation) : row + size - 2] = False
     found = [
         (int((counts < 3).sum()), "face(s) of fewer than 3 corners left out"),
-        (bent, "polygon(s) not planar: cut as seen along their mean normal"),
+        (nonplanar, "polygon(s) not planar: cut as seen along their mean normal"),
         (crossing, "polygon(s) that cross themselves: cut as fans from their first corner"),
     ]
     return faces[kept], owner[kept], [f"{where}: {count} {line}" for count, line in found if count]
@@ -110,9 +110,9 @@ class _Fans(NamedTuple):
     """By polygon: unit Newell normal; whether its fan is valid, whether it is non-planar, whether it has any area."""
 
     normals: Floats
-    right: NDArray[np.bool_]
-    bent: NDArray[np.bool_]
-    solid: NDArray[np.bool_]
+    valid: NDArray[np.bool_]
+    nonplanar: NDArray[np.bool_]
+    has_area: NDArray[np.bool_]
 
 
 def _fans(triangles: Floats, sizes: Integers) -> _Fans:
@@ -131,20 +131,20 @@ def _fans(triangles: Floats, sizes: Integers) -> _Fans:
     squares = np.stack([np.einsum("ij,ij->i", edge, edge) for edge in (left, right, right - left)])
     area = FLATTEST * squares.max(axis=0)
     # Triangles without area are removed later. That is harmless if two corners coincide; otherwise a corner is lost.
-    sound = (doubled > area) | (squares.min(axis=0) == 0.0)
-    turned = np.add.reduceat(np.arctan2(doubled, np.einsum("ij,ij->i", left, right)), first)
+    positive = (doubled > area) | (squares.min(axis=0) == 0.0)
+    total_angle = np.add.reduceat(np.arctan2(doubled, np.einsum("ij,ij->i", left, right)), first)
     heights = np.stack([np.einsum("ij,ij->i", edge, normal) for edge in (left, right)])
     lowest = np.minimum(np.minimum.reduceat(heights.min(axis=0), first), 0.0)
     highest = np.maximum(np.maximum.reduceat(heights.max(axis=0), first), 0.0)
     return _Fans(
         normals,
-        right=np.logical_and.reduceat(sound, first) & (turned < 2 * np.pi) & (length > FLATTEST),
-        bent=highest - lowest > FLAT_ENOUGH,
-        solid=np.logical_or.reduceat(np.linalg.norm(crosses, axis=1) > area, first),
+        valid=np.logical_and.reduceat(positive, first) & (total_angle < 2 * np.pi) & (length > FLATTEST),
+        nonplanar=highest - lowest > FLAT_ENOUGH,
+        has_area=np.logical_or.reduceat(np.linalg.norm(crosses, axis=1) > area, first),
     )
 
 
-def _cut(ring: Floats, normal: Floats) -> Integers | None:
+def _earcut(ring: Floats, normal: Floats) -> Integers | None:
     """(T, 3) earcut triangulation of a polygon's (N, 3) corners; None if its area differs from the polygon's."""
     axis = int(np.argmax(np.abs(normal)))
     axes = [(axis + 1) % 3, (axis + 2) % 3][:: 1 if normal[axis] > 0.0 else -1]
@@ -153,18 +153,18 @@ def _cut(ring: Floats, normal: Floats) -> Integers | None:
     # Projected along the normal onto a coordinate plane, which is exact for axis-aligned polygons.
     flat = np.ascontiguousarray(ring[:, axes] - ring[:, [axis]] * (normal[axes] / (normal[axis] or 1.0)))
     found = mapbox_earcut.triangulate_float64(flat, np.array([len(flat)], dtype=np.uint32))
-    cut: Integers = found.reshape(-1, 3).astype(np.int64)
-    edges = flat[cut] - flat[np.roll(cut, -1, axis=1)]
-    cut = cut[_area(flat[cut]) > FLATTEST * np.einsum("ijk,ijk->ij", edges, edges).max(axis=1)]
-    if len(cut) < len(ring) - 2:
-        cut = _mended(cut, ring, flat)
+    faces: Integers = found.reshape(-1, 3).astype(np.int64)
+    edges = flat[faces] - flat[np.roll(faces, -1, axis=1)]
+    faces = faces[_area(flat[faces]) > FLATTEST * np.einsum("ijk,ijk->ij", edges, edges).max(axis=1)]
+    if len(faces) < len(ring) - 2:
+        faces = _with_collinear_corners(faces, ring, flat)
     newell = np.cross(ring, np.roll(ring, -1, axis=0)).sum(axis=0)
-    crosses = np.cross(ring[cut[:, 1]] - ring[cut[:, 0]], ring[cut[:, 2]] - ring[cut[:, 0]])
+    crosses = np.cross(ring[faces[:, 1]] - ring[faces[:, 0]], ring[faces[:, 2]] - ring[faces[:, 0]])
     size = float(np.linalg.norm(newell))
     missing = np.linalg.norm(crosses.sum(axis=0) - newell)
     # Nearly vertical edges of a non-planar polygon may cross slightly, and that area counts twice.
     doubled = abs(np.abs(crosses @ normal).sum() - size)
-    return cut if len(cut) <= len(ring) - 2 and missing < 1e-6 * size and doubled < 1e-5 * size else None
+    return faces if len(faces) <= len(ring) - 2 and missing < 1e-6 * size and doubled < 1e-5 * size else None
 
 
 def _area(flat: Floats) -> Floats:
@@ -174,15 +174,15 @@ def _area(flat: Floats) -> Floats:
     return area
 
 
-def _mended(cut: Integers, corners: Floats, flat: Floats) -> Integers:
+def _with_collinear_corners(triangulation: Integers, corners: Floats, flat: Floats) -> Integers:
     """The triangulation with the collinear corners that earcut drops, so that its outline is the polygon again.
 
     corners: (N, 3); flat: (N, 2), projected. Neighbouring polygons share these corners; without them there would be
     T-junctions, and cracks by rounding.
     """
-    _, first, place = np.unique(corners, axis=0, return_index=True, return_inverse=True)
-    ring = place.tolist()
-    triangles = [[ring[k] for k in triangle] for triangle in cut.tolist()]
+    _, first, index_of = np.unique(corners, axis=0, return_index=True, return_inverse=True)
+    ring = index_of.tolist()
+    triangles = [[ring[k] for k in triangle] for triangle in triangulation.tolist()]
     # The difference of the triangulation's outline and the polygon's: edges of the first and reversed edges of the
     # second, closed paths without area.
     loose: Counter[tuple[int, int]] = Counter()
@@ -209,7 +209,7 @@ def _mended(cut: Integers, corners: Floats, flat: Floats) -> Integers:
             continue
         number = owner[edge]
         others = np.array(sorted((near[a] | near[b]).difference(triangles[number])), dtype=np.int64)
-        between = others[_lie_on(flat[first[others]] - flat[first[a]], flat[first[b]] - flat[first[a]])]
+        between = others[_on_segment(flat[first[others]] - flat[first[a]], flat[first[b]] - flat[first[a]])]
         if not len(between):
             continue
         middle = int(between[0])
@@ -238,7 +238,7 @@ def _mended(cut: Integers, corners: Floats, flat: Floats) -> Integers:
     return first[np.array(triangles, dtype=np.int64).reshape(-1, 3)]
 
 
-def _lie_on(points: Floats, edge: Floats) -> NDArray[np.bool_]:
+def _on_segment(points: Floats, edge: Floats) -> NDArray[np.bool_]:
     """(N,) bool: whether (N, 2) points are on the segment from the origin to `edge`, up to rounding."""
     along, across = points @ edge, points @ np.array([-edge[1], edge[0]])
     square = edge @ edge

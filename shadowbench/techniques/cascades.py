@@ -21,7 +21,7 @@ from shadowbench.techniques.filters import Filter, Hardware
 from shadowbench.techniques.maps import MAP_GRID, CasterMap, map_textures, map_uniforms, unsupported_rows
 from shadowbench.techniques.params import one_of
 from shadowbench.techniques.resolve import ResolvePass
-from shadowbench.techniques.splits import Practical, Split
+from shadowbench.techniques.splits import PracticalSplit, Split
 
 
 class Cascades(Technique):
@@ -30,10 +30,10 @@ class Cascades(Technique):
     A receiver is looked up in the first cascade whose box contains it, or in the cascade of its view depth. Worse than
     one map fitted to the visible receivers if all of them are at about the same distance, since empty slices take their
     share of the texels. The change of resolution between two cascades is visible; a blend only softens it. Without
-    depth_clamp, casters outside the depth range, which z_mult stretches, cast no shadow, and a bias in units of depth
-    grows with the range. With stable, shadows do not shimmer while the camera moves or turns, except on pixels that
-    change cascades; they do when its near and far planes or its field of view change. A bias from screen derivatives
-    fails where two cascades meet. Casters are drawn once per cascade.
+    depth_clamp, casters in front of the map's depth range, which z_mult stretches, cast no shadow, and a bias in units
+    of depth grows with the range. With stable, shadows do not shimmer while the camera moves or turns, except on pixels
+    that change cascades; they do when its near and far planes or its field of view change. A bias from screen
+    derivatives fails where two cascades meet. Casters are drawn once per cascade.
     """
 
     name = "cascades"
@@ -47,7 +47,7 @@ class Cascades(Technique):
         """Parameters of cascades."""
 
         count: int = param(5, "number of cascades", ge=1, le=8)
-        split: Annotated[Split, one_of(Split)] = param(Practical(), "view depths at which the frustum is split")
+        split: Annotated[Split, one_of(Split)] = param(PracticalSplit(), "view depths at which the frustum is split")
         box: Literal["scene", "tight", "sphere"] = param(
             "scene",
             "map bounds: of the slice's part inside the scene's bounds, of the slice, or of its bounding sphere",

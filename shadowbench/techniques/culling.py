@@ -29,8 +29,8 @@ class CasterChunks:
         self.ends = np.append(first[1:], self.triangles)[: len(first)]
         self.boxes = np.zeros((0, 2, 3))
         if len(first):
-            places = geometry.vertices[geometry.caster_faces].reshape(-1, 3)
-            low, high = np.minimum.reduceat(places, 3 * first), np.maximum.reduceat(places, 3 * first)
+            vertices = geometry.vertices[geometry.caster_faces].reshape(-1, 3)
+            low, high = np.minimum.reduceat(vertices, 3 * first), np.maximum.reduceat(vertices, 3 * first)
             self.boxes = np.stack([low, high], axis=1)
 
     def index_ranges(self, light: tuple[float, ...], *regions: Floats) -> Ranges | None:
@@ -55,12 +55,12 @@ def may_shadow(boxes: Floats, light: tuple[float, ...], planes: Floats) -> NDArr
     planes: (P, 4), the region is where n·x + d ≥ 0. A caster is culled if its box is behind one plane and no light ray
     through the box approaches that plane.
     """
-    places = np.stack([boxes[:, pick, (0, 1, 2)] for pick in np.ndindex(2, 2, 2)], axis=1)
-    away = light[3] * places - np.array(light[:3])
+    box_corners = np.stack([boxes[:, pick, (0, 1, 2)] for pick in np.ndindex(2, 2, 2)], axis=1)
+    away = light[3] * box_corners - np.array(light[:3])
     slack = _ROUNDING * float(np.abs(boxes).max(initial=1.0))
-    behind = (places @ planes[:, :3].T + planes[:, 3] < -slack).all(axis=1)
-    stays = (away @ planes[:, :3].T <= slack).all(axis=1)
-    kept: NDArray[np.bool_] = ~(behind & stays).any(axis=1)
+    behind = (box_corners @ planes[:, :3].T + planes[:, 3] < -slack).all(axis=1)
+    receding = (away @ planes[:, :3].T <= slack).all(axis=1)
+    kept: NDArray[np.bool_] = ~(behind & receding).any(axis=1)
     return kept
 
 

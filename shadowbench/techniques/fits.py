@@ -53,7 +53,7 @@ class Fit(Row):
         return LightView(space, window(box, space, size, padding, shift), size)
 
 
-class Fixed(Fit):
+class FixedFit(Fit):
     """The published constants: an orthographic box aimed at the file's origin, or a 45° perspective.
 
     Casters in front of the near plane are clipped, and cast no shadow.
@@ -106,7 +106,7 @@ class ViewFit(Fit):
         return _region(space, context, [view_planes(context.view)])
 
 
-class Visible(Fit):
+class VisibleFit(Fit):
     """The bounding box of the visible receivers, reduced from the G-buffer (Lauritzen, Salvi and Lefohn 2011)."""
 
     name = "visible"

@@ -19,7 +19,7 @@ from shadowbench.techniques.base import Frame, Stage
 from shadowbench.techniques.biases import Bias, MapKind, NoBias
 from shadowbench.techniques.culling import CasterChunks
 from shadowbench.techniques.filters import Filter
-from shadowbench.techniques.fits import Fit, FitContext, Visible
+from shadowbench.techniques.fits import Fit, FitContext, VisibleFit
 from shadowbench.techniques.params import TechniqueParams, one_of, param
 from shadowbench.techniques.reduction import VisibleBounds
 
@@ -34,7 +34,7 @@ _NO_BIAS = NoBias()
 class FittedParams(TechniqueParams):
     """Parameters of a technique with one 2-D map that is fitted each frame."""
 
-    fit: Annotated[Fit, one_of(Fit)] = param(Visible(), "part of the scene that the map covers")
+    fit: Annotated[Fit, one_of(Fit)] = param(VisibleFit(), "part of the scene that the map covers")
     size: int = param(1024, "texels along a side of the map", ge=1, le=65536)
 
 

@@ -15,7 +15,7 @@ class Split(Row):
         raise NotImplementedError(self.name)
 
 
-class Practical(Split):
+class PracticalSplit(Split):
     """The practical split λ · n (f/n)^(i/m) + (1 − λ) (n + (f − n) i/m) (Zhang, Sun, Xu and Lun 2006)."""
 
     name = "practical"
@@ -25,7 +25,7 @@ class Practical(Split):
         return practical_depths(near, far, count, self.weight)
 
 
-class Shares(Split):
+class FixedSplit(Split):
     """Five slices that end at far/50, far/25, far/10, far/2 and far; a slice that ends before near is empty."""
 
     name = "fixed"

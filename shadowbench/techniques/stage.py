@@ -26,7 +26,7 @@ from shadowbench.gl.targets import (
 from shadowbench.scenes.model import Placement, Scene
 from shadowbench.techniques.params import Row, TechniqueParams, in_metres
 
-_WIDTHS = {"f1": 1, "f2": 2, "f4": 4, "i4": 4, "u4": 4}
+_COMPONENT_BYTES = {"f1": 1, "f2": 2, "f4": 4, "i4": 4, "u4": 4}
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class Stage:
         """A colour texture, by default of the image's size."""
         size = size or self.size
         texture = self.device.context.texture(size, components, dtype=dtype)
-        self._own(texture, size[0] * size[1] * components * _WIDTHS[dtype])
+        self._own(texture, size[0] * size[1] * components * _COMPONENT_BYTES[dtype])
         return texture
 
     def target(
@@ -165,14 +165,14 @@ class Stage:
         vertices = self.device.context.vertex_array(program.linked, [(buffer, widths, *attributes)])
         drawable = self._drawable(Drawable(program, vertices))
 
-        def filled(rows: NDArray[np.float32]) -> Drawable:
+        def upload(rows: NDArray[np.float32]) -> Drawable:
             if rows.size:  # a buffer cannot be empty
                 self.bytes += rows.nbytes - buffer.size
                 buffer.orphan(rows.nbytes)
                 buffer.write(np.ascontiguousarray(rows))
             return replace(drawable, count=len(rows))
 
-        return filled
+        return upload
 
     def fullscreen(self, program: Program) -> Drawable:
         """One triangle that covers the target, for a program with the vertex shader `fullscreen.vert`."""

@@ -7,7 +7,7 @@ from shadowbench.techniques.resolve import ResolvePass
 
 
 class Unshadowed(Technique):
-    """Everything is lit: the lower bound of all scores and times."""
+    """Everything is lit: the floor with which scores and times are compared."""
 
     name = "unshadowed"
     exact = True

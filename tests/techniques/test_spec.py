@@ -11,7 +11,7 @@ from shadowbench.errors import InputError
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.biases import BeforeDivide, Bias, Constant, PolygonOffset, Slope, Sum
 from shadowbench.techniques.filters import PCF, PCF20, Dither4, Filter, Hard, Hardware
-from shadowbench.techniques.fits import Fit, Fixed, SceneFit
+from shadowbench.techniques.fits import Fit, FixedFit, SceneFit
 from shadowbench.techniques.grammar import parse_value
 from shadowbench.techniques.params import Row
 from shadowbench.techniques.registry import techniques
@@ -147,7 +147,7 @@ def test_the_published_presets() -> None:
             "filter": Dither4(width=2.5),
         },
         "fixed": {
-            "fit": Fixed(half=10.0, near=1.0, far=7.5, distance=4.58, fov=45.0),
+            "fit": FixedFit(half=10.0, near=1.0, far=7.5, distance=4.58, fov=45.0),
             "bias": slope,
             "filter": PCF(taps=3),
         },

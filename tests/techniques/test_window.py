@@ -9,7 +9,7 @@ from shadowbench.errors import InputError
 from shadowbench.geometry.hull import SceneHull
 from shadowbench.geometry.lights import Box, light_space, window
 from shadowbench.scenes.model import IDENTITY_PLACEMENT, Light, Scene
-from shadowbench.techniques.fits import FitContext, Fixed, SceneFit, Visible
+from shadowbench.techniques.fits import FitContext, FixedFit, SceneFit, VisibleFit
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
 
@@ -63,7 +63,7 @@ def context(view, scene: Scene, bounds: Box | None = None) -> FitContext:
 
 def test_where_no_receiver_is_seen_there_is_a_map_all_the_same(looking, sun, shape) -> None:
     view = looking([shape("plane")], sun())
-    shown = Visible().light_view(context(view, view.scene), 64, 0.0, (0.0, 0.0))
+    shown = VisibleFit().light_view(context(view, view.scene), 64, 0.0, (0.0, 0.0))
     assert np.isfinite(shown.to_map()).all() and shown.near < shown.far and min(shown.texel) > 0
 
 
@@ -103,7 +103,7 @@ def test_the_position_step_is_half_a_float32_spacing_of_the_farthest_place(
 )
 def test_fixed_takes_lengths_above_0_and_a_field_of_view_below_170_degrees(items: str, allowed: bool) -> None:
     if allowed:
-        assert isinstance(parse_spec(f"shadow-map:fit=fixed({items})", techniques()).params.fit, Fixed)
+        assert isinstance(parse_spec(f"shadow-map:fit=fixed({items})", techniques()).params.fit, FixedFit)
     else:
         with pytest.raises(InputError, match=items.partition("=")[0]):
             parse_spec(f"shadow-map:fit=fixed({items})", techniques())
