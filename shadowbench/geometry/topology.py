@@ -30,7 +30,7 @@ class Surface:
 
 @dataclass(frozen=True, eq=False)
 class Casters:
-    """A scene's casters. A part is a set of triangles connected by shared edges.
+    """A scene's casters by part, a set of triangles connected by shared edges.
 
     closed: parts that are wound outwards and whose edges all have as many half-edges in either direction; open: all
     other parts.

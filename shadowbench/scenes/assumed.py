@@ -37,7 +37,7 @@ def assumed_up_note(where: str) -> str:
 
 
 def assumed_camera(bounds: Floats, where: str) -> tuple[Camera, str]:
-    """A camera whose frustum holds the bounding sphere of the (2, 3) bounds, and the note about it."""
+    """A camera that shows the whole bounding sphere of (2, 3) bounds, and the note about it."""
     center, diagonal = bounds.mean(axis=0), float(np.linalg.norm(bounds[1] - bounds[0]))
     position = center + unit(VIEW_FROM) * (diagonal / 2) / math.sin(FOV_Y / 2)
     camera = Camera("camera", vec3(position), vec3(center), FOV_Y)

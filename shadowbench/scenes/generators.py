@@ -12,7 +12,7 @@ from shadowbench.strict import Strict
 
 
 class StairsParameters(Strict):
-    """Number of steps."""
+    """steps: number of steps."""
 
     steps: int = Field(6, ge=1, le=1000, strict=True)
 
@@ -26,7 +26,7 @@ class TerrainParameters(Strict):
 
 
 class LeavesParameters(Strict):
-    """count: leaves in a ball of diameter 1, denser towards its surface; size: length of a leaf; seed: of both."""
+    """count: leaves in a ball of diameter 1, denser towards its surface; size: length of the longest; seed: of all."""
 
     count: int = Field(800, ge=1, le=50_000, strict=True)
     size: float = Field(0.1, gt=0.0, le=1.0, strict=True)

@@ -105,7 +105,7 @@ class Camera:
 
 @dataclass(frozen=True)
 class Light:
-    """A light.
+    """A light source.
 
     direction: in which the light travels (directional, spot); angle: full cone angle of a spot in radians; radius: size
     of the light, angular in radians for a directional one, in metres otherwise; 0 for hard shadows.

@@ -133,7 +133,7 @@ class Technique(ABC):
 
     @classmethod
     def extra_work(cls, params: TechniqueParams) -> str | None:
-        """Why these parameters are excluded from rankings by work, as more work is faster there; None if included."""
+        """Why these parameters are excluded where specs are ranked by counts of work; None if they are not."""
         return None
 
     @abstractmethod

@@ -63,7 +63,7 @@ def _installed() -> list[type[Technique]]:
             loaded.append(_checked(point.load(), where))
         except InputError as error:
             log.warning("%s; it is left out", error)
-        except (Exception, SystemExit) as error:  # whatever somebody's package raises
+        except (Exception, SystemExit) as error:  # importing a foreign package may raise anything
             log.warning("%s cannot be imported: %s; it is left out", where, _summary(error))
     return loaded
 
@@ -80,7 +80,7 @@ def _from_file(file: Path) -> list[type[Technique]]:
     sys.modules[name] = module  # pydantic and inspect look up the file's classes there
     try:
         spec.loader.exec_module(module)
-    except (Exception, SystemExit) as error:  # whatever somebody's file raises
+    except (Exception, SystemExit) as error:  # executing a foreign file may raise anything
         raise InputError(f"--plugin {file}: {_summary(error)}") from error
     own = _defined_in(module)
     if not own:

@@ -46,7 +46,10 @@ class Volumes(Protocol):
         """
 
     def set_camera(self, frame: Frame, world_to_clip: Floats, planes: Floats) -> None:
-        """Set the frame's camera, and cull parts that cannot shadow the region inside (P, 4) planes; none for P = 0."""
+        """Set the frame's camera, and cull parts that cannot shadow the region inside (P, 4) planes.
+
+        P = 0: no culling.
+        """
 
     def draw(self, part: VolumePart, sign: int, front_adds: int, render_pass: RenderPass) -> None:
         """Draw the walls or the caps.
