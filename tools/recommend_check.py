@@ -181,7 +181,7 @@ def _space() -> list[str]:
     rows = ["| technique | values |", "|---|---|"]
     for one in own_techniques():
         values = "; ".join(f"`{key}` {', '.join(map(str, choices))}" for key, choices in grid_of(one).items())
-        rows += [] if one.no_choice else [f"| `{one.name}` | {values or 'its defaults'} |"]
+        rows += [] if one.never_recommended else [f"| `{one.name}` | {values or 'its defaults'} |"]
     return rows
 
 

@@ -116,7 +116,7 @@ def _show(worker: Worker, technique: type[Technique], draw: bool) -> Shown:
     """Why it declines each kind of light, and how it looks where it does not."""
     cube = load_scene("cube-on-plane")
     reasons = {str(light.kind): _declined(worker, technique, _view(cube, light, 16)) for light in LIGHTS}
-    wanted = technique.shown_in
+    wanted = technique.picture_scene
     for name in (wanted,) if wanted else FALLBACK:
         scene = load_scene(name)
         view = _view(scene, scene.lights[0], SIZE)
@@ -126,7 +126,9 @@ def _show(worker: Worker, technique: type[Technique], draw: bool) -> Shown:
             return Shown(name, reasons, None, dict.fromkeys(SHOWN))
         drawn = worker.call(Session.draw, PlacedView(view), CellRequest(technique.name))
         return Shown(name, reasons, drawn, score(drawn.visibility, prepare_truth(cached_truth(view))))
-    raise SystemExit(f"{technique.name} declines {', '.join(FALLBACK)}: give it `shown_in`, the name of one it draws")
+    raise SystemExit(
+        f"{technique.name} declines {', '.join(FALLBACK)}: give it `picture_scene`, the name of one it draws"
+    )
 
 
 def _view(scene: Scene, light: Light, size: int) -> View:

@@ -41,16 +41,16 @@ def specs_of(technique: type[Technique], largest: int) -> list[Spec]:
 
 def whole_space(known: Mapping[str, type[Technique]], light: LightKind, largest: int) -> list[Spec]:
     """All specs that answer a kind of light: what an exhaustive search would measure."""
-    answering = [one for one in known.values() if light in one.lights and not one.no_choice]
+    answering = [one for one in known.values() if light in one.lights and not one.never_recommended]
     return [spec for technique in answering for spec in specs_of(technique, largest)]
 
 
 def no_choices(known: Mapping[str, type[Technique]], light: LightKind) -> list[Excluded]:
     """The techniques that are in no space for this light, with the reason."""
     return [
-        Excluded(name, one.no_choice or f"answers {' and '.join(sorted(one.lights))} light, not {light}", 0)
+        Excluded(name, one.never_recommended or f"answers {' and '.join(sorted(one.lights))} light, not {light}", 0)
         for name, one in known.items()
-        if one.no_choice or light not in one.lights
+        if one.never_recommended or light not in one.lights
     ]
 
 

@@ -26,8 +26,8 @@ def needs(
     """
     from dataclasses import asdict
 
+    from shadowbench.survey.explanations import explanations_of
     from shadowbench.survey.survey import needs as needs_of
-    from shadowbench.survey.words import told
 
     with console.Reporter(quiet) as reporter:
         chosen = reporter.view(scene, view_size, view, light, assets, up)
@@ -35,7 +35,7 @@ def needs(
         if found.pixels < found.view_size**2:
             part = found.pixels / found.view_size**2
             reporter.note(f"{part:.1%} of the pixels were sampled; ± is one standard error")
-    rows = told(found)
+    rows = explanations_of(found)
     if json:
         values = asdict(found)
         values["reach"].pop("matters")

@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 
 from shadowbench.gl.device import Device
-from shadowbench.gl.gbuffer import GBuffer, SurfacePass
+from shadowbench.gl.gbuffer import GBuffer, GBufferPass
 from shadowbench.gl.geometry import DeviceGeometry
 from shadowbench.gl.picture import PicturePass
 from shadowbench.measure.cells import PlacedView
-from shadowbench.scenes.model import AS_FILED, Coordinates, Scene, View
+from shadowbench.scenes.model import IDENTITY_PLACEMENT, Coordinates, Scene, View
 from shadowbench.techniques.base import Frame, Stage, Technique
 
 
@@ -16,10 +16,10 @@ class LoadedScene:
 
     def __init__(self, device: Device, filed: Scene, coordinates: Coordinates) -> None:
         self.filed, self.coordinates = filed, coordinates
-        self.placement = filed.placement if coordinates == "relative" else AS_FILED
+        self.placement = filed.placement if coordinates == "relative" else IDENTITY_PLACEMENT
         self.scene = self.placement.scene(filed)
         self.geometry = DeviceGeometry(device, self.scene.geometry)
-        self.surface_pass = SurfacePass(device, self.geometry)
+        self.surface_pass = GBufferPass(device, self.geometry)
         self.picture_pass = PicturePass(device, self.geometry)
 
     def shows(self, at: PlacedView) -> bool:

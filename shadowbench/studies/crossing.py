@@ -120,11 +120,11 @@ def _factors(table: dict[str, Any], where: str) -> list[float]:
 def _swept(spec: Spec, factor: float) -> Spec:
     """The spec with its bias times a factor; raises InputError where there is none, or it has nothing to multiply."""
     bias = getattr(spec.params, "bias", None)
-    if not isinstance(bias, Bias) or not any(part.swept for part in bias.parts):
+    if not isinstance(bias, Bias) or not any(term.swept for term in bias.terms):
         found = f", found bias={format_value(bias)}" if isinstance(bias, Row) else ""
         raise InputError(f"bias_sweep: {spec.technique.name} has no bias here that can be multiplied{found}")
     try:
-        row = bias.times(factor)
+        row = bias.scaled(factor)
     except ValidationError as error:
         raise explain(f"bias_sweep {factor:g}: {format_value(bias)}", error) from None
     return spec.with_(bias=row)
