@@ -66,13 +66,13 @@ class Cells:
         """Time a spec's frames, warmed up; skips the test of a cell that is unsupported, with the reason."""
         samples = []
         try:
-            prepare_ms = self.session.hold(PlacedView(view), CellRequest(spec))
+            prepare_ms = self.session.prepare_timing(PlacedView(view), CellRequest(spec))
         except Unsupported as reason:
             pytest.skip(str(reason))
         try:
             benchmark.pedantic(lambda: samples.append(self.session.time_frame(0)), rounds=ROUNDS)
         finally:
-            self.session.let_go()
+            self.session.release_timed()
         benchmark.extra_info |= {
             "renderer": self.session.device.renderer,
             "clock": samples[-1].clock,

@@ -37,7 +37,7 @@ from shadowbench.extremes.stressed import stress as walked
 from shadowbench.extremes.sweep import default_specs
 from shadowbench.measure import single
 from shadowbench.measure.executor import Limits
-from shadowbench.measure.printed import techniques_with
+from shadowbench.measure.plugin_output import techniques_with
 from shadowbench.measure.rendering import Rendering
 from shadowbench.measure.scoring import prepare_truth
 from shadowbench.measure.worker import Worker

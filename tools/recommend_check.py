@@ -148,7 +148,7 @@ def check(
     space = whole_space(known, view.light.kind, largest)
     with closing(RowStore(folder)) as store:
         measurer = Measurer(worker, store, Conditions(), _Silent(), Pictures(folder))
-        results = measurer.measured(Block(view, tuple(map(Cell, space))))
+        results = measurer.measure(Block(view, tuple(map(Cell, space))))
     rows: dict[Spec, Result] = dict(zip(space, results, strict=True))
     lines = {}
     for target in TARGETS:

@@ -18,7 +18,7 @@ from shadowbench.measure.executor import Executor
 from shadowbench.measure.machine import write_run_file
 from shadowbench.measure.measurer import Measurer, Reporter
 from shadowbench.measure.pictures import Pictures
-from shadowbench.measure.references import USUAL
+from shadowbench.measure.references import DEFAULT_REFERENCE
 from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.rows import Result
 from shadowbench.measure.session import DeviceInfo, Session
@@ -70,14 +70,14 @@ def recommended(
     unit = _unit(target, info, on_this_machine)
     reporter.stage("truth", 1)
     truth = cached_truth(view)
-    study = Study.of([view.scene], [USUAL], view_size=view.size, rounds=ROUNDS if unit == "ms" else 0)
+    study = Study.of([view.scene], [DEFAULT_REFERENCE], view_size=view.size, rounds=ROUNDS if unit == "ms" else 0)
     results: list[Result] = []
     with closing(RowStore(folder)) as store:
         measurer = Measurer(executor, store, study.conditions(), reporter, Pictures(folder))
         reporter.stage("measuring", 1)
 
         def measure(spec: Spec) -> Result:
-            results.extend(measurer.measured(Block(view, (Cell(spec),))))
+            results.extend(measurer.measure(Block(view, (Cell(spec),))))
             return results[-1]
 
         found = recommend(view, truth, target, unit, known, info.max_map_size, measure)

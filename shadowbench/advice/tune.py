@@ -110,7 +110,7 @@ class Search:
     def _scores(self, specs: Sequence[Spec], blocks: Sequence[Block]) -> dict[Spec, pd.DataFrame]:
         """By spec, what `scene_scores` gives, of those that held in every cell; the others are noted."""
         found: dict[Spec, pd.DataFrame] = {}
-        for spec, rows in self.cells.measured(specs, blocks).items():
+        for spec, rows in self.cells.measure(specs, blocks).items():
             lost = next((row for row in rows if row["status"] != "ok"), None)
             if lost is None:
                 found[spec] = scene_scores(rows)

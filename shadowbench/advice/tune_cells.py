@@ -71,13 +71,13 @@ class Cells:
         """The cells of a spec in one block."""
         return len(self._cells(spec))
 
-    def measured(self, specs: Sequence[Spec], blocks: Sequence[Block]) -> dict[Spec, list[Record]]:
+    def measure(self, specs: Sequence[Spec], blocks: Sequence[Block]) -> dict[Spec, list[Record]]:
         """The score rows of each spec; a block after the other, so that its scene is loaded once."""
         cells = {spec: self._cells(spec) for spec in specs}
         rows: dict[Spec, list[Record]] = {spec: [] for spec in cells}
         for block in blocks:
             together = tuple(cell for own in cells.values() for cell in own)
-            results = iter(self.measurer.measured(replace(block, cells=together)))
+            results = iter(self.measurer.measure(replace(block, cells=together)))
             for spec, own in cells.items():
                 found = list(itertools.islice(results, len(own)))
                 rows[spec] += [one.score for one in found]

@@ -14,7 +14,7 @@ from shadowbench.check.baseline import Change, Findings, compare
 from shadowbench.check.blessing import bless, bless_study
 from shadowbench.errors import InputError
 from shadowbench.measure.pictures import write_picture
-from shadowbench.measure.printed import techniques_with
+from shadowbench.measure.plugin_output import techniques_with
 from shadowbench.measure.rows import Record
 from shadowbench.reports.gallery import difference, read_view
 from shadowbench.reports.words import counted

@@ -60,7 +60,7 @@ def recommend(
     when nothing meets the target: then the closest is shown, and what stands in the way.
     """
     from shadowbench.advice.recommended import export_choice, recommended, target_of, values
-    from shadowbench.measure.printed import techniques_with
+    from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.measure.worker import Worker
 
     target = target_of(min_iou, max_edge_px, budget_ms)

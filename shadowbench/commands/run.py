@@ -107,7 +107,7 @@ def run(
     import dataclasses
 
     from shadowbench.measure.executor import Limits
-    from shadowbench.measure.printed import techniques_with
+    from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.measure.worker import Worker
     from shadowbench.studies.measured import asked_study, estimate, measure
     from shadowbench.studies.tables import summary

@@ -49,7 +49,7 @@ def stress(
     from shadowbench.extremes.stressed import LIMITS, chosen_axes
     from shadowbench.extremes.stressed import stress as walk
     from shadowbench.extremes.sweep import default_specs
-    from shadowbench.measure.printed import techniques_with
+    from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.measure.worker import Worker
     from shadowbench.techniques.spec import parse_spec
 

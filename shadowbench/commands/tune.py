@@ -65,7 +65,7 @@ def tune(
     the same command goes on where it was.
     """
     from shadowbench.advice.tuned import tuned, values
-    from shadowbench.measure.printed import techniques_with
+    from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.measure.worker import Worker
     from shadowbench.reports.words import counted
     from shadowbench.techniques.spec import parse_spec

@@ -15,7 +15,7 @@ from shadowbench.errors import InputError
 from shadowbench.files import replace_file
 from shadowbench.measure import scoring
 from shadowbench.measure.row_store import RowStore
-from shadowbench.measure.score_rows import Measured, identity, score_row
+from shadowbench.measure.score_rows import Measurement, identity, score_row
 from shadowbench.scenes.digest import view_digest
 from shadowbench.scores.masks import write_mask
 from shadowbench.sources import code_digest
@@ -49,9 +49,9 @@ def append_row(accuracy: Accuracy, name: str, folder: Path) -> bool:
         # What is as it was before the last change is a row again: the newest of a cell is the one that counts.
         key = content if content not in store.scores else _digest([content, same[-1]["key"]])
         _keep_pictures(accuracy, folder, key)
-        measured = Measured(accuracy.record, None, {}, {})
-        more = {"assumptions": list(view.scene.notes)}
-        store.append(score_row(key, cell, renderer, measured, {"content": content}, more))
+        measured = Measurement(accuracy.record, None, {}, {})
+        extra_fields = {"assumptions": list(view.scene.notes)}
+        store.append(score_row(key, cell, renderer, measured, {"content": content}, extra_fields))
         return True
 
 

@@ -16,7 +16,7 @@ from shadowbench.measure.measurer import Reporter
 from shadowbench.measure.pictures import Pictures
 from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.rows import Record
-from shadowbench.measure.scorer import Asked, Scorer
+from shadowbench.measure.scorer import Scorer, ScoreRequest
 from shadowbench.scenes.model import LightKind
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.spec import Spec
@@ -71,7 +71,7 @@ class Sweep:
                 self._bytes[home, point.axis.name, point.light] = spec.map_size, row["gpu_bytes"]
         return rows
 
-    def _asked(self, point: Point, home: Spec, spec: Spec, setting: Setting, views: Sequence[str]) -> Asked:
+    def _asked(self, point: Point, home: Spec, spec: Spec, setting: Setting, views: Sequence[str]) -> ScoreRequest:
         """The row of a spec at a value. Its key is of all frames, and of the place: the base scene is a value of many.
 
         views: their keys.
@@ -85,8 +85,8 @@ class Sweep:
             "light_kind": point.light,
             "home_spec": home.text,
         }
-        refused = self._too_large(point, home, spec)
-        return Asked(Cell(spec), hashlib.sha256(key.encode()).hexdigest()[:24], stands, refused=refused)
+        too_large = self._too_large(point, home, spec)
+        return ScoreRequest(Cell(spec), hashlib.sha256(key.encode()).hexdigest()[:24], stands, unsupported=too_large)
 
     def _too_large(self, point: Point, home: Spec, spec: Spec) -> str | None:
         """Why a map is not even allocated: the device's sides, or the worker's memory.

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from shadowbench.errors import InputError, alternatives
-from shadowbench.measure.printed import techniques_with
+from shadowbench.measure.plugin_output import techniques_with
 from shadowbench.scenes.library import builtin_about, builtin_names
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.crossing import Techniques

@@ -14,7 +14,7 @@ from shadowbench.files import check_folder
 from shadowbench.measure.executor import Executor
 from shadowbench.measure.machine import write_run_file
 from shadowbench.measure.measurer import Reporter
-from shadowbench.measure.profile import whole
+from shadowbench.measure.profile import complete_profile
 from shadowbench.measure.rows import Result
 from shadowbench.measure.session import DeviceInfo, Session
 from shadowbench.scenes.model import Scene
@@ -114,9 +114,9 @@ def measure(
     check_folder(folder)
     start = time.perf_counter()
     ran = run_study(study, folder, executor, reporter, time_again)
-    spent = executor.call(Session.spent) if profile else {}
+    spent = executor.call(Session.activity_seconds) if profile else {}
     swept = places(study.sweeps)
     write_run_file(folder / "run.json", executor.info, ran.notes, study.facts, [one.score for one in ran.results])
     run = write_cells(folder, ran.results, swept)
-    seconds = whole(ran.profile.seconds, spent, time.perf_counter() - start) if profile else {}
+    seconds = complete_profile(ran.profile.seconds, spent, time.perf_counter() - start) if profile else {}
     return Measured(study, tuple(ran.results), run, swept, executor.info, seconds)

@@ -39,7 +39,7 @@ def run_study(study: Study, folder: Path, executor: Executor, reporter: Reporter
         reporter.note(note)
     reporter.stage("truth", len(blocks))
     for block in blocks:  # all of them before anything is written: a view that shows nothing is bad input
-        with profile.of("truth"):
+        with profile.activity("truth"):
             truth = cached_truth(block.view)
         if not (truth.visibility < 0.5).any():
             notes.append(f"{block.view.name}: nothing is in shadow, so that most scores say nothing")
@@ -49,8 +49,8 @@ def run_study(study: Study, folder: Path, executor: Executor, reporter: Reporter
         conditions = study.conditions(time_again)
         measurer = Measurer(executor, store, conditions, reporter, Pictures(folder), profile)
         cells = [cell for block in blocks for cell in block.cells]
-        reporter.stage("cells", len(cells) + sum(map(measurer.times, cells)))
-        results = [result for block in blocks for result in measurer.measured(block)]
+        reporter.stage("cells", len(cells) + sum(map(measurer.is_timed, cells)))
+        results = [result for block in blocks for result in measurer.measure(block)]
     return Ran(results, notes, profile)
 
 

@@ -10,7 +10,7 @@ from pydantic import Field, ValidationError
 from shadowbench.data import data_folder
 from shadowbench.errors import InputError, alternatives
 from shadowbench.measure.cells import Block, Cell
-from shadowbench.measure.references import USUAL, name_of
+from shadowbench.measure.references import DEFAULT_REFERENCE, reference_name
 from shadowbench.measure.rows import StudyFacts
 from shadowbench.measure.timing import Conditions
 from shadowbench.scenes.library import load_scene
@@ -45,7 +45,7 @@ class Study(Strict):
     rounds: int = Field(9, ge=0, le=10_000, strict=True)
     phases: int = Field(1, ge=1, le=10_000, strict=True)
     coordinates: Coordinates = "relative"
-    reference: Reference = USUAL
+    reference: Reference = DEFAULT_REFERENCE
     time_limit: float = Field(120.0, gt=0, le=86_400)
     memory_limit: float = Field(8.0, gt=0, le=4096)
     views: Cameras = ("file",)
@@ -96,7 +96,7 @@ class Study(Strict):
         return {
             "scenes": [scene if isinstance(scene, str) else scene.name for scene in self.scenes],
             "specs": [spec.text for spec in self.specs],
-            "reference": name_of(self.reference),
+            "reference": reference_name(self.reference),
             "view_size": self.view_size,
             "rounds": self.rounds,
             "phases": self.phases,

@@ -265,10 +265,10 @@ def test_rounds_come_later_without_scoring_again(bench: Any, tmp_path: Path, rec
     folder = tmp_path / "out"
     silent = Run(bench, folder, SMALL.replace("rounds = 1", "rounds = 0"))
     assert {cell["frame_ms"] for cell in silent.cells} == {""}
-    assert "hold" not in silent.calls
+    assert "prepare_timing" not in silent.calls
     assert records(folder, "time") == []
     timed = Run(bench, folder, SMALL)
-    assert timed.calls.count("let_go") == 1
+    assert timed.calls.count("release_timed") == 1
     assert "" not in {cell["frame_ms"] for cell in timed.cells}
     assert len(records(folder, "score")) == 2
 
@@ -276,9 +276,9 @@ def test_rounds_come_later_without_scoring_again(bench: Any, tmp_path: Path, rec
 def test_cells_that_exceed_the_memory_are_timed_in_several_groups(
     bench: Any, tmp_path: Path, records: Records, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("shadowbench.measure.timing._SHARE", 1e-9)
+    monkeypatch.setattr("shadowbench.measure.timing._GROUP_SHARE", 1e-9)
     run = Run(bench, tmp_path / "out", SMALL)
-    assert run.calls.count("let_go") == 2
+    assert run.calls.count("release_timed") == 2
     assert [record["reference"] for record in records(run.folder, "time")] == ["unshadowed"] * 2
     assert all(float(cell["ratio"]) > 0 for cell in run.cells)
 
