@@ -11,7 +11,7 @@ from shadowbench.advice.search import Search, Tried
 from shadowbench.advice.space import Excluded, needed_space, no_choices, start_size, whole_space
 from shadowbench.measure.rows import Result
 from shadowbench.scenes.model import View
-from shadowbench.scores.split import Split
+from shadowbench.scores.thresholded import ThresholdedMask
 from shadowbench.studies.tables import cells_frame
 from shadowbench.studies.times import ReferenceTime, by_one_reference
 from shadowbench.survey.survey import Needs, needs
@@ -159,8 +159,8 @@ def recommend(
 
 def least_error(truth: Truth, metric: Literal["iou", "edge_px"]) -> float:
     """About the error of one wrong pixel: errors come in whole ones, of the shadow or of its edge."""
-    split = Split(truth.visibility, truth.receivers & ~truth.undecided)
-    return 1 / max(int(np.count_nonzero(split.shadow if metric == "iou" else split.edge)), 1)
+    mask = ThresholdedMask(truth.visibility, truth.receivers & ~truth.undecided)
+    return 1 / max(int(np.count_nonzero(mask.shadow if metric == "iou" else mask.edge)), 1)
 
 
 def tried_of(spec: Spec, result: Result, target: Target, unit: Unit) -> Tried:
