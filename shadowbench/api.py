@@ -47,7 +47,7 @@ from shadowbench.scenes.views import LARGEST, chosen_view, notes_on
 from shadowbench.scores.masks import quantise
 from shadowbench.scores.metrics import score as metrics_of
 from shadowbench.studies.crossing import Techniques
-from shadowbench.studies.measured import asked_study, measure
+from shadowbench.studies.measure import measure, study_from_options
 from shadowbench.survey.survey import Needs
 from shadowbench.survey.survey import needs as surveyed
 from shadowbench.techniques.spec import Spec, parse_spec
@@ -172,7 +172,7 @@ def run(
     files = _paths(plugins)
     known = techniques_with(files)
     named = several(scenes, "scenes", "built-in names, files, and what load returns", Scene, str, Path)
-    asked = asked_study(
+    asked = study_from_options(
         known,
         [one if isinstance(one, Scene) else str(one) for one in named],
         _specs(techniques, known),

@@ -13,7 +13,7 @@ from shadowbench.measure.rows import Result
 from shadowbench.scenes.model import View
 from shadowbench.scores.thresholded import ThresholdedMask
 from shadowbench.studies.tables import cells_frame
-from shadowbench.studies.times import ReferenceTime, by_one_reference
+from shadowbench.studies.times import ReferenceTime, normalise_times
 from shadowbench.survey.survey import Needs, needs
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.spec import Spec
@@ -183,7 +183,7 @@ def tried_of(spec: Spec, result: Result, target: Target, unit: Unit) -> Tried:
 
 def in_milliseconds(tried: Sequence[Tried]) -> tuple[list[Tried], ReferenceTime]:
     """What costs ratios to the reference, each measured in a block of its own, by one time of that reference."""
-    _, reference = by_one_reference(cells_frame([one.result for one in tried if one.result is not None]))
+    _, reference = normalise_times(cells_frame([one.result for one in tried if one.result is not None]))
     assert reference is not None
     return [replace(one, cost=one.cost * reference.ms, fixed=one.fixed * reference.ms) for one in tried], reference
 

@@ -49,8 +49,8 @@ def check(
     improved, worst first, and draws the worst into DIR/check. Work (draws, primitives, bytes exactly, shader
     invocations within 2%) is compared where the renderer is the same, times as ratios to the reference.
     """
-    from shadowbench.check.checked import check as compared
-    from shadowbench.check.checked import make_baseline, values, write_pictures
+    from shadowbench.check.check import check as compared
+    from shadowbench.check.check import make_baseline, values, write_pictures
     from shadowbench.reports.words import counted
 
     found = compared(folder, baseline, tolerances=_tolerances(tolerance or ()), time=time, update=update)

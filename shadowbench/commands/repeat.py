@@ -10,7 +10,7 @@ from shadowbench.commands import console
 from shadowbench.commands.options import Json, Quiet
 
 if TYPE_CHECKING:
-    from shadowbench.check.repeat import Repeat
+    pass
 
 app = typer.Typer()
 
@@ -43,14 +43,14 @@ def repeat(
     found = compare_folders(first, second)
     if json:
         rankings = [dataclasses.asdict(ranking) | {"tau": ranking.tau} for ranking in found.rankings]
-        console.print_json({**dataclasses.asdict(found), "rankings": rankings, "holds": found.holds})
+        console.print_json({**dataclasses.asdict(found), "rankings": rankings, "holds": found.agrees})
     else:
         _print(found, quiet)
-    raise typer.Exit(0 if found.holds else 1)
+    raise typer.Exit(0 if found.agrees else 1)
 
 
-def _print(found: "Repeat", quiet: bool) -> None:
-    from shadowbench.check.repeat import APART, ENOUGH
+def _print(found: "RepeatResult", quiet: bool) -> None:
+    from shadowbench.check.repeat import LEAST_RATIO, LEAST_TAU
 
     block, numbers = "scene, view, light, phase", ("cells", "pairs", "swapped", "τ", "τ of all pairs")
     rows = []
@@ -62,9 +62,9 @@ def _print(found: "Repeat", quiet: bool) -> None:
         console.say(f"  work differs: {name}")
     if quiet:
         return
-    apart = f"{100 * (APART - 1):.0f}%"
+    apart = f"{100 * (LEAST_RATIO - 1):.0f}%"
     console.say(
         f"τ: Kendall's, over the pairs that differ by more than {apart} in both runs and whose ratios' IQRs do not "
-        f"overlap; {ENOUGH} or more in every line {'holds' if found.ranked_alike else 'does not hold'}"
+        f"overlap; {LEAST_TAU} or more in every line {'holds' if found.rankings_agree else 'does not hold'}"
     )
     console.out().print(f"work: {found.counted - len(found.unequal)} of {found.counted} cells did exactly the same")

@@ -99,8 +99,8 @@ def refusals(section: Section) -> list[tuple[str, str]]:
         whys = []
         if one.row.cells and one.error is None:
             whys.append("no IoU: neither the truth nor the mask has a shadow")
-        for status, count in Counter(one.row.refused).items():
-            total = one.row.cells + len(one.row.refused)
+        for status, count in Counter(one.row.unsuccessful).items():
+            total = one.row.cells + len(one.row.unsuccessful)
             whys.append(f"{count} of {total} cells {status}" if total > 1 else status)
         for why in whys:
             sizes = found.setdefault((one.spec, why), [])
@@ -216,8 +216,8 @@ def range_text(one: OperatingRange) -> str:
     """A range as `stress` prints it, the count of values that hold, and what is refused."""
     if one.share is None or (one.share == 1 and not one.axis.ordered):
         return one.plain
-    refused = f"; {_refused(one)} unsupported" if one.unsupported else ""
-    return f"{one.plain} ({len(one.held)} of {one.measured}{refused})"
+    unsuccessful = f"; {_refused(one)} unsupported" if one.unsupported else ""
+    return f"{one.plain} ({len(one.held)} of {one.measured}{unsuccessful})"
 
 
 def range_facts(one: OperatingRange, light: str) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""What there is to measure, with and by: techniques, scenes, metrics, studies."""
+"""Catalogue of techniques, scenes, metrics and studies, as printed by `list`."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -17,10 +17,10 @@ Entry = dict[str, Any]
 
 
 def catalogue(plugins: Sequence[Path] = (), what: str = "", name: str = "") -> dict[str, list[Entry]]:
-    """By kind (techniques, scenes, metrics, studies) an entry for each: its name and what is to be said of it.
+    """Entries by kind: techniques, scenes, metrics, studies. Each has a name and a description.
 
-    plugins: Python files that add techniques; what: one kind alone; name: one entry alone. Raises InputError for a name
-    that there is not.
+    plugins: Python files that add techniques; what: restrict to one kind; name: restrict to one entry. Raises
+    InputError for an unknown kind or name.
     """
     makers: dict[str, Callable[[], list[Entry]]] = {
         "techniques": lambda: _techniques(techniques_with(plugins)),
@@ -58,7 +58,7 @@ def _techniques(known: Techniques) -> list[Entry]:
 
 
 def _parameters(model: type[TechniqueParams] | type[Row]) -> list[Entry]:
-    """Name, default, help and values of every field; a row's field lists its rows, each with its own parameters."""
+    """Name, default, allowed values and help of every field; a field of rows lists them with their own parameters."""
     found = []
     for name, info in model.model_fields.items():
         entry: Entry = {
