@@ -10,7 +10,7 @@ from shadowbench.commands import console
 from shadowbench.commands.options import Json, Quiet
 
 if TYPE_CHECKING:
-    pass
+    from shadowbench.check.repeat import RepeatResult
 
 app = typer.Typer()
 

@@ -13,6 +13,7 @@ from shadowbench.errors import InputError
 
 if TYPE_CHECKING:
     from shadowbench.studies.folder import Run
+    from shadowbench.studies.measure import StudyResult
     from shadowbench.studies.sweeps import Curve
     from shadowbench.studies.tables import Slope, SummaryRow
 
@@ -206,11 +207,8 @@ def _print_scene(title: str, rows: "list[SummaryRow]", fits: "list[Slope]", note
         console.out().print(title, markup=False)
     for row in rows:
         for status, count in Counter(row.unsuccessful).items():
-            share = (
-                f"{count} of {row.cells + len(row.unsuccessful)} cells "
-                if row.cells + len(row.unsuccessful) > 1
-                else ""
-            )
+            total = row.cells + len(row.unsuccessful)
+            share = f"{count} of {total} cells " if total > 1 else ""
             console.say(f"  {row.spec} {row.map_size or ''}: {share}{status}")
     for fit in fits:
         sizes = f"{fit.sizes[0]} to {fit.sizes[-1]}"

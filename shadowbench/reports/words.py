@@ -216,8 +216,8 @@ def range_text(one: OperatingRange) -> str:
     """A range as `stress` prints it, the count of values that hold, and what is refused."""
     if one.share is None or (one.share == 1 and not one.axis.ordered):
         return one.plain
-    unsuccessful = f"; {_refused(one)} unsupported" if one.unsupported else ""
-    return f"{one.plain} ({len(one.held)} of {one.measured}{unsuccessful})"
+    refused = f"; {_refused(one)} unsupported" if one.unsupported else ""
+    return f"{one.plain} ({len(one.held)} of {one.measured}{refused})"
 
 
 def range_facts(one: OperatingRange, light: str) -> dict[str, str]:
