@@ -32,8 +32,8 @@ from shadowbench.arguments import lit_share, number, of_kind, several, whole
 from shadowbench.errors import InputError as InputError
 from shadowbench.errors import ShadowbenchError as ShadowbenchError
 from shadowbench.extremes.ranges import ranges_frame
-from shadowbench.extremes.stressed import LIMITS, chosen_axes
-from shadowbench.extremes.stressed import stress as walked
+from shadowbench.extremes.stress import LIMITS, chosen_axes
+from shadowbench.extremes.stress import stress as sweep
 from shadowbench.extremes.sweep import default_specs
 from shadowbench.measure import single
 from shadowbench.measure.executor import Limits
@@ -242,7 +242,7 @@ def stress(
     known = techniques_with(files)
     specs = _specs(techniques, known) or default_specs(known.values())
     with _folder(folder) as path:
-        found = walked(specs, chosen, path, _worker(files, LIMITS), _Logged(), quick=quick)
+        found = sweep(specs, chosen, path, _worker(files, LIMITS), _Logged(), quick=quick)
     return ranges_frame(found.ranges)
 
 

@@ -46,8 +46,8 @@ def stress(
     or an OpenGL error, 3 for a crash or hang; breaking points are no failure.
     """
     from shadowbench.extremes.ranges import ranges_frame
-    from shadowbench.extremes.stressed import LIMITS, chosen_axes
-    from shadowbench.extremes.stressed import stress as walk
+    from shadowbench.extremes.stress import LIMITS, chosen_axes
+    from shadowbench.extremes.stress import stress as walk
     from shadowbench.extremes.sweep import default_specs
     from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.measure.worker import Worker
@@ -75,7 +75,7 @@ def _print(title: str, ranges: "Sequence[OperatingRange]") -> None:
     """A line an axis, a column a kind of light; one line in all for what never holds."""
     from shadowbench.extremes.axes.model import NAMES
 
-    if not any(one.held for one in ranges):
+    if not any(one.in_tolerance for one in ranges):
         if ranges:
             console.say(f"{title}: breaks at home on every axis")
         return
