@@ -26,8 +26,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from shadowbench.advice.recommend import Recommendation
-from shadowbench.advice.recommended import recommended, target_of
+from shadowbench.advice.recommend import recommend as measure_recommendation
+from shadowbench.advice.recommend import target_of
+from shadowbench.advice.recommendation import Recommendation
 from shadowbench.arguments import lit_share, number, of_kind, several, whole
 from shadowbench.errors import InputError as InputError
 from shadowbench.errors import ShadowbenchError as ShadowbenchError
@@ -221,7 +222,9 @@ def recommend(
     files = _paths(plugins)
     chosen, known = _view(scene, view_size, view, light), techniques_with(files)
     with _folder(folder) as path:
-        found, _ = recommended(chosen, target, known, path, _worker(files), _Logged(), on_this_machine=on_this_machine)
+        found, _ = measure_recommendation(
+            chosen, target, known, path, _worker(files), _Logged(), on_this_machine=on_this_machine
+        )
     return found
 
 

@@ -12,9 +12,9 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from shadowbench.advice.recommend import MARGINS, Target, recommend, tried_of
-from shadowbench.advice.search import Tried
-from shadowbench.advice.space import grid_of, whole_space
+from shadowbench.advice.recommendation import MARGINS, Target, find_cheapest, trial_of
+from shadowbench.advice.search import Trial
+from shadowbench.advice.space import full_space, grid_of
 from shadowbench.measure.cells import Block, Cell
 from shadowbench.measure.measurer import Measurer
 from shadowbench.measure.pictures import Pictures
@@ -85,8 +85,8 @@ class Line:
     """One scene and target: the choice, the true cheapest (None: nothing meets it), specs measured and in all."""
 
     scene: str
-    choice: Tried | None
-    cheapest: Tried | None
+    choice: Trial | None
+    cheapest: Trial | None
     measured: int
     whole: int
 
@@ -100,7 +100,7 @@ class Line:
     @property
     def holds(self) -> bool:
         """Whether it is cheap enough, and was found with few enough measurements."""
-        return self.ratio <= DEARER and self.measured <= SHARE * self.whole
+        return self.ratio <= DEARER and self.measured <= SHARE * self.space_size
 
 
 class _Silent:
@@ -145,16 +145,16 @@ def check(
     view = chosen_view(scene, size)
     truth = cached_truth(view)
     largest = worker.info.max_map_size
-    space = whole_space(known, view.light.kind, largest)
+    space = full_space(known, view.light.kind, largest)
     with closing(RowStore(folder)) as store:
         measurer = Measurer(worker, store, Conditions(), _Silent(), Pictures(folder))
         results = measurer.measure(Block(view, tuple(map(Cell, space))))
     rows: dict[Spec, Result] = dict(zip(space, results, strict=True))
     lines = {}
     for target in TARGETS:
-        held = [tried_of(spec, row, target, "work") for spec, row in rows.items() if row.status == "ok"]
+        held = [trial_of(spec, row, target, "work") for spec, row in rows.items() if row.status == "ok"]
         met = [one for one in held if one.error <= target.limit]
-        found = recommend(view, truth, target, "work", known, largest, rows.__getitem__)
+        found = find_cheapest(view, truth, target, "work", known, largest, rows.__getitem__)
         cheapest = min(met, key=lambda one: (one.cost, one.bytes, one.error), default=None)
         lines[target] = Line(view.scene.name, found.choice, cheapest, found.measured, len(space))
     return lines
@@ -193,15 +193,15 @@ def _row(line: Line) -> str:
         f"{line.ratio:.2f}" if line.ratio <= DEARER else f"**{line.ratio:.2f}**",
         _name(other) if other else "",
         str(line.measured),
-        str(line.whole),
-        f"{line.measured / line.whole:.1%}"
-        if line.measured <= SHARE * line.whole
-        else f"**{line.measured / line.whole:.1%}**",
+        str(line.space_size),
+        f"{line.measured / line.space_size:.1%}"
+        if line.measured <= SHARE * line.space_size
+        else f"**{line.measured / line.space_size:.1%}**",
     )
     return f"| {' | '.join(cells)} |"
 
 
-def _name(one: Tried | None) -> str:
+def _name(one: Trial | None) -> str:
     if one is None:
         return "none"
     size = f" at {one.spec.map_size}" if one.spec.map_size else ""
@@ -210,12 +210,12 @@ def _name(one: Tried | None) -> str:
 
 def _text(line: Line) -> str:
     other = f" | {_name(line.cheapest)}" if line.ratio > 1 else ""
-    return f"{line.ratio:.3f} {line.measured}/{line.whole} {_name(line.choice)}{other}"
+    return f"{line.ratio:.3f} {line.measured}/{line.space_size} {_name(line.choice)}{other}"
 
 
 def _summary(target: Target, found: Sequence[Line]) -> str:
     cheap = sum(line.ratio <= DEARER for line in found)
-    shares = [line.measured / line.whole for line in found]
+    shares = [line.measured / line.space_size for line in found]
     return (
         f"{target}: within {DEARER:g} × the cheapest on {cheap} of {len(found)} scenes; measured {max(shares):.1%} of "
         f"the space at most, {sum(shares) / len(shares):.1%} in the mean"

@@ -10,7 +10,7 @@ from shadowbench.commands import console
 from shadowbench.commands.options import SCENE, SPEC, Assets, Json, Plugins, Quiet, Up, ViewSize, listed, map_sizes
 
 if TYPE_CHECKING:
-    from shadowbench.advice.tune_beside import Entry, Tuning
+    from shadowbench.advice.tune_comparison import Entry, TuningComparison
 
 app = typer.Typer()
 
@@ -64,7 +64,7 @@ def tune(
     the default and the presets on scenes held out: every camera and light of a scene takes part. Stopped at any point,
     the same command goes on where it was.
     """
-    from shadowbench.advice.tuned import tuned, values
+    from shadowbench.advice.tune import tune_parameters, values
     from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.measure.worker import Worker
     from shadowbench.reports.words import counted
@@ -72,7 +72,7 @@ def tune(
 
     known = techniques_with(plugin or ())
     with console.Reporter(quiet) as reporter, Worker(plugin or ()) as worker:
-        found = tuned(
+        found = tune_parameters(
             parse_spec(technique, known),
             output,
             worker,
@@ -100,8 +100,8 @@ def tune(
     raise typer.Exit(3 if failed else 0)
 
 
-def _print(found: "Tuning") -> None:
-    from shadowbench.advice.tuned import verdict
+def _print(found: "TuningComparison") -> None:
+    from shadowbench.advice.tune import verdict
     from shadowbench.reports.words import counted
 
     held_out = found.split.held_out

@@ -96,7 +96,7 @@ class OperatingRange:
 
     @property
     def share(self) -> float | None:
-        """Share of the measured values that is in `in_tolerance`, in [0, 1]; None if none was measured."""
+        """Share of the measured values that are in tolerance, in [0, 1]; None if none was measured."""
         return len(self.in_tolerance) / self.measured if self.in_tolerance or self.breaks else None
 
     @property
