@@ -81,5 +81,5 @@ def _write_pictures(accuracy: Accuracy, folder: Path, key: str) -> None:
     write_mask(folder / "truth" / f"{view.name}.png", truth.visibility)
     write_mask(folder / "truth" / f"{view.name}.undecided.png", truth.undecided.astype(np.float32))
     if accuracy.external.picture is not None:
-        with replace_file(folder / "pictures" / f"{key}.png") as beside:
-            shutil.copyfile(accuracy.external.picture, beside)
+        with replace_file(folder / "pictures" / f"{key}.png") as extra_files:
+            shutil.copyfile(accuracy.external.picture, extra_files)

@@ -44,7 +44,7 @@ def _sources(technique: type[Technique]) -> str:
     lineage = [one for one in (*technique.__mro__, *technique.Params.__mro__) if not _is_library_class(one)]
     files = dict.fromkeys(source_file(one) for one in lineage)
     around = dict.fromkeys(other for file in files for other in _plugin_sources(file))
-    return code_digest(*_MEASURING, *files, *around, beside=_shaders(lineage))
+    return code_digest(*_MEASURING, *files, *around, extra_files=_shaders(lineage))
 
 
 def _is_library_class(one: type) -> bool:
@@ -63,8 +63,8 @@ def _plugin_sources(file: Path) -> list[Path]:
     if file.is_relative_to(PACKAGE):
         return []
     if not (folder / "__init__.py").exists():
-        beside = [other for pattern in ("*", "*/*") for other in sorted(folder.glob(pattern))]
-        return [other for other in beside if other.suffix in SOURCES - {".py"}]
+        nearby = [other for pattern in ("*", "*/*") for other in sorted(folder.glob(pattern))]
+        return [other for other in nearby if other.suffix in SOURCES - {".py"}]
     while (folder.parent / "__init__.py").exists():  # the outermost package: imports may reach all of it
         folder = folder.parent
     return files_in(folder)
