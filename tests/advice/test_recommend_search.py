@@ -59,10 +59,10 @@ class Model:
 
     def measure(self, spec: Spec) -> Trial:
         self.asked.append(spec)
-        return self.trials(spec)
+        return self.trial(spec)
 
 
-def searched_parameters(model: Model, limit: float, space: list[Spec], start: float = 1024) -> Trial | None:
+def search_for(model: Model, limit: float, space: list[Spec], start: float = 1024) -> Trial | None:
     return Search(space, limit, PIXELS, lambda spec: start, model.measure, MARGINS).run()
 
 
@@ -80,8 +80,8 @@ def test_where_errors_are_smooth_the_cheapest_is_found_with_a_fifth_of_the_measu
     sharpness: float, spread: float, slope: float, vertices: float, volume: float, limit: float, start: float
 ) -> None:
     model, space = Model(sharpness, spread, slope, vertices, volume), sun_space()
-    best = searched_parameters(model, limit, space, start)
-    met = [one for one in map(model.trials, space) if one.error <= limit]
+    best = search_for(model, limit, space, start)
+    met = [one for one in map(model.trial, space) if one.error <= limit]
     assert best is not None and best.cost <= 1.15 * min(one.cost for one in met)
     assert len(model.asked) == len(set(model.asked))
     assert len(model.asked) <= 0.2 * len(full_space(KNOWN, "directional", 16384))
@@ -90,14 +90,14 @@ def test_where_errors_are_smooth_the_cheapest_is_found_with_a_fifth_of_the_measu
 def test_nothing_is_chosen_where_nothing_meets_the_target() -> None:
     space = [spec for spec in sun_space() if point_of(spec).size is not None]
     model = Model(sharpness=100, spread=1, slope=1, vertices=0, volume=3)
-    assert searched_parameters(model, 1e-5, space) is None
+    assert search_for(model, 1e-5, space) is None
     model = Model(sharpness=1e-9, spread=1, slope=1, vertices=0, volume=3)
-    assert searched_parameters(model, 1e-5, space) is not None
+    assert search_for(model, 1e-5, space) is not None
 
 
 def test_no_map_is_drawn_where_something_costs_less_than_reading_one() -> None:
     model = Model(sharpness=1, spread=1, slope=1, vertices=0, volume=1.5)
-    best = searched_parameters(model, 0.1, sun_space())
+    best = search_for(model, 0.1, sun_space())
     assert best is not None and best.spec.technique.name == "shadow-volume"
     assert all(point_of(spec).size is None for spec in model.asked)
 
@@ -124,12 +124,12 @@ def test_a_target_without_any_error_is_searched_for_among_maps(limit: float) -> 
 
     class Counted(Model):
         def trial(self, spec: Spec) -> Trial:
-            one = super().trials(spec)
+            one = super().trial(spec)
             return dataclasses.replace(one, error=round(one.error / pixel) * pixel)
 
     model, space = Counted(sharpness=0.2, spread=1, slope=1, vertices=0, volume=300), sun_space()
     best = Search(space, limit, PIXELS, lambda spec: 256, model.measure, MARGINS, least=pixel).run()
-    met = [one for one in map(model.trials, space) if one.error == 0]
+    met = [one for one in map(model.trial, space) if one.error == 0]
     assert best is not None and best.error == 0 and best.spec.map_size is not None
     assert best.cost <= 1.15 * min(one.cost for one in met)
     assert len(model.asked) <= 0.2 * len(full_space(KNOWN, "directional", 16384))
@@ -157,13 +157,13 @@ def test_an_error_without_a_number_says_nothing_of_larger_maps_and_all_of_smalle
 
     class Coarse(Model):
         def trial(self, spec: Spec) -> Trial:
-            one = super().trials(spec)
+            one = super().trial(spec)
             coarse = (spec.map_size or 0) < 1024
             return dataclasses.replace(one, error=math.inf if coarse else one.error)
 
     model, space = Coarse(sharpness=10, spread=0, slope=1, vertices=0, volume=300), sun_space()
-    best = searched_parameters(model, 0.02, space, start=300)
-    met = [one for one in map(model.trials, space) if one.error <= 0.02]
+    best = search_for(model, 0.02, space, start=300)
+    met = [one for one in map(model.trial, space) if one.error <= 0.02]
     assert best is not None and best.cost == min(one.cost for one in met)
 
 
@@ -266,7 +266,7 @@ def test_needs_leave_one_depth_format(street: Needs) -> None:
 def test_projection_is_left_out_only_where_planes_cannot_hold_the_shadow(street: Needs) -> None:
     space = full_space(KNOWN, "directional", 16384)
 
-    def trial(planar: float, shadowed: float, least: float | None, planes: int = 3) -> bool:
+    def is_tried(planar: float, shadowed: float, least: float | None, planes: int = 3) -> bool:
         seen = street.receivers
         seen = dataclasses.replace(
             seen,
@@ -277,10 +277,10 @@ def test_projection_is_left_out_only_where_planes_cannot_hold_the_shadow(street:
         left, _ = prune(space, dataclasses.replace(street, receivers=seen), least, by_work=True)
         return any(spec.technique.name == "planar-projection" for spec in left)
 
-    assert trial(planar=0.5, shadowed=0.4, least=0.95)  # all of the shadow may lie on the planes
-    assert not trial(planar=0.5, shadowed=0.9, least=0.95)
-    assert trial(planar=0.5, shadowed=0.9, least=None)
-    assert not trial(planar=0.5, shadowed=0.1, least=None, planes=0)
+    assert is_tried(planar=0.5, shadowed=0.4, least=0.95)  # all of the shadow may lie on the planes
+    assert not is_tried(planar=0.5, shadowed=0.9, least=0.95)
+    assert is_tried(planar=0.5, shadowed=0.9, least=None)
+    assert not is_tried(planar=0.5, shadowed=0.1, least=None, planes=0)
 
 
 def test_by_work_no_volume_draws_depth_besides(street: Needs) -> None:
