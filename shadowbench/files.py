@@ -85,6 +85,6 @@ def png_of(image: "NDArray[np.uint8]") -> bytes:
     """PNG bytes of a (H, W, 3) sRGB or (H, W) grey uint8 image."""
     from PIL import Image
 
-    held = io.BytesIO()
-    Image.fromarray(image).save(held, format="PNG")
-    return held.getvalue()
+    stream = io.BytesIO()
+    Image.fromarray(image).save(stream, format="PNG")
+    return stream.getvalue()

@@ -129,8 +129,8 @@ def _message(complaint: ErrorDetails) -> str:
     if complaint["type"] != "value_error":
         return f"found {found}; allowed: {_allowed(complaint)}"
     message = complaint["msg"].removeprefix("Value error, ")  # our own message, which may include what was found
-    told = "found" in message or found in message or not isinstance(complaint["input"], str | int | float)
-    return message if told else f"{message} (found {found})"
+    complete = "found" in message or found in message or not isinstance(complaint["input"], str | int | float)
+    return message if complete else f"{message} (found {found})"
 
 
 def _allowed(complaint: ErrorDetails) -> str:

@@ -99,7 +99,7 @@ class Line:
         return self.choice.cost / self.cheapest.cost
 
     @property
-    def holds(self) -> bool:
+    def passes(self) -> bool:
         """Whether the choice is cheap enough and was found with few enough measurements."""
         return self.ratio <= DEARER and self.measured <= SHARE * self.space_size
 
@@ -136,7 +136,7 @@ def main() -> None:
         print(_summary(target, found))
     if options.docs:
         options.docs.write_text(page(lines, options.view_size), encoding="utf-8")
-    sys.exit(0 if all(line.holds for found in lines.values() for line in found) else 1)
+    sys.exit(0 if all(line.passes for found in lines.values() for line in found) else 1)
 
 
 def check(

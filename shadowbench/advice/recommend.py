@@ -81,7 +81,7 @@ def recommend(
             return results[-1]
 
         found = find_cheapest(view, truth, target, unit, known, info.max_map_size, measure)
-    write_run_file(folder / "run.json", info, view.scene.notes, study.facts, [one.score for one in results])
+    write_run_file(folder / "run.json", info, view.scene.notes, study.facts, [result.score for result in results])
     if results:
         write_cells(folder, results, {})
     return found, info
@@ -113,13 +113,15 @@ def export_choice(found: Recommendation, folder: Path, executor: Executor) -> No
         "scene": found.view.scene.name,
         "target": str(found.target),
         "metre": found.view.scene.placement.length(1.0),  # length of 1 m in the shaders' units
-        "uniforms": {one.name: {name: _parameter(value) for name, value in one.uniforms.items()} for one in shaders},
+        "uniforms": {
+            shader.name: {name: _parameter(value) for name, value in shader.uniforms.items()} for shader in shaders
+        },
     }
-    for one in shaders:
-        with replace_file(folder / one.name) as beside:
-            beside.write_text(one.text, encoding="utf-8")
-    with replace_file(folder / "parameters.json") as beside:
-        beside.write_text(json.dumps(parameters, indent=2) + "\n", encoding="utf-8")
+    for shader in shaders:
+        with replace_file(folder / shader.name) as temporary:
+            temporary.write_text(shader.text, encoding="utf-8")
+    with replace_file(folder / "parameters.json") as temporary:
+        temporary.write_text(json.dumps(parameters, indent=2) + "\n", encoding="utf-8")
 
 
 def _parameter(value: Any) -> Any:
@@ -143,20 +145,22 @@ def values(found: Recommendation, info: DeviceInfo) -> dict[str, Any]:
         "choice": _values(found.choice),
         "closest": _values(found.closest),
         "in_the_way": obstacles(found) if found.closest else [],
-        "runners_up": [_values(one) for one in found.runners_up],
+        "runners_up": [_values(trial) for trial in found.runners_up],
         "relaxed": _values(found.cheaper),
         "tightened": _values(found.better),
         "measured": found.measured,
         "space": found.space_size,
-        "evidence": [_values(one) for one in found.trials],
+        "evidence": [_values(trial) for trial in found.trials],
         "refused": dict(found.unsuccessful),
-        "excluded": [{"what": one.what, "why": one.why, "specs": one.specs} for one in found.excluded],
+        "excluded": [
+            {"what": exclusion.what, "why": exclusion.why, "specs": exclusion.specs} for exclusion in found.excluded
+        ],
     }
 
 
-def _values(one: Trial | None) -> Mapping[str, Any] | None:
-    if one is None or one.result is None:
+def _values(trial: Trial | None) -> Mapping[str, Any] | None:
+    if trial is None or trial.result is None:
         return None
-    row = one.result.score
-    values = {"spec": one.spec.text, "cost": one.cost, "gpu_bytes": one.bytes, "key": row["key"]}
+    row = trial.result.score
+    values = {"spec": trial.spec.text, "cost": trial.cost, "gpu_bytes": trial.bytes, "key": row["key"]}
     return values | {"metrics": row["metrics"]}

@@ -147,7 +147,7 @@ def find_cheapest(
         choice=best,
         closest=None if best else closest(trials, target),
         runners_up=runners_up(trials, best, target),
-        trials=tuple(sorted(trials, key=lambda one: (one.cost, one.bytes, one.error))),
+        trials=tuple(sorted(trials, key=lambda trial: (trial.cost, trial.bytes, trial.error))),
         unsuccessful=unsuccessful,
         excluded=tuple(out),
         space_size=len(space),
@@ -182,11 +182,13 @@ def trial_of(spec: Spec, result: Result, target: Target, unit: Unit) -> Trial:
     return Trial(spec, cost, fixed, int(row["gpu_bytes"]), target.error(row["metrics"]), result)
 
 
-def to_milliseconds(tried: Sequence[Trial]) -> tuple[list[Trial], ReferenceTime]:
+def to_milliseconds(trials: Sequence[Trial]) -> tuple[list[Trial], ReferenceTime]:
     """Trials with costs in milliseconds in place of ratios, by one time of their reference, which is returned too."""
-    _, reference = normalise_times(cells_frame([one.result for one in tried if one.result is not None]))
+    _, reference = normalise_times(cells_frame([trial.result for trial in trials if trial.result is not None]))
     assert reference is not None
-    return [replace(one, cost=one.cost * reference.ms, fixed=one.fixed * reference.ms) for one in tried], reference
+    return [
+        replace(trial, cost=trial.cost * reference.ms, fixed=trial.fixed * reference.ms) for trial in trials
+    ], reference
 
 
 def _ratio(result: Result) -> float | None:
@@ -194,33 +196,33 @@ def _ratio(result: Result) -> float | None:
     return None if ratio is None else float(ratio)
 
 
-def closest(tried: Sequence[Trial], target: Target) -> Trial | None:
+def closest(trials: Sequence[Trial], target: Target) -> Trial | None:
     """The most accurate trial within the budget; of all trials if none is."""
-    within = [one for one in tried if target.budget_ms is None or one.cost <= target.budget_ms]
-    return min(within or tried, key=lambda one: (one.error, one.cost, one.bytes), default=None)
+    within = [trial for trial in trials if target.budget_ms is None or trial.cost <= target.budget_ms]
+    return min(within or trials, key=lambda trial: (trial.error, trial.cost, trial.bytes), default=None)
 
 
-def runners_up(tried: Sequence[Trial], best: Trial | None, target: Target) -> tuple[Trial, ...]:
+def runners_up(trials: Sequence[Trial], best: Trial | None, target: Target) -> tuple[Trial, ...]:
     """For each technique, its cheapest other trial that meets the target, else its most accurate one."""
     found = []
-    for name in dict.fromkeys(one.spec.technique.name for one in tried):
-        mine = [one for one in tried if one.spec.technique.name == name and one is not best]
-        met = [one for one in mine if one.error <= target.limit]
+    for name in dict.fromkeys(trial.spec.technique.name for trial in trials):
+        mine = [trial for trial in trials if trial.spec.technique.name == name and trial is not best]
+        met = [trial for trial in mine if trial.error <= target.limit]
         if met:
-            found.append(min(met, key=lambda one: (one.cost, one.bytes, one.error)))
+            found.append(min(met, key=lambda trial: (trial.cost, trial.bytes, trial.error)))
         elif mine:
-            found.append(min(mine, key=lambda one: (one.error, one.cost)))
-    return tuple(sorted(found, key=lambda one: (one.error > target.limit, one.cost)))
+            found.append(min(mine, key=lambda trial: (trial.error, trial.cost)))
+    return tuple(sorted(found, key=lambda trial: (trial.error > target.limit, trial.cost)))
 
 
-def _cheaper(tried: Sequence[Trial], best: Trial | None) -> Trial | None:
+def _cheaper(trials: Sequence[Trial], best: Trial | None) -> Trial | None:
     """The most accurate trial that saves a tenth of the choice's cost or more."""
-    cheaper = [one for one in tried if best is not None and one.cost <= SAVED * best.cost]
-    less = [one for one in cheaper if math.isfinite(one.error)]  # a target cannot be relaxed to an infinite error
-    return min(less, key=lambda one: (one.error, one.cost), default=None)
+    cheaper = [trial for trial in trials if best is not None and trial.cost <= SAVED * best.cost]
+    less = [trial for trial in cheaper if math.isfinite(trial.error)]  # a target cannot be relaxed to an infinite error
+    return min(less, key=lambda trial: (trial.error, trial.cost), default=None)
 
 
-def _better(tried: Sequence[Trial], best: Trial | None) -> Trial | None:
+def _better(trials: Sequence[Trial], best: Trial | None) -> Trial | None:
     """The cheapest trial with less than half of the choice's error."""
-    more = [one for one in tried if best is not None and one.error < best.error / 2]
-    return min(more, key=lambda one: (one.cost, one.error), default=None)
+    more = [trial for trial in trials if best is not None and trial.error < best.error / 2]
+    return min(more, key=lambda trial: (trial.cost, trial.error), default=None)

@@ -102,8 +102,8 @@ class Search:
     @property
     def best(self) -> Trial | None:
         """The cheapest trial so far that meets the target; of equal ones, that with fewer bytes."""
-        met = [one for one in self.trials if one.error <= self.limit]
-        return min(met, key=lambda one: (one.cost, one.bytes, one.error), default=None)
+        met = [trial for trial in self.trials if trial.error <= self.limit]
+        return min(met, key=lambda trial: (trial.cost, trial.bytes, trial.error), default=None)
 
     @property
     def cost_limit(self) -> float:
@@ -118,8 +118,8 @@ class Search:
             self._trials_of.setdefault(point.group, []).append((point, trial))
         elif point.size is not None:  # larger maps of the group would fail too
             self._left = {
-                one: other
-                for one, other in self._left.items()
+                spec: other
+                for spec, other in self._left.items()
                 if other.group != point.group or other.size is None or other.size < point.size
             }
 
@@ -137,10 +137,10 @@ class Search:
         paying = [(spec, point, cost) for spec, point in self._left.items() if (cost := self.cost(point)) < cost_limit]
         judged = [(spec, cost, *self.error(point)) for spec, point, cost in paying]
         alive = [(spec, cost, error) for spec, cost, error, margin in judged if error / margin <= within]
-        expected = [one for one in alive if one[2] <= within]
+        expected = [candidate for candidate in alive if candidate[2] <= within]
         if expected:
-            return min(expected, key=lambda one: (one[1], one[2]))[0]
-        return min(alive, key=lambda one: (one[2], one[1]))[0] if alive else None
+            return min(expected, key=lambda candidate: (candidate[1], candidate[2]))[0]
+        return min(alive, key=lambda candidate: (candidate[2], candidate[1]))[0] if alive else None
 
     def cost(self, point: SearchPoint) -> float:
         """Predicted cost of a spec; a lower bound before anything of its group was measured."""
@@ -148,7 +148,7 @@ class Search:
         reads = base * point.reads
         if point.size is None:
             return base
-        mine = {p.size: (p, one) for p, one in self._trials_of.get(point.group, []) if p.size}
+        mine = {p.size: (p, trial) for p, trial in self._trials_of.get(point.group, []) if p.size}
         if not mine:
             return base + reads
         sizes = _nearest(mine, point.size)
@@ -160,17 +160,17 @@ class Search:
         texels: float = near[1] * (point.size / near[0]) ** growth
         return base + mine[near[0]][1].fixed + texels + reads
 
-    def _texels(self, point: SearchPoint, one: Trial) -> float:
+    def _texels(self, point: SearchPoint, trial: Trial) -> float:
         """Cost of a map's texels."""
         least = self.price * self.pixels * (1 + point.reads)
-        return max(one.cost - one.fixed - least, TINY)
+        return max(trial.cost - trial.fixed - least, TINY)
 
     def error(self, point: SearchPoint) -> tuple[float, float]:
         """Predicted error of a spec, and the factor by which it may be smaller; 0 if nothing is known."""
         mine = self._trials_of.get(point.group, [])
         if not mine or point.size is None:
             return 0.0, 1.0
-        same = {p.size: one.error for p, one in mine if p.filter == point.filter and p.size}
+        same = {p.size: trial.error for p, trial in mine if p.filter == point.filter and p.size}
         if same:
             return extrapolate(same, point.size), self.margins[0]
         found = []
@@ -178,14 +178,14 @@ class Search:
             ratios = self._ratios(point.filter, other)
             ratio, margin = (statistics.geometric_mean(ratios), self.margins[0]) if ratios else (1.0, self.margins[1])
             found.append((ratio * extrapolate(line, point.size), margin))
-        return min(found, key=lambda one: one[0] / one[1])
+        return min(found, key=lambda prediction: prediction[0] / prediction[1])
 
     def _lines(self, mine: list[tuple[SearchPoint, Trial]]) -> dict[str, dict[int, float]]:
         """Errors by map size, for each filter."""
         lines: dict[str, dict[int, float]] = {}
-        for point, one in mine:
+        for point, trial in mine:
             if point.size is not None:
-                lines.setdefault(point.filter, {})[point.size] = one.error
+                lines.setdefault(point.filter, {})[point.size] = trial.error
         return lines
 
     def _ratios(self, filter: str, other: str) -> list[float]:

@@ -41,16 +41,18 @@ def specs_of(technique: type[Technique], largest: int) -> list[Spec]:
 
 def full_space(known: Mapping[str, type[Technique]], light: LightKind, largest: int) -> list[Spec]:
     """All specs that support a kind of light, as an exhaustive search would measure them."""
-    answering = [one for one in known.values() if light in one.lights and not one.no_choice]
+    answering = [technique for technique in known.values() if light in technique.lights and not technique.no_choice]
     return [spec for technique in answering for spec in specs_of(technique, largest)]
 
 
 def unavailable(known: Mapping[str, type[Technique]], light: LightKind) -> list[Exclusion]:
     """Techniques that are never in the space for this light, with the reason."""
     return [
-        Exclusion(name, one.no_choice or f"answers {' and '.join(sorted(one.lights))} light, not {light}", 0)
-        for name, one in known.items()
-        if one.no_choice or light not in one.lights
+        Exclusion(
+            name, technique.no_choice or f"supports {' and '.join(sorted(technique.lights))} light, not {light}", 0
+        )
+        for name, technique in known.items()
+        if technique.no_choice or light not in technique.lights
     ]
 
 
@@ -100,7 +102,7 @@ def _planar_rule(needs: Needs, least_iou: float | None) -> _Rule:
     if seen.planes == 0:
         why = "no receiver that is seen is a plane"
     elif least_iou is not None and most < least_iou:
-        why = f"only {seen.planar.value:.1%} of what is seen lies on planes: its IoU is below {most:.3g}"
+        why = f"only {seen.planar.value:.1%} of the visible surface lies on planes: its IoU is below {most:.3g}"
     return lambda spec: (spec.technique.name, why) if why is not None and spec.technique.only_planes else None
 
 

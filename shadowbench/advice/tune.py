@@ -74,7 +74,7 @@ def tune_parameters(
         space = SearchSpace(base, names, cells.unsupported_rows(base, names, blocks))
         found = search_parameters(space, cells, blocks, split, trials, compared_specs)
     results = tuple(cells.results.values())
-    write_run_file(folder / "run.json", info, [], study.facts, [one.score for one in results])
+    write_run_file(folder / "run.json", info, [], study.facts, [result.score for result in results])
     write_cells(folder, results, {})
     return TuningResult(found, results)
 
@@ -109,15 +109,15 @@ def verdict(found: TuningComparison) -> str:
 def values(found: TuningComparison) -> dict[str, Any]:
     """JSON object of `tune --json`."""
 
-    def entry(one: Entry) -> dict[str, Any]:
-        values = {item.name: getattr(one, item.name) for item in fields(one)}
+    def entry_values(entry: Entry) -> dict[str, Any]:
+        values = {item.name: getattr(entry, item.name) for item in fields(entry)}
         return {key: asdict(value) if isinstance(value, Interval) else value for key, value in values.items()} | {
-            "spec": one.spec.sizeless_text
+            "spec": entry.spec.sizeless_text
         }
 
     return asdict(found.split) | {
-        "front": [entry(one) for one in found.front],
-        "tuned": entry(found.tuned),
-        "others": [entry(one) for one in found.others],
+        "front": [entry_values(entry) for entry in found.front],
+        "tuned": entry_values(found.tuned),
+        "others": [entry_values(entry) for entry in found.others],
         "verdict": verdict(found),
     }

@@ -80,8 +80,8 @@ class TuningCells:
             results = iter(self.measurer.measure(replace(block, cells=together)))
             for spec, own in cells.items():
                 found = list(itertools.islice(results, len(own)))
-                rows[spec] += [one.score for one in found]
-                self.results |= {one.score["key"]: one for one in found}
+                rows[spec] += [result.score for result in found]
+                self.results |= {result.score["key"]: result for result in found}
         return rows
 
     def _cells(self, spec: Spec) -> tuple[Cell, ...]:

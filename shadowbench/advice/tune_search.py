@@ -93,9 +93,9 @@ class ParameterSearch:
             left -= len(batch)
             specs = [self._suggest(space, trial) for trial in batch]
             self._try([spec for spec in specs if spec is not None])
-            for trial, one in zip(batch, specs, strict=True):
-                if one is not None and one in self._scores_of:
-                    study.tell(trial, (self._error(one), self._cost(one))[:goals])
+            for trial, suggested in zip(batch, specs, strict=True):
+                if suggested is not None and suggested in self._scores_of:
+                    study.tell(trial, (self._error(suggested), self._cost(suggested))[:goals])
                 else:
                     _tell_failed(study, trial)
 

@@ -158,7 +158,7 @@ def span(info: FieldInfo) -> Span | None:
 
 
 def _limit(info: FieldInfo, *names: str) -> float | None:
-    limits = (getattr(one, name, None) for one in info.metadata for name in names)
+    limits = (getattr(constraint, name, None) for constraint in info.metadata for name in names)
     return next((float(limit) for limit in limits if limit is not None), None)
 
 

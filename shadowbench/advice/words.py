@@ -8,7 +8,7 @@ from shadowbench.advice.search import Trial
 _KINDS = {
     "contact": "of the shadow next to its caster is lit",
     "leak": "of the umbra is lit",
-    "acne": "of what is lit is dark",
+    "acne": "of the lit surface is dark",
 }
 
 
@@ -42,7 +42,7 @@ def _obstacles(found: Recommendation) -> Iterator[str]:
     if near is None or near.result is None:
         yield f"nothing meets {target}: no spec could be measured; {'; '.join(found.unsuccessful.values())}"
         return
-    met = [one for one in found.trials if one.error <= target.limit]
+    met = [trial for trial in found.trials if trial.error <= target.limit]
     yield f"nothing meets {target}; the closest is {_name(near)}: {target.text(near.error)}"
     if met and target.budget_ms is not None:
         yield f"in the way: the budget; {_name(met[0])} reaches {target.text(met[0].error)} in {met[0].cost:.3g} ms"
@@ -53,7 +53,7 @@ def _obstacles(found: Recommendation) -> Iterator[str]:
         worst = max(kinds, key=lambda kind: kinds[kind])
         yield f"in the way: {worst}, {kinds[worst]:.2%} {_KINDS[worst]}"
     size = (needs.texels.edge_size or needs.texels.size).value
-    largest = max((one.spec.map_size or 0 for one in found.trials), default=0)
+    largest = max((trial.spec.map_size or 0 for trial in found.trials), default=0)
     if largest and size > largest:
         yield f"in the way: one map would need a size of {size:.0f} for its edges, the largest tried is {largest}"
 
@@ -61,12 +61,12 @@ def _obstacles(found: Recommendation) -> Iterator[str]:
 def excluded_lines(found: Recommendation) -> list[str]:
     """What was not tried or failed, and why."""
     lines = []
-    for one in found.excluded:
-        count = f" ({one.specs} specs)" if one.specs > 1 else ""
-        lines.append(f"not tried: {one.what}{count}: {one.why}")
+    for exclusion in found.excluded:
+        count = f" ({exclusion.specs} specs)" if exclusion.specs > 1 else ""
+        lines.append(f"not tried: {exclusion.what}{count}: {exclusion.why}")
     return [*lines, *(f"not measured: {spec}: {status}" for spec, status in found.unsuccessful.items())]
 
 
-def _name(one: Trial) -> str:
-    size = f" at {one.spec.map_size}" if one.spec.map_size else ""
-    return one.spec.sizeless_text + size
+def _name(trial: Trial) -> str:
+    size = f" at {trial.spec.map_size}" if trial.spec.map_size else ""
+    return trial.spec.sizeless_text + size

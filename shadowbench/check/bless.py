@@ -33,9 +33,9 @@ def write_baseline(results: Sequence[Result], folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{folder}: cannot be made ({error.strerror or error})") from None
-    with replace_file(folder / "rows.jsonl") as beside:
+    with replace_file(folder / "rows.jsonl") as temporary:
         lines = (json.dumps({"schema": SCHEMA, **record}, allow_nan=False) + "\n" for record in records)
-        beside.write_text("".join(lines), encoding="utf-8")
+        temporary.write_text("".join(lines), encoding="utf-8")
 
 
 def copy_study(about: RunFile, results: Sequence[Result], folder: Path, techniques: Techniques) -> Path | None:
@@ -54,8 +54,8 @@ def copy_study(about: RunFile, results: Sequence[Result], folder: Path, techniqu
     file, kept = find_study(named[-1]), folder / "study.toml"
     if not file.is_file() or (kept.exists() and kept.samefile(file)) or not _makes(file, folder, results, techniques):
         return None
-    with replace_file(kept) as beside:
-        beside.write_bytes(file.read_bytes())
+    with replace_file(kept) as temporary:
+        temporary.write_bytes(file.read_bytes())
     return file
 
 

@@ -25,5 +25,5 @@ def difference_picture(comparison: Comparison) -> NDArray[np.uint8]:
 
 def write_difference(file: Path, picture: NDArray[np.uint8]) -> None:
     """Write a (N, N, 3) sRGB picture as PNG. Raises InputError if the folder cannot be written."""
-    with replace_file(file) as beside:
-        Image.fromarray(picture).save(beside, format="PNG", optimize=True)
+    with replace_file(file) as temporary:
+        Image.fromarray(picture).save(temporary, format="PNG", optimize=True)

@@ -71,4 +71,4 @@ def _misfit(
 ) -> float:
     truth, weight = area if shift is None else shifted(area, shift), valid.astype(np.float32)
     blurred = (smooth(truth, weight, blur) if blur else truth for blur in _BLURS)
-    return min(float(np.abs(values[soft] - one[soft]).mean(dtype=np.float64)) for one in blurred)
+    return min(float(np.abs(values[soft] - image[soft]).mean(dtype=np.float64)) for image in blurred)

@@ -31,11 +31,11 @@ def export_view(view: View, truth: Truth, folder: Path, scene_name: str) -> list
     except OSError as error:
         raise InputError(f"{folder}: cannot be made ({error.strerror or error})") from None
     model, description, example = (folder / name for name in (MODEL, DESCRIPTION, EXAMPLE))
-    with replace_file(model) as beside:
-        beside.write_bytes(glb_of(view))
-    with replace_file(description) as beside:
+    with replace_file(model) as temporary:
+        temporary.write_bytes(glb_of(view))
+    with replace_file(description) as temporary:
         text = json.dumps(describe(view, scene_name), indent=2, ensure_ascii=False, allow_nan=False)
-        beside.write_text(_ROW.sub(lambda row: " ".join(row[0].split()), text) + "\n", encoding="utf-8")
+        temporary.write_text(_ROW.sub(lambda row: " ".join(row[0].split()), text) + "\n", encoding="utf-8")
     write_mask(example, truth.visibility)
     return [model, description, example]
 

@@ -119,8 +119,8 @@ class OperatingRange:
         """The range, such as `0.1…89.9°`, or where and why it breaks."""
         if self.breaks:
             alike: dict[str, list[str]] = {}
-            for one in self.breaks:
-                alike.setdefault(str(one.failure), []).append(value_text(self.axis, one.value))
+            for broken in self.breaks:
+                alike.setdefault(str(broken.failure), []).append(value_text(self.axis, broken.value))
             return "; ".join(f"breaks at {', '.join(values)}: {how}" for how, values in alike.items())
         if not self.in_tolerance:
             return "unsupported"
@@ -153,8 +153,8 @@ def operating_range(axis: Axis, rows: Sequence[Record]) -> OperatingRange:
         failed = [value for value in broken if value not in refused]
     else:
         in_tolerance = tuple(value for value in values if value not in failed and value not in refused)
-    breaks = tuple(Break(value, one) for value in failed if (one := failures[value]) is not None)
-    kinds = dict.fromkeys(one.kind for one in failures.values() if one is not None)
+    breaks = tuple(Break(value, reason) for value in failed if (reason := failures[value]) is not None)
+    kinds = dict.fromkeys(reason.kind for reason in failures.values() if reason is not None)
     light = str(first["light_kind"])
     return OperatingRange(
         first["technique"], first["home_spec"], axis, light, in_tolerance, breaks, refused, tuple(kinds), tuple(values)
@@ -182,34 +182,34 @@ def operating_ranges(axes: Iterable[Axis], rows: Iterable[Record]) -> list[Opera
     known = {axis.name: axis for axis in axes}
     order = list(known)
     ranges = [operating_range(known[name], group) for (name, _, _), group in groups.items() if name in known]
-    return sorted(ranges, key=lambda one: order.index(one.axis.name))
+    return sorted(ranges, key=lambda found: order.index(found.axis.name))
 
 
 def ranges_frame(ranges: Sequence[OperatingRange]) -> pd.DataFrame:
     """Contents of `ranges.csv`: one line per technique, light and axis."""
-    return pd.DataFrame([_line(one) for one in ranges])
+    return pd.DataFrame([_line(found) for found in ranges])
 
 
-def _line(one: OperatingRange) -> dict[str, Any]:
+def _line(found: OperatingRange) -> dict[str, Any]:
     ends = (
-        [value_label(value) for value in (one.in_tolerance[0], one.in_tolerance[-1])]
-        if one.in_tolerance and one.axis.ordered
+        [value_label(value) for value in (found.in_tolerance[0], found.in_tolerance[-1])]
+        if found.in_tolerance and found.axis.ordered
         else [None, None]
     )
     return {
-        "technique": one.technique,
-        "spec": one.spec,
-        "light": one.light,
-        "axis": one.axis.name,
-        "unit": one.axis.unit or None,
-        "home": value_label(one.axis.default),
+        "technique": found.technique,
+        "spec": found.spec,
+        "light": found.light,
+        "axis": found.axis.name,
+        "unit": found.axis.unit or None,
+        "home": value_label(found.axis.default),
         "holds_from": ends[0],
         "holds_to": ends[1],
-        "breaks_at": "; ".join(value_label(broken.value) for broken in one.breaks) or None,
-        "failure": "; ".join(str(broken.failure) for broken in one.breaks) or None,
-        "unsupported": "; ".join(value_label(value) for value in one.unsupported) or None,
-        "kinds": "; ".join(one.worst) or None,
-        "range": one.text,
+        "breaks_at": "; ".join(value_label(broken.value) for broken in found.breaks) or None,
+        "failure": "; ".join(str(broken.failure) for broken in found.breaks) or None,
+        "unsupported": "; ".join(value_label(value) for value in found.unsupported) or None,
+        "kinds": "; ".join(found.worst) or None,
+        "range": found.text,
     }
 
 

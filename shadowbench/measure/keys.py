@@ -41,14 +41,14 @@ def cell_key(cell: Cell, view: str, coordinates: Coordinates, renderer: str) -> 
 
 @cache
 def _sources(technique: type[Technique]) -> str:
-    lineage = [one for one in (*technique.__mro__, *technique.Params.__mro__) if not _is_library_class(one)]
-    files = dict.fromkeys(source_file(one) for one in lineage)
+    lineage = [cls for cls in (*technique.__mro__, *technique.Params.__mro__) if not _is_library_class(cls)]
+    files = dict.fromkeys(source_file(cls) for cls in lineage)
     around = dict.fromkeys(other for file in files for other in _plugin_sources(file))
     return code_digest(*_MEASURING, *files, *around, extra_files=_shaders(lineage))
 
 
-def _is_library_class(one: type) -> bool:
-    return one.__module__.partition(".")[0] in {*sys.stdlib_module_names, "pydantic"}
+def _is_library_class(cls: type) -> bool:
+    return cls.__module__.partition(".")[0] in {*sys.stdlib_module_names, "pydantic"}
 
 
 def _shaders(lineage: Sequence[type]) -> list[Path]:

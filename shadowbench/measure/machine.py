@@ -67,8 +67,8 @@ def write_run_file(
         "study": study,
         "keys": [row["key"] for row in scores],
     }
-    with replace_file(file) as beside:
-        beside.write_text(json.dumps(text, indent=2, ensure_ascii=False) + "\n", encoding="utf-8", errors="replace")
+    with replace_file(file) as temporary:
+        temporary.write_text(json.dumps(text, indent=2, ensure_ascii=False) + "\n", encoding="utf-8", errors="replace")
 
 
 def _processor() -> str:

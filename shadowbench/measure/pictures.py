@@ -43,8 +43,8 @@ class Pictures:
 
 def write_picture(file: Path, picture: NDArray[np.uint8]) -> None:
     """Write a (H, W, 3) sRGB or (H, W) grey uint8 image as PNG."""
-    with replace_file(file) as beside:
-        Image.fromarray(picture).save(beside, format="PNG", compress_level=1)
+    with replace_file(file) as temporary:
+        Image.fromarray(picture).save(temporary, format="PNG", compress_level=1)
 
 
 def _holds_mask(file: Path, mask: NDArray[np.floating]) -> bool:

@@ -84,7 +84,9 @@ def time_row(timing: Timing, key: str, reference_key: str, machine: str) -> dict
         "passes": passes,
     }
     record |= {
-        f"{moved}_ms": sum((one["ms"] for one in passes.values() if one["changes"] in redrawn), 0.0) if passes else None
+        f"{moved}_ms": sum((entry["ms"] for entry in passes.values() if entry["changes"] in redrawn), 0.0)
+        if passes
+        else None
         for moved, redrawn in REDRAWN.items()
     }
     if reference is not None:

@@ -109,12 +109,12 @@ class Worker:
 
     def _check_memory(self, watched: psutil.Process) -> None:
         try:
-            held = watched.memory_info().rss
+            used = watched.memory_info().rss
         except psutil.NoSuchProcess:
             return  # it died; the next read of the pipe reports that
-        if held > self.limits.bytes:
+        if used > self.limits.bytes:
             self.stop()
-            raise MemoryExceeded(f"ate memory: {held / 2**30:.2f} GiB, allowed are {self.limits.bytes / 2**30:g}")
+            raise MemoryExceeded(f"ate memory: {used / 2**30:.2f} GiB, allowed are {self.limits.bytes / 2**30:g}")
 
     def _exit_reason(self) -> str:
         assert self._process is not None

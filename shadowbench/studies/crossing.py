@@ -107,10 +107,10 @@ def _phases(table: dict[str, Any], where: str) -> int | None:
 
 def _factors(table: dict[str, Any], where: str) -> list[float]:
     """Factors of `bias_sweep`: the default ones for `true`, empty without a sweep."""
-    asked = table.get("bias_sweep", False)
-    if isinstance(asked, bool):
-        return list(_FACTORS) if asked else []
-    factors = listed(asked)
+    value = table.get("bias_sweep", False)
+    if isinstance(value, bool):
+        return list(_FACTORS) if value else []
+    factors = listed(value)
     for factor in factors or [None]:
         if isinstance(factor, bool) or not isinstance(factor, int | float) or not 0 < factor < math.inf:
             found = "an empty list" if factor is None else f"{factor!r:.60}"

@@ -88,7 +88,9 @@ def _crossings(entries: list[Any], info: ValidationInfo) -> tuple[CrossedSpecs, 
 
 def _made_of_tables(entries: list[Any], made: Callable[[Any, int], Any]) -> tuple[Any, ...]:
     """The entries, with tables converted by `made`, which also takes their number."""
-    return tuple(made(one, number) if isinstance(one, dict) else one for number, one in enumerate(entries, start=1))
+    return tuple(
+        made(entry, number) if isinstance(entry, dict) else entry for number, entry in enumerate(entries, start=1)
+    )
 
 
 def _reference(written: Any, info: ValidationInfo) -> Spec:

@@ -104,7 +104,9 @@ def read_folders(folders: Sequence[Path]) -> tuple[list[Run], list[Sweep]]:
     names = [path.name for path in paths]
     labels = [str(path) if names.count(path.name) > 1 else path.name for path in paths]
     found = [_read(path, label) for path, label in zip(paths, labels, strict=True)]
-    return [one for one in found if isinstance(one, Run)], [one for one in found if isinstance(one, Sweep)]
+    return [result for result in found if isinstance(result, Run)], [
+        result for result in found if isinstance(result, Sweep)
+    ]
 
 
 def read_runs(folders: Sequence[Path]) -> list[Run]:
@@ -122,8 +124,8 @@ def write_cells(folder: Path, results: Sequence[Result], positions: SweepPositio
     positions: of specs in the command's bias sweeps.
     """
     (run,) = read_runs([folder])
-    live = {one.score["key"]: one for one in results}  # these also hold timing failures
-    frame = cells_frame([live.get(one.score["key"], one) for one in run.results])
+    live = {result.score["key"]: result for result in results}  # these also hold timing failures
+    frame = cells_frame([live.get(result.score["key"], result) for result in run.results])
     write_table(folder / "table.csv", add_factor_columns(frame, {**run.sweep_positions, **positions}))
     return run
 

@@ -116,7 +116,9 @@ def measure(
     result = run_study(study, folder, executor, reporter, time_again)
     spent = executor.call(Session.activity_seconds) if profile else {}
     positions = sweep_positions(study.sweeps)
-    write_run_file(folder / "run.json", executor.info, result.notes, study.facts, [one.score for one in result.results])
+    write_run_file(
+        folder / "run.json", executor.info, result.notes, study.facts, [cell.score for cell in result.results]
+    )
     run = write_cells(folder, result.results, positions)
     seconds = complete_profile(result.profile.seconds, spent, time.perf_counter() - start) if profile else {}
     return StudyResult(study, tuple(result.results), run, positions, executor.info, seconds)

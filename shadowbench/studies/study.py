@@ -57,12 +57,12 @@ class Study(Strict):
     @property
     def specs(self) -> tuple[Spec, ...]:
         """All specs, before map sizes are applied."""
-        return tuple(spec for one in self.technique for spec in one.specs)
+        return tuple(spec for crossed in self.technique for spec in crossed.specs)
 
     @property
     def sweeps(self) -> tuple[BiasSweep, ...]:
         """All bias sweeps."""
-        return tuple(sweep for one in self.technique for sweep in one.sweeps)
+        return tuple(sweep for crossed in self.technique for sweep in crossed.sweeps)
 
     @staticmethod
     def of(scenes: Sequence[str | Scene], specs: Sequence[Spec], **others: Any) -> "Study":
@@ -80,9 +80,9 @@ class Study(Strict):
     def phases_of_specs(self) -> Mapping[Spec, int]:
         """Number of phases of each spec; the larger one for a spec that is named twice."""
         found: dict[Spec, int] = {}
-        for one in self.technique:
-            for spec in one.specs:
-                found[spec] = max(one.phases or self.phases, found.get(spec, 1))
+        for crossed in self.technique:
+            for spec in crossed.specs:
+                found[spec] = max(crossed.phases or self.phases, found.get(spec, 1))
         return found
 
     def conditions(self, time_again: bool = False) -> Conditions:
@@ -106,9 +106,9 @@ class Study(Strict):
         """Cells of one view, phase by phase; techniques without a texel grid have a single phase."""
         phases = self.phases_of_specs()
         cells = [
-            Cell(one, phase)
+            Cell(sized_spec, phase)
             for spec in self.specs
-            for one in sized([spec], self.map_size or ())
+            for sized_spec in sized([spec], self.map_size or ())
             for phase in range(phases[spec] if spec.technique.phased else 1)
         ]
         return tuple(sorted(dict.fromkeys(cells), key=lambda cell: cell.phase))
@@ -120,7 +120,7 @@ class Study(Strict):
             scene = source if isinstance(source, Scene) else load_scene(source, self.assets, self.up)
             first = files.setdefault(scene.name, source)
             if first != source:
-                both = " and ".join(one if isinstance(one, str) else "one that is loaded" for one in (first, source))
+                both = " and ".join(entry if isinstance(entry, str) else "a loaded scene" for entry in (first, source))
                 raise InputError(f"two scenes are called {scene.name!r}: {both}; names must differ")
             for camera, light in itertools.product(self.cameras(scene), self.lights_of(scene)):
                 yield Block(view_of(scene, camera, light, self.view_size), self.cells())

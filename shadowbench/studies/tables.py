@@ -47,8 +47,8 @@ def cells_frame(results: Sequence[Result]) -> pd.DataFrame:
 
 def write_table(file: Path, frame: pd.DataFrame) -> None:
     """Write a frame as CSV; missing values are empty fields."""
-    with replace_file(file) as beside:
-        frame.to_csv(beside, index=False)
+    with replace_file(file) as temporary:
+        frame.to_csv(temporary, index=False)
 
 
 def _cell(result: Result) -> dict[str, Any]:

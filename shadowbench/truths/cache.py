@@ -65,7 +65,7 @@ def cache_folder() -> Path:
 
 def write_truth(file: Path, truth: Truth) -> None:
     """Write all arrays of a truth as a compressed .npz."""
-    with replace_file(file) as beside, beside.open("wb") as stream:
+    with replace_file(file) as temporary, temporary.open("wb") as stream:
         np.savez_compressed(stream, **truth.arrays())  # type: ignore[arg-type]  # the stub types allow_pickle alone
 
 
