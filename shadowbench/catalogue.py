@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from shadowbench.errors import InputError, alternatives
-from shadowbench.extremes.axes import AXES, shown
-from shadowbench.measure.printed import techniques_with
+from shadowbench.extremes.axes import AXES, value_label
+from shadowbench.measure.plugin_output import techniques_with
 from shadowbench.scenes.library import builtin_about, builtin_names
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.crossing import Techniques
@@ -60,7 +60,7 @@ def _techniques(known: Techniques) -> list[Entry]:
 
 
 def _parameters(model: type[TechniqueParams] | type[Row]) -> list[Entry]:
-    """Name, default, help and values of every field; a row's field lists its rows, each with its own parameters."""
+    """Name, default, allowed values and help of every field; a field of rows lists them with their own parameters."""
     found = []
     for name, info in model.model_fields.items():
         entry: Entry = {
@@ -96,8 +96,8 @@ def _axes() -> list[Entry]:
         {
             "name": axis.name,
             "unit": axis.unit,
-            "values": [shown(value) for value in axis.values],
-            "home": shown(axis.home),
+            "values": [value_label(value) for value in axis.values],
+            "home": value_label(axis.default),
             "lights": list(axis.lights),
             "about": axis.about,
         }

@@ -11,7 +11,7 @@ import pytest
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from shadowbench.engines.scored import Accuracy
+    from shadowbench.engines.accuracy import Accuracy
 
 
 class Score(float):
@@ -60,7 +60,7 @@ class ShadowAccuracy:
         return f"undefined here; of {scored} scored pixels {truth} are in shadow, in the mask {int(mask.sum())}"
 
     def __repr__(self) -> str:
-        return f"accuracy of {self.accuracy.handed.name} on {self.accuracy.view.scene.name}"
+        return f"accuracy of {self.accuracy.external.name} on {self.accuracy.view.scene.name}"
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -139,7 +139,7 @@ def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[
         up: str | None = None,
         **screenshots: Any,
     ) -> ShadowAccuracy:
-        from shadowbench.engines.scored import accuracy_of
+        from shadowbench.engines.accuracy import accuracy_of
         from shadowbench.errors import InputError
         from shadowbench.scenes.views import chosen_view
 
@@ -158,7 +158,7 @@ def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[
 
 def _handed(mask: Any, screenshots: dict[str, Any]) -> Any:
     """The mask, or visibility from the screenshots; TypeError for both, neither or an unknown keyword."""
-    from shadowbench.engines.pictures import from_screenshots, mask_from_array, mask_from_file
+    from shadowbench.engines.external_mask import from_screenshots, mask_from_array, mask_from_file
 
     if mask is None:
         return from_screenshots(**{key: file and Path(file) for key, file in screenshots.items()})

@@ -60,8 +60,8 @@ def check(
       × tolerance  the change over what is allowed (--tolerance)
       also         what else changed in that cell
     """
-    from shadowbench.check.checked import check as compared
-    from shadowbench.check.checked import make_baseline, values, write_pictures
+    from shadowbench.check.check import check as compared
+    from shadowbench.check.check import make_baseline, values, write_pictures
     from shadowbench.reports.words import counted
 
     found = compared(folder, baseline, tolerances=_tolerances(tolerance or ()), time=time, update=update)

@@ -11,9 +11,9 @@ app = typer.Typer()
 @app.command()
 def doctor(json: Json = False, quiet: Quiet = False) -> None:
     """Check this machine: OpenGL, limits, clock, cache."""
-    from shadowbench.measure.doctor import examination
+    from shadowbench.measure.doctor import diagnosis
 
-    found = examination()
+    found = diagnosis()
     missing = "missing" in found["opengl"]
     if json:
         console.print_json(found)

@@ -29,14 +29,14 @@ def export(
     view.json  view and projection matrices, near and far, size, pixel convention
     truth.png  the ray-traced shadow mask, an example of what `score` reads
     """
-    from shadowbench.engines.export import DESCRIPTION, export_view, unsaid
+    from shadowbench.engines.export import DESCRIPTION, export_view, inexpressible_in_gltf
     from shadowbench.files import check_folder
     from shadowbench.truths.cache import cached_truth
 
     check_folder(folder, DESCRIPTION)
     with console.Reporter(quiet) as reporter:
         chosen = reporter.view(scene, view_size, view, light, assets, up)
-        for line in unsaid(chosen.scene):
+        for line in inexpressible_in_gltf(chosen.scene):
             reporter.note(line)
         model, description, example = export_view(chosen, cached_truth(chosen), folder, scene)
     if not quiet:

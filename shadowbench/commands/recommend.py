@@ -10,8 +10,8 @@ from shadowbench.commands.options import Assets, Json, LightName, Plugins, Quiet
 from shadowbench.errors import InputError
 
 if TYPE_CHECKING:
-    from shadowbench.advice.recommend import Recommendation
-    from shadowbench.advice.search import Tried
+    from shadowbench.advice.recommendation import Recommendation
+    from shadowbench.advice.search import Trial
     from shadowbench.measure.session import DeviceInfo
 
 app = typer.Typer()
@@ -77,8 +77,9 @@ def recommend(
       MiB         textures and buffers
       key         name of the cell's mask and picture in the output folder
     """
-    from shadowbench.advice.recommended import export_choice, recommended, target_of, values
-    from shadowbench.measure.printed import techniques_with
+    from shadowbench.advice.recommend import export_choice, target_of, values
+    from shadowbench.advice.recommend import recommend as measure_recommendation
+    from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.measure.worker import Worker
 
     target = target_of(min_iou, max_edge_px, budget_ms)
@@ -88,7 +89,9 @@ def recommend(
         _make_folder(export)
     with console.Reporter(quiet) as reporter, Worker(plugins) as worker:
         chosen = reporter.view(scene, view_size, view, light, assets, up)
-        found, info = recommended(chosen, target, known, output, worker, reporter, on_this_machine=on_this_machine)
+        found, info = measure_recommendation(
+            chosen, target, known, output, worker, reporter, on_this_machine=on_this_machine
+        )
         if export is not None:
             export_choice(found, export, worker)
     if json:
@@ -108,7 +111,7 @@ def _make_folder(folder: Path) -> None:
 
 
 def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
-    from shadowbench.advice.words import excluded_lines, in_the_way, step_lines
+    from shadowbench.advice.words import excluded_lines, obstacles, step_lines
     from shadowbench.studies.times import time_notes
 
     by = "work" if found.unit == "work" else "this machine's times" if info.software else "this GPU's times"
@@ -116,7 +119,7 @@ def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
     cost = "work" if found.unit == "work" else "ms"
     numbers = ("map", found.target.metric, cost, "× choice", "MiB")
     columns = ("", "spec", *numbers, "key")
-    shown: list[tuple[str, Tried]] = []
+    shown: list[tuple[str, Trial]] = []
     if found.choice is not None:
         shown.append(("choice", found.choice))
     if found.closest is not None:
@@ -127,14 +130,14 @@ def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
     title = f"{found.view.scene.name}, {found.target}, by {by}{said}"
     rows = [(place, *_cells(found, one)) for place, one in shown]
     console.print_table(title, columns, rows, numbers=numbers, whole=columns)
-    lines = step_lines(found) if found.choice else in_the_way(found)
+    lines = step_lines(found) if found.choice else obstacles(found)
     rough = [_is_rough(found, one) for _, one in shown]
     for line in [*lines, *time_notes(found.reference, rough), *excluded_lines(found)]:
         console.say(line)
-    console.say(f"{found.measured} of {found.whole} specs measured; masks and pictures, by key, in {folder}")
+    console.say(f"{found.measured} of {found.space_size} specs measured; masks and pictures, by key, in {folder}")
 
 
-def _is_rough(found: "Recommendation", one: "Tried") -> bool:
+def _is_rough(found: "Recommendation", one: "Trial") -> bool:
     """Whether the rounds of a time varied much."""
     from shadowbench.studies.times import WIDE
 
@@ -142,7 +145,7 @@ def _is_rough(found: "Recommendation", one: "Tried") -> bool:
     return found.unit == "ms" and time is not None and time["ratio_iqr"] > WIDE * time["ratio"]
 
 
-def _cells(found: "Recommendation", one: "Tried") -> list[str]:
+def _cells(found: "Recommendation", one: "Trial") -> list[str]:
     assert one.result is not None
     value = one.result.score["metrics"][found.target.metric]
     return [

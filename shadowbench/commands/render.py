@@ -52,7 +52,7 @@ def render(
 
     from shadowbench.files import check_outputs
     from shadowbench.measure.pictures import write_picture
-    from shadowbench.measure.printed import techniques_with
+    from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.measure.single import render as drawn_once
     from shadowbench.measure.worker import Worker
     from shadowbench.scores.masks import write_mask

@@ -10,7 +10,7 @@ from shadowbench.commands import console
 from shadowbench.commands.options import Json, Quiet
 
 if TYPE_CHECKING:
-    from shadowbench.check.repeat import Repeat
+    from shadowbench.check.repeat import RepeatResult
 
 app = typer.Typer()
 
@@ -51,14 +51,14 @@ def repeat(
     found = compare_folders(first, second)
     if json:
         rankings = [dataclasses.asdict(ranking) | {"tau": ranking.tau} for ranking in found.rankings]
-        console.print_json({**dataclasses.asdict(found), "rankings": rankings, "holds": found.holds})
+        console.print_json({**dataclasses.asdict(found), "rankings": rankings, "holds": found.agrees})
     else:
         _print(found, quiet)
-    raise typer.Exit(0 if found.holds else 1)
+    raise typer.Exit(0 if found.agrees else 1)
 
 
-def _print(found: "Repeat", quiet: bool) -> None:
-    from shadowbench.check.repeat import APART, ENOUGH
+def _print(found: "RepeatResult", quiet: bool) -> None:
+    from shadowbench.check.repeat import LEAST_RATIO, LEAST_TAU
 
     block, numbers = "scene, view, light, phase", ("cells", "pairs", "swapped", "τ", "τ of all pairs")
     rows = []
@@ -70,9 +70,9 @@ def _print(found: "Repeat", quiet: bool) -> None:
         console.say(f"  work differs: {name}")
     if quiet:
         return
-    apart = f"{100 * (APART - 1):.0f}%"
+    apart = f"{100 * (LEAST_RATIO - 1):.0f}%"
     console.say(
         f"τ: Kendall's tau over the pairs whose times differ by more than {apart}, with interquartile ranges that do "
-        f"not overlap, in both runs; {'at least' if found.ranked_alike else 'not everywhere at least'} {ENOUGH}"
+        f"not overlap, in both runs; {'at least' if found.rankings_agree else 'not everywhere at least'} {LEAST_TAU}"
     )
     console.out().print(f"work: exactly the same in {found.counted - len(found.unequal)} of {found.counted} cells")

@@ -13,7 +13,7 @@ from shadowbench.errors import InputError
 
 if TYPE_CHECKING:
     from shadowbench.studies.folder import Run
-    from shadowbench.studies.measured import Measured
+    from shadowbench.studies.measure import StudyResult
     from shadowbench.studies.sweeps import Curve
     from shadowbench.studies.tables import Slope, SummaryRow
 
@@ -139,9 +139,9 @@ def run(
     import dataclasses
 
     from shadowbench.measure.executor import Limits
-    from shadowbench.measure.printed import techniques_with
+    from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.measure.worker import Worker
-    from shadowbench.studies.measured import asked_study, estimate, measure
+    from shadowbench.studies.measure import estimate, measure, study_from_options
     from shadowbench.studies.tables import summary
     from shadowbench.techniques.spec import parse_spec
 
@@ -150,7 +150,7 @@ def run(
         together = ",".join([map_size, *stray])
         raise InputError(f"--map-size: found {map_size!r:.60} and {stray[0]!r:.60} apart; allowed: {together}")
     known = techniques_with(plugin or ())
-    asked = asked_study(
+    asked = study_from_options(
         known,
         scenes or (),
         [parse_spec(text, known) for text in techniques or ()],
@@ -199,11 +199,11 @@ def _found_before(run: "Run") -> str:
     return f"{found}; they are in table.csv and in reports"
 
 
-def _print(found: "Measured", folder: Path, quiet: bool) -> None:
+def _print(found: "StudyResult", folder: Path, quiet: bool) -> None:
     """One table per scene, one over all scenes, and the path of table.csv."""
     from shadowbench.reports.words import counted
     from shadowbench.studies.sweeps import curves
-    from shadowbench.studies.tables import over_scenes, reference_times, slopes, summary
+    from shadowbench.studies.tables import mean_over_scenes, reference_times, slopes, summary
     from shadowbench.studies.times import time_notes
 
     tables, references, fits = summary(found.frame), reference_times(found.frame), slopes(found.frame)
@@ -213,8 +213,8 @@ def _print(found: "Measured", folder: Path, quiet: bool) -> None:
         rough = [row.wide for row in rows if row.values["frame_ms"] is not None]
         notes = [*_notes(rows), *time_notes(references[scene], rough)]
         _print_scene(f"{scene}, best first{times}", rows, [fit for fit in fits if fit.scene == scene], notes)
-        _print_curves(scene, curves(rows, found.swept))
-    scenes, means = over_scenes(tables)
+        _print_curves(scene, curves(rows, found.sweep_positions))
+    scenes, means = mean_over_scenes(tables)
     if len(scenes) > 1:
         _print_scene(f"mean over the {len(scenes)} scenes in which every cell was drawn", means, [], [])
     held = [row for rows in tables.values() for row in rows if row.cells]
@@ -238,8 +238,9 @@ def _print_scene(title: str, rows: "list[SummaryRow]", fits: "list[Slope]", note
     else:
         console.out().print(title, markup=False)
     for row in rows:
-        for status, count in Counter(row.refused).items():
-            share = f"{count} of {row.cells + len(row.refused)} cells " if row.cells + len(row.refused) > 1 else ""
+        for status, count in Counter(row.unsuccessful).items():
+            total = row.cells + len(row.unsuccessful)
+            share = f"{count} of {total} cells " if total > 1 else ""
             console.say(f"  {row.spec} {row.map_size or ''}: {share}{status}")
     for fit in fits:
         sizes = f"{fit.sizes[0]} to {fit.sizes[-1]}"

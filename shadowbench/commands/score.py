@@ -10,7 +10,7 @@ from shadowbench.commands.options import Assets, Json, LightName, Quiet, SceneAr
 from shadowbench.errors import InputError
 
 if TYPE_CHECKING:
-    from shadowbench.engines.scored import Accuracy
+    from shadowbench.engines.accuracy import Accuracy
 
 app = typer.Typer()
 
@@ -63,10 +63,10 @@ def score(
     it is, with a warning. Below the metrics, the wrong pixels are listed by kind of error, most pixels first; the line
     `displaced edge` is about those pixels alone, whereas edge_px and edge_p95 are about every edge, that of a leak too.
     """
+    from shadowbench.engines.accuracy import accuracy_of
     from shadowbench.engines.difference import write_difference
-    from shadowbench.engines.export import other_size
-    from shadowbench.engines.pictures import handed_over
-    from shadowbench.engines.scored import accuracy_of
+    from shadowbench.engines.export import size_mismatch
+    from shadowbench.engines.external_mask import external_mask
     from shadowbench.engines.store import append_row, check_name
     from shadowbench.files import check_folder, check_outputs
 
@@ -80,12 +80,12 @@ def score(
             raise InputError(f"--diff {diff}: is one of the pictures to score; name another file")
     if output is not None:
         check_folder(output)
-    handed = handed_over(scene, mask, lit, shadowed, ambient)
+    handed = external_mask(scene, mask, lit, shadowed, ambient)
     with console.Reporter(quiet) as reporter:
         chosen = reporter.view(scene, handed.size, view, light, assets, up)
         accuracy = accuracy_of(handed, chosen)
     drawn = mask or shadowed
-    sized = other_size(drawn, chosen) if drawn is not None else None
+    sized = size_mismatch(drawn, chosen) if drawn is not None else None
     warnings = [*accuracy.warnings, *([sized] if sized else [])]
     if diff is not None:
         write_difference(diff, accuracy.difference())
@@ -109,7 +109,7 @@ def _print(accuracy: "Accuracy") -> None:
     from shadowbench.scores.metrics import METRICS
 
     view = accuracy.view
-    title = f"{accuracy.handed.name} on {view.scene.name}, {view.camera.name}, {view.light.name}, {view.size}²"
+    title = f"{accuracy.external.name} on {view.scene.name}, {view.camera.name}, {view.light.name}, {view.size}²"
     rows = [
         (metric.name, console.number(accuracy.metrics[metric.name]), metric.better, metric.help.split(". ")[0])
         for metric in METRICS.values()

@@ -66,10 +66,10 @@ def stress(
       3 of 20 values            how many were tried, with --quick
     """
     from shadowbench.extremes.ranges import ranges_frame
-    from shadowbench.extremes.stressed import LIMITS, chosen_axes
-    from shadowbench.extremes.stressed import stress as walk
+    from shadowbench.extremes.stress import LIMITS, chosen_axes
+    from shadowbench.extremes.stress import stress as walk
     from shadowbench.extremes.sweep import default_specs
-    from shadowbench.measure.printed import techniques_with
+    from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.measure.worker import Worker
     from shadowbench.techniques.spec import parse_spec
 
@@ -95,7 +95,7 @@ def _print(title: str, ranges: "Sequence[OperatingRange]") -> None:
     """A line for each axis, a column for each kind of light; a single line for a spec that never is in tolerance."""
     from shadowbench.extremes.axes.model import NAMES
 
-    if not any(one.held for one in ranges):
+    if not any(one.in_tolerance for one in ranges):
         if ranges:
             console.say(f"{title}: out of tolerance already at the default value of every axis")
         return

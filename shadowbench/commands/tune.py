@@ -10,7 +10,7 @@ from shadowbench.commands import completion, console
 from shadowbench.commands.options import SCENE, SPEC, Assets, Json, Plugins, Quiet, Up, ViewSize, listed, map_sizes
 
 if TYPE_CHECKING:
-    from shadowbench.advice.tune_beside import Entry, Tuning
+    from shadowbench.advice.tune_comparison import Entry, TuningComparison
 
 app = typer.Typer()
 
@@ -95,15 +95,15 @@ def tune(
       1 − SSIM × tuned  likewise
       acne … contact    on the scenes held out, see `shadowbench list metrics`
     """
-    from shadowbench.advice.tuned import tuned, values
-    from shadowbench.measure.printed import techniques_with
+    from shadowbench.advice.tune import tune_parameters, values
+    from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.measure.worker import Worker
     from shadowbench.reports.words import counted
     from shadowbench.techniques.spec import parse_spec
 
     known = techniques_with(plugin or ())
     with console.Reporter(quiet) as reporter, Worker(plugin or ()) as worker:
-        found = tuned(
+        found = tune_parameters(
             parse_spec(technique, known),
             output,
             worker,
@@ -131,8 +131,8 @@ def tune(
     raise typer.Exit(3 if failed else 0)
 
 
-def _print(found: "Tuning") -> None:
-    from shadowbench.advice.tuned import verdict
+def _print(found: "TuningComparison") -> None:
+    from shadowbench.advice.tune import verdict
     from shadowbench.reports.words import counted
 
     held_out = found.split.held_out

@@ -1,4 +1,4 @@
-"""Runs a study into a folder: truths first, then block after block."""
+"""Running a study into a folder: all truths first, then the cells block by block."""
 
 import math
 from contextlib import closing
@@ -22,18 +22,20 @@ from shadowbench.truths.trace import Truth
 
 
 @dataclass(frozen=True, eq=False)
-class Ran:
-    """What a run says: every cell, measured now or before, what was noted, and where its time went."""
+class RunResult:
+    """Results of all cells of a run, measured now or before, its notes and its time by activity."""
 
     results: list[Result]
     notes: list[str]
     profile: Profile
 
 
-def run_study(study: Study, folder: Path, executor: Executor, reporter: Reporter, time_again: bool = False) -> Ran:
-    """Measure all cells of a study, those that are not in the folder; raises InputError before anything is written.
+def run_study(
+    study: Study, folder: Path, executor: Executor, reporter: Reporter, time_again: bool = False
+) -> RunResult:
+    """Measure all cells of a study that the folder lacks. Raises InputError before anything is written.
 
-    time_again: whether cells that have a time get another, beside which the old one stays in the rows.
+    time_again: time cells again that have a time; the rows keep both.
     """
     check_sizes(study, executor.info)
     profile, blocks = Profile(), list(study.blocks())
@@ -42,8 +44,8 @@ def run_study(study: Study, folder: Path, executor: Executor, reporter: Reporter
         reporter.note(note)
     uniform: set[str] = set()  # views
     reporter.stage("truth", len(blocks))
-    for block in blocks:  # all of them before anything is written: a view that shows nothing is bad input
-        with profile.of("truth"):
+    for block in blocks:  # all of them before anything is written: a view that shows nothing raises InputError
+        with profile.activity("truth"):
             truth = cached_truth(block.view)
         if (line := _uniform_truth(truth)) is not None:
             notes.append(f"{block.view.name}: {line}")
@@ -54,20 +56,20 @@ def run_study(study: Study, folder: Path, executor: Executor, reporter: Reporter
         conditions = study.conditions(time_again)
         measurer = Measurer(executor, store, conditions, reporter, Pictures(folder), profile)
         cells = [cell for block in blocks for cell in block.cells]
-        reporter.stage("cells", len(cells) + sum(map(measurer.times, cells)))
+        reporter.stage("cells", len(cells) + sum(map(measurer.is_timed, cells)))
         results = []
         for block in blocks:
-            found = measurer.measured(block)
+            found = measurer.measure(block)
             results += found
             masks = () if block.view.name in uniform else filter(None, map(_uniform_mask, found))
             for line in dict.fromkeys(masks):  # phases may say the same
                 notes.append(f"{block.view.name}: {line}")
                 reporter.note(notes[-1])
-    return Ran(results, notes, profile)
+    return RunResult(results, notes, profile)
 
 
 def check_sizes(study: Study, info: DeviceInfo) -> None:
-    """Raises InputError for a map or a view that is larger than the device allows."""
+    """Raises InputError if a map or the view is larger than the device allows."""
     largest = max(study.reference.map_size or 0, *(cell.spec.map_size or 0 for cell in study.cells()))
     for what, size in (("map size", largest), ("view size", study.view_size)):
         if size > info.max_map_size:

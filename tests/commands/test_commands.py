@@ -17,7 +17,7 @@ from PIL import Image
 
 from shadowbench import __version__
 from shadowbench.commands import console
-from shadowbench.extremes.axes import AXES, shown
+from shadowbench.extremes.axes import AXES, value_label
 from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import view_of
 from shadowbench.scores.masks import read_mask
@@ -496,7 +496,7 @@ def test_listed_axes_are_those_of_the_sweep(shadowbench: Shadowbench) -> None:
     listed = {row["name"]: row for row in json.loads(shadowbench("list", "axes", "--json").out)}
     assert list(listed) == list(AXES)
     for name, row in listed.items():
-        assert row["values"] == [shown(value) for value in AXES[name].values]
+        assert row["values"] == [value_label(value) for value in AXES[name].values]
         assert row["home"] in row["values"] and row["lights"] == list(AXES[name].lights)
         assert row["about"] in shadowbench("list", "axes", name).out
     assert len({row["about"] for row in listed.values()}) == len(listed), "no axis says what another says"

@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 from scipy import ndimage
 
-from shadowbench.engines.kinds import kinds_of
+from shadowbench.engines.error_kinds import error_kinds
 from shadowbench.scores.masks import read_mask, write_mask
 from shadowbench.scores.metrics import METRICS, score
 
@@ -219,9 +219,9 @@ def test_errors_are_told_by_their_kind(comparison: Callable, prepared: Callable)
     hole[truth.shadow_interior & ~truth.contact & (truth.squared_edge_distance > 8**2)] = 1
     grown = ndimage.minimum_filter(truth.visibility, 7)
     for mask, kind in ((acne, "acne"), (floating, "peter-panning"), (hole, "leak"), (grown, "displaced edge")):
-        found = kinds_of(comparison(mask, SCENE), score(mask, truth))
+        found = error_kinds(comparison(mask, SCENE), score(mask, truth))
         assert found[0].name == kind
-    assert kinds_of(comparison(truth.visibility, SCENE), score(truth.visibility, truth)) == []
+    assert error_kinds(comparison(truth.visibility, SCENE), score(truth.visibility, truth)) == []
 
 
 @pytest.mark.parametrize(
@@ -285,7 +285,7 @@ def test_the_difference_is_not_drawn_over_what_is_scored(
 
 def test_scoring_imports_no_gl() -> None:
     code = (
-        "import sys; from shadowbench.engines import export, scored, store; import shadowbench.pytest_plugin; "
+        "import sys; from shadowbench.engines import accuracy, export, store; import shadowbench.pytest_plugin; "
         "import shadowbench.commands.export, shadowbench.commands.score; "
         "print({'moderngl', 'glcontext', 'glm', 'pyglm'} & set(sys.modules))"
     )

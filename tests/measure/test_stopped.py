@@ -145,7 +145,7 @@ def test_ctrl_c_while_the_worker_starts_is_silent_too(start: Any, arguments: Any
 def test_ctrl_c_waits_until_the_worker_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
     """With a second thread, as a progress bar has one: the system gives it the signal that the main one blocks."""
     started = []
-    start = worker_module._started
+    start = worker_module._spawn
 
     def interrupted(pipe: Any) -> Any:
         os.kill(os.getpid(), signal.SIGINT)
@@ -153,7 +153,7 @@ def test_ctrl_c_waits_until_the_worker_is_known(monkeypatch: pytest.MonkeyPatch)
         started.append(start(pipe))
         return started[-1]
 
-    monkeypatch.setattr(worker_module, "_started", interrupted)
+    monkeypatch.setattr(worker_module, "_spawn", interrupted)
     done = threading.Event()
     other = threading.Thread(target=done.wait)
     other.start()
