@@ -1,11 +1,11 @@
-"""What the suites share: a session on the device in this process, and how times grow.
+"""Shared fixtures of the benchmark suites: a drawing session in this process, and curves of time over size.
 
     pytest benchmarks                                  # all of them, in less than ten minutes on two cores
     pytest benchmarks -k cascades --benchmark-autosave
     pytest benchmarks -k cascades --benchmark-compare
 
-pytest-benchmark times one cell after the other, where `shadowbench run` takes them in turn: what the machine does
-meanwhile falls on some and not on others. Follow one cell over time with these numbers; take ratios from `run`.
+pytest-benchmark times one cell after the other, so that load of the machine affects some cells and not others, whereas
+`shadowbench run` interleaves them. Use these numbers to follow one cell over time, and `run` for ratios between cells.
 """
 
 import os
@@ -26,7 +26,7 @@ ROUNDS = 9
 
 
 class Point(NamedTuple):
-    """A size, the median seconds at it, and the entry of the report that says so."""
+    """A size, its median time in seconds, and its entry in the benchmark report."""
 
     size: float
     seconds: float
@@ -35,12 +35,12 @@ class Point(NamedTuple):
 
 @dataclass
 class Growth:
-    """Curves of time over size, and the exponent k that fits each best: time ~ size^k."""
+    """Curves of time over size, each with its best-fitting exponent k: time ~ size^k."""
 
     curves: dict[str, list[Point]] = field(default_factory=dict)
 
     def add(self, curve: str, size: float, benchmark: BenchmarkFixture) -> None:
-        """Keep a time. All entries of a curve carry the exponent that fits the points measured by then."""
+        """Add a time to a curve, and update the exponent in the report entries of all its points."""
         if benchmark.stats is None:  # --benchmark-disable
             return
         points = self.curves.setdefault(curve, [])
@@ -51,28 +51,28 @@ class Growth:
                 point.extra_info["exponent_over"] = [point.size for point in points]
 
     def exponent(self, curve: str) -> float:
-        """The slope of log(time) over log(size)."""
+        """Slope of log(time) over log(size)."""
         sizes, seconds, _ = zip(*self.curves[curve], strict=True)
         return float(np.polyfit(np.log(sizes), np.log(seconds), 1)[0])
 
 
 class Cells:
-    """Cells of any view, drawn and timed by the code that `run` has in its worker."""
+    """Draws and times cells of any view, with the code of the worker."""
 
     def __init__(self) -> None:
         self.session = Session()
 
     def time(self, benchmark: BenchmarkFixture, view: View, spec: str) -> None:
-        """Time a spec's frames, warmed up; skips the test of a cell that is unsupported, with the reason."""
+        """Time frames of a spec after a warm-up; skips the test if the cell is unsupported."""
         samples = []
         try:
-            prepare_ms = self.session.hold(PlacedView(view), CellRequest(spec))
+            prepare_ms = self.session.prepare_timing(PlacedView(view), CellRequest(spec))
         except Unsupported as reason:
             pytest.skip(str(reason))
         try:
             benchmark.pedantic(lambda: samples.append(self.session.time_frame(0)), rounds=ROUNDS)
         finally:
-            self.session.let_go()
+            self.session.release_timed()
         benchmark.extra_info |= {
             "renderer": self.session.device.renderer,
             "clock": samples[-1].clock,
@@ -105,7 +105,7 @@ def growth(request: pytest.FixtureRequest) -> Growth:
 
 @pytest.fixture(scope="session")
 def scene_file() -> Callable[[str], str | Path]:
-    """A built-in's name as it is; a mesh in the folder of larger scenes, which do not travel with the repository."""
+    """Argument of `load_scene` for a built-in scene, or a mesh in the folder of larger scenes, which is elsewhere."""
 
     def find(name: str) -> str | Path:
         if "." not in name:

@@ -1,9 +1,9 @@
-"""What time and memory may be at most: each call beside a fixed piece of work, in turn with it and in one process.
+"""Limits of time and memory: each call is timed in turn with a fixed piece of work, in one process.
 
     pytest benchmarks/test_limits.py
 
-`ratio` is the fastest round of a call over the fastest of what it is held against; it may be `most`. What a limit is
-about is said in the suite too, as far as it can be counted: rays, calls, modules, primitives.
+`ratio` is the fastest round of a call over the fastest round of the work it is compared with, and `most` its limit.
+The test suite checks the same as far as it can be counted: rays, calls, modules, primitives.
 """
 
 import json
@@ -22,7 +22,7 @@ import trimesh
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from shadowbench.measure.cells import CellRequest, PlacedView
-from shadowbench.measure.noise import ALLOWED, noise
+from shadowbench.measure.noise import MAX_NOISE, measure_noise
 from shadowbench.measure.scoring import mask_record, prepare_truth
 from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import load_scene
@@ -36,14 +36,14 @@ Call = Callable[[], object]
 
 
 @pytest.fixture
-def held(benchmark: BenchmarkFixture, request: pytest.FixtureRequest) -> Callable[..., None]:
-    """Times a call in turn with another, and fails when it takes more than `most` times as long; or less than `least`.
+def assert_ratio(benchmark: BenchmarkFixture, request: pytest.FixtureRequest) -> Callable[..., None]:
+    """Times a call in turn with another, and fails if the ratio of their times is above `most` or below `least`.
 
-    Both by the timer of the test's mark, the wall clock if it names none. Nothing is held with --benchmark-disable.
+    Uses the timer of the test's benchmark mark, by default the wall clock. Checks nothing with --benchmark-disable.
     """
     timer = request.node.get_closest_marker("benchmark").kwargs.get("timer", time.perf_counter)
 
-    def hold(call: Call, beside: Call, most: float, least: float = 0.0, rounds: int = ROUNDS) -> None:
+    def compare(call: Call, beside: Call, most: float, least: float = 0.0, rounds: int = ROUNDS) -> None:
         times: list[float] = []
 
         def before() -> None:
@@ -59,12 +59,12 @@ def held(benchmark: BenchmarkFixture, request: pytest.FixtureRequest) -> Callabl
         print(f"\nratio {ratio:.3g}, allowed {least:g} to {most:g}", end=" ")
         assert least <= ratio <= most
 
-    return hold
+    return compare
 
 
 @pytest.fixture
 def fixed_work() -> Call:
-    """The same on every machine: a million numbers sorted, and passes over 64 MiB."""
+    """Fixed reference work: sorting a million numbers, and passes over 64 MiB."""
     numbers = np.random.default_rng(0).random(1 << 20)
     large = np.ones(1 << 23)
 
@@ -86,15 +86,15 @@ def one_core() -> Iterator[None]:
 
 
 @pytest.mark.benchmark(group="limits", timer=time.process_time)
-def test_scoring_a_cell_of_1024_pixels_a_side(held: Any, fixed_work: Call, one_core: None) -> None:
+def test_scoring_a_cell_of_1024_pixels_a_side(assert_ratio: Any, fixed_work: Call, one_core: None) -> None:
     scene = load_scene("colonnade")
     truth = cached_truth(view_of(scene, scene.cameras[0], scene.lights[0], 1024), 1)
     against, mask = prepare_truth(truth), np.roll(truth.visibility, (1, 2), axis=(0, 1))
-    held(lambda: mask_record(mask, truth, against, truth.triangle), fixed_work, most=10)
+    assert_ratio(lambda: mask_record(mask, truth, against, truth.triangle), fixed_work, most=10)
 
 
 @pytest.mark.benchmark(group="limits", timer=time.process_time)
-def test_needs_of_a_million_triangles(held: Any, fixed_work: Call) -> None:
+def test_needs_of_a_million_triangles(assert_ratio: Any, fixed_work: Call) -> None:
     made, plane = trimesh.creation.icosphere(7), build_shape("plane", {}, "limits")
     faces = np.asarray(made.faces, dtype=np.int32)
     balls = [Mesh(f"ball {k}", made.vertices * 0.4 + (k - 1.0, 0.4, 0.0), faces) for k in range(3)]
@@ -106,7 +106,7 @@ def test_needs_of_a_million_triangles(held: Any, fixed_work: Call) -> None:
         return view_of(Scene(scene.name, scene.meshes, scene.cameras, scene.lights), camera, sun, 512)
 
     assert len(scene.geometry.faces) == 2 + 3 * 327_680
-    held(lambda: needs(first()), fixed_work, most=110)
+    assert_ratio(lambda: needs(first()), fixed_work, most=110)
 
 
 def python(*arguments: str) -> Call:
@@ -123,40 +123,40 @@ def python(*arguments: str) -> Call:
     ids=["package", "help", "plugin"],
 )
 @pytest.mark.benchmark(group="limits")
-def test_start(code: str, beside: str, most: float, held: Any) -> None:
-    held(python("-c", code), python("-c", beside), most, rounds=15)
+def test_start(code: str, beside: str, most: float, assert_ratio: Any) -> None:
+    assert_ratio(python("-c", code), python("-c", beside), most, rounds=15)
 
 
 @pytest.mark.benchmark(group="limits")
-def test_the_passes_add_up_to_the_frame(cells: Any, held: Any) -> None:
+def test_the_passes_add_up_to_the_frame(cells: Any, assert_ratio: Any) -> None:
     scene = load_scene("stairs")
-    session, at = cells.session, PlacedView(view_of(scene, scene.cameras[0], scene.lights[0], 512))
-    session.hold(at, CellRequest("shadow-map:size=2048"))
+    session, placed_view = cells.session, PlacedView(view_of(scene, scene.cameras[0], scene.lights[0], 512))
+    session.prepare_timing(placed_view, CellRequest("shadow-map:size=2048"))
     try:
         passes, frames = lambda: session.time_passes(0), lambda: session.time_frame(0)
-        held(passes, frames, least=0.7, most=1.3, rounds=15)
+        assert_ratio(passes, frames, least=0.7, most=1.3, rounds=15)
     finally:
-        session.let_go()
+        session.release_timed()
 
 
 @pytest.mark.benchmark(group="limits")
-def test_silhouettes_against_all_triangles(scene_file: Any, cells: Any, held: Any) -> None:
+def test_silhouettes_against_all_triangles(scene_file: Any, cells: Any, assert_ratio: Any) -> None:
     scene = load_scene(scene_file("armadillo.obj"))
-    session, at = cells.session, PlacedView(view_of(scene, scene.cameras[0], scene.lights[0], 1024))
+    session, placed_view = cells.session, PlacedView(view_of(scene, scene.cameras[0], scene.lights[0], 1024))
     for spec in ("shadow-volume", "shadow-volume:faces=triangle"):
-        session.hold(at, CellRequest(spec))
+        session.prepare_timing(placed_view, CellRequest(spec))
     try:
-        held(lambda: session.time_frame(0), lambda: session.time_frame(1), most=0.2, rounds=5)
+        assert_ratio(lambda: session.time_frame(0), lambda: session.time_frame(1), most=0.2, rounds=5)
     finally:
-        session.let_go()
+        session.release_timed()
 
 
 @pytest.mark.benchmark(group="limits")
 def test_one_cell_timed_as_two(benchmark: BenchmarkFixture) -> None:
     with Worker() as worker:
-        found = benchmark.pedantic(noise, args=(worker,), rounds=1)
-    benchmark.extra_info |= {"ratio": found.ratio, "worst": found.worst, "most": ALLOWED}
-    assert found.ratio <= ALLOWED
+        found = benchmark.pedantic(measure_noise, args=(worker,), rounds=1)
+    benchmark.extra_info |= {"ratio": found.ratio, "worst": found.worst, "most": MAX_NOISE}
+    assert found.ratio <= MAX_NOISE
 
 
 STUDY = """
@@ -192,16 +192,16 @@ def test_one_study_run_twice(tmp_path: Path, benchmark: BenchmarkFixture) -> Non
 
 
 def peak_bytes(process: subprocess.Popen[bytes]) -> int:
-    """The largest sum of resident bytes of a process and all that it started, until it ends."""
+    """Peak of the summed resident bytes of a process and its descendants, until it ends."""
     parent, peak = psutil.Process(process.pid), 0
     while process.poll() is None:
-        held = 0
+        assert_ratio = 0
         for one in [parent, *parent.children(recursive=True)]:
             try:
-                held += one.memory_info().rss
+                assert_ratio += one.memory_info().rss
             except psutil.NoSuchProcess:
                 continue
-        peak = max(peak, held)
+        peak = max(peak, assert_ratio)
         time.sleep(0.02)
     return peak
 

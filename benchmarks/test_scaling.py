@@ -1,4 +1,4 @@
-"""How the time of techniques and of the truth grows: with a scene's triangles, and with the view's size.
+"""Growth of the time of techniques and of the truth with the number of triangles and with the view size.
 
 pytest benchmarks/test_scaling.py -k "triangles and shadow-volume"
 """
@@ -15,10 +15,10 @@ from shadowbench.scenes.model import View, view_of
 from shadowbench.techniques.registry import techniques
 from shadowbench.truths.trace import trace
 
-# Spheres by their triangles: (how many, subdivisions of each). A million is three spheres.
+# Number of triangles: (number of spheres, subdivisions of each). A million triangles take three spheres.
 SPHERES = {1_280: (1, 3), 5_120: (1, 4), 20_480: (1, 5), 81_920: (1, 6), 327_680: (1, 7), 983_040: (3, 7)}
 VIEWS = (256, 512, 1024, 2048)
-TRIANGLES, VIEW = 20_480, 512  # of what is not varied
+TRIANGLES, VIEW = 20_480, 512  # while the other is varied
 
 SCENE = """
 name = "spheres-{triangles}"
@@ -47,7 +47,7 @@ repeat = {{ count = {count}, step = [1.1, 0.0, 0.0] }}
 
 @pytest.fixture(scope="module")
 def view(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int, int, str], View]:
-    """A view of so many triangles and pixels along a side, with a light of a kind."""
+    """Makes a view with a number of triangles, pixels along a side, and a kind of light."""
 
     @lru_cache(1)
     def scene(triangles: int) -> Any:
@@ -65,7 +65,7 @@ def view(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int, int, str], 
 
 
 def _kind(name: str) -> str:
-    """A sun, for techniques that answer one."""
+    """A directional light if the technique supports it, else a point light."""
     return "directional" if "directional" in techniques()[name].lights else "point"
 
 

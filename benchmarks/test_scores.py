@@ -1,4 +1,4 @@
-"""What scoring costs: all metrics of a mask, and what is found once for a view.
+"""Cost of scoring: all metrics of a mask, and the quantities computed once per view.
 
 pytest benchmarks/test_scores.py
 """
@@ -39,7 +39,7 @@ def test_a_cell(size: int, growth: Any, benchmark: BenchmarkFixture) -> None:
     truth = truth_of(size)
     prepared = prepare_truth(truth)
     mask = np.roll(truth.visibility, (1, 2), axis=(0, 1))
-    score(mask, prepared)  # the truth's side of it
+    score(mask, prepared)  # computes the quantities of the truth
     benchmark.pedantic(mask_record, args=(mask, truth, prepared, truth.triangle), rounds=5, warmup_rounds=1)
     note(size, "scoring a cell", growth, benchmark)
 
@@ -47,7 +47,7 @@ def test_a_cell(size: int, growth: Any, benchmark: BenchmarkFixture) -> None:
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.benchmark(group="scores")
 def test_a_view(size: int, growth: Any, benchmark: BenchmarkFixture) -> None:
-    """The first cell of a view less any other: edges, distances, interiors, moments of the truth."""
+    """The first cell of a view also pays for the truth's edges, distances, interiors and moments."""
     truth = truth_of(size)
     mask = np.roll(truth.visibility, (1, 2), axis=(0, 1))
     benchmark.pedantic(lambda: score(mask, prepare_truth(truth)), rounds=5, warmup_rounds=1)

@@ -1,4 +1,4 @@
-"""Every technique at its defaults, at each map size, in the scenes of the study `trends`: its time and its scores.
+"""Times and scores of every technique at its defaults, at each map size, in the scenes of the study `trends`.
 
 pytest benchmarks/test_techniques.py -k "colonnade and shadow-map"
 """
@@ -21,8 +21,8 @@ from shadowbench.truths.trace import Truth
 STUDY = read_study(find_study("trends"), techniques())
 
 
-class Known(NamedTuple):
-    """A view and what all of its cells are scored against, found once."""
+class ScoringView(NamedTuple):
+    """A view and the truth that its cells are scored against."""
 
     view: View
     truth: Truth
@@ -30,10 +30,10 @@ class Known(NamedTuple):
 
 
 @pytest.fixture(scope="module", params=STUDY.scenes)
-def known(request: pytest.FixtureRequest) -> Known:
+def scoring_view(request: pytest.FixtureRequest) -> ScoringView:
     (block,) = STUDY.with_(scenes=(request.param,)).blocks()
     truth = cached_truth(block.view)
-    return Known(block.view, truth, prepare_truth(truth))
+    return ScoringView(block.view, truth, prepare_truth(truth))
 
 
 def _id(cell: Cell) -> str:
@@ -41,20 +41,20 @@ def _id(cell: Cell) -> str:
 
 
 @pytest.mark.parametrize("cell", STUDY.cells(), ids=_id)
-def test_frame(known: Known, cell: Cell, cells: Any, growth: Any, benchmark: BenchmarkFixture) -> None:
-    view, truth, prepared = known
+def test_frame(scoring_view: ScoringView, cell: Cell, cells: Any, growth: Any, benchmark: BenchmarkFixture) -> None:
+    view, truth, prepared = scoring_view
     benchmark.group = view.scene.name
-    at, request = PlacedView(view), cell.request
+    placed_view, request = PlacedView(view), cell.request
     cells.time(benchmark, view, request.spec)
-    drawn = cells.session.draw(at, request)
-    record = mask_record(drawn.visibility, truth, prepared, cells.session.surface(at))
+    rendering = cells.session.draw(placed_view, request)
+    record = mask_record(rendering.visibility, truth, prepared, cells.session.surface(placed_view))
     benchmark.extra_info |= record["metrics"] | {
         "spec": cell.spec.text,
-        "gpu_bytes": drawn.gpu_bytes,
+        "gpu_bytes": rendering.gpu_bytes,
         "mask_sha256": record["mask_sha256"],
-        **{f"work_{name}": count for name, count in drawn.work.items()},
+        **{f"work_{name}": count for name, count in rendering.work.items()},
     }
-    assert np.isfinite(drawn.visibility).all()
+    assert np.isfinite(rendering.visibility).all()
     if cell.spec.map_size:
         curve = f"{view.scene.name}: {cell.spec.sizeless_text} over map size"
         growth.add(curve, cell.spec.map_size, benchmark)

@@ -1,10 +1,10 @@
-"""The truth's rays per second beside a plain, single-threaded `EmbreeScene.run` over the same rays.
+"""Rays per second of the truth, compared with a plain single-threaded `EmbreeScene.run` over the same rays.
 
     pytest benchmarks/test_truth.py
 
-`plain` hands Embree all rays of a question at once, in one thread; `slices` asks the same through the tracer, in
-slices, one thread a core; `trace` is everything: trees built, rays made and hits refined in float64, answers gathered.
-`ratio` is each one's rays per second over those of `plain`, which runs in the same process just before.
+`plain` passes all rays of a query to Embree at once, in one thread; `slices` runs the same queries through the tracer,
+in slices, one thread per core; `trace` is the whole computation: BVHs, float64 rays and refined hits, gathered results.
+`ratio` is the rays per second over those of `plain`, which runs in the same process just before.
 """
 
 import statistics
@@ -28,8 +28,8 @@ SCENES = ["cube-on-plane", "room-with-lamp", "statue", "armadillo.obj"]
 METHODS = {"INTERSECT": Tracer.nearest, "OCCLUDED": Tracer.occluded, "DISTANCE": Tracer.distance}
 
 
-class Question(NamedTuple):
-    """Rays asked of one Embree scene: origins (N, 3), directions (N, 3) or (1, 3), reach (N,), all float32."""
+class RayQuery(NamedTuple):
+    """Rays traced in one Embree scene: origins (N, 3), directions (N, 3) or (1, 3), reach (N,), all float32."""
 
     tracer: Tracer
     query: str
@@ -41,63 +41,63 @@ class Question(NamedTuple):
         self.tracer._scene.run(self.origins, self.directions, dists=reach, query=self.query)
 
     def sliced(self) -> None:
-        def ask(part: slice) -> np.ndarray:
+        def run_slice(part: slice) -> np.ndarray:
             directions = self.directions if len(self.directions) == 1 else self.directions[part]
             return METHODS[self.query](self.tracer, self.origins[part], directions, self.reach[part])
 
-        for _ in over_slices(ask, len(self.origins)):
+        for _ in over_slices(run_slice, len(self.origins)):
             pass
 
 
 class Load(NamedTuple):
-    """A view and what its truth asks, with one sample a pixel for `area` (with all, it would not fit into memory)."""
+    """A view and the ray queries of its truth, with one sample per pixel for `area` (all would not fit in memory)."""
 
     view: View
-    questions: list[Question]
+    queries: list[RayQuery]
     rays: int
 
 
-def asked_by(view: View, pixel_samples: int) -> list[Question]:
-    """All that a trace asks Embree, but the one ray with which a tracer builds its tree."""
-    questions: list[Question] = []
-    ask = Tracer._run
+def ray_queries_of(view: View, pixel_samples: int) -> list[RayQuery]:
+    """All ray queries of a trace, except the single ray with which a tracer builds its BVH."""
+    queries: list[RayQuery] = []
+    run_slice = Tracer._run
 
     def keep(tracer: Tracer, origins: Any, directions: Any, reach: Any, query: str) -> Any:
         if len(origins) > 1:
             lengths = np.full(len(origins), reach, dtype=np.float32)
-            questions.append(Question(tracer, query, origins, directions, lengths))
-        return ask(tracer, origins, directions, reach, query)
+            queries.append(RayQuery(tracer, query, origins, directions, lengths))
+        return run_slice(tracer, origins, directions, reach, query)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Tracer, "_run", keep)
         trace(view, pixel_samples)
-    return questions
+    return queries
 
 
-def joined(questions: list[Question]) -> Iterator[Question]:
-    """The same rays as few questions."""
+def merge(queries: list[RayQuery]) -> Iterator[RayQuery]:
+    """The same rays in fewer queries."""
 
-    def key(question: Question) -> tuple[int, str, bool]:
-        return id(question.tracer), question.query, len(question.directions) == 1
+    def key(query_: RayQuery) -> tuple[int, str, bool]:
+        return id(query_.tracer), query_.query, len(query_.directions) == 1
 
-    for (_, query, one_way), group in groupby(sorted(questions, key=key), key):
+    for (_, query, one_way), group in groupby(sorted(queries, key=key), key):
         parts = list(group)
         directions = parts[0].directions if one_way else np.concatenate([part.directions for part in parts])
         origins, reach = (np.concatenate([getattr(part, name) for part in parts]) for name in ("origins", "reach"))
-        yield Question(parts[0].tracer, query, origins, directions, reach)
+        yield RayQuery(parts[0].tracer, query, origins, directions, reach)
 
 
 @pytest.fixture(scope="module", params=SCENES)
 def load(request: pytest.FixtureRequest, scene_file: Callable[[str], str | Path]) -> Load:
     scene = load_scene(scene_file(request.param))
     view = view_of(scene, scene.cameras[0], scene.lights[0], SIZE)
-    questions = list(joined(asked_by(view, pixel_samples=1)))
-    return Load(view, questions, sum(len(question.origins) for question in questions))
+    queries = list(merge(ray_queries_of(view, pixel_samples=1)))
+    return Load(view, queries, sum(len(query_.origins) for query_ in queries))
 
 
 @pytest.fixture(scope="module")
 def plain_rate(load: Load) -> list[float]:
-    """Rays per second of `plain`, once it has run."""
+    """Rays per second of `plain`; empty until it has run."""
     return []
 
 
@@ -116,11 +116,11 @@ def note(benchmark: BenchmarkFixture, rays: int, plain: list[float]) -> float:
 @pytest.mark.benchmark(group="truth")
 def test_plain(load: Load, plain_rate: list[float], benchmark: BenchmarkFixture) -> None:
     def fresh_reach() -> tuple[tuple[list[np.ndarray]], dict[str, Any]]:
-        return ([question.reach.copy() for question in load.questions],), {}  # Embree writes into it
+        return ([query_.reach.copy() for query_ in load.queries],), {}  # Embree writes into it
 
     def run(reaches: list[np.ndarray]) -> None:
-        for question, reach in zip(load.questions, reaches, strict=True):
-            question.plain(reach)
+        for query_, reach in zip(load.queries, reaches, strict=True):
+            query_.plain(reach)
 
     benchmark.pedantic(run, setup=fresh_reach, rounds=ROUNDS, warmup_rounds=1)
     plain_rate.append(note(benchmark, load.rays, []))
@@ -129,8 +129,8 @@ def test_plain(load: Load, plain_rate: list[float], benchmark: BenchmarkFixture)
 @pytest.mark.benchmark(group="truth")
 def test_slices(load: Load, plain_rate: list[float], benchmark: BenchmarkFixture) -> None:
     def run() -> None:
-        for question in load.questions:
-            question.sliced()
+        for query_ in load.queries:
+            query_.sliced()
 
     benchmark.pedantic(run, rounds=ROUNDS, warmup_rounds=1)
     note(benchmark, load.rays, plain_rate)
@@ -138,6 +138,6 @@ def test_slices(load: Load, plain_rate: list[float], benchmark: BenchmarkFixture
 
 @pytest.mark.benchmark(group="truth")
 def test_trace(load: Load, plain_rate: list[float], benchmark: BenchmarkFixture) -> None:
-    rays = sum(len(question.origins) for question in asked_by(load.view, pixel_samples=4))
+    rays = sum(len(query_.origins) for query_ in ray_queries_of(load.view, pixel_samples=4))
     benchmark.pedantic(trace, args=(load.view, 4), rounds=3, warmup_rounds=1)
     note(benchmark, rays, plain_rate)

@@ -23,14 +23,14 @@ void main() {
 
 
 class ExponentialShadowMap(Technique):
-    """e^(c·depth), blurred, over the receiver's (Annen et al. 2008). Leaks at contacts, within 1/c of the range."""
+    """Blurred e^(c·depth) over the receiver's (Annen et al. 2008). Leaks at contacts, within 1/c of the range."""
 
     name = "exponential-shadow-map"
     lights = frozenset({"directional", "spot"})
     phased = True
 
     class Params(FittedParams):
-        c: float = param(80.0, "sharpness; float32 holds no e^c beyond 87", gt=0, le=87)
+        c: float = param(80.0, "sharpness; e^c overflows float32 beyond 87", gt=0, le=87)
         blur: int = param(3, "taps along a side of the box blur, odd", ge=1, le=31)
 
     def build(self, stage):

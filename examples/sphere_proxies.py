@@ -27,9 +27,9 @@ void main() {
 
 
 class SphereProxies(Technique):
-    """Every closed caster stands in as the sphere around its bounds' centre; rays against spheres.
+    """Shadow rays against a sphere in place of each closed caster, centred in its bounding box.
 
-    Cheap and soft-headed: right for balls, wrong for everything else, and a sphere shadows its own caster.
+    Cheap, but right for balls only; elsewhere a sphere also shadows its own caster.
     """
 
     name = "sphere-proxies"
@@ -37,7 +37,7 @@ class SphereProxies(Technique):
     class Params(TechniqueParams):
         """Parameters of sphere-proxies."""
 
-        scale: float = param(0.8, "times half the diagonal of a caster's bounds", gt=0, le=2)
+        scale: float = param(0.8, "radius, in halves of the diagonal of a caster's bounding box", gt=0, le=2)
 
     @classmethod
     def unsupported(cls, params, view, device):

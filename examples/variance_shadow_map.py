@@ -1,9 +1,9 @@
-"""A map technique as a plug-in: a depth map of its own contents, with the fits that shadow-map has.
+"""A variance shadow map as a plug-in, with the fits of shadow-map.
 
     shadowbench run spot-lamp -t variance-shadow-map -t shadow-map --plugin examples/variance_shadow_map.py
 
-`FittedView` finds the light view, `CasterMap` draws what the first shader stores, and `map.glsl` finds a receiver's
-place in the map (`shadow_coord`) from what `map_uniforms` says of the light view.
+`FittedView` fits the light view, `CasterMap` renders the moments with the first shader, and `shadow_coord` of
+`map.glsl` computes a receiver's shadow coordinates from the light view's `map_uniforms`.
 """
 
 from shadowbench.gl.gbuffer import download
@@ -30,7 +30,7 @@ uniform float min_variance;
 uniform float bleed;
 out float visibility;
 
-// Chebyshev's bound on the share of a distribution, of these moments, that is no nearer than d.
+// Chebyshev's upper bound on the share of depths of at least d, in a distribution with these moments.
 float chebyshev_upper_bound(vec2 moments, float d) {
     float variance = max(moments.y - moments.x * moments.x, min_variance);
     float behind = d - moments.x;
@@ -50,9 +50,9 @@ void main() {
 
 
 class VarianceShadowMap(Technique):
-    """Two moments of depth, blurred, and Chebyshev's bound on the share that is lit (Donnelly and Lauritzen 2006).
+    """Two blurred moments of depth, and Chebyshev's bound on the lit share (Donnelly and Lauritzen 2006).
 
-    Fails where two casters lie over each other (light bleeds), and at contact.
+    Fails where casters overlap, seen from the light (light bleeding), and at contacts.
     """
 
     name = "variance-shadow-map"
@@ -65,7 +65,7 @@ class VarianceShadowMap(Technique):
 
         blur: int = param(3, "taps along a side of the box blur, odd", ge=1, le=31)
         bleed: float = param(0.2, "share of the bound that is cut off against light bleeding", ge=0, lt=1)
-        min_variance: float = param(1e-6, "least variance, in squared depth", ge=0, le=1)
+        min_variance: float = param(1e-6, "lower limit of the variance, in squared depth", ge=0, le=1)
 
     def build(self, stage):
         params = self.params

@@ -1,10 +1,10 @@
-"""Draws an exported view with VTK, with and without its shadow maps: another renderer for `shadowbench score`.
+"""Renders an exported view with VTK, with and without shadows, as an example of scoring another renderer.
 
     shadowbench export stairs out/
-    python examples/vtk_shadows.py out/                      # needs `pip install vtk`, and nothing of shadowbench
+    python examples/vtk_shadows.py out/                      # needs `pip install vtk`, but not shadowbench
     shadowbench score stairs --lit out/lit.png --shadowed out/shadowed.png
 
-VTK's pass draws one exponential shadow map for each light (vtkShadowMapBakerPass, vtkShadowMapPass).
+VTK renders one exponential shadow map per light (vtkShadowMapBakerPass, vtkShadowMapPass).
 """
 
 import argparse
@@ -15,9 +15,9 @@ import vtk
 
 
 def main() -> None:
-    """Read scene.glb and view.json of a folder, write lit.png and shadowed.png beside them."""
+    """Read scene.glb and view.json from a folder, and write lit.png and shadowed.png to it."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", type=Path, help="what `shadowbench export` wrote")
+    parser.add_argument("folder", type=Path, help="folder written by `shadowbench export`")
     parser.add_argument("--map-size", type=int, default=1024, help="texels along a side of the shadow map")
     arguments = parser.parse_args()
     description = json.loads((arguments.folder / "view.json").read_text(encoding="utf-8"))
@@ -28,7 +28,7 @@ def main() -> None:
 
 
 def load(model: Path, description: dict) -> tuple[vtk.vtkRenderWindow, vtk.vtkRenderer]:
-    """The exported scene in a window that nobody sees; pixel for pixel the view that is scored."""
+    """The exported scene in an off-screen window; its pixels match the scored view."""
     window, renderer = vtk.vtkRenderWindow(), vtk.vtkRenderer()
     window.SetOffScreenRendering(True)
     window.SetMultiSamples(0)  # a mask is sampled at pixel centres
@@ -52,7 +52,7 @@ def load(model: Path, description: dict) -> tuple[vtk.vtkRenderWindow, vtk.vtkRe
 
 
 def light_of(found: dict) -> vtk.vtkLight:
-    """A sun or a spot; VTK's shadow maps know no point lights."""
+    """A directional light or a spot; VTK's shadow maps do not support point lights."""
     light = vtk.vtkLight()
     light.SetLightTypeToSceneLight()
     if found["kind"] == "point":
@@ -68,7 +68,7 @@ def light_of(found: dict) -> vtk.vtkLight:
 
 
 def shadow_pass(size: int) -> vtk.vtkRenderPass:
-    """What VTK offers as shadow mapping: bake a map for each light, then draw with them."""
+    """VTK's shadow mapping: a pass that renders a map per light, then one that uses them."""
     maps, shadows = vtk.vtkShadowMapBakerPass(), vtk.vtkShadowMapPass()
     maps.SetResolution(size)
     shadows.SetShadowMapBakerPass(maps)
@@ -83,7 +83,7 @@ def shadow_pass(size: int) -> vtk.vtkRenderPass:
 
 
 def save(window: vtk.vtkRenderWindow, file: Path) -> None:
-    """Draw, and write the picture."""
+    """Render, and write the image."""
     window.Render()
     grabbed = vtk.vtkWindowToImageFilter()
     grabbed.SetInput(window)

@@ -1,8 +1,8 @@
-// The chosen bias. A bias file defines what it needs of
-//   BIAS_HAS_OFFSET    vec3 bias_offset(Receiver r, ShadowCoord p): how far the receiver moves before it is projected
-//   BIAS_HAS_DEPTH     float bias_depth(Receiver r, ShadowCoord p): what is subtracted from its depth
-//   BIAS_HAS_GRADIENT  vec2 bias_gradient(Receiver r, ShadowCoord p): its depth's gradient over uv
-// and the rest is nothing.
+// The interface of a depth bias. A bias file defines any of
+//   BIAS_HAS_OFFSET    vec3 bias_offset(Receiver r, ShadowCoord p): offset of the receiver before its projection
+//   BIAS_HAS_DEPTH     float bias_depth(Receiver r, ShadowCoord p): subtracted from the receiver's depth
+//   BIAS_HAS_GRADIENT  vec2 bias_gradient(Receiver r, ShadowCoord p): gradient of the receiver's depth over uv
+// and the others are 0.
 #include <bias>
 
 #ifndef BIAS_HAS_OFFSET

@@ -1,4 +1,4 @@
-// One direction of a box blur of TAPS texels, an odd number.
+// One direction of a separable box blur of TAPS texels, an odd number.
 uniform sampler2D source;
 uniform vec2 direction;
 out vec4 blurred;

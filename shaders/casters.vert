@@ -1,4 +1,4 @@
-// Casters as a light sees them.
+// Casters in the light's clip space.
 in vec3 position;
 uniform mat4 world_to_clip;
 

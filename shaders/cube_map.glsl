@@ -1,13 +1,13 @@
-// Where a receiver lies in a cube map whose depth is the distance to the light over map_far, and the two ways of comparing
-// it. Directions past a face's edge fall on its neighbour.
+// Shadow coordinates of a receiver in a cube map, whose depth is the distance to the light divided by map_far, and the
+// depth comparisons. Offsets past a face's edge read the neighbouring face.
 #define MAP_CUBE
 #include "map.glsl"
 #include "cube_faces.glsl"
 uniform samplerCube map_depths;
-uniform samplerCubeShadow map_compare;  // the same map, compared and blended 2×2 by the hardware, across edges too
+uniform samplerCubeShadow map_compare;  // the same map with hardware comparison, 2×2 linear, seamless at edges
 uniform float map_far;                  // local length
 
-float filter_reach(ShadowCoord p);  // the filter's, in texels
+float filter_reach(ShadowCoord p);  // radius of the filter, in texels
 
 ShadowCoord shadow_coord(vec3 position) {
     vec3 away = position - light.xyz;
@@ -23,17 +23,18 @@ ShadowCoord shadow_coord(vec3 position) {
     p.depth = p.axis_distance / map_far;
     p.depth_per_length = 1.0 / map_far;
     p.step = step_of_depth(p.depth_per_length);
-    // Across the face, as high as the receiver is along the face's axis. Towards a corner a texel is seen obliquely and
-    // its solid angle shrinks, but no bound on depth may: over (s, t) on the plane N·x = c the distance has the gradient
-    // on_face.z · (u − N/(N·u)) without its part along the face's axis, u the unit direction. That vector is tan θ
-    // long and square to u, so a texel gains at most texel · tan θ anywhere, and as much along one direction everywhere.
+    // Width of a texel in the plane parallel to the face through the receiver. Towards a corner the solid angle of a
+    // texel shrinks, but the bound on its depth range does not: on the plane N·x = c the distance has over (s, t) the
+    // gradient on_face.z · (u − N/(N·u)), projected onto the face, with u the unit direction. That vector is
+    // perpendicular to u and of length tan θ, so that the distance changes by at most texel · tan θ over a texel, and
+    // reaches that bound in one direction everywhere.
     p.texel = vec2(2.0 * on_face.z / map_size);
     p.radius = filter_reach(p);
     return p;
 }
 
-// An offset in texels of the receiver's face, on the face's plane.
-vec3 moved_direction(ShadowCoord p, vec2 offset) {
+// Lookup direction for an offset in texels of the receiver's face.
+vec3 offset_direction(ShadowCoord p, vec2 offset) {
     return cube_faces[p.layer] * vec3(offset * p.texel, 0.0) - p.axis * p.axis_distance;
 }
 
@@ -41,8 +42,8 @@ float compare_direction(ShadowCoord p, vec3 direction) {
     return p.depth - p.bias <= textureLod(map_depths, direction, 0.0).r ? 1.0 : 0.0;
 }
 
-float compare_nearest(ShadowCoord p, vec2 offset) { return compare_direction(p, moved_direction(p, offset)); }
+float compare_nearest(ShadowCoord p, vec2 offset) { return compare_direction(p, offset_direction(p, offset)); }
 
 float compare_linear(ShadowCoord p, vec2 offset) {
-    return texture(map_compare, vec4(moved_direction(p, offset), p.depth - p.bias));
+    return texture(map_compare, vec4(offset_direction(p, offset), p.depth - p.bias));
 }

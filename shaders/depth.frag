@@ -1,2 +1,2 @@
-// Depth alone.
+// Writes depth only.
 void main() {}

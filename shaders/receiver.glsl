@@ -1,6 +1,6 @@
 // The receiver of a pixel, from the G-buffer.
-uniform sampler2D surface_position;  // w = 1 where something was hit
-uniform sampler2D surface_normal;    // geometric, turned to the camera; w = 1 where the surface receives
+uniform sampler2D surface_position;  // w = 1 where a surface is visible
+uniform sampler2D surface_normal;    // geometric, towards the camera; w = 1 where the surface receives shadows
 uniform vec4 light;                  // w = 0: unit vector towards it; w = 1: its position
 
 struct Receiver {
@@ -9,7 +9,7 @@ struct Receiver {
     vec3 to_light;   // unit vector
     float distance;  // to the light; 1 for a directional light
     float cosine;    // N·L
-    bool facing;     // a hit that receives and is turned to the light
+    bool facing;     // a visible surface that receives shadows and faces the light
 };
 
 Receiver receiver_at(ivec2 pixel) {

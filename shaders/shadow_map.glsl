@@ -1,5 +1,5 @@
-// Shadow mapping (Williams 1978) with percentage-closer filtering (Reeves, Salesin and Cook 1987): the receiver is moved
-// and its depth biased, then compared with stored depths, as many and with such weights as the filter has.
+// Shadow mapping (Williams 1978) with percentage-closer filtering (Reeves, Salesin and Cook 1987): the receiver is offset,
+// its depth biased and compared with the stored depths, and the results are weighted by the filter.
 #include "map.glsl"
 #include "bias.glsl"
 #ifdef MAP_ARRAY
@@ -8,32 +8,32 @@ uniform sampler2DArrayShadow map_compare;
 #define IN_LAYER(uv, p) vec3(uv, p.layer)
 #define COMPARED(uv, p, depth) vec4(uv, p.layer, depth)
 #else
-uniform sampler2D map_depths;         // the depths themselves
-uniform sampler2DShadow map_compare;  // the same map, compared and blended 2×2 by the hardware
+uniform sampler2D map_depths;
+uniform sampler2DShadow map_compare;  // the same map with hardware comparison, 2×2 linear
 #define IN_LAYER(uv, p) (uv)
 #define COMPARED(uv, p, depth) vec3(uv, depth)
 #endif
 
-// Lit where the receiver, on its own plane above the texel's centre, is not behind the stored depth.
+// 1 unless the receiver's plane, at the texel's centre, is behind the stored depth.
 float compare(float stored, vec2 texel, ShadowCoord p) {
-    // Clamped as the map's own depths are: a plane that runs past the far plane must not lie behind an empty texel, and
-    // one that runs past the near plane not in front of the casters that are stored there.
+    // Clamped as stored depths are: beyond the far plane the receiver's plane must not be behind an empty texel, nor
+    // before the near plane in front of casters clamped to it.
     float depth = p.depth + dot(p.gradient, (texel + 0.5) / map_size - p.uv);
     float front = p.bias + depth_step;
     depth = REVERSED == 1 ? clamp(depth, 0.0, 1.0 - front) : clamp(depth, front, 1.0);
     return depth_sign * (depth - stored) <= p.bias ? 1.0 : 0.0;
 }
 
-// The one texel that holds uv, moved by an offset in texels.
+// The texel at uv plus an offset in texels.
 float compare_nearest(ShadowCoord p, vec2 offset) {
     vec2 texel = floor(p.uv * map_size + offset);
     return compare(textureLod(map_depths, IN_LAYER((texel + 0.5) / map_size, p), 0.0).r, texel, p);
 }
 
-// Four texels around uv, weighted as a linear filter would.
+// Four texels around uv plus an offset in texels, with bilinear weights.
 float compare_linear(ShadowCoord p, vec2 offset) {
 #ifdef BIAS_HAS_GRADIENT
-    // Each texel has its own depth to compare with, which the hardware's comparison cannot know.
+    // Each texel is compared with a different depth, which hardware comparison does not support.
     vec2 at = p.uv * map_size + offset - 0.5;
     vec2 corner = floor(at);
     vec2 weight = at - corner;
@@ -50,18 +50,18 @@ float compare_linear(ShadowCoord p, vec2 offset) {
 
 #include <filter>
 
-// Visibility of a receiver by one layer. Every pixel of a quad must call it: a bias may take screen derivatives.
+// Visibility of a receiver in one layer. All pixels of a quad must call it, as a bias may take screen derivatives.
 float map_visibility(Receiver r, int layer) {
     ShadowCoord p = shadow_coord(r.position, layer);
     p = shadow_coord(r.position + bias_offset(r, p), layer);
-    // Casters in front of near are stored at near itself; a bias larger than the receiver's depth would see past them.
-    float room = REVERSED == 1 ? 1.0 - p.depth : p.depth;
-    p.bias = min(bias_depth(r, p), max(room - depth_step, 0.0));
+    // Casters in front of the near plane are stored at near; a bias larger than the receiver's depth would miss them.
+    float from_near = REVERSED == 1 ? 1.0 - p.depth : p.depth;
+    p.bias = min(bias_depth(r, p), max(from_near - depth_step, 0.0));
     p.gradient = bias_gradient(r, p);
     if (!r.facing || p.axis_distance <= 0.0) return 1.0;
     float beyond = REVERSED == 1 ? -p.depth : p.depth - 1.0;
 #ifdef FAR_RULE_NONE
-    // Fixed-point maps clamp the compared depth; said here, so that all formats agree.
+    // Explicit, as fixed-point formats clamp the compared depth and float formats do not.
     if (beyond - p.bias > 0.0) return 0.0;
 #else
     if (beyond > 0.0) return 1.0;

@@ -1,19 +1,31 @@
 """shadowbench: real-time shadow techniques, scored against ray tracing.
 
-What the commands compute, as functions: see `shadowbench.api`, whose names are found here when they are used.
+The commands as functions, and the types of their arguments and results; imported from `shadowbench.api` on first use.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from shadowbench.advice.recommendation import Recommendation
     from shadowbench.api import close, load, needs, recommend, render, run, score, stress, truth
     from shadowbench.errors import InputError, ShadowbenchError
+    from shadowbench.measure.rendering import Rendering
+    from shadowbench.scenes.model import Scene
+    from shadowbench.survey.survey import Needs
+    from shadowbench.techniques.spec import Spec
+    from shadowbench.truths.trace import Truth
 
 __version__ = "0.1.0"
 __all__ = [
     "InputError",
+    "Needs",
+    "Recommendation",
+    "Rendering",
+    "Scene",
     "ShadowbenchError",
+    "Spec",
+    "Truth",
     "close",
     "load",
     "needs",
@@ -29,7 +41,7 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module("shadowbench.api"), name)  # NumPy alone takes longer than `import shadowbench` may
+    return getattr(import_module("shadowbench.api"), name)  # lazily, since importing NumPy and pandas is slow
 
 
 def __dir__() -> list[str]:

@@ -1,4 +1,4 @@
-"""`python -m shadowbench`."""
+"""Entry point of `python -m shadowbench`."""
 
 from shadowbench.commands import main
 

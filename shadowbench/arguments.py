@@ -1,4 +1,4 @@
-"""What somebody hands to a function of the package, as plain values; InputError for what is none."""
+"""Validation of arguments of the Python functions; raises InputError."""
 
 import operator
 from collections.abc import Iterable
@@ -10,60 +10,60 @@ from numpy.typing import NDArray
 from shadowbench.errors import InputError
 
 
-def several(given: Any, what: str, allowed: str, *kinds: type) -> list[Any]:
-    """One thing of some kinds as a list, or the things that a list, an array or a series holds."""
-    if isinstance(given, kinds):
-        return [given]
-    things = list(given) if isinstance(given, Iterable) and not isinstance(given, str | bytes) else [given]
-    for thing in things:
-        if not isinstance(thing, kinds):
-            raise _refused(what, thing, allowed)
-    return things
+def as_list(value: Any, name: str, allowed: str, *types: type) -> list[Any]:
+    """A single value of some types as a list, or the values of a list, array or Series."""
+    if isinstance(value, types):
+        return [value]
+    values = list(value) if isinstance(value, Iterable) and not isinstance(value, str | bytes) else [value]
+    for entry in values:
+        if not isinstance(entry, types):
+            raise _input_error(name, entry, allowed)
+    return values
 
 
-def whole(given: Any, what: str, least: int, most: int) -> int:
-    """A whole number of any library's."""
+def whole_number(value: Any, name: str, least: int, most: int) -> int:
+    """An int from a whole number of any library."""
     try:
-        number = None if isinstance(given, bool) else operator.index(given)
+        number = None if isinstance(value, bool) else operator.index(value)
     except TypeError:
         number = None
     if number is None or not least <= number <= most:
-        raise _refused(what, given, f"whole numbers from {least} to {most}")
+        raise _input_error(name, value, f"whole numbers from {least} to {most}")
     return number
 
 
-def number(given: Any, what: str) -> float:
-    """A real number of any library's."""
-    if isinstance(given, bool | str | bytes) or not hasattr(given, "__float__"):
-        raise _refused(what, given, "a number")
-    return float(given)
+def number(value: Any, name: str) -> float:
+    """A float from a real number of any library."""
+    if isinstance(value, bool | str | bytes) or not hasattr(value, "__float__"):
+        raise _input_error(name, value, "a number")
+    return float(value)
 
 
-def of_kind(given: Any, what: str, allowed: str, *kinds: type) -> Any:
-    """A thing of some kinds."""
-    if not isinstance(given, kinds):
-        raise _refused(what, given, allowed)
-    return given
+def instance_of(value: Any, name: str, allowed: str, *types: type) -> Any:
+    """The value, if it is of one of the types."""
+    if not isinstance(value, types):
+        raise _input_error(name, value, allowed)
+    return value
 
 
-def lit_share(given: Any, what: str, shape: tuple[int, ...]) -> NDArray[Any]:
-    """A mask of a shape: floats or booleans as they are, uint8 and uint16 over their largest."""
-    mask = np.asarray(given)
-    of_levels = mask.dtype in (np.uint8, np.uint16)
-    if np.ma.isMaskedArray(given) or not (of_levels or mask.dtype.kind in "bf"):
+def as_visibility(value: Any, name: str, shape: tuple[int, ...]) -> NDArray[Any]:
+    """A mask as visibility: floats and booleans unchanged, uint8 and uint16 divided by their maximum."""
+    mask = np.asarray(value)
+    integers = mask.dtype in (np.uint8, np.uint16)
+    if np.ma.isMaskedArray(value) or not (integers or mask.dtype.kind in "bf"):
         raise InputError(
-            f"{what}: found {type(given).__name__} of {mask.dtype}; "
+            f"{name}: found {type(value).__name__} of {mask.dtype}; "
             "allowed: an array of floats, booleans, uint8 or uint16"
         )
     if mask.shape != shape:
-        raise InputError(f"{what}: found shape {mask.shape}; allowed: {shape}, that of the truth")
-    if not of_levels:
+        raise InputError(f"{name}: found shape {mask.shape}; allowed: {shape}, that of the truth")
+    if not integers:
         return mask
     if mask.max() == 1:
-        raise InputError(f"{what}: found {mask.dtype} up to 1; allowed: up to its largest, which is lit")
+        raise InputError(f"{name}: found {mask.dtype} up to 1; allowed: up to its largest, which is lit")
     return mask / np.iinfo(mask.dtype).max
 
 
-def _refused(what: str, found: object, allowed: str) -> InputError:
+def _input_error(name: str, found: object, allowed: str) -> InputError:
     shown = f"{found!r:.60}".splitlines() or [""]
-    return InputError(f"{what}: found {shown[0]} ({type(found).__name__}); allowed: {allowed}")
+    return InputError(f"{name}: found {shown[0]} ({type(found).__name__}); allowed: {allowed}")

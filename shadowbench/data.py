@@ -1,12 +1,12 @@
-"""Where the files that travel with the package are: shaders, built-in scenes, studies."""
+"""Location of the package's data files: shaders, built-in scenes, studies."""
 
 from pathlib import Path
 
 
 def data_folder(kind: str) -> Path:
-    """Folder of `kind` ("shaders", "scenes", "benchmarks"), in a wheel or in the repository.
+    """Folder of data files of a kind: "shaders", "scenes" or "benchmarks".
 
-    A wheel carries them under `shadowbench/_data/`; an editable install reads the repository's own.
+    In a wheel they lie in `shadowbench/_data/`; an editable install uses the repository's folders.
     """
     package = Path(__file__).resolve().parent
     packed = package / "_data" / kind

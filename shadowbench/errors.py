@@ -1,14 +1,14 @@
-"""The errors a user can meet, and the exit code of each."""
+"""Errors shown to users, with their exit codes."""
 
 import difflib
 from collections.abc import Iterable
 
 LONGEST_QUOTE = 500
-"""Characters of what somebody else's code says, such as a plug-in."""
+"""Most characters quoted from messages of foreign code, such as plug-ins."""
 
 
 class ShadowbenchError(Exception):
-    """A failure that is told in one line of printable characters, whatever it quotes, instead of a traceback."""
+    """A failure reported as one line of printable characters instead of a traceback."""
 
     exit_code = 3
 
@@ -17,19 +17,19 @@ class ShadowbenchError(Exception):
 
 
 class InputError(ShadowbenchError):
-    """Bad input: the line names the file or field, what was found and what is allowed."""
+    """Invalid input; the message names the file or field, what was found and what is allowed."""
 
     exit_code = 2
 
 
 class NoGLError(ShadowbenchError):
-    """No OpenGL context could be made, or it is older than 4.1."""
+    """No OpenGL context of version 4.1 or later could be created."""
 
 
 def alternatives(found: object, names: Iterable[str], heading: str = "allowed", none: str = "none") -> str:
-    """The end of a line about a name that is none of `names`: `; did you mean 'elevation'? allowed: elevation, gap`.
+    """End of a message about an unknown name: `; did you mean 'elevation'? allowed: elevation, gap`.
 
-    The question stands there for a near miss alone; `none` stands for no names at all.
+    The question is included only for a near miss; none: text in place of an empty list of names.
     """
     known = list(names)
     folded = {name.casefold(): name for name in reversed(known)}
@@ -39,7 +39,7 @@ def alternatives(found: object, names: Iterable[str], heading: str = "allowed", 
 
 
 def message(error: BaseException) -> str:
-    """What an exception of somebody else's code says, which may raise itself."""
+    """Message of an exception of foreign code, whose `__str__` may raise."""
     try:
         return str(error)
     except Exception:
@@ -47,11 +47,11 @@ def message(error: BaseException) -> str:
 
 
 def quoted(text: str) -> str:
-    """A foreign text as one printable line of at most LONGEST_QUOTE characters, the last of them … where it is cut."""
+    """Foreign text as one printable line of at most LONGEST_QUOTE characters, ending in … if truncated."""
     line = printable(" ".join(text[: 10 * LONGEST_QUOTE].split()))
     return line if len(line) <= LONGEST_QUOTE else line[: LONGEST_QUOTE - 1] + "…"
 
 
 def printable(line: str) -> str:
-    """A line with escapes for what would steer a terminal or cannot be encoded, as names from files may."""
+    """The line with unprintable characters escaped: control sequences, and what cannot be encoded."""
     return "".join(part if part.isprintable() else ascii(part)[1:-1] for part in line)

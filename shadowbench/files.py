@@ -1,4 +1,4 @@
-"""Files that are either the old one or the whole new one, also when the program is killed while it writes."""
+"""Atomic replacement of files: readers see the old file or the complete new one, even if the program is killed."""
 
 import errno
 import io
@@ -16,26 +16,26 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-"""What an OSError says of a disk, a quota or a limit on files that has no room left."""
+"""Error numbers of a full disk, an exhausted quota or a file size limit."""
 
 
 @contextmanager
 def replace_file(path: str | Path) -> Iterator[Path]:
-    """Give a file to write in place of `path`; it takes that name when the block ends without an error.
+    """Yield a temporary file that replaces `path` when the block ends without an error.
 
         with replace_file("rows.json") as temporary:
             temporary.write_text(text)
 
-    The yielded path lies in the same folder (a rename does not cross disks), exists, is empty, and has the
-    suffix of `path`, by which many writers choose their format. When the block raises, it is removed and
-    `path` stays as it was. InputError when the folder cannot be written, the disk is full or `path` is itself a folder.
+    The yielded path lies in the same folder (a rename does not cross disks), exists, is empty, and has the suffix of
+    `path`, by which many writers choose their format. If the block raises, it is removed and `path` is unchanged.
+    Raises InputError if the folder cannot be written, the disk is full or `path` is itself a folder.
     """
     path = Path(path)
     if path.is_dir():
         raise InputError(f"{path}: is a folder; a file name is needed")
     temporary = path.with_name(f".{path.stem}.{secrets.token_hex(6)}{path.suffix}")
     try:
-        # Not tempfile: its files are private (0600) and would stay so after the rename.
+        # Not tempfile, whose files are private (0600) and would remain so after the rename.
         temporary.open("xb").close()
     except OSError as error:
         reason = error.strerror or str(error)
@@ -52,13 +52,10 @@ def replace_file(path: str | Path) -> Iterator[Path]:
 
 
 def check_outputs(suffix: str, *files: Path | None) -> None:
-    """Raise, before any work is done, the InputError that writing one of the files would end in.
-
-    Each must end with `suffix`: what is written is of that format, whatever the name says.
-    """
+    """Raises InputError if one of the files cannot be written later, is named twice, or does not end with `suffix`."""
 
     class Probed(Exception):
-        """The file could be written."""
+        """Raised to undo a successful test."""
 
     named = [file for file in files if file is not None]
     for file in named:
@@ -74,10 +71,10 @@ def check_outputs(suffix: str, *files: Path | None) -> None:
 
 
 def check_folder(folder: Path, own: str = "rows.jsonl") -> None:
-    """Raise InputError where files lie in a folder, hidden ones aside, and not `own`, the one that tells it is ours."""
+    """Raises InputError if a folder has visible files but not `own`, by which our folders are recognised."""
     try:
         found = sorted(file.name for file in folder.iterdir() if not file.name.startswith("."))
-    except OSError:  # no such folder yet, or one that cannot be written either, which is told there
+    except OSError:  # no such folder yet, or an unreadable one, for which writing will raise
         return
     if found and own not in found:
         allowed = f"a new folder, an empty one, or one with {own}"
@@ -85,9 +82,9 @@ def check_folder(folder: Path, own: str = "rows.jsonl") -> None:
 
 
 def png_of(image: "NDArray[np.uint8]") -> bytes:
-    """A (H, W, 3) sRGB or (H, W) grey image as the bytes of a PNG."""
+    """PNG bytes of a (H, W, 3) sRGB or (H, W) grey uint8 image."""
     from PIL import Image
 
-    held = io.BytesIO()
-    Image.fromarray(image).save(held, format="PNG")
-    return held.getvalue()
+    stream = io.BytesIO()
+    Image.fromarray(image).save(stream, format="PNG")
+    return stream.getvalue()

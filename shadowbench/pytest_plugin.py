@@ -1,4 +1,4 @@
-"""For the test suites of engines: the fixture `shadow_accuracy`. Costs next to nothing until it is used."""
+"""The pytest fixture `shadow_accuracy`, for the test suites of engines. Imports nothing heavy until it is used."""
 
 import hashlib
 import re
@@ -11,11 +11,11 @@ import pytest
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from shadowbench.engines.scored import Accuracy
+    from shadowbench.engines.accuracy import Accuracy
 
 
 class Score(float):
-    """A metric's value, which in a failed assertion says what is wrong with the mask."""
+    """A metric's value; pytest explains what is wrong with the mask when a comparison with it fails."""
 
     name: str
     of: "ShadowAccuracy"
@@ -28,14 +28,14 @@ class Score(float):
 
 
 _NONES = pytest.StashKey[list[str]]()
-"""Of a test: a line for each metric that it read and that is None."""
+"""For each test: a line for every metric it read that is None."""
 
 
 class ShadowAccuracy:
     """A mask's scores: every metric of `shadowbench list metrics` is an attribute, None where it is not defined.
 
-    accuracy: all that is known. file: where `save` puts the difference picture. nones: gets a line for each None that
-    is read.
+    accuracy: the scored mask; file: where `save` writes the difference picture; nones: receives a line for each metric
+    read that is None.
     """
 
     def __init__(self, accuracy: "Accuracy", file: Path, nones: list[str]) -> None:
@@ -44,7 +44,7 @@ class ShadowAccuracy:
     def __getattr__(self, name: str) -> Score | None:
         metrics = self.accuracy.metrics
         if name not in metrics:
-            raise AttributeError(f"{name!r} is no metric; there are {', '.join(metrics)}")
+            raise AttributeError(f"{name!r} is not a metric; allowed: {', '.join(metrics)}")
         value = metrics[name]
         if value is None:
             self.nones.append(f"{name} is None ({self!r}): {self._empty()}")
@@ -52,25 +52,23 @@ class ShadowAccuracy:
         return Score(value, name, self)
 
     def _empty(self) -> str:
-        """Why a metric has nothing to divide by."""
+        """Why a metric is undefined in this view."""
         comparison = self.accuracy.comparison
         scored, truth, mask = comparison.truth.pixels, int(comparison.truth.shadow.sum()), comparison.shadow
         if not truth and not mask.any():
             return f"neither the truth nor the mask has a shadow in the {scored} pixels scored"
-        return (
-            f"nothing to measure it on; of {scored} pixels scored {truth} are in shadow, {int(mask.sum())} of the mask"
-        )
+        return f"undefined here; of {scored} scored pixels {truth} are in shadow, in the mask {int(mask.sum())}"
 
     def __repr__(self) -> str:
-        return f"accuracy of {self.accuracy.handed.name} on {self.accuracy.view.scene.name}"
+        return f"accuracy of {self.accuracy.external.name} on {self.accuracy.view.scene.name}"
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """A line for a shift, an encoding or a cut-off picture."""
+        """A line each for a shifted, encoded, clipped or uniform mask."""
         return self.accuracy.warnings
 
     def save(self) -> Path:
-        """Write the difference picture, false shadow orange and false light blue, and say where."""
+        """Write the difference picture (false shadow orange, false light blue) and return its path."""
         from shadowbench.engines.difference import write_difference
 
         self.file.parent.mkdir(parents=True, exist_ok=True)
@@ -78,7 +76,7 @@ class ShadowAccuracy:
         return self.file
 
     def explain(self) -> list[str]:
-        """What is wrong, by kind of error, and where the picture is, which is written now."""
+        """What is wrong, by kind of error, and the path of the difference picture, which this writes."""
         picture = f"difference: {self.save()} (orange false shadow, blue false light)"
         return [*self.accuracy.summary(), *(f"warning: {line}" for line in self.warnings), picture]
 
@@ -89,12 +87,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--shadow-diffs",
         metavar="DIR",
         type=Path,
-        help="Folder of the difference pictures of shadow_accuracy's failed assertions  [the test's tmp_path].",
+        help="Folder for the difference pictures of failed shadow_accuracy assertions  [the test's tmp_path].",
     )
 
 
 def pytest_assertrepr_compare(op: str, left: object, right: object) -> list[str] | None:
-    """Say more than the number where one side of a failed comparison is a Score."""
+    """Explain a failed comparison with a Score: the values, the kinds of error, the difference picture."""
     score = next((side for side in (left, right) if isinstance(side, Score)), None)
     if score is None:
         return None
@@ -104,7 +102,7 @@ def pytest_assertrepr_compare(op: str, left: object, right: object) -> list[str]
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Generator[None, None, None]:
-    """Say why a metric is None where a test compared it with a number."""
+    """Add the reason to the TypeError of a test that compared None with a number."""
     try:
         yield
     except TypeError as error:
@@ -116,13 +114,13 @@ def pytest_runtest_call(item: pytest.Item) -> Generator[None, None, None]:
 
 @pytest.fixture
 def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[..., ShadowAccuracy]:
-    """Scores your engine's shadows against ray tracing.
+    """Score your engine's shadows against ray tracing.
 
     `assert shadow_accuracy("mask.png", scene="stairs").iou > 0.98`; also `view`, `light`, `assets` and `up`, and `lit`,
     `shadowed` and `ambient` in place of a mask, all as `shadowbench score` takes them. mask: a PNG, or an (N, N) array,
-    bool or float in [0, 1], uint8 or uint16, row 0 at the top, full = lit; N is the view's size. What is flipped,
-    inverted or not square fails the test. A metric that is not defined is None: a comparison with a number is a
-    TypeError, and the failure says why.
+    bool or float in [0, 1], uint8 or uint16, row 0 at the top, white is lit; N is taken for the view's size. A mask
+    that is flipped, inverted or not square fails the test. A metric that is undefined in the view is None: comparing it
+    with a number raises TypeError, and the failure says why.
     """
     diffs: Path | None = request.config.getoption("--shadow-diffs")
     node = request.node
@@ -141,7 +139,7 @@ def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[
         up: str | None = None,
         **screenshots: Any,
     ) -> ShadowAccuracy:
-        from shadowbench.engines.scored import accuracy_of
+        from shadowbench.engines.accuracy import accuracy_of
         from shadowbench.errors import InputError
         from shadowbench.scenes.views import chosen_view
 
@@ -159,8 +157,8 @@ def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[
 
 
 def _handed(mask: Any, screenshots: dict[str, Any]) -> Any:
-    """The mask, or what the screenshots show; TypeError for both, neither or a keyword that there is not."""
-    from shadowbench.engines.pictures import from_screenshots, mask_from_array, mask_from_file
+    """The mask, or visibility from the screenshots; TypeError for both, neither or an unknown keyword."""
+    from shadowbench.engines.external_mask import from_screenshots, mask_from_array, mask_from_file
 
     if mask is None:
         return from_screenshots(**{key: file and Path(file) for key, file in screenshots.items()})

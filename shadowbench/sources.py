@@ -1,4 +1,4 @@
-"""The code that a result rests on: files, those of ours that they import, and the libraries that compute in them."""
+"""Digest of the code that a result depends on: source files, own modules that they import, and library versions."""
 
 import ast
 import hashlib
@@ -10,38 +10,38 @@ from pathlib import Path
 
 SOURCES = {".py", ".glsl", ".vert", ".geom", ".frag"}
 LIBRARIES = {"embreex": "embreex", "moderngl": "moderngl", "numpy": "numpy", "pyglm": "pyglm", "scipy": "scipy"}
-"""Distributions whose version may change a result, by the module that is imported."""
+"""Distributions whose version may change a result, by module name."""
 PACKAGE = Path(__file__).resolve().parent
 
 
-def code_digest(*roots: Path, beside: Iterable[Path] = ()) -> str:
-    """Hex digest of the text of files and of all that they import, and of their libraries' versions.
+def code_digest(*roots: Path, extra_files: Iterable[Path] = ()) -> str:
+    """Hex digest of files, of the own modules that they import, and of the versions of their libraries.
 
-    beside: files, or folders with all their .py and GLSL files, whose text counts too and whose imports do not.
+    extra_files: further files, or folders of .py and GLSL files, whose imports are not followed.
     """
     digest = hashlib.sha256()
-    ours = imported(*roots)
-    for file in [*ours, *(file for place in beside for file in files_in(place))]:
+    closure = import_closure(*roots)
+    for file in [*closure, *(file for place in extra_files for file in files_in(place))]:
         digest.update(file.name.encode() + b"\0" + file.read_bytes() + b"\0")
-    used = {name.partition(".")[0] for file in ours for name in _imports(file)}
+    used = {name.partition(".")[0] for file in closure for name in _imports(file)}
     digest.update(repr([version(library) for module, library in LIBRARIES.items() if module in used]).encode())
     return digest.hexdigest()
 
 
-def imported(*roots: Path) -> list[Path]:
-    """The files, and the files of ours that are imported from them, directly or not, wherever the import stands."""
+def import_closure(*roots: Path) -> list[Path]:
+    """The files and all own modules that they import, directly or indirectly, at any level of the code."""
     found: set[Path] = set()
-    left = list(roots)
-    while left:
-        file = left.pop()
+    pending = list(roots)
+    while pending:
+        file = pending.pop()
         if file not in found:
             found.add(file)
-            left += [other for name in _imports(file) for other in _ours(name)]
+            pending += [other for name in _imports(file) for other in _module_files(name)]
     return sorted(found)
 
 
 def files_in(place: Path) -> list[Path]:
-    """The .py and GLSL files in a folder and below; a file is itself alone."""
+    """The .py and GLSL files below a folder; for a file, the file itself."""
     return sorted(path for path in place.rglob("*") if path.suffix in SOURCES) if place.is_dir() else [place]
 
 
@@ -51,12 +51,12 @@ def _imports(file: Path) -> frozenset[str]:
 
 @cache
 def _names(text: bytes) -> frozenset[str]:
-    """The dotted names that a source imports; of `from a import b` both a and a.b, since b may be a module."""
+    """Dotted names imported by a source; for `from a import b` both a and a.b, since b may be a module."""
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # Python has told them on import
+            warnings.simplefilter("ignore")  # Python has shown them on import
             tree = ast.parse(text)
-    except (SyntaxError, ValueError):  # a template in somebody's package, say: nobody imports it either
+    except (SyntaxError, ValueError):  # no Python, such as a template in a plug-in's package
         return frozenset()
 
     def names() -> Iterator[str]:
@@ -70,8 +70,8 @@ def _names(text: bytes) -> frozenset[str]:
     return frozenset(names())
 
 
-def _ours(name: str) -> list[Path]:
-    """The file of a module of ours; none for the package itself, whose names come from everywhere."""
+def _module_files(name: str) -> list[Path]:
+    """The file of an own module; none for the package itself, which imports everything lazily."""
     if not name.startswith(f"{PACKAGE.name}."):
         return []
     place = PACKAGE.parent.joinpath(*name.split("."))

@@ -1,4 +1,4 @@
-"""What users write: TOML within limits, and pydantic models that refuse what they do not know, told in one line."""
+"""Reading files written by users: TOML within limits, strict pydantic models, and one-line error messages."""
 
 import tomllib
 from pathlib import Path
@@ -10,22 +10,22 @@ from pydantic_core import ErrorDetails
 from shadowbench.errors import InputError, alternatives
 
 LONGEST = 2_000_000
-"""Bytes of a TOML file; they are written by hand, or by a script for some thousand meshes."""
+"""Most bytes of a TOML file, which is written by hand, or by a script for some thousand meshes."""
 
 MOST_DOTS = 200
-"""In one line: the standard library's reader needs memory for the square of a dotted key's parts."""
+"""Most dots in a line: tomllib's memory grows with the square of the number of parts of a dotted key."""
 
 DEEPEST = 20
-"""Tables and lists within each other."""
+"""Deepest nesting of tables and lists."""
 
 
 def read_toml(path: Path, where: str, missing: str = "no such file") -> dict[str, Any]:
-    """The document of a TOML file; InputError, beginning with `where` or the path, for what is none or too large.
+    """Read a TOML file whose integers fit in 64 bits and whose nesting is at most DEEPEST.
 
-    Integers are within 64 bits, as TOML has them; nothing is nested deeper than DEEPEST.
+    Raises InputError, its message beginning with `where` or the path, for any other or too large a file.
     """
     try:
-        if not path.is_file():  # a pipe would be waited for
+        if not path.is_file():  # reading a named pipe would block
             raise InputError(f"{path}: {'is not a file' if path.exists() else missing}")
         if path.stat().st_size > LONGEST:
             raise InputError(f"{path}: {path.stat().st_size} bytes; allowed are at most {LONGEST}")
@@ -46,29 +46,29 @@ def read_toml(path: Path, where: str, missing: str = "no such file") -> dict[str
 
 def _check_values(document: dict[str, Any], where: str) -> None:
     waiting: list[tuple[str, Any, int]] = [("", document, 0)]
-    while waiting:  # no recursion: dotted keys nest deeper than Python does
+    while waiting:  # not recursive: dotted keys may nest deeper than Python's recursion limit
         key, value, depth = waiting.pop()
         if depth > DEEPEST:
             raise InputError(f"{where}: {key:.60}: nested deeper than {DEEPEST} tables and lists")
         if isinstance(value, dict | list):
             parts = value.items() if isinstance(value, dict) else enumerate(value, 1)
             waiting.extend((f"{key}.{name}" if key else str(name), part, depth + 1) for name, part in parts)
-        elif isinstance(value, int) and not -(2**63) <= value < 2**63:  # Python reads it, and cannot always print it
+        elif isinstance(value, int) and not -(2**63) <= value < 2**63:  # tomllib accepts these
             raise InputError(f"{where}: {key:.60}: found an integer beyond 64 bits; TOML allows up to 2^63 - 1")
 
 
 def short(error: BaseException) -> str:
-    """What an exception of somebody else's says, in at most 200 characters of one line."""
+    """Message of a foreign exception in one line of at most 200 characters."""
     return " ".join(str(error).split())[:200] or type(error).__name__
 
 
 class Strict(BaseModel):
-    """A frozen model for what users write: unknown keys, NaN and infinity are errors."""
+    """Frozen model of user input: unknown keys, NaN and infinity are errors."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     not_in_files: ClassVar[frozenset[str]] = frozenset()
-    """Fields that only programs set: unknown where a model is read with a context, as a file is."""
+    """Fields that only code may set: they are unknown fields if a model is validated with a context, as files are."""
 
     @model_validator(mode="before")
     @classmethod
@@ -102,18 +102,18 @@ _ALLOWED = {
     "union_tag_not_found": "one that has {discriminator}",
     "string_pattern_mismatch": "text that matches {pattern}",
 }
-"""What is allowed, by pydantic's name of a complaint, where its own words are those of Python."""
+"""What is allowed, by pydantic's error type, for errors that pydantic explains in terms of Python."""
 
 
 def explain(where: str, error: ValidationError) -> InputError:
-    """The first complaint of a ValidationError as one line: where, which field, what was found, what is allowed."""
+    """InputError of a ValidationError's first error: where, which field, what was found, what is allowed."""
     complaints = error.errors(include_url=False)
     first = complaints[0]
     place, message = first["loc"], _message(first)
-    # A field that takes one of several types has a complaint for each, all of one value, the type behind its place.
+    # A union field has one error per member type, all of one value; their locations end with the member's name.
     same = [other for other in complaints if other["loc"][:-1] == place[:-1] and other["input"] is first["input"]]
     if any(isinstance(other["loc"][-1], str) and not other["loc"][-1].isidentifier() for other in same if other["loc"]):
-        # That an object of ours may stand there is of no use to who writes a file.
+        # Member types that are our own classes cannot be written in a file.
         allowed = " or ".join(_allowed(other) for other in same if other["type"] != "is_instance_of")
         place, message = place[:-1], f"found {_found(first['input'])}; allowed: {allowed}"
     field = "".join(f" {part + 1}" if isinstance(part, int) else f".{part}" for part in place).lstrip(".")
@@ -128,9 +128,9 @@ def _message(complaint: ErrorDetails) -> str:
         return f"found no JSON ({complaint['ctx']['error']}); allowed: a JSON object"
     if complaint["type"] != "value_error":
         return f"found {found}; allowed: {_allowed(complaint)}"
-    message = complaint["msg"].removeprefix("Value error, ")  # one of ours, which may say what it found
-    told = "found" in message or found in message or not isinstance(complaint["input"], str | int | float)
-    return message if told else f"{message} (found {found})"
+    message = complaint["msg"].removeprefix("Value error, ")  # our own message, which may include what was found
+    complete = "found" in message or found in message or not isinstance(complaint["input"], str | int | float)
+    return message if complete else f"{message} (found {found})"
 
 
 def _allowed(complaint: ErrorDetails) -> str:

@@ -13,7 +13,7 @@ import pytest
 
 from shadowbench.commands import main
 from shadowbench.gl.device import Device, Freeable, open_device
-from shadowbench.gl.gbuffer import GBuffer, SurfacePass, download
+from shadowbench.gl.gbuffer import GBuffer, GBufferPass, download
 from shadowbench.gl.geometry import DeviceGeometry
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Mesh, Placement, Scene, View, view_of
@@ -85,7 +85,7 @@ class Studio:
 
     def __init__(self, device: Device) -> None:
         self.device = device
-        self._scenes: dict[Scene, tuple[Scene, DeviceGeometry, SurfacePass]] = {}
+        self._scenes: dict[Scene, tuple[Scene, DeviceGeometry, GBufferPass]] = {}
         self._held: list[Freeable] = []
 
     def shot(self, filed: View) -> Shot:
@@ -94,7 +94,7 @@ class Studio:
         if filed.scene not in self._scenes:
             scene = placement.scene(filed.scene)
             geometry = DeviceGeometry(self.device, scene.geometry)
-            self._scenes[filed.scene] = scene, geometry, SurfacePass(self.device, geometry)
+            self._scenes[filed.scene] = scene, geometry, GBufferPass(self.device, geometry)
             self._held[:0] = [self._scenes[filed.scene][2], geometry]
         scene, geometry, surface_pass = self._scenes[filed.scene]
         view = View(scene, placement.camera(filed.camera), placement.light(filed.light), filed.size)

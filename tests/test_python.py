@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 
 import shadowbench as sb
-from shadowbench.api import _Shared
+from shadowbench.api import _SharedWorker
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "python.md"
 CODE = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
@@ -62,14 +62,14 @@ def test_a_table_has_the_columns_and_scores_of_a_run_folder(tmp_path: Path) -> N
 
 def test_calls_share_one_process_until_it_is_closed_or_others_plug_ins_are_asked_for() -> None:
     sb.render("cube-on-plane", "unshadowed", view_size=16)
-    first = _Shared.worker
+    first = _SharedWorker.worker
     sb.render("stairs", "unshadowed", view_size=16)
-    assert _Shared.worker is first
+    assert _SharedWorker.worker is first
     example = PAGE.parents[1] / "examples" / "sphere_proxies.py"
     sb.render("cube-on-plane", "sphere-proxies", view_size=16, plugins=[example])
-    assert _Shared.worker is not first
+    assert _SharedWorker.worker is not first
     sb.close()
-    assert _Shared.worker is None
+    assert _SharedWorker.worker is None
     sb.close()
 
 
@@ -130,6 +130,22 @@ def lit(spec: str) -> float:
     return float(sb.render("cube-on-plane", spec, view_size=64).visibility.mean())
 
 
+def test_the_types_that_users_annotate_with_are_those_of_arguments_and_results() -> None:
+    scene = sb.load("cube-on-plane")
+    found = sb.recommend(scene, min_iou=0.5, view_size=16)
+    assert found.choice is not None
+    results = [
+        (scene, sb.Scene),
+        (sb.truth(scene, view_size=16), sb.Truth),
+        (sb.render(scene, "unshadowed", view_size=16), sb.Rendering),
+        (sb.needs(scene, view_size=16), sb.Needs),
+        (found, sb.Recommendation),
+        (found.choice.spec, sb.Spec),
+    ]
+    assert all(type(result) is kind for result, kind in results)
+    assert {kind.__name__ for _, kind in results} <= set(sb.__all__)
+
+
 def test_threads_take_turns() -> None:
     wanted = {spec: lit(spec) for spec in ("unshadowed", "shadow-volume")}
     with ThreadPoolExecutor(4) as pool:
@@ -154,10 +170,10 @@ for delay in (0.005, 0.05, 0.2):
 FORKED = """
 import os, sys
 import shadowbench as sb
-from shadowbench.api import _Shared
+from shadowbench.api import _SharedWorker
 
 first = sb.render("cube-on-plane", "shadow-volume", view_size=64).visibility
-process = _Shared.worker._process.pid
+process = _SharedWorker.worker._process.pid
 for draws in (False, True):
     child = os.fork()
     if not child:
@@ -166,7 +182,7 @@ for draws in (False, True):
         sys.exit(0)
     assert os.waitpid(child, 0)[1] == 0
     assert (sb.render("cube-on-plane", "shadow-volume", view_size=64).visibility == first).all()
-    assert _Shared.worker._process.pid == process
+    assert _SharedWorker.worker._process.pid == process
 """
 
 

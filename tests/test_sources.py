@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from shadowbench import sources
-from shadowbench.sources import code_digest, imported
+from shadowbench.sources import code_digest, import_closure
 
 
 @pytest.fixture
@@ -27,7 +27,7 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_what_is_imported_counts_wherever_the_import_stands(package: Path) -> None:
-    names = [str(file.relative_to(package)) for file in imported(package / "high.py")]
+    names = [str(file.relative_to(package)) for file in import_closure(package / "high.py")]
     assert names == ["high.py", "middle.py", "room/low.py"]
 
 
@@ -51,8 +51,8 @@ def test_a_digest_is_of_text_of_what_is_imported_and_of_its_libraries(
 def test_a_folder_beside_counts_with_all_its_shaders(package: Path, tmp_path: Path) -> None:
     folder = tmp_path / "shaders"
     folder.mkdir()
-    before = code_digest(package / "high.py", beside=[folder])
+    before = code_digest(package / "high.py", extra_files=[folder])
     (folder / "notes.txt").write_text("")
-    assert code_digest(package / "high.py", beside=[folder]) == before
+    assert code_digest(package / "high.py", extra_files=[folder]) == before
     (folder / "one.glsl").write_text("")
-    assert code_digest(package / "high.py", beside=[folder]) != before
+    assert code_digest(package / "high.py", extra_files=[folder]) != before

@@ -1,7 +1,7 @@
-"""Plants small faults in the modules that make numbers, one at a time, and runs the tests that should notice.
+"""Mutation testing of the modules that compute numbers: plants one small fault at a time and runs their tests.
 
-A mutant is a module with one number × 1.1 or ÷ 1.1 (± 1 for an integer that is compared, or where only an integer
-will do) or one comparison changed, at module level too. It is killed if a test fails or hangs. A survivor needs a
+A mutant is a module with one number multiplied or divided by 1.1 (± 1 for an integer that is compared, or where only
+an integer is valid) or one comparison operator changed. It is killed if a test fails or hangs. A survivor needs a
 reason in tools/mutants.toml; the command exits with 1 if one has none, with 2 if the tests fail without any fault.
 """
 
@@ -31,7 +31,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parent.parent
 REASONS = ROOT / "tools" / "mutants.toml"
 FITS = ["tests/techniques/test_window.py", "tests/geometry/test_light_view.py", "tests/techniques/test_fits.py"]
-# By module, tests that run in one process: a worker that a test starts would import the unchanged module.
+# Tests of each module; only tests that run in one process, since a worker process would import the unchanged module.
 TESTS = {
     "shadowbench/techniques/fits.py": FITS,
     "shadowbench/geometry/lights.py": FITS,
@@ -40,7 +40,7 @@ TESTS = {
     "shadowbench/check/baseline.py": ["tests/check/test_baseline.py"],
     "shadowbench/studies/t*s.py": ["tests/studies/test_tables.py", "tests/studies/test_times.py"],
 }
-# With what they import, these are imported once, before children are forked.
+# Modules imported once before children are forked, for the third-party packages that they import.
 WARM = ("shadowbench.commands", "tests.conftest", "hypothesis.extra.numpy", "scipy.optimize", "skimage.metrics")
 FLIPPED = {"<": ["<=", ">="], "<=": ["<", ">"], ">": [">=", "<="], ">=": [">", "<"], "==": ["!="], "!=": ["=="]}
 NUMBER = re.compile(rb"[\d._]+(e[+-]?\d+)?")
@@ -49,7 +49,7 @@ NO_INTEGER = re.compile(r"^E +\w*(Error|Exception)\b.*(integer|'int'|'float')", 
 
 @dataclass(frozen=True)
 class Mutant:
-    """A module's source with one change, or none; `instead` is tried where that fails for not being an integer."""
+    """A module's source with at most one change; instead: the mutant to try if an integer is required."""
 
     module: str
     line: int
@@ -61,7 +61,7 @@ class Mutant:
 
     @property
     def key(self) -> tuple[str, str, str, str]:
-        """What a reason in the file names it by; no line number, which any edit changes."""
+        """Key of a mutant in mutants.toml; without the line number, which any edit changes."""
         return self.module, self.function, self.before, self.after
 
     def __str__(self) -> str:
@@ -85,8 +85,8 @@ def mutants_of(module: str) -> list[Mutant]:
     def find(node: Any, function: str, compared: bool = False) -> Iterator[Mutant]:
         if isinstance(node, ast.Constant) and type(node.value) in (int, float):
             begin, end = starts[node.lineno - 1] + node.col_offset, starts[node.end_lineno - 1] + node.end_col_offset
-            if NUMBER.fullmatch(source[begin:end]):  # places within f-strings are wrong before Python 3.12
-                for new, integer in moved(node.value, compared):
+            if NUMBER.fullmatch(source[begin:end]):  # positions in f-strings are wrong before Python 3.12
+                for new, integer in perturbed(node.value, compared):
                     yield change(begin, end, new, function, (integer and change(begin, end, integer, function)) or None)
         elif isinstance(node, ast.Compare):
             for left, right in zip([node.left, *node.comparators], node.comparators, strict=False):
@@ -103,20 +103,20 @@ def mutants_of(module: str) -> list[Mutant]:
     return list(find(ast.parse(source), ""))
 
 
-def moved(value: float, compared: bool) -> Iterator[tuple[str, str]]:
-    """A number moved up and down, as source; beside each the integer to try if it must be one, or nothing."""
+def perturbed(value: float, compared: bool) -> Iterator[tuple[str, str]]:
+    """A number changed up and down, as source; each with the integer to try if one is required, or "" for none."""
     whole = isinstance(value, int)
     for scaled, step in ((value * 1.1, 1), (value / 1.1, -1)):
         integer = value + step if abs(value) < 10 else round(scaled)
-        if whole and (compared or not value):  # counts that are compared would not notice a tenth
+        if whole and (compared or not value):  # a change by 10% would not affect comparisons of integers
             yield f"({integer})" if integer < 0 else f"{integer}", ""
         else:
             scaled = scaled or 0.1 * step
             yield f"({scaled:.6g})" if scaled < 0 else repr(float(f"{scaled:.6g}")), f"{integer}" if whole else ""
 
 
-class Planted(MetaPathFinder, Loader):
-    """Imports a mutant in place of its module."""
+class MutantImporter(MetaPathFinder, Loader):
+    """Import hook that loads a mutant in place of its module."""
 
     def __init__(self, mutant: Mutant) -> None:
         self.name, self.file = mutant.module.removesuffix(".py").replace("/", "."), str(ROOT / mutant.module)
@@ -132,7 +132,7 @@ class Planted(MetaPathFinder, Loader):
 
 @dataclass
 class Outcome:
-    """Of pytest: its exit code, None for a hang or a crash; the first failure; seconds by test."""
+    """Result of a pytest run: exit code, None for a hang or crash; the first failure; seconds by test."""
 
     code: int | None = None
     failed: str = ""
@@ -140,9 +140,9 @@ class Outcome:
     seconds: Counter[str] = field(default_factory=Counter)
 
 
-@dataclass(eq=False)  # pytest asks for its hash where tests lie in several folders
+@dataclass(eq=False)  # pytest hashes plug-ins if tests lie in several folders
 class Watch:
-    """A pytest plug-in: runs the likeliest test first and notes what happens."""
+    """Pytest plug-in that runs the test most likely to fail first, and records the outcome."""
 
     order: dict[str, tuple[float, ...]]
     outcome: Outcome = field(default_factory=Outcome)
@@ -157,23 +157,23 @@ class Watch:
 
 
 def run_tests(end: Connection, tests: Sequence[str], mutant: Mutant, order: dict[str, tuple[float, ...]]) -> None:
-    """In a child: pytest on a mutant."""
-    os.setsid()  # what a test starts ends with it
+    """Run pytest on a mutant, in a child process."""
+    os.setsid()  # processes started by tests are killed with it
     null = os.open(os.devnull, os.O_RDWR)
     for stream in (0, 1, 2) if mutant.source else (0,):
         os.dup2(null, stream)
     import pytest
     from hypothesis import HealthCheck, Phase, settings
 
-    # The same examples for every mutant, no deadline on a busy machine, and no time for a smaller example.
+    # The same examples for every mutant, no deadlines, and no shrinking of examples.
     quick = {"phases": [Phase.explicit, Phase.generate], "suppress_health_check": list(HealthCheck)}
     settings.register_profile("mutate", deadline=None, derandomize=True, database=None, **quick)
     settings.load_profile("mutate")
     if mutant.source:
-        sys.meta_path.insert(0, Planted(mutant))
+        sys.meta_path.insert(0, MutantImporter(mutant))
     watch, folder = Watch(order), f"--basetemp={tempfile.gettempdir()}/{os.getpid()}"
     options = ["-x", "-q", "-p", "no:cacheprovider", "-m", "not slow", "--timeout=60", folder]
-    options.append("--assert=plain")  # rewriting takes longer, and would import the unchanged module
+    options.append("--assert=plain")  # rewriting is slower, and would import the unchanged module
     watch.outcome.code = int(pytest.main([*options, *tests], plugins=[watch]))
     end.send(watch.outcome)
     os._exit(0)
@@ -182,7 +182,7 @@ def run_tests(end: Connection, tests: Sequence[str], mutant: Mutant, order: dict
 def outcomes(
     mutants: Sequence[Mutant], tests: Sequence[str], jobs: int, seconds: Counter[str]
 ) -> Iterator[tuple[Mutant, Outcome]]:
-    """Every mutant with its outcome, as they come. `seconds`: of each test without a fault."""
+    """Every mutant with its outcome, in order of completion; seconds: duration of each test without a fault."""
     fork, limit = multiprocessing.get_context("fork"), 60 + 4 * seconds.total() if seconds else 600
     kills: Counter[tuple[str, str]] = Counter()
     waiting, running = deque(mutants), {}
@@ -216,7 +216,7 @@ def outcomes(
 
 
 def end_group(process: Any) -> None:
-    """End a child and what its tests left running."""
+    """Kill a child and all processes that its tests left running."""
     with suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
     process.kill()
@@ -224,13 +224,16 @@ def end_group(process: Any) -> None:
 
 
 def warm_up() -> None:
-    """Import other packages here, once, and leave ours to the children. No GL context is made: it would not survive."""
+    """Import third-party packages once before forking; our own are imported by the children.
+
+    Creates no GL context, which would not survive a fork.
+    """
     sys.path.insert(0, str(ROOT))
     for name in WARM:
         importlib.import_module(name)
     for name in [name for name in sys.modules if name.partition(".")[0] in ("shadowbench", "tests")]:
         del sys.modules[name]
-    gc.freeze()  # children need not look through all this for garbage
+    gc.freeze()  # keeps the children's garbage collector off these objects
 
 
 def main() -> int:
@@ -238,16 +241,18 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("modules", nargs="*", help="parts of modules' paths; all if none")
     parser.add_argument("--jobs", type=int, default=1, help="mutants at a time")
-    parser.add_argument("--sample", type=int, metavar="N", help="N mutants by chance, the same each time")
-    parser.add_argument("--list", action="store_true", help="name the mutants and run nothing")
-    asked = parser.parse_args()
+    parser.add_argument("--sample", type=int, metavar="N", help="a fixed random sample of N mutants")
+    parser.add_argument("--list", action="store_true", help="list the mutants and run nothing")
+    options = parser.parse_args()
     os.chdir(ROOT)
     tests = {str(file.relative_to(ROOT)): TESTS[glob] for glob in TESTS for file in sorted(ROOT.glob(glob))}
-    tests = {file: of for file, of in tests.items() if not asked.modules or any(part in file for part in asked.modules)}
+    tests = {
+        file: of for file, of in tests.items() if not options.modules or any(part in file for part in options.modules)
+    }
     mutants = [mutant for module in tests for mutant in mutants_of(module)]
-    if asked.sample:
-        mutants = random.Random(0).sample(mutants, min(asked.sample, len(mutants)))
-    if asked.list:
+    if options.sample:
+        mutants = random.Random(0).sample(mutants, min(options.sample, len(mutants)))
+    if options.list:
         print(*mutants, f"{len(mutants)} mutants", sep="\n")
         return 0
     entries = tomllib.loads(REASONS.read_text(encoding="utf-8"))["survivor"]
@@ -257,7 +262,7 @@ def main() -> int:
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "LP_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     began, survivors, hung = time.monotonic(), {}, 0
-    with tempfile.TemporaryDirectory() as cache:  # of truths, which no mutant changes, and of compiled modules
+    with tempfile.TemporaryDirectory() as cache:  # for truths, which no mutant changes, and compiled modules
         os.environ["SHADOWBENCH_CACHE"] = tempfile.tempdir = cache
         warm_up()
         sys.dont_write_bytecode, sys.pycache_prefix = False, cache
@@ -270,7 +275,7 @@ def main() -> int:
             controls[of] = control.seconds
         for module, of in tests.items():
             mine, earlier = [mutant for mutant in mutants if mutant.module == module], len(survivors)
-            for mutant, outcome in outcomes(mine, of, asked.jobs, controls[tuple(of)]):
+            for mutant, outcome in outcomes(mine, of, options.jobs, controls[tuple(of)]):
                 hung += outcome.code is None
                 if outcome.code == 0:
                     why = survivors[mutant] = reasons.get(mutant.key)
@@ -281,7 +286,7 @@ def main() -> int:
         f"{killed} of {len(mutants)} killed ({killed / max(len(mutants), 1):.1%}), {hung} of them by a crash or a hang"
     )
     unused = reasons.keys() - {mutant.key for mutant in survivors}
-    for module, function, before, after in sorted(key for key in unused if key[0] in tests and not asked.sample):
+    for module, function, before, after in sorted(key for key in unused if key[0] in tests and not options.sample):
         print(f"a reason that no survivor needs: {module} {function}\n  - {before}\n  + {after}")
     print(f"{list(survivors.values()).count(None)} survivors without a reason; {time.monotonic() - began:.0f} s")
     return 0 if all(survivors.values()) else 1

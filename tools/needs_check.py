@@ -1,6 +1,6 @@
-"""Measures what `needs` predicts, on built-in scenes and larger ones: sizes of a map and of cascades, bits, bias.
+"""Compares predictions of `needs` with measurements on built-in and larger scenes: map size, cascades, bits, bias.
 
-python tools/needs_check.py [SCENE…] [--json FILE]: a line for each scene; a ratio is predicted over measured.
+python tools/needs_check.py [SCENE…] [--json FILE]: one line per scene; ratios are predicted over measured values.
 """
 
 import argparse
@@ -26,8 +26,8 @@ from shadowbench.truths.cache import cached_truth
 
 LARGER = ("2CylinderEngine.glb", "armadillo.obj", "bgfx_tree.obj", "retroufo.gltf")
 SIZES = tuple(round(256 * 2 ** (k / 2)) for k in range(13))  # to 16384
-BIASES = tuple(2 ** (k / 2) for k in range(-8, 7))  # of the predicted
-CASCADES = 5  # as the technique defaults to
+BIASES = tuple(2 ** (k / 2) for k in range(-8, 7))  # factors of the predicted bias
+CASCADES = 5  # the technique's default
 FORMATS = {16: "depth=d16", 24: "depth=d24", 32: "depth=d32f,reversed=true"}
 WITHIN = 2.0
 
@@ -36,7 +36,7 @@ Metrics = dict[str, float | None]
 
 @dataclass(frozen=True)
 class Pair:
-    """A number as predicted and as measured; None where there is none, or none in the range that was walked."""
+    """A predicted and a measured value; None if there is none, or none in the range of measurements."""
 
     predicted: float | None
     measured: float | None
@@ -48,8 +48,8 @@ class Pair:
 
 
 @dataclass(frozen=True)
-class Checked:
-    """A scene's predictions beside what was measured."""
+class SceneCheck:
+    """Predictions and measurements of a scene."""
 
     scene: str
     map_size: Pair
@@ -59,7 +59,7 @@ class Checked:
 
 
 def main() -> None:
-    """Check the scenes that are named, or all, and print the table."""
+    """Check the given scenes, by default all, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("scenes", nargs="*", metavar="SCENE")
     parser.add_argument("--json", type=Path, metavar="FILE")
@@ -83,34 +83,34 @@ def main() -> None:
         options.json.write_text(json.dumps([asdict(row) for row in rows], indent=1))
 
 
-def check(view: View, worker: Worker) -> Checked:
-    """One scene, by shadow-map or under a point light by cube-map, at their defaults but for what is walked."""
+def check(view: View, worker: Worker) -> SceneCheck:
+    """Check one scene with shadow-map, or cube-map under a point light, at defaults except for the varied parameter."""
     technique = "cube-map:depth=d32f" if view.light.kind == "point" else "shadow-map:depth=d32f"
     predicted = needs(view)
     truth = cached_truth(view)
     prepared = prepare_truth(truth)
 
     def measure(spec: str) -> Metrics:
-        drawn = worker.call(Session.draw, PlacedView(view), CellRequest(spec))
-        metrics: Metrics = mask_record(drawn.visibility, truth, prepared)["metrics"]
+        rendering = worker.call(Session.draw, PlacedView(view), CellRequest(spec))
+        metrics: Metrics = mask_record(rendering.visibility, truth, prepared)["metrics"]
         return metrics
 
     def edge_p95(spec: str) -> float | None:
         try:
             return measure(spec)["edge_p95"]
-        except Unsupported:  # a map that the driver refuses
+        except Unsupported:  # the map is too large for the driver
             return None
 
     def edge_size(spec: str) -> float | None:
         return first_below(SIZES, 1.0, lambda size: edge_p95(f"{spec},size={size}"))
 
-    edges, several = predicted.texels.edge_size, predicted.cascades
-    return Checked(
+    edges, cascades = predicted.texels.edge_size, predicted.cascades
+    return SceneCheck(
         scene=view.scene.name,
         map_size=Pair(edges.value if edges else None, edge_size(technique) if edges else None),
         cascade_size=Pair(
-            several.edge_size.get(CASCADES) if several else None,
-            edge_size(f"cascades:count={CASCADES}") if several else None,
+            cascades.edge_size.get(CASCADES) if cascades else None,
+            edge_size(f"cascades:count={CASCADES}") if cascades else None,
         ),
         bias=Pair(predicted.bias.needed.value if predicted.bias else None, _bias(measure, technique, predicted)),
         bits=Pair(predicted.bits.bits if predicted.bits else None, _bits(measure, technique)),
@@ -118,10 +118,10 @@ def check(view: View, worker: Worker) -> Checked:
 
 
 def first_below(values: Sequence[float], limit: float, measure: Callable[[float], float | None]) -> float | None:
-    """Where, walking up the values, a measurement first falls below a limit: the middle of that step, on a log scale.
+    """Value at which a measurement first falls below a limit: the geometric mean of the values around that step.
 
-    The middle, as `edge_p95` is a distance between pixels: it falls from 1 to 0 at once. None where it never does, or
-    before the first value.
+    The mean, since `edge_p95` is a distance between pixels, which drops from 1 to 0 at once. None if the measurement
+    never falls below the limit, or does so at the first value.
     """
     before: float | None = None
     for value in values:
@@ -133,7 +133,7 @@ def first_below(values: Sequence[float], limit: float, measure: Callable[[float]
 
 
 def _bits(measure: Callable[[str], Metrics], technique: str) -> int | None:
-    """The fewest bits whose IoU is within LOST of the best format's."""
+    """Fewest bits whose IoU is within LOST of the best format's."""
     name = technique.partition(":")[0]
     formats = FORMATS if name == "shadow-map" else {**FORMATS, 32: "depth=d32f"}
     scores = {bits: measure(f"{name}:size={REFERENCE_SIZE},{depth}")["iou"] for bits, depth in formats.items()}
@@ -144,7 +144,7 @@ def _bits(measure: Callable[[str], Metrics], technique: str) -> int | None:
 
 
 def _bias(measure: Callable[[str], Metrics], technique: str, predicted: Needs) -> float | None:
-    """The least constant bias whose acne is below LOST, compared hard."""
+    """Smallest constant bias with acne below LOST, without filtering."""
     if predicted.bias is None:
         return None
     needed = predicted.bias.needed.value
@@ -155,7 +155,7 @@ def _bias(measure: Callable[[str], Metrics], technique: str, predicted: Needs) -
     )
 
 
-def _line(row: Checked) -> str:
+def _line(row: SceneCheck) -> str:
     def text(value: float | None, form: str, width: int) -> str:
         return f"{'-' if value is None else format(value, form):>{width}}"
 

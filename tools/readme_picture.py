@@ -1,4 +1,4 @@
-"""Makes docs/shadows.png: a published setting, the default and the ray-traced truth, with their errors in colour."""
+"""Draws docs/shadows.png: a published setting, the default and the ray-traced truth, with errors in colour."""
 
 from pathlib import Path
 
@@ -19,11 +19,11 @@ from shadowbench.truths.cache import cached_truth
 SCENES = ("sphere-and-torus", "stairs")
 SPECS = ("shadow-map:preset=course", "shadow-map", "ray-traced")
 SIZE = 420
-FALSE_SHADOW, FALSE_LIGHT = (213, 94, 0), (0, 114, 178)  # told apart by most colour-blind readers
+FALSE_SHADOW, FALSE_LIGHT = (213, 94, 0), (0, 114, 178)  # distinguishable with colour vision deficiency
 
 
 def main() -> None:
-    """Draw every spec on every scene, mark wrong pixels, and put all into one sheet."""
+    """Draw every spec in every scene, mark wrong pixels, and combine all into one image."""
     rows = [_row(worker, name) for name in SCENES for worker in [Worker()]]
     sheet = Image.fromarray(np.vstack(rows))
     file = Path(__file__).resolve().parent.parent / "docs" / "shadows.png"
@@ -40,12 +40,12 @@ def _row(worker: Worker, name: str) -> NDArray[np.uint8]:
     tiles = []
     with worker:
         for spec in SPECS:
-            drawn = worker.call(Session.draw, PlacedView(view), CellRequest(spec))
-            tile = drawn.picture.copy()
-            shadow, decided = drawn.visibility < 0.5, truth.receivers & ~truth.undecided
+            rendering = worker.call(Session.draw, PlacedView(view), CellRequest(spec))
+            tile = rendering.picture.copy()
+            shadow, decided = rendering.visibility < 0.5, truth.receivers & ~truth.undecided
             tile[decided & shadow & (truth.visibility > 0.5)] = FALSE_SHADOW
             tile[decided & ~shadow & (truth.visibility < 0.5)] = FALSE_LIGHT
-            tiles.append(labelled(tile, f"{spec}   IoU {score(drawn.visibility, prepared)['iou']:.3f}"))
+            tiles.append(labelled(tile, f"{spec}   IoU {score(rendering.visibility, prepared)['iou']:.3f}"))
     return np.hstack(tiles)
 
 

@@ -1,7 +1,7 @@
 #!/bin/sh
-# Makes .venv ready. What Debian has to give (Python, an OpenGL driver) is installed when root runs this; anyone else
-# is told the line to run. The Python packages are installed again only when pyproject.toml or constraints.txt changed.
-# Arguments are commands that the caller needs too, of Debian packages of the same name: `tools/setup.sh chromium`.
+# Sets up .venv. As root, installs missing Debian packages (Python, an OpenGL driver); other users get the command to run.
+# Python packages are installed again only after pyproject.toml or constraints.txt changed.
+# Arguments: further commands needed, provided by Debian packages of the same name: `tools/setup.sh chromium`.
 set -eu
 cd "$(dirname "$0")/.."
 
@@ -18,7 +18,7 @@ new_enough() {
     "$1" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null
 }
 
-# The first Python on the path that is new enough and can make a virtual environment; nothing if there is none.
+# Prints the first Python on the path that is new enough and can create a virtual environment, if any.
 find_python() {
     for candidate in python3 python3.14 python3.13 python3.12 python3.11; do
         if new_enough "$candidate" && "$candidate" -c 'import ensurepip, venv' 2>/dev/null; then
@@ -28,7 +28,7 @@ find_python() {
     done
 }
 
-# Whether the dynamic linker knows libEGL and libGL. Only Linux needs them: macOS brings its own OpenGL.
+# Whether the dynamic linker finds libEGL and libGL. Only Linux needs them: macOS has its own OpenGL.
 has_gl() {
     [ "$(uname -s)" = Linux ] || return 0
     known=$(PATH="$PATH:/sbin:/usr/sbin" ldconfig -p) || return 1
@@ -39,7 +39,7 @@ has_gl() {
 install_packages() {
     if ! command -v apt-get >/dev/null; then
         stop "Missing on this machine: $*" \
-            "These are Debian's names. Install what your system calls them, then run make again."
+            "These are Debian package names. Install your system's equivalents, then run make again."
     fi
     if [ "$(id -u)" -ne 0 ]; then
         stop "Missing on this machine: $*" \
@@ -48,7 +48,7 @@ install_packages() {
     fi
     echo "Installing $*"
     export DEBIAN_FRONTEND=noninteractive
-    # The lists of a fresh machine are empty or old: fetch them when, and only when, they do not serve.
+    # Package lists are updated only if the installation fails, as on a fresh machine.
     apt-get install --yes --no-install-recommends "$@" >/dev/null 2>&1 || {
         apt-get update >/dev/null
         apt-get install --yes --no-install-recommends "$@" >/dev/null

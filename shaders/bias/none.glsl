@@ -1,1 +1,1 @@
-// Nothing here: no bias, or one that belongs to the depth pass (polygon offset, front-face culling).
+// Empty: no bias, or one of the depth pass (polygon offset, front-face culling).

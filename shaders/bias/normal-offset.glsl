@@ -1,5 +1,5 @@
-// Moves the receiver off its surface by the filter's reach (Holbert 2011), which is also how far a texel's stored
-// depth can lie in front of it.
+// Moves the receiver off its surface by the filter radius (Holbert 2011), which is also the largest distance by which a
+// stored depth of the same surface can be in front of it.
 #define BIAS_HAS_OFFSET
 #define BIAS_HAS_DEPTH
 uniform float bias_scale;

@@ -1,5 +1,5 @@
-// Compares every texel with the receiver's plane above that texel's own centre (Isidoro 2006, with the plane taken
-// from the geometric normal instead of screen derivatives, which break where two surfaces meet in a pixel quad).
+// Compares each texel with the receiver's plane at the texel's centre (Isidoro 2006, but with the plane of the geometric
+// normal instead of screen derivatives, which are wrong where two surfaces meet in a pixel quad).
 #define BIAS_HAS_GRADIENT
 #define BIAS_HAS_DEPTH
 uniform float bias_limit;
@@ -22,6 +22,6 @@ vec2 bias_gradient(Receiver r, ShadowCoord p) {
 }
 
 float bias_depth(Receiver r, ShadowCoord p) {
-    // The texel's centre may lie on a neighbouring triangle, which leans towards the light.
+    // The texel's centre may be on a neighbouring triangle that is nearer to the light.
     return bias_slack * max(p.texel.x, p.texel.y) * p.depth_per_length + bias_ulps * p.step;
 }

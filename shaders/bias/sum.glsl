@@ -1,4 +1,4 @@
-// Two biases that act together: their offsets, depths and gradients add up.
+// Sum of two biases: their offsets, depths and gradients add up.
 #include "bias.glsl" with bias = bias_first
 #include "bias.glsl" with bias = bias_second
 #define BIAS_HAS_OFFSET

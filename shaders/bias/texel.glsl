@@ -1,8 +1,8 @@
-// What the surface's slope makes of the filter's reach: the depth that its plane gains over radius texels, as a length
-// along the light's axis, turned into stored depth by its derivative there, up to a limit: twice as much under a lamp,
-// where flat ground is met at every slant. At grazing light, where the limit would leave acne on flat ground, the
-// receiver moves off its surface by the reach instead (Holbert 2011): far enough for any slope. Not before: on curved
-// ground that costs contact.
+// The depth change of the receiver's plane over the filter radius: a length along the light's axis, up to a limit,
+// converted to stored depth by its derivative there. The limit is doubled for spot and point lights, which light flat
+// ground at every angle. At grazing light, where the limit would leave acne on flat ground, the receiver is moved off
+// its surface by the filter radius instead (Holbert 2011), which suffices for any slope. Not at steeper light: there it
+// would detach contact shadows on curved ground.
 #define BIAS_HAS_OFFSET
 #define BIAS_HAS_DEPTH
 uniform float bias_scale;

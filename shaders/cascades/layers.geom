@@ -1,4 +1,4 @@
-// All layers in one draw: every invocation sends the triangle to the one that it may be seen in.
+// Draws all layers at once: each invocation emits the triangle into its layer unless it is outside the layer's window.
 layout(triangles, invocations = LAYERS) in;
 layout(triangle_strip, max_vertices = 3) out;
 in vec3 world[];
@@ -7,7 +7,7 @@ uniform mat4 world_to_clip[LAYERS];
 void main() {
     vec4 corners[3];
     for (int i = 0; i < 3; ++i) corners[i] = world_to_clip[gl_InvocationID] * vec4(world[i], 1.0);
-    // Outside one side of the window with all corners: clipping would leave nothing.
+    // All corners outside one side of the window: clipping would remove the triangle.
     vec2 least = min(min(corners[0].xy, corners[1].xy), corners[2].xy);
     vec2 most = max(max(corners[0].xy, corners[1].xy), corners[2].xy);
     if (any(greaterThan(least, vec2(1.0))) || any(lessThan(most, vec2(-1.0)))) return;

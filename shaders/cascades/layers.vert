@@ -1,4 +1,4 @@
-// Casters on their way to cascades/layers.geom, which sees them once for each layer.
+// Casters in world space for cascades/layers.geom, which projects them into each layer.
 in vec3 position;
 out vec3 world;
 

@@ -1,4 +1,4 @@
-// A colour for each cascade, on whatever was hit.
+// Debug colours: a colour for each cascade.
 #include "cascades/select.glsl"
 out vec4 tint;
 

@@ -1,4 +1,4 @@
-// Casters seen from the light: on one face, or left to the geometry shader.
+// Casters relative to the light, projected onto one face, or passed to the geometry shader (LAYERS_GEOMETRY).
 in vec3 position;
 uniform vec3 light_position;
 #ifdef LAYERS_GEOMETRY

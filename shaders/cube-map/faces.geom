@@ -1,4 +1,4 @@
-// A triangle to each face that it may be seen on.
+// Emits a triangle into each face whose pyramid it may intersect.
 layout(triangles, invocations = 6) in;
 layout(triangle_strip, max_vertices = 3) out;
 #include "cube_faces.glsl"
@@ -8,7 +8,7 @@ out vec3 away;
 void main() {
     vec4 corners[3];
     for (int i = 0; i < 3; ++i) corners[i] = project(gl_InvocationID, from_light[i]);
-    // Outside one side of the face's pyramid with all corners: clipping would leave nothing.
+    // All corners outside one side of the face's pyramid: clipping would remove the triangle.
     vec3 x = vec3(corners[0].x, corners[1].x, corners[2].x), y = vec3(corners[0].y, corners[1].y, corners[2].y);
     vec3 w = vec3(corners[0].w, corners[1].w, corners[2].w);
     if (all(greaterThan(x, w)) || all(lessThan(x, -w)) || all(greaterThan(y, w)) || all(lessThan(y, -w))) return;

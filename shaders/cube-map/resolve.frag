@@ -1,4 +1,4 @@
-// Visibility of every pixel by one cube map of distances.
+// Visibility of every pixel from a cube map of distances.
 #include "cube_map.glsl"
 #include "bias.glsl"
 uniform vec3 eye;

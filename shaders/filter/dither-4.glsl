@@ -1,4 +1,4 @@
-// Four taps whose pattern moves with the parity of the pixel (Bunnell and Pellacini 2004).
+// Four taps in a pattern that alternates with the pixel's parity (Bunnell and Pellacini 2004).
 uniform float filter_width;
 
 float filter_visibility(ShadowCoord p) {

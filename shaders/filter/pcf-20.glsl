@@ -1,5 +1,5 @@
-// Twenty directions to the corners and the middles of the edges of a cube around the receiver, whose half side grows
-// with the distance to the camera (de Vries, Learn OpenGL, "Point Shadows").
+// Twenty directions to the corners and the edge midpoints of a cube around the receiver, whose half side grows with the
+// distance to the camera (de Vries, Learn OpenGL, "Point Shadows").
 #define FILTER_HAS_REACH
 uniform float filter_spread;
 const float to_corner = sqrt(3.0);
@@ -8,8 +8,8 @@ float half_side(ShadowCoord p) {
     return filter_spread * (1.0 + distance(eye, light.xyz - p.axis * p.axis_distance) / view_far);
 }
 
-// In texel diagonals, of which a radius of 1 reaches one: half a texel, and the largest angle that an offset can make,
-// as a length across at the receiver's distance.
+// Radius in texels, a radius of 1 being a texel's diagonal: half a texel, plus the arc of the largest offset angle at
+// the receiver's distance.
 float filter_reach(ShadowCoord p) {
     float angle = asin(min(to_corner * half_side(p) / p.axis_distance, 1.0));
     return filter_radius + angle * p.axis_distance / length(p.texel);

@@ -1,4 +1,4 @@
-// Percentage-closer filtering (Reeves, Salesin and Cook 1987): an n×n box at texel steps.
+// Percentage-closer filtering (Reeves, Salesin and Cook 1987) over n×n texels, equally weighted.
 float filter_visibility(ShadowCoord p) {
     const int reach = (FILTER_TAPS - 1) / 2;
     float lit = 0.0;

@@ -1,5 +1,5 @@
-// One step of a reduction to the lowest and the highest; REACH² texels become one. FROM_RECEIVERS: of the visible
-// receivers in light space (Lauritzen, Salvi and Lefohn 2011); FROM_VALUES: of a texture; else of the step before.
+// One step of a min-max reduction of REACH² texels to one. Input: FROM_RECEIVERS, the visible receivers in light space
+// (Lauritzen, Salvi and Lefohn 2011); FROM_VALUES, a texture; else the results of the previous step.
 layout(location = 0) out vec4 low;
 layout(location = 1) out vec4 high;
 const float nothing = 3.0e38;
@@ -7,18 +7,18 @@ const float nothing = 3.0e38;
 #if defined(FROM_RECEIVERS)
 #include "receiver.glsl"
 uniform mat4 world_to_light;
-uniform float perspective;     // 1: x and y are measured at unit distance
-uniform float cos_half_angle;  // of a spot's cone; −1 without one
+uniform float perspective;     // 1: x and y are divided by the distance along the axis
+uniform float cos_half_angle;  // of a spot's cone; −1 for other lights
 
 void read(ivec2 at, out vec3 a, out vec3 b) {
     Receiver r = receiver_at(at);
     vec3 p = (world_to_light * vec4(r.position, 1.0)).xyz;
     p = vec3(perspective > 0.5 ? p.xy / -p.z : p.xy, -p.z);
-    // The third row of the matrix looks back along the light's axis.
+    // The third row of the matrix is the light's axis, pointing back to the light.
     vec3 back = vec3(world_to_light[0].z, world_to_light[1].z, world_to_light[2].z);
-    bool seen = r.facing && dot(back, r.to_light) >= cos_half_angle;
-    a = seen ? p : vec3(nothing);
-    b = seen ? p : vec3(-nothing);
+    bool receives = r.facing && dot(back, r.to_light) >= cos_half_angle;
+    a = receives ? p : vec3(nothing);
+    b = receives ? p : vec3(-nothing);
 }
 #define EXTENT textureSize(surface_position, 0)
 #elif defined(FROM_VALUES)

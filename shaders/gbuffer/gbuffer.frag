@@ -1,7 +1,7 @@
 #include "triangle.glsl"
 in vec3 world;
 in float view_depth;
-uniform sampler2D normals;  // by triangle; w = 1 where it receives
+uniform sampler2D normals;  // by triangle; w = 1 for triangles that receive shadows
 uniform vec3 eye;
 uniform float far;
 layout(location = 0) out vec4 surface_position;
@@ -9,11 +9,11 @@ layout(location = 1) out vec4 surface_normal;
 layout(location = 2) out int surface_triangle;
 
 void main() {
-    // From the triangle's own data: screen derivatives of the position are wrong at silhouettes.
+    // Read per triangle: screen derivatives of the position are wrong at silhouettes.
     vec4 normal = texelFetch(normals, texel_of(gl_PrimitiveID), 0);
     surface_position = vec4(world, 1.0);
     surface_normal = vec4(dot(normal.xyz, eye - world) < 0.0 ? -normal.xyz : normal.xyz, normal.w);
     surface_triangle = gl_PrimitiveID;
-    // Linear, because a hyperbolic depth cannot tell apart what lies far away in a deep scene.
+    // Linear, because hyperbolic depth cannot resolve distant surfaces of a deep scene.
     gl_FragDepth = view_depth / far;
 }

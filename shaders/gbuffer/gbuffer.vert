@@ -1,4 +1,4 @@
-// What the camera sees: position, geometric normal and triangle of every pixel.
+// G-buffer pass: position, geometric normal and triangle index of the visible surface of every pixel.
 in vec3 position;
 uniform mat4 world_to_clip;
 out vec3 world;

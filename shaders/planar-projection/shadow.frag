@@ -1,7 +1,7 @@
-// A flattened caster, kept to the pixels of its plane: the G-buffer knows what is seen there, so no depth is compared.
+// A projected caster, restricted to the pixels whose G-buffer triangle is part of the plane; needs no depth test.
 #include "triangle.glsl"
 uniform isampler2D surface_triangle;
-uniform isampler2D plane_of_triangle;  // −1 on no plane
+uniform isampler2D plane_of_triangle;  // −1 for none
 uniform int receiver;
 out float visibility;
 

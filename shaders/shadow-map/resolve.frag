@@ -1,4 +1,4 @@
-// Visibility of every pixel by one 2-D depth map (Williams 1978).
+// Visibility of every pixel from one 2-D depth map (Williams 1978).
 #include "shadow_map.glsl"
 out float visibility;
 

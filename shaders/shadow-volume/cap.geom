@@ -1,4 +1,4 @@
-// The triangle itself, and for a lamp its image at infinity (parallel light's is a point).
+// The near cap, the triangle itself, and for spot and point lights the far cap at infinity (a point for a directional one).
 layout(triangles) in;
 layout(triangle_strip, max_vertices = 6) out;
 in vec3 world[];

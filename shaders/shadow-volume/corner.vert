@@ -1,4 +1,4 @@
-// A caster's corner, for the geometry shaders that extrude. Its index names the welded vertex.
+// Caster vertices for the geometry shaders that extrude them; equal ids are the same welded vertex.
 in vec3 position;
 out vec3 world;
 flat out int id;

@@ -1,4 +1,4 @@
-// What a face of a volume adds to the count in colour; the stencil counts by itself.
+// The signed count of a volume's face for a blended colour target; the stencil ignores it.
 flat in float weight;
 uniform float front_adds;
 out float count;

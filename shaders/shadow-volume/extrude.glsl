@@ -1,7 +1,7 @@
-// What the walls and caps of volumes share. A wall or cap of weight n counts n times.
+// Shared by walls and caps of shadow volumes. A wall or cap of weight n counts n times.
 #include "shadow-volume/facing.glsl"
 uniform mat4 world_to_clip;
-uniform float sign_drawn;  // only what counts with this sign, once for each time it counts; 0: all, with its weight
+uniform float sign_drawn;  // ±1: draws faces of that sign as many times as their weight; 0: draws all once
 flat out float weight;
 
 int times_drawn(float count) {
@@ -14,5 +14,5 @@ vec4 clip_of(vec4 point) {
     return clip;
 }
 
-// Where the light pushes a point: infinitely far.
+// A point's projection from the light to infinity.
 vec4 away(vec3 point) { return vec4(light.w * point - light.xyz, 0.0); }

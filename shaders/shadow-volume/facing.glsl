@@ -1,5 +1,5 @@
-// Which way triangles are turned, so that every shader and every edge finds the same for the same triangle: a single
-// triangle that its cap takes for facing and one of its edges for turned away leaves the volume open.
+// Facing of triangles towards the light, bit-identical in every shader and for every edge: if a triangle's cap and one
+// of its edges disagreed, the volume would not be closed.
 uniform vec4 light;  // w = 0: unit vector towards it; w = 1: its position
 
 struct Corner {
@@ -16,8 +16,8 @@ void order(inout Corner a, inout Corner b, inout float parity) {
     }
 }
 
-// 1 where a, b, c run counter-clockwise as the light sees them, else −1. Rounding cannot depend on which corner comes
-// first, because the determinant is taken in the order of the ids, and `precise` forbids fusing it differently.
+// 1 if a, b, c are counter-clockwise seen from the light, else −1. The determinant is evaluated in the order of the ids,
+// and with `precise`, so that rounding does not depend on which corner comes first.
 float facing(Corner a, Corner b, Corner c) {
     float parity = 1.0;
     order(a, b, parity);
@@ -33,13 +33,13 @@ float facing(Corner a, Corner b, Corner c) {
     return volume > 0.0 ? parity : -parity;
 }
 
-// How often a triangle's cap counts: facing ones once in a closed part, all of them, turned to the light, in others.
+// Weight of a triangle's cap: in closed parts 1 if it faces the light, else 0; in open parts ±1 by its facing.
 uniform bool count_both_facings;
 float cap_weight(float side) { return count_both_facings ? side : max(side, 0.0); }
 
-// How often the wall of edge a → b counts: the sum over its two triangles of ±1, by the direction in which the triangle,
-// turned to the light, runs along the edge. That is its facing in the order a, b, third corner, however it is wound.
-// In a closed part only the facing one of two opposed triangles counts, which halves the sum.
+// Weight of the wall of edge a → b: the sum over the edge's two triangles of ±1, the direction of the edge in the
+// triangle when wound counter-clockwise towards the light. That is the facing of a, b, third corner, whatever the
+// triangle's own winding. In a closed part only the facing one of two triangles counts, which halves the sum.
 float wall_weight(Corner c, Corner a, Corner b, Corner d) {
     float sum = facing(a, b, c) + (d.id == a.id ? 0.0 : facing(a, b, d));
     return count_both_facings ? sum : 0.5 * sum;

@@ -1,4 +1,4 @@
-// Every triangle that counts, as the light sees it.
+// Triangles with a cap, seen from the light.
 layout(triangles) in;
 layout(triangle_strip, max_vertices = 18) out;
 in vec3 world[];

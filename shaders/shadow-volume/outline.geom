@@ -1,5 +1,5 @@
-// Every edge with a wall, as wide as covers the centre of each texel that it touches: no ray through a texel crosses more
-// layers than the ray through its centre and the edges between the two.
+// Edges with a wall, widened to cover the centre of every texel that they touch: a ray through a texel crosses at most
+// the layers of the ray through its centre plus the weights of the edges between the two.
 layout(lines_adjacency) in;
 layout(triangle_strip, max_vertices = 24) out;
 in vec3 world[];
@@ -7,7 +7,7 @@ flat in int id[];
 #include "shadow-volume/tiles.glsl"
 uniform vec2 texel;  // of a tile in its own clip space, −1 to 1
 
-const float nearest = 1e-6;  // a lamp's own plane is left out: all it holds is nearer than any ray can resolve
+const float nearest = 1e-6;  // edges are clipped this close to the light, below the resolution of its rays
 
 void main() {
     Corner c = Corner(world[0], id[0]), first = Corner(world[1], id[1]), last = Corner(world[2], id[2]),
@@ -23,7 +23,7 @@ void main() {
         vec2 along = (to - from) / texel;
         float size = length(along);
         along = size > 0.0 ? along / size : vec2(1.0, 0.0);
-        // Half a texel's diagonal all round, and a little for the rasteriser's grid.
+        // Half a texel's diagonal on all sides, plus a margin for the rasteriser's subpixel grid.
         vec2 ahead = along * texel * 0.75, across = vec2(-along.y, along.x) * texel * 0.75;
         corner(vec4(from - ahead - across, 0.0, 1.0), face, count);
         corner(vec4(from - ahead + across, 0.0, 1.0), face, count);

@@ -1,4 +1,4 @@
-// Visibility by the number of volumes around a receiver.
+// Visibility from the number of shadow volumes that contain the receiver.
 #include "receiver.glsl"
 #ifdef COLOR
 uniform sampler2D counts;
@@ -10,7 +10,7 @@ void main() {
 #ifdef COLOR
     bool inside = texelFetch(counts, pixel, 0).r != 0.0;
 #else
-    bool inside = true;  // the stencil test keeps the others out
+    bool inside = true;  // by the stencil test
 #endif
     visibility = receiver_at(pixel).facing && inside ? 0.0 : 1.0;
 }

@@ -1,4 +1,4 @@
-// Walls of the edges where the turned triangles' edges do not cancel.
+// Walls of the edges whose weight is not zero: the silhouette.
 layout(lines_adjacency) in;
 layout(triangle_strip, max_vertices = 8) out;
 in vec3 world[];

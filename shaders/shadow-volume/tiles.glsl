@@ -1,10 +1,10 @@
-// The light's surroundings on one target: parallel light has one tile, a lamp the six faces of a cube in 3 × 2.
+// The light's view in one target: one tile for a directional light, 3 × 2 cube faces for spot and point lights.
 #include "shadow-volume/facing.glsl"
 uniform mat4 world_to_face[6];
 uniform int faces;
 flat out float weight;
 
-// Into a face's tile, clipped to it.
+// Emits a vertex into a face's tile, clipped to the tile.
 void corner(vec4 clip, int face, float count) {
     gl_ClipDistance[0] = clip.w + clip.x;
     gl_ClipDistance[1] = clip.w - clip.x;

@@ -1,4 +1,4 @@
-// Three walls of every triangle that counts.
+// The three walls of each triangle with a weight.
 layout(triangles) in;
 layout(triangle_strip, max_vertices = 12) out;
 in vec3 world[];

@@ -1,4 +1,4 @@
-// Volumes extruded before they came here; w = 0 at infinity.
+// Volumes extruded on the CPU; w = 0 at infinity.
 in vec4 point;
 uniform mat4 world_to_clip;
 uniform float sign_drawn;

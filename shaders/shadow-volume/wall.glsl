@@ -1,5 +1,5 @@
-// The wall of an edge, always from a to b and on to infinity: the same wall drawn the other way round, to count against
-// this one, would rasterise to other last bits and leave dots.
+// The wall of an edge, always wound from a to b to infinity: with the opposite winding, rounding would rasterise the same
+// wall differently, and walls that should cancel would leave single pixels.
 #include "shadow-volume/extrude.glsl"
 #ifdef COMPARE_POSITION
 flat out vec3 edge_a;
@@ -11,7 +11,7 @@ void wall(vec3 a, vec3 b, float count) {
     if (times == 0) return;
     vec4 near_a = clip_of(vec4(a, 1.0)), near_b = clip_of(vec4(b, 1.0));
     vec4 far_a = clip_of(away(a)), far_b = clip_of(away(b));
-    // Parallel light has one point at infinity, and a triangle is all.
+    // For a directional light both far corners are the same point, and the wall is a triangle.
     int corners_drawn = light.w == 0.0 ? 3 : 4;
     for (int n = 0; n < times; n++) {
         for (int k = 0; k < corners_drawn; k++) {

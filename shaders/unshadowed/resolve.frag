@@ -1,4 +1,4 @@
-// Reads the G-buffer as every technique does, and answers that all is lit.
+// Reads the G-buffer as every technique does; everything is lit.
 #include "receiver.glsl"
 out float visibility;
 

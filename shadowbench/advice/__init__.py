@@ -1,1 +1,1 @@
-"""What a scene needs least, and parameters at their best."""
+"""Recommending the cheapest technique for a view, and tuning a technique's parameters."""

@@ -1,225 +1,166 @@
-"""`recommend`: the cheapest spec that meets a target in one view, measured as it is searched for."""
+"""Computation behind `recommend`: target, measured recommendation, and export of the chosen shaders."""
 
+import dataclasses
+import json
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Literal
+from collections.abc import Mapping
+from contextlib import closing
+from pathlib import Path
+from typing import Any
 
-import numpy as np
-
-from shadowbench.advice.search import Search, Tried
-from shadowbench.advice.space import Excluded, needed_space, no_choices, start_size, whole_space
+from shadowbench.advice.recommendation import Recommendation, Target, Unit, find_cheapest
+from shadowbench.advice.search import Trial
+from shadowbench.advice.words import obstacles
+from shadowbench.errors import InputError
+from shadowbench.files import check_folder, replace_file
+from shadowbench.measure.cells import Block, Cell, PlacedView
+from shadowbench.measure.executor import Executor
+from shadowbench.measure.machine import write_run_file
+from shadowbench.measure.measurer import Measurer, Reporter
+from shadowbench.measure.pictures import Pictures
+from shadowbench.measure.references import DEFAULT_REFERENCE
+from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.rows import Result
+from shadowbench.measure.session import DeviceInfo, Session
 from shadowbench.scenes.model import View
-from shadowbench.scores.split import Split
-from shadowbench.studies.tables import cells_frame
-from shadowbench.studies.times import ReferenceTime, by_one_reference
-from shadowbench.survey.survey import Needs, needs
-from shadowbench.techniques.base import Technique
+from shadowbench.studies.crossing import Techniques
+from shadowbench.studies.folder import write_cells
+from shadowbench.studies.study import Study
+from shadowbench.techniques.params import Row
 from shadowbench.techniques.spec import Spec
-from shadowbench.techniques.unshadowed import Unshadowed
-from shadowbench.truths.trace import Truth
+from shadowbench.truths.cache import cached_truth
 
-Unit = Literal["work", "ms"]
-# How far below the predicted an error may be, of the same filter and of another: found on rows of all built-in scenes.
-# Single specks move the mean of distances, so that it falls less evenly with the size of a map.
-MARGINS = {"iou": (1.8, 2.0), "edge_px": (3.5, 3.5)}
-SAVED = 0.9  # times the choice's cost, at most, of what is worth relaxing a target for
+ROUNDS = 9
+LEAST_IOU = 0.99
 
 
-@dataclass(frozen=True)
-class Target:
-    """What a recommendation must reach: `iou` at least, or `edge_px` at most; and milliseconds at most, or None."""
-
-    metric: Literal["iou", "edge_px"]
-    value: float
-    budget_ms: float | None = None
-
-    @property
-    def limit(self) -> float:
-        """The largest error that meets it."""
-        return 1 - self.value if self.metric == "iou" else self.value
-
-    def error(self, metrics: Mapping[str, float | None]) -> float:
-        """How far from the truth a row is, 0 at best.
-
-        IoU is null where there is no shadow and none is drawn. A distance of edges is null where neither mask has an
-        edge, even if one is dark all over and the other lit: infinite, then, unless their shadows are the same.
-        """
-        value = metrics[self.metric]
-        if value is None:
-            return 0.0 if metrics["iou"] in (None, 1.0) else math.inf
-        return 1 - value if self.metric == "iou" else value
-
-    def text(self, error: float) -> str:
-        """An error in the target's own terms: `IoU 0.9712`, `edges 0.21 px off`; an infinite one in words."""
-        if math.isinf(error):
-            return "no edges to compare, and other shadows"
-        return f"IoU {1 - error:.4f}" if self.metric == "iou" else f"edges {error:.3g} px off"
-
-    def __str__(self) -> str:
-        what = f"IoU ≥ {self.value:g}" if self.metric == "iou" else f"edges at most {self.value:g} px off"
-        return what if self.budget_ms is None else f"{what} within {self.budget_ms:g} ms"
-
-
-@dataclass(frozen=True, eq=False)
-class Recommendation:
-    """What was found. choice: None where nothing meets the target; closest is then what comes nearest to it.
-
-    runners_up: of each technique that was tried, but the choice's own best row, the next; tried: all that held;
-    refused: specs that did not, by reason; measured: how many; whole: specs of the whole space; cheaper, better: the
-    next on either side of the choice among what was tried, None at the ends; reference: what milliseconds are shown by,
-    None where costs are work.
-    """
-
-    view: View
-    target: Target
-    unit: Unit
-    choice: Tried | None
-    closest: Tried | None
-    runners_up: tuple[Tried, ...]
-    tried: tuple[Tried, ...]
-    refused: Mapping[str, str]
-    excluded: tuple[Excluded, ...]
-    whole: int
-    cheaper: Tried | None
-    better: Tried | None
-    needs: Needs
-    reference: ReferenceTime | None
-
-    @property
-    def measured(self) -> int:
-        """How many specs were measured."""
-        return len(self.tried) + len(self.refused)
+def target_of(min_iou: float | None = None, max_edge_px: float | None = None, budget_ms: float | None = None) -> Target:
+    """Target given by options, by default an IoU of 0.99. Raises InputError for invalid or conflicting options."""
+    if min_iou is not None and max_edge_px is not None:
+        raise InputError("--min-iou and --max-edge-px: found both; allowed: one of them")
+    if min_iou is not None and not 0 < min_iou <= 1:
+        raise InputError(f"--min-iou: found {min_iou:g}; allowed: above 0, up to 1")
+    if max_edge_px is not None and not 0 <= max_edge_px < math.inf:
+        raise InputError(f"--max-edge-px: found {max_edge_px:g}; allowed: 0 and more")
+    if budget_ms is not None and not 0 < budget_ms < math.inf:
+        raise InputError(f"--budget-ms: found {budget_ms:g}; allowed: above 0")
+    if max_edge_px is not None:
+        return Target("edge_px", max_edge_px, budget_ms)
+    return Target("iou", LEAST_IOU if min_iou is None else min_iou, budget_ms)
 
 
 def recommend(
     view: View,
-    truth: Truth,
     target: Target,
-    unit: Unit,
-    known: Mapping[str, type[Technique]],
-    largest: int,
-    measure: Callable[[Spec], Result],
-) -> Recommendation:
-    """Search the space of `known` techniques with maps up to `largest`; raises InputError as `needs` does."""
-    found = needs(view)
-    whole = whole_space(known, view.light.kind, largest)
-    least_iou = target.value if target.metric == "iou" else None
-    left, excluded = needed_space(whole, found, least_iou, unit == "work")
-    out = [*no_choices(known, view.light.kind), *excluded]
-    if not (truth.receivers & (truth.visibility < 0.5)).any():
-        left = [Spec(Unshadowed, Unshadowed.Params())]
-        out = [Excluded(f"all but {Unshadowed.name}", "nothing that is seen is in shadow", len(whole))]
-    refused: dict[str, str] = {}
+    known: Techniques,
+    folder: Path,
+    executor: Executor,
+    reporter: Reporter,
+    *,
+    on_this_machine: bool = False,
+) -> tuple[Recommendation, DeviceInfo]:
+    """The cheapest of the `known` techniques that meets a target in a view, and the device it was measured on.
 
-    def tried(spec: Spec) -> Tried | None:
-        result = measure(spec)
-        status = result.status
-        if status == "ok" and unit == "ms" and _ratio(result) is None:
-            status = f"failed: no ratio to the reference: {result.time and result.time['no_ratio']}"
-        if status != "ok":
-            refused[spec.text] = status
-            return None
-        return tried_of(spec, result, target, unit)
-
-    search = Search(
-        space=left,
-        limit=target.limit,
-        pixels=view.size**2,
-        start=lambda spec: start_size(spec, found),
-        measure=tried,
-        margins=MARGINS[target.metric],
-        price=1.0 if unit == "work" else 0.0,
-        least=least_error(truth, target.metric),
-    )
-    best, tried_all, reference = search.run(), search.tried, None
-    if unit == "ms" and search.tried:
-        tried_all, reference = in_milliseconds(search.tried)
-        best = tried_all[search.tried.index(best)] if best else None
-    if best is not None and target.budget_ms is not None and best.cost > target.budget_ms:
-        best = None
-    return Recommendation(
-        view=view,
-        target=target,
-        unit=unit,
-        choice=best,
-        closest=None if best else closest(tried_all, target),
-        runners_up=runners_up(tried_all, best, target),
-        tried=tuple(sorted(tried_all, key=lambda one: (one.cost, one.bytes, one.error))),
-        refused=refused,
-        excluded=tuple(out),
-        whole=len(whole),
-        cheaper=_cheaper(tried_all, best),
-        better=_better(tried_all, best),
-        needs=found,
-        reference=reference,
-    )
-
-
-def least_error(truth: Truth, metric: Literal["iou", "edge_px"]) -> float:
-    """About the error of one wrong pixel: errors come in whole ones, of the shadow or of its edge."""
-    split = Split(truth.visibility, truth.receivers & ~truth.undecided)
-    return 1 / max(int(np.count_nonzero(split.shadow if metric == "iou" else split.edge)), 1)
-
-
-def tried_of(spec: Spec, result: Result, target: Target, unit: Unit) -> Tried:
-    """A row as the search sees it, by its work, or where `unit` is ms by its ratio to the reference.
-
-    What vertices cost is then their share of the work.
+    Measures into a folder: rows, masks, pictures, `table.csv`, `run.json`. on_this_machine: rank by times even on a
+    software renderer. Raises InputError for a folder with other files, a budget on a software renderer, and a device
+    without pipeline statistics.
     """
-    row = result.score
-    work = row["work"]
-    vertices = float(work.get("vertices", 0) + work.get("geometry", 0))
-    if unit == "work":
-        cost, fixed = float(work["cost"]), vertices
-    else:
-        ratio = _ratio(result)
-        assert ratio is not None
-        cost = ratio
-        fixed = cost * vertices / work["cost"] if "cost" in work else 0.0
-    return Tried(spec, cost, fixed, int(row["gpu_bytes"]), target.error(row["metrics"]), result)
+    check_folder(folder)
+    info = executor.info
+    unit = _unit(target, info, on_this_machine)
+    reporter.stage("truth", 1)
+    truth = cached_truth(view)
+    study = Study.of([view.scene], [DEFAULT_REFERENCE], view_size=view.size, rounds=ROUNDS if unit == "ms" else 0)
+    results: list[Result] = []
+    with closing(RowStore(folder)) as store:
+        measurer = Measurer(executor, store, study.conditions(), reporter, Pictures(folder))
+        reporter.stage("measuring", 1)
+
+        def measure(spec: Spec) -> Result:
+            results.extend(measurer.measure(Block(view, (Cell(spec),))))
+            return results[-1]
+
+        found = find_cheapest(view, truth, target, unit, known, info.max_map_size, measure)
+    write_run_file(folder / "run.json", info, view.scene.notes, study.facts, [result.score for result in results])
+    if results:
+        write_cells(folder, results, {})
+    return found, info
 
 
-def in_milliseconds(tried: Sequence[Tried]) -> tuple[list[Tried], ReferenceTime]:
-    """What costs ratios to the reference, each measured in a block of its own, by one time of that reference."""
-    _, reference = by_one_reference(cells_frame([one.result for one in tried if one.result is not None]))
-    assert reference is not None
-    return [replace(one, cost=one.cost * reference.ms, fixed=one.fixed * reference.ms) for one in tried], reference
+def _unit(target: Target, info: DeviceInfo, on_this_machine: bool) -> Unit:
+    if not info.software or on_this_machine:
+        return "ms"
+    if target.budget_ms is not None:
+        raise InputError(
+            f"--budget-ms: {info.renderer} is a software renderer, whose times are not a GPU's; --on-this-machine "
+            "takes them for what they are"
+        )
+    if not info.pipeline_statistics:
+        raise InputError(f"{info.renderer} counts no work; allowed: --on-this-machine, which ranks by its times")
+    return "work"
 
 
-def _ratio(result: Result) -> float | None:
-    ratio = None if result.time is None else result.time["ratio"]
-    return None if ratio is None else float(ratio)
+def export_choice(found: Recommendation, folder: Path, executor: Executor) -> None:
+    """Write `parameters.json` and one file per shader stage of the choice into a folder; nothing without a choice."""
+    if found.choice is None:
+        return
+    spec = found.choice.spec
+    shaders = executor.call(Session.shaders, PlacedView(found.view), Cell(spec).request)
+    parameters = {
+        "spec": spec.text,
+        "technique": spec.technique.name,
+        "parameters": {name: _parameter(value) for name, value in spec.params},
+        "scene": found.view.scene.name,
+        "target": str(found.target),
+        "metre": found.view.scene.placement.length(1.0),  # length of 1 m in the shaders' units
+        "uniforms": {
+            shader.name: {name: _parameter(value) for name, value in shader.uniforms.items()} for shader in shaders
+        },
+    }
+    for shader in shaders:
+        with replace_file(folder / shader.name) as temporary:
+            temporary.write_text(shader.text, encoding="utf-8")
+    with replace_file(folder / "parameters.json") as temporary:
+        temporary.write_text(json.dumps(parameters, indent=2) + "\n", encoding="utf-8")
 
 
-def closest(tried: Sequence[Tried], target: Target) -> Tried | None:
-    """The most accurate, of those within the budget where any is."""
-    within = [one for one in tried if target.budget_ms is None or one.cost <= target.budget_ms]
-    return min(within or tried, key=lambda one: (one.error, one.cost, one.bytes), default=None)
+def _parameter(value: Any) -> Any:
+    """JSON value of a parameter; a row is an object of its name and parameters."""
+    if isinstance(value, Row):
+        return {"name": value.name, **value.model_dump(mode="json")}
+    return value.tolist() if hasattr(value, "tolist") else value
 
 
-def runners_up(tried: Sequence[Tried], best: Tried | None, target: Target) -> tuple[Tried, ...]:
-    """Of each technique the cheapest other row that meets the target, else the one that comes closest to it."""
-    found = []
-    for name in dict.fromkeys(one.spec.technique.name for one in tried):
-        mine = [one for one in tried if one.spec.technique.name == name and one is not best]
-        met = [one for one in mine if one.error <= target.limit]
-        if met:
-            found.append(min(met, key=lambda one: (one.cost, one.bytes, one.error)))
-        elif mine:
-            found.append(min(mine, key=lambda one: (one.error, one.cost)))
-    return tuple(sorted(found, key=lambda one: (one.error > target.limit, one.cost)))
+def values(found: Recommendation, info: DeviceInfo) -> dict[str, Any]:
+    """JSON object of `recommend --json`."""
+    return {
+        "scene": found.view.scene.name,
+        "view": found.view.camera.name,
+        "light": found.view.light.name,
+        "view_size": found.view.size,
+        "target": {"metric": found.target.metric, "value": found.target.value, "budget_ms": found.target.budget_ms},
+        "ranked_by": "work_cost" if found.unit == "work" else "frame_ms",
+        "reference": None if found.reference is None else dataclasses.asdict(found.reference),
+        "renderer": info.renderer,
+        "choice": _values(found.choice),
+        "closest": _values(found.closest),
+        "in_the_way": obstacles(found) if found.closest else [],
+        "runners_up": [_values(trial) for trial in found.runners_up],
+        "relaxed": _values(found.cheaper),
+        "tightened": _values(found.better),
+        "measured": found.measured,
+        "space": found.space_size,
+        "evidence": [_values(trial) for trial in found.trials],
+        "refused": dict(found.unsuccessful),
+        "excluded": [
+            {"what": exclusion.what, "why": exclusion.why, "specs": exclusion.specs} for exclusion in found.excluded
+        ],
+    }
 
 
-def _cheaper(tried: Sequence[Tried], best: Tried | None) -> Tried | None:
-    """The most accurate of what saves a tenth of the choice's cost or more."""
-    cheaper = [one for one in tried if best is not None and one.cost <= SAVED * best.cost]
-    less = [one for one in cheaper if math.isfinite(one.error)]  # no target relaxes to an infinite one
-    return min(less, key=lambda one: (one.error, one.cost), default=None)
-
-
-def _better(tried: Sequence[Tried], best: Tried | None) -> Tried | None:
-    """The cheapest of what is more accurate than the choice by half of its error or more."""
-    more = [one for one in tried if best is not None and one.error < best.error / 2]
-    return min(more, key=lambda one: (one.cost, one.error), default=None)
+def _values(trial: Trial | None) -> Mapping[str, Any] | None:
+    if trial is None or trial.result is None:
+        return None
+    row = trial.result.score
+    values = {"spec": trial.spec.text, "cost": trial.cost, "gpu_bytes": trial.bytes, "key": row["key"]}
+    return values | {"metrics": row["metrics"]}

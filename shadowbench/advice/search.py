@@ -1,8 +1,9 @@
-"""The cheapest spec of a space that meets a target, found with few measurements.
+"""Search for the cheapest spec that meets a target, with few measurements.
 
-What a map costs is what its pixels cost and what its texels do: one or two sizes of a group (a technique with all but
-size, filter and depth format) tell all others. Its error falls about as its size grows. Of what may be cheaper than the
-best so far and may meet the target, the cheapest that is expected to is measured next, until nothing is left.
+Specs that differ only in map size, filter and depth format form a group. The cost of a spec has a part per pixel and a
+part per texel, so one or two sizes of a group predict the others; its error is roughly inverse to its map size. Among
+the specs that may be cheaper than the best so far and may meet the target, the cheapest one expected to meet it is
+measured next, until none is left.
 """
 
 import math
@@ -14,21 +15,19 @@ from shadowbench.measure.rows import Result
 from shadowbench.techniques.filters import Filter
 from shadowbench.techniques.spec import Spec, format_value
 
-SLOPE = 1.0  # of −log error over log size, where an edge is off by a part of a texel
-SLOPES = (0.4, 1.6)  # of which a measured one is believed
-GROWTH = (
-    1.2,
-    2.0,
-)  # of log cost over log size, up and down: small triangles take a block of texels, large ones few more
-FIRST = "hardware"  # the filter that a group is looked at with first
-TINY = 1e-6  # error below which nothing is left to predict
+SLOPE = 1.0  # default of −d log(error) / d log(size): an edge is off by a fraction of a texel
+SLOPES = (0.4, 1.6)  # range to which measured slopes are clamped
+# Default of d log(cost) / d log(size), for larger and for smaller maps: each triangle costs at least a block of texels.
+GROWTH = (1.2, 2.0)
+FIRST = "hardware"  # filter of a group's first trial
+TINY = 1e-6  # smallest error used in predictions
 
 
 @dataclass(frozen=True, eq=False)
-class Tried:
-    """A measured spec: what it costs, in work or milliseconds, its bytes, and its error, the smaller the better.
+class Trial:
+    """A measured spec: its cost in work or milliseconds, GPU bytes and error.
 
-    fixed: the part of the cost that no map size changes, that of vertices; result: its rows.
+    fixed: cost of vertices, which does not depend on the map size; result: its rows.
     """
 
     spec: Spec
@@ -40,8 +39,11 @@ class Tried:
 
 
 @dataclass(frozen=True)
-class Place:
-    """Where a spec stands in its space. group: all but size, filter and depth format; reads: of the map, a pixel."""
+class SearchPoint:
+    """Position of a spec in the search space.
+
+    group: the spec without size, filter and depth format; reads: texels read per pixel; size: None without a map.
+    """
 
     group: str
     filter: str
@@ -49,12 +51,12 @@ class Place:
     size: int | None
 
 
-def place_of(spec: Spec) -> Place:
-    """Where a spec stands."""
+def point_of(spec: Spec) -> SearchPoint:
+    """Position of a spec in the search space."""
     known = type(spec.params).model_fields
     bare = {name: known[name].default for name in ("size", "filter", "depth") if name in known}
     chosen = getattr(spec.params, "filter", None)
-    return Place(
+    return SearchPoint(
         group=spec.with_(**bare).text if bare else spec.text,
         filter=format_value(chosen) if chosen is not None else "",
         reads=chosen.reads if isinstance(chosen, Filter) else 0,
@@ -64,143 +66,144 @@ def place_of(spec: Spec) -> Place:
 
 @dataclass
 class Search:
-    """Measures specs of `space` until the cheapest whose error is within `limit` is known, or that there is none.
+    """Measures specs of `space` until the cheapest with an error of at most `limit` is known, if there is one.
 
-    pixels: of the picture; start: the map size that needs predict for a group's first look; measure: None for a spec
-    that did not hold; margins: how many times an error may be below what another size, and another filter, let expect;
-    price: of a unit of work, 1 where costs are work, 0 where nothing is known of it: then less is left out; least: the
-    smallest error above 0 that there is: where less is expected, there may be none.
+    pixels: of the picture; start: map size predicted for a spec, used for a group's first trial; measure: returns None
+    if the spec failed; margins: factors by which an error may be below its prediction from another size, and from
+    another filter; price: cost of a unit of work, 1 if costs are work, 0 if unknown, which prunes less; least: smallest
+    possible error above 0.
     """
 
     space: Sequence[Spec]
     limit: float
     pixels: int
     start: Callable[[Spec], float]
-    measure: Callable[[Spec], Tried | None]
+    measure: Callable[[Spec], Trial | None]
     margins: tuple[float, float]
     price: float = 1.0
     least: float = TINY
-    tried: list[Tried] = field(default_factory=list)
+    trials: list[Trial] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self._left = {spec: place_of(spec) for spec in self.space}
-        self._seen: dict[str, list[tuple[Place, Tried]]] = {}  # what was tried, by group
+        self._left = {spec: point_of(spec) for spec in self.space}
+        self._trials_of: dict[str, list[tuple[SearchPoint, Trial]]] = {}  # by group
 
-    def run(self) -> Tried | None:
-        """The cheapest that meets the target; None where nothing does."""
-        for spec, place in list(self._left.items()):
-            if place.size is None and self.cost(place) < self.enough:
-                self._try(spec)
-        for group in dict.fromkeys(place.group for place in self._left.values() if place.size is not None):
-            self._look_at(group)
+    def run(self) -> Trial | None:
+        """Search, and return the cheapest spec that meets the target; None if none does."""
+        for spec, point in list(self._left.items()):
+            if point.size is None and self.cost(point) < self.cost_limit:
+                self._measure(spec)
+        for group in dict.fromkeys(point.group for point in self._left.values() if point.size is not None):
+            self._try_first(group)
         while (following := self._next()) is not None:
-            self._try(following)
+            self._measure(following)
         return self.best
 
     @property
-    def best(self) -> Tried | None:
-        """The cheapest so far that meets the target, the one of fewer bytes of two."""
-        met = [one for one in self.tried if one.error <= self.limit]
-        return min(met, key=lambda one: (one.cost, one.bytes, one.error), default=None)
+    def best(self) -> Trial | None:
+        """The cheapest trial so far that meets the target; of equal ones, that with fewer bytes."""
+        met = [trial for trial in self.trials if trial.error <= self.limit]
+        return min(met, key=lambda trial: (trial.cost, trial.bytes, trial.error), default=None)
 
     @property
-    def enough(self) -> float:
-        """What another must cost less than."""
+    def cost_limit(self) -> float:
+        """Cost of the best trial so far, below which others are of interest."""
         return self.best.cost if self.best else math.inf
 
-    def _try(self, spec: Spec) -> None:
-        place = self._left.pop(spec)
-        tried = self.measure(spec)
-        if tried is not None:
-            self.tried.append(tried)
-            self._seen.setdefault(place.group, []).append((place, tried))
-        elif place.size is not None:  # nor will a map that is as large or larger
+    def _measure(self, spec: Spec) -> None:
+        point = self._left.pop(spec)
+        trial = self.measure(spec)
+        if trial is not None:
+            self.trials.append(trial)
+            self._trials_of.setdefault(point.group, []).append((point, trial))
+        elif point.size is not None:  # larger maps of the group would fail too
             self._left = {
-                one: other
-                for one, other in self._left.items()
-                if other.group != place.group or other.size is None or other.size < place.size
+                spec: other
+                for spec, other in self._left.items()
+                if other.group != point.group or other.size is None or other.size < point.size
             }
 
-    def _look_at(self, group: str) -> None:
-        """A group's first measurement, at about the size that is predicted, or the largest that may still pay."""
-        mine = {spec: place for spec, place in self._left.items() if place.group == group}
-        first = {spec: place for spec, place in mine.items() if place.filter == FIRST} or mine
-        sizes = {spec: place.size for spec, place in first.items() if place.size and self.cost(place) < self.enough}
+    def _try_first(self, group: str) -> None:
+        """First trial of a group, at the size closest to the predicted one that may still be cheap enough."""
+        mine = {spec: point for spec, point in self._left.items() if point.group == group}
+        first = {spec: point for spec, point in mine.items() if point.filter == FIRST} or mine
+        sizes = {spec: point.size for spec, point in first.items() if point.size and self.cost(point) < self.cost_limit}
         if sizes:
-            self._try(min(sizes, key=lambda spec: abs(math.log(sizes[spec] / self.start(spec)))))
+            self._measure(min(sizes, key=lambda spec: abs(math.log(sizes[spec] / self.start(spec)))))
 
     def _next(self) -> Spec | None:
-        """The cheapest that is expected to meet the target, else the one that comes closest; None when none may."""
-        enough, within = self.enough, max(self.limit, self.least)
-        paying = [(spec, place, cost) for spec, place in self._left.items() if (cost := self.cost(place)) < enough]
-        judged = [(spec, cost, *self.error(place)) for spec, place, cost in paying]
+        """The cheapest spec expected to meet the target, else the one expected to come closest; None if none may."""
+        cost_limit, within = self.cost_limit, max(self.limit, self.least)
+        paying = [(spec, point, cost) for spec, point in self._left.items() if (cost := self.cost(point)) < cost_limit]
+        judged = [(spec, cost, *self.error(point)) for spec, point, cost in paying]
         alive = [(spec, cost, error) for spec, cost, error, margin in judged if error / margin <= within]
-        expected = [one for one in alive if one[2] <= within]
+        expected = [candidate for candidate in alive if candidate[2] <= within]
         if expected:
-            return min(expected, key=lambda one: (one[1], one[2]))[0]
-        return min(alive, key=lambda one: (one[2], one[1]))[0] if alive else None
+            return min(expected, key=lambda candidate: (candidate[1], candidate[2]))[0]
+        return min(alive, key=lambda candidate: (candidate[2], candidate[1]))[0] if alive else None
 
-    def cost(self, place: Place) -> float:
-        """What a spec is expected to cost; before anything of its group is measured, the least that it can."""
+    def cost(self, point: SearchPoint) -> float:
+        """Predicted cost of a spec; a lower bound before anything of its group was measured."""
         base = self.price * self.pixels
-        reads = base * place.reads
-        if place.size is None:
+        reads = base * point.reads
+        if point.size is None:
             return base
-        mine = {p.size: (p, one) for p, one in self._seen.get(place.group, []) if p.size}
+        mine = {p.size: (p, trial) for p, trial in self._trials_of.get(point.group, []) if p.size}
         if not mine:
             return base + reads
-        sizes = _nearest(mine, place.size)
+        sizes = _nearest(mine, point.size)
         near, *others = [(size, self._texels(*mine[size])) for size in sizes]
-        growth = GROWTH[place.size < near[0]]
+        growth = GROWTH[point.size < near[0]]
         if others:
             measured = math.log(others[0][1] / near[1]) / math.log(others[0][0] / near[0])
             growth = min(max(measured, 0.0), GROWTH[1])
-        texels: float = near[1] * (place.size / near[0]) ** growth
+        texels: float = near[1] * (point.size / near[0]) ** growth
         return base + mine[near[0]][1].fixed + texels + reads
 
-    def _texels(self, place: Place, one: Tried) -> float:
-        """What a map's texels cost."""
-        least = self.price * self.pixels * (1 + place.reads)
-        return max(one.cost - one.fixed - least, TINY)
+    def _texels(self, point: SearchPoint, trial: Trial) -> float:
+        """Cost of a map's texels."""
+        least = self.price * self.pixels * (1 + point.reads)
+        return max(trial.cost - trial.fixed - least, TINY)
 
-    def error(self, place: Place) -> tuple[float, float]:
-        """The error that is expected of a spec, and how many times less it may be; 0 where nothing is known of it."""
-        mine = self._seen.get(place.group, [])
-        if not mine or place.size is None:
+    def error(self, point: SearchPoint) -> tuple[float, float]:
+        """Predicted error of a spec, and the factor by which it may be smaller; 0 if nothing is known."""
+        mine = self._trials_of.get(point.group, [])
+        if not mine or point.size is None:
             return 0.0, 1.0
-        same = {p.size: one.error for p, one in mine if p.filter == place.filter and p.size}
+        same = {p.size: trial.error for p, trial in mine if p.filter == point.filter and p.size}
         if same:
-            return extrapolated(same, place.size), self.margins[0]
+            return extrapolate(same, point.size), self.margins[0]
         found = []
         for other, line in self._lines(mine).items():
-            ratios = self._ratios(place.filter, other)
+            ratios = self._ratios(point.filter, other)
             ratio, margin = (statistics.geometric_mean(ratios), self.margins[0]) if ratios else (1.0, self.margins[1])
-            found.append((ratio * extrapolated(line, place.size), margin))
-        return min(found, key=lambda one: one[0] / one[1])
+            found.append((ratio * extrapolate(line, point.size), margin))
+        return min(found, key=lambda prediction: prediction[0] / prediction[1])
 
-    def _lines(self, mine: list[tuple[Place, Tried]]) -> dict[str, dict[int, float]]:
-        """Errors by size, of each filter."""
+    def _lines(self, mine: list[tuple[SearchPoint, Trial]]) -> dict[str, dict[int, float]]:
+        """Errors by map size, for each filter."""
         lines: dict[str, dict[int, float]] = {}
-        for place, one in mine:
-            if place.size is not None:
-                lines.setdefault(place.filter, {})[place.size] = one.error
+        for point, trial in mine:
+            if point.size is not None:
+                lines.setdefault(point.filter, {})[point.size] = trial.error
         return lines
 
     def _ratios(self, filter: str, other: str) -> list[float]:
-        """What a filter's error was to another's, at the same size in any group."""
-        groups = [self._lines(seen) for seen in self._seen.values()]
-        both = [(_numbers(lines.get(filter, {})), _numbers(lines.get(other, {}))) for lines in groups]
+        """Ratios of a filter's error to another's at the same map size, over all groups."""
+        groups = [self._lines(seen) for seen in self._trials_of.values()]
+        both = [(_finite(lines.get(filter, {})), _finite(lines.get(other, {}))) for lines in groups]
         return [max(a[size], TINY) / max(b[size], TINY) for a, b in both for size in a.keys() & b.keys()]
 
 
-def extrapolated(errors: dict[int, float], size: int) -> float:
-    """The error at a size from those at others: a line in logarithms through the two nearest.
+def extrapolate(errors: dict[int, float], size: int) -> float:
+    """Error at a map size, extrapolated from errors at other sizes by a log-log line through the two nearest.
 
-    Infinite ones are on no line. Where all are, a map that is no larger is no better; of a larger nothing is known: 0.
+    Infinite errors are ignored. If all are infinite, the error is infinite up to the largest size, and 0 (unknown)
+    beyond it.
     """
-    if not _numbers(errors):
+    if not _finite(errors):
         return math.inf if size <= max(errors) else 0.0
-    errors = _numbers(errors)
+    errors = _finite(errors)
     near = _nearest(errors, size)
     first = math.log(max(errors[near[0]], TINY))
     slope = SLOPE
@@ -210,11 +213,11 @@ def extrapolated(errors: dict[int, float], size: int) -> float:
     return math.exp(first - slope * math.log(size / near[0]))
 
 
-def _numbers(errors: dict[int, float]) -> dict[int, float]:
-    """The finite ones."""
+def _finite(errors: dict[int, float]) -> dict[int, float]:
+    """The finite errors."""
     return {size: error for size, error in errors.items() if math.isfinite(error)}
 
 
 def _nearest(sizes: Iterable[int], size: int) -> list[int]:
-    """The two sizes that are nearest to one, or the only one."""
+    """The two sizes nearest to a size on a log scale, or the only one."""
     return sorted(sizes, key=lambda other: abs(math.log(other / size)))[:2]

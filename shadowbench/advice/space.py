@@ -1,4 +1,4 @@
-"""What `recommend` chooses from: techniques with a few values of what costs or is accurate, and what needs leave."""
+"""Search space of `recommend`: a parameter grid for each technique, pruned by the survey of the view."""
 
 import itertools
 from collections import Counter
@@ -15,8 +15,8 @@ SIZES = (256, 512, 1024, 2048, 4096)
 
 
 @dataclass(frozen=True)
-class Excluded:
-    """Part of the space that is not tried, why, and how many specs that leaves out."""
+class Exclusion:
+    """A part of the space that is not tried, the reason, and its number of specs."""
 
     what: str
     why: str
@@ -24,13 +24,13 @@ class Excluded:
 
 
 def grid_of(technique: type[Technique]) -> dict[str, Sequence[Any]]:
-    """What is tried of a technique, its map sizes among it."""
+    """Grid of parameter values of a technique, including map sizes."""
     sizes = {"size": SIZES} if "size" in technique.Params.model_fields else {}
     return {**technique.grid, **(sizes if "size" not in technique.grid else {})}
 
 
 def specs_of(technique: type[Technique], largest: int) -> list[Spec]:
-    """Every spec of a technique's grid, with maps up to the device's largest."""
+    """All specs of a technique's grid with maps up to `largest`."""
     grid = grid_of(technique)
     if "size" in grid:
         grid["size"] = [size for size in grid["size"] if size <= largest] or [largest]
@@ -39,27 +39,33 @@ def specs_of(technique: type[Technique], largest: int) -> list[Spec]:
     return [home.with_(**chosen) if chosen else home for chosen in choices]
 
 
-def whole_space(known: Mapping[str, type[Technique]], light: LightKind, largest: int) -> list[Spec]:
-    """All specs that answer a kind of light: what an exhaustive search would measure."""
-    answering = [one for one in known.values() if light in one.lights and not one.no_choice]
+def full_space(known: Mapping[str, type[Technique]], light: LightKind, largest: int) -> list[Spec]:
+    """All specs that support a kind of light, as an exhaustive search would measure them."""
+    answering = [
+        technique for technique in known.values() if light in technique.lights and not technique.never_recommended
+    ]
     return [spec for technique in answering for spec in specs_of(technique, largest)]
 
 
-def no_choices(known: Mapping[str, type[Technique]], light: LightKind) -> list[Excluded]:
-    """The techniques that are in no space for this light, with the reason."""
+def unavailable(known: Mapping[str, type[Technique]], light: LightKind) -> list[Exclusion]:
+    """Techniques that are never in the space for this light, with the reason."""
     return [
-        Excluded(name, one.no_choice or f"answers {' and '.join(sorted(one.lights))} light, not {light}", 0)
-        for name, one in known.items()
-        if one.no_choice or light not in one.lights
+        Exclusion(
+            name,
+            technique.never_recommended or f"supports {' and '.join(sorted(technique.lights))} light, not {light}",
+            0,
+        )
+        for name, technique in known.items()
+        if technique.never_recommended or light not in technique.lights
     ]
 
 
-def needed_space(
+def prune(
     space: Sequence[Spec], needs: Needs, least_iou: float | None, by_work: bool
-) -> tuple[list[Spec], list[Excluded]]:
-    """What the needs leave of a space, and what they leave out.
+) -> tuple[list[Spec], list[Exclusion]]:
+    """Prune a space by the needs of a view; returns the remaining specs and the exclusions.
 
-    least_iou: the target, None where it is of another kind; by_work: whether work is what ranks.
+    least_iou: target IoU, None for another target; by_work: whether specs are ranked by work.
     """
     rules = [_depth_rule(needs), _planar_rule(needs, least_iou)]
     if by_work:
@@ -67,7 +73,7 @@ def needed_space(
     left, excluded = list(space), []
     for rule in rules:
         found = {spec: reason for spec in left if (reason := rule(spec)) is not None}
-        excluded += [Excluded(*reason, count) for reason, count in Counter(found.values()).items()]
+        excluded += [Exclusion(*reason, count) for reason, count in Counter(found.values()).items()]
         left = [spec for spec in left if spec not in found]
     return left, excluded
 
@@ -89,7 +95,10 @@ def _too_few(bits: int | None) -> str:
 
 
 def _planar_rule(needs: Needs, least_iou: float | None) -> _Rule:
-    """Of the shadow, what planes cannot hold stays lit: at least what is left when all that is lit is curved."""
+    """Excludes planar techniques if no plane is visible, or if an upper bound of their IoU misses the target.
+
+    Shadows on curved receivers stay lit; the bound assumes that as much as possible of the lit surface is curved.
+    """
     seen = needs.receivers
     curved, shadow = 1 - seen.planar.value, seen.shadowed.value
     most = 1 - max(curved + shadow - 1, 0.0) / shadow if shadow > 0 else 1.0
@@ -97,7 +106,7 @@ def _planar_rule(needs: Needs, least_iou: float | None) -> _Rule:
     if seen.planes == 0:
         why = "no receiver that is seen is a plane"
     elif least_iou is not None and most < least_iou:
-        why = f"only {seen.planar.value:.1%} of what is seen lies on planes: its IoU is below {most:.3g}"
+        why = f"only {seen.planar.value:.1%} of the visible surface lies on planes: its IoU is below {most:.3g}"
     return lambda spec: (spec.technique.name, why) if why is not None and spec.technique.only_planes else None
 
 
@@ -107,7 +116,7 @@ def _work_rule(spec: Spec) -> tuple[str, str] | None:
 
 
 def start_size(spec: Spec, needs: Needs) -> float:
-    """The map size that needs predict for a technique: right at the shadows' edges, or a texel a pixel without any."""
+    """Predicted map size for a technique: one texel per pixel, at shadow edges if there are any."""
     texels, several, slices = needs.texels, needs.cascades, spec.technique.view_slices(spec.params)
     if slices > 1 and several is not None:
         sizes = several.edge_size or several.size

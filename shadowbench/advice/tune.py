@@ -1,170 +1,123 @@
-"""`tune`: a technique's parameters at their best for each cost, searched on some scenes and compared on others."""
+"""Computation behind `tune`: a parameter search measured into a folder, and its verdict."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from contextlib import closing
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+from typing import Any
 
-import pandas as pd
-
-from shadowbench.advice.tune_beside import Found, Tuning, beside
-from shadowbench.advice.tune_cells import Cells
-from shadowbench.advice.tune_scores import log_cost, log_error, scene_scores, surely_less
-from shadowbench.advice.tune_space import Space
-from shadowbench.advice.tune_split import Split
+from shadowbench.advice.tune_cells import TuningCells
+from shadowbench.advice.tune_comparison import Entry, TuningComparison
+from shadowbench.advice.tune_search import search_parameters
+from shadowbench.advice.tune_space import SearchSpace, searched_parameters
+from shadowbench.advice.tune_split import split_scenes
 from shadowbench.errors import InputError
-from shadowbench.measure.cells import Block
-from shadowbench.measure.executor import CellFailed
-from shadowbench.studies.times import pareto_front
-from shadowbench.techniques.spec import Spec
+from shadowbench.files import check_folder
+from shadowbench.measure.executor import Executor
+from shadowbench.measure.machine import write_run_file
+from shadowbench.measure.measurer import Measurer, Reporter
+from shadowbench.measure.row_store import RowStore
+from shadowbench.measure.rows import Result
+from shadowbench.scenes.library import builtin_names
+from shadowbench.scenes.model import Scene
+from shadowbench.studies.folder import write_cells
+from shadowbench.studies.run import check_sizes
+from shadowbench.studies.study import Study, scenes_of
+from shadowbench.studies.tables import Interval
+from shadowbench.techniques.spec import Spec, spec_of
 
-if TYPE_CHECKING:
-    from optuna import Study, Trial
 
-BATCH = 8
-"""Trials that are drawn before any of them is told, so that a scene is loaded once for all of them."""
+@dataclass(frozen=True, eq=False)
+class TuningResult:
+    """Result of a parameter search, and all cells measured for it."""
 
-_RANDOM = 0.4  # of the trials of a search are random, before it learns
-_SEED = 0
+    tuning: TuningComparison
+    results: tuple[Result, ...]
 
 
-def tune(
-    space: Space, cells: Cells, blocks: Sequence[Block], split: Split, trials: int, others: Mapping[str, Spec]
-) -> Tuning:
-    """Search so many trials on the scenes to tune on, and set what was found beside `others`, by name, on the rest.
+def tune_parameters(
+    spec: Spec,
+    folder: Path,
+    executor: Executor,
+    reporter: Reporter,
+    *,
+    scenes: Sequence[str | Scene] = (),
+    held_out: Sequence[str] = (),
+    params: str | None = None,
+    against: Mapping[str, Spec] = {},
+    trials: int = 100,
+    map_size: Sequence[int] = (2048,),
+    phases: int = 2,
+    **others: Any,
+) -> TuningResult:
+    """Search a technique's parameters, and compare the result with the default, the presets and the specs `against`.
 
-    Nothing is measured twice. Raises CellFailed as `Search.run` does.
+    scenes: by default all built-in ones; held_out: names of scenes for the comparison, by default every third; params:
+    comma-separated names of parameters, by default DEFAULT_PARAMETERS; map_size: results for several sizes are
+    averaged, as are phases; others: fields of a study, such as `view_size` and `assets`. Writes rows, `table.csv` and
+    `run.json`. Raises InputError for parameters that cannot be searched, CellFailed if the default fails.
     """
-    cells.reporter.note(f"tuning on {', '.join(split.tuning)}; held out: {', '.join(split.held_out)}")
-    return beside(Search(space, cells, blocks, split).run(trials, others))
+    base = _sizeless(spec, map_size)
+    names = searched_parameters(base, params)
+    compared_specs = {name: _sizeless(other, map_size) for name, other in (_presets(base) | dict(against)).items()}
+    study_fields = {"reference": base, "map_size": map_size, "rounds": 0, "phases": phases, **others}
+    study = Study.of(scenes or builtin_names(), [base], **study_fields)
+    check_folder(folder)
+    info = executor.info
+    check_sizes(study, info)
+    if not info.pipeline_statistics:
+        raise InputError(f"{info.renderer} counts no invocations, so there is no cost to tune for")
+    with closing(RowStore(folder)) as store:
+        cells = TuningCells(study, Measurer(executor, store, study.conditions(), reporter))
+        blocks = cells.eligible_blocks(base)
+        split = split_scenes([scene.name for scene in scenes_of(blocks)], held_out)
+        space = SearchSpace(base, names, cells.unsupported_rows(base, names, blocks))
+        found = search_parameters(space, cells, blocks, split, trials, compared_specs)
+    results = tuple(cells.results.values())
+    write_run_file(folder / "run.json", info, [], study.facts, [result.score for result in results])
+    write_cells(folder, results, {})
+    return TuningResult(found, results)
 
 
-class Search:
-    """Optuna's tree-structured Parzen estimator, for two objectives, error and cost (Ozaki et al. 2022), then for one.
-
-    Half of the trials search the whole space; the other half the numbers of what is then the best that costs no more
-    than the default. The same space, scenes and number of trials give the same trials, so that a call that finds rows
-    goes on from them. The default and what it is set beside are trials too, where the space holds them.
-
-    The best of a hundred settings on a dozen scenes may be the best on these alone. It is taken where it is surely
-    better than the default on them, by an interval over scenes; else the default stands, as the simplest model does
-    that is within the scatter of the best (Breiman et al. 1984).
-    """
-
-    def __init__(self, space: Space, cells: Cells, blocks: Sequence[Block], split: Split) -> None:
-        self.space, self.cells, self.split = space, cells, split
-        self.tuning = [block for block in blocks if block.scene.name in split.tuning]
-        self.held_out = [block for block in blocks if block.scene.name in split.held_out]
-        self.default = space.home
-        self._tried: dict[Spec, pd.DataFrame] = {}  # what held on the tuning scenes, with its scores
-        self._lost: set[Spec] = set()  # what did not
-
-    def run(self, trials: int, others: Mapping[str, Spec]) -> Found:
-        """Search, then measure the best, the default and `others`, by name, on the scenes held out.
-
-        Raises CellFailed where the default fails, or what was found fails on those.
-        """
-        named = {"default": self.default, **others}
-        outside = sum(self.space.point(spec) is None for spec in named.values())
-        self._stage("tuning", trials + outside, self.tuning)
-        self._try([self.default])
-        _check(self.default, self._tried)
-        self._explore(self.space, trials - trials // 2, 2, list(named.values()))
-        _, best = self._best()
-        near = self.space.around(best)
-        if near.point(best):  # it has numbers
-            self._explore(near, trials // 2, 1, list(self._tried))
-        self._try(list(named.values()))
-        return self._found(named)
-
-    def _explore(self, space: Space, trials: int, goals: int, first: Sequence[Spec]) -> None:
-        """Try what Optuna suggests, after those of `first` that the space holds; those tried before are no trials."""
-        held = [spec for spec in first if space.point(spec) is not None]
-        study = _study(goals, round(_RANDOM * trials))
-        for spec in held:
-            study.enqueue_trial(space.point(spec) or {})
-        left = trials + sum(spec in self._tried for spec in held)
-        while left > 0:
-            batch = [study.ask() for _ in range(min(BATCH, left))]
-            left -= len(batch)
-            specs = [self._suggested(space, trial) for trial in batch]
-            self._try([spec for spec in specs if spec is not None])
-            for trial, one in zip(batch, specs, strict=True):
-                if one is not None and one in self._tried:
-                    study.tell(trial, (self._error(one), self._cost(one))[:goals])
-                else:
-                    _fail(study, trial)
-
-    def _suggested(self, space: Space, trial: "Trial") -> Spec | None:
-        try:
-            return space.spec(trial)
-        except InputError as error:  # values that do not go together
-            self.cells.reporter.note(f"{error}; it is left out")
-            return None
-
-    def _try(self, specs: Sequence[Spec]) -> None:
-        """Measure those of the specs that were not, on the tuning scenes."""
-        fresh = [spec for spec in dict.fromkeys(specs) if spec not in self._tried and spec not in self._lost]
-        held = self._scores(fresh, self.tuning)
-        self._tried |= held
-        self._lost |= set(fresh) - set(held)
-
-    def _scores(self, specs: Sequence[Spec], blocks: Sequence[Block]) -> dict[Spec, pd.DataFrame]:
-        """By spec, what `scene_scores` gives, of those that held in every cell; the others are noted."""
-        found: dict[Spec, pd.DataFrame] = {}
-        for spec, rows in self.cells.measured(specs, blocks).items():
-            lost = next((row for row in rows if row["status"] != "ok"), None)
-            if lost is None:
-                found[spec] = scene_scores(rows)
-            else:
-                self.cells.reporter.note(f"{spec.text}: {lost['scene']}: {lost['status']}; it is left out")
-        return found
-
-    def _best(self) -> tuple[list[Spec], Spec]:
-        """The best at each cost, from the cheapest, and the best of them that costs no more than the default."""
-        found: dict[tuple[float, float], Spec] = {}
-        for spec in self._tried:  # of equal ones the first
-            found.setdefault((self._cost(spec), self._error(spec)), spec)
-        points = list(found)
-        best = [found[points[i]] for i in pareto_front(points)]
-        return best, [spec for spec in best if self._cost(spec) <= 0][-1]
-
-    def _found(self, named: Mapping[str, Spec]) -> Found:
-        """The best and the others on the scenes held out."""
-        best, least = self._best()
-        better = surely_less(self._tried[least], self._tried[self.default])
-        tuned = least if better else self.default
-        chosen = [spec for spec in dict.fromkeys([*best, *named.values()]) if spec in self._tried]
-        self._stage("held out", len(chosen), self.held_out)
-        scores = self._scores(chosen, self.held_out)
-        _check(tuned, scores)
-        _check(self.default, scores)
-        tried = {spec: self._tried[spec] for spec in chosen}
-        return Found(self.split, tuned, best, named, tried, scores)
-
-    def _stage(self, name: str, specs: int, blocks: Sequence[Block]) -> None:
-        self.cells.reporter.stage(name, specs * self.cells.each(self.default) * len(blocks))
-
-    def _error(self, spec: Spec) -> float:
-        """Mean over the tuning scenes of the logarithm of the error."""
-        return float(log_error(self._tried[spec]).mean())
-
-    def _cost(self, spec: Spec) -> float:
-        return log_cost(self._tried[spec], self._tried[self.default])
+def _sizeless(spec: Spec, sizes: Sequence[int]) -> Spec:
+    """The spec without a map size of its own, so that all specs are compared at the given sizes."""
+    sized = spec.with_(size=sizes[0]) if spec.has_size else spec
+    return replace(sized, named=sized.named - {"size"})
 
 
-def _check(spec: Spec, scores: Mapping[Spec, pd.DataFrame]) -> None:
-    if spec not in scores:
-        raise CellFailed(f"{spec.text} does not hold on every scene, so that nothing can be set beside it")
+def _presets(base: Spec) -> dict[str, Spec]:
+    """Specs of the technique's presets, by their names in tables."""
+    return {
+        f"preset={name}": spec_of(base.technique, (("preset", name),), f"preset {name}")
+        for name in base.technique.presets
+    }
 
 
-def _study(goals: int, random: int) -> "Study":
-    import optuna
+def verdict(found: TuningComparison) -> str:
+    """Whether the held-out scenes support a new default, in words."""
+    default = found.others[0]
+    if found.tuned.spec == default.spec:
+        return "the default stands: nothing at its cost was surely better on the scenes that were tuned on"
+    iou, ssim = default.iou_ratio, default.ssim_ratio
+    worse = iou is not None and ssim is not None and (iou.low or 0) > 1 and ssim.median > 1
+    tune_parameters = found.tuned.spec.sizeless_text
+    if worse:
+        return f"suggested default: {tune_parameters}"
+    return f"the default stands: on the scenes held out it is not surely behind {tune_parameters}"
 
-    optuna.logging.set_verbosity(optuna.logging.WARNING)
-    sampler = optuna.samplers.TPESampler(n_startup_trials=max(1, random), seed=_SEED)
-    return optuna.create_study(directions=["minimize"] * goals, sampler=sampler)
 
+def values(found: TuningComparison) -> dict[str, Any]:
+    """JSON object of `tune --json`."""
 
-def _fail(study: "Study", trial: "Trial") -> None:
-    from optuna.trial import TrialState
+    def entry_values(entry: Entry) -> dict[str, Any]:
+        values = {item.name: getattr(entry, item.name) for item in fields(entry)}
+        return {key: asdict(value) if isinstance(value, Interval) else value for key, value in values.items()} | {
+            "spec": entry.spec.sizeless_text
+        }
 
-    study.tell(trial, state=TrialState.FAIL)
+    return asdict(found.split) | {
+        "front": [entry_values(entry) for entry in found.front],
+        "tuned": entry_values(found.tuned),
+        "others": [entry_values(entry) for entry in found.others],
+        "verdict": verdict(found),
+    }

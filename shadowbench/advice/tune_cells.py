@@ -1,4 +1,4 @@
-"""The cells that `tune` measures: specs on many views, phases and map sizes, each once."""
+"""Cells measured by `tune`: specs in many views, phases and map sizes."""
 
 import itertools
 from collections.abc import Sequence
@@ -15,8 +15,8 @@ from shadowbench.techniques.spec import Spec
 from shadowbench.truths.cache import cached_truth
 
 
-class Cells:
-    """Measures specs on blocks as they are asked for; the study says sizes, phases and views."""
+class TuningCells:
+    """Measures specs on blocks on request; the study gives map sizes, phases and views."""
 
     def __init__(self, study: Study, measurer: Measurer) -> None:
         self.study, self.measurer = study, measurer
@@ -24,13 +24,13 @@ class Cells:
 
     @property
     def reporter(self) -> Reporter:
-        """Who is told how it goes."""
+        """Receiver of progress messages."""
         return self.measurer.reporter
 
-    def taking_part(self, spec: Spec) -> list[Block]:
-        """Every camera and light of the study's scenes, truths traced, where something is in shadow and `spec` answers.
+    def eligible_blocks(self, spec: Spec) -> list[Block]:
+        """Blocks for every camera and light of the study's scenes that show a shadow and that `spec` supports.
 
-        The others are noted.
+        Traces their truths; the other views are reported.
         """
         blocks = [
             replace(block, view=view_of(block.scene, camera, block.view.light, block.view.size))
@@ -41,7 +41,7 @@ class Cells:
         kept = []
         for block in blocks:
             reason = None if (cached_truth(block.view).visibility < 0.5).any() else "nothing is in shadow"
-            reason = reason or self.refusal(spec, block)
+            reason = reason or self.unsupported_reason(spec, block)
             if reason is None:
                 kept.append(block)
             else:
@@ -49,39 +49,39 @@ class Cells:
             self.reporter.step(block.view.name)
         return kept
 
-    def refusal(self, spec: Spec, block: Block) -> str | None:
-        """Why a spec has no answer for a block's view; None where it has one."""
+    def unsupported_reason(self, spec: Spec, block: Block) -> str | None:
+        """Why a spec does not support a block's view; None if it does."""
         at = PlacedView(block.view, self.study.coordinates)
         return self.measurer.executor.call(Session.unsupported, at, Cell(spec).request)
 
-    def refused_rows(self, spec: Spec, names: Sequence[str], blocks: Sequence[Block]) -> dict[str, frozenset[str]]:
-        """By parameter, the rows with which a spec has no answer under one of the kinds of light that there are."""
+    def unsupported_rows(self, spec: Spec, names: Sequence[str], blocks: Sequence[Block]) -> dict[str, frozenset[str]]:
+        """By parameter, the rows with which a spec does not support one of the kinds of light present in the blocks."""
         views = list({block.view.light.kind: block for block in blocks}.values())
         fields = type(spec.params).model_fields
         return {
             name: frozenset(
                 row.name
                 for row in rows_of(fields[name])
-                if any(self.refusal(spec.with_(**{name: row()}), block) is not None for block in views)
+                if any(self.unsupported_reason(spec.with_(**{name: row()}), block) is not None for block in views)
             )
             for name in names
         }
 
-    def each(self, spec: Spec) -> int:
-        """The cells of a spec in one block."""
+    def cells_per_block(self, spec: Spec) -> int:
+        """Number of cells of a spec in one block."""
         return len(self._cells(spec))
 
-    def measured(self, specs: Sequence[Spec], blocks: Sequence[Block]) -> dict[Spec, list[Record]]:
-        """The score rows of each spec; a block after the other, so that its scene is loaded once."""
+    def measure(self, specs: Sequence[Spec], blocks: Sequence[Block]) -> dict[Spec, list[Record]]:
+        """Score rows of each spec, measured block by block, so that each scene is loaded once."""
         cells = {spec: self._cells(spec) for spec in specs}
         rows: dict[Spec, list[Record]] = {spec: [] for spec in cells}
         for block in blocks:
             together = tuple(cell for own in cells.values() for cell in own)
-            results = iter(self.measurer.measured(replace(block, cells=together)))
+            results = iter(self.measurer.measure(replace(block, cells=together)))
             for spec, own in cells.items():
                 found = list(itertools.islice(results, len(own)))
-                rows[spec] += [one.score for one in found]
-                self.results |= {one.score["key"]: one for one in found}
+                rows[spec] += [result.score for result in found]
+                self.results |= {result.score["key"]: result for result in found}
         return rows
 
     def _cells(self, spec: Spec) -> tuple[Cell, ...]:

@@ -1,6 +1,6 @@
-"""What rows say of a spec on a set of scenes: its error and cost, and the ratio of one spec's error to another's.
+"""Errors and costs of a spec over a set of scenes, and ratios of two specs' errors.
 
-A scene is one observation: its views, phases and sizes are averaged first, and intervals are over scenes.
+A scene is one observation: its views, phases and map sizes are averaged first, and intervals are over scenes.
 """
 
 import math
@@ -13,8 +13,8 @@ from scipy.stats import bootstrap
 from shadowbench.measure.rows import Record
 from shadowbench.studies.tables import Interval, interval
 
-LEAST = 1e-4
-"""The error that none is taken to be below, as its logarithm would be −∞: 1 − IoU, 1 − SSIM."""
+MIN_ERROR = 1e-4
+"""Lower clamp of the errors 1 − IoU and 1 − SSIM, whose logarithms are averaged."""
 
 ERRORS = ("iou", "ssim")
 _BOOTSTRAPS = 2000
@@ -22,14 +22,14 @@ _COST_DIGITS = 2
 
 
 def scene_scores(rows: Iterable[Record]) -> pd.DataFrame:
-    """A line a scene: logarithms of 1 − IoU, 1 − SSIM and `work_cost`, and acne, leak and contact, as means over cells.
+    """One line per scene: means over cells of log(1 − IoU), log(1 − SSIM), log(work_cost), acne, leak and contact.
 
-    Only cells that held and have scores count.
+    Failed cells and cells without IoU or SSIM are left out.
     """
     found = [
         {
             "scene": row["scene"],
-            **{name: np.log(max(1 - row["metrics"][name], LEAST)) for name in ERRORS},
+            **{name: np.log(max(1 - row["metrics"][name], MIN_ERROR)) for name in ERRORS},
             "cost": np.log(row["work"]["cost"]),
             **{name: row["metrics"][name] for name in ("acne", "leak", "contact")},
         }
@@ -40,17 +40,17 @@ def scene_scores(rows: Iterable[Record]) -> pd.DataFrame:
 
 
 def log_error(scores: pd.DataFrame) -> pd.Series:
-    """By scene, the mean of log(1 − IoU) and log(1 − SSIM): what is minimised."""
+    """Objective by scene: the mean of log(1 − IoU) and log(1 − SSIM)."""
     return scores[list(ERRORS)].mean(axis=1)
 
 
 def log_cost(scores: pd.DataFrame, default: pd.DataFrame) -> float:
-    """The mean over scenes of the logarithm of the cost over the default's, rounded: within 1% costs are the same."""
+    """Mean over scenes of log(cost / default's cost), rounded so that costs within 1% count as equal."""
     return round(float((scores["cost"] - default["cost"]).mean()), _COST_DIGITS)
 
 
 def geometric_mean(logs: pd.Series) -> Interval:
-    """Of the scenes' values, given their logarithms, with a 95% bootstrap interval over scenes (fixed seed)."""
+    """Geometric mean over scenes, given logarithms, with a 95% bootstrap confidence interval (fixed seed)."""
     values = logs.to_numpy(dtype=float)
     middle = float(np.exp(values.mean()))
     if len(values) < 2:
@@ -60,18 +60,18 @@ def geometric_mean(logs: pd.Series) -> Interval:
     return Interval(middle, float(low), float(high))
 
 
-def ratio(metric: str, scores: pd.DataFrame, over: pd.DataFrame) -> Interval | None:
-    """By how much the error of `scores` is that of `over`: the median over scenes, with its interval."""
-    return interval(np.exp(scores[metric] - over[metric]).tolist())
+def error_ratio(metric: str, scores: pd.DataFrame, reference: pd.DataFrame) -> Interval | None:
+    """Median per-scene error ratio of `scores` to `over`, with its 95% confidence interval."""
+    return interval(np.exp(scores[metric] - reference[metric]).tolist())
 
 
-def surely_less(scores: pd.DataFrame, than: pd.DataFrame) -> bool:
-    """Whether the error is less over scenes, its interval included; of one scene there is none, and less is less."""
-    change = geometric_mean(log_error(scores) - log_error(than))
+def significantly_less(scores: pd.DataFrame, reference: pd.DataFrame) -> bool:
+    """Whether the error is significantly smaller: the interval of the ratio is below 1; for one scene, the ratio."""
+    change = geometric_mean(log_error(scores) - log_error(reference))
     return (change.median if change.high is None else change.high) < 1
 
 
 def mean_of(metric: str, scores: pd.DataFrame) -> float | None:
-    """The mean over scenes of a metric as it is; None where no scene has it."""
+    """Mean of a metric over scenes; None if no scene has it."""
     mean = float(scores[metric].mean())
     return None if math.isnan(mean) else mean

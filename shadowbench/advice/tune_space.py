@@ -1,6 +1,6 @@
-"""What `tune` may change: the search space that a technique's parameters declare, a point of it made a spec and back.
+"""Search space of `tune`, derived from a technique's parameters, and conversion of its points to specs and back.
 
-A row is a choice of its family with the chosen one's own parameters below it, so the space is conditional.
+A row parameter is a choice among its family, with the chosen row's parameters below it: a conditional space.
 """
 
 import inspect
@@ -17,67 +17,67 @@ from shadowbench.techniques.spec import Spec
 if TYPE_CHECKING:
     from optuna import Trial
 
-USUAL = ("bias", "filter", "fit")
-"""The parameters that are searched where nothing else is said, of those that a technique has."""
+DEFAULT_PARAMETERS = ("bias", "filter", "fit")
+"""Parameters searched by default, if a technique has them."""
 
 REACH = 16.0
-"""A number is searched from its default over this to its default times this, on a log scale, within its limits."""
+"""Numbers are searched from default / REACH to default · REACH, on a log scale, within their limits."""
 
-DIGITS = 3  # significant ones that a searched number keeps, so that a spec can be read
+DIGITS = 3  # significant digits of searched numbers, for readable specs
 
 Span = tuple[float, float, bool]  # lowest, highest, whether on a log scale
 
 
-class Space:
-    """The searched parameters of a spec; the others stay as they are.
+class SearchSpace:
+    """Search space over some parameters of a spec; its other parameters are fixed.
 
-    `refused`: names of rows that no view takes, by parameter; `made`: choices that are made already, by their path.
+    excluded_rows: by parameter, names of rows that are excluded; fixed: by path, choices that are fixed.
     """
 
     def __init__(
         self,
-        home: Spec,
+        base: Spec,
         names: Sequence[str],
-        refused: Mapping[str, frozenset[str]] | None = None,
-        made: Mapping[str, Any] | None = None,
+        excluded_rows: Mapping[str, frozenset[str]] | None = None,
+        fixed: Mapping[str, Any] | None = None,
     ) -> None:
-        self.home, self.names, self._refused, self._made = home, tuple(names), refused or {}, made or {}
-        self._fields = {name: home.technique.Params.model_fields[name] for name in names}
+        self.base, self.names, self._excluded_rows, self._fixed = base, tuple(names), excluded_rows or {}, fixed or {}
+        self._fields = {name: base.technique.Params.model_fields[name] for name in names}
 
     def spec(self, trial: "Trial") -> Spec:
-        """The spec of the point that a trial suggests; raises InputError for values that do not go together."""
-        return self.home.with_(**{name: self._suggested(trial, name, info) for name, info in self._fields.items()})
+        """Spec of the point suggested by a trial. Raises InputError for an invalid combination of values."""
+        return self.base.with_(**{name: self._suggest(trial, name, info) for name, info in self._fields.items()})
 
     def point(self, spec: Spec) -> dict[str, Any] | None:
-        """The suggestions that make a spec's values; None where one lies outside the space, or of another technique."""
-        steps = self._steps(spec)
-        if steps is None or not self._made.items() <= {step.path: step.value for step in steps}.items():
+        """Point of a spec, as suggestions by path; None if it lies outside the space."""
+        coordinates = self._coordinates(spec)
+        if coordinates is None:
             return None
-        return {step.path: step.value for step in steps if step.path not in self._made}
-
-    def around(self, spec: Spec) -> "Space":
-        """The numbers alone, with the choices that a spec of this space has made."""
-        made = {step.path: step.value for step in self._steps(spec) or () if step.choice}
-        return Space(self.home, self.names, self._refused, made)
-
-    def _steps(self, spec: Spec) -> "list[Step] | None":
-        if spec.technique is not self.home.technique:
+        values = {coordinate.path: coordinate.value for coordinate in coordinates}
+        if not self._fixed.items() <= values.items():
             return None
-        return self._steps_of(spec.params, self._fields, "")
+        return {path: value for path, value in values.items() if path not in self._fixed}
+
+    def around(self, spec: Spec) -> "SearchSpace":
+        """The subspace of the numeric parameters, with all choices fixed to those of a spec of this space."""
+        fixed = {coordinate.path: coordinate.value for coordinate in self._coordinates(spec) or () if coordinate.choice}
+        return SearchSpace(self.base, self.names, self._excluded_rows, fixed)
+
+    def _coordinates(self, spec: Spec) -> "list[Coordinate] | None":
+        if spec.technique is not self.base.technique:
+            return None
+        return self._coordinates_of(spec.params, self._fields, "")
 
     def rows(self, name: str) -> list[type[Row]]:
-        """The rows that a parameter chooses from; empty for one that is no row."""
-        return [row for row in rows_of(self._fields[name]) if row.name not in self._refused.get(name, ())]
+        """Rows that a parameter is chosen from; empty if it is no row parameter."""
+        return [row for row in rows_of(self._fields[name]) if row.name not in self._excluded_rows.get(name, ())]
 
-    def _suggested(self, trial: "Trial", path: str, info: FieldInfo) -> Any:
+    def _suggest(self, trial: "Trial", path: str, info: FieldInfo) -> Any:
         if rows_of(info):
             table = {row.name: row for row in (self.rows(path) if path in self._fields else rows_of(info))}
             row = table[self._choice(trial, path, list(table))]
             return row(
-                **{
-                    key: self._suggested(trial, f"{path}.{row.name}.{key}", own)
-                    for key, own in row.model_fields.items()
-                }
+                **{key: self._suggest(trial, f"{path}.{row.name}.{key}", own) for key, own in row.model_fields.items()}
             )
         choices = choices_of(info)
         if choices:
@@ -92,36 +92,36 @@ class Space:
         return min(max(value, low), high)
 
     def _choice(self, trial: "Trial", path: str, choices: list[Any]) -> Any:
-        return self._made[path] if path in self._made else trial.suggest_categorical(path, choices)
+        return self._fixed[path] if path in self._fixed else trial.suggest_categorical(path, choices)
 
-    def _steps_of(
-        self, params: TechniqueParams | Row, fields: Mapping[str, FieldInfo], above: str
-    ) -> "list[Step] | None":
-        steps: list[Step] = []
+    def _coordinates_of(
+        self, params: TechniqueParams | Row, fields: Mapping[str, FieldInfo], prefix: str
+    ) -> "list[Coordinate] | None":
+        coordinates: list[Coordinate] = []
         for name, info in fields.items():
-            value, path = getattr(params, name), above + name
+            value, path = getattr(params, name), prefix + name
             if isinstance(value, Row):
-                if type(value) not in rows_of(info):  # biases that act together
+                if type(value) not in rows_of(info):  # a sum of biases
                     return None
-                inner = self._steps_of(value, type(value).model_fields, f"{path}.{value.name}.")
-                if inner is None or value.name in self._refused.get(path, ()):
+                inner = self._coordinates_of(value, type(value).model_fields, f"{path}.{value.name}.")
+                if inner is None or value.name in self._excluded_rows.get(path, ()):
                     return None
-                steps += [Step(path, value.name, True), *inner]
+                coordinates += [Coordinate(path, value.name, True), *inner]
                 continue
             if choices_of(info):
-                steps.append(Step(path, value, True))
+                coordinates.append(Coordinate(path, value, True))
                 continue
             found = span(info)
             if (value != info.default) if found is None else not found[0] <= value <= found[1]:
                 return None
             if found is not None:
-                steps.append(Step(path, value, False))
-        return steps
+                coordinates.append(Coordinate(path, value, False))
+        return coordinates
 
 
 @dataclass(frozen=True)
-class Step:
-    """One value of a point: where it stands (`bias.texel.scale`), and whether it is one of a few or a number."""
+class Coordinate:
+    """One coordinate of a point: its path (`bias.texel.scale`), value, and whether it is a choice or a number."""
 
     path: str
     value: Any
@@ -129,22 +129,22 @@ class Step:
 
 
 def rows_of(info: FieldInfo) -> list[type[Row]]:
-    """All rows of a field's family; empty for a field that is no row."""
+    """All rows of a field's family; empty if it is no row field."""
     family = info.annotation
     return list(family.table.values()) if inspect.isclass(family) and issubclass(family, Row) else []
 
 
 def choices_of(info: FieldInfo) -> list[Any]:
-    """The values of a field that has a few; empty for a number or a row."""
+    """Values of a Boolean or literal field; empty for a number or a row."""
     if info.annotation is bool:
         return [False, True]
     return list(get_args(info.annotation)) if get_origin(info.annotation) is Literal else []
 
 
 def span(info: FieldInfo) -> Span | None:
-    """Where a number is searched: around its default, or where that is 0 over its limits; None where it has not both.
+    """Search range of a number: around its default, or, if that is 0, between its limits; None if it is not searched.
 
-    What has no span stays at its default, as lengths in metres do, which belong to a scene and not to a technique.
+    Lengths in metres are not searched, since they suit a scene rather than a technique.
     """
     if info.annotation not in (int, float) or in_metres(info):
         return None
@@ -158,26 +158,26 @@ def span(info: FieldInfo) -> Span | None:
 
 
 def _limit(info: FieldInfo, *names: str) -> float | None:
-    limits = (getattr(one, name, None) for one in info.metadata for name in names)
+    limits = (getattr(constraint, name, None) for constraint in info.metadata for name in names)
     return next((float(limit) for limit in limits if limit is not None), None)
 
 
-def searched(home: Spec, text: str | None) -> tuple[str, ...]:
-    """The parameters that `--params` names, or the usual ones; raises InputError for none, or one that cannot be."""
-    fields: Mapping[str, FieldInfo] = home.technique.Params.model_fields
-    able = [name for name, info in fields.items() if _searchable(info) and name != "size"]
-    none = f"none, as {home.technique.name} has no parameter that can be searched"
+def searched_parameters(base: Spec, text: str | None) -> tuple[str, ...]:
+    """Parameters named by `--params`, by default DEFAULT_PARAMETERS. Raises InputError if one cannot be searched."""
+    fields: Mapping[str, FieldInfo] = base.technique.Params.model_fields
+    searchable = [name for name, info in fields.items() if _searchable(info) and name != "size"]
+    none = f"none, as {base.technique.name} has no parameter that can be searched"
     if text is None:
-        usual = tuple(name for name in USUAL if name in fields)
-        if not usual:
-            lacking = f"{', '.join(USUAL[:-1])} or {USUAL[-1]}"
-            raise InputError(f"{home.technique.name} has no {lacking}; --params: {', '.join(able) or none}")
-        return usual
+        present = tuple(name for name in DEFAULT_PARAMETERS if name in fields)
+        if not present:
+            lacking = f"{', '.join(DEFAULT_PARAMETERS[:-1])} or {DEFAULT_PARAMETERS[-1]}"
+            raise InputError(f"{base.technique.name} has no {lacking}; --params: {', '.join(searchable) or none}")
+        return present
     names = tuple(dict.fromkeys(part.strip() for part in text.split(",")))
     for name in names:
-        if name not in able:
+        if name not in searchable:
             why = "; the map's size is what --map-size states" if name == "size" else ""
-            raise InputError(f"--params: found {name!r:.60}{alternatives(name, able, none=none)}{why}")
+            raise InputError(f"--params: found {name!r:.60}{alternatives(name, searchable, none=none)}{why}")
     return names
 
 
@@ -185,4 +185,4 @@ def _searchable(info: FieldInfo) -> bool:
     return bool(rows_of(info) or choices_of(info) or span(info))
 
 
-__all__ = ["REACH", "USUAL", "Space", "choices_of", "rows_of", "searched", "span"]
+__all__ = ["DEFAULT_PARAMETERS", "REACH", "SearchSpace", "choices_of", "rows_of", "searched_parameters", "span"]

@@ -1,4 +1,4 @@
-"""Which scenes a search tunes on, and which it has not seen."""
+"""Split of scenes into those tuned on and those held out for evaluation."""
 
 import hashlib
 from collections.abc import Sequence
@@ -6,21 +6,21 @@ from dataclasses import dataclass
 
 from shadowbench.errors import InputError
 
-_THIRD = 3  # of the scenes are held out where nothing is said
+_THIRD = 3  # by default, every third scene is held out
 
 
 @dataclass(frozen=True)
-class Split:
-    """Names of the scenes to tune on, and of those held out, in the order of the scenes."""
+class SceneSplit:
+    """Names of the tuning and the held-out scenes, in the order of the scenes."""
 
     tuning: tuple[str, ...]
     held_out: tuple[str, ...]
 
 
-def split_of(scenes: Sequence[str], held_out: Sequence[str] = ()) -> Split:
-    """The named scenes held out, or every third by the order of the names' hashes.
+def split_scenes(scenes: Sequence[str], held_out: Sequence[str] = ()) -> SceneSplit:
+    """Hold out the named scenes, by default every third in the order of the names' hashes.
 
-    Raises InputError unless there is a scene of both kinds.
+    Raises InputError for an unknown name, and unless both parts have a scene.
     """
     for name in held_out:
         if name not in scenes:
@@ -33,4 +33,4 @@ def split_of(scenes: Sequence[str], held_out: Sequence[str] = ()) -> Split:
             f"--scenes: {len(tuning)} to tune on, {len(kept)} held out ({', '.join(scenes) or 'none takes part'}); "
             "allowed: at least one of each"
         )
-    return Split(tuning, tuple(name for name in scenes if name in kept))
+    return SceneSplit(tuning, tuple(name for name in scenes if name in kept))

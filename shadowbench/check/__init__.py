@@ -1,1 +1,1 @@
-"""Baselines: what may not get worse unseen."""
+"""Regression checks: comparison of runs with a baseline and with each other."""

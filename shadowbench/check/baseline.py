@@ -1,6 +1,6 @@
-"""What got worse and what better since a baseline: cells matched by identity, metrics by their own tolerance.
+"""Comparison of a run with a baseline: cells are matched by identity, metrics compared by their tolerances.
 
-Scores are compared wherever both sides have them, work where the renderer is the same, times on one machine alone.
+Scores are compared if both sides have them, work counts on the same renderer only, times on the same machine only.
 """
 
 import math
@@ -12,22 +12,22 @@ from shadowbench.measure.rows import Record, Result
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.folder import identity
 
-EXACT = ("draws", "primitives", "gpu_bytes", "reads", "rays")  # counts that the same code repeats exactly on a renderer
-INVOCATIONS = 0.02  # of shaders: a driver may shade a pixel of a quad more or less
-TIME_FACTOR = 1.1  # a ratio that grows by less is not worth a word
+EXACT = ("draws", "primitives", "gpu_bytes", "reads", "rays")  # work counts that are deterministic on a renderer
+INVOCATIONS = 0.02  # relative tolerance of other counts: drivers differ in helper invocations of quads
+TIME_FACTOR = 1.1  # smallest change of a time ratio that is reported
 SIGNIFICANT = 3.0  # standard errors
 
-MISSING = "missing"  # in place of the status of a cell that was not run
+MISSING = "missing"  # status of a cell that was not run
 
 Verdict = Literal["regressed", "improved"]
 
 
 @dataclass(frozen=True)
 class Change:
-    """One number of one cell that moved by more than its tolerance.
+    """A value of a cell that changed by more than its tolerance.
 
-    `what` is a metric, `status`, a count of work, or `time`; `excess` is the move in tolerances, by which changes are
-    sorted; `score` is the cell's score record of now, or the baseline's where the cell is missing.
+    what: a metric, `status`, a work count, or `time`; excess: the change in units of the tolerance, by which changes
+    are sorted; score: the cell's new score record, or the baseline's if the cell is missing.
     """
 
     score: Record
@@ -40,10 +40,10 @@ class Change:
 
 @dataclass(frozen=True)
 class Findings:
-    """What a check found, worst first. Notes say what could not be compared, and extras.
+    """Changes found by a check, largest first.
 
-    `compared` counts cells; of them `equal` had the same mask and the same scores, `timed` times that may stand
-    beside each other.
+    compared: number of cells in both runs; equal: those with the same mask and scores; timed: those with comparable
+    times; notes: what could not be compared, and cells that the baseline lacks.
     """
 
     changes: tuple[Change, ...]
@@ -53,12 +53,12 @@ class Findings:
     notes: tuple[str, ...] = field(default=())
 
     def of(self, verdict: Verdict, times: bool) -> list[Change]:
-        """The changes of a verdict that are, or are not, about time."""
+        """Changes with a verdict, either those of times or all others."""
         return [change for change in self.changes if change.verdict == verdict and (change.what == "time") == times]
 
 
 def compare(found: Sequence[Result], baseline: Sequence[Result], tolerances: Mapping[str, float] = {}) -> Findings:
-    """Every cell of the baseline against the cell of the same identity; `tolerances` override the metrics' own."""
+    """Compare every cell of the baseline with the cell of the same identity; tolerances: overrides by metric name."""
     now = {identity(result.score): result for result in found}
     then = {identity(result.score): result for result in baseline}
     allowed = {name: tolerances.get(name, metric.tolerance) for name, metric in METRICS.items()}
@@ -96,14 +96,14 @@ def compare(found: Sequence[Result], baseline: Sequence[Result], tolerances: Map
 
 
 def _same_mask(old: Record, new: Record, names: Iterable[str]) -> bool:
-    """Whether masks are equal and what both sides scored too: an equal mask may have met another truth."""
+    """Whether masks and common scores are equal; an equal mask may have been scored against another truth."""
     if old.get("mask_sha256") is None or old["mask_sha256"] != new.get("mask_sha256"):
         return False
     return all(old["metrics"][name] == new["metrics"].get(name) for name in names if name in old["metrics"])
 
 
 def _status(old: Result, new: Result) -> Iterator[Change]:
-    """A cell that held and does not, or does not and held; another reason alone is no change."""
+    """Change from success to failure or back; a different reason of failure is no change."""
     if (old.status == "ok") != (new.status == "ok"):
         verdict: Verdict = "regressed" if old.status == "ok" else "improved"
         yield Change(new.score, "status", old.status, new.status, verdict, math.inf)
@@ -116,7 +116,7 @@ def _metrics(old: Record, new: Record, allowed: Mapping[str, float]) -> Iterator
         before, after = old["metrics"][name], new["metrics"].get(name)
         if before is None and after is None:
             continue
-        if before is None or after is None:  # the truth has changed, one mask lost all its edges, or a row is broken
+        if before is None or after is None:  # the truth changed, a mask lost all its edges, or a row is broken
             yield Change(new, name, before, after, "regressed", math.inf)
             continue
         worse = before - after if METRICS[name].better == "higher" else after - before
@@ -139,14 +139,14 @@ def _work(old: Record, new: Record) -> Iterator[Change]:
 
 
 def _comparable(old: Result, new: Result) -> bool:
-    """Whether both have a ratio, by one machine and clock, to one reference."""
+    """Whether both have a ratio to the same reference on the same machine and clock."""
     before, after = old.time or {}, new.time or {}
     same = ("machine", "clock", "reference")
     return bool(before.get("ratio") and after.get("ratio")) and all(before[name] == after[name] for name in same)
 
 
 def _time(old: Result, new: Result) -> Iterator[Change]:
-    """The ratio to the reference; a change needs a factor and a significance."""
+    """Change of the ratio to the reference, if both large enough and significant."""
     before, after = old.time or {}, new.time or {}
     factor = after["ratio"] / before["ratio"]
     errors = [_standard_error(side) / side["ratio"] for side in (before, after)]
@@ -157,6 +157,6 @@ def _time(old: Result, new: Result) -> Iterator[Change]:
 
 
 def _standard_error(time: Record) -> float:
-    """Of the median of a ratio, from its IQR: σ = IQR/1.349 and √(π/2)·σ/√n, as for a normal distribution."""
+    """Standard error of the median ratio, √(π/2)·σ/√n with σ = IQR/1.349, for a normal distribution."""
     iqr, n = float(time["ratio_iqr"]), int(time["n"])
     return math.sqrt(math.pi / 2) * iqr / 1.349 / math.sqrt(n)

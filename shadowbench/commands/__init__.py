@@ -1,14 +1,15 @@
-"""The command line, a file for each command: it parses, calls what computes, and prints.
+"""The command line: one file per command, which parses arguments, calls what computes, and prints.
 
-What computes is imported in the bodies, so that help and a mistyped option answer at once.
+What computes is imported in the function bodies, so that help and a mistyped option answer at once.
 """
 
 import os
 import sys
 import traceback
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from shadowbench import __version__
 from shadowbench.commands import (
@@ -33,19 +34,47 @@ _STOPPED = 130
 # Typer brought its own copy of click in 2025; either way this is what it raises for a wrong command line.
 _UsageError: type[Exception] = next(base for base in typer.BadParameter.__mro__ if base.__name__ == "ClickException")
 
+
+class _Grouped(TyperGroup):
+    """Commands in --help under their `rich_help_panel`, which typer does only where it draws help with Rich."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """A section for each panel, the columns of all of them aligned."""
+        longest = max(map(len, self.commands))
+        panels: dict[str, list[tuple[str, str]]] = {}
+        for name, command in self.commands.items():
+            text = command.get_short_help_str(formatter.width - longest - 6)
+            panels.setdefault(str(getattr(command, "rich_help_panel", "")), []).append((name.ljust(longest), text))
+        for panel, lines in panels.items():
+            with formatter.section(panel):
+                formatter.write_dl(lines)
+
+
 app = typer.Typer(
     name="shadowbench",
+    cls=_Grouped,
     help="Real-time shadow techniques, scored against ray tracing.\n\n"
-    "SCENE is a built-in name (see `shadowbench list scenes`), a .toml scene file, or any mesh file "
-    "(.glb .gltf .obj .ply .stl .off); what a file lacks is assumed, and said.",
+    "SCENE is a built-in name (see `shadowbench list scenes`), a scene file (.toml) or a mesh file "
+    "(.glb .gltf .obj .ply .stl .off). If a file lacks a camera, a light or a ground, one is assumed, and a note says "
+    "which.\n\n"
+    "SPEC is a technique with its parameters (see `shadowbench list techniques`), written as "
+    "shadow-map:size=2048,filter=pcf. A cell is one spec in one view of a scene, under one light, at one map size.",
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-_MEASURING, _RESULTS = (run, truth, render, stress), (report, check, repeat)
-_CHOOSING, _ENGINES, _ABOUT = (needs, tune, recommend), (export, score), (listing, new_technique, doctor)
-for module in (*_MEASURING, *_RESULTS, *_CHOOSING, *_ENGINES, *_ABOUT):  # as --help lists them
-    app.add_typer(module.app)
+_PANELS = {  # as --help lists them
+    "Measure techniques": (run, stress, score, truth),
+    "Decide what a scene needs": (recommend, needs, tune),
+    "Check results and the machine": (check, repeat, doctor),
+    "Look": (report, render, listing),
+    "Extend with a technique or an engine": (new_technique, export),
+}
+for panel, modules in _PANELS.items():
+    for module in modules:
+        for command in module.app.registered_commands:
+            command.rich_help_panel = panel
+        app.add_typer(module.app)
 
 
 @app.callback(invoke_without_command=True)
@@ -53,7 +82,7 @@ def version_option(
     context: typer.Context,
     version: Annotated[bool, typer.Option("--version", help="Print the version and stop.")] = False,
 ) -> None:
-    """Print the version when asked for it, and the help when asked for nothing."""
+    """Print the version for --version, the help when no command is given."""
     if version:
         typer.echo(__version__)
         raise typer.Exit
@@ -62,7 +91,7 @@ def version_option(
 
 
 def main() -> None:
-    """Entry point: errors that a user can mend are one line and an exit code, not a traceback."""
+    """Entry point: an error that the user can fix is one line and an exit code, not a traceback."""
     from shadowbench.errors import ShadowbenchError
     from shadowbench.files import FULL
 
@@ -70,7 +99,7 @@ def main() -> None:
         code = app(standalone_mode=False) or 0
     except _UsageError as error:
         message = error.format_message().rstrip(".").replace("Input should be", "allowed is")  # type: ignore[attr-defined]
-        _complain(f"{message}; --help lists what is allowed")
+        _complain(_misplaced(error) or f"{message}; --help lists what is allowed")
         code = 2
     except ShadowbenchError as error:
         _complain(str(error))
@@ -86,8 +115,17 @@ def main() -> None:
             _complain("an internal error; please report it with the lines above")
             code = 3
     if code == _STOPPED:  # Typer answers Ctrl-C with this code, and prints nothing
-        _complain("stopped; the same command goes on from here")
+        _complain("stopped; repeat the command to resume")
     sys.exit(code)
+
+
+def _misplaced(error: Exception) -> str | None:
+    """What to say of an option that stands before the command; None for any other error."""
+    context, name = getattr(error, "ctx", None), getattr(error, "option_name", None)
+    if context is None or context.parent is not None or name is None:
+        return None
+    taken = {option for command in context.command.commands.values() for one in command.params for option in one.opts}
+    return f"{name} goes after the command: shadowbench COMMAND … {name}" if name in taken else None
 
 
 def _complain(text: str) -> None:

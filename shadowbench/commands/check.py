@@ -1,4 +1,4 @@
-"""`check`: what got worse since a baseline, and `--update`, which makes a run the baseline."""
+"""`check`: what got worse since a baseline; `--update` makes a run the baseline."""
 
 import math
 from collections.abc import Sequence
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from shadowbench.commands import console
+from shadowbench.commands import completion, console
 from shadowbench.commands.options import Json, Quiet
 from shadowbench.errors import InputError, alternatives
 
@@ -26,31 +26,42 @@ app = typer.Typer()
     "  shadowbench check results/latest --baseline results/baseline --update"
 )
 def check(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="A run folder.")],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="The run folder to check.")],
     baseline: Annotated[
-        Path, typer.Option(metavar="DIR", help="What it is held against: a baseline or another run folder.")
+        Path, typer.Option(metavar="DIR", help="What to compare it with: a baseline or another run folder.")
     ],
     time: Annotated[
-        bool, typer.Option("--time", help="Fail also for what has become slower, on the same machine.")
+        bool, typer.Option("--time", help="Also fail where a cell got slower, on the same machine.")
     ] = False,
     update: Annotated[
-        bool, typer.Option("--update", help="Make DIR's rows the baseline; says what changes by it.")
+        bool, typer.Option("--update", help="Make this run the baseline, and print what changes.")
     ] = False,
     tolerance: Annotated[
         list[str] | None,
-        typer.Option(metavar="METRIC=X", help="How far a metric may get worse; repeatable  [the metric's own]."),
+        typer.Option(
+            metavar="METRIC=X",
+            autocompletion=completion.tolerance,
+            help="How much worse a metric may get; repeatable  [see `shadowbench list metrics`].",
+        ),
     ] = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Fail, with exit code 1, where a run is worse than a baseline: shadows, work, or cells that are missing.
+    """Fail if a run is worse than a baseline.
 
-    Cells are matched by scene, view, light, phase, full spec, map and view size. Prints what regressed and what
-    improved, worst first, and draws the worst into DIR/check. Work (draws, primitives, bytes exactly, shader
-    invocations within 2%) is compared where the renderer is the same, times as ratios to the reference.
+    Compares metrics, work and status of each cell with the baseline's cell of the same scene, view, light, phase, spec,
+    map size and view size. Exit code 1 if one regressed or is missing, 2 if the two have no cell in common. Pictures of
+    the worst go to DIR/check. Work is compared on the same renderer only: draws, primitives and bytes exactly, shader
+    invocations within 2%. Times are compared on the same machine only, as ratios to the reference.
+
+    \b
+    Columns
+      what         the metric, work counter or `status` that changed most
+      × tolerance  the change over what is allowed (--tolerance)
+      also         what else changed in that cell
     """
-    from shadowbench.check.checked import check as compared
-    from shadowbench.check.checked import make_baseline, values, write_pictures
+    from shadowbench.check.check import check as compared
+    from shadowbench.check.check import make_baseline, values, write_pictures
     from shadowbench.reports.words import counted
 
     found = compared(folder, baseline, tolerances=_tolerances(tolerance or ()), time=time, update=update)
@@ -67,7 +78,7 @@ def check(
         study = make_baseline(found.run, baseline)
         if not json and not quiet:
             line = f"{baseline / 'rows.jsonl'}: {counted(len(found.run.results), 'cell')}, the baseline from now on"
-            console.say(f"{line}; study.toml is {study}" if study else line)
+            console.say(f"{line}; study.toml is a copy of {study}" if study else line)
         return
     if pictures and not json and not quiet:
         what = "before and after" if any(before for _, before in pictures) else "after"
@@ -97,11 +108,11 @@ def _tolerances(texts: Sequence[str]) -> dict[str, float]:
 
 
 def _print(findings: "Findings", baseline: Path, time: bool) -> None:
-    times = "; ratios to the reference" + ("" if time else ", warnings only (--time makes them count)")
+    times = "; ratios to the reference" + ("" if time else "; a warning only (--time makes it fail)")
     for title, changes in (
         ("regressed, worst first", findings.of("regressed", times=False)),
         (f"slower{times}", findings.of("regressed", times=True)),
-        ("improved, most first", findings.of("improved", times=False)),
+        ("improved, largest change first", findings.of("improved", times=False)),
         (f"faster{times}", findings.of("improved", times=True)),
     ):
         if changes:
@@ -122,7 +133,7 @@ def _summary(findings: "Findings", baseline: Path) -> str:
         "slower": len(_by_cell(findings.of("regressed", times=True))),
     }
     said = [f"{count} {what}" for what, count in counts.items() if count or what in ("regressed", "improved")]
-    same = f", {findings.equal} of them by equal masks" if findings.equal else ""
+    same = f", {findings.equal} of them identical" if findings.equal else ""
     return f"{counted(findings.compared, 'cell')} compared with {baseline}{same}: {', '.join(said)}"
 
 
@@ -143,7 +154,7 @@ def _print_changes(title: str, changes: "list[Change]") -> None:
     numbers = ("map", "before", "", "after", "× tolerance")
     console.print_table(title, columns, rows, numbers=numbers, whole=("what",))
     if len(cells) > _LINES:
-        console.say(f"  and {len(cells) - _LINES} more; --json has all")
+        console.say(f"  and {len(cells) - _LINES} more; --json lists all")
     console.out().print()
 
 

@@ -138,8 +138,10 @@ def print_table(
     columns: headings; those among `numbers` stand to the right, and neither they nor those among `whole` wrap. Others
     do between words; only words longer than _LONGEST_WORD are broken.
     """
+    from rich.cells import cell_len
     from rich.markup import escape
     from rich.measure import Measurement
+    from rich.segment import Segment, Segments
     from rich.table import Table
 
     table = Table(title=escape(title) or None, title_justify="left", box=None, pad_edge=padded)
@@ -156,7 +158,10 @@ def print_table(
         column.min_width = max(size.maximum for size in sizes) if column.no_wrap else words
     least = Measurement.get(out(), unlimited, table).minimum
     table.width = least if least > out().width else None
-    out().print(table, crop=False)
+    for line in out().render_lines(table, pad=False):  # without the blanks that Rich leaves at the ends of lines
+        width = cell_len("".join(part.text for part in line).rstrip())
+        trimmed = Segment.adjust_line_length(line, width, pad=False)
+        out().print(Segments([*trimmed, Segment.line()]), crop=False, end="")
 
 
 def print_json(value: Any) -> None:

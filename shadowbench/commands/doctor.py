@@ -1,4 +1,4 @@
-"""`doctor`: is all here that measuring needs, and which clock is used."""
+"""`doctor`: check that everything needed to measure is installed."""
 
 import typer
 
@@ -10,10 +10,10 @@ app = typer.Typer()
 
 @app.command()
 def doctor(json: Json = False, quiet: Quiet = False) -> None:
-    """Check this machine: OpenGL and its limits, clock and its noise, cache of truths; says what is missing."""
-    from shadowbench.measure.doctor import examination
+    """Check this machine: OpenGL, limits, clock, cache."""
+    from shadowbench.measure.doctor import diagnosis
 
-    found = examination()
+    found = diagnosis()
     missing = "missing" in found["opengl"]
     if json:
         console.print_json(found)
@@ -23,9 +23,9 @@ def doctor(json: Json = False, quiet: Quiet = False) -> None:
             for name, value in values.items():
                 console.say(f"  {name.replace('_', ' ')}: {value}")
         if missing:
-            console.out().print("no technique can be drawn here; truth and score work")
+            console.out().print("no technique can be drawn here; `truth`, `needs` and `score` work")
         elif "problem" in found["truth_cache"]:
-            console.out().print("truths are traced anew by each command; all else is here")
+            console.out().print("ready, but every command traces its truths again: the cache cannot be used")
         elif not quiet:
-            console.out().print("all is here")
+            console.out().print("ready")
     raise typer.Exit(3 if missing else 0)

@@ -1,4 +1,4 @@
-"""`export`: a view for another renderer."""
+"""`export`: write a view for another renderer."""
 
 from pathlib import Path
 from typing import Annotated
@@ -14,7 +14,7 @@ app = typer.Typer()
 @app.command(epilog="For example  shadowbench export stairs for-my-engine/ --view-size 1024")
 def export(
     scene: SceneArgument,
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where the files go; made if need be.")],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the files.")],
     view_size: ViewSize = None,
     view: ViewName = None,
     light: LightName = None,
@@ -22,24 +22,26 @@ def export(
     up: Up = None,
     quiet: Quiet = False,
 ) -> None:
-    """Write a view for your engine: scene.glb, view.json, truth.png.
+    """Write a scene for your engine: glTF, matrices, truth.
 
-    scene.glb: meshes with colours, the camera, the light (KHR_lights_punctual). view.json: matrices, near and far,
-    size, where pixels are sampled. truth.png: the ray-traced shadows, as an example of a mask for `shadowbench score`.
+    \b
+    scene.glb  meshes with colours, the camera, the light (KHR_lights_punctual)
+    view.json  view and projection matrices, near and far, size, pixel convention
+    truth.png  the ray-traced shadow mask, an example of what `score` reads
     """
-    from shadowbench.engines.export import DESCRIPTION, export_view, unsaid
+    from shadowbench.engines.export import DESCRIPTION, export_view, inexpressible_in_gltf
     from shadowbench.files import check_folder
     from shadowbench.truths.cache import cached_truth
 
     check_folder(folder, DESCRIPTION)
     with console.Reporter(quiet) as reporter:
         chosen = reporter.view(scene, view_size, view, light, assets, up)
-        for line in unsaid(chosen.scene):
+        for line in inexpressible_in_gltf(chosen.scene):
             reporter.note(line)
         model, description, example = export_view(chosen, cached_truth(chosen), folder, scene)
     if not quiet:
         meshes = chosen.scene.meshes
         triangles = sum(len(mesh.faces) for mesh in meshes)
         console.say(f"{model}: {len(meshes)} meshes, {triangles} triangles, the camera, the light")
-        console.say(f"{description}: matrices, pixels, conventions")
-        console.say(f"{example}: the truth, as an example of a mask")
+        console.say(f"{description}: matrices, size, conventions")
+        console.say(f"{example}: the ray-traced mask, as an example")

@@ -1,10 +1,10 @@
-"""`list`: what there is."""
+"""`list`: techniques, scenes, metrics, studies and axes."""
 
 from typing import Annotated, Any
 
 import typer
 
-from shadowbench.commands import console
+from shadowbench.commands import completion, console
 from shadowbench.commands.options import Json, Plugins, Quiet
 
 EXAMPLE = "shadow-map:size=2048,filter=pcf(taps=5)"
@@ -16,15 +16,28 @@ app = typer.Typer()
 @app.command("list")
 def list_things(
     what: Annotated[
-        str, typer.Argument(metavar="WHAT", help="One of techniques, scenes, metrics, studies  [all].")
+        str,
+        typer.Argument(metavar="WHAT", autocompletion=completion.kind, help=f"{', '.join(completion.KINDS)}  [all]."),
     ] = "",
-    name: Annotated[str, typer.Argument(metavar="NAME", help="One of them alone  [all].")] = "",
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", autocompletion=completion.entry, help="Only the entry of this name  [all].")
+    ] = "",
     plugin: Plugins = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Print what there is: techniques with parameters and presets, built-in scenes, metrics (the columns), studies."""
-    from shadowbench.studies.catalogue import catalogue
+    """List techniques, scenes, metrics, studies and stress axes.
+
+    Techniques with their parameters and presets, built-in scenes, metrics (the columns of tables), built-in studies,
+    and the axes along which `stress` varies a scene.
+
+    \b
+    Columns of metrics
+      better     whether higher or lower values are better
+      for        the shadows that it judges fairly: hard, soft or both
+      tolerance  how much worse it may get before `check` fails
+    """
+    from shadowbench.catalogue import catalogue
 
     found = catalogue(plugin or (), what, name)
     if json:
@@ -33,6 +46,8 @@ def list_things(
     for kind, entries in found.items():
         if kind == "techniques":
             _print_techniques(entries)
+        elif kind == "axes":
+            _print_axes(entries, "" if quiet and what else kind)
         else:
             rows = [[str(value) for value in entry.values()] for entry in entries]
             console.print_table("" if quiet and what else kind, list(entries[0]), rows)
@@ -40,13 +55,13 @@ def list_things(
 
 
 def _print_techniques(rows: list[dict[str, Any]]) -> None:
-    """Each with its parameters and presets; then what may stand for a bias, a filter, a fit, each kind once."""
-    console.out().print(f"Written name:parameter=value,… such as {EXAMPLE}", markup=False)
-    console.out().print(f"Biases that act together are joined by a plus: {TOGETHER}\n", markup=False)
+    """Each with its parameters and presets; then every bias, filter and fit with its own parameters."""
+    console.out().print(f"A spec is written name:parameter=value,… such as {EXAMPLE}", markup=False)
+    console.out().print(f"Biases that are applied together are joined by a plus: {TOGETHER}\n", markup=False)
     families: list[tuple[str, list[dict[str, Any]]]] = []
     for row in rows:
         console.out().print(f"{row['name']}: {row['help']}", markup=False)
-        console.out().print(f"  answers lights that are {', '.join(row['lights'])}", markup=False)
+        console.out().print(f"  supports {', '.join(row['lights'])} lights", markup=False)
         _print_parameters(row["parameters"], "  ")
         for name, items in row["presets"].items():
             console.out().print(f"  preset={name}: {items}", markup=False)
@@ -59,6 +74,18 @@ def _print_techniques(rows: list[dict[str, Any]]) -> None:
             console.out().print(f"  {value['name']}: {value['help']}", markup=False)
             _print_parameters(value["parameters"], "    ")
         console.out().print()
+
+
+def _print_axes(rows: list[dict[str, Any]], title: str) -> None:
+    """What each varies, its values, and its home, the value at which nothing is extreme."""
+    if title:
+        console.out().print(title, markup=False)
+    for row in rows:
+        console.out().print(f"{row['name']}: {row['about']}", markup=False)
+        unit = f", {row['unit']}" if row["unit"] else ""
+        console.out().print(f"  values{unit}: {' '.join(row['values'])}; default {row['home']}", markup=False)
+        console.out().print(f"  swept under {', '.join(row['lights'])} lights", markup=False)
+    console.out().print()
 
 
 def _print_parameters(parameters: list[dict[str, Any]], indent: str) -> None:

@@ -1,4 +1,4 @@
-"""`needs`: what a scene asks of shadows."""
+"""`needs`: what a scene requires of a shadow technique."""
 
 import typer
 
@@ -19,22 +19,23 @@ def needs(
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Say what a scene asks of shadows, without drawing any: map size, cascades, depth bits, bias, penumbra.
+    """Predict map size, cascades, bias and depth bits.
 
-    Each need with its number, its standard error where pixels were sampled, and the reason. Needs no OpenGL.
+    Computed from the geometry and one shadow ray per pixel, before any technique is drawn; needs no OpenGL. Each
+    prediction comes with its reason, and with its standard error (±) where only a sample of the pixels was traced.
     """
     from dataclasses import asdict
 
+    from shadowbench.survey.explanations import explanations_of
     from shadowbench.survey.survey import needs as needs_of
-    from shadowbench.survey.words import told
 
     with console.Reporter(quiet) as reporter:
         chosen = reporter.view(scene, view_size, view, light, assets, up)
         found = needs_of(chosen)
         if found.pixels < found.view_size**2:
             part = found.pixels / found.view_size**2
-            reporter.note(f"{part:.1%} of the pixels were looked at; ± is one standard error")
-    rows = told(found)
+            reporter.note(f"{part:.1%} of the pixels were sampled; ± is one standard error")
+    rows = explanations_of(found)
     if json:
         values = asdict(found)
         values["reach"].pop("matters")

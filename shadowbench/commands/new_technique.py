@@ -1,4 +1,4 @@
-"""`new-technique`: a technique of your own to start from."""
+"""`new-technique`: write a technique of your own to start from."""
 
 from pathlib import Path
 from typing import Annotated
@@ -14,17 +14,17 @@ app = typer.Typer()
     "  shadowbench run cube-on-plane -t my-shadows -t shadow-map --plugin my-shadows.py"
 )
 def new_technique(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="What it is called in specs and tables.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Its name in specs and tables.")],
     output: Annotated[
         Path,
         typer.Option(
-            "-o", "--output", metavar="DIR", help="Where NAME.py is written  [the current folder].", show_default=False
+            "-o", "--output", metavar="DIR", help="Folder for NAME.py  [the current one].", show_default=False
         ),
     ] = Path(),
 ) -> None:
-    """Write NAME.py, a small shadow map with its shader, which runs as it is: make a technique of your own of it.
+    """Write NAME.py, a small working shadow map to start from.
 
-    A file that is there already is not overwritten.
+    It contains its shader and runs as it is. An existing file is not overwritten.
     """
     from shadowbench.techniques.template import write_technique
 

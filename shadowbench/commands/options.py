@@ -1,13 +1,14 @@
-"""Options that several commands have."""
+"""Options that several commands share."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from shadowbench.commands import completion
 from shadowbench.errors import InputError
 
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print results and errors only: no notes, no progress.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print results and errors only, no notes and no progress.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 Plugins = Annotated[
     list[Path] | None,
@@ -15,24 +16,30 @@ Plugins = Annotated[
 ]
 Assets = Annotated[
     Path | None,
-    typer.Option(metavar="DIR", help="A folder that a scene file's meshes may lie in, beside the scene's own."),
+    typer.Option(metavar="DIR", help="A second folder in which the meshes of a scene file may lie."),
 ]
 Up = Annotated[
     str | None,
-    typer.Option(metavar="y|z", help="The axis that points up in an OBJ, PLY, STL or OFF file, which do not say  [y]."),
+    typer.Option(
+        metavar="y|z",
+        autocompletion=completion.up,
+        help="Which axis points up in an OBJ, PLY, STL or OFF file, formats that do not say  [y].",
+    ),
 ]
 ViewSize = Annotated[
-    int | None, typer.Option(metavar="N", min=1, max=16384, help="Pixels along a side of the picture  [512].")
+    int | None, typer.Option(metavar="N", min=1, max=16384, help="Width and height of the picture in pixels  [512].")
 ]
 ViewName = Annotated[
-    str | None, typer.Option("--view", metavar="NAME", help="A camera of the scene, by its name  [the first].")
+    str | None, typer.Option("--view", metavar="NAME", help="A camera of the scene, by name  [the first].")
 ]
 LightName = Annotated[
-    str | None, typer.Option("--light", metavar="NAME", help="A light of the scene, by its name  [the first].")
+    str | None, typer.Option("--light", metavar="NAME", help="A light of the scene, by name  [the first].")
 ]
 SCENE = "a built-in name (shadowbench list scenes), a scene file (.toml), or a mesh file"
 SPEC = "a technique and its parameters (shadowbench list techniques)"
-SceneArgument = Annotated[str, typer.Argument(metavar="SCENE", help=f"What to look at: {SCENE}.")]
+SceneArgument = Annotated[
+    str, typer.Argument(metavar="SCENE", autocompletion=completion.scene, help=f"The scene: {SCENE}.")
+]
 
 
 def map_sizes(text: str | None) -> tuple[int, ...] | None:

@@ -1,4 +1,4 @@
-"""`recommend`: the cheapest spec that meets a target in a view."""
+"""`recommend`: the cheapest technique, parameters and map size that meet a target in a view."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,8 +10,8 @@ from shadowbench.commands.options import Assets, Json, LightName, Plugins, Quiet
 from shadowbench.errors import InputError
 
 if TYPE_CHECKING:
-    from shadowbench.advice.recommend import Recommendation
-    from shadowbench.advice.search import Tried
+    from shadowbench.advice.recommendation import Recommendation
+    from shadowbench.advice.search import Trial
     from shadowbench.measure.session import DeviceInfo
 
 app = typer.Typer()
@@ -26,20 +26,22 @@ app = typer.Typer()
 def recommend(
     scene: SceneArgument,
     min_iou: Annotated[
-        float | None, typer.Option(metavar="X", help="Least IoU of the shadow, up to 1  [0.99].")
+        float | None, typer.Option(metavar="X", help="Target: IoU of the shadow, at least  [0.99].")
     ] = None,
     max_edge_px: Annotated[
         float | None,
-        typer.Option(metavar="X", help="Most that the shadow's edges are off, the mean in pixels; instead of an IoU."),
+        typer.Option(
+            metavar="X", help="Target instead of an IoU: mean distance of shadow edges from the true ones, at most."
+        ),
     ] = None,
     budget_ms: Annotated[
-        float | None, typer.Option(metavar="X", help="Most milliseconds of a frame's shadows, on a GPU.")
+        float | None, typer.Option(metavar="X", help="Time of a frame's shadows, at most; on a GPU.")
     ] = None,
     on_this_machine: Annotated[
-        bool, typer.Option("--on-this-machine", help="Rank by times of a software renderer, which are not a GPU's.")
+        bool, typer.Option("--on-this-machine", help="Rank by time even on a software renderer.")
     ] = False,
     export: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder for parameters and GLSL of the choice, ready to paste.")
+        Path | None, typer.Option(metavar="DIR", help="Folder for the parameters and the GLSL of the choice.")
     ] = None,
     view_size: ViewSize = None,
     view: ViewName = None,
@@ -48,19 +50,36 @@ def recommend(
     assets: Assets = None,
     up: Up = None,
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="DIR", help="Folder of the rows, which are measured once.")
+        Path,
+        typer.Option("-o", "--output", metavar="DIR", help="Folder for the measured cells, which later calls reuse."),
     ] = Path("results/recommend"),
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Find the cheapest technique, parameters and map size that meet a target in a scene.
+    """Find the cheapest technique that meets a target in a scene.
 
-    Measures few of them: needs leave out what cannot pay or suffice, what was measured tells what else may. Ranks by a
-    frame's milliseconds; on a software renderer by work (shader invocations, texture reads), then bytes. Exit code 1
-    when nothing meets the target: then the closest is shown, and what stands in the way.
+    Searches techniques, parameters and map sizes. Only a few are measured: geometry excludes some (see `shadowbench
+    needs`), and what has been measured predicts cost and error of the rest. Cost is the time of a frame; on a software
+    renderer it is work (shader invocations, texture reads), since its times are not those of a GPU. Exit code 1 if
+    nothing meets the target: then the closest is shown, and why it falls short.
+
+    \b
+    Lines of the table
+      choice   the cheapest that meets the target
+      next     of each technique, the cheapest other that meets it
+      misses   of a technique that never does, the most accurate
+      closest  the most accurate of all, where nothing meets the target
+    Columns
+      map         texels along a side of the shadow map
+      iou         or edge_px: the target's metric
+      work or ms  cost of a frame; ~ marks a time that varied much
+      × choice    cost over that of the choice
+      MiB         textures and buffers
+      key         name of the cell's mask and picture in the output folder
     """
-    from shadowbench.advice.recommended import export_choice, recommended, target_of, values
-    from shadowbench.measure.printed import techniques_with
+    from shadowbench.advice.recommend import export_choice, target_of, values
+    from shadowbench.advice.recommend import recommend as measure_recommendation
+    from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.measure.worker import Worker
 
     target = target_of(min_iou, max_edge_px, budget_ms)
@@ -70,7 +89,9 @@ def recommend(
         _make_folder(export)
     with console.Reporter(quiet) as reporter, Worker(plugins) as worker:
         chosen = reporter.view(scene, view_size, view, light, assets, up)
-        found, info = recommended(chosen, target, known, output, worker, reporter, on_this_machine=on_this_machine)
+        found, info = measure_recommendation(
+            chosen, target, known, output, worker, reporter, on_this_machine=on_this_machine
+        )
         if export is not None:
             export_choice(found, export, worker)
     if json:
@@ -90,15 +111,15 @@ def _make_folder(folder: Path) -> None:
 
 
 def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
-    from shadowbench.advice.words import excluded_lines, in_the_way, step_lines
+    from shadowbench.advice.words import excluded_lines, obstacles, step_lines
     from shadowbench.studies.times import time_notes
 
     by = "work" if found.unit == "work" else "this machine's times" if info.software else "this GPU's times"
-    said = "; a software renderer's times are not a GPU's" if info.software else ""
+    said = "; times of a software renderer are not those of a GPU" if info.software else ""
     cost = "work" if found.unit == "work" else "ms"
     numbers = ("map", found.target.metric, cost, "× choice", "MiB")
     columns = ("", "spec", *numbers, "key")
-    shown: list[tuple[str, Tried]] = []
+    shown: list[tuple[str, Trial]] = []
     if found.choice is not None:
         shown.append(("choice", found.choice))
     if found.closest is not None:
@@ -109,20 +130,29 @@ def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
     title = f"{found.view.scene.name}, {found.target}, by {by}{said}"
     rows = [(place, *_cells(found, one)) for place, one in shown]
     console.print_table(title, columns, rows, numbers=numbers, whole=columns)
-    lines = step_lines(found) if found.choice else in_the_way(found)
-    for line in [*lines, *time_notes(found.reference), *excluded_lines(found)]:
+    lines = step_lines(found) if found.choice else obstacles(found)
+    rough = [_is_rough(found, one) for _, one in shown]
+    for line in [*lines, *time_notes(found.reference, rough), *excluded_lines(found)]:
         console.say(line)
-    console.say(f"{found.measured} of {found.whole} specs measured; rows by key, masks and pictures in {folder}")
+    console.say(f"{found.measured} of {found.space_size} specs measured; masks and pictures, by key, in {folder}")
 
 
-def _cells(found: "Recommendation", one: "Tried") -> list[str]:
+def _is_rough(found: "Recommendation", one: "Trial") -> bool:
+    """Whether the rounds of a time varied much."""
+    from shadowbench.studies.times import WIDE
+
+    time = one.result.time if one.result else None
+    return found.unit == "ms" and time is not None and time["ratio_iqr"] > WIDE * time["ratio"]
+
+
+def _cells(found: "Recommendation", one: "Trial") -> list[str]:
     assert one.result is not None
     value = one.result.score["metrics"][found.target.metric]
     return [
         one.spec.sizeless_text,
         str(one.spec.map_size or ""),
         "" if value is None else console.number(value),
-        f"{one.cost:,.0f}" if found.unit == "work" else console.number(one.cost),
+        f"{one.cost:,.0f}" if found.unit == "work" else "~" * _is_rough(found, one) + console.number(one.cost),
         f"{one.cost / found.choice.cost:.3g}" if found.choice else "",
         f"{one.bytes / 2**20:.3g}",
         str(one.result.score["key"]),

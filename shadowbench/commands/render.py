@@ -1,11 +1,11 @@
-"""`render`: a view, drawn once with a technique."""
+"""`render`: draw a view once with a technique."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from shadowbench.commands import console
+from shadowbench.commands import completion, console
 from shadowbench.commands.options import SPEC, Assets, LightName, Plugins, Quiet, SceneArgument, Up, ViewName, ViewSize
 from shadowbench.errors import InputError
 
@@ -18,18 +18,23 @@ app = typer.Typer()
 )
 def render(
     scene: SceneArgument,
-    technique: Annotated[list[str], typer.Option("-t", "--technique", metavar="SPEC", help=f"What draws it: {SPEC}.")],
-    output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="PICTURE.png", help="Where the shaded picture goes.")
+    technique: Annotated[
+        list[str],
+        typer.Option(
+            "-t", "--technique", metavar="SPEC", autocompletion=completion.spec, help=f"What draws the shadows: {SPEC}."
+        ),
     ],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="PICTURE.png", help="File for the shaded picture.")],
     mask: Annotated[
-        Path | None, typer.Option(metavar="MASK.png", help="Visibility too, as 16-bit grey; white is lit.")
+        Path | None,
+        typer.Option(metavar="MASK.png", help="File for the shadow mask: visibility as 16-bit grey, white is lit."),
     ] = None,
     map: Annotated[
-        Path | None, typer.Option(metavar="MAP.png", help="The technique's depth map too, linear; near is dark.")
+        Path | None,
+        typer.Option(metavar="MAP.png", help="File for the technique's shadow map: linear depth, near is dark."),
     ] = None,
     tint: Annotated[
-        bool, typer.Option("--tint", help="Tint the picture by what the technique did where, such as by cascade.")
+        bool, typer.Option("--tint", help="Colour each pixel by what the technique used there, such as its cascade.")
     ] = False,
     view_size: ViewSize = None,
     view: ViewName = None,
@@ -39,12 +44,15 @@ def render(
     up: Up = None,
     quiet: Quiet = False,
 ) -> None:
-    """Draw one picture with a technique's shadows, and if asked its mask and its map."""
+    """Draw one picture with a technique's shadows.
+
+    On request also the shadow mask and the shadow map.
+    """
     import numpy as np
 
     from shadowbench.files import check_outputs
     from shadowbench.measure.pictures import write_picture
-    from shadowbench.measure.printed import techniques_with
+    from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.measure.single import render as drawn_once
     from shadowbench.measure.worker import Worker
     from shadowbench.scores.masks import write_mask

@@ -1,4 +1,4 @@
-"""`repeat`: two runs of one study, in two folders or in one, and whether they say the same."""
+"""`repeat`: whether two runs of one study agree, in two folders or in one."""
 
 import dataclasses
 from pathlib import Path
@@ -10,7 +10,7 @@ from shadowbench.commands import console
 from shadowbench.commands.options import Json, Quiet
 
 if TYPE_CHECKING:
-    from shadowbench.check.repeat import Repeat
+    from shadowbench.check.repeat import RepeatResult
 
 app = typer.Typer()
 
@@ -26,31 +26,39 @@ def repeat(
         Path | None,
         typer.Argument(
             metavar="[DIR]",
-            help="The same study, run again into a folder of its own; without it, the last two times of each cell in "
-            "the first folder, as `run --time-again` leaves them.",
+            help="The same study, run again into another folder; without it, the last two times of each cell in the "
+            "first folder, which `run --time-again` makes.",
         ),
     ] = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Compare two runs of one study on one machine: the order of cells by time, and their work.
+    """Tell whether two runs of a study agree on ranking and work.
 
-    Measures nothing. Exit code 1 when a ranking's Kendall tau is below 0.95, over the pairs that are apart in both
-    runs, or work differs.
+    Compares the order of cells by time, and their work counters, between two runs on one machine; measures nothing.
+    Exit code 1 if Kendall's tau is below 0.95 in any ranking, or work differs.
+
+    \b
+    Columns
+      cells           cells with a time in both runs
+      pairs           pairs of cells whose times clearly differ in both runs
+      swapped         those of the pairs that the two runs order differently
+      τ               Kendall's tau over these pairs; 1: the same order
+      τ of all pairs  Kendall's tau over all pairs, noise included
     """
     from shadowbench.check.repeat import compare_folders
 
     found = compare_folders(first, second)
     if json:
         rankings = [dataclasses.asdict(ranking) | {"tau": ranking.tau} for ranking in found.rankings]
-        console.print_json({**dataclasses.asdict(found), "rankings": rankings, "holds": found.holds})
+        console.print_json({**dataclasses.asdict(found), "rankings": rankings, "holds": found.agrees})
     else:
         _print(found, quiet)
-    raise typer.Exit(0 if found.holds else 1)
+    raise typer.Exit(0 if found.agrees else 1)
 
 
-def _print(found: "Repeat", quiet: bool) -> None:
-    from shadowbench.check.repeat import APART, ENOUGH
+def _print(found: "RepeatResult", quiet: bool) -> None:
+    from shadowbench.check.repeat import LEAST_RATIO, LEAST_TAU
 
     block, numbers = "scene, view, light, phase", ("cells", "pairs", "swapped", "τ", "τ of all pairs")
     rows = []
@@ -62,9 +70,9 @@ def _print(found: "Repeat", quiet: bool) -> None:
         console.say(f"  work differs: {name}")
     if quiet:
         return
-    apart = f"{100 * (APART - 1):.0f}%"
+    apart = f"{100 * (LEAST_RATIO - 1):.0f}%"
     console.say(
-        f"τ: Kendall's, over the pairs that differ by more than {apart} in both runs and whose ratios' IQRs do not "
-        f"overlap; {ENOUGH} or more in every line {'holds' if found.ranked_alike else 'does not hold'}"
+        f"τ: Kendall's tau over the pairs whose times differ by more than {apart}, with interquartile ranges that do "
+        f"not overlap, in both runs; {'at least' if found.rankings_agree else 'not everywhere at least'} {LEAST_TAU}"
     )
-    console.out().print(f"work: {found.counted - len(found.unequal)} of {found.counted} cells did exactly the same")
+    console.out().print(f"work: exactly the same in {found.counted - len(found.unequal)} of {found.counted} cells")

@@ -1,11 +1,11 @@
-"""`report`: folders of runs and of sweeps to HTML, Markdown, CSV or figures."""
+"""`report`: run and stress folders as HTML, Markdown, CSV or charts."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from shadowbench.commands import console
+from shadowbench.commands import completion, console
 from shadowbench.commands.options import Quiet
 
 app = typer.Typer()
@@ -20,7 +20,7 @@ app = typer.Typer()
 def report(
     folders: Annotated[
         list[Path],
-        typer.Argument(metavar="DIR...", help="Folders of run and of stress, of one machine or of several."),
+        typer.Argument(metavar="DIR...", help="Folders that `run` or `stress` wrote, on one machine or several."),
     ],
     output: Annotated[
         Path | None,
@@ -28,24 +28,26 @@ def report(
             "-o",
             "--output",
             metavar="FILE",
-            help="Where it goes; a folder for png  [report.html, .md, .csv, or the folder report].",
+            help="The file; a folder for png  [report.html, .md, .csv, or the folder report].",
         ),
     ] = None,
     format: Annotated[
         str,
         typer.Option(
             metavar="FORMAT",
-            help="html: one page, which opens without a network; md: tables; csv: the cells of all folders; "
-            "png: a file for each chart, SCENE.VIEW-SIZE.front.png, .sizes.png, .passes.png, of a sweep "
-            "stability.png, stability.AXIS.png.",
+            autocompletion=completion.file_format,
+            help="html: a single page that needs no network; md: tables; csv: the cells of all folders; png: the "
+            "charts, SCENE.VIEW-SIZE.front.png (error against time), .sizes.png (error against map size), .passes.png "
+            "(time of each pass), and of `stress` stability.png and stability.AXIS.png.",
         ),
     ] = "html",
     quiet: Quiet = False,
 ) -> None:
-    """Show what accuracy costs: error against time, time to accuracy, passes, pictures of what is wrong.
+    """Make charts, tables and pictures from run folders.
 
-    Of a sweep: operating ranges, metrics along each axis, pictures at the breaking points. Measures nothing. Times of
-    different folders never share an axis.
+    Of `run`: error against time, the cheapest setting for each accuracy, time of each pass, pictures beside the truth.
+    Of `stress`: operating ranges, metrics along each axis, pictures at the breaking points. Nothing is measured. Times
+    of different folders are never drawn on one axis.
     """
     from shadowbench.reports.report import report_target, write_report
     from shadowbench.reports.words import counted

@@ -1,4 +1,4 @@
-"""`score`: a mask or screenshots of another renderer."""
+"""`score`: score a mask or screenshots of another renderer."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,7 +10,7 @@ from shadowbench.commands.options import Assets, Json, LightName, Quiet, SceneAr
 from shadowbench.errors import InputError
 
 if TYPE_CHECKING:
-    from shadowbench.engines.scored import Accuracy
+    from shadowbench.engines.accuracy import Accuracy
 
 app = typer.Typer()
 
@@ -25,39 +25,48 @@ def score(
     mask: Annotated[
         Path | None,
         typer.Argument(
-            metavar="MASK.png", help="Linear grey, 8 or 16 bit, square, full is lit; its size is the view's."
+            metavar="MASK.png",
+            help="Shadow mask: linear grey, 8 or 16 bit, square, white is lit; its size is taken for the view.",
         ),
     ] = None,
     lit: Annotated[
         Path | None, typer.Option(metavar="LIT.png", help="Instead of a mask: a screenshot without shadows, sRGB.")
     ] = None,
-    shadowed: Annotated[Path | None, typer.Option(metavar="SHADOWED.png", help="The same with shadows.")] = None,
+    shadowed: Annotated[
+        Path | None, typer.Option(metavar="SHADOWED.png", help="The same screenshot with shadows.")
+    ] = None,
     ambient: Annotated[
-        Path | None, typer.Option(metavar="AMBIENT.png", help="The same without the light  [black].")
+        Path | None, typer.Option(metavar="AMBIENT.png", help="The same screenshot without the light  [black].")
     ] = None,
     view: ViewName = None,
     light: LightName = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="DIR", help="A run folder that gets a row; with --name.")
+        Path | None,
+        typer.Option("-o", "--output", metavar="DIR", help="A run folder to add the score to; with --name."),
     ] = None,
-    name: Annotated[str | None, typer.Option(metavar="NAME", help="What your engine is called in that row.")] = None,
+    name: Annotated[str | None, typer.Option(metavar="NAME", help="Name of your engine in that folder.")] = None,
     diff: Annotated[
-        Path | None, typer.Option(metavar="FILE.png", help="The difference: false shadow orange, false light blue.")
+        Path | None,
+        typer.Option(
+            metavar="FILE.png", help="File for a picture of the difference: false shadow orange, false light blue."
+        ),
     ] = None,
     assets: Assets = None,
     up: Up = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Score a mask of another renderer, or three of its screenshots, against ray tracing. Needs no OpenGL.
+    """Score another renderer's mask or screenshots.
 
-    `shadowbench export` says what to draw. What is flipped, inverted or not square is refused; what seems shifted or
-    gamma-encoded is scored as it is, with a warning.
+    Compares them with the ray-traced shadows of the scene; needs no OpenGL. `shadowbench export` writes the scene to
+    draw. A mask that is flipped, inverted or not square is refused; one that seems shifted or sRGB-encoded is scored as
+    it is, with a warning. Below the metrics, the wrong pixels are listed by kind of error, most pixels first; the line
+    `displaced edge` is about those pixels alone, whereas edge_px and edge_p95 are about every edge, that of a leak too.
     """
+    from shadowbench.engines.accuracy import accuracy_of
     from shadowbench.engines.difference import write_difference
-    from shadowbench.engines.export import other_size
-    from shadowbench.engines.pictures import handed_over
-    from shadowbench.engines.scored import accuracy_of
+    from shadowbench.engines.export import size_mismatch
+    from shadowbench.engines.external_mask import external_mask
     from shadowbench.engines.store import append_row, check_name
     from shadowbench.files import check_folder, check_outputs
 
@@ -71,12 +80,12 @@ def score(
             raise InputError(f"--diff {diff}: is one of the pictures to score; name another file")
     if output is not None:
         check_folder(output)
-    handed = handed_over(scene, mask, lit, shadowed, ambient)
+    handed = external_mask(scene, mask, lit, shadowed, ambient)
     with console.Reporter(quiet) as reporter:
         chosen = reporter.view(scene, handed.size, view, light, assets, up)
         accuracy = accuracy_of(handed, chosen)
     drawn = mask or shadowed
-    sized = other_size(drawn, chosen) if drawn is not None else None
+    sized = size_mismatch(drawn, chosen) if drawn is not None else None
     warnings = [*accuracy.warnings, *([sized] if sized else [])]
     if diff is not None:
         write_difference(diff, accuracy.difference())
@@ -92,7 +101,7 @@ def score(
     if diff is not None:
         console.say(f"{diff}: false shadow orange, false light blue")
     if output is not None:
-        row = f"a row of {name}, its mask and difference" if new else f"has this row of {name} already"
+        row = f"score, mask and difference of {name} added" if new else f"already holds this score of {name}"
         console.say(f"{output}: {row}")
 
 
@@ -100,7 +109,7 @@ def _print(accuracy: "Accuracy") -> None:
     from shadowbench.scores.metrics import METRICS
 
     view = accuracy.view
-    title = f"{accuracy.handed.name} on {view.scene.name}, {view.camera.name}, {view.light.name}, {view.size}²"
+    title = f"{accuracy.external.name} on {view.scene.name}, {view.camera.name}, {view.light.name}, {view.size}²"
     rows = [
         (metric.name, console.number(accuracy.metrics[metric.name]), metric.better, metric.help.split(". ")[0])
         for metric in METRICS.values()

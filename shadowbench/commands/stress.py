@@ -1,4 +1,4 @@
-"""`stress`: techniques along axes until they break, and the table of operating ranges."""
+"""`stress`: vary one parameter of the scene at a time until a technique fails, and print the operating ranges."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from shadowbench.commands import console
+from shadowbench.commands import completion, console
 from shadowbench.commands.options import SPEC, Json, Plugins, Quiet
 
 if TYPE_CHECKING:
@@ -25,31 +25,51 @@ def stress(
     techniques: Annotated[
         list[str] | None,
         typer.Option(
-            "-t", "--technique", metavar="SPEC", help=f"What to walk: {SPEC}; repeatable  [all at their defaults]."
+            "-t",
+            "--technique",
+            metavar="SPEC",
+            autocompletion=completion.spec,
+            help=f"What to test: {SPEC}; repeatable  [all techniques at their defaults].",
         ),
     ] = None,
     axis: Annotated[
-        list[str] | None, typer.Option("--axis", metavar="NAME", help="An axis to walk along; repeatable  [all].")
+        list[str] | None,
+        typer.Option(
+            "--axis",
+            metavar="NAME",
+            autocompletion=completion.axis,
+            help="What to vary (shadowbench list axes); repeatable  [all].",
+        ),
     ] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="A few values of each axis.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Only a few values of each axis.")] = False,
     plugin: Plugins = None,
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="DIR", help="Folder of tables, and of masks out of tolerance.")
+        Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for the tables, and masks of what failed.")
     ] = Path("results/stress"),
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Walk techniques along axes (low light, far from the origin, tiny gaps, ...) until they break.
+    """Find where each technique breaks.
 
-    Prints the operating range of each: where IoU stays above 0.95, acne and leak below 1%, or the value where it
-    breaks first, and how. Stopped at any point, the same command goes on where it was. Exit code 1 for NaN, infinity
-    or an OpenGL error, 3 for a crash or hang; breaking points are no failure.
+    Varies one thing at a time, along an axis: elevation of the light, distance from the origin, gap between caster and
+    receiver, ... (shadowbench list axes). Prints the operating range of each technique on each axis: the values at
+    which IoU is at least 0.95, and acne, leak and flips (pixels at edges that flicker while camera or light move) at
+    most 1%, or the first value at which that fails, and how. An interrupted run resumes when the command is repeated.
+    Breaking is a result: exit code 0. Exit code 1 for NaN, infinity or an OpenGL error, 3 for a crash or hang.
+
+    \b
+    Cells of the table
+      0.1…89.9°                 the whole operating range
+      all 7                     every value, of an axis without an order
+      breaks at 2°: acne 3.10%  the first value out of tolerance, and why
+      refused: 1e5              values that the technique does not support
+      3 of 20 values            how many were tried, with --quick
     """
     from shadowbench.extremes.ranges import ranges_frame
-    from shadowbench.extremes.stressed import LIMITS, chosen_axes
-    from shadowbench.extremes.stressed import stress as walk
+    from shadowbench.extremes.stress import LIMITS, chosen_axes
+    from shadowbench.extremes.stress import stress as walk
     from shadowbench.extremes.sweep import default_specs
-    from shadowbench.measure.printed import techniques_with
+    from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.measure.worker import Worker
     from shadowbench.techniques.spec import parse_spec
 
@@ -66,18 +86,18 @@ def stress(
         for spec in (spec.text for spec in specs):
             _print(spec, [one for one in found.ranges if one.spec == spec])
         if not quiet:
-            console.say(f"{output / 'ranges.csv'}: {len(found.ranges)} ranges of {len(found.rows)} cells")
+            console.say(f"{output / 'ranges.csv'}: {len(found.ranges)} operating ranges, from {len(found.rows)} cells")
     console.say_unsupported([str(row["status"]) for row in found.rows])
     raise typer.Exit(_exit_code(found.rows))
 
 
 def _print(title: str, ranges: "Sequence[OperatingRange]") -> None:
-    """A line an axis, a column a kind of light; one line in all for what never holds."""
+    """A line for each axis, a column for each kind of light; a single line for a spec that never is in tolerance."""
     from shadowbench.extremes.axes.model import NAMES
 
-    if not any(one.held for one in ranges):
+    if not any(one.in_tolerance for one in ranges):
         if ranges:
-            console.say(f"{title}: breaks at home on every axis")
+            console.say(f"{title}: out of tolerance already at the default value of every axis")
         return
     lights = [kind for kind in NAMES if any(one.light == kind for one in ranges)]
     rows = []
@@ -89,7 +109,7 @@ def _print(title: str, ranges: "Sequence[OperatingRange]") -> None:
 
 
 def _exit_code(rows: "Sequence[Record]") -> int:
-    """What FORMATS promises, with one line a kind of failure on stderr."""
+    """1 or 3 for cells that failed, 0 for none; on stderr one line for each kind of failure."""
     from shadowbench.extremes.ranges import BROKEN, DEAD, failure
 
     code = 0

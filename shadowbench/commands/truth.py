@@ -1,4 +1,4 @@
-"""`truth`: a view, ray-traced."""
+"""`truth`: ray-trace the shadows of a view."""
 
 from pathlib import Path
 from typing import Annotated
@@ -14,11 +14,11 @@ app = typer.Typer()
 @app.command(epilog="For example  shadowbench truth stairs -o stairs.npz --view-size 1024")
 def truth(
     scene: SceneArgument,
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE.npz", help="Where the arrays go.")],
+    output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE.npz", help="File for the arrays.")],
     view_size: ViewSize = None,
     pixel_samples: Annotated[
         int,
-        typer.Option(metavar="N", min=1, max=64, help="Rays along a side of a pixel, over which `area` is averaged."),
+        typer.Option(metavar="N", min=1, max=64, help="`area` averages N × N rays per pixel."),
     ] = 4,
     view: ViewName = None,
     light: LightName = None,
@@ -26,12 +26,18 @@ def truth(
     up: Up = None,
     quiet: Quiet = False,
 ) -> None:
-    """Ray-trace the shadows of a view, and write them as NumPy arrays.
+    """Ray-trace the shadows of a view into NumPy arrays.
 
-    Row 0 is at the top. visibility: 1 lit, 0 in shadow. receivers: the surface faces camera and light. undecided: the
-    answer hangs on rounding. area: visibility averaged over the pixel. blocker: metres to the nearest occluder, inf for
-    none. triangle: its index, -1 for a miss. cosine: of the light's incidence. diagonal: of casters and receivers,
-    metres.
+    \b
+    Arrays of the .npz, one value per pixel, row 0 at the top
+      visibility      1 lit, 0 in shadow, for a ray through the pixel's centre
+      area            visibility averaged over the pixel
+      receivers       whether a surface is seen that faces the light
+      undecided       whether the answer depends on rounding; never scored
+      blocker         metres to the nearest occluder, inf for none
+      triangle        index of the visible triangle, -1 for none
+      cosine          N·L at the visible point
+      diagonal        one number: diagonal of casters and receivers, metres
     """
     from shadowbench.files import check_outputs
     from shadowbench.truths.cache import cached_truth, write_truth
@@ -44,5 +50,5 @@ def truth(
     if not quiet:
         receivers, shadowed = int(found.receivers.sum()), int((found.visibility < 0.5).sum())
         undecided = int((found.receivers & found.undecided).sum())
-        pixels = f"{receivers} receivers of {found.receivers.size} pixels"
+        pixels = f"{receivers} of {found.receivers.size} pixels show a receiver"
         console.say(f"{output}: {pixels}, {shadowed} in shadow, {undecided} undecided")

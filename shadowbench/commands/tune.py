@@ -1,4 +1,4 @@
-"""`tune`: a technique's parameters searched on some scenes, compared with its default and presets on others."""
+"""`tune`: search a technique's parameters on some scenes, and compare the result with its default on others."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from shadowbench.commands import console
+from shadowbench.commands import completion, console
 from shadowbench.commands.options import SCENE, SPEC, Assets, Json, Plugins, Quiet, Up, ViewSize, listed, map_sizes
 
 if TYPE_CHECKING:
-    from shadowbench.advice.tune_beside import Entry, Tuning
+    from shadowbench.advice.tune_comparison import Entry, TuningComparison
 
 app = typer.Typer()
 
@@ -23,56 +23,87 @@ app = typer.Typer()
 def tune(
     technique: Annotated[
         str,
-        typer.Option("-t", "--technique", metavar="SPEC", help=f"What is tuned: {SPEC}; the rest of it stays."),
+        typer.Option(
+            "-t",
+            "--technique",
+            metavar="SPEC",
+            autocompletion=completion.spec,
+            help=f"What to tune: {SPEC}; parameters outside the search keep their values.",
+        ),
     ],
     scenes: Annotated[
         str | None,
-        typer.Option(metavar="SCENE,SCENE,...", help=f"Each {SCENE}  [all built-in ones that it answers]."),
+        typer.Option(
+            metavar="SCENE,SCENE,...",
+            autocompletion=completion.scenes,
+            help=f"Each is {SCENE}  [all built-in scenes that the technique supports].",
+        ),
     ] = None,
     held_out: Annotated[
         str | None,
         typer.Option(
-            metavar="NAME,NAME,...", help="Scenes, by name, to compare on and not to tune on  [every third, by hash]."
+            metavar="NAME,NAME,...",
+            autocompletion=completion.scenes,
+            help="Scenes kept out of the search, on which its result is judged  [every third, by hash].",
         ),
     ] = None,
     params: Annotated[
         str | None,
-        typer.Option(metavar="NAME,NAME,...", help="Parameters that are searched  [bias,filter,fit, those it has]."),
+        typer.Option(
+            metavar="NAME,NAME,...",
+            autocompletion=completion.parameters,
+            help="Parameters to search  [bias,filter,fit, as far as the technique has them].",
+        ),
     ] = None,
-    trials: Annotated[int, typer.Option(metavar="N", min=1, max=100_000, help="Settings that a search tries.")] = 100,
+    trials: Annotated[
+        int, typer.Option(metavar="N", min=1, max=100_000, help="How many settings the search tries.")
+    ] = 100,
     against: Annotated[
         list[str] | None,
-        typer.Option(metavar="SPEC", help="What else to compare with, beside default and presets; repeatable."),
+        typer.Option(
+            metavar="SPEC",
+            autocompletion=completion.spec,
+            help="A spec to compare with, besides the default and the presets; repeatable.",
+        ),
     ] = None,
-    map_size: Annotated[str, typer.Option(metavar="N,N,...", help="Sizes of the map; several are averaged.")] = "2048",
+    map_size: Annotated[str, typer.Option(metavar="N,N,...", help="Map sizes to average over.")] = "2048",
     view_size: ViewSize = None,
     phases: Annotated[
-        int, typer.Option(metavar="N", min=1, max=10_000, help="Positions of the map's texels; they are averaged.")
+        int, typer.Option(metavar="N", min=1, max=10_000, help="Sub-texel offsets of the map to average over.")
     ] = 2,
     plugin: Plugins = None,
     assets: Assets = None,
     up: Up = None,
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder of rows and table.")] = Path(
-        "results/tune"
-    ),
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for the measured cells.")
+    ] = Path("results/tune"),
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Search the parameters at which a technique is most accurate at each cost, on several scenes.
+    """Search a technique's parameters for the best accuracy.
 
-    Error is that of IoU and SSIM together, cost the work counted. What is best on the scenes tuned on is set beside
-    the default and the presets on scenes held out: every camera and light of a scene takes part. Stopped at any point,
-    the same command goes on where it was.
+    Finds the most accurate setting at each cost on some scenes, and compares it with the default and the presets on
+    others, held out of the search. Error combines IoU and SSIM; cost is counted work (shader invocations, texture
+    reads). Every camera and light of a scene takes part. An interrupted search resumes when the command is repeated.
+
+    \b
+    Columns
+      cost              work over that of the default
+      tuning, held out  error √((1 − IoU) · (1 − SSIM)), geometric mean over the
+                        scenes of the search, and over those held out
+      1 − IoU × tuned   that error, per scene, over that of the line `tuned`: median
+      1 − SSIM × tuned  likewise
+      acne … contact    on the scenes held out, see `shadowbench list metrics`
     """
-    from shadowbench.advice.tuned import tuned, values
-    from shadowbench.measure.printed import techniques_with
+    from shadowbench.advice.tune import tune_parameters, values
+    from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.measure.worker import Worker
     from shadowbench.reports.words import counted
     from shadowbench.techniques.spec import parse_spec
 
     known = techniques_with(plugin or ())
     with console.Reporter(quiet) as reporter, Worker(plugin or ()) as worker:
-        found = tuned(
+        found = tune_parameters(
             parse_spec(technique, known),
             output,
             worker,
@@ -100,17 +131,19 @@ def tune(
     raise typer.Exit(3 if failed else 0)
 
 
-def _print(found: "Tuning") -> None:
-    from shadowbench.advice.tuned import verdict
+def _print(found: "TuningComparison") -> None:
+    from shadowbench.advice.tune import verdict
     from shadowbench.reports.words import counted
 
     held_out = found.split.held_out
-    _print_entries(f"best at each cost, from the cheapest; held out: {', '.join(held_out)}", found.front)
+    _print_entries(f"best at each cost, cheapest first; held out: {', '.join(held_out)}", found.front)
     console.out().print()
-    intervals = ", with 95% intervals over them" if len(held_out) > 1 else ""
-    title = f"beside the default and others on {counted(len(held_out), 'scene')} held out{intervals}"
+    intervals = ", with 95% intervals" if len(held_out) > 1 else ""
+    title = f"compared with the default and others on {counted(len(held_out), 'scene')} held out{intervals}"
     _print_entries(title, (found.tuned, *found.others))
-    console.out().print("error: √((1 − IoU) · (1 − SSIM)), geometric mean over scenes; × tuned: median over scenes")
+    console.out().print(
+        "error: √((1 − IoU) · (1 − SSIM)), geometric mean over scenes; × tuned: median ratio over scenes"
+    )
     console.say(verdict(found))
 
 

@@ -1,1 +1,1 @@
-"""Anyone's engine: a view out, as glTF and matrices; a mask or screenshots back in, scored. Needs no GL."""
+"""Scoring other renderers: export a view as glTF and matrices, score the mask or screenshots. Needs no GL."""

@@ -1,4 +1,4 @@
-"""The picture of what is wrong: false shadow in one colour, false light in another."""
+"""Difference picture: false shadow in one colour, false light in another."""
 
 from pathlib import Path
 
@@ -14,9 +14,9 @@ _LIT, _SHADOW, _UNSCORED = 235, 150, 255
 
 
 def difference_picture(comparison: Comparison) -> NDArray[np.uint8]:
-    """(N, N, 3) sRGB: the truth in greys, under orange where the mask is darker and blue where it is lighter.
+    """(N, N, 3) uint8 sRGB: the truth in greys, blended towards orange where the mask is darker, blue where lighter.
 
-    The colour is as strong as the difference of visibility; pixels that are not scored are white.
+    The blend weight is the difference of visibility; pixels that are not scored are white.
     """
     prepared = comparison.truth
     grey = np.where(prepared.valid, _SHADOW + (_LIT - _SHADOW) * prepared.visibility, _UNSCORED)
@@ -24,6 +24,6 @@ def difference_picture(comparison: Comparison) -> NDArray[np.uint8]:
 
 
 def write_difference(file: Path, picture: NDArray[np.uint8]) -> None:
-    """Store a (N, N, 3) sRGB picture as a PNG; InputError if the folder cannot be written."""
-    with replace_file(file) as beside:
-        Image.fromarray(picture).save(beside, format="PNG", optimize=True)
+    """Write a (N, N, 3) sRGB picture as PNG. Raises InputError if the folder cannot be written."""
+    with replace_file(file) as temporary:
+        Image.fromarray(picture).save(temporary, format="PNG", optimize=True)

@@ -1,4 +1,4 @@
-"""A view for another renderer: `scene.glb`, `view.json`, and the truth as an example of a mask."""
+"""Export of a view for another renderer: `scene.glb`, `view.json`, and the truth as an example mask."""
 
 import json
 import math
@@ -17,33 +17,31 @@ from shadowbench.scores.masks import write_mask
 from shadowbench.truths.trace import Truth
 
 SCHEMA = 1
-_ROW = re.compile(r"\[[^][{}]*\]")  # a list of numbers, to stand on one line
+_ROW = re.compile(r"\[[^][{}]*\]")  # a list of numbers, which is written on one line
 MODEL, DESCRIPTION, EXAMPLE = "scene.glb", "view.json", "truth.png"
 
 
 def export_view(view: View, truth: Truth, folder: Path, scene_name: str) -> list[Path]:
-    """Write a view's files into a folder, made if need be, and return their paths.
+    """Write a view's files into a folder, created if missing, and return their paths.
 
-    scene_name: the scene as commands name it.
-
-    InputError when the folder cannot be written.
+    scene_name: the scene's argument on the command line. Raises InputError if the folder cannot be written.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{folder}: cannot be made ({error.strerror or error})") from None
     model, description, example = (folder / name for name in (MODEL, DESCRIPTION, EXAMPLE))
-    with replace_file(model) as beside:
-        beside.write_bytes(glb_of(view))
-    with replace_file(description) as beside:
+    with replace_file(model) as temporary:
+        temporary.write_bytes(glb_of(view))
+    with replace_file(description) as temporary:
         text = json.dumps(describe(view, scene_name), indent=2, ensure_ascii=False, allow_nan=False)
-        beside.write_text(_ROW.sub(lambda row: " ".join(row[0].split()), text) + "\n", encoding="utf-8")
+        temporary.write_text(_ROW.sub(lambda row: " ".join(row[0].split()), text) + "\n", encoding="utf-8")
     write_mask(example, truth.visibility)
     return [model, description, example]
 
 
-def unsaid(scene: Scene) -> list[str]:
-    """A line for each mesh that casts or receives no shadow, which glTF has no word for."""
+def inexpressible_in_gltf(scene: Scene) -> list[str]:
+    """One line for each mesh that casts or receives no shadow, which glTF cannot express."""
     lines = []
     for mesh in scene.meshes:
         lacking = [what for what, holds in (("cast", mesh.casts), ("receive", mesh.receives)) if not holds]
@@ -52,8 +50,8 @@ def unsaid(scene: Scene) -> list[str]:
     return lines
 
 
-def other_size(given: Path, view: View) -> str | None:
-    """A line where `export_view` wrote the scene beside a file, at another size than the view's; else None."""
+def size_mismatch(given: Path, view: View) -> str | None:
+    """A warning if `export_view` wrote the scene into the file's folder at a size other than the view's; else None."""
     exported = given.parent / DESCRIPTION
     if not exported.is_file():
         return None
@@ -69,7 +67,7 @@ def other_size(given: Path, view: View) -> str | None:
 
 
 def view_matrix(camera: Camera) -> Floats:
-    """(4, 4) float64, world to camera, as written (multiply from the left): the camera looks down its −z."""
+    """(4, 4) float64 world-to-camera matrix for column vectors; the camera looks along its −z."""
     matrix = np.eye(4)
     matrix[:3, :3] = camera.basis()
     matrix[:3, 3] = -matrix[:3, :3] @ np.asarray(camera.position)
@@ -77,7 +75,7 @@ def view_matrix(camera: Camera) -> Floats:
 
 
 def projection_matrix(view: View) -> Floats:
-    """(4, 4) float64, camera to clip space as OpenGL has it, −w ≤ x, y, z ≤ w; multiply from the left."""
+    """(4, 4) float64 camera-to-clip matrix for column vectors, in OpenGL's clip space, −w ≤ x, y, z ≤ w."""
     near, far = view.near_far
     slope = math.tan(view.camera.fov_y / 2)
     return np.array(
@@ -91,7 +89,7 @@ def projection_matrix(view: View) -> Floats:
 
 
 def describe(view: View, scene_name: str) -> dict[str, Any]:
-    """What `view.json` holds: everything that the model's file leaves to convention, and the model's poses again."""
+    """Contents of `view.json`: conventions that glTF leaves open, camera, light, meshes and the format of masks."""
     camera, (near, far) = view.camera, view.near_far
     names = ["--view", camera.name, "--light", view.light.name]
     return {
@@ -141,7 +139,7 @@ def describe(view: View, scene_name: str) -> dict[str, Any]:
 
 
 def _light(light: Light) -> dict[str, Any]:
-    """`direction` is the way the light travels, of unit length; what a kind of light has not is null."""
+    """Light in `view.json`; `direction` is the unit vector in which light travels; null for fields a kind lacks."""
     return {
         "name": light.name,
         "kind": light.kind,

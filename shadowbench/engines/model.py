@@ -1,4 +1,4 @@
-"""A view as a binary glTF: meshes with their colours, the camera, the light."""
+"""A view as binary glTF: meshes with their colours, camera and light."""
 
 from typing import Any
 
@@ -12,11 +12,11 @@ Json = dict[str, Any]
 
 
 def glb_of(view: View) -> bytes:
-    """The view's meshes in float32, its camera and its light (KHR_lights_punctual), in a .glb.
+    """Bytes of a .glb with the view's meshes in float32, its camera and its light (KHR_lights_punctual).
 
-    Each mesh has the base colour of its material, linear, and is seen from both sides; a mesh that casts no shadow or
-    receives none says so in its node's `extras`, since glTF has no word for it. Where the scene lies further from the
-    origin than it is large, nodes are moved to its centre, so that float32 vertices keep their digits.
+    Materials have the mesh's linear base colour and are double-sided. A mesh that casts or receives no shadow has
+    `casts` or `receives` in its node's `extras`, since glTF cannot express it. If the scene is farther from the origin
+    than it is large, nodes are translated to its centre, so that float32 vertices keep their precision.
     """
     scene = view.scene
     origin = _origin(scene)
@@ -26,7 +26,7 @@ def glb_of(view: View) -> bytes:
     }
 
     def complete(tree: Json) -> None:
-        """What trimesh writes no part of; its meshes are in the order of `shapes`."""
+        """Add what trimesh does not write; its meshes are in the order of `shapes`."""
         colors = list(dict.fromkeys(mesh.color for mesh in scene.meshes))
         tree["materials"] = [_material(color) for color in colors]
         for mesh, written in zip(scene.meshes, tree["meshes"], strict=True):
@@ -48,7 +48,7 @@ def glb_of(view: View) -> bytes:
 
 
 def _origin(scene: Scene) -> Floats:
-    """(3,): what float32 vertices are relative to."""
+    """(3,) point that float32 vertices are relative to."""
     low, high = scene.geometry.bounds
     center: Floats = (low + high) / 2
     return center if np.linalg.norm(center) > np.linalg.norm(high - low) else np.zeros(3)
@@ -62,7 +62,7 @@ def _material(color: tuple[float, float, float]) -> Json:
 def _lamp(light: Light) -> Json:
     lamp: Json = {"name": light.name, "type": light.kind, "color": [1.0, 1.0, 1.0], "intensity": 1.0}
     if light.kind == "spot":
-        # An edge without a falloff: the inner cone must be smaller than the outer, by as little as may be.
+        # No falloff: glTF requires the inner cone to be smaller than the outer one.
         lamp["spot"] = {"innerConeAngle": light.angle / 2 * (1 - 1e-6), "outerConeAngle": light.angle / 2}
     return lamp
 
@@ -93,8 +93,8 @@ def _light_node(light: Light) -> Json:
 
 
 def _columns(basis: Floats, position: tuple[float, float, float]) -> list[float]:
-    """A pose as glTF writes a matrix: 16 numbers, column by column. `basis` has the axes as rows."""
+    """A pose as a glTF matrix: 16 numbers in column-major order. `basis` has the axes as rows."""
     matrix = np.eye(4)
-    matrix[:3, :3] = basis  # rows here are the columns of the transform, which is how they are written
+    matrix[:3, :3] = basis  # the transpose of the transform, so that ravel is column-major
     matrix[3, :3] = position
     return [float(value) for value in matrix.ravel()]

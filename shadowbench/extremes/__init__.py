@@ -1,1 +1,1 @@
-"""Techniques along axes to the extremes, and the ranges in which they may be trusted."""
+"""Stress tests: techniques swept along axes to extreme values, and their operating ranges."""

@@ -1,4 +1,4 @@
-"""`stress`: every technique along every axis, a row for each value, in a worker that may die of any of them."""
+"""Sweeps of `stress`: a row for each spec at each value of each axis, drawn in a worker that may crash."""
 
 import hashlib
 import json
@@ -7,7 +7,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from shadowbench.extremes.axes import Axis, Setting, Value, shown
+from shadowbench.extremes.axes import Axis, Setting, Value, value_label
 from shadowbench.extremes.ranges import failure
 from shadowbench.measure.cells import Cell, PlacedView
 from shadowbench.measure.executor import Executor
@@ -16,12 +16,12 @@ from shadowbench.measure.measurer import Reporter
 from shadowbench.measure.pictures import Pictures
 from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.rows import Record
-from shadowbench.measure.scorer import Asked, Scorer
+from shadowbench.measure.scorer import Scorer, ScoreRequest
 from shadowbench.scenes.model import LightKind
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.spec import Spec
 
-SHARE = 0.5  # of the worker's memory that the textures and buffers of a cell may take
+SHARE = 0.5  # share of the worker's memory limit for the textures and buffers of a cell
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,73 +34,75 @@ class Point:
 
     @property
     def name(self) -> str:
-        """For progress."""
-        return f"{self.axis.name} {shown(self.value)} {self.light}"
+        """Name for progress messages."""
+        return f"{self.axis.name} {value_label(self.value)} {self.light}"
 
 
 class Sweep:
-    """Walks specs along axes into one folder; what is there already is not measured again."""
+    """A sweep of specs along axes into one folder; existing rows are not measured again."""
 
     def __init__(self, specs: Sequence[Spec], folder: Path, executor: Executor, reporter: Reporter) -> None:
         self.specs, self.folder, self.executor, self.reporter = specs, folder, executor, reporter
-        self._bytes: dict[tuple[Spec, str, LightKind], tuple[int, int]] = {}  # of a map of some size
+        self._bytes: dict[tuple[Spec, str, LightKind], tuple[int, int]] = {}  # map size and bytes of the last cell
 
     def run(self, axes: Sequence[Axis], quick: bool) -> list[Record]:
-        """The rows of all values, in the order of the axes; pictures of those that are out of tolerance."""
+        """Rows of all values, in the order of the axes; images are written for cells out of tolerance."""
         points = [Point(axis, value, light) for axis in axes for light in axis.lights for value in axis.swept(quick)]
         with closing(RowStore(self.folder, sweep=True)) as store:
             scorer = Scorer(self.executor, store, Pictures(self.folder), lambda row: failure(row) is not None)
             self.reporter.stage("stress", len(points))
             rows = []
             for point in points:
-                rows += self._at(point, scorer)
+                rows += self._measure_point(point, scorer)
                 self.reporter.step(point.name)
             return rows
 
-    def _at(self, point: Point, scorer: Scorer) -> list[Record]:
+    def _measure_point(self, point: Point, scorer: Scorer) -> list[Record]:
         setting = point.axis.at(point.value, point.light)
-        changed = [(spec, changed_spec(spec, setting)) for spec in self.specs if point.light in spec.technique.lights]
-        cells = [(home, spec) for home, spec in changed if spec is not None]
+        at_point = [(spec, spec_at(spec, setting)) for spec in self.specs if point.light in spec.technique.lights]
+        cells = [(base, spec) for base, spec in at_point if spec is not None]
         if not cells:
             return []
         views = [view_key(view) for view in setting.views]
         frames = [PlacedView(view, setting.coordinates) for view in setting.views]
-        rows = scorer.rows(frames, [self._asked(point, home, spec, setting, views) for home, spec in cells])
-        for (home, spec), row in zip(cells, rows, strict=True):
+        rows = scorer.rows(frames, [self._request(point, base, spec, setting, views) for base, spec in cells])
+        for (base, spec), row in zip(cells, rows, strict=True):
             if row["status"] == "ok" and spec.map_size:
-                self._bytes[home, point.axis.name, point.light] = spec.map_size, row["gpu_bytes"]
+                self._bytes[base, point.axis.name, point.light] = spec.map_size, row["gpu_bytes"]
         return rows
 
-    def _asked(self, point: Point, home: Spec, spec: Spec, setting: Setting, views: Sequence[str]) -> Asked:
-        """The row of a spec at a value. Its key is of all frames, and of the place: the base scene is a value of many.
+    def _request(self, point: Point, base: Spec, spec: Spec, setting: Setting, views: Sequence[str]) -> ScoreRequest:
+        """Request for the row of a spec at a point; views: the keys of all frames.
 
-        views: their keys.
+        The row's key includes the point, since several axes share the base scene as one of their values.
         """
         parts = [cell_key(Cell(spec), view, setting.coordinates, self.executor.info.renderer) for view in views]
         key = json.dumps([point.axis.name, point.value, point.light, parts])
-        stands = {
+        axis_fields = {
             "axis": point.axis.name,
             "axis_value": point.value,
             "axis_unit": point.axis.unit,
             "light_kind": point.light,
-            "home_spec": home.text,
+            "home_spec": base.text,
         }
-        refused = self._too_large(point, home, spec)
-        return Asked(Cell(spec), hashlib.sha256(key.encode()).hexdigest()[:24], stands, refused=refused)
+        too_large = self._too_large(point, base, spec)
+        return ScoreRequest(
+            Cell(spec), hashlib.sha256(key.encode()).hexdigest()[:24], axis_fields, unsupported=too_large
+        )
 
-    def _too_large(self, point: Point, home: Spec, spec: Spec) -> str | None:
-        """Why a map is not even allocated: the device's sides, or the worker's memory.
+    def _too_large(self, point: Point, base: Spec, spec: Spec) -> str | None:
+        """Why a map must not be allocated: it exceeds the device's map size or the worker's memory; None if it may.
 
-        What it would take is told from the last smaller map of the same cell: bytes grow with the square of the size.
+        Its memory is extrapolated from the last smaller map of the cell, with the square of the size.
         """
         size, info = spec.map_size, self.executor.info
         if size is None:
             return None
         if size > info.max_map_size:
             return f"map size {size}: {info.renderer} allows 1 to {info.max_map_size}"
-        smaller, taken = self._bytes.get((home, point.axis.name, point.light), (size, 0))
-        needed, limit = taken * (size / smaller) ** 2, SHARE * self.executor.limits.bytes
-        if size > smaller and needed > limit:
+        smaller_size, smaller_bytes = self._bytes.get((base, point.axis.name, point.light), (size, 0))
+        needed, limit = smaller_bytes * (size / smaller_size) ** 2, SHARE * self.executor.limits.bytes
+        if size > smaller_size and needed > limit:
             return (
                 f"map size {size} takes about {needed / 2**30:.1f} GiB; a cell may take {limit / 2**30:g} GiB, half of "
                 "the worker's memory limit"
@@ -108,8 +110,8 @@ class Sweep:
         return None
 
 
-def changed_spec(spec: Spec, setting: Setting) -> Spec | None:
-    """The spec with the setting's parameters, those that it has; None where an axis is of parameters it has not."""
+def spec_at(spec: Spec, setting: Setting) -> Spec | None:
+    """The spec with the parameters of a setting; None if the technique lacks one of them."""
     known = type(spec.params).model_fields
     params = {name: value for name, value in setting.params.items() if name in known}
     if len(params) < len(setting.params):
@@ -118,5 +120,5 @@ def changed_spec(spec: Spec, setting: Setting) -> Spec | None:
 
 
 def default_specs(techniques: Iterable[type[Technique]]) -> tuple[Spec, ...]:
-    """Every technique at its defaults."""
+    """A spec of every technique at its defaults."""
     return tuple(Spec(technique, technique.Params()) for technique in techniques)

@@ -1,1 +1,1 @@
-"""What techniques and needs both compute of a scene: light views, slices, planes, topology. No GL."""
+"""Scene geometry that techniques and the survey share: light views, frustum slices, planes, topology. No GL."""

@@ -1,4 +1,4 @@
-"""Convex regions as half-spaces, and the corners of their intersection."""
+"""Convex regions as intersections of half-spaces, and their corners."""
 
 from functools import cache
 from itertools import combinations
@@ -10,17 +10,20 @@ from scipy.spatial import ConvexHull, QhullError
 from shadowbench.scenes.geometry import bounds_of
 from shadowbench.scenes.model import Floats, View
 
-# A plane is (n, d), unit n: inside where n·x + d ≥ 0.
+# A plane is (n, d) with a unit normal n; n·x + d ≥ 0 is inside.
 
 
 def box_planes(bounds: Floats) -> Floats:
-    """(6, 4) planes of a (2, 3) box."""
+    """(6, 4) planes of a box with (2, 3) lowest and highest corner."""
     low, high = bounds
     return np.vstack([np.column_stack([np.eye(3), -low]), np.column_stack([-np.eye(3), high])])
 
 
 def frustum_planes(eye: Floats, basis: Floats, slope: float, near: float, far: float) -> Floats:
-    """(6, 4) planes of a square pyramid between two depths; rows right, up, back; slope: tan of half its angle."""
+    """(6, 4) planes of a square frustum between two depths.
+
+    eye: (3,) apex; basis: (3, 3) rows right, up, back; slope: tangent of half the opening angle.
+    """
     right, up, back = basis
     sides = [slope * -back + sign * axis for axis in (right, up) for sign in (1, -1)]
     normals = np.array([*(side / np.linalg.norm(side) for side in sides), -back, back])
@@ -41,29 +44,29 @@ def _triples(count: int) -> NDArray[np.intp]:
 
 
 def corners(planes: Floats, extent: float) -> Floats:
-    """(N, 3) corners of the region inside all (P, 4) planes, empty when there is none.
+    """(N, 3) corners of the region inside all (P, 4) planes; N = 0 for an empty region.
 
-    Every three planes meet in a point; those inside all others are the corners. `extent` is the region's scale, that
-    rounding is judged by.
+    The corners are the intersections of three planes that are inside all others. extent: largest coordinate of the
+    region, which scales the tolerance for rounding.
     """
     a, b, c = planes[_triples(len(planes))]
     bc, ca, ab = np.cross(b[:, :3], c[:, :3]), np.cross(c[:, :3], a[:, :3]), np.cross(a[:, :3], b[:, :3])
     determinant = np.einsum("ij,ij->i", a[:, :3], bc)
-    meets = np.abs(determinant) > 1e-12
-    points = -(a[:, 3:] * bc + b[:, 3:] * ca + c[:, 3:] * ab)[meets] / determinant[meets, None]
+    intersect = np.abs(determinant) > 1e-12
+    points = -(a[:, 3:] * bc + b[:, 3:] * ca + c[:, 3:] * ab)[intersect] / determinant[intersect, None]
     inside = (points @ planes[:, :3].T + planes[:, 3] >= -1e-9 * extent).all(axis=1)
     found: Floats = points[inside]
     return found
 
 
 def hull_points(points: Floats) -> Floats:
-    """(H, 3) points with the same bounds in every direction: the hull's, or the box's corners where all is flat."""
+    """(H, 3) vertices of the convex hull of (N, 3) points; for coplanar points the corners of their bounding box."""
     try:
         return points[ConvexHull(points).vertices]
     except QhullError:
         return corners(box_planes(bounds_of(points)), float(np.abs(points).max()))
 
 
-def apart(points: Floats, planes: Floats) -> bool:
-    """Whether all (N, 3) points are outside one of (P, 4) planes: then their hull is clear of the region in them."""
+def is_outside(points: Floats, planes: Floats) -> bool:
+    """Whether all (N, 3) points are outside one of (P, 4) planes, so that their hull does not intersect the region."""
     return bool((points @ planes[:, :3].T + planes[:, 3] < 0.0).all(axis=0).any())

@@ -1,4 +1,4 @@
-"""What of a scene's geometry maps must hold: what casts or receives, and its hull."""
+"""Convex hull and bounds of a scene's casters and receivers."""
 
 import numpy as np
 
@@ -7,22 +7,25 @@ from shadowbench.scenes.geometry import Geometry, bounds_of, used_by
 from shadowbench.scenes.model import Floats, Light, Scene
 
 
-def concerned_vertices(geometry: Geometry) -> Floats:
-    """(N, 3) corners of what casts or receives, or of everything if nothing does."""
-    concerned = geometry.casts | geometry.receives  # a sky that does neither must not widen the map
-    return used_by(geometry.faces[concerned] if concerned.any() else geometry.faces, geometry.vertices)
+def caster_and_receiver_vertices(geometry: Geometry) -> Floats:
+    """(N, 3) vertices of all casters and receivers, or of the whole scene if it has neither."""
+    shadowing = geometry.casts | geometry.receives  # a sky, which is neither, must not enlarge the map
+    return used_by(geometry.faces[shadowing] if shadowing.any() else geometry.faces, geometry.vertices)
 
 
 class SceneHull:
-    """What a fit knows of the geometry, computed once: points that bound it in every direction, and its boxes."""
+    """Bounds of a scene's casters and receivers for fits, computed once.
+
+    bounds: (2, 3) bounding box; extent: largest absolute coordinate; points: (N, 3) vertices of the convex hull.
+    """
 
     def __init__(self, scene: Scene) -> None:
-        vertices = concerned_vertices(scene.geometry)
+        vertices = caster_and_receiver_vertices(scene.geometry)
         self.bounds = bounds_of(vertices)
         self.extent = float(np.abs(self.bounds).max())
         self.points = hull_points(vertices)
 
     def position_step(self, light: Light) -> float:
-        """The local length by which float32 rounds places in the scene, as seen from a light."""
+        """Float32 rounding error of positions in the scene and of the light's position, a local length."""
         farthest = self.extent if light.kind == "directional" else max(self.extent, *map(abs, light.position))
         return 2.0**-24 * farthest

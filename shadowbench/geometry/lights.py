@@ -1,4 +1,4 @@
-"""How a light sees: its space, and the window of it that a map shows."""
+"""Light space, and light views: the part of light space that a shadow map covers."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,7 +10,7 @@ from shadowbench.scenes.model import Floats, Light, perpendicular_basis, unit
 
 @dataclass(frozen=True, eq=False)
 class Box:
-    """Bounds in light space: (x, y, distance along the axis); x and y at unit distance for a perspective light."""
+    """Bounds in light space, (x, y, distance along the axis); for a spot, x and y are divided by the distance."""
 
     low: Floats
     high: Floats
@@ -18,10 +18,10 @@ class Box:
 
 @dataclass(frozen=True, eq=False)
 class LightSpace:
-    """A basis made from the light alone, so that nothing but the light can turn the map.
+    """A coordinate system that depends on the light only, so that a moving camera cannot rotate the map.
 
-    basis: (3, 3) rows right, up, back, the light travelling along −back; origin: (3,); half: half side of a spot's
-    base window at unit distance, inf without one.
+    basis: (3, 3) rows right, up, back, with −back the light's direction; origin: (3,); perspective: True for a spot;
+    half: tangent of a spot's half angle, inf for a directional light.
     """
 
     basis: Floats
@@ -38,7 +38,7 @@ class LightSpace:
         return matrix
 
     def box(self, points: Floats) -> Box:
-        """Bounds of (N, 3) points, which for a perspective light must lie in front of it."""
+        """Bounds of (N, 3) points, which for a spot must be in front of it."""
         x, y, back = ((points - self.origin) @ self.basis.T).T
         flat = np.column_stack([x, y]) / (-back[:, None] if self.perspective else 1.0)
         bounds = np.column_stack([flat, -back])
@@ -46,7 +46,7 @@ class LightSpace:
 
 
 def light_space(light: Light) -> LightSpace:
-    """The space of a directional light or a spot."""
+    """The light space of a directional light or a spot."""
     perspective = light.kind == "spot"
     basis = perpendicular_basis(-unit(light.direction), (0.0, 1.0, 0.0))
     origin = np.array(light.position if perspective else (0.0, 0.0, 0.0))
@@ -55,7 +55,7 @@ def light_space(light: Light) -> LightSpace:
 
 @dataclass(frozen=True, eq=False)
 class LightView:
-    """The part of a light's space that a map of size² texels shows, near and far along the light's axis."""
+    """The part of light space that a map of size² texels covers: a box from near to far along the light's axis."""
 
     space: LightSpace
     box: Box
@@ -63,36 +63,36 @@ class LightView:
 
     @property
     def near(self) -> float:
-        """Distance along the axis that has depth 0."""
+        """Distance along the axis with depth 0."""
         return float(self.box.low[2])
 
     @property
     def far(self) -> float:
-        """Distance along the axis that has depth 1."""
+        """Distance along the axis with depth 1."""
         return float(self.box.high[2])
 
     @property
     def texel(self) -> tuple[float, float]:
-        """Width and height of a texel in local lengths; for a perspective light at unit distance."""
+        """Width and height of a texel in local lengths; for a spot at unit distance."""
         width, height = (self.box.high - self.box.low)[:2] / self.size
         return float(width), float(height)
 
     @property
     def depth_scale(self) -> float:
-        """Depth per length: 1/(far − near), or f·n/(f − n) over the squared distance for a perspective light."""
+        """Depth per length: 1/(far − near); for a spot f·n/(f − n), to be divided by the squared distance."""
         span = self.far - self.near
         return self.far * self.near / span if self.space.perspective else 1 / span
 
     @property
     def planes(self) -> Floats:
-        """(5, 4) n·x + d ≥ 0 within the map's four sides and before its far plane."""
-        right, up, back = self.space.basis
-        (left, bottom, _), (width, top, far) = self.box.low, self.box.high
-        # What a point is away from the light's plane moves a perspective light's sides apart.
-        spread, apart = (back, 0.0) if self.space.perspective else (np.zeros(3), 1.0)
-        sides = [(right, left), (-right, -width), (up, bottom), (-up, -top)]
-        normals = np.array([*(normal + edge * spread for normal, edge in sides), back])
-        offsets = np.array([*(-edge * apart for _, edge in sides), far])
+        """(5, 4) planes of the map's four sides and its far plane, with n·x + d ≥ 0 inside."""
+        right_axis, up_axis, back = self.space.basis
+        (left, bottom, _), (right, top, far) = self.box.low, self.box.high
+        # The sides of a spot's box pass through the light; those of a directional light are parallel to its axis.
+        slope, offset = (back, 0.0) if self.space.perspective else (np.zeros(3), 1.0)
+        sides = [(right_axis, left), (-right_axis, -right), (up_axis, bottom), (-up_axis, -top)]
+        normals = np.array([*(normal + edge * slope for normal, edge in sides), back])
+        offsets = np.array([*(-edge * offset for _, edge in sides), far])
         return np.column_stack([normals, offsets - normals @ self.space.origin])
 
     def _unit_depth(self, reversed_depth: bool) -> Floats:
@@ -114,20 +114,20 @@ class LightView:
         return matrix @ self.space.matrix
 
     def to_map(self, reversed_depth: bool = False) -> Floats:
-        """(4, 4) world to map: after the division x, y and depth are in [0, 1]."""
+        """(4, 4) world to map space: after the division by w, x, y and depth are in [0, 1]."""
         matrix = self._unit_depth(reversed_depth)
         matrix[:2] = (matrix[:2] + matrix[3]) / 2
         return matrix
 
     def to_clip(self, reversed_depth: bool = False) -> Floats:
-        """(4, 4) world to clip space: depth −1 to 1, or with reversed depth 1 to 0 for a zero-to-one clip control."""
+        """(4, 4) world to clip space: depth −1 to 1, or with reversed depth 1 to 0 for zero-to-one clip control."""
         matrix = self._unit_depth(reversed_depth)
         if not reversed_depth:
             matrix[2] = 2 * matrix[2] - matrix[3]
         return matrix
 
     def linear(self, depths: Floats, reversed_depth: bool = False) -> Floats:
-        """Stored depths as distances along the axis, 0 at near and 1 at far."""
+        """Stored depths as linear depths along the axis, 0 at near and 1 at far."""
         depths = 1 - depths if reversed_depth else depths
         if not self.space.perspective:
             return depths
@@ -136,18 +136,21 @@ class LightView:
 
 
 def window(box: Box, space: LightSpace, size: int, padding: float, shift: tuple[float, float]) -> Box:
-    """What a map shows of a box: clipped to a spot's base window, padded by texels, shifted by parts of one."""
+    """The box that a map of size² texels covers to show `box`: clipped to a spot's cone, and padded.
+
+    padding: texels added on each side; shift: offset of the texel grid, in texels.
+    """
     low, high = box.low.copy(), box.high.copy()
     low[:2], high[:2] = np.clip(low[:2], -space.half, space.half), np.clip(high[:2], -space.half, space.half)
-    # A window without an extent (one pixel, a plane seen edge-on) still needs texels of some size.
+    # A box without an extent (one pixel, a plane seen edge-on) still needs texels of some size.
     extent = np.maximum((high - low)[:2], 1e-6 * max(float(np.abs(box.high - box.low).max()), 1e-6))
     middle = (low + high)[:2] / 2
     texel = extent / max(size - 2 * padding, 1.0)
     low[:2], high[:2] = middle - texel * size / 2 + texel * shift, middle + texel * size / 2 + texel * shift
-    # Casters in front of near are kept by depth clamping, so near and far need to hold the receivers alone. They get
-    # room for receivers that a bias moves, and for rounding.
-    room = padding * float(texel.max()) * (high[2] if space.perspective else 1.0) + 1e-4 * (high[2] - low[2])
-    low[2], high[2] = low[2] - room, high[2] + room
+    # Near and far bound the receivers only, as depth clamping keeps casters in front of near. They get a margin for
+    # receivers that a bias offsets, and for rounding.
+    margin = padding * float(texel.max()) * (high[2] if space.perspective else 1.0) + 1e-4 * (high[2] - low[2])
+    low[2], high[2] = low[2] - margin, high[2] + margin
     if space.perspective:
         low[2] = max(low[2], high[2] / 1e4)
     return Box(low, high)

@@ -1,6 +1,6 @@
-"""Planar receivers: coplanar triangles that are large together, found by geometry alone.
+"""Planar receivers: sets of coplanar triangles of large total area, found from the geometry.
 
-Connected or not: two tables of one height are one plane, since what is flattened on one of them is flattened on both.
+The triangles need not be connected: two table tops of the same height are one plane, as one projection serves both.
 """
 
 from collections.abc import Iterator
@@ -13,29 +13,29 @@ from shadowbench.scenes.geometry import Geometry, in_slices
 from shadowbench.scenes.model import Floats
 
 LEAST_SHARE = 0.0005
-"""Smallest part of the searched area that makes a plane, where nothing is said."""
+"""Default smallest area of a plane, as a share of the searched area."""
 MOST_PLANES = 32
-"""Most planes that are looked for, where nothing is said."""
+"""Default largest number of planes."""
 TOLERANCE = 1e-5
-"""Share of the scene's diagonal that a plane's corners may be off it, where nothing is said."""
+"""Default largest distance of a plane's corners from it, as a share of the scene's diagonal."""
 
-# Votes are counted in cells this wide, in normals and in shares of the diagonal: above the scatter of small triangles
-# whose corners were rounded. Planes that share a cell are told apart by looking.
+# Width of the voting cells, in normals and in shares of the diagonal: above the scatter of small triangles with rounded
+# corners. Fitting separates planes that share a cell.
 _CELL = 2.0**-11
-_LOOSE = 10.0  # tolerances within which a first guess, the plane of one triangle, gathers what it is a part of
-_FAILURES = 16  # guesses of one cell that may come to nothing, since each looks at all triangles
-_EQUAL = 1e-9  # shares of the area that differ by less are the same: rounding must not order them
-_SPARE = 2  # times as many planes as asked for are looked at, since the next may be larger than the last
-_MIXING = np.random.default_rng(0).integers(-(2**62), 2**62, 9)
+_LOOSE = 10.0  # tolerances within which triangles are gathered for the first fit to a seed triangle's plane
+_FAILURES = 16  # seeds of one cell that may fail, as each costs a pass over all triangles
+_EQUAL = 1e-9  # shares of the area that differ by less are equal, so that rounding cannot order them
+_SPARE = 2  # factor on the number of planes that are searched for, as planes are not found strictly by size
+_MIXING = np.random.default_rng(0).integers(-(2**62), 2**62, 9)  # hash multipliers
 
 
 @dataclass(frozen=True, eq=False)
 class Plane:
     """A planar receiver.
 
-    equation: (4,) float64 π with a unit normal, π·(x, y, z, 1) = 0 on it, of either orientation; triangles: (n,) sorted
-    indices into the geometry's faces, of either winding; share: their part of the area that was searched; thickness:
-    how far their furthest corner is off the plane.
+    equation: (4,) float64 π with a unit normal of either orientation, π·(x, y, z, 1) = 0 on the plane; triangles: (n,)
+    sorted indices into the geometry's faces, of either winding; share: their share of the searched area; thickness:
+    largest distance of their corners from the plane.
     """
 
     equation: Floats
@@ -51,10 +51,10 @@ def find_planes(
     most: int = MOST_PLANES,
     tolerance: float = TOLERANCE,
 ) -> tuple[Plane, ...]:
-    """The planes on which at least a share of `least` of the searched area lies, largest first, `most` at most.
+    """The planes with at least a share of `least` of the searched area, largest first, at most `most` of them.
 
-    searched: (F,) bool, the faces in question. A triangle lies on a plane when its corners are within `tolerance` times
-    the scene's diagonal of it, whichever way it faces: the unit does not depend on where the scene is or how large.
+    searched: (F,) bool, the faces to search. A triangle of either orientation is on a plane if its corners are within
+    `tolerance` times the scene's diagonal of it, which is independent of the scene's position and size.
     """
     faces = geometry.faces[searched]
     if not len(faces):
@@ -66,22 +66,22 @@ def find_planes(
     areas = np.linalg.norm(geometry.crosses, axis=0)[searched]
     areas /= areas.sum()
     offsets = -np.einsum("ij,ij->i", normals, points.take(faces[:, 0], axis=0))
-    look = _Look(points, faces, areas, tolerance)
-    chance = np.random.default_rng(0)
+    search = _PlaneSearch(points, faces, areas, tolerance)
+    random = np.random.default_rng(0)
 
     found: list[Plane] = []
-    for cell in _cells(look, normals, offsets, least):
+    for cell in _cells(search, normals, offsets, least):
         failures = 0
         while failures < _FAILURES and len(found) < _SPARE * most:
-            cell = cell[look.free[cell]]
+            cell = cell[search.free[cell]]
             total = np.cumsum(areas[cell])
             large = sorted((plane.share for plane in found), reverse=True)[most - 1 : most]
             if not len(cell) or total[-1] < max([least / 2, *large]) - _EQUAL:
                 break
-            # The largest is the most exact; if it is alone, one by lot, where much area has many chances.
-            lot = np.searchsorted(total, chance.random() * total[-1]) if failures else 0
-            first = cell[min(lot, len(cell) - 1)]
-            equation, distances = look.settled(np.append(normals[first], offsets[first]))
+            # The largest triangle has the most exact normal. If it fails, the next seed is drawn in proportion to area.
+            drawn = np.searchsorted(total, random.random() * total[-1]) if failures else 0
+            first = cell[min(drawn, len(cell) - 1)]
+            equation, distances = search.refined(np.append(normals[first], offsets[first]))
             own = distances <= tolerance
             share = float(areas[own].sum())
             if share == 0.0 or share < least:
@@ -89,15 +89,15 @@ def find_planes(
                 own[first] = True
                 cell = cell[~own[cell]]
                 continue
-            look.free &= ~own
-            filed = np.append(equation[:3], equation[3] * diagonal - equation[:3] @ center)
-            found.append(Plane(filed, np.flatnonzero(searched)[own], share, float(distances[own].max()) * diagonal))
+            search.free &= ~own
+            in_scene = np.append(equation[:3], equation[3] * diagonal - equation[:3] @ center)
+            found.append(Plane(in_scene, np.flatnonzero(searched)[own], share, float(distances[own].max()) * diagonal))
     return tuple(sorted(found, key=lambda plane: (-round(plane.share / _EQUAL), plane.triangles[0]))[:most])
 
 
 @dataclass(eq=False)
-class _Look:
-    """Triangles to look for planes among, of which some are still free."""
+class _PlaneSearch:
+    """The searched triangles; `free`: (F,) bool, those that are not yet part of a plane."""
 
     points: Floats
     faces: NDArray[np.int32]
@@ -107,10 +107,10 @@ class _Look:
     def __post_init__(self) -> None:
         self.free = np.ones(len(self.faces), dtype=bool)
 
-    def settled(self, guess: Floats) -> tuple[Floats, Floats]:
-        """The equation that a guess leads to, and how far (F,) triangles are off it: infinitely if not free.
+    def refined(self, guess: Floats) -> tuple[Floats, Floats]:
+        """The plane fitted iteratively from a guess, and the (F,) distances of the triangles, inf if not free.
 
-        The area on it only grows, so that a little beside a plane, which moves the fit, cannot lose the plane.
+        A step that shrinks the area on the plane is rejected, so that nearby small triangles cannot lose the plane.
         """
         plane = guess, self.distances(guess)
         for within in (_LOOSE * self.tolerance, self.tolerance):
@@ -127,7 +127,7 @@ class _Look:
         return float(self.areas[distances <= self.tolerance].sum())
 
     def distances(self, equation: Floats) -> Floats:
-        """(F,) of the furthest corner of each triangle that is free."""
+        """(F,) distance of each triangle's farthest corner from the plane; inf for triangles that are not free."""
         off = np.abs(self.points @ equation[:3] + equation[3])
         furthest = np.empty(len(self.faces))
         for part in in_slices(len(self.faces)):
@@ -137,31 +137,31 @@ class _Look:
         return furthest
 
 
-def _cells(look: _Look, normals: Floats, offsets: Floats, least: float) -> Iterator[NDArray[np.int64]]:
-    """Triangles of alike planes, largest first: of layers, largest area first, then once more of whole cells.
+def _cells(search: _PlaneSearch, normals: Floats, offsets: Floats, least: float) -> Iterator[NDArray[np.int64]]:
+    """Groups of triangles with similar planes, by area: first layers of cells, then whole cells; each largest first.
 
-    A stack of sheets has much area in a cell and little in a plane: by layers the largest planes come first. What
-    scatters over several layers is left to the cells. A plane that falls across the border of two cells still counts:
-    half of `least` is enough to be looked at.
+    A cell is a bin of normals and offsets, a layer a bin of heights within a cell. Layers come first because a stack of
+    sheets has much area in a cell but little in a plane. Planes that scatter over several layers are found by cell. A
+    group needs only half of `least`, as a plane may straddle the border of two cells.
     """
-    # n nᵀ and the plane's point nearest to the centre are the same for n and −n, and have no seam between them.
+    # n nᵀ and the plane's point nearest to the centre are equal for n and −n, and continuous.
     cell = np.zeros(len(normals), dtype=np.int64)
     for part in in_slices(len(normals)):
         n = np.ascontiguousarray(normals[part].T)
         for column, factor in zip((*n**2, *(n * np.roll(n, 1, axis=0)), *(n * offsets[part])), _MIXING, strict=True):
-            # Off the round numbers that modelled planes have, on which rounding would decide.
+            # The offset keeps cell borders off round numbers, where rounding would scatter modelled planes.
             cell[part] += np.floor(column / _CELL + 0.37).astype(np.int64) * factor
-    # Most triangles of curved bodies share a cell with too little area, and so a layer with less: out before sorting,
-    # by the upper bits alone, which some cells share.
+    # Most cells of curved surfaces have too little area, and so do their layers: removed before sorting, by the upper
+    # hash bits, in which cells may collide.
     bits = (cell >> 48) + (1 << 15)
-    enough = np.flatnonzero(np.bincount(bits, look.areas)[bits] >= least / 2)
-    normals, middles, areas = normals[enough], look.points[look.faces[enough]].mean(axis=1), look.areas[enough]
+    enough = np.flatnonzero(np.bincount(bits, search.areas)[bits] >= least / 2)
+    normals, middles, areas = normals[enough], search.points[search.faces[enough]].mean(axis=1), search.areas[enough]
     named, cell = np.unique(cell[enough], return_inverse=True)
-    # Heights are along one normal a cell, its largest triangle's: those of small ones scatter.
+    # Heights of a cell are along the normal of its largest triangle, as normals of small triangles scatter.
     order = np.lexsort([-areas, cell])
     largest = order[np.flatnonzero(np.diff(cell[order], prepend=-1))]
     heights = np.einsum("ij,ij->i", middles, normals[largest][cell])
-    layers = np.column_stack([named[cell], np.floor(heights / (_LOOSE * look.tolerance) + 0.37).astype(np.int64)])
+    layers = np.column_stack([named[cell], np.floor(heights / (_LOOSE * search.tolerance) + 0.37).astype(np.int64)])
     _, within = np.unique(layers @ _MIXING[:2], return_inverse=True)
     for group in (within, cell):
         totals = np.bincount(group, areas)
@@ -174,7 +174,7 @@ def _cells(look: _Look, normals: Floats, offsets: Floats, least: float) -> Itera
 
 
 def _fitted(corners: Floats, areas: Floats) -> Floats:
-    """(4,) the plane of least squared distance from the (N, 3, 3) corners of triangles, weighted by (N,) areas."""
+    """(4,) least-squares plane of the (N, 3, 3) corners of triangles, weighted by (N,) areas."""
     middles = corners.mean(axis=1)
     middle = np.average(middles, axis=0, weights=areas) if areas.sum() > 0 else middles.mean(axis=0)
     away = (corners - middle) * np.sqrt(areas)[:, None, None]

@@ -1,4 +1,4 @@
-"""Which triangles share which edges: casters as closed parts and the rest, found once for a scene."""
+"""Edge topology of the casters: connected parts, closed or open, with the edges for shadow volumes."""
 
 from dataclasses import dataclass
 
@@ -14,11 +14,11 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """Triangles and edges as indices into the scene's vertices, those at one place being one; part after part.
+    """Triangles and edges as indices into the scene's welded vertices, ordered by part.
 
-    faces: (F, 3), as wound. edges: (E, 4): third corner, a, b, third corner of up to two triangles at the edge from a
-    to b, a < b; the last is a where there is but one. An edge of more than two triangles has several rows. face_ends,
-    edge_ends: (P,) the row that a part ends before; boxes: (P, 2, 3) its lowest and highest corners.
+    faces: (F, 3), winding kept. edges: (E, 4) adjacency of an edge a < b: opposite corner, a, b, opposite corner; the
+    last is a if the edge has only one triangle. An edge of more than two triangles has several rows. face_ends,
+    edge_ends: (P,) index of the row after each part's last; boxes: (P, 2, 3) bounding box of each part.
     """
 
     faces: Indices
@@ -30,15 +30,16 @@ class Surface:
 
 @dataclass(frozen=True, eq=False)
 class Casters:
-    """A scene's casters. A part is what hangs together by edges.
+    """A scene's casters by part, a set of triangles connected by shared edges.
 
-    closed: parts where each edge has as many triangles one way as the other, wound outwards; open: all others.
+    closed: parts that are wound outwards and whose edges all have as many half-edges in either direction; open: all
+    other parts.
     """
 
     closed: Surface
     open: Surface
 
-    def around(self, point: Vec3) -> bool:
+    def may_contain(self, point: Vec3) -> bool:
         """Whether a point may be inside a closed part."""
         low, high = self.closed.boxes.transpose(1, 0, 2)
         return bool(((low <= point) & (point <= high)).all(axis=1).any())
@@ -46,16 +47,17 @@ class Casters:
 
 @dataclass(frozen=True, eq=False)
 class Topology:
-    """The triangles that cast and the edges that they share; a part is what hangs together by edges.
+    """The caster triangles, their edges and their parts, which are sets of triangles connected by shared edges.
 
-    faces, edges: all of them, as in a Surface, by the edges' corners a and b; sides: (E, 2) what meets at each edge,
-    3 · triangle + k for the side from corner k to the next, one of each direction where there are, −1 for none; part:
-    (F,) that of each triangle; closed, open: (P,) bool, as Casters says, and those with a loose edge; boxes: (P, 2, 3).
+    faces, edges: as in `Surface`; edges are sorted by their corners a and b. half_edges: (E, 2) the half-edges of each
+    edge, 3 · triangle + k for the one from corner k to the next, one of each direction if possible, −1 for none. part:
+    (F,) part of each triangle. closed: (P,) bool, as in `Casters`; open: (P,) bool, parts with a half-edge that has no
+    opposite; a part wound inwards is neither. boxes: (P, 2, 3) bounding boxes.
     """
 
     faces: Indices
     edges: Indices
-    sides: Indices
+    half_edges: Indices
     part: Indices
     closed: NDArray[np.bool_]
     open: NDArray[np.bool_]
@@ -63,15 +65,15 @@ class Topology:
 
 
 def topology_of(scene: Scene) -> Topology:
-    """The topology of what casts, welded as the device has it: by float32 position, each mesh by itself."""
+    """The topology of the casters, each mesh welded by float32 position, as the device stores it."""
     geometry = scene.geometry
     vertices = geometry.vertices.astype(np.float32) + np.float32(0)  # −0 is 0
     mesh = np.repeat(np.arange(len(scene.meshes)), [len(mesh.vertices) for mesh in scene.meshes])
     faces = _welded(vertices, mesh)[geometry.caster_faces]
-    # A triangle with a corner twice runs along its one edge both ways: it has no wall.
+    # A triangle with two equal corners has both half-edges of its only edge, and therefore no wall.
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
     rising = (faces < np.roll(faces, -1, axis=1)).ravel()
-    first, second = sides = _pairs(faces, rising)
+    first, second = sides = _paired_half_edges(faces, rising)
 
     two = second >= 0
     a, b = first[two] // 3, second[two] // 3
@@ -81,7 +83,8 @@ def topology_of(scene: Scene) -> Topology:
     opposed = np.zeros(len(first), dtype=bool)
     opposed[two] = rising[first[two]] != rising[second[two]]
     loose = np.bincount(part[first[~opposed] // 3], minlength=parts)
-    # Only if wound outwards: inside one wound inwards, nothing between a receiver and the light need face the light.
+    # Only if wound outwards: inside a part wound inwards, no triangle between a receiver and the light need face the
+    # light.
     corners = vertices[faces].astype(np.float64)
     volume = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
     closed = (loose == 0) & (np.bincount(part, volume, minlength=parts) > 0)
@@ -92,7 +95,7 @@ def topology_of(scene: Scene) -> Topology:
     return Topology(
         faces=faces,
         edges=_edges(faces, first, second),
-        sides=np.column_stack(sides),
+        half_edges=np.column_stack(sides),
         part=part,
         closed=closed,
         open=loose > 0,
@@ -101,13 +104,13 @@ def topology_of(scene: Scene) -> Topology:
 
 
 def casters_of(scene: Scene) -> Casters:
-    """The casters of a scene, part after part."""
+    """The closed and open casters of a scene, ordered by part."""
     topology = topology_of(scene)
     return Casters(_surface(topology, topology.closed), _surface(topology, ~topology.closed))
 
 
 def _welded(vertices: NDArray[np.float32], mesh: Indices) -> Indices:
-    """(V,) for each vertex the first of its mesh at the same place."""
+    """(V,) for each vertex, the index of the first vertex of its mesh at the same position."""
     order = np.lexsort((*vertices.T, mesh))
     same = (vertices[order[1:]] == vertices[order[:-1]]).all(axis=1) & (mesh[order[1:]] == mesh[order[:-1]])
     starts = np.flatnonzero(np.concatenate([[True], ~same]))
@@ -116,46 +119,46 @@ def _welded(vertices: NDArray[np.float32], mesh: Indices) -> Indices:
     return first
 
 
-def _pairs(faces: Indices, rising: NDArray[np.bool_]) -> tuple[Indices, Indices]:
-    """Sides (3 · triangle + k) two by two at each edge, one of each direction first; −1 for a side left alone.
+def _paired_half_edges(faces: Indices, rising: NDArray[np.bool_]) -> tuple[Indices, Indices]:
+    """Half-edges (3 · triangle + k) in pairs by edge, of opposite directions if possible; −1 for an unpaired one.
 
-    rising: (3F,) whether a side runs from the lower index to the higher.
+    rising: (3F,) whether a half-edge goes from the lower vertex index to the higher.
     """
     start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    # One number for the edge and the direction along it: numbers sort faster than their parts do.
-    side = (np.minimum(start, end) * (int(faces.max(initial=0)) + 1) + np.maximum(start, end)) << 1 | rising
-    order = np.argsort(side, kind="stable")
-    directed = _place_in_run(side[order])
-    if directed.any():  # an edge of several triangles one way
-        order = order[np.lexsort((rising[order], directed, side[order] >> 1))]
-    leads = _place_in_run(side[order] >> 1) % 2 == 0
-    follows = np.append(~leads[1:], False)  # a side at an odd place follows its own edge's
+    # Edge and direction as one integer, which sorts faster than a tuple.
+    key = (np.minimum(start, end) * (int(faces.max(initial=0)) + 1) + np.maximum(start, end)) << 1 | rising
+    order = np.argsort(key, kind="stable")
+    directed = _index_in_run(key[order])
+    if directed.any():  # an edge with several half-edges of one direction
+        order = order[np.lexsort((rising[order], directed, key[order] >> 1))]
+    leads = _index_in_run(key[order] >> 1) % 2 == 0
+    follows = np.append(~leads[1:], False)  # at an odd index in its run, paired with the one before
     return order[leads], np.where(follows, np.append(order[1:], -1), -1)[leads]
 
 
-def _place_in_run(keys: Indices) -> Indices:
-    """(N,) for each of sorted keys, how many before it are the same."""
+def _index_in_run(keys: Indices) -> Indices:
+    """(N,) for each of sorted keys, the number of equal keys before it."""
     starts = np.flatnonzero(np.append(True, keys[1:] != keys[:-1])[: len(keys)])
     return np.arange(len(keys)) - np.repeat(starts, np.diff(np.append(starts, len(keys))))
 
 
 def _edges(faces: Indices, first: Indices, second: Indices) -> Indices:
-    """(E, 4) third corner, a, b, third corner, as a Surface has them."""
-    third = np.roll(faces, 1, axis=1).ravel()  # the corner that side k does not touch
+    """(E, 4) edges with adjacency, as in `Surface`, of paired half-edges."""
+    opposite = np.roll(faces, 1, axis=1).ravel()  # the corner opposite half-edge k
     start, end = faces.ravel()[first], np.roll(faces, -1, axis=1).ravel()[first]
     low, high = np.minimum(start, end), np.maximum(start, end)
-    return np.column_stack([third[first], low, high, np.where(second >= 0, third[second], low)])
+    return np.column_stack([opposite[first], low, high, np.where(second >= 0, opposite[second], low)])
 
 
 def _surface(topology: Topology, chosen: NDArray[np.bool_]) -> Surface:
     """The triangles and edges of the chosen parts."""
 
     def by_part(of: Indices) -> tuple[Indices, Indices]:
-        """The rows of the chosen parts, part after part, and where each part ends; `of` says a row's part."""
+        """Indices of the chosen parts' rows, ordered by part, and each part's end; of: the part of each row."""
         order = np.argsort(of, kind="stable")
         return order[chosen[of[order]]], np.cumsum(np.bincount(of, minlength=len(chosen))[chosen])
 
     own, face_ends = by_part(topology.part)
-    mine, edge_ends = by_part(topology.part[topology.sides[:, 0] // 3])
+    mine, edge_ends = by_part(topology.part[topology.half_edges[:, 0] // 3])
     faces, edges, boxes = topology.faces[own], topology.edges[mine], topology.boxes[chosen]
     return Surface(faces, edges, face_ends, edge_ends, boxes)

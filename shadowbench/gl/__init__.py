@@ -1,1 +1,1 @@
-"""How it is drawn: one OpenGL context, shaders, the G-buffer, depth targets and clocks. PyGLM and float32 live here."""
+"""OpenGL: the context, shaders, the G-buffer, render targets and clocks. The only room that uses PyGLM."""

@@ -1,7 +1,8 @@
-"""How long drawing takes, by the clock that is right for the device, and how much work it was.
+"""Timing of draws by the clock suited to the device, and counts of their work.
 
-Software renderers: `finish` on both sides and the wall clock; their timer queries are wrong. Hardware: GL_TIME_ELAPSED,
-checked against the wall, and never nested: whole frames and single passes are measured in different draws.
+Software renderers: wall clock between two calls of `finish`, as their timer queries are wrong. Hardware:
+GL_TIME_ELAPSED queries, checked against the wall clock. Queries cannot be nested, so whole frames and single passes are
+timed in different draws.
 """
 
 import ctypes
@@ -28,12 +29,12 @@ _STATISTICS = {
     "fragments": 0x82F4,  # fragment shader invocations
 }
 _QUERY_RESULT = 0x8866
-COST = ("vertices", "geometry", "fragments", "reads", "rays")  # the counts that take time
+COST = ("vertices", "geometry", "fragments", "reads", "rays")  # the counts that add up to the cost
 
 
 @dataclass(frozen=True)
 class Sample:
-    """One time: milliseconds by the clock that is named, and by the wall beside it, which work on the CPU is in too."""
+    """One measured time: milliseconds by `clock`, and by the wall clock, which includes CPU work."""
 
     ms: float
     wall_ms: float
@@ -42,21 +43,21 @@ class Sample:
 
 @dataclass
 class PassTimes:
-    """Milliseconds by pass, what each pass depends on, and every clock that measured one of them."""
+    """Milliseconds by pass, what invalidates each pass, and the clocks used."""
 
     ms: dict[str, float] = field(default_factory=dict)
     changes: dict[str, Changes] = field(default_factory=dict)
     clocks: set[str] = field(default_factory=set)
 
     def add(self, name: str, changes: Changes, sample: Sample) -> None:
-        """Add to a pass; one that is drawn several times a frame sums up."""
+        """Add a time to a pass; the times of a pass drawn several times per frame add up."""
         self.ms[name] = self.ms.get(name, 0.0) + sample.ms
         self.changes[name] = changes
         self.clocks.add(sample.clock)
 
 
 class Clock:
-    """Times frames or their passes. `timed` is what techniques call; outside `passes` it costs nothing."""
+    """Times whole frames or their passes. Techniques call `timed` for each pass; it does nothing outside `passes`."""
 
     def __init__(self, device: Device) -> None:
         self._device = device
@@ -65,11 +66,11 @@ class Clock:
 
     @property
     def name(self) -> str:
-        """Which clock, as rows state it."""
+        """Name of the clock, as in rows."""
         return QUERIES if self._queries else WALL
 
     def frame(self, draw: Callable[[], object]) -> Sample:
-        """What one whole draw took."""
+        """Time of one whole draw."""
         with self._span() as samples:
             draw()
         return samples[0]
@@ -85,7 +86,7 @@ class Clock:
 
     @contextmanager
     def timed(self, name: str, changes: Changes = "frame") -> Iterator[None]:
-        """Bracket one pass; ValueError when `changes` is none of its three words, or `name` beyond LONGEST_NAME."""
+        """Context manager that times one pass. Raises ValueError for unknown `changes` or a name over LONGEST_NAME."""
         if len(name) > LONGEST_NAME:
             raise ValueError(f"pass {name!r:.60}… has a name of {len(name)} characters; allowed: {LONGEST_NAME}")
         if changes not in get_args(Changes):
@@ -99,7 +100,7 @@ class Clock:
 
     @contextmanager
     def _span(self) -> Iterator[list[Sample]]:
-        """Measures what is done within; the list holds the sample afterwards."""
+        """Time the body; the yielded list has the sample afterwards."""
         samples: list[Sample] = []
         context = self._device.context
         query: moderngl.Query | None = context.query(time=True) if self._queries else None
@@ -112,7 +113,7 @@ class Clock:
         samples.append(Sample(wall, wall, WALL) if query is None else self._plausible(query.elapsed / 1e6, wall))
 
     def _plausible(self, elapsed: float, wall: float) -> Sample:
-        """The query's answer, unless the wall clock shows it to be impossible: then queries are given up for good."""
+        """The queried time, or the wall time if the query exceeds it; then queries are not used again."""
         if 0.0 <= elapsed <= wall:  # 0 for a pass that draws nothing
             return Sample(elapsed, wall, QUERIES)
         self._queries = False
@@ -120,7 +121,7 @@ class Clock:
 
 
 def work_of(device: Device, draw: Callable[[], object]) -> dict[str, int]:
-    """Exact counts of one draw: draw calls and, where the driver counts them, shader invocations and primitives."""
+    """Exact counts of one draw: draw calls and, with pipeline statistics, shader invocations and primitives."""
     draws = device.draws
     if not device.pipeline_statistics:
         draw()
@@ -148,7 +149,7 @@ def work_of(device: Device, draw: Callable[[], object]) -> dict[str, int]:
 
 
 def with_cost(work: dict[str, int]) -> dict[str, int]:
-    """Work with `cost`, the sum of COST; without it where the driver counts no invocations."""
+    """Counts of work with `cost`, the sum of COST, added; unchanged without pipeline statistics."""
     if "fragments" not in work:
         return work
     return work | {"cost": sum(work.get(name, 0) for name in COST)}

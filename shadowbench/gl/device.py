@@ -1,4 +1,4 @@
-"""The one OpenGL context of a process, and what its driver says of itself."""
+"""The OpenGL context of a process, and its driver's properties."""
 
 import sys
 from collections.abc import Hashable, Iterable
@@ -16,15 +16,15 @@ _SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software", "swiftshader", "warp"
 
 
 class Freeable(Protocol):
-    """Anything that holds device memory."""
+    """An object with device memory."""
 
     def release(self) -> object:
-        """Free it."""
+        """Free the memory."""
 
 
 @dataclass(eq=False)
 class Device:
-    """A context (GL 4.1 or newer) with the raw entry points beside it. `draws` counts draw calls."""
+    """An OpenGL context (4.1 or newer) and its raw entry points. `draws`: number of draw calls; `samplers`: cache."""
 
     context: moderngl.Context
     draws: int = 0
@@ -37,43 +37,43 @@ class Device:
 
     @cached_property
     def renderer(self) -> str:
-        """The driver's name for itself, with its version: rows of different renderers are never mixed."""
+        """Renderer and version strings of the driver; rows of different renderers are never mixed."""
         info = self.context.info
         return f"{info['GL_RENDERER']}, {info['GL_VERSION']}"
 
     @cached_property
     def vendor(self) -> str:
-        """Who made the driver."""
+        """Vendor string of the driver."""
         return str(self.context.info["GL_VENDOR"])
 
     @cached_property
     def software(self) -> bool:
-        """Whether the renderer runs on the CPU, where timer queries say nothing and times are no GPU's."""
+        """Whether the renderer runs on the CPU, where timer queries are meaningless and times are not a GPU's."""
         return any(word in self.renderer.lower() for word in _SOFTWARE)
 
     @cached_property
     def version(self) -> int:
-        """410 for OpenGL 4.1."""
+        """OpenGL version, 410 for 4.1."""
         return int(self.context.version_code)
 
     @cached_property
     def max_map_size(self) -> int:
-        """Largest side of a square depth map."""
+        """Largest side of a square depth map, in texels."""
         info = self.context.info
         return min(int(info["GL_MAX_TEXTURE_SIZE"]), *(int(side) for side in info["GL_MAX_VIEWPORT_DIMS"]))
 
     @cached_property
     def subpixel_bits(self) -> int:
-        """Bits of the rasteriser's grid: 8 is usual, 4 is all that OpenGL asks for."""
+        """Bits of the rasteriser's subpixel grid: usually 8; OpenGL requires 4."""
         return self.raw.integer(_SUBPIXEL_BITS)
 
     def has(self, extension: str, core: int) -> bool:
-        """Whether the driver has an extension, or a version (450 for 4.5) that contains it."""
+        """Whether the driver has an extension, or the core version (450 for 4.5) that includes it."""
         return self.version >= core or extension in self.context.extensions
 
     @property
     def clip_control(self) -> bool:
-        """Whether depth can run from 0 to 1 before the viewport, which reversed z needs."""
+        """Whether clip-space depth can be 0 to 1, as reversed depth needs."""
         return self.has("GL_ARB_clip_control", 450)
 
     @property
@@ -82,24 +82,24 @@ class Device:
         return self.has("GL_ARB_pipeline_statistics_query", 460)
 
     @cached_property
-    def _home(self) -> moderngl.Framebuffer:
+    def _fallback_target(self) -> moderngl.Framebuffer:
         return self.context.simple_framebuffer((1, 1))
 
-    def free(self, held: Iterable[Freeable]) -> None:
-        """Release things, none of them bound: moderngl binds its last framebuffer again, even a deleted one."""
-        self._home.use()
-        for thing in held:
-            thing.release()
+    def free(self, resources: Iterable[Freeable]) -> None:
+        """Release resources after binding another framebuffer, as moderngl would rebind a deleted one."""
+        self._fallback_target.use()
+        for resource in resources:
+            resource.release()
 
     def check(self, what: str) -> None:
-        """Raise RuntimeError when OpenGL has recorded an error since the last check."""
+        """Raise RuntimeError if OpenGL has recorded an error since the last check."""
         error = self.context.error
         if error != "GL_NO_ERROR":
             raise RuntimeError(f"OpenGL error {error} in {what}")
 
 
 def open_device() -> Device:
-    """A context without a window; raises NoGLError with what to install."""
+    """A new context without a window. Raises NoGLError, which names the packages to install."""
     options: dict[str, Any] = {"backend": "egl"} if sys.platform.startswith("linux") else {}
     try:
         context = moderngl.create_context(standalone=True, require=410, **options)
@@ -109,5 +109,5 @@ def open_device() -> Device:
             "on Debian and Ubuntu without a GPU: apt-get install libegl1 libgl1-mesa-dri libgl1"
         ) from error
     context.gc_mode = "auto"
-    context.enable_direct(_CUBE_MAP_SEAMLESS)  # a filter at a cube's edge reads the next face too
+    context.enable_direct(_CUBE_MAP_SEAMLESS)  # filters read across the edges of cube faces
     return Device(context)

@@ -1,4 +1,4 @@
-"""The G-buffer: what the camera sees, as every technique's resolve pass reads it."""
+"""The G-buffer: positions, normals and triangle indices of the visible surfaces, input of every resolve pass."""
 
 from dataclasses import dataclass
 
@@ -17,10 +17,11 @@ from shadowbench.scenes.model import View
 
 @dataclass(frozen=True, eq=False)
 class GBuffer:
-    """Textures of one view, size × size, row 0 at the bottom as OpenGL has it.
+    """Textures of one view, size × size, row 0 at the bottom (OpenGL order).
 
-    position: RGBA32F, local xyz, w = 1 where something was hit. normal: RGBA32F, geometric and turned to the camera,
-    w = 1 on triangles that receive. triangle: R32I, −1 for a miss. depth: view depth divided by the far plane.
+    position: RGBA32F, local xyz, w = 1 where a surface is visible. normal: RGBA32F, geometric, towards the camera,
+    w = 1 for triangles that receive shadows. triangle: R32I, index of the triangle, −1 for none. depth: view depth
+    divided by that of the far plane.
     """
 
     position: moderngl.Texture
@@ -32,11 +33,11 @@ class GBuffer:
 
     @property
     def inputs(self) -> dict[str, tuple[moderngl.Texture, Sampling]]:
-        """What `receiver.glsl` reads."""
+        """Inputs of `receiver.glsl`."""
         return {"surface_position": (self.position, Sampling()), "surface_normal": (self.normal, Sampling())}
 
     def triangles(self) -> NDArray[np.int32]:
-        """(size, size) int32, row 0 at the top."""
+        """(size, size) int32 triangle indices, −1 for none, row 0 at the top."""
         return download(self.triangle, "i4")[..., 0].astype(np.int32)
 
     def release(self) -> None:
@@ -45,14 +46,14 @@ class GBuffer:
 
 
 def download(texture: moderngl.Texture, dtype: str = "f4") -> NDArray[np.generic]:
-    """(height, width, components) of a texture, row 0 at the top."""
+    """(height, width, components) array of a texture, row 0 at the top."""
     width, height = texture.size
     values = np.frombuffer(texture.read(alignment=1), dtype=dtype).reshape(height, width, texture.components)
     return values[::-1]
 
 
-class SurfacePass:
-    """Draws the G-buffer of any view of one geometry."""
+class GBufferPass:
+    """Draws G-buffers of any view of one geometry."""
 
     def __init__(self, device: Device, geometry: DeviceGeometry) -> None:
         roots = [data_folder("shaders")]
@@ -61,17 +62,17 @@ class SurfacePass:
         self.program: Program = link(
             device, compose("gbuffer/gbuffer.vert", roots), compose("gbuffer/gbuffer.frag", roots, TRIANGLE_DEFINES)
         )
-        self.drawable = geometry.everything(self.program)
+        self.drawable = geometry.all_faces(self.program)
 
     def draw(self, view: View) -> GBuffer:
-        """The G-buffer of a view; `view` is in the coordinates of the uploaded geometry."""
+        """The G-buffer of a view, which is in the same coordinates as the uploaded geometry."""
         context, size = self.device.context, (view.size, view.size)
         position, normal = (context.texture(size, 4, dtype="f4") for _ in range(2))
         triangle = context.texture(size, 1, dtype="i4")
         depth = context.depth_texture(size)
         target = context.framebuffer([position, normal, triangle], depth)
         target.clear(depth=1.0)
-        triangle.write(np.full(size, -1, dtype=np.int32).tobytes())  # a clear would write floats
+        triangle.write(np.full(size, -1, dtype=np.int32).tobytes())  # moderngl's clear writes floats
         far = view.near_far[1]
         self.program.set(world_to_clip=view_projection(view), eye=view.camera.position, far=far)
         self.drawable.draw(target, {"normals": (self.geometry.normals, Sampling())}, State(depth_test="<"))
@@ -79,5 +80,5 @@ class SurfacePass:
         return GBuffer(position, normal, triangle, depth, target, self.device)
 
     def release(self) -> None:
-        """Free the program."""
+        """Free the program and its vertex array."""
         self.device.free((self.drawable.vertices, self.program.linked))

@@ -1,4 +1,4 @@
-"""A scene's triangles on the device: one vertex buffer, indices of all faces and of those that cast."""
+"""A scene's triangles on the device: a vertex buffer, and index buffers of all faces and of the casters."""
 
 from typing import TypeVar
 
@@ -12,21 +12,21 @@ from shadowbench.scenes.geometry import Geometry
 
 _Value = TypeVar("_Value", bound=np.generic)
 _ROW = 2048
-TRIANGLE_DEFINES = {"TRIANGLE_ROW": str(_ROW)}  # what `triangle.glsl` needs
+TRIANGLE_DEFINES = {"TRIANGLE_ROW": str(_ROW)}  # defines of `triangle.glsl`
 
 
-def by_triangle(values: NDArray[_Value]) -> NDArray[_Value]:
-    """(height, width, …) texels that `triangle.glsl` reads, from (F, …) values; zeros fill the last row."""
+def triangle_texels(values: NDArray[_Value]) -> NDArray[_Value]:
+    """(height, width, …) texels of (F, …) per-triangle values for `triangle.glsl`, padded with zeros."""
     texels = np.zeros((-(-len(values) // _ROW) * _ROW, *values.shape[1:]), dtype=values.dtype)
     texels[: len(values)] = values
     return texels.reshape(-1, _ROW, *values.shape[1:])
 
 
 class DeviceGeometry:
-    """Uploaded once a scene; techniques draw `casters`, the G-buffer draws `everything`.
+    """A scene's buffers and per-triangle textures, uploaded once.
 
-    `normals` and `colors` are textures addressed by triangle: `texel_of` in `triangle.glsl`. The fourth component of a
-    normal is 1 for triangles that receive shadows.
+    Techniques draw `casters`, the G-buffer draws `all_faces`. `normals` and `colors` are textures addressed by triangle
+    (`texel_of` in `triangle.glsl`); w of a normal is 1 for triangles that receive shadows.
     """
 
     def __init__(self, device: Device, geometry: Geometry) -> None:
@@ -42,19 +42,19 @@ class DeviceGeometry:
 
     @staticmethod
     def _texture(device: Device, rows: NDArray[np.float64]) -> moderngl.Texture:
-        texels = by_triangle(rows.astype(np.float32))
+        texels = triangle_texels(rows.astype(np.float32))
         return device.context.texture((_ROW, len(texels)), 4, texels.tobytes(), dtype="f4")
 
-    def everything(self, program: Program) -> Drawable:
-        """All triangles, `gl_PrimitiveID` being the triangle's index."""
+    def all_faces(self, program: Program) -> Drawable:
+        """All triangles; `gl_PrimitiveID` is the triangle's index."""
         return self._drawable(program, self._faces)
 
     def casters(self, program: Program) -> Drawable:
-        """The triangles that cast."""
+        """The caster triangles."""
         return self._drawable(program, self._casters, count=-1 if self.caster_count else 0)
 
     def indexed(self, program: Program, indices: moderngl.Buffer, mode: int) -> Drawable:
-        """The scene's vertices by other indices (uint32) and another primitive."""
+        """The scene's vertices with other indices (uint32) and primitives."""
         return self._drawable(program, indices, mode=mode)
 
     def _drawable(

@@ -1,4 +1,4 @@
-"""Camera matrices, in doubles until a uniform makes floats of them."""
+"""Camera matrices in float64; uniforms convert them to float32."""
 
 import numpy as np
 from pyglm import glm
@@ -7,11 +7,11 @@ from shadowbench.scenes.model import Floats, View
 
 
 def view_projection(view: View) -> Floats:
-    """(4, 4) float64, world to clip space of a view's camera, as written (multiply from the left)."""
+    """(4, 4) float64 world-to-clip matrix of a view's camera, for column vectors."""
     camera = view.camera
     _, up, back = camera.basis()
-    eye = glm.dvec3(*camera.position)  # a tuple would be rounded to float32
-    looking = np.array(glm.lookAt(eye, eye - glm.dvec3(*back), glm.dvec3(*up)))
+    eye = glm.dvec3(*camera.position)  # glm rounds a tuple to float32
+    world_to_camera = np.array(glm.lookAt(eye, eye - glm.dvec3(*back), glm.dvec3(*up)))
     near, far = view.near_far
     slope = float(np.tan(camera.fov_y / 2))
     projection = np.array(
@@ -22,5 +22,5 @@ def view_projection(view: View) -> Floats:
             [0, 0, -1, 0],
         ]
     )
-    result: Floats = projection @ looking
+    result: Floats = projection @ world_to_camera
     return result

@@ -1,4 +1,4 @@
-"""Linked programs: uniforms by value, textures by name, and the draw itself with all the state it needs."""
+"""Linked programs, their uniforms and textures, and draw calls with their render state."""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,7 +20,7 @@ Value = bool | int | float | tuple[float, ...] | NDArray[np.float64]
 
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 _UNIFORM = re.compile(r"\buniform\s+(?:(?:low|medium|high)p\s+)?(\w+)\s+(\w[^;{]*);")
-_PLACE = re.compile(r"\b0[:(](\d+)")  # Mesa: 0:12(5), NVIDIA: 0(12), Apple and AMD: 0:12
+_LINE = re.compile(r"\b0[:(](\d+)")  # Mesa: 0:12(5), NVIDIA: 0(12), Apple and AMD: 0:12
 _STENCIL_TEST, _CLIP_DISTANCE, _FRONT, _BACK = 0x0B90, 0x3000, 0x0404, 0x0405
 _STENCIL_TESTS = {"always": 0x0207, "==": 0x0202, "!=": 0x0205}
 _STENCIL_OPS = {"keep": 0x1E00, "zero": 0, "replace": 0x1E01, "increment": 0x8507, "decrement": 0x8508}
@@ -29,7 +29,7 @@ _LOWER_LEFT, _NEGATIVE_ONE_TO_ONE, _ZERO_TO_ONE = 0x8CA1, 0x935E, 0x935F
 
 
 class Texture(Protocol):
-    """What a sampler reads: a texture of moderngl's, or a layered one."""
+    """A texture that a sampler can read: moderngl's, or a `DepthTexture`."""
 
     def use(self, location: int) -> None:
         """Bind to a texture unit."""
@@ -37,7 +37,7 @@ class Texture(Protocol):
 
 @dataclass(frozen=True)
 class Sampling:
-    """How a texture is read. `border` is the value outside, with wrap "border"; `compare` a depth comparison."""
+    """Sampler state. border: value outside the texture with wrap "border"; compare: hardware depth comparison."""
 
     linear: bool = False
     wrap: Wrap = "edge"
@@ -50,9 +50,10 @@ StencilOp = Literal["keep", "zero", "replace", "increment", "decrement"]
 
 @dataclass(frozen=True)
 class Stencil:
-    """A stencil test, and what becomes of the stencil: (test fails, depth fails, both pass) of front and back faces.
+    """Stencil test and operations.
 
-    Incrementing and decrementing wrap.
+    front, back: operations for front and back faces if (stencil fails, depth fails, both pass); increments and
+    decrements wrap.
     """
 
     test: Literal["always", "==", "!="] = "always"
@@ -63,9 +64,10 @@ class Stencil:
 
 @dataclass(frozen=True)
 class State:
-    """Fixed-function state of one draw; everything is reset after it, so that nothing leaks into the next.
+    """Fixed-function state of one draw, reset after it.
 
-    `blend` combines with what the target holds; `clip_distances` is how many of them the vertex shader writes.
+    polygon_offset: (factor, units); zero_to_one: clip-space depth from 0 to 1; blend: operator that combines the output
+    with the target; clip_distances: number of clip distances that the shaders write.
     """
 
     depth_test: Comparison = ""
@@ -81,7 +83,7 @@ class State:
 
 
 class Program:
-    """A linked program. Made by `link`."""
+    """A linked program, created by `link`."""
 
     def __init__(self, device: Device, program: moderngl.Program, text: str) -> None:
         self.device = device
@@ -89,19 +91,19 @@ class Program:
         types = _uniforms(text)
         self._known = set(types)
         self._units: dict[str, int] = {}
-        # moderngl ignores some sampler types without a word, so all of them are set here.
+        # All sampler uniforms are set here, as moderngl silently ignores some sampler types.
         device.raw("glUseProgram", program.glo)
         for name in sorted(name for name, kind in types.items() if "sampler" in kind):
             location = device.raw("glGetUniformLocation", program.glo, name.encode())
-            if location >= 0:  # the compiler drops what a variant does not use
+            if location >= 0:  # compilers remove unused uniforms
                 self._units[name] = len(self._units)
                 device.raw("glUniform1i", location, self._units[name])
 
     def set(self, **values: Value) -> None:
-        """Uniforms by name: numbers, tuples as vectors, (4, 4) arrays (row-major, as written) as matrices.
+        """Set uniforms by name: numbers, tuples as vectors, (4, 4) row-major arrays as matrices.
 
-        Arrays in the shader take (n, 4, 4) for matrices, (n, k) for vectors, (n,) for floats. A uniform that the
-        compiler dropped is skipped; a name that the text lacks raises KeyError.
+        Shader arrays take (n, 4, 4) arrays for matrices, (n, k) for vectors, (n,) for floats. A uniform that the
+        compiler removed is skipped. Raises KeyError for a name that the source does not declare.
         """
         for name, value in values.items():
             if name not in self._known:
@@ -114,11 +116,11 @@ class Program:
                 self.linked[name].value = value  # type: ignore[union-attr]
 
     def has(self, name: str) -> bool:
-        """Whether the text declares a uniform of this name."""
+        """Whether the source declares a uniform of this name."""
         return name in self._known
 
     def bind(self, textures: Mapping[str, tuple[Texture, Sampling]]) -> None:
-        """Bind textures to the samplers of their names; a sampler in use that is left out raises KeyError."""
+        """Bind textures to samplers by name. Raises KeyError if a sampler in use has no texture."""
         for name, unit in self._units.items():
             texture, sampling = textures[name]
             texture.use(unit)
@@ -126,7 +128,7 @@ class Program:
 
 
 def _uniforms(text: str) -> dict[str, str]:
-    """The type of each uniform that a text declares, whether or not the compiler keeps it."""
+    """The type of each uniform declared in a source text, by name, used or not."""
     types = {}
     for kind, names in _UNIFORM.findall(_COMMENT.sub("", text)):
         for name in names.split(","):
@@ -135,14 +137,14 @@ def _uniforms(text: str) -> dict[str, str]:
 
 
 def _bytes(value: NDArray[np.float64]) -> bytes:
-    """An array as a shader holds it: float32, matrices by columns."""
+    """Bytes of an array for a uniform: float32, matrices column-major."""
     if value.shape[-2:] != (4, 4):
         return value.astype(np.float32).tobytes()
     return b"".join(glm.mat4(*rows.T.ravel().tolist()).to_bytes() for rows in value.reshape(-1, 4, 4))
 
 
 def sampler_of(device: Device, sampling: Sampling) -> moderngl.Sampler:
-    """The sampler object of a way of reading, made once a context."""
+    """The sampler object of a sampler state, cached by context."""
     if sampling not in device.samplers:
         mode = moderngl.LINEAR if sampling.linear else moderngl.NEAREST
         sampler = device.context.sampler(
@@ -157,29 +159,29 @@ def sampler_of(device: Device, sampling: Sampling) -> moderngl.Sampler:
 
 
 class ShaderError(ValueError):
-    """A shader that does not compile or link. The first line says where and why; log and text follow."""
+    """A shader that does not compile or link. The first line has the error; the log and the source text follow."""
 
 
-def _first_complaint(log: str, stage: str, text: str | None) -> str:
-    """The first error of a driver's log with the line of the text that it means."""
+def _first_error(log: str, stage: str, text: str | None) -> str:
+    """The first error in a driver's log, with the source line that it refers to."""
     lines = [line.strip() for line in log.splitlines()]
-    complaint = next((line for line in lines if "error" in line.lower() and "failed" not in line.lower()), lines[0])
-    place = _PLACE.search(complaint)
+    error = next((line for line in lines if "error" in line.lower() and "failed" not in line.lower()), lines[0])
+    number = _LINE.search(error)
     source = (text or "").splitlines()
-    if place is None or not 0 < int(place[1]) <= len(source):
-        return f"{stage} shader: {complaint}"
-    return f"{stage} shader: {complaint}: {source[int(place[1]) - 1].strip()!r}"
+    if number is None or not 0 < int(number[1]) <= len(source):
+        return f"{stage} shader: {error}"
+    return f"{stage} shader: {error}: {source[int(number[1]) - 1].strip()!r}"
 
 
 def link(device: Device, vertex: str, fragment: str, geometry: str | None = None) -> Program:
-    """Compile and link whole shader texts; raises ShaderError with the log and the numbered text."""
+    """Compile and link complete shader texts. Raises ShaderError with the log and the numbered source."""
     try:
         program = device.context.program(vertex_shader=vertex, fragment_shader=fragment, geometry_shader=geometry)
     except moderngl.Error as error:
         texts = {"vertex": vertex, "geometry": geometry, "fragment": fragment}
-        guilty = [name for name in texts if f"{name}_shader" in str(error)] or list(texts)
-        listing = "\n\n".join(numbered(texts[name] or "") for name in guilty)
-        raise ShaderError(f"{_first_complaint(str(error), guilty[0], texts[guilty[0]])}\n{error}\n{listing}") from None
+        failed = [name for name in texts if f"{name}_shader" in str(error)] or list(texts)
+        listing = "\n\n".join(numbered(texts[name] or "") for name in failed)
+        raise ShaderError(f"{_first_error(str(error), failed[0], texts[failed[0]])}\n{error}\n{listing}") from None
     return Program(device, program, "\n".join([vertex, geometry or "", fragment]))
 
 
@@ -188,7 +190,7 @@ Ranges = Sequence[tuple[int, int]]  # (first, count) of vertices or indices
 
 @dataclass(frozen=True, eq=False)
 class Drawable:
-    """Vertices bound to a program; `draw` is the one place where anything is drawn, and counted."""
+    """A vertex array and its program. All draw calls go through `draw`, which counts them."""
 
     program: Program
     vertices: moderngl.VertexArray
@@ -202,19 +204,19 @@ class Drawable:
         state: State = State(),
         ranges: Ranges | None = None,
     ) -> None:
-        """Draw into a target with the given textures and state; of the vertices or indices some ranges, or all."""
+        """Draw ranges of the vertices or indices, by default all, into a target with these textures and state."""
         device = self.program.device
         target.use()
         self.program.bind(textures)
         ranges = ((0, self.count),) if ranges is None else ranges
-        with _applied(device, state):
+        with _render_state(device, state):
             for first, count in ranges:
                 self.vertices.render(self.mode, vertices=count, first=first)
         device.draws += len(ranges)
 
 
 @contextmanager
-def _applied(device: Device, state: State) -> Iterator[None]:
+def _render_state(device: Device, state: State) -> Iterator[None]:
     context, raw = device.context, device.raw
     flags = (moderngl.DEPTH_TEST if state.depth_test else 0) | (moderngl.CULL_FACE if state.cull else 0)
     context.enable_only(flags | (moderngl.BLEND if state.blend else 0))

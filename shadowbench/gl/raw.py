@@ -1,4 +1,4 @@
-"""The OpenGL entry points that moderngl lacks, each loaded when it is first called."""
+"""OpenGL entry points that moderngl lacks, loaded on first use."""
 
 import ctypes
 from collections.abc import Callable
@@ -11,7 +11,7 @@ _INT = _SIZE = ctypes.c_int
 _BOOL = ctypes.c_ubyte
 _POINTER = ctypes.c_void_p
 
-# name: (result, arguments)
+# name: (result type, argument types)
 _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "glActiveTexture": (None, (_ENUM,)),
     "glBeginQuery": (None, (_ENUM, _UINT)),
@@ -42,18 +42,18 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "glUniform1i": (None, (_INT, _INT)),
     "glUseProgram": (None, (_UINT,)),
 }
-_PROTOTYPE = getattr(ctypes, "WINFUNCTYPE", ctypes.CFUNCTYPE)  # Windows calls OpenGL by its own convention
+_PROTOTYPE = getattr(ctypes, "WINFUNCTYPE", ctypes.CFUNCTYPE)  # OpenGL on Windows uses stdcall
 
 
 class RawGL:
-    """`raw("glUniform1i", location, 0)`; raises NotImplementedError where the driver has no such function."""
+    """Calls by name, `raw("glUniform1i", location, 0)`. Raises NotImplementedError for one that the driver lacks."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._load: Callable[[str], int] = context.mglo._context.load
         self._functions: dict[str, Callable[..., Any]] = {}
 
     def __call__(self, name: str, *arguments: Any) -> Any:
-        """The entry point's result."""
+        """Call an entry point and return its result."""
         if name not in self._functions:
             address = self._load(name)
             if not address:
@@ -63,7 +63,7 @@ class RawGL:
         return self._functions[name](*arguments)
 
     def integer(self, name: int) -> int:
-        """A driver's limit or state that is one integer."""
+        """An integer limit or state (glGetIntegerv)."""
         value = ctypes.c_int()
         self("glGetIntegerv", name, ctypes.byref(value))
         return value.value

@@ -1,9 +1,9 @@
-"""Shader texts composed from includes and defines, so that no combination is ever written out.
+"""Shader source texts composed from includes and defines.
 
-`#include "bias/slope.glsl"` takes a file from the first root that has it, `#include <bias>` the file that the caller
-put into that slot. A file is taken once, wherever it is asked for first. After either, `with bias = bias_first` takes
-it under another name: `bias_` and `BIAS_` in it, and in what it includes, become `bias_first_` and `BIAS_FIRST_`, and
-`<bias>` the slot `<bias_first>`.
+`#include "bias/slope.glsl"` includes a file of the first root that has it, `#include <bias>` the file that the caller
+assigned to this slot. Each file is included once, at its first include. Followed by `with bias = bias_first`, an
+include renames: `bias_` and `BIAS_` in the file and its includes become `bias_first_` and `BIAS_FIRST_`, and `<bias>`
+becomes the slot `<bias_first>`.
 """
 
 import re
@@ -18,9 +18,10 @@ _INCLUDE = re.compile(rf'^[ \t]*#include[ \t]+(?:"([^"]+)"|<([^>]+)>){_WITH}[ \t
 def compose(
     source: Path | str, roots: Sequence[Path], defines: Mapping[str, str] = {}, slots: Mapping[str, str] = {}
 ) -> str:
-    """The whole text of one shader stage; `source` is a file below a root, or the text itself when it has lines.
+    """The complete source text of one shader stage.
 
-    Raises FileNotFoundError for an include that no root has, KeyError for a slot that is not filled.
+    source: a file relative to a root, or the source itself if it has several lines. Raises FileNotFoundError for an
+    include that no root has, KeyError for a slot without a file.
     """
     taken: set[tuple[Path, str]] = set()
 
@@ -46,7 +47,7 @@ def _renamed(text: str, old: str, new: str) -> str:
 
 
 def numbered(text: str) -> str:
-    """The text with line numbers, for the message of a shader that does not compile."""
+    """The source text with line numbers, for error messages."""
     return "\n".join(f"{number:4d}  {line}" for number, line in enumerate(text.splitlines(), start=1))
 
 

@@ -1,7 +1,7 @@
-"""Targets to draw depth and stencil into, of a chosen format that is checked with the driver.
+"""Depth and stencil render targets of a chosen format, whose precision is verified with the driver.
 
-moderngl knows neither the formats nor depth arrays, so depth textures are made raw: once, where respecifying one of its
-own would fill a large map twice.
+moderngl supports neither these formats nor depth arrays, so depth textures are created by raw calls. Respecifying one
+of moderngl's textures instead would allocate large maps twice.
 """
 
 import ctypes
@@ -19,7 +19,7 @@ DepthFormat = Literal["d16", "d24", "d32f"]
 Layers = Literal["array", "cube"]
 Kind = Literal["2d", Layers]
 
-# internal format, type of the (absent) data, bits, step of stored values near 1
+# internal format, type of the (absent) data, bits, spacing of stored values near 1
 _FORMATS: dict[DepthFormat, tuple[int, int, int, float]] = {
     "d16": (0x81A5, 0x1403, 16, 2.0**-16),
     "d24": (0x81A6, 0x1405, 24, 2.0**-24),
@@ -36,7 +36,7 @@ FACES = 6
 
 @dataclass(frozen=True, eq=False)
 class DepthTexture:
-    """A square depth texture: of one layer, an array of them, or the faces +X −X +Y −Y +Z −Z of a cube."""
+    """A square depth texture: one layer, an array of layers, or the faces +X −X +Y −Y +Z −Z of a cube."""
 
     device: Device
     glo: int
@@ -45,27 +45,27 @@ class DepthTexture:
     layers: int
 
     def use(self, location: int = 0) -> None:
-        """Bind to a texture unit, as moderngl's textures do."""
+        """Bind to a texture unit; same interface as moderngl's textures."""
         self.device.raw("glActiveTexture", 0x84C0 + location)
         self.device.raw("glBindTexture", _BINDINGS[self.kind], self.glo)
 
     def read(self) -> NDArray[np.float32]:
-        """(layers, size, size) stored depths, row 0 of each at the bottom as OpenGL has it; a cube's at the top."""
+        """(layers, size, size) stored depths, row 0 at the bottom (OpenGL order); of a cube's faces at the top."""
         depths = np.empty((self.layers, self.size, self.size), dtype=np.float32)
         self.use()
-        parts = [*depths] if self.kind == "cube" else [depths]
-        for place, part in zip(self._places(), parts, strict=True):
-            self.device.raw("glGetTexImage", place, 0, _DEPTH_COMPONENT, _FLOAT, part.ctypes.data)
+        images = [*depths] if self.kind == "cube" else [depths]
+        for target, image in zip(self._image_targets(), images, strict=True):
+            self.device.raw("glGetTexImage", target, 0, _DEPTH_COMPONENT, _FLOAT, image.ctypes.data)
         return depths
 
     def attach(self, framebuffer: moderngl.Framebuffer, layer: int | None = None) -> None:
-        """Make it, or one of its layers, the depth of a framebuffer; of several layers the whole is a layered one."""
+        """Attach the whole texture (layered if it has several layers), or one layer, to a framebuffer as its depth."""
         raw = self.device.raw
         framebuffer.use()
         raw("glBindFramebuffer", _FRAMEBUFFER, framebuffer.glo)
         if layer is None or self.kind == "2d":
             raw("glFramebufferTexture", _FRAMEBUFFER, _DEPTH_ATTACHMENT, self.glo, 0)
-        elif self.kind == "cube":  # OpenGL 4.1 has no other way to name a face
+        elif self.kind == "cube":  # glFramebufferTextureLayer takes no cube maps in OpenGL 4.1
             face = _FIRST_FACE + layer
             raw("glFramebufferTexture2D", _FRAMEBUFFER, _DEPTH_ATTACHMENT, face, self.glo, 0)
         else:
@@ -75,8 +75,8 @@ class DepthTexture:
         """Free the texture."""
         self.device.raw("glDeleteTextures", 1, ctypes.byref(ctypes.c_uint(self.glo)))
 
-    def _places(self) -> Iterator[int]:
-        """Where the images of the texture are specified and read."""
+    def _image_targets(self) -> Iterator[int]:
+        """The texture targets by which OpenGL addresses the texture's images."""
         if self.kind == "cube":
             yield from range(_FIRST_FACE, _FIRST_FACE + FACES)
         else:
@@ -85,21 +85,21 @@ class DepthTexture:
 
 @dataclass(frozen=True, eq=False)
 class DepthTarget:
-    """A depth texture to draw into.
+    """A depth texture and its framebuffers.
 
-    `target` has all layers, `gl_Layer` choosing one, and clears all; `each` has one layer apiece, none where there is
-    but one. `step` is the spacing of stored values near 1.
+    target: all layers, to clear all and to draw with `gl_Layer`; layer_targets: one framebuffer per layer, empty for a
+    2-D texture; step: spacing of stored values near 1; bytes: device memory.
     """
 
     texture: DepthTexture
     target: moderngl.Framebuffer
-    each: tuple[moderngl.Framebuffer, ...]
+    layer_targets: tuple[moderngl.Framebuffer, ...]
     step: float
     bytes: int
 
     def release(self) -> None:
-        """Free the texture."""
-        for framebuffer in (self.target, *self.each):
+        """Free the texture and its framebuffers."""
+        for framebuffer in (self.target, *self.layer_targets):
             framebuffer.release()
         self.texture.release()
 
@@ -107,9 +107,10 @@ class DepthTarget:
 def framebuffer_of(
     depth: DepthTexture, textures: Sequence[moderngl.Texture] = (), layer: int | None = None
 ) -> moderngl.Framebuffer:
-    """A framebuffer of a depth texture, or one of its layers, and of colour textures of its size."""
+    """A framebuffer of a depth texture, or of one of its layers, and of colour textures of the same size."""
     context, side = depth.device.context, depth.size
-    # moderngl makes none without an attachment, none of several sizes, and one that clears no depth where it had none.
+    # moderngl creates no framebuffer without an attachment or with attachments of different sizes, and clears no depth
+    # if a framebuffer was created without a depth attachment.
     placeholder = context.depth_renderbuffer((side, side) if textures else (1, 1))
     framebuffer = context.framebuffer(list(textures), placeholder)
     placeholder.release()
@@ -119,30 +120,30 @@ def framebuffer_of(
 
 
 def depth_target(device: Device, size: int, depth: DepthFormat, kind: Kind = "2d", layers: int = 1) -> DepthTarget:
-    """Layers of size × size, six for a cube; raises RuntimeError when the driver gives another precision."""
+    """A depth target of size × size layers, six for a cube. Raises RuntimeError if the driver's precision differs."""
     internal, data, bits, step = _FORMATS[depth]
     layers = FACES if kind == "cube" else layers
     name = ctypes.c_uint()
     device.raw("glGenTextures", 1, ctypes.byref(name))
     texture = DepthTexture(device, name.value, kind, size, layers)
     texture.use()
-    places = list(texture._places())
-    for place in places:
-        _specify(device, place, kind, internal, size, layers, data)
+    image_targets = list(texture._image_targets())
+    for image_target in image_targets:
+        _specify(device, image_target, kind, internal, size, layers, data)
     what = f"a {depth} target of {size}²" if kind == "2d" else f"{layers} layers of {size}² in {depth}"
     try:
-        _check(device, places[0], _DEPTH_SIZE, bits, what)
+        _check(device, image_targets[0], _DEPTH_SIZE, bits, what)
     except RuntimeError:
         texture.release()
         raise
     whole = framebuffer_of(texture)
-    each = tuple(framebuffer_of(texture, layer=layer) for layer in range(0 if kind == "2d" else layers))
+    layer_targets = tuple(framebuffer_of(texture, layer=layer) for layer in range(0 if kind == "2d" else layers))
     device.check(what)
-    return DepthTarget(texture, whole, each, step, layers * size * size * (bits // 8))
+    return DepthTarget(texture, whole, layer_targets, step, layers * size * size * (bits // 8))
 
 
-def refused(device: Device, size: int, depth: DepthFormat, kind: Kind = "2d", layers: int = 1) -> str | None:
-    """Why the driver would refuse such a map, in words, or None. Asked of proxy textures: nothing is allocated."""
+def unsupported_map(device: Device, size: int, depth: DepthFormat, kind: Kind = "2d", layers: int = 1) -> str | None:
+    """Why the driver does not support such a map; None if it does. Uses proxy textures, which allocate nothing."""
     internal, data, _, _ = _FORMATS[depth]
     _specify(device, _PROXIES[kind], kind, internal, size, layers, data)
     width = ctypes.c_int()
@@ -151,17 +152,17 @@ def refused(device: Device, size: int, depth: DepthFormat, kind: Kind = "2d", la
     return None if width.value == size else f"the driver refuses {what} of {size}² texels in {depth}"
 
 
-def _specify(device: Device, place: int, kind: Kind, internal: int, size: int, layers: int, data: int) -> None:
-    """Give a texture, bound or a proxy, an image without content."""
+def _specify(device: Device, target: int, kind: Kind, internal: int, size: int, layers: int, data: int) -> None:
+    """Specify an uninitialised image of the bound texture, or of a proxy."""
     if kind == "array":
-        device.raw("glTexImage3D", place, 0, internal, size, size, layers, 0, _DEPTH_COMPONENT, data, None)
+        device.raw("glTexImage3D", target, 0, internal, size, size, layers, 0, _DEPTH_COMPONENT, data, None)
     else:
-        device.raw("glTexImage2D", place, 0, internal, size, size, 0, _DEPTH_COMPONENT, data, None)
+        device.raw("glTexImage2D", target, 0, internal, size, size, 0, _DEPTH_COMPONENT, data, None)
 
 
 @dataclass(frozen=True, eq=False)
 class StencilTarget:
-    """Colour textures with a depth and a stencil buffer of their own, which wraps at 2 to the power of `bits`."""
+    """A framebuffer of colour textures with a depth-stencil buffer. `bits`: of the stencil."""
 
     bits: ClassVar[int] = 8
     device: Device
@@ -170,26 +171,26 @@ class StencilTarget:
     bytes: int
 
     def clear_stencil(self, value: int = 0) -> None:
-        """Set the stencil everywhere; clearing the framebuffer does not touch it."""
+        """Clear the stencil, which moderngl's clear leaves unchanged."""
         self.target.use()
         self.device.raw("glClearStencil", value)
         self.device.raw("glClear", _STENCIL_BUFFER)
 
     def release(self) -> None:
-        """Free the framebuffer and its depth; the colour textures are their maker's."""
+        """Free the framebuffer and its depth buffer, but not the colour textures."""
         self.target.release()
         self.depth.release()
 
 
 def stencil_target(device: Device, size: tuple[int, int], *colors: moderngl.Texture) -> StencilTarget:
-    """24 bits of depth and 8 of stencil; raises RuntimeError when the driver gives others."""
+    """A target with 24 bits of depth and 8 of stencil. Raises RuntimeError if the driver's precision differs."""
     depth, raw = device.context.depth_texture(size), device.raw
     raw("glBindTexture", _TEXTURE_2D, depth.glo)
     width, height = size
     image = (_TEXTURE_2D, 0, _DEPTH24_STENCIL8, width, height, 0, _DEPTH_STENCIL, _UNSIGNED_INT_24_8, None)
     raw("glTexImage2D", *image)
-    for what, bits in ((_DEPTH_SIZE, 24), (_STENCIL_SIZE, StencilTarget.bits)):
-        _check(device, _TEXTURE_2D, what, bits, f"depth and stencil of {width}×{height}")
+    for query, bits in ((_DEPTH_SIZE, 24), (_STENCIL_SIZE, StencilTarget.bits)):
+        _check(device, _TEXTURE_2D, query, bits, f"depth and stencil of {width}×{height}")
     target = device.context.framebuffer(list(colors), depth)
     target.use()
     raw("glFramebufferTexture2D", _FRAMEBUFFER, _DEPTH_STENCIL_ATTACHMENT, _TEXTURE_2D, depth.glo, 0)
@@ -197,9 +198,9 @@ def stencil_target(device: Device, size: tuple[int, int], *colors: moderngl.Text
     return StencilTarget(device, depth, target, width * height * 4)
 
 
-def _check(device: Device, place: int, what: int, bits: int, name: str) -> None:
-    given = ctypes.c_int()
-    device.raw("glGetTexLevelParameteriv", place, 0, what, ctypes.byref(given))
+def _check(device: Device, target: int, query: int, bits: int, name: str) -> None:
+    found = ctypes.c_int()
+    device.raw("glGetTexLevelParameteriv", target, 0, query, ctypes.byref(found))
     device.check(name)
-    if given.value != bits:
-        raise RuntimeError(f"asked the driver for {bits} bits in {name}, got {given.value}")
+    if found.value != bits:
+        raise RuntimeError(f"asked the driver for {bits} bits in {name}, got {found.value}")

@@ -1,1 +1,1 @@
-"""One way to make a row: the worker, the session, timing, rows and their keys."""
+"""Measuring cells: the worker and its session, scoring, timing, rows and their keys."""

@@ -1,4 +1,4 @@
-"""What is measured: a cell, and the view that it is seen in."""
+"""Cells, the unit of measurement, and the views they are drawn in."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from shadowbench.techniques.spec import Spec
 
 @dataclass(frozen=True)
 class CellRequest:
-    """A cell as it is sent to where it is drawn: its full spec as text, and the phase."""
+    """A cell as sent to the worker: its full spec as text, and its phase."""
 
     spec: str
     phase: int = 0
@@ -16,33 +16,33 @@ class CellRequest:
 
 @dataclass(frozen=True)
 class Cell:
-    """One measurement: a spec at a phase, in a block's view."""
+    """One measurement: a spec at one phase, drawn in the view of a block."""
 
     spec: Spec
     phase: int = 0
 
     @property
     def request(self) -> CellRequest:
-        """The cell as the worker takes it."""
+        """The cell as sent to the worker."""
         return CellRequest(self.spec.full_text, self.phase)
 
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """A view and the cells of all phases, which share its truth and its G-buffer."""
+    """A view and the cells measured in it, which share its truth and G-buffer."""
 
     view: View
     cells: tuple[Cell, ...]
 
     @property
     def scene(self) -> Scene:
-        """The view's scene."""
+        """Scene of the view."""
         return self.view.scene
 
 
 @dataclass(frozen=True, eq=False)
 class PlacedView:
-    """A view (file coordinates), and the coordinates that it is drawn in."""
+    """A view in file coordinates, and the coordinates it is drawn in."""
 
     view: View
     coordinates: Coordinates = "relative"

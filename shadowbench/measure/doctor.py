@@ -1,4 +1,4 @@
-"""What `doctor` computes: whether all is here that measuring needs, and which clock is used."""
+"""Diagnosis by `doctor`: whether everything needed for measuring is present, and which clock is used."""
 
 import dataclasses
 from pathlib import Path
@@ -9,22 +9,22 @@ from shadowbench.files import check_outputs
 from shadowbench.gl.clock import WALL
 from shadowbench.measure.executor import CellFailed
 from shadowbench.measure.machine import machine, versions
-from shadowbench.measure.noise import ALLOWED, CELL, ROUNDS, SCENE, noise
+from shadowbench.measure.noise import MAX_NOISE, ROUNDS, SCENE, SPEC, measure_noise
 from shadowbench.measure.session import DeviceInfo
 from shadowbench.measure.worker import Worker
 from shadowbench.truths.cache import KEPT_BYTES, cache_folder
 
 
-def examination() -> dict[str, dict[str, Any]]:
-    """Facts of the machine, versions, OpenGL and the cache of truths, by part and name.
+def diagnosis() -> dict[str, dict[str, Any]]:
+    """Facts about the machine, versions, OpenGL and the truth cache, by section and name.
 
-    `missing` in `opengl` says why nothing can be drawn, `problem` in `truth_cache` why no truth is kept.
+    `missing` in `opengl` says why nothing can be drawn; `problem` in `truth_cache`, why truths are not cached.
     """
     found: dict[str, dict[str, Any]] = {"machine": machine(), "versions": versions()}
     try:
         with Worker() as worker:
             info = worker.info
-            found["opengl"] = dataclasses.asdict(info) | {"why_this_clock": _why(info, info.clock)}
+            found["opengl"] = dataclasses.asdict(info) | {"why_this_clock": _clock_reason(info, info.clock)}
             found["opengl"] |= clock_noise(worker, info)
     except ShadowbenchError as error:
         found["opengl"] = {"missing": str(error)}
@@ -36,14 +36,14 @@ def examination() -> dict[str, dict[str, Any]]:
         "mib": round(sum(file.stat().st_size for file in files) / 2**20, 1),
         "at_most_mib": KEPT_BYTES // 2**20,
     }
-    unkept = _unkept(cache)
-    if unkept is not None:
-        found["truth_cache"]["problem"] = unkept
+    problem = _cache_problem(cache)
+    if problem is not None:
+        found["truth_cache"]["problem"] = problem
     return found
 
 
-def _unkept(folder: Path) -> str | None:
-    """Why no truth can be kept in a folder, or None."""
+def _cache_problem(folder: Path) -> str | None:
+    """Why truths cannot be cached in a folder; None if they can."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         check_outputs(".npz", folder / "truth.npz")
@@ -53,25 +53,25 @@ def _unkept(folder: Path) -> str | None:
 
 
 def clock_noise(worker: Worker, info: DeviceInfo) -> dict[str, Any]:
-    """What timing a cell against itself finds, and by which clock: queries may turn out to be impossible."""
+    """Timing noise of a cell against itself, and the clock if it changed: timer queries may prove unusable."""
     try:
-        found = noise(worker)
-    except CellFailed as error:  # all else is still to be told
+        found = measure_noise(worker)
+    except CellFailed as error:  # the rest of the diagnosis still counts
         return {"noise": f"not measured: {error}"}
-    told: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     if found.clock != info.clock:
-        told |= {"clock": found.clock, "why_this_clock": _why(info, found.clock)}
-    told |= {
+        values |= {"clock": found.clock, "why_this_clock": _clock_reason(info, found.clock)}
+    values |= {
         "noise": round(found.ratio, 4),
         f"noise_worst_of_{ROUNDS}_rounds": round(found.worst, 4),
-        "noise_is": f"the ratio of {CELL} on {SCENE} to itself, timed as if it were two, over {found.n} rounds",
+        "noise_is": f"the ratio of {SPEC} on {SCENE} to itself, timed as if it were two, over {found.n} rounds",
     }
-    if found.ratio > ALLOWED:
-        told["noise_is"] += f"; more than {ALLOWED}: something else runs here, and smaller differences mean nothing"
-    return told
+    if found.ratio > MAX_NOISE:
+        values["noise_is"] += f"; more than {MAX_NOISE}: something else runs here, and smaller differences mean nothing"
+    return values
 
 
-def _why(info: DeviceInfo, clock: str) -> str:
+def _clock_reason(info: DeviceInfo, clock: str) -> str:
     if info.software:
         return "a software renderer's timer queries are wrong; finishing before and after is right"
     if clock == WALL:

@@ -1,4 +1,4 @@
-"""Where cells are drawn, as all that measures sees it: the worker today, other machines later."""
+"""Interface for drawing cells in another process: the worker today, other machines later."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,39 +12,39 @@ R = TypeVar("R")
 
 
 class CellFailed(ShadowbenchError):
-    """A call that was not answered: it raised, crashed, hung or ate memory; the text says which."""
+    """Raised when a call raised an exception, crashed, hung or exceeded its memory; the message says which."""
 
 
 class MemoryExceeded(CellFailed):
-    """The process that draws grew past its limit."""
+    """Raised when the drawing process exceeded its memory limit."""
 
 
 def status_of(reason: CellFailed | Unsupported) -> str:
-    """Why a cell did not hold, as rows state it."""
+    """Row status of a cell that was unsupported or failed."""
     return f"{'unsupported' if isinstance(reason, Unsupported) else 'failed'}: {reason}"
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Of one call: seconds, and bytes of resident memory of the process that draws."""
+    """Limits of one call: seconds, and bytes of resident memory of the drawing process."""
 
     seconds: float = 120.0
     bytes: int = 8 << 30
 
 
 class Executor(Protocol):
-    """A session somewhere. After a failure, the next call finds a fresh one."""
+    """A session in another process. After a failure, the next call starts a fresh one."""
 
     @property
     def info(self) -> DeviceInfo:
-        """Its device, as it was when the session started; raises as `call` does."""
+        """Device facts from the start of the session. Raises as `call` does."""
 
     @property
     def limits(self) -> Limits:
-        """What a call may take."""
+        """Limits of each call."""
 
     def call(self, method: Callable[Concatenate[Session, P], R], *arguments: P.args, **options: P.kwargs) -> R:
-        """The answer of `method(session, …)`; raises Unsupported, CellFailed, or the start's ShadowbenchError."""
+        """Result of `method(session, …)`. Raises Unsupported, CellFailed, or ShadowbenchError if it cannot start."""
 
     def stop(self) -> None:
-        """End the session, by force."""
+        """Kill the session."""

@@ -1,4 +1,4 @@
-"""Pixels that change sides from frame to frame where the truth does not: shadows that crawl or swim."""
+"""Temporal stability: pixels that flip between lit and shadowed from frame to frame while the truth does not."""
 
 import itertools
 from collections.abc import Sequence
@@ -9,14 +9,14 @@ from scipy.ndimage import maximum_filter, minimum_filter
 
 from shadowbench.truths.trace import Truth
 
-EDGE = 2  # pixels around a true edge in which flips are looked for
+EDGE = 2  # pixels around a true edge in which flips are counted
 
 
 def flips(masks: Sequence[NDArray[np.float32]], truths: Sequence[Truth]) -> float | None:
-    """The largest share of edge receivers, over pairs of frames, that change sides where the truth stays.
+    """Largest share, over pairs of frames, of edge pixels that flip between lit and shadowed while the truth does not.
 
-    masks: (N, N) visibility of each frame. Pixels count that receive, are decided and lie within EDGE pixels of a true
-    edge in both frames; None without any. Of all receivers the share would tell how long the edges are.
+    masks: (N, N) visibility of each frame. Edge pixels are decided receivers within EDGE pixels of a true edge in both
+    frames; None if there are none. A share of all receivers would depend on the length of the edges.
     """
     shares = []
     for (before, was), (after, now) in itertools.pairwise(zip(masks, truths, strict=True)):

@@ -1,4 +1,4 @@
-"""Keys of rows: everything that a result rests on, hashed: a changed default or shader never mixes with old rows."""
+"""Row keys: hashes of everything a result depends on, so a changed default or shader never reuses old rows."""
 
 import hashlib
 import json
@@ -17,17 +17,17 @@ from shadowbench.techniques.base import Technique
 from shadowbench.techniques.registry import own_techniques, source_file
 from shadowbench.truths import cache as truths
 
-# What draws, scores and traces, with all that these import; of techniques they import none.
+# Modules that draw, score and trace; hashed with everything they import, which includes no technique.
 _MEASURING = tuple(Path(str(module.__file__)) for module in (session, scoring, truths))
 
 
 def view_key(view: View) -> str:
-    """A view's digest with its names: a row carries them, so the same triangles under another name are another row."""
+    """Digest of a view with its names: rows carry the names, so a renamed copy of a scene needs rows of its own."""
     return repr((view.scene.name, view.camera.name, view.light.name, view_digest(view)))
 
 
 def cell_key(cell: Cell, view: str, coordinates: Coordinates, renderer: str) -> str:
-    """Hex key of a cell in a view (its key), on a renderer."""
+    """Hex key of a cell on a renderer; `view` is a `view_key`."""
     parts = {
         "spec": cell.spec.full_text,
         "phase": cell.phase,
@@ -41,30 +41,30 @@ def cell_key(cell: Cell, view: str, coordinates: Coordinates, renderer: str) -> 
 
 @cache
 def _sources(technique: type[Technique]) -> str:
-    lineage = [one for one in (*technique.__mro__, *technique.Params.__mro__) if not _from_a_library(one)]
-    files = dict.fromkeys(source_file(one) for one in lineage)
-    around = dict.fromkeys(other for file in files for other in _around(file))
-    return code_digest(*_MEASURING, *files, *around, beside=_shaders(lineage))
+    lineage = [cls for cls in (*technique.__mro__, *technique.Params.__mro__) if not _is_library_class(cls)]
+    files = dict.fromkeys(source_file(cls) for cls in lineage)
+    around = dict.fromkeys(other for file in files for other in _plugin_sources(file))
+    return code_digest(*_MEASURING, *files, *around, extra_files=_shaders(lineage))
 
 
-def _from_a_library(one: type) -> bool:
-    return one.__module__.partition(".")[0] in {*sys.stdlib_module_names, "pydantic"}
+def _is_library_class(cls: type) -> bool:
+    return cls.__module__.partition(".")[0] in {*sys.stdlib_module_names, "pydantic"}
 
 
 def _shaders(lineage: Sequence[type]) -> list[Path]:
-    """Every shader text of ours that could be composed for a technique: all but other techniques' own folders."""
+    """Built-in shader files and folders that a technique may include: all but other techniques' folders."""
     others = {other.name for other in own_techniques() if other not in lineage}
     return [file for file in sorted(data_folder("shaders").iterdir()) if file.name not in others]
 
 
-def _around(file: Path) -> list[Path]:
-    """What a plug-in's file may use: the shaders beside it, or its whole package. Ours say all by imports."""
+def _plugin_sources(file: Path) -> list[Path]:
+    """Files a plug-in may use besides its imports: the shaders next to it, or its whole package. None for built-ins."""
     folder = file.parent
     if file.is_relative_to(PACKAGE):
         return []
     if not (folder / "__init__.py").exists():
-        beside = [other for pattern in ("*", "*/*") for other in sorted(folder.glob(pattern))]
-        return [other for other in beside if other.suffix in SOURCES - {".py"}]
-    while (folder.parent / "__init__.py").exists():  # from anywhere in the package it may import
+        nearby = [other for pattern in ("*", "*/*") for other in sorted(folder.glob(pattern))]
+        return [other for other in nearby if other.suffix in SOURCES - {".py"}]
+    while (folder.parent / "__init__.py").exists():  # the outermost package: imports may reach all of it
         folder = folder.parent
     return files_in(folder)

@@ -1,4 +1,4 @@
-"""Which machine, which versions, which command: what a run folder says of how it was made."""
+"""Provenance of a run folder: machine, versions and command."""
 
 import dataclasses
 import datetime
@@ -23,7 +23,7 @@ _LIBRARIES = ("moderngl", "pyglm", "numpy", "embreex", "scikit-image", "scipy", 
 
 
 def machine() -> dict[str, Any]:
-    """Processor, cores, memory, system."""
+    """Processor, cores, memory and operating system."""
     return {
         "processor": _processor(),
         "cores": os.cpu_count(),
@@ -33,16 +33,16 @@ def machine() -> dict[str, Any]:
 
 
 def machine_key(info: DeviceInfo) -> str:
-    """Hex key of what times rest on beside a cell's own key: machine, renderer, the clock that a device starts with.
+    """Hex key of what times depend on besides the cell's key: machine, renderer and the device's initial clock.
 
-    Not the clock that a row ends with: where queries were given up, the next run begins with queries again.
+    Not the clock of a row: a device that gave up timer queries in one run tries them again in the next.
     """
     parts = {"machine": machine(), "renderer": info.renderer, "clock": info.clock}
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:24]
 
 
 def versions() -> dict[str, str]:
-    """Of shadowbench, Python and the libraries that results rest on."""
+    """Versions of shadowbench, Python and the libraries that results depend on."""
     return {
         "shadowbench": __version__,
         "python": platform.python_version(),
@@ -53,7 +53,7 @@ def versions() -> dict[str, str]:
 def write_run_file(
     file: Path, info: DeviceInfo, notes: Sequence[str], study: StudyFacts, scores: Iterable[Record]
 ) -> None:
-    """`run.json`: command, versions, machine, clock, assumptions, and the keys of its cells' score rows."""
+    """Write `run.json`: command, versions, machine, clock, assumptions, study and the keys of its score rows."""
     text = {
         "schema": SCHEMA,
         "command": command_line(),
@@ -67,13 +67,13 @@ def write_run_file(
         "study": study,
         "keys": [row["key"] for row in scores],
     }
-    with replace_file(file) as beside:
-        beside.write_text(json.dumps(text, indent=2, ensure_ascii=False) + "\n", encoding="utf-8", errors="replace")
+    with replace_file(file) as temporary:
+        temporary.write_text(json.dumps(text, indent=2, ensure_ascii=False) + "\n", encoding="utf-8", errors="replace")
 
 
 def _processor() -> str:
     cpuinfo = Path("/proc/cpuinfo")
-    if cpuinfo.exists():  # platform.processor() says nothing on Linux
+    if cpuinfo.exists():  # platform.processor() is empty on Linux
         for line in cpuinfo.read_text().splitlines():
             if line.startswith("model name"):
                 return line.split(":", 1)[1].strip()

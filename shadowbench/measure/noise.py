@@ -1,4 +1,4 @@
-"""What timing finds where there is nothing to find: one cell timed as if it were two."""
+"""Timing noise: the ratio of a cell's time to its own, measured as if it were two cells."""
 
 from dataclasses import dataclass
 
@@ -11,17 +11,17 @@ from shadowbench.measure.session import Session
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import view_of
 
-CELL = "shadow-map:size=1024"  # the usual reference, as a study of the usual size times it
+SPEC = "shadow-map:size=1024"  # the default reference, in the default view size of a study
 SCENE, VIEW_SIZE, ROUNDS = "cube-on-plane", 512, 9
 SERIES = 5
-ALLOWED = 1.05
+MAX_NOISE = 1.05
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Ratios of a cell to itself, medians over interleaved rounds, as 1 or more: 1 is no noise.
+    """Median ratio of a cell's time to its own over interleaved rounds, inverted if below 1; 1 means no noise.
 
-    `ratio` is over all `n` rounds, `worst` the largest of the series of ROUNDS that they fall into.
+    ratio: over all `n` rounds; worst: largest ratio over the SERIES series of ROUNDS rounds.
     """
 
     ratio: float
@@ -31,25 +31,25 @@ class Noise:
     clock: str
 
 
-def noise(executor: Executor) -> Noise:
-    """Hold one cell twice, and time the two in turn; raises CellFailed."""
+def measure_noise(executor: Executor) -> Noise:
+    """Prepare one cell twice and time the two in turn. Raises CellFailed."""
     scene = load_scene(SCENE)
-    at = PlacedView(view_of(scene, scene.cameras[0], scene.lights[0], VIEW_SIZE))
+    placed_view = PlacedView(view_of(scene, scene.cameras[0], scene.lights[0], VIEW_SIZE))
     for _ in range(2):
-        executor.call(Session.hold, at, CellRequest(CELL))
+        executor.call(Session.prepare_timing, placed_view, CellRequest(SPEC))
     samples: list[list[Sample]] = []
     while len(samples) < SERIES * ROUNDS:
-        samples.append([executor.call(Session.time_frame, held) for held in range(2)])
+        samples.append([executor.call(Session.time_frame, index) for index in range(2)])
         if len({sample.clock for pair in samples for sample in pair}) > 1:
-            samples = []  # queries were given up, and for good: by two clocks there is no ratio
-    executor.call(Session.let_go)
+            samples = []  # the clock changed from queries to the wall, for good: times of two clocks have no ratio
+    executor.call(Session.release_timed)
     ms = np.array([[sample.ms for sample in pair] for pair in samples])
     ratios = ms[:, 0] / ms[:, 1]
-    series = [_apart(part) for part in np.split(ratios, SERIES)]
-    return Noise(_apart(ratios), max(series), len(ratios), float(np.median(ms)), samples[0][0].clock)
+    series = [_at_least_one(part) for part in np.split(ratios, SERIES)]
+    return Noise(_at_least_one(ratios), max(series), len(ratios), float(np.median(ms)), samples[0][0].clock)
 
 
-def _apart(ratios: np.ndarray) -> float:
-    """The median of ratios, or its inverse where that is larger."""
+def _at_least_one(ratios: np.ndarray) -> float:
+    """Median of the ratios, or its inverse if that is larger."""
     median = float(np.median(ratios))
     return max(median, 1 / median)

@@ -1,4 +1,4 @@
-"""The images of a run folder: masks and pictures of cells by their key, truths by their view's name."""
+"""Images of a run folder: masks and pictures named by cell key, truths named by view."""
 
 from pathlib import Path
 
@@ -15,37 +15,40 @@ from shadowbench.truths.trace import Truth
 
 
 class Pictures:
-    """Writes `masks/`, `pictures/` and `truth/` of a folder."""
+    """Writer of a folder's `masks/`, `pictures/` and `truth/`."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
 
-    def write_cell(self, key: str, drawn: Rendering) -> None:
-        """What a cell drew."""
-        write_mask(self._made("masks") / f"{key}.png", drawn.visibility)
-        write_picture(self._made("pictures") / f"{key}.png", drawn.picture)
+    def write_cell(self, key: str, rendering: Rendering) -> None:
+        """Write the mask and picture of a cell."""
+        write_mask(self._subfolder("masks") / f"{key}.png", rendering.visibility)
+        write_picture(self._subfolder("pictures") / f"{key}.png", rendering.picture)
 
     def write_truth(self, view: View, truth: Truth) -> None:
-        """Where they differ: a scene that is as it was again measures nothing, but another text's truth is there."""
-        folder = self._made("truth")
+        """Write the truth's visibility and undecided pixels, unless the files hold them already.
+
+        A scene edited and then restored has no new cells, but the files may hold the truth of the edited version.
+        """
+        folder = self._subfolder("truth")
         for name, mask in ((view.name, truth.visibility), (f"{view.name}.undecided", truth.undecided.astype(float))):
-            if not _shows(folder / f"{name}.png", mask):
+            if not _holds_mask(folder / f"{name}.png", mask):
                 write_mask(folder / f"{name}.png", mask)
 
-    def _made(self, name: str) -> Path:
+    def _subfolder(self, name: str) -> Path:
         folder = self.folder / name
         folder.mkdir(exist_ok=True)
         return folder
 
 
 def write_picture(file: Path, picture: NDArray[np.uint8]) -> None:
-    """A (H, W, 3) sRGB or (H, W) grey image as a PNG."""
-    with replace_file(file) as beside:
-        Image.fromarray(picture).save(beside, format="PNG", compress_level=1)
+    """Write a (H, W, 3) sRGB or (H, W) grey uint8 image as PNG."""
+    with replace_file(file) as temporary:
+        Image.fromarray(picture).save(temporary, format="PNG", compress_level=1)
 
 
-def _shows(file: Path, mask: NDArray[np.floating]) -> bool:
+def _holds_mask(file: Path, mask: NDArray[np.floating]) -> bool:
     try:
         return mask_sha256(read_mask(file)) == mask_sha256(mask)
-    except InputError:  # absent, or no mask
+    except InputError:  # missing, or not a mask
         return False

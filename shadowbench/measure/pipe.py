@@ -1,4 +1,4 @@
-"""A connection between processes over which a scene crosses once, however many calls are about its views."""
+"""Connection between processes that sends a scene once, however many calls refer to its views."""
 
 import io
 import pickle
@@ -10,7 +10,7 @@ from shadowbench.scenes.model import Scene
 
 
 class _Pickler(pickle.Pickler):
-    """Has `stands_for` say what is sent in place of a thing; None for the thing itself."""
+    """Pickler that sends `stands_for(thing)` in place of a thing unless that is None."""
 
     stands_for: Callable[[object], Any]
 
@@ -19,7 +19,7 @@ class _Pickler(pickle.Pickler):
 
 
 class _Unpickler(pickle.Unpickler):
-    """Has `load_as` give what was sent in place of a thing."""
+    """Unpickler that replaces what was sent in place of a thing by `load_as` of it."""
 
     load_as: Callable[[Any], object]
 
@@ -28,28 +28,28 @@ class _Unpickler(pickle.Unpickler):
 
 
 class Pipe:
-    """One end of a connection. The scene that was sent last is named, not sent again; both ends hold it."""
+    """One end of a connection. Both ends keep the last scene, which is then referred to rather than sent again."""
 
     def __init__(self, connection: Connection) -> None:
         self.connection = connection
         self._scene: Scene | None = None
 
     def send(self, thing: object) -> None:
-        """Send what can be pickled; raises BrokenPipeError or ConnectionResetError where nobody reads."""
+        """Pickle and send a thing. Raises BrokenPipeError or ConnectionResetError if the other end is closed."""
         buffer = io.BytesIO()
         pickler = _Pickler(buffer, pickle.HIGHEST_PROTOCOL)
-        pickler.stands_for = self._sent
+        pickler.stands_for = self._scene_out
         pickler.dump(thing)
         self.connection.send_bytes(buffer.getbuffer())
 
     def receive(self) -> Any:
-        """What was sent next; waits for it. Raises EOFError where nobody is left to send."""
+        """Wait for the next thing and return it. Raises EOFError if the other end is closed."""
         unpickler = _Unpickler(io.BytesIO(self.connection.recv_bytes()))
-        unpickler.load_as = self._received
+        unpickler.load_as = self._scene_in
         return unpickler.load()
 
-    def _sent(self, thing: object) -> tuple[bytes | None] | None:
-        """Of a scene, all of it as bytes, or nothing where the other end has it."""
+    def _scene_out(self, thing: object) -> tuple[bytes | None] | None:
+        """Stand-in for a scene: its pickled bytes, or None if the other end has it. None for any other thing."""
         if not isinstance(thing, Scene):
             return None
         if thing is self._scene:
@@ -57,7 +57,7 @@ class Pipe:
         self._scene = thing
         return (pickle.dumps(thing, pickle.HIGHEST_PROTOCOL),)
 
-    def _received(self, sent: tuple[bytes | None]) -> Scene:
+    def _scene_in(self, sent: tuple[bytes | None]) -> Scene:
         (scene,) = sent
         if scene is not None:
             self._scene = pickle.loads(scene)

@@ -1,20 +1,20 @@
-"""Where the time of a run goes."""
+"""Run time by activity."""
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-# Activity: what it is. Those of the worker are measured there, with the GPU's work finished at both ends.
+# Activities and their descriptions. The worker measures its own, waiting for the GPU before and after.
 ACTIVITIES = {
     "passes": "GL passes: the G-buffer, the frames that are scored, counted and timed, pictures",
     "truth": "ray tracing, or reading it from the cache",
     "score": "metrics",
-    "prepare": "programs, textures and buffers of the cells: prepare_ms, and once more where memory keeps none",
-    "build": "geometry to the device",
-    "read back": "images from the device, quantised",
-    "files": "rows, masks and pictures to disk, where nothing else was done meanwhile",
-    "waiting": "for the worker, beyond what it says of itself: its start, the pipe",
+    "prepare": "programs, textures and buffers of the cells: prepare_ms, and again for cells not kept in memory",
+    "build": "uploading geometry to the GPU",
+    "read back": "images from the GPU, quantised",
+    "files": "waiting until rows, masks and pictures are on disk",
+    "waiting": "for the worker, beyond its own activities: its start, the pipe",
     "other": "scenes, tables",
 }
 MEASURING = ("passes", "truth", "score")
@@ -22,34 +22,34 @@ MEASURING = ("passes", "truth", "score")
 
 @dataclass
 class Profile:
-    """Seconds by activity. What is done within another activity counts as that one alone, never as both."""
+    """Seconds by activity. Time in a nested activity counts only for the inner one."""
 
     seconds: dict[str, float] = field(default_factory=dict)
-    _within: list[str] = field(default_factory=list)
+    _nested: list[str] = field(default_factory=list)
     _since: float = 0.0
 
     @contextmanager
-    def of(self, activity: str) -> Iterator[None]:
-        """Add the time of a block to an activity."""
-        self._book()
-        self._within.append(activity)
+    def activity(self, name: str) -> Iterator[None]:
+        """Add the duration of the block to an activity."""
+        self._add_elapsed()
+        self._nested.append(name)
         try:
             yield
         finally:
-            self._book()
-            self._within.pop()
+            self._add_elapsed()
+            self._nested.pop()
 
-    def _book(self) -> None:
-        """Give the time since the last change to whatever was done in it."""
+    def _add_elapsed(self) -> None:
+        """Add the time since the last call to the current activity."""
         now = time.perf_counter()
-        if self._within:
-            activity = self._within[-1]
+        if self._nested:
+            activity = self._nested[-1]
             self.seconds[activity] = self.seconds.get(activity, 0.0) + now - self._since
         self._since = now
 
 
-def whole(parent: Mapping[str, float], worker: Mapping[str, float], total: float) -> dict[str, float]:
-    """Seconds of a run by ACTIVITIES, which add up to `total`: the worker's own in place of the wait for them."""
+def complete_profile(parent: Mapping[str, float], worker: Mapping[str, float], total: float) -> dict[str, float]:
+    """Seconds of a run for each of ACTIVITIES, adding up to `total`; the worker's own replace the wait for them."""
     seconds = {**parent, **worker}
     seconds["waiting"] = parent.get("waiting", 0.0) - sum(worker.values())
     seconds["other"] = total - sum(parent.values())
@@ -57,5 +57,5 @@ def whole(parent: Mapping[str, float], worker: Mapping[str, float], total: float
 
 
 def share(seconds: Mapping[str, float], activities: Sequence[str] = MEASURING) -> float:
-    """How much of it was spent inside GL passes, ray tracing and scoring, or whatever is asked for."""
+    """Share of the time spent in some activities: by default GL passes, ray tracing and scoring."""
     return sum(seconds.get(activity, 0.0) for activity in activities) / sum(seconds.values())

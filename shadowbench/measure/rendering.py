@@ -1,4 +1,4 @@
-"""What one draw of a cell gives: images, and what its row says of memory, work and facts."""
+"""Result of drawing a cell: its images, GPU memory, work counts and facts."""
 
 import math
 from collections.abc import Mapping
@@ -15,10 +15,11 @@ from shadowbench.techniques.filters import Filter
 
 @dataclass(frozen=True, eq=False)
 class Rendering:
-    """One draw of a cell, images with row 0 at the top.
+    """Images and measurements of one draw; row 0 of images is at the top.
 
-    visibility: (N, N) float32 quantised to 16 bits; picture: (N, N, 3) uint8 sRGB, shaded with it; map: (H, W) float32
-    linear depth, where it was asked for and the technique has one.
+    visibility: (N, N) float32, 0 in shadow to 1 lit, quantised to 16 bits; picture: (N, N, 3) uint8 sRGB, shaded with
+    the visibility; map: (H, W) float32 linear depth, None if not requested or the technique has none; gpu_bytes: of its
+    textures and buffers; work: counts by name; facts: numbers reported by the technique, by name.
     """
 
     visibility: NDArray[np.float32]
@@ -29,14 +30,14 @@ class Rendering:
     facts: dict[str, float]
 
     def _repr_png_(self) -> bytes:
-        """The picture, as a notebook shows it."""
+        """PNG of the picture, for notebooks."""
         return png_of(self.picture)
 
 
-def own_work(technique: Technique, pixels: int, facts: dict[str, float]) -> dict[str, int]:
-    """What OpenGL does not count: texture reads of maps, and rays. Taken out of `facts` where they state them.
+def declared_work(technique: Technique, pixels: int, facts: dict[str, float]) -> dict[str, int]:
+    """Work that OpenGL does not count: shadow-map reads and rays, moved here from `facts` if reported there.
 
-    A technique with one of our filters reads what its row declares for each pixel of the view.
+    A technique with a built-in filter reads as many texels per pixel as the filter declares.
     """
     work: dict[str, int] = {name: int(facts.pop(name)) for name in ("reads", "rays") if name in facts}
     chosen = getattr(technique.params, "filter", None)
@@ -45,8 +46,8 @@ def own_work(technique: Technique, pixels: int, facts: dict[str, float]) -> dict
     return work
 
 
-def numbers(spec: str, facts: Mapping[str, float]) -> dict[str, float]:
-    """Facts as a row can hold them; raises ValueError for one that is not finite, or has a name beyond LONGEST_NAME."""
+def finite_facts(spec: str, facts: Mapping[str, float]) -> dict[str, float]:
+    """Facts as plain floats. Raises ValueError if one is not finite or its name is longer than LONGEST_NAME."""
     for name, value in facts.items():
         if len(name) > LONGEST_NAME:
             raise ValueError(

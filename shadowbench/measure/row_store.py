@@ -1,4 +1,4 @@
-"""`rows.jsonl` as it grows: one JSON object a line, on disk as soon as it is written, so that a killed run goes on."""
+"""Appending to `rows.jsonl`: one JSON object a line, synced to disk at once, so that a killed run can resume."""
 
 import json
 import os
@@ -17,10 +17,10 @@ else:
 
 
 class RowStore:
-    """`rows.jsonl` of a run folder. The last record of a key and kind counts.
+    """The `rows.jsonl` of a run folder, locked for writing. The last record of each key and kind counts.
 
-    `sweep`: the rows stand on axes. InputError for a folder that holds rows of the other sort, that cannot be written,
-    or that another process writes into.
+    sweep: whether the rows are of `stress` (on axes) or of `run`. Raises InputError for a folder with rows of the other
+    command, one that cannot be written, and one that another process writes into.
     """
 
     def __init__(self, folder: Path, sweep: bool = False) -> None:
@@ -29,7 +29,7 @@ class RowStore:
         self.times: dict[str, Record] = {}
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            self._lock = _locked(folder)
+            self._lock = _lock_folder(folder)
         except OSError as error:
             raise _cannot_write(folder, error) from None
         try:
@@ -47,20 +47,20 @@ class RowStore:
             raise InputError(f"{self.file}: found cells of `{found}`; allowed: a folder of `{allowed}`, or a new one")
         for row in rows:
             self._keep(row)
-        self._stream = self.file.open("ab", buffering=0)  # what a buffer holds would be written again at the end
-        self._stream.truncate(end)  # killed in the middle of a line: that row was never finished
+        self._stream = self.file.open("ab", buffering=0)  # after a failed write, a buffer would be written on close
+        self._stream.truncate(end)  # drops a partial line of a killed run
 
     def _keep(self, record: Record) -> None:
         (self.scores if record["kind"] == "score" else self.times)[record["key"]] = record
 
     def append(self, record: Record) -> None:
-        """Keep a record, on disk before this returns; InputError, and nothing is written, where the disk is full.
+        """Write a record to disk before returning; a score record gets the current command line.
 
-        A score record gets the command that made it.
+        Raises InputError, with nothing written, if the disk is full.
         """
         made = {"command": command_line()} if record["kind"] == "score" else {}
         record = {"schema": SCHEMA, **record, **made}
-        # Half a surrogate, as a file's name in no UTF-8 has it, is no JSON.
+        # A lone surrogate, from a file name that is not UTF-8, cannot be encoded.
         line = (json.dumps(record, allow_nan=False, ensure_ascii=False) + "\n").encode(errors="replace")
         end = self._stream.seek(0, os.SEEK_END)
         try:
@@ -72,24 +72,24 @@ class RowStore:
             raise _cannot_write(self.file, error) from None
         self._keep(record)
 
-    def done(self, key: str) -> Record | None:
-        """The score record of a key, unless it failed: that is tried again, as it may have been the machine."""
+    def finished_score(self, key: str) -> Record | None:
+        """Score record of a key; None if missing or failed, since a failure may be the machine's and is tried again."""
         row = self.scores.get(key)
         return None if row is None or row["status"].startswith("failed") else row
 
     def close(self) -> None:
-        """Close the file, and let others write into the folder."""
+        """Close the file and unlock the folder."""
         self._stream.close()
         self._unlock()
 
     def _unlock(self) -> None:
-        # First the file, while nobody else can hold it: who has opened it before sees that it is gone.
+        # Removed while still locked: a process that has it open finds that it is gone, and opens a new one.
         Path(self._lock.name).unlink(missing_ok=True)
         self._lock.close()
 
 
 def command_line() -> str:
-    """The command as it was typed."""
+    """The current command line."""
     return shlex.join(["shadowbench", *sys.argv[1:]])
 
 
@@ -97,10 +97,10 @@ def _cannot_write(path: Path, error: OSError) -> InputError:
     return InputError(f"{path}: cannot be written ({(error.strerror or str(error)).lower()})")
 
 
-def _locked(folder: Path) -> IO[str]:
-    """The lock of a folder, held until it is closed or this process ends, however; InputError while another has it.
+def _lock_folder(folder: Path) -> IO[str]:
+    """Lock file of a folder, locked until closed or until this process ends. Raises InputError if another holds it.
 
-    A lock on a file that its last holder has removed keeps nobody out: the next one is taken.
+    A lock on a file that its last holder has removed excludes nobody, so a new file is locked instead.
     """
     file = folder / "writing.lock"
     while True:
@@ -113,12 +113,12 @@ def _locked(folder: Path) -> IO[str]:
         except OSError:
             lock.close()
             raise InputError(f"{folder}: another run writes into it; wait for it, or choose another with -o") from None
-        if _is_there(lock, file):
+        if _is_same_file(lock, file):
             return lock
         lock.close()
 
 
-def _is_there(lock: IO[str], file: Path) -> bool:
+def _is_same_file(lock: IO[str], file: Path) -> bool:
     try:
         return os.path.samestat(os.fstat(lock.fileno()), file.stat())
     except FileNotFoundError:

@@ -1,8 +1,7 @@
-"""What a run folder's files hold: the rows of `rows.jsonl` and the object of `run.json`, read through one model each.
+"""Schemas of a run folder's files: the rows of `rows.jsonl` and the object in `run.json`.
 
-A folder may come from anybody. What is read here has the types below, finite numbers, and keys and names that stay
-inside the folder when a path is made of them; anything else is an InputError. Fields that this version does not know
-are kept.
+A run folder is untrusted input. The models below check types, require finite numbers, and reject keys and names that
+would leave the folder when used in a path; anything else raises InputError. Unknown fields are kept.
 """
 
 import math
@@ -29,25 +28,25 @@ from shadowbench.scenes.model import Coordinates, LightKind
 from shadowbench.strict import explain
 
 SCHEMA = 1
-_HEAD = b'{"schema": 1'  # how every line begins, also one that was cut short
+_HEAD = b'{"schema": 1'  # prefix of every line, a truncated one included
 
 Record = Mapping[str, Any]
-"""A ScoreRow or a TimeRow, with whatever else it holds."""
+"""A ScoreRow or a TimeRow, unknown fields included."""
 
 Key = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{24}$")]
 Name = Annotated[str, StringConstraints(pattern=r"^[^/\\\x00]*$")]
-"""Of a scene, view or light: `truth/` has a file that is called after them."""
+"""Name of a scene, view or light; `truth/` has files named after them."""
 Count = Annotated[int, Field(ge=0, lt=2**63)]
 Size = Annotated[int, Field(ge=1, lt=2**31)]
-Whole = Annotated[int, Field(ge=-(2**63), lt=2**63)]
-Positive = Annotated[FiniteFloat, Field(ge=0)]
+Integer = Annotated[int, Field(ge=-(2**63), lt=2**63)]
+NonNegative = Annotated[FiniteFloat, Field(ge=0)]
 
 _STRICT = ConfigDict(strict=True, extra="allow")
 
 
 @with_config(_STRICT)
 class CellIdentity(TypedDict):
-    """What names a cell for people and for `check`, whatever its sources. `map_size` is None without a map."""
+    """Fields that identify a cell independently of source code. `map_size` is None for a technique without a map."""
 
     scene: Name
     view: Name
@@ -62,18 +61,18 @@ class CellIdentity(TypedDict):
 
 
 @with_config(_STRICT)
-class HandedOver(TypedDict):
-    """What was noticed of a mask from elsewhere."""
+class InputRecord(TypedDict):
+    """Warnings about a mask from another renderer."""
 
     warnings: NotRequired[list[str]]
 
 
 @with_config(_STRICT)
 class ScoreRow(CellIdentity):
-    """What a cell drew. One that is `ok` has the measurements; one on an axis of `stress` has its place there.
+    """Score record of a cell: measurements if its status is `ok`, and its axis value if `stress` made it.
 
-    `command` made it. `content`: of another renderer's row, the key of what was handed over; such a row has no
-    `gpu_bytes`.
+    command: the command line that produced the row; content: digest of the input of another renderer's row, which has
+    no `gpu_bytes`.
     """
 
     schema: Literal[1]
@@ -87,7 +86,7 @@ class ScoreRow(CellIdentity):
     receivers: NotRequired[Count]
     undecided: NotRequired[Count]
     gpu_bytes: NotRequired[Count | None]
-    work: NotRequired[dict[str, Whole]]
+    work: NotRequired[dict[str, Integer]]
     facts: NotRequired[dict[str, FiniteFloat]]
     mask_sha256: NotRequired[str | None]
     surface_mismatch: NotRequired[Count]
@@ -95,10 +94,10 @@ class ScoreRow(CellIdentity):
     flips: NotRequired[FiniteFloat | None]
 
     content: NotRequired[str]
-    input: NotRequired[HandedOver]
+    input: NotRequired[InputRecord]
 
     axis: NotRequired[str]
-    axis_value: NotRequired[Whole | FiniteFloat | str]
+    axis_value: NotRequired[Integer | FiniteFloat | str]
     axis_unit: NotRequired[str]
     light_kind: NotRequired[LightKind]
     home_spec: NotRequired[str]
@@ -106,43 +105,43 @@ class ScoreRow(CellIdentity):
 
 @with_config(_STRICT)
 class PassTime(TypedDict):
-    """The median of a pass, and when it has to be drawn again."""
+    """Median time of a pass, in milliseconds, and which change makes it redraw."""
 
-    ms: Positive
+    ms: NonNegative
     changes: NotRequired[str]
 
 
 @with_config(_STRICT)
 class TimeRow(TypedDict):
-    """What a cell took, in milliseconds; `n` rounds. Without a `ratio`, `no_ratio` is the reference's status."""
+    """Time record of a cell: milliseconds over `n` rounds. Without a `ratio`, `no_ratio` is the reference's status."""
 
     schema: Literal[1]
     kind: Literal["time"]
     key: Key
     clock: str
     n: Annotated[Count, Field(ge=1)]
-    frame_ms: Positive
-    frame_iqr_ms: NotRequired[Positive]
-    wall_ms: NotRequired[Positive | None]
+    frame_ms: NonNegative
+    frame_iqr_ms: NotRequired[NonNegative]
+    wall_ms: NotRequired[NonNegative | None]
     added_ms: NotRequired[FiniteFloat]
-    prepare_ms: NotRequired[Positive]
-    still_ms: NotRequired[Positive | None]
-    camera_ms: NotRequired[Positive | None]
-    light_ms: NotRequired[Positive | None]
+    prepare_ms: NotRequired[NonNegative]
+    still_ms: NotRequired[NonNegative | None]
+    camera_ms: NotRequired[NonNegative | None]
+    light_ms: NotRequired[NonNegative | None]
     passes: dict[str, PassTime]
     machine: NotRequired[str]
     reference: NotRequired[str]
     reference_key: NotRequired[str]
-    reference_ms: NotRequired[Positive | None]
-    ratio: Positive | None
-    ratio_iqr: NotRequired[Positive | None]
-    ratio_quartiles: NotRequired[Annotated[list[Positive], Field(min_length=2, max_length=2)] | None]
+    reference_ms: NotRequired[NonNegative | None]
+    ratio: NonNegative | None
+    ratio_iqr: NotRequired[NonNegative | None]
+    ratio_quartiles: NotRequired[Annotated[list[NonNegative], Field(min_length=2, max_length=2)] | None]
     no_ratio: NotRequired[str | None]
 
 
 @with_config(_STRICT)
 class MachineFacts(TypedDict, total=False):
-    """Of `run.json`: the computer."""
+    """The computer, in `run.json`."""
 
     processor: str | None
     cores: int | None
@@ -152,7 +151,7 @@ class MachineFacts(TypedDict, total=False):
 
 @with_config(_STRICT)
 class DeviceFacts(TypedDict, total=False):
-    """Of `run.json`: who drew, and whether a processor did it in place of a GPU."""
+    """The OpenGL renderer, and whether it is a software renderer, in `run.json`."""
 
     renderer: str
     software: bool
@@ -162,7 +161,7 @@ class DeviceFacts(TypedDict, total=False):
 
 @with_config(_STRICT)
 class StudyFacts(TypedDict, total=False):
-    """Of `run.json`: what was asked for."""
+    """The measured study, in `run.json`."""
 
     scenes: list[str]
     specs: list[str]
@@ -175,7 +174,7 @@ class StudyFacts(TypedDict, total=False):
 
 @with_config(_STRICT)
 class RunFile(TypedDict, total=False):
-    """`run.json`: how the last command made the folder. `keys` are its cells; older folders lack them."""
+    """`run.json`: description of the last command. `keys` lists its cells; older folders lack it."""
 
     schema: Literal[1]
     command: str
@@ -192,30 +191,32 @@ class RunFile(TypedDict, total=False):
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """A cell's rows: its score record, and its time record where it has one; `untimed` says why timing it failed."""
+    """Score record of a cell, its time record if any, and why timing failed, if it did."""
 
     score: Record
     time: Record | None
-    untimed: str | None = None
+    timing_failure: str | None = None
 
     @property
     def status(self) -> str:
-        """`ok`, `unsupported: …` or `failed: …`, also for a cell that fails only while it is timed."""
-        return str(self.score["status"]) if self.untimed is None else f"failed: while timed: {self.untimed}"
+        """`ok`, `unsupported: …` or `failed: …`; the last also for a cell that failed only during timing."""
+        if self.timing_failure is not None:
+            return f"failed: while timed: {self.timing_failure}"
+        return str(self.score["status"])
 
 
 _MEASURED = ("metrics", "receivers", "undecided", "gpu_bytes", "work")
 _PLACE = ("axis", "axis_value", "axis_unit", "light_kind", "home_spec")
-_JUDGED = ("iou", "acne", "leak")  # what a breaking point is told by
+_BREAKING_METRICS = ("iou", "acne", "leak")  # metrics that decide a breaking point
 
 
-def _whole_score(row: ScoreRow) -> ScoreRow:
-    """Raises ValueError for a row that lacks what its status, or its place on an axis, promises."""
+def _check_score_row(row: ScoreRow) -> ScoreRow:
+    """Raises ValueError for a row without the fields that its status, or its being on an axis, requires."""
     ok = row["status"] == "ok"
     needed = (*(_MEASURED if ok else ()), *(_PLACE if "axis" in row else ()))
     lacking = [name for name in needed if name not in row]
     if ok and not lacking:
-        lacking = [f"metrics.{name}" for name in _JUDGED if "axis" in row and name not in row["metrics"]]
+        lacking = [f"metrics.{name}" for name in _BREAKING_METRICS if "axis" in row and name not in row["metrics"]]
         lacking += ["gpu_bytes"] if row["gpu_bytes"] is None and "content" not in row else []
     if lacking:
         raise ValueError(f"found no {lacking[0]}; it must be given")
@@ -223,7 +224,7 @@ def _whole_score(row: ScoreRow) -> ScoreRow:
     return row
 
 
-def _whole_time(row: TimeRow) -> TimeRow:
+def _check_time_row(row: TimeRow) -> TimeRow:
     needed = ("no_ratio",) if row["ratio"] is None else ("ratio_iqr", "reference", "machine")
     lacking = [name for name in needed if row.get(name) is None]
     if lacking:
@@ -233,10 +234,10 @@ def _whole_time(row: TimeRow) -> TimeRow:
 
 
 def _check_unknown(row: Record, typed: frozenset[str]) -> None:
-    """Raises ValueError for NaN or infinity where nothing has a type: JSON has neither, and nobody could write it."""
+    """Raises ValueError for NaN or infinity in unknown fields: neither is JSON, so it could not be written back."""
     for name in row.keys() - typed:
         if not _is_finite(row[name]):
-            raise ValueError(f"{name}: found NaN or infinity; allowed: what JSON has")
+            raise ValueError(f"{name}: found NaN or infinity; allowed: finite numbers")
 
 
 def _is_finite(value: object) -> bool:
@@ -249,7 +250,7 @@ _SCORE_FIELDS = frozenset({*CellIdentity.__annotations__, *ScoreRow.__annotation
 _TIME_FIELDS = frozenset(TimeRow.__annotations__.keys() - {"passes"})
 _ROW: TypeAdapter[ScoreRow | TimeRow] = TypeAdapter(
     Annotated[
-        Annotated[ScoreRow, AfterValidator(_whole_score)] | Annotated[TimeRow, AfterValidator(_whole_time)],
+        Annotated[ScoreRow, AfterValidator(_check_score_row)] | Annotated[TimeRow, AfterValidator(_check_time_row)],
         Discriminator("kind", "kind", "a row whose kind is 'score' or 'time'"),
     ]
 )
@@ -257,9 +258,9 @@ _RUN_FILE: TypeAdapter[RunFile] = TypeAdapter(RunFile)
 
 
 def read_rows(file: Path) -> tuple[list[Record], int]:
-    """Every row of a `rows.jsonl`, and the bytes they take; after those stands at most a row that was cut short.
+    """All rows of a `rows.jsonl` and their length in bytes; after it, at most one truncated row may follow.
 
-    Raises InputError, with the line's number, for a line that is no row, and for a file that cannot be read.
+    Raises InputError, with the line number, for a line that is no row, and for a file that cannot be read.
     """
     text = _bytes(file)
     end = text.rfind(b"\n") + 1
@@ -279,7 +280,7 @@ def _row(file: Path, number: int, line: bytes) -> Record:
 
 
 def read_run_file(file: Path) -> RunFile:
-    """A `run.json`; empty where there is none. Raises InputError for anything else."""
+    """Contents of a `run.json`; empty if there is no file. Raises InputError for any other content."""
     if not file.exists():
         return {}
     try:
@@ -290,7 +291,7 @@ def read_run_file(file: Path) -> RunFile:
 
 def _bytes(file: Path) -> bytes:
     try:
-        if not file.is_file():  # a pipe would be waited for
+        if not file.is_file():  # reading a named pipe would block
             raise InputError(f"{file}: is not a file")
         return file.read_bytes()
     except OSError as error:

@@ -1,4 +1,4 @@
-"""The score record of a cell, whoever drew it: its identity, and what was measured or why nothing was. Needs no GL."""
+"""Score record of a cell of any renderer: its identity, and its measurements or failure status. Needs no GL."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,8 +9,8 @@ from shadowbench.scenes.model import Coordinates, View
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
-    """A cell that held: what `mask_record` says of its mask, and what drawing it took. gpu_bytes None: nobody knows."""
+class Measurement:
+    """Measurements of a successful cell; mask: fields made by `mask_record`; gpu_bytes: None if unknown."""
 
     mask: Mapping[str, Any]
     gpu_bytes: int | None
@@ -28,7 +28,7 @@ def identity(
     phase: int = 0,
     coordinates: Coordinates = "relative",
 ) -> CellIdentity:
-    """What names a cell for people and for `check`, whatever its sources."""
+    """Identity of a cell for people and for `check`, independent of source code."""
     return {
         "scene": view.scene.name,
         "view": view.camera.name,
@@ -47,16 +47,17 @@ def score_row(
     key: str,
     cell: CellIdentity,
     renderer: str,
-    outcome: Measured | str,
+    outcome: Measurement | str,
     axis_fields: Mapping[str, Any] = {},
-    more: Mapping[str, Any] = {},
+    extra_fields: Mapping[str, Any] = {},
 ) -> dict[str, Any]:
-    """A score record. outcome: as text, the status of a cell that did not hold.
+    """Score record of a cell.
 
-    axis_fields: the value of the axis that `stress` walks along, if any; more: further fields of a cell that is ok.
+    outcome: its measurements, or its status if it was unsupported or failed; axis_fields: place on an axis of `stress`,
+    if any; extra_fields: further fields of a successful cell.
     """
     row = {"kind": "score", "key": key, **cell, **axis_fields, "renderer": renderer}
     if isinstance(outcome, str):
         return row | {"status": outcome}
     drawn = {"gpu_bytes": outcome.gpu_bytes, "work": dict(outcome.work), "facts": dict(outcome.facts)}
-    return row | {"status": "ok", **outcome.mask, **drawn, **more}
+    return row | {"status": "ok", **outcome.mask, **drawn, **extra_fields}

@@ -1,4 +1,4 @@
-"""From a cell in a view to its score row: drawn somewhere, scored against the view's truth, kept on disk."""
+"""Score rows: a cell is drawn by an executor, scored against the truth of its view, and written to disk."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.measure.cells import Cell, PlacedView
+from shadowbench.measure.cells import Cell, CellRequest, PlacedView
 from shadowbench.measure.executor import CellFailed, Executor, MemoryExceeded, status_of
 from shadowbench.measure.flips import flips
 from shadowbench.measure.pictures import Pictures
@@ -16,7 +16,7 @@ from shadowbench.measure.profile import Profile
 from shadowbench.measure.rendering import Rendering
 from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.rows import CellIdentity, Record
-from shadowbench.measure.score_rows import Measured, identity, score_row
+from shadowbench.measure.score_rows import Measurement, identity, score_row
 from shadowbench.measure.scoring import mask_record, prepare_truth
 from shadowbench.measure.session import Session, Unsupported
 from shadowbench.measure.writer import Writer
@@ -26,50 +26,50 @@ from shadowbench.truths.trace import Truth
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
-    """A score row that is wanted: of a cell, under a key, with fields of its own (see `score_row`).
+class ScoreRequest:
+    """A score row to make for a cell, under a key.
 
-    keep: bytes that the cells kept for timing may take with this one, 0 for one that is not timed; refused: why it is
-    not even drawn.
+    axis_fields, extra_fields: see `score_row`; keep_bytes: bytes that cells kept for timing may take including this
+    one, 0 if it is not timed; unsupported: why the cell must not be drawn, None to draw it.
     """
 
     cell: Cell
     key: str
     axis_fields: Mapping[str, Any] = field(default_factory=dict)
-    more: Mapping[str, Any] = field(default_factory=dict)
-    keep: int = 0
-    refused: str | None = None
+    extra_fields: Mapping[str, Any] = field(default_factory=dict)
+    keep_bytes: int = 0
+    unsupported: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
-class _Seen:
-    """A view as its cells share it; what they are scored against is found once, when the first needs it."""
+class _ScoringView:
+    """A view and the scoring inputs that its cells share, each computed on first use."""
 
-    at: PlacedView
+    placed_view: PlacedView
     profile: Profile
     executor: Executor
 
     @cached_property
     def truth(self) -> Truth:
-        with self.profile.of("truth"):
-            return cached_truth(self.at.view)
+        with self.profile.activity("truth"):
+            return cached_truth(self.placed_view.view)
 
     @cached_property
     def prepared(self) -> PreparedTruth:
         truth = self.truth
-        with self.profile.of("score"):
+        with self.profile.activity("score"):
             return prepare_truth(truth)
 
     @cached_property
     def surface(self) -> NDArray[np.int32]:
-        return self.executor.call(Session.surface, self.at)
+        return self.executor.call(Session.surface, self.placed_view)
 
 
 class Scorer:
     """Makes score rows in a store, once each.
 
-    pictures: where masks, pictures and truths go; None keeps rows alone. shown: of which of the cells; None for all,
-    and the truth of every view.
+    pictures: receives masks, pictures and truths; None for rows only. writes_images: whether a row's images are
+    written, with the truth of its view; None for all cells and every view's truth.
     """
 
     def __init__(
@@ -77,89 +77,96 @@ class Scorer:
         executor: Executor,
         store: RowStore,
         pictures: Pictures | None = None,
-        shown: Callable[[Record], bool] | None = None,
+        writes_images: Callable[[Record], bool] | None = None,
         profile: Profile | None = None,
     ) -> None:
-        self.executor, self.store, self.pictures, self.shown = executor, store, pictures, shown
+        self.executor, self.store, self.pictures, self.writes_images = executor, store, pictures, writes_images
         self.profile = profile or Profile()
         self.renderer = executor.info.renderer
 
     def rows(
-        self, frames: Sequence[PlacedView], asked: Sequence[Asked], made: Callable[[Cell], object] = lambda cell: None
+        self,
+        frames: Sequence[PlacedView],
+        requests: Sequence[ScoreRequest],
+        on_made: Callable[[Cell], object] = lambda cell: None,
     ) -> list[Record]:
-        """The rows of cells, made now (`made` is told of each) or before.
+        """Score rows in the order of the requests, made now or found in the store.
 
-        frames: the view; several are a movement, of which the first is scored, and flips are looked for in all.
+        frames: the view; several frames are an animation, of which the first is scored and all are checked for flips;
+        on_made: called with each cell as its row is made.
         """
-        seen = [_Seen(at, self.profile, self.executor) for at in frames]
-        missing: dict[str, Asked] = {}
-        for one in asked:
-            if self.store.done(one.key) is None:
-                missing.setdefault(one.key, one)
+        views = [_ScoringView(placed_view, self.profile, self.executor) for placed_view in frames]
+        missing: dict[str, ScoreRequest] = {}
+        for request in requests:
+            if self.store.finished_score(request.key) is None:
+                missing.setdefault(request.key, request)
         with Writer(self.profile) as writer:
-            if self.pictures is not None and self.shown is None:
-                writer.add(partial(self.pictures.write_truth, frames[0].view, seen[0].truth))
-            for one in missing.values():
-                row, drawn = self._row(seen, one, writer)
-                writer.add(partial(self._keep, seen[0], row, drawn))
-                made(one.cell)
-        return [self.store.scores[one.key] for one in asked]
+            if self.pictures is not None and self.writes_images is None:
+                writer.add(partial(self.pictures.write_truth, frames[0].view, views[0].truth))
+            for request in missing.values():
+                row, rendering = self._make_row(views, request, writer)
+                writer.add(partial(self._write, views[0], row, rendering))
+                on_made(request.cell)
+        return [self.store.scores[request.key] for request in requests]
 
-    def _row(self, seen: Sequence[_Seen], asked: Asked, writer: Writer) -> tuple[Record, Rendering | None]:
-        """A cell's row, and what the first frame drew; None for a cell that did not hold."""
-        first, cell = seen[0], _named(asked.cell, seen[0].at)
-        make = partial(score_row, asked.key, cell, self.renderer, axis_fields=asked.axis_fields)
+    def _make_row(
+        self, views: Sequence[_ScoringView], request: ScoreRequest, writer: Writer
+    ) -> tuple[Record, Rendering | None]:
+        """Row of a cell, and the rendering of its first frame; None if the cell was unsupported or failed."""
+        first, cell = views[0], _identity(request.cell, views[0].placed_view)
+        make = partial(score_row, request.key, cell, self.renderer, axis_fields=request.axis_fields)
         try:
-            if asked.refused is not None:
-                raise Unsupported(asked.refused)
-            with self.profile.of("waiting"):
+            if request.unsupported is not None:
+                raise Unsupported(request.unsupported)
+            with self.profile.activity("waiting"):
                 surface = first.surface
-                drawn, *later = [self._draw(one.at, asked, writer) for one in seen]
+                rendering, *later = [self._draw(view.placed_view, request, writer) for view in views]
         except (Unsupported, CellFailed) as reason:
             return make(status_of(reason)), None
         truth, prepared = first.truth, first.prepared
-        with self.profile.of("score"):
-            mask = mask_record(drawn.visibility, truth, prepared, surface)
-        more = dict(asked.more)
+        with self.profile.activity("score"):
+            mask = mask_record(rendering.visibility, truth, prepared, surface)
+        extra_fields = dict(request.extra_fields)
         if later:
-            masks = [one.visibility for one in (drawn, *later)]
-            more["flips"] = flips(masks, [one.truth for one in seen])
-        return make(Measured(mask, drawn.gpu_bytes, drawn.work, drawn.facts), more=more), drawn
+            masks = [frame.visibility for frame in (rendering, *later)]
+            extra_fields["flips"] = flips(masks, [view.truth for view in views])
+        measurement = Measurement(mask, rendering.gpu_bytes, rendering.work, rendering.facts)
+        return make(measurement, extra_fields=extra_fields), rendering
 
-    def _draw(self, at: PlacedView, asked: Asked, writer: Writer) -> Rendering:
-        """A cell, which the session keeps for timing while there is room."""
+    def _draw(self, placed_view: PlacedView, request: ScoreRequest, writer: Writer) -> Rendering:
+        """Draw a cell; the session keeps it for timing while there is room."""
         try:
-            return self._build_and_draw(at, asked, writer, asked.keep)
+            return self._build_and_draw(placed_view, request.cell.request, writer, request.keep_bytes)
         except MemoryExceeded:
-            if not asked.keep:
+            if not request.keep_bytes:
                 raise
-            # The others that were kept may have been too much beside it; the new worker has none.
-            return self._build_and_draw(at, asked, writer, 0)
+            # Kept cells may have taken the memory; the new worker has none.
+            return self._build_and_draw(placed_view, request.cell.request, writer, 0)
 
-    def _build_and_draw(self, at: PlacedView, asked: Asked, writer: Writer, keep: int) -> Rendering:
-        request = asked.cell.request
-        writer.finish()  # building is timed: nothing runs beside it
-        self.executor.call(Session.build, at, request)
+    def _build_and_draw(self, placed_view: PlacedView, request: CellRequest, writer: Writer, keep: int) -> Rendering:
+        writer.finish()  # building is timed: nothing may run beside it
+        self.executor.call(Session.build, placed_view, request)
         writer.start()
-        return self.executor.call(Session.draw, at, request, keep=keep)
+        return self.executor.call(Session.draw, placed_view, request, keep=keep)
 
-    def _keep(self, seen: _Seen, row: Record, drawn: Rendering | None) -> None:
-        """Images first: a row says that they are there."""
-        if drawn is not None and self.pictures is not None and (self.shown is None or self.shown(row)):
-            self.pictures.write_cell(row["key"], drawn)
-            if self.shown is not None:
-                self.pictures.write_truth(seen.at.view, seen.truth)
+    def _write(self, view: _ScoringView, row: Record, rendering: Rendering | None) -> None:
+        """Write the images, then the row, whose presence promises them."""
+        wanted = self.writes_images is None or self.writes_images(row)
+        if rendering is not None and self.pictures is not None and wanted:
+            self.pictures.write_cell(row["key"], rendering)
+            if self.writes_images is not None:
+                self.pictures.write_truth(view.placed_view.view, view.truth)
         self.store.append(row)
 
 
-def _named(cell: Cell, at: PlacedView) -> CellIdentity:
+def _identity(cell: Cell, placed_view: PlacedView) -> CellIdentity:
     spec = cell.spec
     return identity(
-        at.view,
+        placed_view.view,
         technique=spec.technique.name,
         spec=spec.sizeless_text,
         full_spec=spec.full_text,
         map_size=spec.map_size,
         phase=cell.phase,
-        coordinates=at.coordinates,
+        coordinates=placed_view.coordinates,
     )

@@ -1,4 +1,4 @@
-"""Scoring a mask against a truth, wherever the mask comes from: this module needs no GL."""
+"""Scoring a mask of any renderer against a truth; needs no GL."""
 
 from typing import Any
 
@@ -12,7 +12,7 @@ from shadowbench.truths.trace import Truth
 
 
 def prepare_truth(truth: Truth) -> PreparedTruth:
-    """A truth as scores see it."""
+    """Truth as the input of metrics."""
     return PreparedTruth(
         visibility=truth.visibility,
         receivers=truth.receivers,
@@ -27,10 +27,10 @@ def prepare_truth(truth: Truth) -> PreparedTruth:
 def mask_record(
     visibility: NDArray[np.float32], truth: Truth, prepared: PreparedTruth, surface: NDArray[np.int32] | None = None
 ) -> dict[str, Any]:
-    """What a score record says of a mask: its metrics and digest, and how many pixels they rest on.
+    """Fields of a score record that describe a mask: metrics, digest and pixel counts.
 
-    visibility: (N, N), quantised to 16 bits; prepared: `prepare_truth(truth)`, made once for many masks; surface:
-    (N, N) triangle ids of the G-buffer that the mask was drawn over, None where there is none. Row 0 is at the top.
+    visibility: (N, N), quantised to 16 bits; prepared: `prepare_truth(truth)`, shared by many masks; surface: (N, N)
+    triangle ids of the G-buffer that the mask was drawn over, None if there is none. Row 0 is at the top.
     """
     record: dict[str, Any] = {
         "metrics": score(visibility, prepared),

@@ -1,4 +1,4 @@
-"""The worker's own side: a session that answers calls over a pipe, and ends with its parent, its children too."""
+"""Main loop of the worker process: answers calls over a pipe, and dies with its parent, its children included."""
 
 import ctypes
 import io
@@ -30,19 +30,19 @@ _PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
 
 
 def serve(handle: str, parent: str) -> None:
-    """Answer calls until nobody is left to make them.
+    """Answer calls until the pipe is closed.
 
-    handle: of the inherited end of the pipe, on which the plug-ins come first; parent: the id of the process that
-    started this one.
+    handle: file descriptor or handle of the inherited pipe end, whose first message lists the plug-ins; parent: id of
+    the process that started this one.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _die_with(int(parent))
-    _take_children_along()
+    _make_process_group()
     if os.name == "posix":
         os.set_inheritable(int(handle), False)
-    logging.getLogger("shadowbench").setLevel(logging.ERROR)  # the parent has said what it left out
+    logging.getLogger("shadowbench").setLevel(logging.ERROR)  # the parent has logged the same warnings
     if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(line_buffering=True)  # this process ends by force, which flushes nothing
+        sys.stdout.reconfigure(line_buffering=True)  # this process is killed in the end, which flushes nothing
     pipe = Pipe(Connection(int(handle)))
     try:
         plugins: list[Path] = pipe.receive()
@@ -63,13 +63,13 @@ def serve(handle: str, parent: str) -> None:
             answer = "error", reason
         except MemoryError:
             answer = "error", MemoryExceeded("ate memory: an allocation failed")
-        except Exception as error:  # whatever a technique raises costs its own cell only
-            answer = "error", CellFailed(_told(error))
+        except Exception as error:  # any exception of a technique fails its own cell only
+            answer = "error", CellFailed(_error_line(error))
         pipe.send(answer)
 
 
-def _told(error: Exception) -> str:
-    """An exception in one line, with the place in the plug-in where it has one; the whole of it goes to stderr."""
+def _error_line(error: Exception) -> str:
+    """One line for an exception, with its location in the plug-in if there is one. Prints shader errors in full."""
     if isinstance(error, ShaderError):
         print(error, file=sys.stderr)
     frames = traceback.extract_tb(error.__traceback__)
@@ -81,11 +81,11 @@ def _told(error: Exception) -> str:
 
 
 def _die_with(parent: int) -> None:
-    """End this process when its parent is killed: while a technique hangs, nobody reads the closed pipe."""
+    """Kill this process when its parent dies; a hanging technique would never notice the closed pipe."""
     if sys.platform == "linux":
-        # The kernel does it even when a driver's call never gives Python's lock back.
+        # By the kernel, which works even while a driver call holds the GIL.
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-        if os.getppid() != parent:  # it was killed before the kernel knew
+        if os.getppid() != parent:  # it died before the prctl call
             os._exit(1)
     else:
         threading.Thread(target=lambda: (psutil.Process(parent).wait(), os._exit(1)), daemon=True).start()
@@ -99,14 +99,14 @@ os.killpg(0, signal.SIGKILL)
 """
 
 
-def _take_children_along() -> None:
-    """Have what plug-ins start end with this process, however it ends: by a group of its own, and a guard in that.
+def _make_process_group() -> None:
+    """Make processes that plug-ins start die with this one, by a process group with a guard process in it.
 
-    What leaves the group for a session of its own ends only where `Worker.stop` still finds it below this process: on
-    Linux also when its own parent is gone, but not when this process crashes or the whole run is killed.
+    A process that leaves the group (setsid) is killed only if `Worker.stop` still finds it among the descendants of
+    this one: on Linux even if its own parent is gone, but not if this process crashes or the whole run is killed.
     """
     if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1)  # orphans become children of this process, not of init
+        ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1)  # adopt orphans in place of init
     if os.name == "posix":
         os.setpgid(0, 0)
         quiet = subprocess.DEVNULL

@@ -1,6 +1,6 @@
-"""What draws and times cells, as plain calls: it holds the GL context.
+"""Drawing and timing of cells as plain calls, by the owner of the GL context.
 
-The worker process serves these over a pipe; benchmarks call them in their own process.
+The worker process serves these calls over a pipe; the benchmarks make them in their own process.
 """
 
 import gc
@@ -20,21 +20,21 @@ from shadowbench.gl.clock import Clock, PassTimes, Sample, with_cost, work_of
 from shadowbench.gl.device import Device, open_device
 from shadowbench.gl.gbuffer import download
 from shadowbench.measure.cells import CellRequest, PlacedView
-from shadowbench.measure.loaded import Built, LoadedScene, OpenView
+from shadowbench.measure.loaded_scene import BuiltCell, LoadedScene, OpenView
 from shadowbench.measure.profile import Profile
-from shadowbench.measure.rendering import Rendering, numbers, own_work
+from shadowbench.measure.rendering import Rendering, declared_work, finite_facts
 from shadowbench.scores.masks import quantise
 from shadowbench.techniques.base import Frame, Phase, Stage, Technique
 from shadowbench.techniques.registry import shader_folder, techniques
 from shadowbench.techniques.spec import Spec, parse_spec
 from shadowbench.techniques.stage import ShaderText
 
-WARM_UP = 2  # draws of a cell that are thrown away
+WARM_UP = 2  # untimed draws before a cell is timed
 
 
 @dataclass(frozen=True)
 class DeviceInfo:
-    """What the parent needs to know of the worker's device."""
+    """Facts about the worker's OpenGL device."""
 
     renderer: str
     vendor: str
@@ -48,14 +48,14 @@ class DeviceInfo:
 
 
 class Unsupported(Exception):
-    """A technique cannot answer a view; the text, one line, says why."""
+    """Raised when a technique does not support a view; the message is one line that says why."""
 
     def __init__(self, reason: str) -> None:
         super().__init__(quoted(reason))
 
 
 class Session:
-    """One device. The scene and the view that it was asked about last stay on it, until it is asked about others."""
+    """An OpenGL device that draws cells. The last scene and view stay loaded until a call names others."""
 
     def __init__(self, plugins: Sequence[Path] = ()) -> None:
         self.techniques = techniques(plugins)
@@ -63,12 +63,12 @@ class Session:
         self.clock = Clock(self.device)
         self.profile = Profile()
         self._loaded: LoadedScene | None = None
-        self._opened: OpenView | None = None
-        self._kept: dict[CellRequest, Built] = {}  # of the open view, not yet held
-        self._held: list[Built] = []
+        self._open_view: OpenView | None = None
+        self._kept: dict[CellRequest, BuiltCell] = {}  # built for the open view, for a later draw or timing
+        self._timed: list[BuiltCell] = []
 
     def info(self) -> DeviceInfo:
-        """The device and the clock that times it."""
+        """Facts about the device and its clock."""
         device = self.device
         return DeviceInfo(
             renderer=device.renderer,
@@ -82,82 +82,82 @@ class Session:
             clip_control=device.clip_control,
         )
 
-    def spent(self) -> dict[str, float]:
-        """Seconds by activity since the start."""
+    def activity_seconds(self) -> dict[str, float]:
+        """Seconds spent on each activity since the start."""
         return dict(self.profile.seconds)
 
-    def open(self, at: PlacedView) -> None:
-        """Load a view's scene and draw its G-buffer, where that is not done; whatever is asked of a view does so."""
-        self._open(at)
+    def open(self, placed_view: PlacedView) -> None:
+        """Load a view's scene and draw its G-buffer, unless done already. Every call about a view does this first."""
+        self._ensure_open(placed_view)
 
-    def surface(self, at: PlacedView) -> NDArray[np.int32]:
-        """The (N, N) triangle ids of a view's G-buffer, row 0 at the top."""
-        opened = self._open(at)
-        with self.profile.of("read back"):
-            return opened.surface.triangles()
+    def surface(self, placed_view: PlacedView) -> NDArray[np.int32]:
+        """(N, N) int32 triangle ids of a view's G-buffer, row 0 at the top."""
+        open_view = self._ensure_open(placed_view)
+        with self.profile.activity("read back"):
+            return open_view.surface.triangles()
 
     def unload(self) -> None:
-        """Free the view and the scene."""
+        """Free the view and its scene."""
         self._close()
         if self._loaded is not None:
             self._loaded.release()
             self._loaded = None
 
-    def _load(self, at: PlacedView) -> LoadedScene:
-        if self._loaded is None or not self._loaded.shows(at):
+    def _load(self, placed_view: PlacedView) -> LoadedScene:
+        if self._loaded is None or not self._loaded.matches(placed_view):
             self.unload()
-            with self.profile.of("build"):
-                self._loaded = LoadedScene(self.device, at.view.scene, at.coordinates)
+            with self.profile.activity("build"):
+                self._loaded = LoadedScene(self.device, placed_view.view.scene, placed_view.coordinates)
         return self._loaded
 
-    def _open(self, at: PlacedView) -> OpenView:
-        if self._opened is None or not self._opened.shows(at):
+    def _ensure_open(self, placed_view: PlacedView) -> OpenView:
+        if self._open_view is None or not self._open_view.matches(placed_view):
             self._close()
-            loaded = self._load(at)
-            view = loaded.placed(at.view)
-            self._tidy()
-            with self._passes():
-                self._opened = OpenView(at.view, loaded, view, loaded.surface_pass.draw(view))
-        return self._opened
+            loaded = self._load(placed_view)
+            view = loaded.to_drawing_coordinates(placed_view.view)
+            self._reset_state()
+            with self._gpu_work():
+                self._open_view = OpenView(placed_view.view, loaded, view, loaded.surface_pass.draw(view))
+        return self._open_view
 
     def _close(self) -> None:
-        """Free the view, and what is kept and held of its cells."""
-        self.let_go()
+        """Free the view and all cells built for it."""
+        self.release_timed()
         while self._kept:
             self._kept.popitem()[1].stage.release()
-        if self._opened is not None:
-            self._opened.surface.release()
-            self._opened = None
+        if self._open_view is not None:
+            self._open_view.surface.release()
+            self._open_view = None
 
-    def unsupported(self, at: PlacedView, request: CellRequest) -> str | None:
-        """Why a cell has no answer for a view, or None."""
-        reason = self._declined(self._open(at), self._spec(request))
+    def unsupported(self, placed_view: PlacedView, request: CellRequest) -> str | None:
+        """Why a cell's technique does not support a view; None if it does."""
+        reason = self._unsupported(self._ensure_open(placed_view), self._spec(request))
         return None if reason is None else quoted(reason)
 
-    def build(self, at: PlacedView, request: CellRequest) -> None:
-        """Build a cell of a view, and keep it for `draw` and `hold`; raises as `draw` does."""
-        opened = self._open(at)
+    def build(self, placed_view: PlacedView, request: CellRequest) -> None:
+        """Build a cell and keep it for `draw` and `prepare_timing`. Raises as `draw` does."""
+        open_view = self._ensure_open(placed_view)
         if request not in self._kept:
-            self._kept[request] = self._build(opened, request)
+            self._kept[request] = self._build(open_view, request)
 
-    def shaders(self, at: PlacedView, request: CellRequest) -> list[ShaderText]:
-        """The GLSL of a cell as the driver is given it, every include and define in it; raises as `draw` does."""
-        stage = self._build(self._open(at), request).stage
+    def shaders(self, placed_view: PlacedView, request: CellRequest) -> list[ShaderText]:
+        """GLSL of a cell as passed to the driver, with all includes and defines resolved. Raises as `draw` does."""
+        stage = self._build(self._ensure_open(placed_view), request).stage
         stage.release()
         return stage.texts
 
     def draw(
-        self, at: PlacedView, request: CellRequest, with_map: bool = False, tinted: bool = False, keep: int = 0
+        self, placed_view: PlacedView, request: CellRequest, with_map: bool = False, tinted: bool = False, keep: int = 0
     ) -> Rendering:
-        """Build unless it is kept, draw once, read back, release. Raises Unsupported, or whatever the technique raises.
+        """Draw a cell once and read the images back. Raises Unsupported, or any exception of the technique.
 
-        `tinted` multiplies the technique's own colours into the picture, where it has any. It is kept for `hold`
-        instead, as long as all that is kept for this view takes no more than `keep` bytes.
+        tinted: multiply the technique's debug colours, if any, into the picture; keep: the built cell stays for
+        `prepare_timing` as long as all kept cells of the view together take at most so many bytes, else it is released.
         """
-        opened = self._open(at)
-        built = self._kept.pop(request, None) or self._build(opened, request)
+        open_view = self._ensure_open(placed_view)
+        built = self._kept.pop(request, None) or self._build(open_view, request)
         try:
-            drawn = self._drawn(opened, request, built, with_map, tinted)
+            rendering = self._draw_built(open_view, request, built, with_map, tinted)
         except BaseException:
             built.stage.release()
             raise
@@ -165,95 +165,97 @@ class Session:
             self._kept[request] = built
         else:
             built.stage.release()
-        return drawn
+        return rendering
 
-    def _drawn(self, opened: OpenView, request: CellRequest, built: Built, with_map: bool, tinted: bool) -> Rendering:
-        technique, frame, view = built.technique, built.frame, opened.view
-        self._tidy()
-        with self._passes():
+    def _draw_built(
+        self, open_view: OpenView, request: CellRequest, built: BuiltCell, with_map: bool, tinted: bool
+    ) -> Rendering:
+        technique, frame, view = built.technique, built.frame, open_view.view
+        self._reset_state()
+        with self._gpu_work():
             texture = technique.draw(frame)
-        self._tidy()
+        self._reset_state()
         self.device.check(f"drawing {request.spec}")
         self._check(request, texture, view.size)
-        with self.profile.of("read back"):
+        with self.profile.activity("read back"):
             visibility = self._read(request, download(texture)[..., 0])
-        with self._passes():
+        with self._gpu_work():
             tint = technique.tint() if tinted else None
-            picture = opened.loaded.picture_pass.draw(frame.surface, view, texture, tint)
+            picture = open_view.loaded.picture_pass.draw(frame.surface, view, texture, tint)
         depths = technique.map_image() if with_map else None
-        facts = numbers(request.spec, technique.facts())
-        with self._passes():
-            # The same frame, index 0, so that the work is that of the frame which is scored: history stays void.
+        facts = finite_facts(request.spec, technique.facts())
+        with self._gpu_work():
+            # Frame index 0 again: the work belongs to the frame that was scored, without history of earlier frames.
             work = work_of(self.device, lambda: technique.draw(frame))
-        work = with_cost(work | own_work(technique, view.size**2, facts))
+        work = with_cost(work | declared_work(technique, view.size**2, facts))
         return Rendering(visibility, picture, depths, built.stage.bytes, work, facts)
 
-    def hold(self, at: PlacedView, request: CellRequest) -> float:
-        """Hold a cell for timing, as it was kept or built anew, warmed up; the milliseconds that building it took."""
-        opened = self._open(at)
-        built = self._kept.pop(request, None) or self._build(opened, request)
-        self._held.append(built)
+    def prepare_timing(self, placed_view: PlacedView, request: CellRequest) -> float:
+        """Prepare a cell for timing: build it unless kept, and warm it up. Returns its build time in milliseconds."""
+        open_view = self._ensure_open(placed_view)
+        built = self._kept.pop(request, None) or self._build(open_view, request)
+        self._timed.append(built)
         for _ in range(WARM_UP):
-            self._tidy()
-            with self._passes():
+            self._reset_state()
+            with self._gpu_work():
                 self._next_draw(-1)()
         self.device.check(f"warming up {request.spec}")
         return built.prepare_ms
 
-    def time_frame(self, held: int) -> Sample:
-        """What a whole frame took of the cell that was held as number `held`, from 0."""
-        with self._undisturbed(held) as draw:
+    def time_frame(self, index: int) -> Sample:
+        """Time one whole frame of a cell; index: its position, from 0, in the order of `prepare_timing` calls."""
+        with self._isolated_draw(index) as draw:
             return self.clock.frame(draw)
 
-    def time_passes(self, held: int) -> PassTimes:
-        """Milliseconds of the passes of one frame of a held cell."""
-        with self._undisturbed(held) as draw:
+    def time_passes(self, index: int) -> PassTimes:
+        """Time each pass of one frame of a cell, indexed as in `time_frame`."""
+        with self._isolated_draw(index) as draw:
             return self.clock.passes(draw)
 
-    def let_go(self) -> None:
-        """Release what is held."""
-        while self._held:
-            self._held.pop().stage.release()
+    def release_timed(self) -> None:
+        """Release all cells prepared for timing."""
+        while self._timed:
+            self._timed.pop().stage.release()
 
-    def _next_draw(self, held: int) -> Callable[[], object]:
-        """The next draw of a held cell; the frames of its draws are counted up from index 0, the first after build."""
-        built = self._held[held]
-        self._held[held] = replace(built, frame=replace(built.frame, index=built.frame.index + 1))
+    def _next_draw(self, index: int) -> Callable[[], object]:
+        """The next draw call of a prepared cell. Frame indices count up from 0, the first draw after the build."""
+        built = self._timed[index]
+        self._timed[index] = replace(built, frame=replace(built.frame, index=built.frame.index + 1))
         return partial(built.technique.draw, built.frame)
 
     @contextmanager
-    def _undisturbed(self, held: int) -> Iterator[Callable[[], object]]:
-        """The next draw of a held cell, without the garbage collector and without another cell's state."""
-        draw = self._next_draw(held)
-        self._tidy()
+    def _isolated_draw(self, index: int) -> Iterator[Callable[[], object]]:
+        """The next draw call of a prepared cell, run without the garbage collector and with default GL state."""
+        draw = self._next_draw(index)
+        self._reset_state()
         gc.disable()
         try:
-            with self._passes():
+            with self._gpu_work():
                 yield draw
         finally:
             gc.enable()
         self.device.check("timing")
 
     @contextmanager
-    def _passes(self) -> Iterator[None]:
-        """Draws, of which none is left for another activity to wait for."""
-        with self.profile.of("passes"):
+    def _gpu_work(self) -> Iterator[None]:
+        """Book GPU work as passes; it has finished when the block ends, so that no other activity waits for it."""
+        with self.profile.activity("passes"):
             yield
             self.device.context.finish()
 
     def _spec(self, request: CellRequest) -> Spec:
         return parse_spec(request.spec, self.techniques)
 
-    def _declined(self, opened: OpenView, spec: Spec) -> str | None:
-        return spec.technique.declines(spec.params, opened.view, self.device)
+    def _unsupported(self, open_view: OpenView, spec: Spec) -> str | None:
+        return spec.technique.declines(spec.params, open_view.view, self.device)
 
-    def _tidy(self) -> None:
-        """Put back what a technique's raw calls may have left, so that it costs no other cell its values."""
+    def _reset_state(self) -> None:
+        """Reset GL state that a technique may have changed by raw calls, so that it cannot affect other cells."""
         self.device.context.enable_only(moderngl.NOTHING)
         self.device.context.wireframe = False
 
     def _check(self, request: CellRequest, texture: object, size: int) -> None:
-        """Raise TypeError or ValueError for what is no texture of the view's size."""
+        """Raises TypeError or ValueError unless `texture` is a one-component texture of the view's size."""
         if not isinstance(texture, moderngl.Texture):
             raise TypeError(f"{request.spec} drew {type(texture).__name__}; allowed: a texture")
         if texture.size != (size, size):
@@ -268,19 +270,19 @@ class Session:
         except ValueError as error:
             raise ValueError(f"{request.spec} drew {error}") from error
 
-    def _build(self, opened: OpenView, request: CellRequest) -> Built:
+    def _build(self, open_view: OpenView, request: CellRequest) -> BuiltCell:
         start = time.perf_counter()
-        with self.profile.of("prepare"):
-            technique, stage, frame = self._assembled(opened, request)
+        with self.profile.activity("prepare"):
+            technique, stage, frame = self._assemble(open_view, request)
             self.device.context.finish()
-        return Built(technique, stage, frame, (time.perf_counter() - start) * 1e3)
+        return BuiltCell(technique, stage, frame, (time.perf_counter() - start) * 1e3)
 
-    def _assembled(self, opened: OpenView, request: CellRequest) -> tuple[Technique, Stage, Frame]:
+    def _assemble(self, open_view: OpenView, request: CellRequest) -> tuple[Technique, Stage, Frame]:
         spec = self._spec(request)
-        reason = self._declined(opened, spec)
+        reason = self._unsupported(open_view, spec)
         if reason is not None:
             raise Unsupported(reason)
-        loaded, view = opened.loaded, opened.view
+        loaded, view = open_view.loaded, open_view.view
         size, folder = (view.size, view.size), shader_folder(spec.technique)
         stage = Stage(loaded.scene, self.device, size, loaded.geometry, loaded.placement, folder)
         technique = spec.technique(spec.params)
@@ -290,4 +292,4 @@ class Session:
         except BaseException:
             stage.release()
             raise
-        return technique, stage, Frame(view, Phase(request.phase), 0, opened.surface, self.clock)
+        return technique, stage, Frame(view, Phase(request.phase), 0, open_view.surface, self.clock)

@@ -1,4 +1,4 @@
-"""One view drawn once with one technique, as `render` shows it."""
+"""Drawing one view once with one technique, as `render` does."""
 
 from shadowbench.errors import InputError, ShadowbenchError
 from shadowbench.measure.cells import Cell, PlacedView
@@ -12,10 +12,11 @@ from shadowbench.techniques.spec import Spec
 def render(
     view: View, spec: Spec, executor: Executor, *, name: str, with_map: bool = False, tint: bool = False
 ) -> Rendering:
-    """Visibility and picture of a view with a technique's shadows, and its map where asked for and there is one.
+    """Draw a view with a technique.
 
-    name: what errors call the spec; tint: colour the picture by what the technique did where. Raises InputError for a
-    map beyond the device, and for a technique that has no answer for the view; ShadowbenchError where it fails.
+    name: the spec in error messages; with_map: return the shadow map too, if the technique has one; tint: colour the
+    picture by the technique's debug colours, such as cascades. Raises InputError for a map larger than the device
+    allows and for a view that the technique does not support; ShadowbenchError if it fails.
     """
     largest = executor.info.max_map_size
     if (spec.map_size or 0) > largest:

@@ -1,4 +1,4 @@
-"""The time record of a cell: statistics of what was timed beside its reference and its floor."""
+"""Time record of a cell: statistics of its samples, beside those of its reference and of the unshadowed floor."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from shadowbench.gl.clock import QUERIES, Changes, PassTimes, Sample
 from shadowbench.measure.cells import Cell
 
-# Which passes are drawn anew in a frame, by what has moved since the last: see Changes.
+# Passes that are redrawn in a frame, by what has moved since the last one: see Changes.
 REDRAWN: dict[str, tuple[Changes, ...]] = {
     "still": ("frame",),
     "camera": ("view", "frame"),
@@ -20,7 +20,7 @@ REDRAWN: dict[str, tuple[Changes, ...]] = {
 
 @dataclass(frozen=True, eq=False)
 class Times:
-    """What a cell took, a value a round, all by one clock. Frames and passes come from different rounds."""
+    """Timing samples of a cell, one per round, all by one clock. Frames and passes come from different rounds."""
 
     frames: list[Sample]
     passes: list[PassTimes]
@@ -29,15 +29,15 @@ class Times:
 
     @property
     def frames_ms(self) -> NDArray[np.float64]:
-        """Milliseconds of whole frames, a value a round."""
+        """(n,) milliseconds of whole frames, one per round."""
         return np.array([frame.ms for frame in self.frames])
 
 
 @dataclass(frozen=True, eq=False)
 class Timing:
-    """What a cell took, beside the reference and the floor of its own group.
+    """Timing samples of a cell, and of the reference and the floor timed in the same group.
 
-    `no_ratio` is the reference's status where it has no times.
+    no_ratio: status of the reference if it has no times.
     """
 
     cell: Cell
@@ -49,14 +49,14 @@ class Timing:
 
 
 def time_row(timing: Timing, key: str, reference_key: str, machine: str) -> dict[str, Any]:
-    """The time record of a cell's key: milliseconds as medians with their IQR; ratios are medians over rounds.
+    """Time record under a cell's key: medians over rounds, in milliseconds and as ratios, with their IQRs.
 
-    reference_key: of the reference in the same view; machine: as `machine_key` gives it.
+    reference_key: key of the reference in the same view; machine: a `machine_key`.
 
-    `still_ms`, `camera_ms`, `light_ms`: the passes' medians summed over those that REDRAWN names; None for a technique
-    that times no pass.
-    `reference_ms`: the median of the reference in the same group.
-    `wall_ms` is there when queries measured: a GPU's timer does not see what the CPU does, such as a fit.
+    `still_ms`, `camera_ms`, `light_ms`: sums of the medians of the passes in REDRAWN; None for a technique that times
+    no pass.
+    `reference_ms`: median of the reference in the same group.
+    `wall_ms`: only with timer queries, which miss CPU work such as fitting the light's frustum.
     """
     times, reference = timing.times, timing.reference_times
     frames = times.frames_ms
@@ -84,7 +84,9 @@ def time_row(timing: Timing, key: str, reference_key: str, machine: str) -> dict
         "passes": passes,
     }
     record |= {
-        f"{moved}_ms": sum((one["ms"] for one in passes.values() if one["changes"] in redrawn), 0.0) if passes else None
+        f"{moved}_ms": sum((entry["ms"] for entry in passes.values() if entry["changes"] in redrawn), 0.0)
+        if passes
+        else None
         for moved, redrawn in REDRAWN.items()
     }
     if reference is not None:

@@ -1,4 +1,4 @@
-"""Timing the cells of a view: groups that fit the memory, each with its own reference and floor, taken in turn."""
+"""Timing of the cells of a view: interleaved in groups that fit in memory, each with a reference and a floor."""
 
 from collections.abc import Callable, Container, Iterator, Mapping
 from dataclasses import dataclass
@@ -7,76 +7,79 @@ from typing import Concatenate
 from shadowbench.gl.clock import PassTimes, Sample
 from shadowbench.measure.cells import Cell, PlacedView
 from shadowbench.measure.executor import CellFailed, Executor, MemoryExceeded, P, R, status_of
-from shadowbench.measure.references import USUAL, name_of, reference_for
+from shadowbench.measure.references import DEFAULT_REFERENCE, reference_for, reference_name
 from shadowbench.measure.session import Session, Unsupported
 from shadowbench.measure.time_rows import Times, Timing
 from shadowbench.scenes.model import Coordinates, LightKind
 from shadowbench.techniques.spec import Spec
 from shadowbench.techniques.unshadowed import Unshadowed
 
-_SHARE = 0.5  # of the memory limit that the cells of a group may take together
+_GROUP_SHARE = 0.5  # share of the memory limit for the cells of a group
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """What a measurement depends on beside the cell and its view.
+    """Settings of a measurement besides the cell and its view.
 
-    rounds: how often a cell is timed, 0 for not at all; reference: what its times are ratios to; time_again: whether
-    cells that have a time get another, beside which the old one stays in the rows.
+    rounds: how often each cell is timed, 0 for no timing; reference: spec that times are divided by; time_again: time
+    cells again that have a time; the rows keep both.
     """
 
     coordinates: Coordinates = "relative"
     rounds: int = 0
-    reference: Spec = USUAL
+    reference: Spec = DEFAULT_REFERENCE
     time_again: bool = False
 
 
 def reference_cell(reference: Spec, kind: LightKind) -> Cell:
-    """The cell that ratios are over under a kind of light."""
+    """Reference cell under a kind of light."""
     return Cell(reference_for(reference, kind))
 
 
 @dataclass(frozen=True, eq=False)
-class Untimed:
-    """A cell that could not be timed, and why."""
+class TimingFailure:
+    """A cell that could not be timed, and the reason."""
 
     cell: Cell
     reason: str
 
 
 def time_cells(
-    executor: Executor, at: PlacedView, conditions: Conditions, sizes: Mapping[Cell, int], lacking: Container[Cell] = ()
-) -> Iterator[Timing | Untimed]:
-    """Time cells of one view; `sizes` are their GPU bytes.
+    executor: Executor,
+    placed_view: PlacedView,
+    conditions: Conditions,
+    sizes: Mapping[Cell, int],
+    without_ratio: Container[Cell] = (),
+) -> Iterator[Timing | TimingFailure]:
+    """Time cells of one view; sizes: GPU bytes of each.
 
-    Those in `lacking` have times and lack only the ratio: they are left out when the reference fails again. An Untimed
-    that is none of the cells is the reference: it fails, and the cells have no ratios.
+    without_ratio: cells that have times but no ratio, which are skipped if the reference fails again. A TimingFailure
+    of a cell not in `sizes` is that of the reference; the cells then have no ratios.
     """
-    wanted = reference_cell(conditions.reference, at.view.light.kind)
-    reference: Cell | None = wanted
+    reference: Cell | None = reference_cell(conditions.reference, placed_view.view.light.kind)
     no_ratio = None
-    if wanted not in sizes:
-        try:  # one that fails must not take every group with it
-            executor.call(Session.draw, at, wanted.request)
+    if reference is not None and reference not in sizes:
+        try:  # now, so that a failing reference does not fail every group
+            executor.call(Session.draw, placed_view, reference.request)
         except (CellFailed, Unsupported) as reason:
-            yield Untimed(wanted, str(reason))
+            yield TimingFailure(reference, str(reason))
             reference, no_ratio = None, status_of(reason)
-    limit = _SHARE * executor.limits.bytes
+    limit = _GROUP_SHARE * executor.limits.bytes
     group: list[Cell] = []
-    held = 0
+    group_bytes = 0
     for cell, size in sizes.items():
-        if reference is None and cell in lacking:
+        if reference is None and cell in without_ratio:
             continue
-        if group and held + size > limit:
-            yield from _time_group(executor, at, conditions, group, reference, no_ratio)
-            group, held = [], 0
+        if group and group_bytes + size > limit:
+            yield from _time_group(executor, placed_view, conditions, group, reference, no_ratio)
+            group, group_bytes = [], 0
         group.append(cell)
-        held += size
-    yield from _time_group(executor, at, conditions, group, reference, no_ratio)
+        group_bytes += size
+    yield from _time_group(executor, placed_view, conditions, group, reference, no_ratio)
 
 
-class _Culprit(Exception):
-    """The cell at which timing a group ended; None when the view could not even be opened."""
+class _GroupFailed(Exception):
+    """Raised when timing a group fails; cell: the one that failed, None if opening the view did."""
 
     def __init__(self, cell: Cell | None, reason: CellFailed | Unsupported) -> None:
         super().__init__(str(reason))
@@ -86,78 +89,80 @@ class _Culprit(Exception):
 
 def _time_group(
     executor: Executor,
-    at: PlacedView,
+    placed_view: PlacedView,
     conditions: Conditions,
     group: list[Cell],
     reference: Cell | None,
     no_ratio: str | None,
-) -> Iterator[Timing | Untimed]:
-    """One group, all at once; what fails is left out, and the rest is timed again without it."""
+) -> Iterator[Timing | TimingFailure]:
+    """Time one group together. A cell that fails is dropped, and the rest is timed again without it."""
     floor = Cell(Spec(Unshadowed, Unshadowed.Params()))
-    name = name_of(reference_cell(conditions.reference, at.view.light.kind).spec)
-    again = False
+    name = reference_name(reference_cell(conditions.reference, placed_view.view.light.kind).spec)
+    retried = False
     while group:
         cells = list(dict.fromkeys([floor, *([reference] if reference else []), *group]))
         try:
-            times = _measure(executor, at, conditions.rounds, cells)
-        except _Culprit as culprit:
-            _let_go(executor)
-            blamed = culprit.cell
-            together = blamed is not None and len(group) > 1
-            if together and isinstance(culprit.reason, MemoryExceeded):  # which says nothing of this one
+            times = _measure(executor, placed_view, conditions.rounds, cells)
+        except _GroupFailed as failure:
+            _release_timed(executor)
+            failed_cell = failure.cell
+            together = failed_cell is not None and len(group) > 1
+            if together and isinstance(failure.reason, MemoryExceeded):  # perhaps not its own fault
                 middle = len(group) // 2
-                yield from _time_group(executor, at, conditions, group[:middle], reference, no_ratio)
-                yield from _time_group(executor, at, conditions, group[middle:], reference, no_ratio)
+                yield from _time_group(executor, placed_view, conditions, group[:middle], reference, no_ratio)
+                yield from _time_group(executor, placed_view, conditions, group[middle:], reference, no_ratio)
                 return
-            if blamed is not None and isinstance(culprit.reason, MemoryExceeded) and not again:
-                again = True  # nor of one alone: the worker had drawn others before; the new one has not
+            if failed_cell is not None and isinstance(failure.reason, MemoryExceeded) and not retried:
+                retried = True  # the worker may have held memory of earlier cells; a fresh one has none
                 continue
-            if blamed is None or blamed not in (*group, reference):  # without view or floor there is no time
-                what = "opening the view" if blamed is None else "the floor, unshadowed"
-                yield from (Untimed(cell, f"{what}: {culprit}") for cell in group)
+            if failed_cell is None or failed_cell not in (*group, reference):  # neither view nor floor can be left out
+                what = "opening the view" if failed_cell is None else "the floor, unshadowed"
+                yield from (TimingFailure(cell, f"{what}: {failure}") for cell in group)
                 return
-            yield Untimed(blamed, str(culprit))
-            group = [cell for cell in group if cell != blamed]
-            if reference == blamed:
-                reference, no_ratio = None, status_of(culprit.reason)
+            yield TimingFailure(failed_cell, str(failure))
+            group = [cell for cell in group if cell != failed_cell]
+            if reference == failed_cell:
+                reference, no_ratio = None, status_of(failure.reason)
             continue
         for cell in group:
             yield Timing(cell, times[cell], name, times[reference] if reference else None, times[floor], no_ratio)
         return
 
 
-def _measure(executor: Executor, at: PlacedView, rounds: int, cells: list[Cell]) -> dict[Cell, Times]:
-    """Hold all cells, then time them interleaved, round by round; a third of as many rounds for single passes."""
-    numbers = range(len(cells))
+def _measure(executor: Executor, placed_view: PlacedView, rounds: int, cells: list[Cell]) -> dict[Cell, Times]:
+    """Prepare all cells, then time them interleaved: `rounds` whole frames and a third as many frames pass by pass."""
+    indices = range(len(cells))
 
-    def ask(of: int | None, method: Callable[Concatenate[Session, P], R], *arguments: P.args, **options: P.kwargs) -> R:
+    def call(
+        index: int | None, method: Callable[Concatenate[Session, P], R], *arguments: P.args, **options: P.kwargs
+    ) -> R:
         try:
             return executor.call(method, *arguments, **options)
         except (CellFailed, Unsupported) as reason:
-            raise _Culprit(None if of is None else cells[of], reason) from None
+            raise _GroupFailed(None if index is None else cells[index], reason) from None
 
     def sample() -> tuple[list[list[Sample]], list[list[PassTimes]], set[str]]:
-        frames = [[ask(n, Session.time_frame, n) for n in numbers] for _ in range(rounds)]
-        passes = [[ask(n, Session.time_passes, n) for n in numbers] for _ in range(max(rounds // 3, 1))]
-        clocks = {frame.clock for one in frames for frame in one}
-        return frames, passes, clocks.union(*(times.clocks for one in passes for times in one))
+        frames = [[call(n, Session.time_frame, n) for n in indices] for _ in range(rounds)]
+        passes = [[call(n, Session.time_passes, n) for n in indices] for _ in range(max(rounds // 3, 1))]
+        clocks = {frame.clock for round in frames for frame in round}
+        return frames, passes, clocks.union(*(times.clocks for round in passes for times in round))
 
-    ask(None, Session.open, at)
-    prepare_ms = [ask(n, Session.hold, at, cells[n].request) for n in numbers]
+    call(None, Session.open, placed_view)
+    prepare_ms = [call(n, Session.prepare_timing, placed_view, cells[n].request) for n in indices]
     frames, passes, clocks = sample()
-    if len(clocks) > 1:  # queries were given up midway, and for good: the second time the wall measures everything
+    if len(clocks) > 1:  # the clock gave up timer queries midway, for good: the wall clock times everything again
         frames, passes, clocks = sample()
-    (clock,) = clocks  # times by two clocks have no median
-    _let_go(executor)
+    (clock,) = clocks  # times of two clocks have no common median
+    _release_timed(executor)
     return {
-        cell: Times([of[n] for of in frames], [of[n] for of in passes], prepare_ms[n], clock)
+        cell: Times([round[n] for round in frames], [round[n] for round in passes], prepare_ms[n], clock)
         for n, cell in enumerate(cells)
     }
 
 
-def _let_go(executor: Executor) -> None:
-    """Have the session release what it holds; one that fails even at that is stopped, and holds nothing either."""
+def _release_timed(executor: Executor) -> None:
+    """Release the cells prepared for timing; a session that fails even at that is killed."""
     try:
-        executor.call(Session.let_go)
+        executor.call(Session.release_timed)
     except CellFailed:
         executor.stop()

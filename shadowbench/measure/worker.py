@@ -1,4 +1,4 @@
-"""The worker: a process that alone owns a GL context, under a time and a memory limit, and is replaced when it dies."""
+"""The worker: a process that owns the GL context, under a time and memory limit, and is replaced when it dies."""
 
 import multiprocessing
 import os
@@ -18,20 +18,21 @@ import psutil
 
 from shadowbench.measure.executor import CellFailed, Limits, MemoryExceeded, P, R
 from shadowbench.measure.pipe import Pipe
-from shadowbench.measure.printed import pass_on
+from shadowbench.measure.plugin_output import forward_output
 from shadowbench.measure.session import DeviceInfo, Session
 
 _POLL_S = 0.05
 _START_S = 60.0
 
-# A program of its own, so that it asks nothing of the one that starts it: a script without a guard, a notebook.
+# Not multiprocessing, which imports the caller's main module: a notebook, or a script without a __main__ guard.
 _PROGRAM = "import sys; sys.path[:] = sys.argv[3:]; from shadowbench.measure.serve import serve; serve(*sys.argv[1:3])"
 
 
 class Worker:
-    """A session in a process of its own; after a failure the next call finds a fresh one. Use as a context manager.
+    """A session in a separate process; after a failure the next call starts a new one. Use as a context manager.
 
-    Threads take turns. A fork of this process has no part in the session: it starts one of its own.
+    Calls from several threads are serialised. A fork of the calling process does not share the session: it starts its
+    own.
     """
 
     def __init__(self, plugins: Sequence[Path] = (), limits: Limits | None = None) -> None:
@@ -50,21 +51,21 @@ class Worker:
 
     @property
     def info(self) -> DeviceInfo:
-        """The device and its clock, as the process found them when it started; raises as `call` does."""
+        """Device facts from the start of the process. Raises as `call` does."""
         if self._info is None:
             self.ready()
         assert self._info is not None
         return self._info
 
     def call(self, method: Callable[Concatenate[Session, P], R], *arguments: P.args, **options: P.kwargs) -> R:
-        """The answer of `method(session, …)`; raises Unsupported, CellFailed, or the start's ShadowbenchError."""
+        """Result of `method(session, …)`. Raises Unsupported, CellFailed, or ShadowbenchError if it cannot start."""
         with self._turn:
             self.ready()
-            answer: R = self._asked((method, arguments, options), self.limits.seconds)
+            answer: R = self._request((method, arguments, options), self.limits.seconds)
             return answer
 
     def ready(self) -> None:
-        """Start the process where there is none."""
+        """Start the process unless it runs."""
         with self._turn:
             if self._process is None or self._owner != os.getpid() or self._process.poll() is not None:
                 self._start()
@@ -72,22 +73,22 @@ class Worker:
     def _start(self) -> None:
         self.stop()
         ours, theirs = multiprocessing.Pipe()
-        with theirs, _deaf_to_ctrl_c():
-            self._process = _started(theirs)
+        with theirs, _sigint_blocked():
+            self._process = _spawn(theirs)
             assert self._process.stdout is not None
-            self._printed = pass_on(self._process.stdout)
+            self._output_thread = forward_output(self._process.stdout)
             self._pipe = Pipe(ours)
         self._owner = os.getpid()
-        self._info = self._asked(self._plugins, _START_S)
+        self._info = self._request(self._plugins, _START_S)
 
-    def _asked(self, message: object, seconds: float) -> Any:
-        """The answer to a message; raises it where it is an error, and CellFailed where there is none."""
+    def _request(self, message: object, seconds: float) -> Any:
+        """Send a message and return the answer. Raises the answer if it is an error, CellFailed if there is none."""
         try:
             self._pipe.send(message)
             kind, value = self._answer(seconds)
         except (BrokenPipeError, ConnectionResetError, EOFError):
-            raise CellFailed(self._obituary()) from None
-        except BaseException:  # Ctrl-C, say: the answer that is still to come is not the next call's
+            raise CellFailed(self._exit_reason()) from None
+        except BaseException:  # such as KeyboardInterrupt: the pending answer must not be read by the next call
             self.stop()
             raise
         if kind == "error":
@@ -108,14 +109,14 @@ class Worker:
 
     def _check_memory(self, watched: psutil.Process) -> None:
         try:
-            held = watched.memory_info().rss
+            used = watched.memory_info().rss
         except psutil.NoSuchProcess:
-            return  # it died; the pipe says so next
-        if held > self.limits.bytes:
+            return  # it died; the next read of the pipe reports that
+        if used > self.limits.bytes:
             self.stop()
-            raise MemoryExceeded(f"ate memory: {held / 2**30:.2f} GiB, allowed are {self.limits.bytes / 2**30:g}")
+            raise MemoryExceeded(f"ate memory: {used / 2**30:.2f} GiB, allowed are {self.limits.bytes / 2**30:g}")
 
-    def _obituary(self) -> str:
+    def _exit_reason(self) -> str:
         assert self._process is not None
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(5)
@@ -126,33 +127,33 @@ class Worker:
         return f"crashed: the worker ended with code {code}"
 
     def stop(self) -> None:
-        """End the process and what its plug-ins started, by force."""
+        """Kill the process and all processes that its plug-ins started."""
         if self._process is None or self._owner != os.getpid():
             self._process = None
             return
-        family = _family(self._process.pid)
+        family = _descendants(self._process.pid)
         if os.name == "posix":
-            with suppress(ProcessLookupError):  # it has not made its group yet, or all of it is gone
+            with suppress(ProcessLookupError):  # no process group yet, or no longer
                 os.killpg(self._process.pid, signal.SIGKILL)
         self._process.kill()
         self._process.wait()
         for process in family:
             with suppress(psutil.NoSuchProcess):
                 process.kill()
-        self._printed.join(1)  # what was printed last
+        self._output_thread.join(1)  # forwards the last output
         self._pipe.connection.close()
         self._process = None
 
 
-def _started(pipe: Connection) -> subprocess.Popen[bytes]:
-    """The process, which inherits its end of the pipe; what it and its plug-ins print is its stdout."""
+def _spawn(pipe: Connection) -> subprocess.Popen[bytes]:
+    """Start the worker program. It inherits its end of the pipe; its stdout also takes the output of plug-ins."""
     handle = pipe.fileno()
     inherits: dict[str, Any] = {"pass_fds": [handle]}
     if sys.platform == "win32":
         os.set_handle_inheritable(handle, True)
         inherits = {"startupinfo": subprocess.STARTUPINFO(lpAttributeList={"handle_list": [handle]})}
     return subprocess.Popen(
-        # -P: no module is found in the folder where somebody happens to stand, unless this process would find it there
+        # -P: the current folder is not searched for modules, unless this process's sys.path has it
         [sys.executable, "-P", "-c", _PROGRAM, str(handle), str(os.getpid()), *sys.path],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
@@ -161,8 +162,8 @@ def _started(pipe: Connection) -> subprocess.Popen[bytes]:
     )
 
 
-def _family(worker: int) -> list[psutil.Process]:
-    """The processes below a worker."""
+def _descendants(worker: int) -> list[psutil.Process]:
+    """All descendants of the worker process."""
     try:
         return psutil.Process(worker).children(recursive=True)
     except psutil.NoSuchProcess:
@@ -170,13 +171,13 @@ def _family(worker: int) -> list[psutil.Process]:
 
 
 @contextmanager
-def _deaf_to_ctrl_c() -> Iterator[None]:
-    """A process started within never hears Ctrl-C, not even while it imports; this one hears it afterwards."""
-    with _ctrl_c_later():
-        if not hasattr(signal, "pthread_sigmask"):  # Windows: the worker says so itself, a little later
+def _sigint_blocked() -> Iterator[None]:
+    """Blocks SIGINT in a process started in this block, even while it imports; this process handles it afterwards."""
+    with _sigint_deferred():
+        if not hasattr(signal, "pthread_sigmask"):  # Windows: the worker ignores SIGINT itself, a little later
             yield
             return
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # the process inherits it
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # inherited by the new process
         try:
             yield
         finally:
@@ -184,10 +185,10 @@ def _deaf_to_ctrl_c() -> Iterator[None]:
 
 
 @contextmanager
-def _ctrl_c_later() -> Iterator[None]:
-    """Ctrl-C interrupts nothing within, where a process might be left behind that nobody knows; then it does.
+def _sigint_deferred() -> Iterator[None]:
+    """Defers SIGINT to the end of the block, so that no half-registered process is left behind.
 
-    Blocking the signal is not enough: another thread takes it, and Python interrupts the main one all the same.
+    Blocking the signal is not enough: another thread would receive it, and Python would still interrupt the main one.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

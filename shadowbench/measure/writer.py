@@ -1,4 +1,4 @@
-"""Writes to disk beside the drawing, but not beside what is timed."""
+"""Background writing of files, which pauses while a build is timed."""
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -7,10 +7,10 @@ from shadowbench.measure.profile import Profile
 
 
 class Writer:
-    """Writes in a thread of its own, in order and one thing at a time, while the worker draws.
+    """Runs write operations one after the other in a thread, while the worker draws.
 
-    Nothing is written between `finish` and `start`. Use as a context manager: all is on disk when it ends. What writing
-    raises is raised by the next `finish`, or the end.
+    Nothing is written between `finish` and `start`. Use as a context manager: everything is on disk when it exits. An
+    exception of a write is raised by the next `finish` or on exit.
     """
 
     def __init__(self, profile: Profile) -> None:
@@ -28,17 +28,17 @@ class Writer:
             self.finish()
 
     def add(self, write: Callable[[], None]) -> None:
-        """Have it written after the next `start`."""
+        """Queue a write for the next `start`."""
         self._next.append(write)
 
     def start(self) -> None:
-        """Begin to write what was added."""
+        """Start the queued writes."""
         self._begun += [self._pool.submit(write) for write in self._next]
         self._next = []
 
     def finish(self) -> None:
-        """Wait until what was begun is on disk; more would be held in memory otherwise."""
+        """Wait for the started writes, which bounds the images held in memory."""
         begun, self._begun = self._begun, []
-        with self._profile.of("files"):
+        with self._profile.activity("files"):
             for writing in begun:
                 writing.result()

@@ -4,7 +4,7 @@ import json
 import math
 from collections.abc import Sequence
 
-from shadowbench.extremes.axes import Axis, Value, shown
+from shadowbench.extremes.axes import Axis, Value, value_label
 from shadowbench.extremes.axes.model import NAMES
 from shadowbench.extremes.ranges import TOLERANCES, OperatingRange, failure, value_text
 from shadowbench.measure.rows import Record
@@ -67,11 +67,14 @@ def _along(found: Stability, axis: Axis, styles: Styles, metric: str) -> tuple[l
     ]
     channels = styles.channels(one.spec for _, one in ranges)
     faded = {"condition": {"test": PICKED, "value": 1}, "value": 0.07}
-    at, labels = json.dumps(list(places.values())), json.dumps([shown(value) for value in swept], ensure_ascii=False)
+    at, labels = (
+        json.dumps(list(places.values())),
+        json.dumps([value_label(value) for value in swept], ensure_ascii=False),
+    )
     x = {
         "field": "x",
         "type": "quantitative",
-        "title": f"{axis.name}{f', {axis.unit}' if axis.unit else ''}; home: {shown(axis.home)}",
+        "title": f"{axis.name}{f', {axis.unit}' if axis.unit else ''}; home: {value_label(axis.default)}",
         "scale": {"domain": [min(places.values()), max(places.values())], "nice": False, "zero": False, "padding": 12},
         "axis": {
             "values": list(places.values()),

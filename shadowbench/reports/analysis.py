@@ -7,7 +7,7 @@ import pandas as pd
 
 from shadowbench.studies.folder import Run
 from shadowbench.studies.tables import Interval, SummaryRow, interval, summary_rows, titles
-from shadowbench.studies.times import ReferenceTime, by_one_reference, pareto_front
+from shadowbench.studies.times import ReferenceTime, normalise_times, pareto_front
 
 IOU_STEPS = (0.95, 0.99, 0.999)
 EDGE_STEPS = (1.0, 0.5, 0.25)
@@ -110,7 +110,7 @@ def sections(runs: Sequence[Run]) -> dict[str, list[Section]]:
             [titles(run.frame), "view_size", "coordinates"], sort=False, dropna=False
         ):
             title = f"{scene}, {size}² view" + (f", {coordinates} coordinates" if coordinates == "absolute" else "")
-            frame, reference = by_one_reference(measured)
+            frame, reference = normalise_times(measured)
             section = Section(run, str(scene), title, frame, reference, tuple(_configurations(run, frame)))
             found.setdefault(title, []).append(section)
     return found

@@ -13,9 +13,9 @@ _TOOLTIP = ("spec", "map", "× bias", "acne", "contact", "1 − IoU", "SSIM")
 
 def bias_charts(section: Section) -> list[tuple[str, Chart]]:
     """By swept spec, its chart; none where no bias was swept, or none that lacks acne or contact."""
-    found = curves([one.row for one in section.held], section.run.swept)
-    homes = dict.fromkeys(one.home for one in found)
-    made = [(home, _chart(section, home, [one for one in found if one.home == home])) for home in homes]
+    found = curves([one.row for one in section.held], section.run.sweep_positions)
+    homes = dict.fromkeys(one.base for one in found)
+    made = [(home, _chart(section, home, [one for one in found if one.base == home])) for home in homes]
     return [(home, chart) for home, chart in made if chart is not None]
 
 

@@ -50,7 +50,7 @@ def figures(scenes: Mapping[str, Sequence[Section]], swept: Sequence[Stability])
             chart = titled(heat_map(found), "Operating range along each axis", *about, width=_CELL * len(found.axes))
             yield _file(stem), _png(chart)
         for axis in found.axes:
-            chart = titled(axis_figure(found, axis, styles), f"{axis.name}: {axis.holds}", *about, width=None)
+            chart = titled(axis_figure(found, axis, styles), f"{axis.name}: {axis.invariant}", *about, width=None)
             yield _file(f"{stem}.{axis.name}"), _png(chart)
 
 

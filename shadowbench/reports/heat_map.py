@@ -4,7 +4,7 @@ import json
 import re
 import textwrap
 
-from shadowbench.extremes.axes import Axis, shown
+from shadowbench.extremes.axes import Axis, value_label
 from shadowbench.extremes.axes.model import NAMES
 from shadowbench.extremes.ranges import Failure, OperatingRange
 from shadowbench.reports.axes import Chart
@@ -173,15 +173,17 @@ def _cell_text(one: OperatingRange) -> str:
     """A range in the width of a cell: what holds, where that ends, how it breaks; the unit stands above."""
     if one.share is None:
         return "unsupported"
-    held = f"{len(one.held)} of {len(one.swept)}"
-    if one.axis.ordered and one.held:
-        held = "…".join(dict.fromkeys(shown(end) for end in sorted({float(one.held[0]), float(one.held[-1])})))
+    held = f"{len(one.in_tolerance)} of {len(one.swept)}"
+    if one.axis.ordered and one.in_tolerance:
+        held = "…".join(
+            dict.fromkeys(value_label(end) for end in sorted({float(one.in_tolerance[0]), float(one.in_tolerance[-1])}))
+        )
     if not one.breaks:
-        return held if one.axis.ordered else f"all {len(one.held)}"
+        return held if one.axis.ordered else f"all {len(one.in_tolerance)}"
     hows = list(dict.fromkeys(_short(broken.failure) for broken in one.breaks))
     how = hows[0] if len(hows) == 1 else ", ".join(dict.fromkeys(broken.failure.kind for broken in one.breaks))
-    where = [f"{'or' if k else 'not'} {shown(broken.value)}" for k, broken in enumerate(one.breaks)]
-    return "\n".join([*([held] if one.held else []), *(where if one.axis.ordered else []), how])
+    where = [f"{'or' if k else 'not'} {value_label(broken.value)}" for k, broken in enumerate(one.breaks)]
+    return "\n".join([*([held] if one.in_tolerance else []), *(where if one.axis.ordered else []), how])
 
 
 def _short(broken: Failure) -> str:

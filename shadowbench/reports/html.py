@@ -169,7 +169,8 @@ def _stability(found: Stability, styles: Styles, most: int, name: str) -> dict[s
         "heat": heat_map(found) if found.ranges else None,
         "heat_narrow": heat_map(found, compact=True) if found.ranges else None,
         "axes": [
-            (axis.name, axis.holds, metrics_along(found, axis), axis_chart(found, axis, styles)) for axis in found.axes
+            (axis.name, axis.invariant, metrics_along(found, axis), axis_chart(found, axis, styles))
+            for axis in found.axes
         ],
         "metrics": list(LIMITS),
         "lights": [light for light in NAMES.values() if any(light == NAMES[kind] for _, kind in found.lines)],

@@ -92,7 +92,7 @@ def stability(sweep: Sweep) -> Stability:
 def _from_here(row: Record) -> bool:
     """Whether a range can be searched from a row's value: on an axis without an order, from any."""
     axis = AXES[row["axis"]]
-    return not axis.ordered or row["axis_value"] == axis.home
+    return not axis.ordered or row["axis_value"] == axis.default
 
 
 def whole(ranges: Sequence[OperatingRange]) -> int:

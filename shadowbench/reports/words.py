@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 
-from shadowbench.extremes.axes.model import NAMES, shown
+from shadowbench.extremes.axes.model import NAMES, value_label
 from shadowbench.extremes.ranges import TOLERANCES, OperatingRange, value_text
 from shadowbench.reports.analysis import (
     EDGE_STEPS,
@@ -56,9 +56,9 @@ def section_notes(section: Section) -> list[str]:
 
 
 def value_of(one: Configuration, name: str) -> str:
-    """A metric or a time as text; a frame time that is rough is marked."""
+    """A metric or a time as text; ~ before every time of a cell whose rounds varied much."""
     value = one.value(name)
-    return "–" if value is None else f"{'~' if name == 'frame_ms' and one.row.wide else ''}{digits(value)}"
+    return "–" if value is None else f"{'~' if name.endswith('_ms') and one.row.wide else ''}{digits(value)}"
 
 
 def headline(section: Section) -> list[str]:
@@ -99,8 +99,8 @@ def refusals(section: Section) -> list[tuple[str, str]]:
         whys = []
         if one.row.cells and one.error is None:
             whys.append("no IoU: neither the truth nor the mask has a shadow")
-        for status, count in Counter(one.row.refused).items():
-            total = one.row.cells + len(one.row.refused)
+        for status, count in Counter(one.row.unsuccessful).items():
+            total = one.row.cells + len(one.row.unsuccessful)
             whys.append(f"{count} of {total} cells {status}" if total > 1 else status)
         for why in whys:
             sizes = found.setdefault((one.spec, why), [])
@@ -217,12 +217,12 @@ def range_text(one: OperatingRange) -> str:
     if one.share is None or (one.share == 1 and not one.axis.ordered):
         return one.plain
     refused = f"; {_refused(one)} unsupported" if one.unsupported else ""
-    return f"{one.plain} ({len(one.held)} of {one.measured}{refused})"
+    return f"{one.plain} ({len(one.in_tolerance)} of {one.measured}{refused})"
 
 
 def range_facts(one: OperatingRange, light: str) -> dict[str, str]:
     """All that is known of a range, by name."""
-    share = "unsupported" if one.share is None else f"at {len(one.held)} of {one.measured} values"
+    share = "unsupported" if one.share is None else f"at {len(one.in_tolerance)} of {one.measured} values"
     return {
         "spec": one.spec,
         "light": light,
@@ -230,7 +230,7 @@ def range_facts(one: OperatingRange, light: str) -> dict[str, str]:
         "holds": share,
         "range": one.plain,
         "unsupported": _refused(one) or "–",
-        "must hold": one.axis.holds,
+        "must hold": one.axis.invariant,
     }
 
 
@@ -259,4 +259,4 @@ def ended(found: Stability) -> list[tuple[str, str]]:
 
 
 def _refused(one: OperatingRange) -> str:
-    return ", ".join(shown(value) for value in one.unsupported)
+    return ", ".join(value_label(value) for value in one.unsupported)

@@ -1,1 +1,1 @@
-"""What is lit: scenes, cameras and lights, from files and shapes. Knows neither GL nor Embree."""
+"""Scenes: meshes, cameras and lights, from files and shapes. Independent of OpenGL and Embree."""

@@ -1,4 +1,4 @@
-"""What is assumed where a file has no ground, camera or light, or several cameras: a line each of `Scene.notes`."""
+"""Default ground, camera and light of a file that has none. Each assumption is a line of `Scene.notes`."""
 
 import math
 from collections.abc import Sequence
@@ -14,14 +14,15 @@ VIEW_FROM = (1.25, 1.2, 2.7)
 FOV_Y = math.radians(36.0)
 SUN = (0.8, -1.0, -0.6)
 GROUND_SIDE = 4.0
-"""In diagonals of the bounds, like the next."""
+"""Side of the default ground, in diagonals of the bounds."""
 GROUND_THICKNESS = 1e-3
+"""Largest distance from the lowest height, in diagonals of the bounds, at which a triangle counts as ground."""
 SMALLEST = 1e-18
-"""A scene whose diagonal is below this many metres is refused: squared areas would leave float64."""
+"""Smallest diagonal of a scene, in metres: the squared areas of a smaller one would underflow float64."""
 
 
 def mesh_bounds(meshes: Sequence[Mesh], where: str) -> Floats:
-    """(2, 3) lowest and highest corner of all meshes; an InputError if they span next to nothing."""
+    """(2, 3) lowest and highest corner of all meshes. Raises InputError for a diagonal below `SMALLEST`."""
     corners = np.concatenate([bounds_of(mesh.vertices) for mesh in meshes])
     bounds = bounds_of(corners)
     diagonal = float(np.linalg.norm(bounds[1] - bounds[0]))
@@ -30,29 +31,31 @@ def mesh_bounds(meshes: Sequence[Mesh], where: str) -> Floats:
     return bounds
 
 
-def up_for(where: str) -> str:
-    """The line that says which axis was taken as up in a file of a format that does not say."""
+def assumed_up_note(where: str) -> str:
+    """The note that y is assumed to be up, for a file whose format does not specify the up axis."""
     return f"no up axis in {where}: assumed y; --up z takes z"
 
 
-def camera_for(bounds: Floats, where: str) -> tuple[Camera, str]:
-    """A camera that sees a sphere around the bounds, and the line that says so."""
+def assumed_camera(bounds: Floats, where: str) -> tuple[Camera, str]:
+    """A camera that shows the whole bounding sphere of (2, 3) bounds, and the note about it."""
     center, diagonal = bounds.mean(axis=0), float(np.linalg.norm(bounds[1] - bounds[0]))
     position = center + unit(VIEW_FROM) * (diagonal / 2) / math.sin(FOV_Y / 2)
     camera = Camera("camera", vec3(position), vec3(center), FOV_Y)
-    seen = f"at {told(camera.position)} looking at {told(camera.target)}, fov_y {math.degrees(FOV_Y):.0f}°"
-    return camera, f"no camera in {where}: assumed {seen}"
+    pose = (
+        f"at {vector_text(camera.position)} looking at {vector_text(camera.target)}, fov_y {math.degrees(FOV_Y):.0f}°"
+    )
+    return camera, f"no camera in {where}: assumed {pose}"
 
 
-def sun_for(where: str) -> tuple[Light, str]:
-    """A sun 45° above the horizon, and the line that says so."""
+def assumed_sun(where: str) -> tuple[Light, str]:
+    """A sun 45° above the horizon, and the note about it."""
     height = math.degrees(math.asin(-unit(SUN)[1]))
-    note = f"no light in {where}: assumed a sun travelling along {told(SUN)}, {height:.0f}° above the horizon"
+    note = f"no light in {where}: assumed a sun travelling along {vector_text(SUN)}, {height:.0f}° above the horizon"
     return Light("light", "directional", direction=SUN), note
 
 
-def ground_for(meshes: Sequence[Mesh], bounds: Floats, where: str) -> tuple[Mesh, str] | None:
-    """A square under the meshes and the line that says so, or None where they bring a ground of their own."""
+def assumed_ground(meshes: Sequence[Mesh], bounds: Floats, where: str) -> tuple[Mesh, str] | None:
+    """A square ground below the meshes and the note about it; None if the meshes have a ground of their own."""
     low, high = bounds
     diagonal = float(np.linalg.norm(high - low))
     footprint = float((high[0] - low[0]) * (high[2] - low[2]))
@@ -67,7 +70,7 @@ def ground_for(meshes: Sequence[Mesh], bounds: Floats, where: str) -> tuple[Mesh
 
 
 def _floor_area(meshes: Sequence[Mesh], y: float, thickness: float) -> float:
-    """Area, seen from above, of the triangles that face up within `thickness` of the height `y`."""
+    """Area, projected on the xz plane, of the upward-facing triangles within `thickness` of the height `y`."""
     area = 0.0
     for mesh in meshes:
         corners = mesh.vertices[mesh.faces]
@@ -78,20 +81,23 @@ def _floor_area(meshes: Sequence[Mesh], y: float, thickness: float) -> float:
     return area
 
 
-def completed(scene: Scene, bounds: Floats, where: str) -> Scene:
-    """The scene with the camera and light that it lacks, assumed for (2, 3) bounds, and a line for all left out."""
+def with_assumptions(scene: Scene, bounds: Floats, where: str) -> Scene:
+    """The scene with a default camera and light if it has none, and a note on its zero-area triangles.
+
+    bounds: (2, 3) lowest and highest corner of the meshes.
+    """
     cameras, lights, notes = scene.cameras, scene.lights, list(scene.notes)
     if not cameras:
-        camera, note = camera_for(bounds, where)
+        camera, note = assumed_camera(bounds, where)
         cameras, notes = (camera,), [*notes, note]
     if not lights:
-        light, note = sun_for(where)
+        light, note = assumed_sun(where)
         lights, notes = (light,), [*notes, note]
     if scene.dropped:
         notes.append(f"{where}: {scene.dropped} zero-area triangle(s) left out")
     return replace(scene, cameras=cameras, lights=lights, notes=tuple(notes))
 
 
-def told(values: Vec3) -> str:
-    """A point or direction as a line shows it."""
+def vector_text(values: Vec3) -> str:
+    """A point or direction as text, to six digits."""
     return f"({', '.join(f'{value:.6g}' for value in values)})"

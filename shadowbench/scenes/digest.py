@@ -1,4 +1,4 @@
-"""Content hashes of geometry and views: what a cached truth and a row's key stand for."""
+"""Content hashes of geometry and views, for the keys of cached truths and rows."""
 
 import hashlib
 
@@ -9,18 +9,18 @@ from shadowbench.scenes.model import View
 
 
 def geometry_digest(geometry: Geometry) -> str:
-    """Hex digest of everything about triangles that can move a technique's shadow; colours cannot."""
+    """Hex digest of all properties of triangles that affect shadows; colours do not."""
     digest = hashlib.sha256()
     for array in (geometry.vertices, geometry.faces, geometry.casts, geometry.receives):
         digest.update(repr((array.shape, array.dtype.str)).encode())
         digest.update(np.ascontiguousarray(array).tobytes())
-    if geometry.planar.any():  # which planes a technique is told of
+    if geometry.planar.any():  # used by planar-projection:receives=flagged
         digest.update(np.ascontiguousarray(geometry.planar).tobytes())
     return digest.hexdigest()
 
 
 def view_digest(view: View) -> str:
-    """Hex digest of a view: geometry, camera, light and size, but no names."""
+    """Hex digest of a view's geometry, camera, light and size, without names."""
     camera, light = view.camera, view.light
     parts = (
         geometry_digest(view.scene.geometry),

@@ -1,4 +1,4 @@
-"""Draco's decoder in a process of its own: made-up bytes let it ask for any memory, or die.
+"""Draco decoding in a process of its own, as corrupt data can make the decoder crash or allocate any amount of memory.
 
 python -m shadowbench.scenes.draco < blobs.npz > arrays.npz
 """
@@ -16,42 +16,43 @@ from shadowbench.errors import InputError
 from shadowbench.scenes.triangles import MOST_TRIANGLES
 
 LONGEST = 20.0
-"""Seconds for all that a file has compressed."""
+"""Time limit for decoding all of a file's primitives, in seconds."""
 MOST_MEMORY = 2 << 30
-"""Bytes."""
+"""Memory limit of the decoding process, in bytes."""
 
 
 class Blob(NamedTuple):
-    """A compressed primitive, and Draco's own number of the attribute that is its positions."""
+    """A compressed primitive, and the Draco id of its position attribute."""
 
     data: bytes
     positions: int
 
 
 class Decoded(NamedTuple):
-    """positions: (V, 3) float64, integers where the file has them; faces: (F, 3) int64 into them."""
+    """A decoded primitive. positions: (V, 3) float64, not dequantized; faces: (F, 3) int64 indices into them."""
 
     positions: NDArray[np.float64]
     faces: NDArray[np.int64]
 
 
 def decode(blobs: list[Blob], where: str) -> list[Decoded]:
-    """What each blob holds; InputError that begins with `where` if one cannot be decoded."""
+    """The decoded primitives. Raises InputError that begins with `where` if one cannot be decoded."""
     arrays = _packed(
         data=np.frombuffer(b"".join(blob.data for blob in blobs), dtype=np.uint8),
         lengths=np.array([len(blob.data) for blob in blobs]),
         numbers=np.array([blob.positions for blob in blobs]),
     )
     try:
-        # -P: a folder that holds a numpy.py is no place to import from.
+        # -P: do not import from the current folder, which may have a numpy.py.
         done = subprocess.run(
             [sys.executable, "-P", "-m", __name__], input=arrays, capture_output=True, timeout=LONGEST, check=False
         )
     except subprocess.TimeoutExpired as error:
         raise InputError(f"{where}: KHR_draco_mesh_compression: took more than {LONGEST:.0f} s to decode") from error
     if done.returncode != 0:
-        said = done.stderr.decode(errors="replace").strip().splitlines()
-        reason = said[-1][:160] if done.returncode == 1 and said else f"the decoder died with code {done.returncode}"
+        errors = done.stderr.decode(errors="replace").strip().splitlines()
+        crash = f"the decoder died with code {done.returncode}"
+        reason = errors[-1][:160] if done.returncode == 1 and errors else crash
         raise InputError(f"{where}: KHR_draco_mesh_compression: {reason}")
     found = _unpacked(done.stdout)
     parts = (np.split(found[name], np.cumsum(found[f"{name}_rows"])[:-1]) for name in Decoded._fields)
@@ -90,15 +91,15 @@ def _main() -> None:
         import resource
 
         resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
-    except (ImportError, ValueError):  # Windows has no such limit, macOS may not grant it
+    except (ImportError, ValueError):  # not available on Windows, may be refused on macOS
         pass
-    asked = _unpacked(sys.stdin.buffer.read())
-    ends = np.cumsum(asked["lengths"])
-    data = asked["data"].tobytes()
-    rows = zip(ends - asked["lengths"], ends, asked["numbers"], strict=True)
+    request = _unpacked(sys.stdin.buffer.read())
+    ends = np.cumsum(request["lengths"])
+    data = request["data"].tobytes()
+    rows = zip(ends - request["lengths"], ends, request["numbers"], strict=True)
     try:
         found = list(_decode_here([Blob(data[start:end], int(number)) for start, end, number in rows]))
-    except Exception as error:  # whatever the decoder says of a corrupt blob; the parent tells it
+    except Exception as error:  # the decoder's exceptions for corrupt data vary; the parent reports them
         sys.exit(f"{type(error).__name__}: {' '.join(str(error).split())}")
     answer = {}
     for k, name in enumerate(Decoded._fields):

@@ -1,4 +1,4 @@
-"""Scene files: TOML to a Scene."""
+"""Scenes from TOML scene files."""
 
 import math
 import os
@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field, ValidationError
 
 from shadowbench.errors import InputError, alternatives
-from shadowbench.scenes.assumed import completed, mesh_bounds
+from shadowbench.scenes.assumed import mesh_bounds, with_assumptions
 from shadowbench.scenes.meshes import Contents, read_meshes
 from shadowbench.scenes.model import Floats, Mesh, Scene
 from shadowbench.scenes.shapes import SHAPES, build_shape
@@ -31,7 +31,7 @@ from shadowbench.strict import Strict, explain, read_toml, short
 
 
 class SceneFile(Strict):
-    """The top of a scene file; its tables are checked one by one."""
+    """The top level of a scene file; its tables are validated separately."""
 
     name: Name | None = None
     about: str = Field("", max_length=200, strict=True)
@@ -41,7 +41,7 @@ class SceneFile(Strict):
 
 
 def read_document(path: Path) -> SceneFile:
-    """The checked top of a scene file; InputError if it cannot be read or is not TOML."""
+    """The validated top level of a scene file. Raises InputError if it is unreadable or not TOML."""
     document = read_toml(path, path.name)
     for key in ("camera", "light", "mesh"):
         value = document.get(key, [])
@@ -58,9 +58,9 @@ def read_document(path: Path) -> SceneFile:
 
 
 def read_scene_file(path: Path, assets: Path | None = None) -> Scene:
-    """The scene of a TOML file; `assets` is a second folder in which its mesh files may lie.
+    """The scene of a TOML file, with a default camera and light if it has none.
 
-    Raises InputError, one line, for whatever is wrong with it. A camera or light that it lacks is assumed.
+    assets: a second folder for its mesh files. Raises InputError for an invalid file.
     """
     document = read_document(path)
     name = document.name or path.stem
@@ -84,10 +84,10 @@ def read_scene_file(path: Path, assets: Path | None = None) -> Scene:
         table, parameters = _mesh_table(raw, where)
         sources: tuple[Mesh, ...]
         if table.file is None:
-            sources, lost = _of_shape(table, parameters, where), 0
+            sources, lost = _shape_mesh(table, parameters, where), 0
         else:
-            file = _inside(table.file, path, assets, where)
-            if file not in read:  # a thousand tables may name one large file
+            file = _resolved(table.file, path, assets, where)
+            if file not in read:  # many tables may use the same large file
                 read[file] = read_meshes(file, f"{where}: {table.file}")
                 notes.extend(read[file].notes)
             sources, lost = read[file].meshes, read[file].dropped
@@ -107,13 +107,13 @@ def read_scene_file(path: Path, assets: Path | None = None) -> Scene:
     if not meshes:
         raise InputError(f"{path.name}: all {dropped} triangles have zero area; at least one must have some")
     scene = Scene(name, tuple(meshes), tuple(cameras), tuple(lights), tuple(notes), dropped)
-    return completed(scene, mesh_bounds(meshes, path.name), path.name)
+    return with_assumptions(scene, mesh_bounds(meshes, path.name), path.name)
 
 
 def _tables(
     given: dict[str, object] | list[dict[str, object]], kind: str, file: str
 ) -> Iterator[tuple[dict[str, object], str, str]]:
-    """Each camera's or light's table, what begins its errors, and the name that it has if it says none."""
+    """Each table of cameras or lights, with the beginning of its error messages and its default name."""
     tables = given if isinstance(given, list) else [given]
     for number, table in enumerate(tables, 1):
         title = f"[{kind}]" if len(tables) == 1 else f"[[{kind}]] {number}"
@@ -121,7 +121,7 @@ def _tables(
 
 
 def _mesh_table(raw: dict[str, object], where: str) -> tuple[MeshTable, dict[str, object]]:
-    """The table, and the parameters of its shape, which only the shape knows."""
+    """The validated table, and the unvalidated parameters of its shape."""
     own = {key: value for key, value in raw.items() if key in MeshTable.model_fields or "shape" not in raw}
     try:
         table = MeshTable.model_validate(own)
@@ -130,8 +130,8 @@ def _mesh_table(raw: dict[str, object], where: str) -> tuple[MeshTable, dict[str
     return table, {key: value for key, value in raw.items() if key not in own}
 
 
-def _of_shape(table: MeshTable, parameters: dict[str, object], where: str) -> tuple[Mesh]:
-    """The mesh of a table's shape before its transform."""
+def _shape_mesh(table: MeshTable, parameters: dict[str, object], where: str) -> tuple[Mesh]:
+    """The mesh of a table's shape, in object space."""
     shape = str(table.shape)
     if shape in SHAPES:
         allowed = [*MeshTable.model_fields, *SHAPES[shape].parameters.model_fields]
@@ -144,7 +144,7 @@ def _of_shape(table: MeshTable, parameters: dict[str, object], where: str) -> tu
 
 
 def _placed(table: MeshTable, sources: Sequence[Mesh], where: str) -> Iterator[Mesh]:
-    """Every copy of every mesh where the table puts it."""
+    """All copies of all meshes of a table, in world space."""
     matrix = transform_of(table)
     shifts = [np.outer(np.arange(row.count), row.step) for row in table.repeat]
     for indices in product(*(range(len(shift)) for shift in shifts)):
@@ -165,7 +165,7 @@ def _placed(table: MeshTable, sources: Sequence[Mesh], where: str) -> Iterator[M
 
 
 def transform_of(table: MeshTable) -> Floats:
-    """(4, 4) float64: scale, then degrees about the fixed x, y and z axes in that order, then translate."""
+    """(4, 4) float64 object-to-world matrix: scale, rotate about the fixed x, y and z axes in that order, translate."""
     matrix = np.diag([*table.scale, 1.0])
     for axis, degrees in enumerate(table.rotate):
         matrix = _rotation(axis, degrees) @ matrix
@@ -174,7 +174,7 @@ def transform_of(table: MeshTable) -> Floats:
 
 
 def _rotation(axis: int, degrees: float) -> Floats:
-    """(4, 4) right-handed turn about a fixed axis; quarter turns are exact, so that boxes stay boxes."""
+    """(4, 4) right-handed rotation about a coordinate axis; exact for multiples of 90°."""
     quarter = {0.0: (1.0, 0.0), 90.0: (0.0, 1.0), 180.0: (-1.0, 0.0), 270.0: (0.0, -1.0)}
     turn = math.fmod(math.fmod(degrees, 360.0) + 360.0, 360.0)
     cosine, sine = quarter.get(turn, (math.cos(math.radians(turn)), math.sin(math.radians(turn))))
@@ -184,8 +184,8 @@ def _rotation(axis: int, degrees: float) -> Floats:
     return matrix
 
 
-def _inside(file: str, scene: Path, assets: Path | None, where: str) -> Path:
-    """The mesh file, links followed, if it lies in the scene's folder or in `assets`."""
+def _resolved(file: str, scene: Path, assets: Path | None, where: str) -> Path:
+    """The path of a mesh file with links resolved. Raises InputError outside the scene's folder and `assets`."""
     folders = [scene.parent.resolve()] + ([assets.resolve()] if assets is not None else [])
     try:
         candidates = [Path(os.path.realpath(folder / file)) for folder in folders]

@@ -1,4 +1,4 @@
-"""Shapes that ask something of a shadow technique: stairs, rolling ground, leaves, a folded statue.
+"""Shapes that are difficult for shadow techniques: stairs, terrain, leaves, a draped statue.
 
 All are deterministic: the same parameters give the same triangles.
 """
@@ -12,13 +12,13 @@ from shadowbench.strict import Strict
 
 
 class StairsParameters(Strict):
-    """How many steps."""
+    """steps: number of steps."""
 
     steps: int = Field(6, ge=1, le=1000, strict=True)
 
 
 class TerrainParameters(Strict):
-    """`cells` quads a side; `waves` across a side in the coarsest of four layers; `seed` chooses the hills."""
+    """cells: quads along a side; waves: waves along a side in the coarsest of four octaves; seed: of the hills."""
 
     cells: int = Field(128, ge=2, le=512, strict=True)
     waves: float = Field(2.0, gt=0.0, le=8.0, strict=True)
@@ -26,7 +26,7 @@ class TerrainParameters(Strict):
 
 
 class LeavesParameters(Strict):
-    """`count` leaves of length `size` in a ball of diameter 1, crowding towards its skin."""
+    """count: leaves in a ball of diameter 1, denser towards its surface; size: length of the longest; seed: of all."""
 
     count: int = Field(800, ge=1, le=50_000, strict=True)
     size: float = Field(0.1, gt=0.0, le=1.0, strict=True)
@@ -34,7 +34,7 @@ class LeavesParameters(Strict):
 
 
 class StatueParameters(Strict):
-    """`rings` from foot to crown, `sectors` around, `folds` of its drapery."""
+    """rings: vertex rings from foot to crown; sectors: vertices around; folds: of the drapery."""
 
     rings: int = Field(160, ge=8, le=512, strict=True)
     sectors: int = Field(160, ge=8, le=512, strict=True)
@@ -42,7 +42,7 @@ class StatueParameters(Strict):
 
 
 def stairs(parameters: StairsParameters) -> Triangles:
-    """A closed flight of steps in the unit cube, climbing towards −z, treads facing +y and risers +z."""
+    """A closed flight of stairs in the unit cube, rising towards −z; treads face +y, risers +z."""
     n = parameters.steps
     k = np.arange(n)
     # The profile in (z, y), from the front edge at the foot up to the back: riser, tread, riser, tread …
@@ -54,8 +54,8 @@ def stairs(parameters: StairsParameters) -> Triangles:
     vertices = np.concatenate([np.insert(profile[:, ::-1], 0, x, axis=1) for x in (-0.5, 0.5)])
 
     tread, foot = np.stack([2 * k, 2 * k + 1], axis=1), 2 * n + np.stack([k, k + 1], axis=1)
-    # A side is a column below each tread. Columns meet along part of an edge, so each is cut at its lower neighbour's
-    # height: the corner below the riser belongs to both, and no crack is left between them.
+    # Each side has a column below each tread. A column is cut at the height of its lower neighbour, so that they share
+    # the corner below the riser and there is no T-junction.
     corner = 2 * k[1:] - 1
     columns = np.concatenate(
         [
@@ -76,7 +76,7 @@ def stairs(parameters: StairsParameters) -> Triangles:
 
 
 def terrain(parameters: TerrainParameters) -> Triangles:
-    """Rolling ground over the unit square, open, facing up; its heights span −½ to ½."""
+    """Rolling terrain over the unit square, open, facing up; heights from −½ to ½."""
     n = parameters.cells
     x, z = np.meshgrid(np.linspace(-0.5, 0.5, n + 1), np.linspace(-0.5, 0.5, n + 1))
     random = np.random.default_rng(parameters.seed)
@@ -85,7 +85,7 @@ def terrain(parameters: TerrainParameters) -> Triangles:
         for _ in range(3):
             angle, phase = random.uniform(0.0, 2 * np.pi, 2)
             frequency = 2 * np.pi * parameters.waves * 2**layer * random.uniform(0.7, 1.3)
-            # Each layer doubles the frequency and gives a third of the height, so slopes stay gentle.
+            # Each octave doubles the frequency at a third of the amplitude, which keeps slopes gentle.
             height += np.sin(frequency * (x * np.cos(angle) + z * np.sin(angle)) + phase) / 3**layer
     low, high = height.min(), height.max()
     height = (height - low) / (high - low) - 0.5
@@ -93,12 +93,12 @@ def terrain(parameters: TerrainParameters) -> Triangles:
 
 
 def leaves(parameters: LeavesParameters) -> Triangles:
-    """Flat open diamonds, two triangles each, of all orientations."""
+    """Flat open leaves, diamonds of two triangles each, with random orientations."""
     n = parameters.count
     random = np.random.default_rng(parameters.seed)
     outward = _directions(random, n)
     centers = outward * (0.5 - parameters.size / 2) * random.uniform(0.15, 1.0, (n, 1)) ** (1 / 3)
-    # Leaves lie mostly across the way out, as they reach for light, yet never all alike.
+    # Most leaves face outwards, as on a tree, with random deviation.
     normals = outward + 0.8 * _directions(random, n)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     along = np.cross(normals, _directions(random, n))
@@ -112,7 +112,7 @@ def leaves(parameters: LeavesParameters) -> Triangles:
 
 
 def statue(parameters: StatueParameters) -> Triangles:
-    """A draped figure of height 1, closed and smooth, that shadows itself with folds, shoulders and head."""
+    """A draped figure of height 1, closed and smooth, whose folds, shoulders and head shadow the figure itself."""
     rings, sectors = parameters.rings, parameters.sectors
     t = np.linspace(0.0, 1.0, rings + 1)
     u = np.linspace(0.0, 2 * np.pi, sectors, endpoint=False)
@@ -126,7 +126,7 @@ def statue(parameters: StatueParameters) -> Triangles:
     r[[0, -1]] = 0.0
     y = (y - y[0]) / (y[-1] - y[0])
 
-    # Folds deepen towards the hem, and lean as if the figure turned; the head has none.
+    # Folds deepen towards the hem and are twisted around the figure; the head has none.
     depth = 0.17 * np.clip(1.0 - y / 0.78, 0.0, 1.0) ** 0.7
     fold = depth[:, None] * np.cos(parameters.folds * u[None] + 5.0 * y[:, None])
     radius = r[:, None] * (1.0 + fold)
@@ -149,7 +149,7 @@ def statue(parameters: StatueParameters) -> Triangles:
 
 
 def _grid_faces(rows: int, columns: int, stride: int) -> Faces:
-    """(2·rows·columns, 3) triangles of a grid of vertices, `stride` to a row, facing +y when rows go +z."""
+    """(2·rows·columns, 3) triangles of a grid with `stride` vertices per row; they face +y if rows advance along +z."""
     row, column = np.mgrid[0:rows, 0:columns]
     a = (row * stride + column).ravel()
     b, c, d = a + 1, a + stride + 1, a + stride
@@ -157,7 +157,7 @@ def _grid_faces(rows: int, columns: int, stride: int) -> Faces:
 
 
 def _ring_faces(bands: int, sectors: int) -> Faces:
-    """(2·bands·sectors, 3) triangles between rings of `sectors` vertices, the later ring above, facing outward."""
+    """(2·bands·sectors, 3) triangles between rings of `sectors` vertices, from bottom to top, facing outwards."""
     band, k = np.mgrid[0:bands, 0:sectors]
     a = (band * sectors + k).ravel()
     b = (band * sectors + (k + 1) % sectors).ravel()
@@ -166,17 +166,17 @@ def _ring_faces(bands: int, sectors: int) -> Faces:
 
 
 def _directions(random: np.random.Generator, count: int) -> Floats:
-    """(count, 3) unit vectors, all directions alike."""
+    """(count, 3) unit vectors, uniformly distributed over the sphere."""
     vectors = random.normal(size=(count, 3))
     return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
 
 
 def _smoothed(values: Floats, width: int) -> Floats:
-    """A sliding mean over `width` samples, the ends held."""
+    """Moving average over `width` samples, with the end values repeated."""
     padded = np.pad(values, width // 2, mode="edge")
     return np.convolve(padded, np.full(width, 1.0 / width), mode="valid")
 
 
 def _bump(y: Floats, center: float, width: float) -> Floats:
-    """1 at `center`, falling to 0 over about twice `width`."""
+    """Gaussian with value 1 at `center`, about 0 at twice `width` from it."""
     return np.exp(-(((y - center) / width) ** 2))

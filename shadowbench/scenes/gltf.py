@@ -1,7 +1,7 @@
-"""glTF: the node tree, cameras, lights, and a say on what cannot be honoured.
+"""glTF: the node tree, cameras and lights, and notes on unsupported features.
 
-The tree is walked here, because trimesh names instances at random, keeps one camera of many, and drops whatever hangs
-below a camera's node.
+Not read by trimesh, because it gives instances random names, keeps only one camera, and drops the children of a
+camera's node.
 """
 
 import json
@@ -20,20 +20,20 @@ from shadowbench.scenes.gltf_schema import Layout, NodeTable
 from shadowbench.scenes.model import Camera, Floats, Light, unit, vec3
 from shadowbench.scenes.tables import LONGEST_NAME, NARROWEST, WIDEST_SPOT, name_from
 
-# Required extensions that change nothing in the geometry, or that are honoured.
+# Extensions that are supported, or do not affect the geometry.
 HONOURED = re.compile(
     r"KHR_draco_mesh_compression|KHR_mesh_quantization|KHR_lights_punctual|KHR_node_visibility"
     r"|(KHR|EXT|MSFT)_texture_\w+|KHR_materials_\w+|KHR_xmp\w*|EXT_lights_image_based"
 )
-TOLD = {"EXT_mesh_gpu_instancing"}
-"""Extensions that are not honoured and have a line of their own in `notes_on`."""
+WITH_OWN_NOTE = {"EXT_mesh_gpu_instancing"}
+"""Unsupported extensions with a note of their own in `notes_on`."""
 POINTS, TRIANGLES, STRIP, FAN = 0, 4, 5, 6
 LINES = (1, 2, 3)
 JSON_CHUNK, BINARY_CHUNK = 0x4E4F534A, 0x004E4942
 
 
 class Node(NamedTuple):
-    """A node of the default scene: its table, its (4, 4) float64 transform to the world, whether it is to be seen."""
+    """A node of the default scene: its table, its (4, 4) float64 node-to-world matrix, and its visibility."""
 
     data: NodeTable
     matrix: Floats
@@ -41,7 +41,7 @@ class Node(NamedTuple):
 
 
 def read_json(path: Path) -> tuple[dict[str, Any], bytes | None]:
-    """The JSON of a .gltf or .glb, and of the latter the bytes of its second chunk. Raises ValueError for neither."""
+    """The JSON of a .gltf or .glb, and the binary chunk of a .glb or None. Raises ValueError for other files."""
     data, chunk = path.read_bytes(), None
     if path.suffix.lower() == ".glb":
         if len(data) < 20 or data[:4] != b"glTF":
@@ -80,7 +80,7 @@ def nodes_of(layout: Layout) -> Iterator[Node]:
         seen.add(index)
         node = nodes[index]
         matrix = parent @ _local_matrix(node)
-        # By KHR_node_visibility a hidden node hides all below it, meshes and lights, but no camera.
+        # KHR_node_visibility hides the meshes and lights of a node and its descendants, but not cameras.
         visibility = node.extensions.KHR_node_visibility
         visible = visible and (visibility is None or visibility.visible)
         waiting.extend((child, matrix, visible) for child in reversed(node.children))
@@ -97,9 +97,9 @@ def _local_matrix(node: NodeTable) -> Floats:
 
 
 def cameras_of(layout: Layout, where: str) -> tuple[list[Camera], list[str]]:
-    """The perspective cameras of the scene, and a line if others were left out.
+    """The perspective cameras of the scene, and a note if it has orthographic ones.
 
-    Raises InputError if a field of view, a plane or a direction makes no sense.
+    Raises InputError for an invalid field of view, near or far plane or direction.
     """
     cameras: list[Camera] = []
     orthographic = 0
@@ -119,7 +119,7 @@ def cameras_of(layout: Layout, where: str) -> tuple[list[Camera], list[str]]:
             raise InputError(f"{where}: camera: znear is {near:g} and zfar {far}; allowed: 0 < znear < zfar")
         position, forward = _pose(node, where, "camera")
         name = _unique(node.data.name or data.name, "camera", {camera.name for camera in cameras})
-        # A target as far away as the position is from the origin keeps the direction's digits.
+        # The distance of the target scales with the position's coordinates, so that rounding keeps the direction.
         reach = max(1.0, float(np.linalg.norm(position)))
         cameras.append(
             Camera(
@@ -137,15 +137,15 @@ def cameras_of(layout: Layout, where: str) -> tuple[list[Camera], list[str]]:
 
 
 def lights_of(layout: Layout, where: str) -> tuple[list[Light], list[str]]:
-    """The visible KHR_lights_punctual lights of the scene, and a line for each thing of theirs that is not honoured."""
+    """The visible KHR_lights_punctual lights of the scene, and a note for each unsupported property."""
     lights: list[Light] = []
     notes = []
-    held = layout.extensions.KHR_lights_punctual
+    extension = layout.extensions.KHR_lights_punctual
     for node in nodes_of(layout):
         light_index = node.data.extensions.KHR_lights_punctual
-        if light_index is None or held is None or not node.visible:
+        if light_index is None or extension is None or not node.visible:
             continue
-        data = held.lights[light_index.light]
+        data = extension.lights[light_index.light]
         kind = data.type
         name = _unique(node.data.name or data.name, "light", {light.name for light in lights})
         position, direction = _pose(node, where, "light")
@@ -171,14 +171,14 @@ def lights_of(layout: Layout, where: str) -> tuple[list[Light], list[str]]:
 
 
 def _pose(node: Node, where: str, what: str) -> tuple[Floats, Floats]:
-    """Where a node is, and the unit vector along its −z."""
+    """(3,) position of a node, and (3,) unit vector along its −z axis."""
     if not np.isfinite(node.matrix).all() or not node.matrix[:3, 2].any() or not node.matrix[:3, 1].any():
         raise InputError(f"{where}: {what}: its node's transform leaves it no direction")
     return node.matrix[:3, 3], unit(-node.matrix[:3, 2])
 
 
 def _unique(name: object, default: str, taken: set[str]) -> str:
-    """A name as scene files allow it, with a number when it is taken."""
+    """A valid name for a scene file, with a number appended if it is taken."""
     plain = (name_from(str(name or "")) or default)[:LONGEST_NAME]
     number = 2
     candidate = plain
@@ -188,23 +188,23 @@ def _unique(name: object, default: str, taken: set[str]) -> str:
 
 
 def check_supported(layout: Layout, where: str) -> None:
-    """Raises InputError if the file needs what would be drawn wrongly, not just plainly."""
+    """Raise InputError for features without which the geometry would be wrong."""
     for extension in layout.extensionsRequired:
         if not HONOURED.fullmatch(extension):
             raise InputError(f"{where}: extensionsRequired: {extension!r:.60} cannot be honoured; save it without")
     for mesh in layout.meshes:
         for primitive in mesh.primitives:
-            mode, told = primitive.mode, f"{where}: mesh {mesh.name or ''!r}"
+            mode, mesh_where = primitive.mode, f"{where}: mesh {mesh.name or ''!r}"
             if mode not in (POINTS, *LINES, TRIANGLES, STRIP):
                 found = "a triangle fan" if mode == FAN else f"mode {mode}"
-                raise InputError(f"{told}: {found}; allowed: triangles and strips")
+                raise InputError(f"{mesh_where}: {found}; allowed: triangles and strips")
             used = [primitive.attributes.get("POSITION"), primitive.indices]
             if any(layout.accessors[index].sparse is not None for index in used if index is not None):
-                raise InputError(f"{told}: sparse accessors cannot be honoured")
+                raise InputError(f"{mesh_where}: sparse accessors cannot be honoured")
 
 
 def notes_on(layout: Layout, where: str) -> list[str]:
-    """One line for each kind of thing that is drawn more plainly than the file asks."""
+    """A note for each kind of feature that is ignored or simplified."""
     primitives = [primitive for mesh in layout.meshes for primitive in mesh.primitives]
     used = [layout.materials[index] for index in {p.material for p in primitives if p.material is not None}]
     see_through = sum(
@@ -217,7 +217,7 @@ def notes_on(layout: Layout, where: str) -> list[str]:
     hidden = sum(node.mesh is not None for node in invisible)
     dark = sum(node.extensions.KHR_lights_punctual is not None for node in invisible)
     extensions = {*layout.extensionsUsed, *layout.extensions.model_fields_set}.union(*by_node)
-    ignored = sorted(name for name in extensions if not HONOURED.fullmatch(name) and name not in TOLD)
+    ignored = sorted(name for name in extensions if not HONOURED.fullmatch(name) and name not in WITH_OWN_NOTE)
     found = [
         (hidden, "mesh(es) of hidden nodes left out"),
         (dark, "light(s) of hidden nodes left out"),
@@ -230,6 +230,6 @@ def notes_on(layout: Layout, where: str) -> list[str]:
     ]
     notes = [f"{where}: {count} {line}" for count, line in found if count]
     if ignored:
-        told = ", ".join(f"{name:.40}" for name in ignored[:5]) + ", ..." * (len(ignored) > 5)
-        notes.append(f"{where}: drawn as if the file did not use {told}")
+        names = ", ".join(f"{name:.40}" for name in ignored[:5]) + ", ..." * (len(ignored) > 5)
+        notes.append(f"{where}: drawn as if the file did not use {names}")
     return notes

@@ -1,4 +1,4 @@
-"""The arrays of a glTF, from a .glb's chunk, data URIs and files beside it; nothing else is opened."""
+"""Vertex and index arrays of a glTF, from the binary chunk of a .glb, data URIs, or files in the glTF's folder."""
 
 import base64
 import binascii
@@ -20,8 +20,8 @@ UNSIGNED = (5121, 5123, 5125)
 TRIANGLES, STRIP = 4, 5
 
 
-class Surface(NamedTuple):
-    """A primitive of triangles: the number of its mesh, (V, 3) positions, (F, 3) indices into them, unchecked."""
+class TrianglePrimitive(NamedTuple):
+    """A triangle primitive: index of its mesh, (V, 3) positions, (F, 3) indices into them, not yet validated."""
 
     mesh: int
     primitive: Primitive
@@ -29,19 +29,19 @@ class Surface(NamedTuple):
     faces: NDArray[Any]
 
 
-def read_primitives(layout: Layout, chunk: bytes | None, path: Path, where: str) -> Iterator[Surface]:
-    """The primitives that are surfaces, in the order of the file; InputError for bytes that do not make one."""
+def read_primitives(layout: Layout, chunk: bytes | None, path: Path, where: str) -> Iterator[TrianglePrimitive]:
+    """The triangle primitives in the order of the file. Raises InputError for invalid data."""
     buffers = buffers_of(layout, chunk, path, where)
     decoded = _decompressed(layout, buffers, where)
     for number, mesh in enumerate(layout.meshes):
         for primitive in mesh.primitives:
             if primitive.mode in (TRIANGLES, STRIP):
                 positions, corners = _arrays(layout, buffers, primitive, decoded, f"{where}: meshes[{number}]")
-                yield Surface(number, primitive, positions, corners)
+                yield TrianglePrimitive(number, primitive, positions, corners)
 
 
 def _decompressed(layout: Layout, buffers: list[bytes], where: str) -> dict[tuple[int, int], Decoded]:
-    """By bufferView and Draco's number of the positions: what KHR_draco_mesh_compression holds, each decoded once."""
+    """All primitives of KHR_draco_mesh_compression, decoded once each, by bufferView and id of the positions."""
     found = [
         (draco.bufferView, draco.attributes["POSITION"])
         for mesh in layout.meshes
@@ -64,7 +64,7 @@ def _arrays(
     decoded: dict[tuple[int, int], Decoded],
     where: str,
 ) -> tuple[NDArray[np.float64], NDArray[Any]]:
-    """Positions and faces of a primitive."""
+    """(V, 3) positions and (F, 3) faces of a primitive."""
     if "POSITION" not in primitive.attributes:
         raise InputError(f"{where}: a primitive has no POSITION")
     accessor = layout.accessors[primitive.attributes["POSITION"]]
@@ -72,8 +72,8 @@ def _arrays(
     if draco is not None:
         if "POSITION" not in draco.attributes:
             raise InputError(f"{where}: KHR_draco_mesh_compression holds no POSITION")
-        whole = decoded[draco.bufferView, draco.attributes["POSITION"]]
-        return _dequantized(whole.positions, accessor), whole.faces
+        mesh = decoded[draco.bufferView, draco.attributes["POSITION"]]
+        return _dequantized(mesh.positions, accessor), mesh.faces
     positions = _array(layout, buffers, primitive.attributes["POSITION"], "VEC3", where)
     corners = np.arange(len(positions))
     if primitive.indices is not None:
@@ -86,7 +86,7 @@ def _arrays(
 
 
 def _array(layout: Layout, buffers: list[bytes], index: int, kind: str, where: str) -> NDArray[Any]:
-    """(count, n) array of an accessor, a view of its buffer; the layout has been checked against the buffers."""
+    """(count, n) array of an accessor, a view of its buffer. The layout must have been validated."""
     accessor = layout.accessors[index]
     if accessor.type != kind or (kind == "SCALAR" and accessor.componentType not in UNSIGNED):
         found = f"{accessor.type} of {accessor.componentType}"
@@ -107,7 +107,7 @@ def _array(layout: Layout, buffers: list[bytes], index: int, kind: str, where: s
 
 
 def _dequantized(positions: NDArray[Any], accessor: Accessor) -> NDArray[np.float64]:
-    """KHR_mesh_quantization's normalised integers as the fractions that they stand for."""
+    """float64 positions, with normalised integers of KHR_mesh_quantization converted to fractions."""
     fractions = positions.astype(np.float64)
     dtype = np.dtype(DTYPES[accessor.componentType])
     if accessor.normalized and dtype.kind in "iu":
@@ -116,21 +116,21 @@ def _dequantized(positions: NDArray[Any], accessor: Accessor) -> NDArray[np.floa
 
 
 def buffers_of(layout: Layout, chunk: bytes | None, path: Path, where: str) -> list[bytes]:
-    """The bytes of each buffer, as many as it says; `chunk` is the second of a .glb, None if there is none.
+    """The bytes of each buffer, `byteLength` each; chunk: the binary chunk of a .glb, or None.
 
-    Raises InputError for bytes that are missing, or that lie outside the file's folder.
+    Raises InputError for missing bytes, or a file outside the glTF's folder.
     """
     found = []
     for number, buffer in enumerate(layout.buffers):
-        told = f"{where}: buffers[{number}]"
+        buffer_where = f"{where}: buffers[{number}]"
         if buffer.uri is not None:
-            data = _from_uri(buffer.uri, path, told)
+            data = _from_uri(buffer.uri, path, buffer_where)
         elif number == 0 and chunk is not None:
             data = chunk
         else:
-            raise InputError(f"{told}: found no uri; only the first buffer of a .glb may lack it")
+            raise InputError(f"{buffer_where}: found no uri; only the first buffer of a .glb may lack it")
         if len(data) < buffer.byteLength:
-            raise InputError(f"{told}: cut short: {len(data)} bytes of {buffer.byteLength}")
+            raise InputError(f"{buffer_where}: cut short: {len(data)} bytes of {buffer.byteLength}")
         found.append(data[: buffer.byteLength])
     return found
 

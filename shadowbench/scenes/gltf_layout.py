@@ -1,4 +1,4 @@
-"""The layout of a glTF's JSON, checked before anything is read by it: types, indices, and sizes against its buffers."""
+"""Validation of a glTF's JSON before its data is read: types, indices, and sizes against its buffers."""
 
 from typing import Any
 
@@ -13,7 +13,7 @@ from shadowbench.strict import explain
 
 
 def checked_layout(document: dict[str, Any], where: str) -> Layout:
-    """The layout of a document; InputError if a part is of a wrong type, or an index names what is not there."""
+    """The validated JSON. Raises InputError for a wrong type, an index out of range, or a size beyond its buffer."""
     try:
         layout = Layout.model_validate(document)
     except ValidationError as error:
@@ -27,13 +27,13 @@ def checked_layout(document: dict[str, Any], where: str) -> Layout:
             _check_index(child, layout.nodes, f"{where}: scenes: nodes")
     lights = layout.extensions.KHR_lights_punctual
     for number, node in enumerate(layout.nodes):
-        told = f"{where}: nodes[{number}]"
-        _check_index(node.mesh, layout.meshes, f"{told}.mesh")
-        _check_index(node.camera, layout.cameras, f"{told}.camera")
+        entry = f"{where}: nodes[{number}]"
+        _check_index(node.mesh, layout.meshes, f"{entry}.mesh")
+        _check_index(node.camera, layout.cameras, f"{entry}.camera")
         for child in node.children:
-            _check_index(child, layout.nodes, f"{told}.children")
+            _check_index(child, layout.nodes, f"{entry}.children")
         light_index = node.extensions.KHR_lights_punctual
-        _check_index(light_index.light if light_index else None, lights.lights if lights else [], f"{told}: light")
+        _check_index(light_index.light if light_index else None, lights.lights if lights else [], f"{entry}: light")
     for what, count in (
         ("cameras", sum(node.camera is not None for node in layout.nodes)),
         ("lights", sum(node.extensions.KHR_lights_punctual is not None for node in layout.nodes)),
@@ -45,13 +45,15 @@ def checked_layout(document: dict[str, Any], where: str) -> Layout:
             raise InputError(f"{where}: cameras[{number}].perspective: found none; it must be given")
     for number, mesh in enumerate(layout.meshes):
         for primitive in mesh.primitives:
-            told = f"{where}: meshes[{number}]: primitive"
+            entry = f"{where}: meshes[{number}]: primitive"
             for name, index in primitive.attributes.items():
-                _check_index(index, layout.accessors, f"{told}: {name:.40}")
-            _check_index(primitive.indices, layout.accessors, f"{told}: indices")
-            _check_index(primitive.material, layout.materials, f"{told}: material")
+                _check_index(index, layout.accessors, f"{entry}: {name:.40}")
+            _check_index(primitive.indices, layout.accessors, f"{entry}: indices")
+            _check_index(primitive.material, layout.materials, f"{entry}: material")
             draco = primitive.extensions.KHR_draco_mesh_compression
-            _check_index(draco.bufferView if draco else None, layout.bufferViews, f"{told}: KHR_draco_mesh_compression")
+            _check_index(
+                draco.bufferView if draco else None, layout.bufferViews, f"{entry}: KHR_draco_mesh_compression"
+            )
     for number, view in enumerate(layout.bufferViews):
         _check_index(view.buffer, layout.buffers, f"{where}: bufferViews[{number}].buffer")
         size = layout.buffers[view.buffer].byteLength
@@ -72,7 +74,7 @@ def _check_index(index: int | None, parts: list[Any], where: str) -> None:
 
 def _check_accessor(accessor: Accessor, layout: Layout, where: str) -> None:
     if accessor.bufferView is None:
-        return  # zeros by the specification, a decoder's result by an extension
+        return  # zeros by the specification, or filled by an extension's decoder
     _check_index(accessor.bufferView, layout.bufferViews, f"{where}.bufferView")
     view = layout.bufferViews[accessor.bufferView]
     row = np.dtype(DTYPES[accessor.componentType]).itemsize * NUMBERS[accessor.type]
@@ -82,7 +84,7 @@ def _check_accessor(accessor: Accessor, layout: Layout, where: str) -> None:
 
 
 def _check_triangles(layout: Layout, where: str) -> None:
-    """Against few bytes that stand for many triangles: accessors that share a bufferView, nodes that share a mesh."""
+    """Raise InputError for too many triangles, which sharing of bufferViews and meshes allows in a small file."""
     counts = [sum(_corners(primitive, layout) for primitive in mesh.primitives) for mesh in layout.meshes]
     drawn = sum(counts[node.mesh] for node in layout.nodes if node.mesh is not None)
     corners = max(sum(counts), drawn)
@@ -91,6 +93,6 @@ def _check_triangles(layout: Layout, where: str) -> None:
 
 
 def _corners(primitive: Primitive, layout: Layout) -> int:
-    """Vertices that a primitive reads, through its indices or not, at least."""
+    """Lower bound on the number of vertices that a primitive draws."""
     used = [primitive.attributes.get("POSITION"), primitive.indices]
     return max((layout.accessors[index].count for index in used if index is not None), default=0)

@@ -1,4 +1,4 @@
-"""A glTF's JSON as models: only what is used here, by the names of the glTF 2.0 specification."""
+"""Models of a glTF's JSON, with the field names of the glTF 2.0 specification; only the fields used here."""
 
 import math
 from typing import Annotated, Any, Literal
@@ -8,46 +8,46 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 from shadowbench.scenes.tables import MOST_COPIES
 
 DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-"""NumPy's name of a number, by componentType."""
+"""NumPy dtype by componentType."""
 NUMBERS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
-"""Numbers of an element, by type."""
+"""Number of components of an element by type."""
 
 Count = Annotated[int, Field(ge=0, le=2**53, strict=True)]
 Number = Annotated[float, Field(strict=True)]
 
 
-class Part(BaseModel):
-    """An object of the JSON; what it has beyond its fields is somebody else's."""
+class JsonObject(BaseModel):
+    """Base class of the JSON's objects; unknown fields are ignored."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
 
 
-class Asset(Part):
-    """Whose version decides how to read the rest."""
+class Asset(JsonObject):
+    """The asset object, with the glTF version."""
 
     version: str = Field(strict=True)
 
 
-class Root(Part):
-    """A scene: its root nodes."""
+class SceneTable(JsonObject):
+    """A scene, with its root nodes."""
 
     nodes: list[Count] = []
 
 
-class LightIndex(Part):
-    """A node's light."""
+class LightIndex(JsonObject):
+    """KHR_lights_punctual of a node: index of its light."""
 
     light: Count
 
 
-class Visibility(Part):
-    """Whether a node and what hangs on it are to be seen."""
+class Visibility(JsonObject):
+    """KHR_node_visibility of a node: whether it and its descendants are visible."""
 
     visible: bool = Field(True, strict=True)
 
 
-class NodeExtensions(Part):
-    """Of a node; others are kept to be named."""
+class NodeExtensions(JsonObject):
+    """Extensions of a node; the names of unknown ones are kept for notes."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -55,8 +55,8 @@ class NodeExtensions(Part):
     KHR_lights_punctual: LightIndex | None = None
 
 
-class NodeTable(Part):
-    """A node: where it is, what it holds, what hangs on it."""
+class NodeTable(JsonObject):
+    """A node: its transform, mesh, camera, skin and children."""
 
     name: str | None = None
     mesh: Count | None = None
@@ -71,27 +71,27 @@ class NodeTable(Part):
 
     @field_validator("rotation")
     @classmethod
-    def _turns(cls, rotation: list[float]) -> list[float]:
+    def _not_zero(cls, rotation: list[float]) -> list[float]:
         if not any(rotation):
             raise ValueError("found four zeros; allowed: a unit quaternion")
         return rotation
 
 
-class Draco(Part):
-    """A compressed primitive: where its bytes are, and which of its attributes is what."""
+class Draco(JsonObject):
+    """KHR_draco_mesh_compression of a primitive: its compressed bytes, and the Draco ids of its attributes."""
 
     bufferView: Count
     attributes: dict[str, Count]
 
 
-class PrimitiveExtensions(Part):
-    """Of a primitive."""
+class PrimitiveExtensions(JsonObject):
+    """Extensions of a primitive."""
 
     KHR_draco_mesh_compression: Draco | None = None
 
 
-class Primitive(Part):
-    """Accessors by attribute, and of the indices."""
+class Primitive(JsonObject):
+    """A primitive: accessors of its attributes and indices."""
 
     attributes: dict[str, Count]
     indices: Count | None = None
@@ -101,15 +101,15 @@ class Primitive(Part):
     extensions: PrimitiveExtensions = PrimitiveExtensions()
 
 
-class MeshTable(Part):
-    """A mesh: one primitive or more."""
+class MeshTable(JsonObject):
+    """A mesh: a list of primitives."""
 
     name: str | None = None
     primitives: list[Primitive]
 
 
-class Accessor(Part):
-    """`count` elements in a bufferView."""
+class Accessor(JsonObject):
+    """An accessor: `count` elements in a bufferView."""
 
     bufferView: Count | None = None
     byteOffset: Count = 0
@@ -120,8 +120,8 @@ class Accessor(Part):
     sparse: dict[str, Any] | None = None
 
 
-class BufferView(Part):
-    """A stretch of a buffer; `byteStride` from one element to the next, where they do not follow each other."""
+class BufferView(JsonObject):
+    """A range of a buffer. `byteStride`: distance of successive elements, None if tightly packed."""
 
     buffer: Count
     byteOffset: Count = 0
@@ -129,79 +129,79 @@ class BufferView(Part):
     byteStride: Annotated[int, Field(ge=1, le=252, strict=True)] | None = None
 
 
-class Buffer(Part):
-    """Bytes: a file, a data URI, or without `uri` the second chunk of a .glb."""
+class Buffer(JsonObject):
+    """A buffer: a file, a data URI, or without `uri` the binary chunk of a .glb."""
 
     uri: str | None = None
     byteLength: Count
 
 
-class Surface(Part):
-    """The colour of a material."""
+class MetallicRoughness(JsonObject):
+    """The base colour of a material."""
 
     baseColorFactor: Annotated[list[Number], Field(min_length=3, max_length=4)] | None = None
 
 
-class Material(Part):
+class Material(JsonObject):
     """A material."""
 
     alphaMode: str = "OPAQUE"
-    pbrMetallicRoughness: Surface = Surface()
+    pbrMetallicRoughness: MetallicRoughness = MetallicRoughness()
     extensions: dict[str, Any] = {}
 
 
-class Lens(Part):
-    """A perspective camera."""
+class Perspective(JsonObject):
+    """The parameters of a perspective camera."""
 
     yfov: Number
     znear: Number
     zfar: Number | None = None
 
 
-class CameraTable(Part):
-    """A camera of either type."""
+class CameraTable(JsonObject):
+    """A perspective or orthographic camera."""
 
     name: str | None = None
     type: str = Field(strict=True)
-    perspective: Lens | None = None
+    perspective: Perspective | None = None
 
 
-class Cone(Part):
-    """Of a spot."""
+class SpotCone(JsonObject):
+    """The cone of a spot light."""
 
     outerConeAngle: Number = math.pi / 4
 
 
-class LightTable(Part):
+class LightTable(JsonObject):
     """A KHR_lights_punctual light."""
 
     name: str | None = None
     type: str = Field(strict=True)
-    spot: Cone = Cone()
+    spot: SpotCone = SpotCone()
     range: Number | None = None
     intensity: Number | None = None
 
 
-class Lights(Part):
-    """The lights of the file."""
+class Lights(JsonObject):
+    """KHR_lights_punctual of the file: its lights."""
 
     lights: list[LightTable]
 
 
-class Extensions(Part):
-    """Of the file; others are kept to be named."""
+class Extensions(JsonObject):
+    """Extensions of the file; the names of unknown ones are kept for notes."""
 
     model_config = ConfigDict(extra="allow")
 
     KHR_lights_punctual: Lights | None = None
 
 
-class Layout(Part):
-    """A whole file."""
+class Layout(JsonObject):
+    """The JSON of a glTF file."""
 
     asset: Asset
     scene: Count | None = None
-    scenes: list[Root] | None = None
+    scenes: list[SceneTable] | None = None
     nodes: Annotated[list[NodeTable], Field(max_length=MOST_COPIES)] = []
     meshes: list[MeshTable] = []
     accessors: list[Accessor] = []

@@ -1,4 +1,4 @@
-"""Scenes by name or path: a built-in name, a scene file, or a mesh file alone."""
+"""Scenes by name or path: a built-in scene, a scene file, or a mesh file."""
 
 import os
 from dataclasses import replace
@@ -6,7 +6,7 @@ from pathlib import Path
 
 from shadowbench.data import data_folder
 from shadowbench.errors import InputError, alternatives
-from shadowbench.scenes.assumed import completed, ground_for, mesh_bounds, up_for
+from shadowbench.scenes.assumed import assumed_ground, assumed_up_note, mesh_bounds, with_assumptions
 from shadowbench.scenes.files import read_document, read_scene_file
 from shadowbench.scenes.meshes import MESH_SUFFIXES, read_meshes
 from shadowbench.scenes.model import Scene
@@ -14,14 +14,14 @@ from shadowbench.scenes.tables import NAME, NAMES, name_from
 
 LONGEST_PATH = 4096
 WITHOUT_UP = (".obj", ".ply", ".stl", ".off")
-"""Formats that do not say which axis points up; a glTF's is y."""
+"""Mesh formats that do not specify the up axis; in glTF it is y."""
 
 
 def load_scene(source: str | Path, assets: Path | None = None, up: str | None = None) -> Scene:
-    """The scene that `source` names: a built-in, a `.toml`, or a mesh file, which gets a ground, camera and sun.
+    """A built-in scene, the scene of a `.toml`, or that of a mesh file with a default ground, camera and sun.
 
-    `assets` is a second folder in which a scene file's meshes may lie. `up`, y or z, is the axis that points up in a
-    mesh file of a format that does not say. Raises InputError, one line, for anything wrong.
+    assets: a second folder for the meshes of a scene file. up: "y" or "z", the up axis of a mesh file whose format does
+    not specify it. Raises InputError for an invalid name or file.
     """
     text = str(source)
     if up is not None:
@@ -58,7 +58,7 @@ def _check_up(up: str, source: str) -> None:
 
 
 def read_mesh_scene(path: Path, up: str | None = None) -> Scene:
-    """A mesh file as a scene: its own cameras and lights if it is a glTF, and what it lacks assumed, noted."""
+    """The scene of a mesh file: a glTF's own cameras and lights, and defaults, with notes, for those it has not."""
     name = name_from(path.stem)
     if not NAME.fullmatch(name):
         raise InputError(
@@ -68,25 +68,25 @@ def read_mesh_scene(path: Path, up: str | None = None) -> Scene:
     contents = read_meshes(path)
     meshes, notes = list(contents.meshes), list(contents.notes)
     if up is None and path.suffix.lower() in WITHOUT_UP:
-        notes.append(up_for(path.name))
+        notes.append(assumed_up_note(path.name))
     if up == "z":
         meshes = [replace(mesh, vertices=mesh.vertices[:, [0, 2, 1]] * [1.0, 1.0, -1.0] + 0.0) for mesh in meshes]
     bounds = mesh_bounds(meshes, path.name)
-    ground = ground_for(meshes, bounds, path.name)
+    ground = assumed_ground(meshes, bounds, path.name)
     if ground is not None:
         meshes.append(ground[0])
         notes.append(ground[1])
     scene = Scene(name, tuple(meshes), contents.cameras, contents.lights, tuple(notes), contents.dropped)
-    return completed(scene, bounds, path.name)
+    return with_assumptions(scene, bounds, path.name)
 
 
 def builtin_names() -> list[str]:
-    """The names of the scenes that travel with the package, sorted."""
+    """Sorted names of the built-in scenes."""
     return sorted(path.stem for path in data_folder("scenes").glob("*.toml"))
 
 
 def builtin_about(name: str) -> str:
-    """What a built-in scene asks of a technique, in one line."""
+    """One line on what a built-in scene tests. Raises InputError for an unknown name."""
     if name not in builtin_names():
         raise InputError(f"{name!r:.60} {_not_builtin(name)}")
     return read_document(data_folder("scenes") / f"{name}.toml").about

@@ -1,4 +1,4 @@
-"""Lines of numbers in the text of a mesh file: where they are, what they hold, and which of them is wrong."""
+"""Parsing of lines of numbers in text mesh files, with the line number of errors."""
 
 import re
 import warnings
@@ -11,7 +11,7 @@ from shadowbench.errors import InputError
 from shadowbench.scenes.polygons import Integers
 
 LONGEST_LINE = 100_000
-"""Bytes: a polygon of thousands of corners."""
+"""Limit in bytes: enough for a polygon of thousands of corners."""
 BLANKS = b" \t\v\f"
 BLANK = np.isin(np.arange(256), np.frombuffer(BLANKS, dtype=np.uint8))
 INTEGER = re.compile(rb"[-+]?\d+")
@@ -19,9 +19,9 @@ DECIMAL = re.compile(rb"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|[-+]?(nan|inf|infi
 
 
 class Lines(NamedTuple):
-    """The lines of `text` that hold something: (L,) where each begins, blanks aside, and where it ends.
+    """The non-empty lines of a text. starts, ends: (L,) byte offsets, without leading blanks.
 
-    file: as the text, with the newlines of the file also where the text goes on.
+    file: the same bytes before continued lines were joined, to count line numbers.
     """
 
     text: bytes
@@ -29,8 +29,8 @@ class Lines(NamedTuple):
     starts: Integers
     ends: Integers
 
-    def chosen(self, which: NDArray[np.bool_] | slice, skip: int = 0) -> "Lines":
-        """Some of the lines, without their first `skip` bytes."""
+    def select(self, which: NDArray[np.bool_] | slice, skip: int = 0) -> "Lines":
+        """The chosen lines, without their first `skip` bytes."""
         return self._replace(starts=self.starts[which] + skip, ends=self.ends[which])
 
     def line(self, k: int) -> bytes:
@@ -38,12 +38,12 @@ class Lines(NamedTuple):
         return self.text[self.starts[k] : self.ends[k]]
 
     def number(self, k: int) -> int:
-        """The number in the file, from 1, of a line."""
+        """The line's number in the file, from 1."""
         return 1 + self.file.count(b"\n", 0, int(self.starts[k]))
 
 
 class Rows(NamedTuple):
-    """The numbers of lines: (N,) values, and for each line where its own begin and how many they are."""
+    """The numbers of lines: (N,) values, and (L,) the index of each line's first number and their count."""
 
     values: NDArray[Any]
     starts: Integers
@@ -51,17 +51,17 @@ class Rows(NamedTuple):
 
 
 def with_newlines(data: bytes) -> bytes:
-    """The text of a file with one kind of line end, also after the last line."""
+    """The text of a file with Unix line ends, including one after the last line."""
     return data.replace(b"\r\n", b"\n").replace(b"\r", b"\n") + b"\n"
 
 
 def without_comments(text: bytes) -> bytes:
-    """The text with blanks in place of what follows a #, so that everything stays where it is."""
+    """The text with #-comments replaced by blanks, which keeps byte offsets."""
     return re.sub(rb"#[^\n]*", lambda found: b" " * len(found[0]), text)
 
 
 def lines_of(text: bytes, where: str, file: bytes | None = None) -> Lines:
-    """The lines of a text that ends with a newline; InputError for one that is too long, or holds a NUL."""
+    """The non-empty lines of a text that ends with a newline. Raises InputError for too long lines and NUL bytes."""
     file = text if file is None else file
     nul = text.find(b"\0")
     if nul >= 0:
@@ -76,26 +76,26 @@ def lines_of(text: bytes, where: str, file: bytes | None = None) -> Lines:
     while len(indented):
         starts[indented] += 1
         indented = indented[BLANK[letters[starts[indented]]]]
-    said = starts < ends
-    return Lines(text, file, starts[said], ends[said])
+    nonempty = starts < ends
+    return Lines(text, file, starts[nonempty], ends[nonempty])
 
 
 def numbers(lines: Lines, where: str, integers: bool = False, dropped: bytes = b"") -> Rows:
-    """The float64 or int64 numbers of lines, without what matches the pattern `dropped`.
+    """The float64 or int64 numbers of lines, after removing matches of the pattern `dropped`.
 
-    Raises InputError with the line and the word that is not a number.
+    Raises InputError with the line number and the word that is not a number.
     """
     text = b"".join([lines.text[a:b] for a, b in zip(lines.starts.tolist(), (lines.ends + 1).tolist(), strict=True)])
     if dropped:
         text = re.sub(dropped, b"", text)
     letters = np.frombuffer(text, dtype=np.uint8)
     ends = letters == ord("\n")
-    apart = BLANK[letters] | ends
-    words = np.flatnonzero(~apart & np.concatenate([[True], apart[:-1]]))
+    separators = BLANK[letters] | ends
+    words = np.flatnonzero(~separators & np.concatenate([[True], separators[:-1]]))
     first = np.searchsorted(words, np.concatenate([[0], np.flatnonzero(ends)]))
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("error", DeprecationWarning)  # how NumPy says that it met no number
+            warnings.simplefilter("error", DeprecationWarning)  # NumPy's sign of a word that is not a number
             values = np.fromstring(text, dtype=np.int64 if integers else np.float64, sep=" ")
     except (DeprecationWarning, ValueError):
         values = np.zeros(0)
@@ -109,6 +109,6 @@ def _not_a_number(lines: Lines, text: bytes, pattern: re.Pattern[bytes], where: 
     for k, line in enumerate(text.split(b"\n")):
         for word in line.split():
             if not pattern.fullmatch(word):
-                told = f"found {word.decode('utf-8', errors='replace')!r:.40}"
-                return InputError(f"{where}: line {lines.number(k)}: {told}; allowed: {allowed}")
+                found = f"found {word.decode('utf-8', errors='replace')!r:.40}"
+                return InputError(f"{where}: line {lines.number(k)}: {found}; allowed: {allowed}")
     return InputError(f"{where}: a line cannot be read as {allowed}")

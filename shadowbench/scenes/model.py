@@ -1,7 +1,6 @@
-"""The model of a scene: meshes, cameras, lights, and the view that truth and technique receive.
+"""Data model: meshes, cameras, lights, scenes, and views, the input of both truth and techniques.
 
-Right-handed, y up, cameras look down −z, metres, radians, float64. Everything is frozen; moving a
-camera or a light makes a new value.
+Right-handed, y up, cameras look along −z; metres, radians, float64. All classes are immutable.
 """
 
 from collections.abc import Sequence
@@ -21,9 +20,9 @@ LightKind = Literal["directional", "spot", "point"]
 Coordinates = Literal["relative", "absolute"]
 
 LONGEST_VIEW_NAME = 200
-"""Bytes of UTF-8. File systems allow 255 for a file's name, of which endings and temporary names need some."""
+"""Limit in bytes of UTF-8. File systems allow 255 for a file name, which includes a suffix or a temporary one."""
 NEAREST_TARGET = 1e-12
-"""Distance of a camera's target, as a share of the coordinates that it is the difference of: float64 has 2e-16."""
+"""Least distance from a camera to its target, as a share of their coordinates, whose float64 precision is 2e-16."""
 
 
 def vec3(values: Sequence[float] | Floats) -> Vec3:
@@ -33,19 +32,19 @@ def vec3(values: Sequence[float] | Floats) -> Vec3:
 
 
 def unit(vector: Sequence[float] | Floats) -> Floats:
-    """(3,) float64 of length 1; raises ZeroDivisionError for a vector without a direction."""
+    """(3,) float64 unit vector. Raises ZeroDivisionError for a zero or non-finite vector."""
     array = np.asarray(vector, dtype=np.float64)
     largest = float(np.abs(array).max())
     if not largest > 0.0 or not np.isfinite(largest):
         raise ZeroDivisionError(f"no direction in {array}")
-    array = array / largest  # so that neither 1e-200 nor 1e200 loses its direction in a square
+    array = array / largest  # avoids underflow and overflow of the squares of 1e-200 and 1e200
     return array / np.linalg.norm(array)
 
 
 def perpendicular_basis(back: Floats, up: Sequence[float] | Floats) -> Floats:
-    """(3, 3) rows right, up, back: a right-handed basis whose last row is the unit vector `back`.
+    """(3, 3) right-handed basis with rows right, up, back; the last is the unit vector `back`.
 
-    An `up` along `back` is replaced by the axis that `back` leans on least, so every direction has a basis.
+    An `up` parallel to `back` is replaced by the coordinate axis most perpendicular to `back`.
     """
     right = np.cross(unit(up), back)
     if np.linalg.norm(right) < 1e-6:
@@ -58,8 +57,9 @@ def perpendicular_basis(back: Floats, up: Sequence[float] | Floats) -> Floats:
 class Mesh:
     """Triangles of one surface, in world space.
 
-    vertices: (V, 3) float64; faces: (F, 3) int32 into them, counter-clockwise seen from outside; both read-only,
-    as what is made of them is kept. color: linear RGB in [0, 1]; planar: flagged as a planar receiver.
+    vertices: (V, 3) float64; faces: (F, 3) int32 indices into them, counter-clockwise seen from outside; both are
+    read-only, as results computed from them are cached. color: linear RGB in [0, 1]; casts, receives: whether it casts
+    and receives shadows; planar: flagged as a planar receiver.
     """
 
     name: str
@@ -79,7 +79,7 @@ class Mesh:
     @cached_property
     def closed(self) -> bool:
         """Whether every edge, after welding by position, is shared by exactly two triangles."""
-        import trimesh  # a cached answer, and 0.3 s of import that most commands never need
+        import trimesh  # the import takes 0.3 s, and most commands do not need it
 
         welded = trimesh.Trimesh(self.vertices, self.faces, process=False)
         welded.merge_vertices()
@@ -88,7 +88,7 @@ class Mesh:
 
 @dataclass(frozen=True)
 class Camera:
-    """A perspective camera. `fov_y` in radians; `near` and `far` None until a view gives them numbers."""
+    """A perspective camera. fov_y: vertical field of view in radians; near, far: None until `view_of` sets them."""
 
     name: str
     position: Vec3
@@ -105,9 +105,10 @@ class Camera:
 
 @dataclass(frozen=True)
 class Light:
-    """A light. `direction` is the way it travels (directional, spot), `angle` a spot's full cone in radians.
+    """A light source.
 
-    `radius` is the light's size: radians (angular) for a directional light, metres otherwise; 0 is a hard light.
+    direction: in which the light travels (directional, spot); angle: full cone angle of a spot in radians; radius: size
+    of the light, angular in radians for a directional one, in metres otherwise; 0 for hard shadows.
     """
 
     name: str
@@ -119,22 +120,22 @@ class Light:
 
     @property
     def homogeneous(self) -> tuple[Vec3, float]:
-        """(xyz, w): the position with w = 1, or for a directional light the unit vector towards it with w = 0."""
+        """(xyz, w): the position with w = 1; for a directional light the unit vector towards it with w = 0."""
         if self.kind == "directional":
             return vec3(-unit(self.direction)), 0.0
         return self.position, 1.0
 
     @property
     def cos_half_angle(self) -> float:
-        """Cosine of a spot's half angle; −1 for a light without a cone."""
+        """Cosine of a spot's half cone angle; −1 for other lights."""
         return float(np.cos(self.angle / 2)) if self.kind == "spot" else -1.0
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What a file holds, plus what was assumed for it.
+    """Meshes, cameras and lights of a file, with defaults for those that it does not have.
 
-    notes: one line for each assumption or thing that could not be honoured; dropped: zero-area triangles left out.
+    notes: a line for each default and each unsupported feature; dropped: number of zero-area triangles removed.
     """
 
     name: str
@@ -162,7 +163,7 @@ class Scene:
 
     @cached_property
     def placement(self) -> "Placement":
-        """To the scene's centre, scaled by a power of two to a diagonal of about 1."""
+        """The transform to local coordinates: scene centred at the origin, scaled by a power of 2 to diagonal ≈ 1."""
         low, high = self.geometry.bounds
         diagonal = float(np.linalg.norm(high - low))
         return Placement(vec3((low + high) / 2), float(2.0 ** -np.round(np.log2(diagonal))))
@@ -170,20 +171,21 @@ class Scene:
 
 @dataclass(frozen=True)
 class Placement:
-    """File coordinates to local ones, local = (file − center) · scale, done in float64 before any float32 is made.
+    """Transform from file coordinates to local ones, local = (file − center) · scale, in float64.
 
-    This is the one place where a length that a user wrote (metres) becomes a local one.
+    Local coordinates keep float32 precision for scenes of any size far from the origin. All lengths in metres become
+    local lengths here.
     """
 
     center: Vec3
     scale: float
 
     def points(self, points: Floats | Vec3) -> Floats:
-        """(…, 3) points of the file as local ones."""
+        """(…, 3) points in local coordinates."""
         return (np.asarray(points, dtype=np.float64) - self.center) * self.scale
 
     def length(self, metres: float) -> float:
-        """A length of the file as a local one."""
+        """A length in metres as a local length."""
         return metres * self.scale
 
     def camera(self, camera: Camera) -> Camera:
@@ -197,7 +199,7 @@ class Placement:
         )
 
     def light(self, light: Light) -> Light:
-        """The light in local coordinates; a directional light's radius is an angle and stays."""
+        """The light in local coordinates; the angular radius of a directional light is unchanged."""
         if light.kind == "directional":
             return light
         return replace(light, position=vec3(self.points(light.position)), radius=self.length(light.radius))
@@ -212,12 +214,12 @@ class Placement:
         )
 
 
-AS_FILED = Placement((0.0, 0.0, 0.0), 1.0)
+IDENTITY_PLACEMENT = Placement((0.0, 0.0, 0.0), 1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Scene × camera × light × image size (size × size pixels): what truth and technique receive."""
+    """A scene, camera, light and image size (size × size pixels): the input of truth and techniques."""
 
     scene: Scene
     camera: Camera
@@ -226,40 +228,39 @@ class View:
 
     @property
     def name(self) -> str:
-        """A name for files: scene, camera, light, size."""
+        """File name stem: scene, camera, light, size."""
         return f"{self.scene.name}.{self.camera.name}.{self.light.name}.{self.size}"
 
     @property
     def near_far(self) -> tuple[float, float]:
-        """The camera's planes; `view_of` gave them numbers."""
+        """Distances of the camera's near and far plane, as set by `view_of`."""
         if self.camera.near is None or self.camera.far is None:
             raise ValueError("a view is made by view_of, which resolves the camera's planes")
         return self.camera.near, self.camera.far
 
     def placed(self) -> "tuple[View, Placement]":
-        """The view in local coordinates, and how it got there."""
+        """The view in local coordinates, and the transform to them."""
         placement = self.scene.placement
         scene = placement.scene(self.scene)
         return View(scene, placement.camera(self.camera), placement.light(self.light), self.size), placement
 
 
 def view_of(scene: Scene, camera: Camera, light: Light, size: int) -> View:
-    """The view with the camera's planes given numbers.
+    """The view, with near and far plane of the camera set.
 
-    By the scene's bounds: far is the distance to their farthest corner, near the depth that a point at their nearest
-    distance has in the picture's corner, but at least far/10⁴; each a thousandth wider, so that a face lying on the
-    bounds is not cut by rounding. Planes that a file gives are clamped to that range, so that no depth range is spent
-    on emptiness. Raises InputError for planes that leave out the scene, a target that is as good as the
-    position, and names too long to call files.
+    By default they enclose the scene's bounds: far is the distance to the farthest corner, near the view depth, in the
+    image's corner, of a point at the distance of the nearest point, but at least far/10⁴; both with a margin of 0.1%
+    against rounding. Planes given by a file are clamped to that range, so as not to waste depth range. Raises
+    InputError for planes that exclude the scene, a target too close to the position, and names too long for files.
     """
     low, high = scene.geometry.bounds
     position = np.asarray(camera.position)
-    apart = float(np.abs(np.subtract(camera.position, camera.target)).max())
+    distance = float(np.abs(np.subtract(camera.position, camera.target)).max())
     least = NEAREST_TARGET * float(np.abs([camera.position, camera.target, (low + high) / 2]).max())
-    if apart < least:
+    if distance < least:
         raise InputError(
-            f"camera {camera.name!r} of {scene.name}: position and target are {apart:.3g} m apart, which rounding may "
-            f"turn anywhere; they must be at least {least:.3g} m apart here"
+            f"camera {camera.name!r} of {scene.name}: position and target are {distance:.3g} m apart, which rounding "
+            f"may turn anywhere; they must be at least {least:.3g} m apart here"
         )
     farthest = float(np.linalg.norm(np.maximum(np.abs(low - position), np.abs(high - position))))
     nearest = float(np.linalg.norm(np.maximum(np.maximum(low - position, position - high), 0.0)))

@@ -1,6 +1,6 @@
-"""OBJ: vertices, faces, and the objects that they belong to; materials and groups do not split a closed body.
+"""OBJ reader: vertices and faces by object. Materials and groups do not split meshes, so that closed ones stay closed.
 
-Read here, because trimesh cuts every polygon as a fan and loses the faces of lines that it does not expect.
+Not read by trimesh, because it triangulates polygons as fans and drops faces on lines that it cannot parse.
 """
 
 from collections import Counter
@@ -13,19 +13,19 @@ from shadowbench.scenes.polygons import Integers, Polygons
 from shadowbench.scenes.tables import MOST_COPIES
 
 NO_SHAPE = {"vn", "vt", "vp", "g", "s", "mg", "mtllib", "usemtl", "o"}
-"""Statements that add nothing to a shape, or are honoured."""
+"""Statements that do not affect the shape, or are handled elsewhere."""
 
 
 def read_obj(data: bytes, where: str) -> Polygons:
-    """The faces of an OBJ file; InputError for numbers that are none and vertices that are not there."""
+    """The faces of an OBJ file. Raises InputError for invalid numbers and vertex indices."""
     raw = with_newlines(data)
-    # Joined lines keep their length; the last may be joined to nothing.
+    # Joining continued lines keeps byte offsets; the last line may end with a backslash.
     lines = lines_of(without_comments(raw).replace(b"\\\n", b"  ") + b"\n", where, raw)
     letters = np.frombuffer(lines.text, dtype=np.uint8)
     first, second = letters[lines.starts], letters[lines.starts + 1]
-    apart = np.isin(second, np.frombuffer(b" \t\v\f\n", dtype=np.uint8))
-    is_vertex, is_face, is_object = (apart & (first == ord(letter)) for letter in "vfo")
-    vertex_lines, face_lines = lines.chosen(is_vertex, skip=1), lines.chosen(is_face, skip=1)
+    single = np.isin(second, np.frombuffer(b" \t\v\f\n", dtype=np.uint8))  # statements of one letter
+    is_vertex, is_face, is_object = (single & (first == ord(letter)) for letter in "vfo")
+    vertex_lines, face_lines = lines.select(is_vertex, skip=1), lines.select(is_face, skip=1)
     rows = numbers(vertex_lines, where)
     if len(rows.counts) and rows.counts.min() < 3:
         k = int(rows.counts.argmin())
@@ -33,45 +33,45 @@ def read_obj(data: bytes, where: str) -> Polygons:
         raise InputError(f"{where}: line {line}: found a vertex of {rows.counts[k]} numbers; at least 3 are needed")
     vertices = rows.values[rows.starts[:, None] + np.arange(3)]
     corners, counts = _corners(face_lines, vertex_lines, where)
-    owners, names = _objects(lines.chosen(is_object, skip=1), face_lines, raw, where)
+    owners, names = _objects(lines.select(is_object, skip=1), face_lines, raw, where)
     normals = (first == ord("v")) & np.isin(second, np.frombuffer(b"nt", dtype=np.uint8))
-    notes = _left_out(lines.chosen(~(is_vertex | is_face | normals)), where)
+    notes = _left_out(lines.select(~(is_vertex | is_face | normals)), where)
     return Polygons(vertices, corners, counts, owners, names, notes)
 
 
 def _corners(faces: Lines, vertices: Lines, where: str) -> tuple[Integers, Integers]:
-    """(C,) corners of all faces, from 0, and (P,) how many each has; texture and normal numbers are left out."""
+    """(C,) zero-based vertex indices of all faces, and (P,) the number of each face's corners."""
     rows = numbers(faces, where, integers=True, dropped=rb"/(?<=\d/)[^ \t\v\f\n]*")
-    said = rows.values
-    if len(said) == 0:
-        return said.astype(np.int64), rows.counts
+    indices = rows.values
+    if len(indices) == 0:
+        return indices.astype(np.int64), rows.counts
     before = np.repeat(np.searchsorted(vertices.starts, faces.starts), rows.counts)
-    corners = np.where(said > 0, said - 1, said + before)
-    wrong = (said == 0) | (corners < 0) | (corners >= len(vertices.starts))
+    corners = np.where(indices > 0, indices - 1, indices + before)
+    wrong = (indices == 0) | (corners < 0) | (corners >= len(vertices.starts))
     if wrong.any():
         k = int(wrong.argmax())
         line = faces.number(int(np.searchsorted(rows.starts, k, side="right")) - 1)
-        held = f"the file has {len(vertices.starts)}, {before[k]} before this line"
-        raise InputError(f"{where}: line {line}: a face uses vertex {said[k]}; an OBJ counts from 1 or -1, {held}")
+        count = f"the file has {len(vertices.starts)}, {before[k]} before this line"
+        raise InputError(f"{where}: line {line}: a face uses vertex {indices[k]}; an OBJ counts from 1 or -1, {count}")
     return corners, rows.counts
 
 
 def _objects(objects: Lines, faces: Lines, raw: bytes, where: str) -> tuple[Integers, tuple[str | None, ...]]:
-    """(P,) the object of each face, and the names, each once: an object that is named again goes on."""
+    """(P,) index of each face's object, and the distinct object names; statements with the same name are one object."""
     if len(objects.starts) > MOST_COPIES:
         raise InputError(f"{where}: {len(objects.starts)} objects; allowed are at most {MOST_COPIES}")
     bounds = zip(objects.starts.tolist(), objects.ends.tolist(), strict=True)
-    said = [None, *(raw[a:b].decode("utf-8", errors="replace").strip() or None for a, b in bounds)]
-    number = {name: k for k, name in enumerate(dict.fromkeys(said))}
-    owners = np.array([number[name] for name in said])
+    names = [None, *(raw[a:b].decode("utf-8", errors="replace").strip() or None for a, b in bounds)]
+    number = {name: k for k, name in enumerate(dict.fromkeys(names))}
+    owners = np.array([number[name] for name in names])
     return owners[np.searchsorted(objects.starts, faces.starts)], tuple(number)
 
 
 def _left_out(others: Lines, where: str) -> list[str]:
-    """A line that counts the statements of a shape that is not made of faces, or of no meaning here."""
+    """A note with the numbers of unsupported statements, such as curves."""
     words = (others.line(k).split(None, 1)[0].decode("utf-8", errors="replace") for k in range(len(others.starts)))
     found = Counter(word for word in words if word not in NO_SHAPE)
     if not found:
         return []
-    told = ", ".join(f"{count} {word:.20}" for word, count in found.most_common(5)) + ", ..." * (len(found) > 5)
-    return [f"{where}: {found.total()} statement(s) left out that make no face: {told}"]
+    counts = ", ".join(f"{count} {word:.20}" for word, count in found.most_common(5)) + ", ..." * (len(found) > 5)
+    return [f"{where}: {found.total()} statement(s) left out that make no face: {counts}"]

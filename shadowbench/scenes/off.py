@@ -1,4 +1,4 @@
-"""OFF: vertices and faces, a line each, as many as the file announces; colours and normals are left out."""
+"""OFF reader: vertices and faces; colours and normals are ignored."""
 
 import re
 
@@ -14,7 +14,7 @@ COUNTS = re.compile(rb"(\d{1,18})\s+(\d{1,18})(\s+\d+)?\s*")
 
 
 def read_off(data: bytes, where: str) -> Polygons:
-    """The faces of a text OFF file; InputError if it holds fewer vertices or faces than it announces."""
+    """The faces of a text OFF file. Raises InputError for invalid data, or fewer lines than its header announces."""
     text = without_comments(with_newlines(data))
     kind = KIND.match(text)
     if kind is None:
@@ -26,14 +26,14 @@ def read_off(data: bytes, where: str) -> Polygons:
     if counts is None:
         found = lines.line(0).decode("utf-8", errors="replace") if len(lines.starts) else ""
         raise InputError(f"{where}: found {found!r:.40} after OFF; allowed: the numbers of vertices, faces and edges")
-    lines = lines.chosen(slice(1, None))
+    lines = lines.select(slice(1, None))
     vertex_count, face_count = int(counts[1]), int(counts[2])
     if vertex_count + face_count > len(lines.starts):
-        told = f"{vertex_count} vertices and {face_count} faces announced, {len(lines.starts)} lines follow"
-        raise InputError(f"{where}: cut short: {told}")
+        counts_found = f"{vertex_count} vertices and {face_count} faces announced, {len(lines.starts)} lines follow"
+        raise InputError(f"{where}: cut short: {counts_found}")
     end = vertex_count + face_count
-    vertex_rows = numbers(lines.chosen(slice(vertex_count)), where)
-    face_lines = lines.chosen(slice(vertex_count, end))
+    vertex_rows = numbers(lines.select(slice(vertex_count)), where)
+    face_lines = lines.select(slice(vertex_count, end))
     face_rows = numbers(face_lines, where)
     _check_width(vertex_rows.counts, np.full(vertex_count, 3), lines, where)
     sizes = face_rows.values[face_rows.starts]

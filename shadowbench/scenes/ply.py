@@ -1,6 +1,7 @@
-"""PLY, text and binary: vertices and faces, with whatever other properties stand between them.
+"""PLY reader, text and binary: vertices and faces, with any other properties skipped.
 
-Read here, because trimesh takes the first list of a binary file for the length of all, and cuts polygons as fans.
+Not read by trimesh, because it assumes that all lists of a binary file are as long as the first, and triangulates
+polygons as fans.
 """
 
 import re
@@ -28,7 +29,7 @@ LONGEST_HEADER = 65536
 
 
 class Property(NamedTuple):
-    """A column; `length` is the type of a list's length, None for a single number."""
+    """A property of an element. length: type of a list's length, None for a single number."""
 
     name: str
     type: np.dtype[Any]
@@ -36,7 +37,7 @@ class Property(NamedTuple):
 
 
 class Element(NamedTuple):
-    """`rows` rows of properties."""
+    """An element of the header: `rows` rows of properties."""
 
     name: str
     rows: int
@@ -44,14 +45,14 @@ class Element(NamedTuple):
 
 
 class Column(NamedTuple):
-    """The numbers of a property: one a row, or as many as `counts` says of each row."""
+    """The values of a property: one per row, or for lists `counts` values per row."""
 
     values: NDArray[Any]
     counts: Integers | None
 
 
 def read_ply(data: bytes, where: str) -> Polygons:
-    """The faces of a PLY file; InputError for a header that makes no sense, or more rows announced than there are."""
+    """The faces of a PLY file. Raises InputError for an invalid header, or fewer rows than it announces."""
     end = END.search(data, 0, LONGEST_HEADER)
     if not data.startswith(b"ply") or end is None:
         raise InputError(f"{where}: is no PLY: 'ply' and 'end_header' must stand around its header")
@@ -76,14 +77,14 @@ def read_ply(data: bytes, where: str) -> Polygons:
 def _polygons(
     elements: list[Element], columns: dict[tuple[str, str], Column], notes: list[str], where: str
 ) -> Polygons:
-    held = {element.name: element for element in elements}
-    if "tristrips" in held and held["tristrips"].rows:
+    by_name = {element.name: element for element in elements}
+    if "tristrips" in by_name and by_name["tristrips"].rows:
         raise InputError(f"{where}: triangle strips in a PLY cannot be read; save it with faces")
     axes = [columns.get(("vertex", axis)) for axis in "xyz"]
     if any(axis is None or axis.counts is not None for axis in axes):
         raise InputError(f"{where}: element vertex: the properties x, y and z are needed, a number each")
     vertices = np.stack([axis.values.astype(np.float64) for axis in axes if axis is not None], axis=1)
-    count = held["face"].rows if "face" in held else 0
+    count = by_name["face"].rows if "face" in by_name else 0
     lists = {name: c for (of, name), c in columns.items() if of == "face" and c.counts is not None}
     name = next((name for name in (*INDICES, *lists) if name in lists), None)
     if name is None and count:
@@ -95,7 +96,7 @@ def _polygons(
 
 
 def _header(text: str, where: str) -> tuple[Order, list[Element]]:
-    """The byte order, "=" for text, and the elements in their order."""
+    """The byte order ("=" for text), and the elements in file order."""
     order: Order | None = None
     elements: list[Element] = []
     for number, line in enumerate(text.splitlines()[1:], 2):
@@ -124,11 +125,11 @@ def _header(text: str, where: str) -> tuple[Order, list[Element]]:
 
 
 def _text_rows(element: Element, lines: Lines, at: int, where: str) -> tuple[dict[str, Column], int]:
-    """The columns of an element whose first row is line `at`, and the line after its last."""
+    """The columns of a text element whose first row is line `at`, and the line after its last row."""
     end = at + element.rows
     if end > len(lines.starts):
         raise InputError(f"{where}: cut short: {len(lines.starts) - at} of {element.rows} {element.name:.20} rows")
-    own = lines.chosen(slice(at, end))
+    own = lines.select(slice(at, end))
     rows = numbers(own, where)
     cursor, limit = rows.starts.copy(), rows.starts + rows.counts
     columns = {}
@@ -136,27 +137,27 @@ def _text_rows(element: Element, lines: Lines, at: int, where: str) -> tuple[dic
         short = cursor >= limit
         counts = None
         if each.length is not None and not short.any():
-            said = rows.values[cursor]
-            short = ~((said >= 0) & (said == np.floor(said)) & (said < limit - cursor))
-            counts = np.where(short, 0, said).astype(np.int64)
+            lengths = rows.values[cursor]
+            short = ~((lengths >= 0) & (lengths == np.floor(lengths)) & (lengths < limit - cursor))
+            counts = np.where(short, 0, lengths).astype(np.int64)
             cursor = cursor + 1
         if short.any():
             break
         values = rows.values[cursor] if counts is None else gather(rows.values, cursor, counts)
-        # A float in text is the float32 that it would be in a binary file.
+        # Text floats are rounded to float32, so that a text and a binary file give the same mesh.
         columns[each.name] = Column(values.astype(each.type) if each.type.kind == "f" else values, counts)
         cursor = cursor + (1 if counts is None else counts)
     else:
         short = cursor < limit
     if short.any():
         k = int(short.argmax())
-        told = f"{rows.counts[k]} numbers, which do not fit the properties of {element.name:.20}"
-        raise InputError(f"{where}: line {own.number(k)} after the header: found {told}")
+        found = f"{rows.counts[k]} numbers, which do not fit the properties of {element.name:.20}"
+        raise InputError(f"{where}: line {own.number(k)} after the header: found {found}")
     return columns, end
 
 
 def _binary_rows(element: Element, body: bytes, at: int, order: Order, where: str) -> tuple[dict[str, Column], int]:
-    """The columns of an element whose first row begins at byte `at`, and the byte after its last."""
+    """The columns of a binary element whose first row begins at byte `at`, and the byte after its last row."""
     types = [each.type.newbyteorder(order) for each in element.properties]
     lengths = [None if each.length is None else each.length.newbyteorder(order) for each in element.properties]
     smallest = sum((own if length is None else length).itemsize for own, length in zip(types, lengths, strict=True))
@@ -165,7 +166,7 @@ def _binary_rows(element: Element, body: bytes, at: int, order: Order, where: st
             f"{where}: cut short: {element.rows} {element.name:.20} rows announced, "
             f"room for {(len(body) - at) // smallest}"
         )
-    rows = _rows_alike(element.rows, types, lengths, body, at)
+    rows = _uniform_rows(element.rows, types, lengths, body, at)
     if rows is not None:
         columns = {}
         for k, each in enumerate(element.properties):
@@ -199,10 +200,10 @@ def _binary_rows(element: Element, body: bytes, at: int, order: Order, where: st
     return columns, at
 
 
-def _rows_alike(
+def _uniform_rows(
     count: int, types: list[np.dtype[Any]], lengths: list[np.dtype[Any] | None], body: bytes, at: int
 ) -> NDArray[Any] | None:
-    """The rows as a structured array, if every list is as long as in the first row; None if not."""
+    """The rows as a structured array if each list has the same length in all rows; None otherwise."""
     fields: list[tuple[Any, ...]] = []
     end = at
     for k, (own, length) in enumerate(zip(types, lengths, strict=True)):
@@ -210,14 +211,16 @@ def _rows_alike(
             fields.append((f"value {k}", own))
             end += own.itemsize
             continue
-        said = int(np.frombuffer(body[end : end + length.itemsize].ljust(length.itemsize, b"\0"), dtype=length)[0])
-        end += length.itemsize + said * own.itemsize
-        if said < 0 or end > len(body):
+        count_of_first = int(
+            np.frombuffer(body[end : end + length.itemsize].ljust(length.itemsize, b"\0"), dtype=length)[0]
+        )
+        end += length.itemsize + count_of_first * own.itemsize
+        if count_of_first < 0 or end > len(body):
             return None
-        fields += [(f"length {k}", length), (f"value {k}", own, (said,))]
+        fields += [(f"length {k}", length), (f"value {k}", own, (count_of_first,))]
     layout = np.dtype(fields)
     if count * layout.itemsize > len(body) - at:
         return None
     rows = np.frombuffer(body, layout, count, at)
-    alike = all((rows[name] == rows[name][:1]).all() for name in layout.names or () if name.startswith("length"))
-    return rows if alike else None
+    uniform = all((rows[name] == rows[name][:1]).all() for name in layout.names or () if name.startswith("length"))
+    return rows if uniform else None

@@ -1,7 +1,8 @@
-"""Faces of any number of corners cut into triangles, concave ones and ones whose holes are bridged too.
+"""Triangulation of polygons, including concave ones and ones with bridged holes.
 
-A polygon whose fan from the first corner is right keeps it, and so does a quad from its second corner. Others are
-projected along their Newell normal, the sum of the cross products of neighbouring corners, and cut by earcut.
+A polygon is triangulated as a fan from its first corner if that is valid, a quad also from its second corner. Others
+are projected along their Newell normal, the sum of the cross products of successive corners, and triangulated by
+earcut.
 """
 
 from collections import Counter, defaultdict
@@ -21,18 +22,19 @@ Integers = NDArray[np.int64]
 Number = TypeVar("Number", bound=np.generic)
 
 MOST_CORNERS = 32_000
-"""Of a polygon that earcut gets; of several, the squares add up to no more than its square."""
+"""Limit for earcut, which is quadratic: the root of the sum of the polygons' squared numbers of corners."""
 OTHER_DIAGONAL = np.array([[1, 2, 3], [1, 3, 0]])
 """A quad's fan from its second corner."""
 FLAT_ENOUGH = 1e-3
-"""Of a polygon's extent: what stands out of its plane by less is what coordinates of few digits do."""
+"""Distance from its plane, as a share of its extent, below which a polygon is planar but for rounded coordinates."""
 
 
 class Polygons(NamedTuple):
-    """Faces as a file has them, over vertices that they share.
+    """The polygons of a file with shared vertices.
 
-    vertices: (V, 3) float64; corners: (C,) int64, polygon after polygon, into them; counts: (P,) int64, the corners of
-    each polygon; owners: (P,) int64, the body of each, into `names`, where None is a body without a name.
+    vertices: (V, 3) float64; corners: (C,) int64 vertex indices, polygon after polygon; counts: (P,) int64 number of
+    corners of each polygon; owners: (P,) int64 index into `names` of each polygon's object; names: of the objects, None
+    for one without a name.
     """
 
     vertices: Floats
@@ -44,7 +46,7 @@ class Polygons(NamedTuple):
 
 
 def gather(values: NDArray[Number], starts: Integers, counts: Integers) -> NDArray[Number]:
-    """The stretches of `values` that begin at `starts` and are `counts` long, one after another."""
+    """The concatenated ranges of `values` that begin at `starts` and have `counts` elements."""
     ends = np.cumsum(counts)
     index = np.repeat(starts - (ends - counts), counts) + np.arange(int(counts.sum()))
     gathered: NDArray[Number] = values[index]
@@ -52,9 +54,10 @@ def gather(values: NDArray[Number], starts: Integers, counts: Integers) -> NDArr
 
 
 def triangulated(polygons: Polygons, where: str) -> tuple[Integers, Integers, list[str]]:
-    """(F, 3) int64 triangles in the order of their polygons, the polygon of each, and a line for each kind of trouble.
+    """(F, 3) int64 triangles in the order of their polygons, (F,) their polygons, and notes on malformed polygons.
 
-    The corners must be indices of finite vertices. Raises InputError for too many triangles, or too large polygons.
+    The vertices must be finite and the corners valid indices. Raises InputError for too many triangles, or too large
+    polygons.
     """
     vertices, corners, counts = polygons.vertices, polygons.corners, polygons.counts
     sizes = np.maximum(counts - 2, 0)
@@ -66,19 +69,19 @@ def triangulated(polygons: Polygons, where: str) -> tuple[Integers, Integers, li
     second = starts[owner] + 1 + np.arange(total) - rows[owner]
     faces = corners[np.stack([starts[owner], second, second + 1], axis=1)]
     many = np.flatnonzero(counts > 3)
-    bent = crossing = work = 0
+    nonplanar = crossing = work = 0
     kept = np.ones(total, dtype=bool)
     for part in in_slices(len(many)):
         chosen = many[part]
         fans = _fans(vertices[gather(faces, rows[chosen], sizes[chosen])], sizes[chosen])
-        bent += int(fans.bent.sum())
-        right = fans.right
-        quads = np.flatnonzero(~right & (counts[chosen] == 4))
+        nonplanar += int(fans.nonplanar.sum())
+        valid = fans.valid
+        quads = np.flatnonzero(~valid & (counts[chosen] == 4))
         others = corners[starts[chosen[quads], None, None] + OTHER_DIAGONAL]
-        turned = quads[_fans(vertices[others.reshape(-1, 3)], sizes[chosen[quads]]).right]
-        right[turned] = True
-        faces[rows[chosen[turned], None] + np.arange(2)] = others[np.isin(quads, turned)]
-        waiting = np.flatnonzero(~right)
+        other_fan = quads[_fans(vertices[others.reshape(-1, 3)], sizes[chosen[quads]]).valid]
+        valid[other_fan] = True
+        faces[rows[chosen[other_fan], None] + np.arange(2)] = others[np.isin(quads, other_fan)]
+        waiting = np.flatnonzero(~valid)
         work += int((counts[chosen[waiting]] ** 2).sum())
         if work > MOST_CORNERS**2:
             raise InputError(
@@ -89,31 +92,31 @@ def triangulated(polygons: Polygons, where: str) -> tuple[Integers, Integers, li
             polygon = chosen[k]
             size, row = int(counts[polygon]), int(rows[polygon])
             ring = corners[starts[polygon] : starts[polygon] + size]
-            cut = _cut(vertices[ring], fans.normals[k])
-            if cut is None:
-                crossing += int(fans.solid[k])
+            triangulation = _earcut(vertices[ring], fans.normals[k])
+            if triangulation is None:
+                crossing += int(fans.has_area[k])
             else:
-                faces[row : row + len(cut)] = ring[cut]
-                kept[row + len(cut) : row + size - 2] = False
+                faces[row : row + len(triangulation)] = ring[triangulation]
+                kept[row + len(triangulation) : row + size - 2] = False
     found = [
         (int((counts < 3).sum()), "face(s) of fewer than 3 corners left out"),
-        (bent, "polygon(s) not planar: cut as seen along their mean normal"),
+        (nonplanar, "polygon(s) not planar: cut as seen along their mean normal"),
         (crossing, "polygon(s) that cross themselves: cut as fans from their first corner"),
     ]
     return faces[kept], owner[kept], [f"{where}: {count} {line}" for count, line in found if count]
 
 
 class _Fans(NamedTuple):
-    """Of each polygon: its unit Newell normal, whether its fan is right, out of plane, and of any area."""
+    """By polygon: unit Newell normal; whether its fan is valid, whether it is non-planar, whether it has any area."""
 
     normals: Floats
-    right: NDArray[np.bool_]
-    bent: NDArray[np.bool_]
-    solid: NDArray[np.bool_]
+    valid: NDArray[np.bool_]
+    nonplanar: NDArray[np.bool_]
+    has_area: NDArray[np.bool_]
 
 
 def _fans(triangles: Floats, sizes: Integers) -> _Fans:
-    """What to think of the fans of polygons, given as (T, 3, 3) corners, `sizes` triangles for each polygon."""
+    """Properties of polygons' fans. triangles: (T, 3, 3) corners; sizes: (P,) number of triangles of each fan."""
     first = np.cumsum(sizes) - sizes
     left, right = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
     extent = np.maximum.reduceat(np.maximum(np.abs(left), np.abs(right)).max(axis=1), first)
@@ -127,61 +130,61 @@ def _fans(triangles: Floats, sizes: Integers) -> _Fans:
     doubled = np.einsum("ij,ij->i", crosses, normal)
     squares = np.stack([np.einsum("ij,ij->i", edge, edge) for edge in (left, right, right - left)])
     area = FLATTEST * squares.max(axis=0)
-    # A triangle without area is left out later: harmless between two corners that coincide, else it loses a corner.
-    sound = (doubled > area) | (squares.min(axis=0) == 0.0)
-    turned = np.add.reduceat(np.arctan2(doubled, np.einsum("ij,ij->i", left, right)), first)
+    # Triangles without area are removed later. That is harmless if two corners coincide; otherwise a corner is lost.
+    positive = (doubled > area) | (squares.min(axis=0) == 0.0)
+    total_angle = np.add.reduceat(np.arctan2(doubled, np.einsum("ij,ij->i", left, right)), first)
     heights = np.stack([np.einsum("ij,ij->i", edge, normal) for edge in (left, right)])
     lowest = np.minimum(np.minimum.reduceat(heights.min(axis=0), first), 0.0)
     highest = np.maximum(np.maximum.reduceat(heights.max(axis=0), first), 0.0)
     return _Fans(
         normals,
-        right=np.logical_and.reduceat(sound, first) & (turned < 2 * np.pi) & (length > FLATTEST),
-        bent=highest - lowest > FLAT_ENOUGH,
-        solid=np.logical_or.reduceat(np.linalg.norm(crosses, axis=1) > area, first),
+        valid=np.logical_and.reduceat(positive, first) & (total_angle < 2 * np.pi) & (length > FLATTEST),
+        nonplanar=highest - lowest > FLAT_ENOUGH,
+        has_area=np.logical_or.reduceat(np.linalg.norm(crosses, axis=1) > area, first),
     )
 
 
-def _cut(ring: Floats, normal: Floats) -> Integers | None:
-    """(T, 3) triangles of a polygon's (N, 3) corners; None if they would not add up to its area."""
+def _earcut(ring: Floats, normal: Floats) -> Integers | None:
+    """(T, 3) earcut triangulation of a polygon's (N, 3) corners; None if its area differs from the polygon's."""
     axis = int(np.argmax(np.abs(normal)))
     axes = [(axis + 1) % 3, (axis + 2) % 3][:: 1 if normal[axis] > 0.0 else -1]
     ring = ring - ring[0]
     ring = ring / (np.abs(ring).max() or 1.0)
-    # Moved along the normal into the plane of two axes: corners of an axis-aligned polygon keep every digit.
+    # Projected along the normal onto a coordinate plane, which is exact for axis-aligned polygons.
     flat = np.ascontiguousarray(ring[:, axes] - ring[:, [axis]] * (normal[axes] / (normal[axis] or 1.0)))
     found = mapbox_earcut.triangulate_float64(flat, np.array([len(flat)], dtype=np.uint32))
-    cut: Integers = found.reshape(-1, 3).astype(np.int64)
-    edges = flat[cut] - flat[np.roll(cut, -1, axis=1)]
-    cut = cut[_area(flat[cut]) > FLATTEST * np.einsum("ijk,ijk->ij", edges, edges).max(axis=1)]
-    if len(cut) < len(ring) - 2:
-        cut = _mended(cut, ring, flat)
+    faces: Integers = found.reshape(-1, 3).astype(np.int64)
+    edges = flat[faces] - flat[np.roll(faces, -1, axis=1)]
+    faces = faces[_area(flat[faces]) > FLATTEST * np.einsum("ijk,ijk->ij", edges, edges).max(axis=1)]
+    if len(faces) < len(ring) - 2:
+        faces = _with_collinear_corners(faces, ring, flat)
     newell = np.cross(ring, np.roll(ring, -1, axis=0)).sum(axis=0)
-    crosses = np.cross(ring[cut[:, 1]] - ring[cut[:, 0]], ring[cut[:, 2]] - ring[cut[:, 0]])
+    crosses = np.cross(ring[faces[:, 1]] - ring[faces[:, 0]], ring[faces[:, 2]] - ring[faces[:, 0]])
     size = float(np.linalg.norm(newell))
     missing = np.linalg.norm(crosses.sum(axis=0) - newell)
-    # Nearly upright edges of a bent polygon may cross by a little, which then counts twice.
+    # Nearly vertical edges of a non-planar polygon may cross slightly, and that area counts twice.
     doubled = abs(np.abs(crosses @ normal).sum() - size)
-    return cut if len(cut) <= len(ring) - 2 and missing < 1e-6 * size and doubled < 1e-5 * size else None
+    return faces if len(faces) <= len(ring) - 2 and missing < 1e-6 * size and doubled < 1e-5 * size else None
 
 
 def _area(flat: Floats) -> Floats:
-    """(…,) twice the signed areas of (…, N, 2) polygons."""
+    """(…,) twice the signed area of (…, N, 2) polygons."""
     following = np.roll(flat, -1, axis=-2)
     area: Floats = (flat[..., 0] * following[..., 1] - flat[..., 1] * following[..., 0]).sum(axis=-1)
     return area
 
 
-def _mended(cut: Integers, corners: Floats, flat: Floats) -> Integers:
-    """The triangles, and the corners on straight lines that earcut leaves out: their outline is the ring again.
+def _with_collinear_corners(triangulation: Integers, corners: Floats, flat: Floats) -> Integers:
+    """The triangulation with the collinear corners that earcut drops, so that its outline is the polygon again.
 
-    corners: (N, 3); flat: (N, 2), as they are seen. A neighbouring polygon has these corners too: without them the
-    surface would have a gap as wide as rounding.
+    corners: (N, 3); flat: (N, 2), projected. Neighbouring polygons share these corners; without them there would be
+    T-junctions, and cracks by rounding.
     """
-    _, first, place = np.unique(corners, axis=0, return_index=True, return_inverse=True)
-    ring = place.tolist()
-    triangles = [[ring[k] for k in triangle] for triangle in cut.tolist()]
-    # Where the triangles' outline is not the ring: its edges and, reversed, those of the ring, in closed walks
-    # without area.
+    _, first, index_of = np.unique(corners, axis=0, return_index=True, return_inverse=True)
+    ring = index_of.tolist()
+    triangles = [[ring[k] for k in triangle] for triangle in triangulation.tolist()]
+    # The difference of the triangulation's outline and the polygon's: edges of the first and reversed edges of the
+    # second, closed paths without area.
     loose: Counter[tuple[int, int]] = Counter()
     near: defaultdict[int, set[int]] = defaultdict(set)
 
@@ -206,7 +209,7 @@ def _mended(cut: Integers, corners: Floats, flat: Floats) -> Integers:
             continue
         number = owner[edge]
         others = np.array(sorted((near[a] | near[b]).difference(triangles[number])), dtype=np.int64)
-        between = others[_lie_on(flat[first[others]] - flat[first[a]], flat[first[b]] - flat[first[a]])]
+        between = others[_on_segment(flat[first[others]] - flat[first[a]], flat[first[b]] - flat[first[a]])]
         if not len(between):
             continue
         middle = int(between[0])
@@ -219,14 +222,14 @@ def _mended(cut: Integers, corners: Floats, flat: Floats) -> Integers:
         for half in ((a, middle), (middle, b)):
             walk(*half)
             waiting.append(half)
-    # What is left is seen edge-on: nothing in a planar polygon, a triangle that stands upright in another.
+    # The remaining paths are degenerate in the projection: empty in a planar polygon, vertical triangles in others.
     for a, b in list(loose):
         path = [a]
         while len(path) > 1 or loose[a, b] > 0:
             end = path[-1]
             following = next(v for v in near[end] if loose[end, v] > 0)
             loose[end, following] -= 1
-            if following in path:  # each loop by itself: two that share a corner may lie across each other
+            if following in path:  # each loop separately, as two loops with a common corner may overlap
                 start = path.index(following)
                 triangles += [[following, path[k + 1], path[k]] for k in range(start + 1, len(path) - 1)]
                 del path[start + 1 :]
@@ -235,8 +238,8 @@ def _mended(cut: Integers, corners: Floats, flat: Floats) -> Integers:
     return first[np.array(triangles, dtype=np.int64).reshape(-1, 3)]
 
 
-def _lie_on(points: Floats, edge: Floats) -> NDArray[np.bool_]:
-    """(N,) whether points stand between the ends of an edge that begins at the origin, but for rounding."""
+def _on_segment(points: Floats, edge: Floats) -> NDArray[np.bool_]:
+    """(N,) bool: whether (N, 2) points are on the segment from the origin to `edge`, up to rounding."""
     along, across = points @ edge, points @ np.array([-edge[1], edge[0]])
     square = edge @ edge
     between: NDArray[np.bool_] = (np.abs(across) <= 10 * FLATTEST * square) & (along > 0.0) & (along < square)

@@ -1,8 +1,8 @@
-"""Shapes that a scene file names instead of a mesh file, centred on the origin, faces outward.
+"""Shapes for scene files, centred on the origin, with faces wound outwards.
 
 plane 1×1 in xz, normal +y; box 1³; sphere radius ½; torus radii ½ and ⅙, around y; cylinder and cone radius ½ and
-height 1 along y; capsule radius ½ with a straight part of height 1 along y, so 2 in all (a total of 1 would be a
-sphere). Larger generators are in `generators`.
+height 1 along y; capsule radius ½ with a cylinder of height 1 along y, of total height 2. Larger ones are in
+`generators`.
 """
 
 from collections.abc import Callable
@@ -20,46 +20,46 @@ from shadowbench.strict import Strict, explain
 
 
 class NoParameters(Strict):
-    """A shape without parameters of its own."""
+    """Parameters of a shape that has none."""
 
 
 class SphereParameters(Strict):
-    """An icosahedron whose triangles are quartered `subdivisions` times."""
+    """subdivisions: of an icosahedron, each splits triangles into four."""
 
     subdivisions: int = Field(4, ge=0, le=7, strict=True)
 
 
 class RoundParameters(Strict):
-    """`sections` around the axis."""
+    """sections: segments around the axis."""
 
     sections: int = Field(64, ge=3, le=1024, strict=True)
 
 
 class Shape(NamedTuple):
-    """A row of the table: the model of a shape's own parameters, and what builds it from them."""
+    """A shape: the model of its parameters, and the function that builds it."""
 
     parameters: type[Strict]
     build: Callable[[Any], Triangles]
 
 
 def plane(_: NoParameters) -> Triangles:
-    """Two triangles."""
+    """A unit square of two triangles."""
     corners = np.array([[-0.5, 0.0, 0.5], [0.5, 0.0, 0.5], [0.5, 0.0, -0.5], [-0.5, 0.0, -0.5]])
     return Triangles(corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32))
 
 
 def box(_: NoParameters) -> Triangles:
-    """Twelve triangles over eight vertices."""
-    return _of(creation.box())
+    """A unit cube of twelve triangles and eight vertices."""
+    return _welded(creation.box())
 
 
 def sphere(parameters: SphereParameters) -> Triangles:
-    """An icosphere: triangles of nearly one size everywhere, none thin at a pole."""
-    return _of(creation.icosphere(subdivisions=parameters.subdivisions, radius=0.5))
+    """An icosphere, whose triangles are of nearly equal size."""
+    return _welded(creation.icosphere(subdivisions=parameters.subdivisions, radius=0.5))
 
 
 def torus(parameters: RoundParameters) -> Triangles:
-    """A ring lying flat, half as many sections around the tube as around the axis."""
+    """A horizontal ring, with half as many sections around the tube as around the axis."""
     around = max(3, parameters.sections // 2)
     return _upright(creation.torus(0.5, 1 / 6, major_sections=parameters.sections, minor_sections=around))
 
@@ -70,27 +70,27 @@ def cylinder(parameters: RoundParameters) -> Triangles:
 
 
 def cone(parameters: RoundParameters) -> Triangles:
-    """A closed cone, the tip up, the middle of its height at the origin."""
+    """A closed cone with its apex up, centred at half its height."""
     triangles = _upright(creation.cone(radius=0.5, height=1.0, sections=parameters.sections))
     return Triangles(triangles.vertices - [0.0, 0.5, 0.0], triangles.faces)
 
 
 def capsule(parameters: RoundParameters) -> Triangles:
-    """A cylinder of height 1 between two half spheres."""
+    """A cylinder of height 1 between two hemispheres."""
     count = (max(4, parameters.sections // 2), parameters.sections)
     triangles = _upright(creation.capsule(height=1.0, radius=0.5, count=count))
     low, high = triangles.vertices[:, 1].min(), triangles.vertices[:, 1].max()
     return Triangles(triangles.vertices - [0.0, (low + high) / 2, 0.0], triangles.faces)
 
 
-def _of(mesh: trimesh.Trimesh) -> Triangles:
-    """Arrays of a trimesh, welded, without the zero-area triangles that revolving leaves at poles."""
+def _welded(mesh: trimesh.Trimesh) -> Triangles:
+    """Welded triangles of a trimesh, without the zero-area triangles at the poles of surfaces of revolution."""
     return without_zero_area(welded(np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces)))[0]
 
 
 def _upright(mesh: trimesh.Trimesh) -> Triangles:
-    """A quarter turn about x, as trimesh builds along z."""
-    triangles = _of(mesh)
+    """The mesh rotated by 90° about x, as trimesh builds along z."""
+    triangles = _welded(mesh)
     return Triangles(triangles.vertices[:, [0, 2, 1]] * [1.0, 1.0, -1.0], triangles.faces)
 
 
@@ -110,7 +110,7 @@ SHAPES: dict[str, Shape] = {
 
 
 def build_shape(name: str, parameters: dict[str, object], where: str) -> Triangles:
-    """The triangles of a shape with its own parameters; an InputError that begins with `where` otherwise."""
+    """The triangles of a shape. Raises InputError that begins with `where` for an unknown name or parameter."""
     if name not in SHAPES:
         raise InputError(f"{where}: shape: unknown {name!r:.60}{alternatives(name, SHAPES)}")
     shape = SHAPES[name]

@@ -1,4 +1,4 @@
-"""The tables of a scene file: what a camera, a light and a mesh may say, checked field by field."""
+"""Models of a scene file's camera, light and mesh tables, with their validation."""
 
 import math
 import re
@@ -12,15 +12,16 @@ from shadowbench.scenes.triangles import LARGEST
 from shadowbench.strict import Strict, explain
 
 MOST_COPIES = 50_000
-"""Meshes that a scene places, each copy counted."""
+"""Limit on the meshes of a scene, each copy counted."""
 MOST_NAMED = 1000
-"""Cameras, and lights, of a scene."""
+"""Limit on the cameras of a scene, and on its lights."""
 WIDEST_SPOT = 170.0
+"""Largest cone angle of a spot, in degrees."""
 NARROWEST = 0.01
-"""Degrees of a field of view: the float32 of a picture cannot tell the pixels of a narrower one."""
+"""Smallest field of view in degrees; float32 cannot resolve the pixels of a narrower one."""
 LONGEST_NAME = 80
 NAME = re.compile(rf"\w[\w .+-]{{0,{LONGEST_NAME - 1}}}")
-"""Names become file names and cells of a CSV file: no line breaks, and no =, +, - or @ that would begin a formula."""
+"""Names are used in file names and CSV cells: no line breaks, and no initial =, +, - or @, which begins a formula."""
 NAMES = f"up to {LONGEST_NAME} letters, digits, spaces, or any of _ . + -, the first a letter, a digit or _"
 
 
@@ -66,9 +67,9 @@ def _name(value: object) -> str:
 
 
 def name_from(text: str) -> str:
-    """A foreign name with `-` for each character that a name may not hold, and what may not begin it left out.
+    """A name with invalid characters replaced by `-` and invalid initial ones removed.
 
-    Possibly empty or longer than a name may be.
+    The result may be empty or too long.
     """
     return re.sub(r"[^\w .+-]", "-", text).lstrip(" .+-")
 
@@ -83,7 +84,7 @@ Flag = Annotated[bool, Field(strict=True)]
 
 
 class CameraTable(Strict):
-    """A `[camera]`: degrees and metres."""
+    """A `[camera]` table, in degrees and metres."""
 
     name: Name | None = None
     position: Three
@@ -103,7 +104,7 @@ class CameraTable(Strict):
 
 
 class DirectionalTable(Strict):
-    """A sun; `angular_radius` in degrees."""
+    """A directional `[light]`; angular_radius in degrees."""
 
     name: Name | None = None
     kind: Literal["directional"]
@@ -112,7 +113,7 @@ class DirectionalTable(Strict):
 
 
 class SpotTable(Strict):
-    """A lamp with a cone of `angle` degrees in all; `radius` in metres."""
+    """A spot `[light]`; angle: full cone angle in degrees; radius in metres."""
 
     name: Name | None = None
     kind: Literal["spot"]
@@ -123,7 +124,7 @@ class SpotTable(Strict):
 
 
 class PointTable(Strict):
-    """A bare bulb; `radius` in metres."""
+    """A point `[light]`; radius in metres."""
 
     name: Name | None = None
     kind: Literal["point"]
@@ -139,14 +140,14 @@ LIGHT_TABLES: dict[str, type[DirectionalTable] | type[SpotTable] | type[PointTab
 
 
 class RepeatTable(Strict):
-    """`count` copies, the original among them, each shifted by a further `step`."""
+    """Repetition of a mesh: `count` copies including the original, each translated by `step` from the previous one."""
 
     count: int = Field(ge=1, le=MOST_COPIES, strict=True)
     step: Three
 
 
 class MeshTable(Strict):
-    """A `[[mesh]]` without the parameters that belong to its shape."""
+    """A `[[mesh]]` table, without the parameters of its shape."""
 
     name: Name | None = None
     file: str | None = Field(None, min_length=1, strict=True)
@@ -170,7 +171,7 @@ class MeshTable(Strict):
 
 
 def camera_from_table(table: object, where: str, default_name: str = "camera") -> Camera:
-    """A camera from a table of a scene or study file; errors begin with `where`."""
+    """The camera of a table in a scene or study file. Raises InputError that begins with `where`."""
     try:
         row = CameraTable.model_validate(table)
     except ValidationError as error:
@@ -187,7 +188,7 @@ def camera_from_table(table: object, where: str, default_name: str = "camera") -
 
 
 def light_from_table(table: object, where: str, default_name: str = "light") -> tuple[Light, list[str]]:
-    """A hard light from a table of a scene or study file, and a line if its size was taken as 0."""
+    """The light of a table in a scene or study file, of size 0, and a note if the table gives a size."""
     kind = table.get("kind") if isinstance(table, dict) else None
     if not isinstance(kind, str) or kind not in LIGHT_TABLES:
         found = "none" if kind is None else f"{kind!r:.60}"

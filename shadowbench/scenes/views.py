@@ -1,4 +1,4 @@
-"""Cameras and lights by name, and the view of a scene that they choose."""
+"""Views of a scene by the names of camera and light."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,7 +9,7 @@ from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Camera, Light, Scene, View, view_of
 
 LARGEST = 16384
-"""Pixels along a side."""
+"""Largest view size, in pixels along a side."""
 
 Named = TypeVar("Named", Camera, Light)
 
@@ -22,9 +22,10 @@ def chosen_view(
     assets: Path | None = None,
     up: str | None = None,
 ) -> View:
-    """The view of size × size pixels of a scene, by name, by file or loaded; its first camera and light unless named.
+    """The view of size × size pixels of a scene, by default of its first camera and light.
 
-    `assets` and `up` are those of `load_scene`. Raises InputError for what there is not.
+    scene: a name, a file or a loaded scene; assets, up: as for `load_scene`. Raises InputError for an unknown scene,
+    camera or light, or an invalid size.
     """
     if not 1 <= size <= LARGEST:
         raise InputError(f"view size {size}: allowed are 1 to {LARGEST}")
@@ -35,7 +36,7 @@ def chosen_view(
 
 
 def notes_on(view: View, camera: str | None, light: str | None) -> list[str]:
-    """The lines that a user should read of a chosen view: what was assumed, and that one stands for several."""
+    """Notes on a chosen view: the scene's own, and the names of the cameras and lights not used."""
     scene = view.scene
     return [
         *scene.notes,
@@ -45,14 +46,14 @@ def notes_on(view: View, camera: str | None, light: str | None) -> list[str]:
 
 
 def first_of(scene: str, what: str, things: Sequence[Camera] | Sequence[Light], option: str) -> list[str]:
-    """The line that the first of several cameras or lights is used; none where there is one."""
+    """The note that the first of several cameras or lights is used; empty if there is only one."""
     names = ", ".join(thing.name for thing in things)
     line = f"{scene}: {len(things)} {what}: {names}; the first is used, {option} names another"
     return [line] if len(things) > 1 else []
 
 
 def named(things: Sequence[Named], name: str, where: str) -> Named:
-    """The camera or light of a name; raises InputError, beginning with `where`, that lists the names."""
+    """The camera or light with this name. Raises InputError that begins with `where` and lists the names."""
     for thing in things:
         if thing.name == name:
             return thing

@@ -1,4 +1,4 @@
-"""How wrong a mask is: masks as files, the truth as scores see it, and the table of metrics. Knows only arrays."""
+"""Image metrics of shadow masks against a truth, and masks as files. Works on arrays only."""
 
 from shadowbench.scores.masks import mask_sha256, quantise, read_mask, write_mask
 from shadowbench.scores.metrics import METRICS, Metric, score

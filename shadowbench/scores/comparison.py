@@ -1,4 +1,4 @@
-"""One mask beside its truth: what several metrics need of the mask, found once."""
+"""A mask and its truth, with intermediate results shared by several metrics."""
 
 from functools import cached_property
 
@@ -6,16 +6,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from shadowbench.scores.prepared import PreparedTruth
-from shadowbench.scores.split import Split
 from shadowbench.scores.ssim import ssim_map
+from shadowbench.scores.thresholded import ThresholdedMask
 
 
-class Comparison(Split):
-    """A mask and the truth of its view; the one argument of a metric.
+class Comparison(ThresholdedMask):
+    """A mask and the truth of its view: the argument of every metric.
 
-    visibility: (H, W) in [0, 1], quantised here, so that scoring what was stored gives the same numbers; ValueError
-    as `quantise` raises it, or if its shape is not that of `prepared`. Its values outside `prepared.valid` are in
-    no set and no sum.
+    visibility: (H, W) in [0, 1], quantised here, so that a stored mask scores the same; values outside `prepared.valid`
+    are ignored. Raises ValueError as `quantise` does, and for a shape other than that of `prepared`.
     """
 
     def __init__(self, visibility: ArrayLike, prepared: PreparedTruth) -> None:
@@ -26,9 +25,9 @@ class Comparison(Split):
 
     @cached_property
     def edge_distances(self) -> NDArray[np.float64] | None:
-        """Distance in pixels from each edge pixel of either mask to the other's edge; None if neither has one.
+        """(E,) distances in pixels from the edge pixels of either mask to the other's edge; None if neither has one.
 
-        If only one of them has an edge: the image's diagonal, once.
+        The image's diagonal, once, if only one of them has an edge.
         """
         prepared = self.truth
         mask_to_truth = prepared.squared_edge_distance[self.edge]
@@ -42,12 +41,12 @@ class Comparison(Split):
 
     @cached_property
     def error(self) -> NDArray[np.float32]:
-        """Absolute difference to the truth's visibility; meant for valid pixels."""
+        """(H, W) absolute difference from the truth's visibility; only valid pixels are meaningful."""
         error: NDArray[np.float32] = np.abs(self.visibility - self.truth.visibility)
         return error
 
     @cached_property
     def ssim_map(self) -> NDArray[np.float32]:
-        """SSIM at the centres that have a whole window (see `ssim`)."""
+        """SSIM at pixels whose window lies inside the image (see `ssim`)."""
         prepared = self.truth
         return ssim_map(self.visibility, prepared.visibility, prepared.valid, prepared.ssim_moments)

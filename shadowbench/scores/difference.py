@@ -1,4 +1,4 @@
-"""Signed differences of visibility as colours over a grey picture."""
+"""Signed visibility differences as colours over a grey image."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,9 +7,10 @@ FALSE_SHADOW, FALSE_LIGHT = (213, 94, 0), (0, 114, 178)  # Okabe & Ito 2008: ver
 
 
 def difference_over(grey: NDArray[np.floating], signed: NDArray[np.floating]) -> NDArray[np.uint8]:
-    """(H, W, 3) sRGB: (H, W) grey levels under FALSE_SHADOW where `signed` is below 0 and FALSE_LIGHT elsewhere.
+    """(H, W, 3) uint8 sRGB: grey blended towards FALSE_SHADOW where `signed` is negative, FALSE_LIGHT elsewhere.
 
-    signed: (H, W), the mask's visibility less the truth's, in [-1, 1]; the colour is as strong as its magnitude.
+    grey: (H, W) levels from 0 to 255; signed: (H, W) visibility of the mask minus that of the truth, in [-1, 1]; its
+    magnitude is the blend weight.
     """
     color = np.where(signed[..., np.newaxis] < 0, np.array(FALSE_SHADOW), np.array(FALSE_LIGHT))
     strength = np.abs(signed)[..., np.newaxis]

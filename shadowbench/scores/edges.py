@@ -1,18 +1,18 @@
-"""Where a mask's shadow ends, and how far that is from anywhere."""
+"""Shadow edges and distances to them."""
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
 NOWHERE = np.iinfo(np.int32).max
-"""The squared distance to an empty set."""
+"""Squared distance to an empty set."""
 
 
 def edge_pixels(shadow: NDArray[np.bool_], lit: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Find the shadow's outermost pixels: those with a lit one among their four neighbours. (H, W) bool.
+    """(H, W) bool: shadow pixels with a lit pixel among their four neighbours.
 
-    A pixel that is in neither of `shadow` and `lit` (H, W) is not scored: its border is no edge, nor is the
-    image's. Taking one side only makes a straight edge that moved by k pixels lie exactly k away.
+    Pixels in neither `shadow` nor `lit` (H, W) are not scored; their borders and the image's are no edges. Edge pixels
+    lie on one side only, so that a straight edge shifted by k pixels is exactly k away.
     """
     beside_lit = np.zeros_like(lit)
     beside_lit[1:] |= lit[:-1]
@@ -23,13 +23,13 @@ def edge_pixels(shadow: NDArray[np.bool_], lit: NDArray[np.bool_]) -> NDArray[np
 
 
 def squared_distance(to: NDArray[np.bool_]) -> NDArray[np.int32]:
-    """Measure from each pixel to the nearest one in `to`: squared Euclidean distance in pixels. (H, W) int32.
+    """(H, W) int32 squared Euclidean distance in pixels from each pixel to the nearest one in `to`.
 
-    NOWHERE everywhere if `to` (H, W) is empty (SciPy would return finite nonsense).
+    NOWHERE if `to` (H, W) is empty, for which SciPy returns arbitrary finite values.
     """
     if not to.any():
         return np.full(to.shape, NOWHERE, np.int32)
-    # The nearest pixel's index, not its distance: SciPy makes that in float64, at several times the memory.
+    # Indices rather than distances, which SciPy computes in float64 with several times the memory.
     offset: NDArray[np.int32] = ndimage.distance_transform_edt(~to, return_distances=False, return_indices=True)
     height, width = to.shape
     offset[0] -= np.arange(height, dtype=np.int32)[:, np.newaxis]

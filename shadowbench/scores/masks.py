@@ -1,4 +1,4 @@
-"""Visibility as 16-bit levels: what is scored, what is stored, and that the two are the same numbers."""
+"""Visibility masks as 16-bit levels, so that scored and stored values are the same."""
 
 import hashlib
 import warnings
@@ -14,26 +14,26 @@ from shadowbench.errors import InputError
 from shadowbench.files import replace_file
 
 LEVELS = 65535
-OVERSHOOT = 1e-6  # rounding in a shader may leave [0, 1] by this much; more is a wrong mask
+OVERSHOOT = 1e-6  # rounding in a shader may exceed [0, 1] by this much; more is an error
 
 # A 16-bit grey PNG opens as "I;16", in older Pillow as "I".
 _FULL_SCALE = {"L": 255, "I;16": LEVELS, "I": LEVELS}
 
 
 def quantise(visibility: ArrayLike) -> NDArray[np.float32]:
-    """Round to the nearest of the 65536 levels k/65535 that a 16-bit PNG can hold; idempotent.
+    """Round visibility to the 65536 levels k/65535 of a 16-bit PNG; idempotent.
 
-    visibility: (H, W), any real dtype, 1 lit and 0 in shadow; up to 1e-6 outside [0, 1] is clipped.
-    Returns (H, W) float32 in [0, 1]. ValueError (one line, with the count of pixels) for NaN, infinity and
-    values further outside, or when the array is no (H, W) image.
+    visibility: (H, W), any real dtype, 1 lit and 0 in shadow; clipped to [0, 1] if at most 1e-6 outside.
+    Returns (H, W) float32 in [0, 1]. Raises ValueError (one line, with the number of pixels) for NaN, infinity and
+    values further outside, and for other shapes.
     """
     return _from_levels(_levels(visibility), LEVELS)
 
 
 def write_mask(path: str | Path, visibility: ArrayLike) -> None:
-    """Store visibility (H, W) in [0, 1] as a linear 16-bit grey PNG, row 0 at the top.
+    """Write visibility (H, W) in [0, 1] as a linear 16-bit grey PNG, row 0 at the top.
 
-    The file appears whole or not at all. Raises as `quantise` does; InputError if the folder cannot be written.
+    The file is replaced atomically. Raises as `quantise` does, and InputError if the folder cannot be written.
     """
     image = Image.fromarray(_levels(visibility))
     with replace_file(path) as temporary:
@@ -41,10 +41,10 @@ def write_mask(path: str | Path, visibility: ArrayLike) -> None:
 
 
 def read_mask(path: str | Path) -> NDArray[np.float32]:
-    """Visibility (H, W) float32 in [0, 1] of a linear grey PNG of 8 or 16 bits, full = lit, row 0 at the top.
+    """Read visibility (H, W) float32 in [0, 1] from a linear grey PNG of 8 or 16 bits, full = lit, row 0 at the top.
 
-    One of 8 bits in colour is grey if its channels are equal everywhere. What `write_mask` stored comes back as
-    `quantise` gave it, bit for bit. InputError for any other file.
+    An 8-bit colour PNG is accepted if its channels are equal everywhere. A mask written by `write_mask` is restored
+    bit for bit. Raises InputError for any other file.
     """
     allowed = "allowed: a grey PNG of 8 or 16 bits, or one of 8 in colour whose channels are equal"
     with open_png(path, allowed) as image:
@@ -56,11 +56,12 @@ def read_mask(path: str | Path) -> NDArray[np.float32]:
 
 @contextmanager
 def open_png(path: str | Path, allowed: str) -> Iterator[ImageFile.ImageFile]:
-    """A PNG whose size and mode are known and whose pixels are decoded when they are asked for.
+    """Open a PNG; pixels are decoded on access.
 
-    InputError, which ends with `allowed`, for what is no regular file or no PNG, also where decoding it fails.
+    Raises InputError, its message ending with `allowed`, for a path that is no regular file or no PNG, also if decoding
+    fails inside the block.
     """
-    if not Path(path).is_file():  # a pipe would be waited for
+    if not Path(path).is_file():  # reading a named pipe would block
         raise InputError(f"{path}: {'is not a file' if Path(path).exists() else 'no such file'}; {allowed}")
     try:
         with warnings.catch_warnings():
@@ -75,9 +76,9 @@ def open_png(path: str | Path, allowed: str) -> Iterator[ImageFile.ImageFile]:
 
 
 def _grey(image: ImageFile.ImageFile) -> Image.Image:
-    """A channel of an RGB image of three that are equal, or of an RGBA one that is opaque too; else the image.
+    """One channel of an RGB image with equal channels, or of an opaque RGBA one; any other image unchanged.
 
-    Pillow would read the high bytes alone of 16 bits in colour: such an image is left as it is, too.
+    16-bit colour images are unchanged too: Pillow would read their high bytes only.
     """
     if image.mode not in ("RGB", "RGBA") or "16" in str(image.tile[0][3]):
         return image
@@ -88,7 +89,7 @@ def _grey(image: ImageFile.ImageFile) -> Image.Image:
 
 
 def mask_sha256(visibility: ArrayLike) -> str:
-    """SHA-256, in hex, of the 16-bit levels of visibility (H, W): row-major, little-endian, no header."""
+    """Hex SHA-256 of the 16-bit levels of visibility (H, W): row-major, little-endian, no header."""
     return hashlib.sha256(_levels(visibility).astype("<u2").tobytes()).hexdigest()
 
 

@@ -1,6 +1,6 @@
-"""The table of metrics: each a function of a Comparison and a row.
+"""The metrics: functions of a Comparison, and a table that describes them.
 
-A metric returns a number, or None where it has nothing to divide by: never 0 or 1 for "there was nothing".
+A metric returns a number, or None if its denominator is 0.
 """
 
 from collections.abc import Callable
@@ -17,9 +17,9 @@ from shadowbench.scores.ssim import INSIDE
 
 @dataclass(frozen=True)
 class Metric:
-    """A row of the table. `kind`: the shadows that it judges fairly, hard-edged, soft, or both.
+    """A row of the table of metrics.
 
-    `tolerance`: how far it may move before a comparison with a baseline calls it worse.
+    kind: the shadows it suits, hard-edged, soft or both; tolerance: change against a baseline that is not reported.
     """
 
     name: str
@@ -31,10 +31,10 @@ class Metric:
 
 
 def score(visibility: ArrayLike, prepared: PreparedTruth) -> dict[str, float | None]:
-    """Every metric of the table, by name, in its order.
+    """Values of all metrics by name, in the order of the table.
 
-    visibility: (H, W) in [0, 1], 1 lit and 0 in shadow, quantised before it is scored; its values at pixels that are
-    not valid never matter, but must be numbers. ValueError for NaN, infinity, values out of range, or another shape.
+    visibility: (H, W) in [0, 1], 1 lit and 0 in shadow, quantised before scoring; values at invalid pixels are ignored,
+    but must be finite. Raises ValueError for NaN, infinity, values out of range, or another shape.
     """
     comparison = Comparison(visibility, prepared)
     return {metric.name: metric.function(comparison) for metric in METRICS.values()}
@@ -46,7 +46,7 @@ def iou(comparison: Comparison) -> float | None:
 
 
 def iou_soft(comparison: Comparison) -> float | None:
-    """Sum of the lesser over sum of the greater darkness (1 − visibility); Ruzicka 1958."""
+    """Sum of the smaller over the sum of the larger darkness (1 − visibility) of each pixel; Ruzicka 1958."""
     mask, truth = comparison.visibility, comparison.truth.visibility
     greater = _sum(1 - np.minimum(mask, truth), comparison.truth.valid)
     lesser = _sum(1 - np.maximum(mask, truth), comparison.truth.valid)
@@ -54,9 +54,9 @@ def iou_soft(comparison: Comparison) -> float | None:
 
 
 def boundary_iou(comparison: Comparison) -> float | None:
-    """IoU of the strips inside the two shadows' edges; Cheng et al. 2021, "Boundary IoU".
+    """IoU of the strips along the inside of the two shadows' edges; Cheng et al. 2021, "Boundary IoU".
 
-    The strip is Euclidean where their code erodes with a square: the same for edges along rows and columns.
+    The strip's width is Euclidean, where their code erodes with a square; both agree on edges along rows and columns.
     """
     prepared = comparison.truth
     boundary = comparison.shadow & (comparison.squared_edge_distance < prepared.boundary_width**2)
@@ -64,22 +64,22 @@ def boundary_iou(comparison: Comparison) -> float | None:
 
 
 def ssim(comparison: Comparison) -> float | None:
-    """Mean SSIM over valid pixels with a whole window inside the image; Wang et al. 2004."""
+    """Mean SSIM over valid pixels whose window lies inside the image; Wang et al. 2004."""
     return _mean(comparison.ssim_map, comparison.truth.valid[INSIDE])
 
 
 def ssim_edge(comparison: Comparison) -> float | None:
-    """Mean SSIM over valid pixels within 8 px of a true edge, with a whole window inside the image."""
+    """Mean SSIM over valid pixels within 8 px of a true edge whose window lies inside the image."""
     return _mean(comparison.ssim_map, comparison.truth.edge_zone[INSIDE])
 
 
 def mae(comparison: Comparison) -> float | None:
-    """Mean absolute error against the truth at the pixel's centre."""
+    """Mean absolute error against the truth at pixel centres."""
     return _ratio(_sum(comparison.error, comparison.truth.valid), comparison.truth.pixels)
 
 
 def mae_area(comparison: Comparison) -> float | None:
-    """Mean absolute error against the truth averaged over the pixel."""
+    """Mean absolute error against the truth averaged over each pixel."""
     prepared = comparison.truth
     return _ratio(_sum(np.abs(comparison.visibility - prepared.area), prepared.valid), prepared.pixels)
 
@@ -107,18 +107,18 @@ def leak(comparison: Comparison) -> float | None:
 
 
 def contact(comparison: Comparison) -> float | None:
-    """Share of the shadow next to its occluder that is lit."""
+    """Share of the shadow close to its occluder that is lit."""
     return _share(comparison.lit, comparison.truth.contact)
 
 
 def edge_px(comparison: Comparison) -> float | None:
-    """Mean distance between the two masks' edges, both ways pooled, in pixels."""
+    """Mean distance in pixels between the two masks' edges, pooled over both directions."""
     distances = comparison.edge_distances
     return None if distances is None else float(distances.mean())
 
 
 def edge_p95(comparison: Comparison) -> float | None:
-    """95th percentile of the distances between the two masks' edges, both ways pooled, in pixels."""
+    """95th percentile of the distances in pixels between the two masks' edges, pooled over both directions."""
     distances = comparison.edge_distances
     return None if distances is None else float(np.percentile(distances, 95))
 
@@ -225,7 +225,7 @@ METRICS: dict[str, Metric] = {
         ),
     )
 }
-"""The metrics by name, in the order of the columns."""
+"""All metrics by name, in the order of the columns."""
 
 
 def _overlap(mask: NDArray[np.bool_], truth: NDArray[np.bool_]) -> float | None:
@@ -241,7 +241,7 @@ def _mean(values: NDArray[np.float32], where: NDArray[np.bool_]) -> float | None
 
 
 def _sum(values: NDArray[np.float32], where: NDArray[np.bool_]) -> float:
-    # In float64: the order of a float32 sum, and with it the last digits, would depend on the processor.
+    # In float64: the last digits of a float32 sum depend on its order, and so on the processor.
     return float(values.sum(where=where, dtype=np.float64))
 
 

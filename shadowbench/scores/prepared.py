@@ -1,4 +1,4 @@
-"""What is known of the truth alone, found once for a view and shared by all that is scored against it."""
+"""The truth of a view with quantities derived from it alone, shared by all masks scored against it."""
 
 import math
 from functools import cached_property
@@ -8,20 +8,20 @@ from numpy.typing import ArrayLike, NDArray
 
 from shadowbench.scores.edges import squared_distance
 from shadowbench.scores.masks import quantise
-from shadowbench.scores.split import Split
 from shadowbench.scores.ssim import WindowMoments, window_moments
+from shadowbench.scores.thresholded import ThresholdedMask
 
-INTERIOR_PX = 4.0  # acne and leak are told from an inexact edge by this distance
+INTERIOR_PX = 4.0  # distance from the edge beyond which errors count as acne or leak
 EDGE_ZONE_PX = 8.0
-BOUNDARY_WIDTH = 0.02  # of the image's diagonal (Cheng et al. 2021)
-CONTACT_DISTANCE = 0.02  # of the scene's diagonal
+BOUNDARY_WIDTH = 0.02  # share of the image's diagonal (Cheng et al. 2021)
+CONTACT_DISTANCE = 0.02  # share of the scene's diagonal
 
 
-class PreparedTruth(Split):
-    """The truth of one view, as scores see it.
+class PreparedTruth(ThresholdedMask):
+    """The truth of one view, prepared for metrics.
 
-    Everything derived is found when first asked for, then kept: at 1024² about 50 MB in all.
-    Pixels that are no receivers, or undecided, are in none of the sets; `valid` are the others.
+    Derived arrays are computed on first use and kept, about 50 MB at 1024². Only `valid` pixels, decided receivers,
+    are in any of the sets.
     """
 
     def __init__(
@@ -40,7 +40,7 @@ class PreparedTruth(Split):
         visibility: in [0, 1], 1 lit and 0 in shadow. receivers, undecided: bool. area: visibility averaged over the
         pixel, in [0, 1]. blocker: distance towards the light to the nearest occluder, inf if none. cosine: N·L, not
         negative on valid pixels. diagonal: of the scene, > 0, in the unit of `blocker`.
-        Visibility and area are quantised, so that a stored mask of the truth is free of error. ValueError for arrays
+        Visibility and area are quantised, so that a stored mask of the truth has no error. Raises ValueError for arrays
         of different shapes and values out of range.
         """
         self.undecided: NDArray[np.bool_] = np.asarray(undecided, np.bool_)
@@ -61,7 +61,7 @@ class PreparedTruth(Split):
 
     @property
     def image_diagonal(self) -> float:
-        """In pixels; the edge distance of a mask that has no edge although the truth has one."""
+        """Diagonal in pixels; the edge distance of a mask without an edge if the truth has one."""
         return math.hypot(*self.shape)
 
     @cached_property
@@ -71,12 +71,12 @@ class PreparedTruth(Split):
 
     @cached_property
     def boundary_width(self) -> int:
-        """Pixels, as in Cheng et al.'s code: 2% of the image's diagonal, rounded, at least 1."""
+        """Width in pixels, as in Cheng et al.'s code: 2% of the image's diagonal, rounded, at least 1."""
         return max(1, round(BOUNDARY_WIDTH * self.image_diagonal))
 
     @cached_property
     def boundary(self) -> NDArray[np.bool_]:
-        """The strip of shadow, `boundary_width` pixels wide, inside its edge."""
+        """Strip of shadow, `boundary_width` pixels wide, along the inside of its edge."""
         return self.shadow & (self.squared_edge_distance < self.boundary_width**2)
 
     @cached_property
@@ -100,7 +100,7 @@ class PreparedTruth(Split):
 
     @cached_property
     def contact(self) -> NDArray[np.bool_]:
-        """Shadowed pixels whose occluder is nearer than 2% of the scene's diagonal."""
+        """Shadowed pixels whose occluder is closer than 2% of the scene's diagonal."""
         return self.shadow & (self.blocker < CONTACT_DISTANCE * self.diagonal)
 
     @cached_property
@@ -110,5 +110,5 @@ class PreparedTruth(Split):
 
     @cached_property
     def ssim_moments(self) -> WindowMoments:
-        """The truth's part of SSIM."""
+        """Window moments of the truth for SSIM."""
         return window_moments(self.visibility, self.valid)

@@ -1,9 +1,9 @@
-"""SSIM over the pixels that are scored (Wang et al. 2004, "Image quality assessment").
+"""SSIM over valid pixels only (Wang et al. 2004, "Image quality assessment").
 
 Window, constants and border are those of scikit-image's
-`structural_similarity(gaussian_weights=True, sigma=1.5, use_sample_covariance=False, data_range=1)`; it is equal where
-every pixel is valid. Elsewhere each window's weights are those of its valid pixels, scaled to sum to 1: filling the
-others with any value would change the score.
+`structural_similarity(gaussian_weights=True, sigma=1.5, use_sample_covariance=False, data_range=1)`, to which it is
+equal if every pixel is valid. Otherwise the weights of each window's valid pixels are rescaled to sum to 1, since
+filling in the invalid ones with any value would change the score.
 """
 
 from collections.abc import Iterator
@@ -18,30 +18,30 @@ RADIUS = 5  # scikit-image's: int(3.5 sigma + ½)
 C1 = 0.01**2
 C2 = 0.03**2
 INSIDE = (slice(RADIUS, -RADIUS), slice(RADIUS, -RADIUS))
-"""The centres that have a whole window; the others are not scored."""
+"""Pixels whose window lies inside the image; only these are scored."""
 
 _offsets = np.arange(-RADIUS, RADIUS + 1)
 _KERNEL = np.exp(-0.5 * (_offsets / SIGMA) ** 2)
 _KERNEL /= _KERNEL.sum()
 
 # Float64, because a variance is a difference of nearly equal numbers and C2 is small: float32 would be off by 1e-4
-# in a flat region. In bands of rows, so that this costs little memory and stays in the processor's cache.
+# in a flat region. In bands of rows, to save memory and stay in the processor's cache.
 _BAND = 128
 
 
 @dataclass(frozen=True, eq=False)
 class WindowMoments:
-    """The part of SSIM that knows the truth only, at the centres INSIDE; each (H-10, W-10) float64."""
+    """Gaussian-weighted moments of an image in the windows of the pixels INSIDE; each (H-10, W-10) float64."""
 
-    weight: NDArray[np.float64]  # the window's share that is valid, in [0, 1]
+    weight: NDArray[np.float64]  # total weight of the window's valid pixels, in [0, 1]
     mean: NDArray[np.float64]
     variance: NDArray[np.float64]
 
 
 def window_moments(values: NDArray[np.float32], valid: NDArray[np.bool_]) -> WindowMoments:
-    """Mean and variance of `values` (H, W) float32 in [0, 1] in each window, over `valid` (H, W) bool.
+    """Mean and variance of `values` (H, W) float32 in [0, 1] over the `valid` (H, W) bool pixels of each window.
 
-    Where a window has no valid pixel its weight is 0 and the moments are NaN.
+    In a window without valid pixels the weight is 0 and the moments are NaN.
     """
     weight, mean, variance = (np.empty(_inside(valid.shape)) for _ in range(3))
     for rows, window_rows in _bands(valid.shape[0]):
@@ -57,10 +57,10 @@ def window_moments(values: NDArray[np.float32], valid: NDArray[np.bool_]) -> Win
 def ssim_map(
     values: NDArray[np.float32], truth: NDArray[np.float32], valid: NDArray[np.bool_], moments: WindowMoments
 ) -> NDArray[np.float32]:
-    """SSIM of `values` and `truth` ((H, W) float32 in [0, 1]) at the centres INSIDE; `moments` are the truth's.
+    """SSIM of `values` and `truth`, (H, W) float32 in [0, 1], at the pixels INSIDE; `moments` are those of the truth.
 
-    Returns (H-10, W-10) float32 in [-1, 1], empty for an image without a whole window; NaN where a window has no
-    valid pixel, which no valid centre has.
+    Returns (H-10, W-10) float32 in [-1, 1], empty for an image smaller than a window; NaN for windows without a valid
+    pixel, whose centres are invalid too.
     """
     similarity = np.empty(_inside(valid.shape), np.float32)
     for rows, window_rows in _bands(valid.shape[0]):
@@ -80,14 +80,14 @@ def _inside(shape: tuple[int, ...]) -> tuple[int, ...]:
 
 
 def _bands(height: int) -> Iterator[tuple[slice, slice]]:
-    """Rows of centres INSIDE, and the rows of the image that their windows reach."""
+    """Slices of rows INSIDE, and of the image rows that their windows cover."""
     for first in range(0, height - 2 * RADIUS, _BAND):
         last = min(first + _BAND, height - 2 * RADIUS)
         yield slice(first, last), slice(first, last + 2 * RADIUS)
 
 
 def _window_sum(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Gaussian-weighted sum in each whole window: (h, w) to (h-10, w-10)."""
+    """(h-10, w-10) Gaussian-weighted sums over the windows inside a (h, w) image."""
     columns = ndimage.correlate1d(values, _KERNEL, axis=0)[RADIUS:-RADIUS]
     summed: NDArray[np.float64] = ndimage.correlate1d(columns, _KERNEL, axis=1)[:, RADIUS:-RADIUS]
     return summed

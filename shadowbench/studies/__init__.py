@@ -1,1 +1,1 @@
-"""Which cells to run, and running them: study files, the worker, rows, tables."""
+"""Studies: what to measure, read from a file or options; running it; run folders and their tables."""

@@ -1,4 +1,4 @@
-"""The specs of a study file's `[[technique]]` table: its lists crossed, its bias multiplied."""
+"""Specs of a study file's `[[technique]]` table: the product of its lists, with a bias sweep if requested."""
 
 import itertools
 import math
@@ -18,32 +18,33 @@ from shadowbench.techniques.spec import Spec, format_value, parse_spec
 Techniques = Mapping[str, type[Technique]]
 
 MOST_SPECS = 10_000
-"""Specs of a study, each map size counted."""
+"""Most specs of a study, counting each map size."""
 
-_FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)  # of a bias sweep that names none
+_FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)  # default factors of a bias sweep
 
 
 @dataclass(frozen=True)
 class BiasSweep:
-    """A spec whose bias a study multiplies, and what that makes of it: a factor and a spec each, by rising factor."""
+    """A spec, and copies of it with its bias multiplied: (factor, spec) pairs by increasing factor."""
 
-    home: Spec
-    swept: tuple[tuple[float, Spec], ...]
+    base: Spec
+    variants: tuple[tuple[float, Spec], ...]
 
 
 @dataclass(frozen=True)
-class Crossed:
-    """What a `[[technique]]` makes: its specs, its own number of phases or None for the study's, its bias sweeps."""
+class CrossedSpecs:
+    """Specs of a `[[technique]]` table, its number of phases (None for the study's), and its bias sweeps."""
 
     specs: tuple[Spec, ...]
     phases: int | None = None
     sweeps: tuple[BiasSweep, ...] = ()
 
 
-def crossed(table: dict[str, Any], techniques: Techniques, where: str, notes: list[str]) -> Crossed:
-    """Every combination of a table's lists; raises InputError that begins with `where`.
+def cross(table: dict[str, Any], techniques: Techniques, where: str, notes: list[str]) -> CrossedSpecs:
+    """Specs for every combination of the table's lists.
 
-    Combinations that mean nothing are dropped, with a line in `notes`; a value that no combination takes is an error.
+    Invalid combinations are dropped with a line in `notes`. Raises InputError, its message beginning with `where`, for
+    an invalid table and for a value that is valid in no combination.
     """
     if not isinstance(table.get("spec"), str):
         raise InputError(
@@ -81,7 +82,7 @@ def crossed(table: dict[str, Any], techniques: Techniques, where: str, notes: li
         swept: dict[float, Spec] = {}
         for factor in factors:
             try:
-                swept[factor] = _swept(spec, factor)
+                swept[factor] = _with_bias_times(spec, factor)
             except InputError as error:
                 dropped.append(error)
         made += swept.values()
@@ -93,11 +94,11 @@ def crossed(table: dict[str, Any], techniques: Techniques, where: str, notes: li
     if not made:
         raise InputError(f"{where}: {dropped[0]}")
     notes.extend(dict.fromkeys(f"{where}: dropped: {error}" for error in dropped))
-    return Crossed(tuple(made), _phases(table, where), tuple(sweeps))
+    return CrossedSpecs(tuple(made), _phases(table, where), tuple(sweeps))
 
 
 def _phases(table: dict[str, Any], where: str) -> int | None:
-    """A table's own `phases`; None where it leaves them to the study."""
+    """Number of phases of the table itself; None for the study's."""
     phases = table.get("phases")
     if phases is not None and (isinstance(phases, bool) or not isinstance(phases, int) or not 1 <= phases <= 10_000):
         raise InputError(f"{where}: phases: found {phases!r:.60}; allowed: a whole number from 1 to 10000")
@@ -105,11 +106,11 @@ def _phases(table: dict[str, Any], where: str) -> int | None:
 
 
 def _factors(table: dict[str, Any], where: str) -> list[float]:
-    """The factors of `bias_sweep`, ¼ to 4 where it is only asked for; none without it."""
-    asked = table.get("bias_sweep", False)
-    if isinstance(asked, bool):
-        return list(_FACTORS) if asked else []
-    factors = listed(asked)
+    """Factors of `bias_sweep`: the default ones for `true`, empty without a sweep."""
+    value = table.get("bias_sweep", False)
+    if isinstance(value, bool):
+        return list(_FACTORS) if value else []
+    factors = listed(value)
     for factor in factors or [None]:
         if isinstance(factor, bool) or not isinstance(factor, int | float) or not 0 < factor < math.inf:
             found = "an empty list" if factor is None else f"{factor!r:.60}"
@@ -117,21 +118,21 @@ def _factors(table: dict[str, Any], where: str) -> list[float]:
     return factors
 
 
-def _swept(spec: Spec, factor: float) -> Spec:
-    """The spec with its bias times a factor; raises InputError where there is none, or it has nothing to multiply."""
+def _with_bias_times(spec: Spec, factor: float) -> Spec:
+    """The spec with its bias multiplied by a factor. Raises InputError if it has no bias that can be multiplied."""
     bias = getattr(spec.params, "bias", None)
-    if not isinstance(bias, Bias) or not any(part.swept for part in bias.parts):
+    if not isinstance(bias, Bias) or not any(term.swept for term in bias.terms):
         found = f", found bias={format_value(bias)}" if isinstance(bias, Row) else ""
         raise InputError(f"bias_sweep: {spec.technique.name} has no bias here that can be multiplied{found}")
     try:
-        row = bias.times(factor)
+        row = bias.scaled(factor)
     except ValidationError as error:
         raise explain(f"bias_sweep {factor:g}: {format_value(bias)}", error) from None
     return spec.with_(bias=row)
 
 
 def parsed_spec(text: str, techniques: Techniques, where: str) -> Spec:
-    """The spec of a text; raises InputError that begins with `where`."""
+    """Parse a spec. Raises InputError whose message begins with `where`."""
     try:
         return parse_spec(text, techniques)
     except InputError as error:
@@ -139,5 +140,5 @@ def parsed_spec(text: str, techniques: Techniques, where: str) -> Spec:
 
 
 def listed(value: object) -> list[Any]:
-    """The entries of a list, or one value as the only entry."""
+    """A list or tuple as a list; any other value as a list of one."""
     return list(value) if isinstance(value, list | tuple) else [value]

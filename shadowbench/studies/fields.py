@@ -1,4 +1,4 @@
-"""The fields of a study: how a file writes each of them, and what is made of that."""
+"""Types of a study's fields: validation and conversion from what a study file has."""
 
 import os
 from collections.abc import Callable
@@ -12,18 +12,18 @@ from pydantic_core import PydanticKnownError
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import Camera, Light, Scene
 from shadowbench.scenes.tables import camera_from_table, light_from_table
-from shadowbench.studies.crossing import Crossed, Techniques, crossed, listed, parsed_spec
+from shadowbench.studies.crossing import CrossedSpecs, Techniques, cross, listed, parsed_spec
 from shadowbench.techniques.spec import Spec
 
 MOST_NAMED = 1000
-"""Scenes, views, lights and tables of techniques that a file may have."""
+"""Most entries of a study file's lists of scenes, views, lights and technique tables."""
 
 Table = dict[str, Any]
 
 
 @dataclass(frozen=True)
 class Source:
-    """The file that a study is read from: its folder, the techniques that it may name, what was noted in reading it."""
+    """Context of reading a study file: its name and folder, the known techniques, and notes made on the way."""
 
     where: str
     folder: Path
@@ -32,12 +32,12 @@ class Source:
 
 
 def _written(kind: Any) -> Any:
-    """The schema of what files have, for a field that holds what is made of it."""
+    """Schema of a field as written in files, for a field that holds a converted type."""
     return GetPydanticSchema(lambda _, handler: handler.generate_schema(kind))
 
 
 def _entries(kind: Any) -> Any:
-    """The same of a list."""
+    """Schema of a list field as written in files."""
     return _written(Annotated[list[kind], Field(min_length=1), AfterValidator(_few)])
 
 
@@ -49,7 +49,7 @@ def _few(entries: list[Any], info: ValidationInfo) -> list[Any]:
 
 
 def _scenes(entries: list[str | Scene], info: ValidationInfo) -> tuple[str | Scene, ...]:
-    """Scenes by name, or by a path that is relative to the study's file."""
+    """Scenes by name, or by path, made relative to the study file's folder."""
     if info.context is None:
         return tuple(entries)
     folder = info.context.folder
@@ -57,7 +57,7 @@ def _scenes(entries: list[str | Scene], info: ValidationInfo) -> tuple[str | Sce
 
 
 def _scene_reference(reference: str, folder: Path) -> str:
-    # A word that names no file here is a built-in name misspelt, which `load_scene` knows how to tell.
+    # A bare word that names no file is a misspelt built-in name, which `load_scene` reports.
     bare = not Path(reference).suffix and Path(reference).name == reference and not os.path.lexists(folder / reference)
     return reference if bare or reference in builtin_names() else str(folder / reference)
 
@@ -78,17 +78,19 @@ def _lights(entries: list[Any], info: ValidationInfo) -> tuple[str | Light, ...]
     return _made_of_tables(entries, made)
 
 
-def _crossings(entries: list[Any], info: ValidationInfo) -> tuple[Crossed, ...]:
-    def made(entry: Any, number: int) -> Crossed:
+def _crossings(entries: list[Any], info: ValidationInfo) -> tuple[CrossedSpecs, ...]:
+    def made(entry: Any, number: int) -> CrossedSpecs:
         source = _source(info)
-        return crossed(entry, source.techniques, f"{source.where}: technique {number}", source.notes)
+        return cross(entry, source.techniques, f"{source.where}: technique {number}", source.notes)
 
     return _made_of_tables(entries, made)
 
 
 def _made_of_tables(entries: list[Any], made: Callable[[Any, int], Any]) -> tuple[Any, ...]:
-    """The entries, with what is made of those that are tables; `made` takes their number too."""
-    return tuple(made(one, number) if isinstance(one, dict) else one for number, one in enumerate(entries, start=1))
+    """The entries, with tables converted by `made`, which also takes their number."""
+    return tuple(
+        made(entry, number) if isinstance(entry, dict) else entry for number, entry in enumerate(entries, start=1)
+    )
 
 
 def _reference(written: Any, info: ValidationInfo) -> Spec:
@@ -98,7 +100,7 @@ def _reference(written: Any, info: ValidationInfo) -> Spec:
 
 
 def _source(info: ValidationInfo) -> Source:
-    assert isinstance(info.context, Source)  # only a file has what is still to be read
+    assert isinstance(info.context, Source)  # unconverted values come from files only
     return info.context
 
 
@@ -108,5 +110,5 @@ Sizes = Annotated[
 Scenes = Annotated[tuple[str | Scene, ...], _entries(str | InstanceOf[Scene]), AfterValidator(_scenes)]
 Cameras = Annotated[tuple[str | Camera, ...], _entries(str | Table | InstanceOf[Camera]), AfterValidator(_cameras)]
 Lights = Annotated[tuple[str | Light, ...], _entries(str | Table | InstanceOf[Light]), AfterValidator(_lights)]
-Crossings = Annotated[tuple[Crossed, ...], _entries(Table | InstanceOf[Crossed]), AfterValidator(_crossings)]
+Crossings = Annotated[tuple[CrossedSpecs, ...], _entries(Table | InstanceOf[CrossedSpecs]), AfterValidator(_crossings)]
 Reference = Annotated[Spec, _written(str | InstanceOf[Spec]), AfterValidator(_reference)]

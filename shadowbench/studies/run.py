@@ -1,5 +1,6 @@
-"""Runs a study into a folder: truths first, then block after block."""
+"""Running a study into a folder: all truths first, then the cells block by block."""
 
+import math
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,51 +16,83 @@ from shadowbench.measure.session import DeviceInfo
 from shadowbench.scenes.model import Scene
 from shadowbench.scenes.views import first_of
 from shadowbench.studies.study import Study, scenes_of
+from shadowbench.techniques.unshadowed import Unshadowed
 from shadowbench.truths.cache import cached_truth
+from shadowbench.truths.trace import Truth
 
 
 @dataclass(frozen=True, eq=False)
-class Ran:
-    """What a run says: every cell, measured now or before, what was noted, and where its time went."""
+class RunResult:
+    """Results of all cells of a run, measured now or before, its notes and its time by activity."""
 
     results: list[Result]
     notes: list[str]
     profile: Profile
 
 
-def run_study(study: Study, folder: Path, executor: Executor, reporter: Reporter, time_again: bool = False) -> Ran:
-    """Measure all cells of a study, those that are not in the folder; raises InputError before anything is written.
+def run_study(
+    study: Study, folder: Path, executor: Executor, reporter: Reporter, time_again: bool = False
+) -> RunResult:
+    """Measure all cells of a study that the folder lacks. Raises InputError before anything is written.
 
-    time_again: whether cells that have a time get another, beside which the old one stays in the rows.
+    time_again: time cells again that have a time; the rows keep both.
     """
     check_sizes(study, executor.info)
     profile, blocks = Profile(), list(study.blocks())
     notes = [*study.notes, *(note for scene in scenes_of(blocks) for note in _notes_on(study, scene))]
     for note in notes:
         reporter.note(note)
+    uniform: set[str] = set()  # views
     reporter.stage("truth", len(blocks))
-    for block in blocks:  # all of them before anything is written: a view that shows nothing is bad input
-        with profile.of("truth"):
+    for block in blocks:  # all of them before anything is written: a view that shows nothing raises InputError
+        with profile.activity("truth"):
             truth = cached_truth(block.view)
-        if not (truth.visibility < 0.5).any():
-            notes.append(f"{block.view.name}: nothing is in shadow, so that most scores say nothing")
+        if (line := _uniform_truth(truth)) is not None:
+            notes.append(f"{block.view.name}: {line}")
             reporter.note(notes[-1])
+            uniform.add(block.view.name)
         reporter.step(block.view.name)
     with closing(RowStore(folder)) as store:
         conditions = study.conditions(time_again)
         measurer = Measurer(executor, store, conditions, reporter, Pictures(folder), profile)
         cells = [cell for block in blocks for cell in block.cells]
-        reporter.stage("cells", len(cells) + sum(map(measurer.times, cells)))
-        results = [result for block in blocks for result in measurer.measured(block)]
-    return Ran(results, notes, profile)
+        reporter.stage("cells", len(cells) + sum(map(measurer.is_timed, cells)))
+        results = []
+        for block in blocks:
+            found = measurer.measure(block)
+            results += found
+            masks = () if block.view.name in uniform else filter(None, map(_uniform_mask, found))
+            for line in dict.fromkeys(masks):  # phases may say the same
+                notes.append(f"{block.view.name}: {line}")
+                reporter.note(notes[-1])
+    return RunResult(results, notes, profile)
 
 
 def check_sizes(study: Study, info: DeviceInfo) -> None:
-    """Raises InputError for a map or a view that is larger than the device allows."""
+    """Raises InputError if a map or the view is larger than the device allows."""
     largest = max(study.reference.map_size or 0, *(cell.spec.map_size or 0 for cell in study.cells()))
     for what, size in (("map size", largest), ("view size", study.view_size)):
         if size > info.max_map_size:
             raise InputError(f"{what} {size}: {info.renderer} allows 1 to {info.max_map_size}")
+
+
+def _uniform_truth(truth: Truth) -> str | None:
+    shadow = truth.visibility[truth.receivers & ~truth.undecided] < 0.5
+    if not shadow.any():
+        return "nothing is in shadow, so most metrics are undefined or trivial"
+    return "everything is in shadow, so most metrics are undefined or trivial" if shadow.all() else None
+
+
+def _uniform_mask(result: Result) -> str | None:
+    """A line about a mask without an edge, in a view whose truth has one: it is lit, or in shadow, all over."""
+    row = result.score
+    if result.score["status"] != "ok" or row["technique"] == Unshadowed.name:
+        return None
+    if row["metrics"]["edge_px"] != math.hypot(row["view_size"], row["view_size"]):
+        return None
+    size = f" at {row['map_size']}" if row["map_size"] else ""
+    where = "in shadow" if row["metrics"]["iou"] else "lit"
+    return f"{row['spec']}{size} draws every scored pixel {where}"
 
 
 def _notes_on(study: Study, scene: Scene) -> list[str]:

@@ -1,4 +1,4 @@
-"""A study: scenes, views, lights, techniques and map sizes to cross, from a file or from options, and its cells."""
+"""Studies: scenes, views, lights, techniques and map sizes to combine, from a file or options, and their cells."""
 
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
@@ -10,30 +10,29 @@ from pydantic import Field, ValidationError
 from shadowbench.data import data_folder
 from shadowbench.errors import InputError, alternatives
 from shadowbench.measure.cells import Block, Cell
-from shadowbench.measure.references import USUAL, name_of
+from shadowbench.measure.references import DEFAULT_REFERENCE, reference_name
 from shadowbench.measure.rows import StudyFacts
 from shadowbench.measure.timing import Conditions
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, view_of
 from shadowbench.scenes.views import Named, named
 from shadowbench.strict import Strict, explain, read_toml
-from shadowbench.studies.crossing import MOST_SPECS, BiasSweep, Crossed, Techniques
+from shadowbench.studies.crossing import MOST_SPECS, BiasSweep, CrossedSpecs, Techniques
 from shadowbench.studies.fields import Cameras, Crossings, Lights, Reference, Scenes, Sizes, Source
 from shadowbench.techniques.spec import Spec, parse_spec
 
 MOST_CELLS = 1_000_000
-"""Cells of a file's study in one view, each phase counted."""
+"""Most cells of a study file in one view, counting each phase."""
 
 
 class Study(Strict):
-    """Scenes × views × lights × specs × map sizes × phases to measure, and how.
+    """Scenes × views × lights × specs × map sizes × phases to measure, and the settings of the measurement.
 
-    The fields are those of a study file, which `read_study` reads into it, but for `assets`, `up` and `notes`. scenes:
-    built-in names, paths, or scenes that are loaded already; assets, up: as `load_scene` takes them. map_size: of every
-    spec that names none; None leaves each technique its own. technique: specs, as lists were crossed. phases: positions
-    of a map's texels, for every `technique` without a number of its own. views, lights: "file" stands for the first
-    camera and for all lights of a scene, other words for one by name. time_limit: seconds a cell; memory_limit: GiB.
-    notes: what somebody who runs it should read.
+    The fields are those of a study file, except `assets`, `up` and `notes`. scenes: built-in names, paths, or loaded
+    scenes; assets, up: see `load_scene`. map_size: for specs that name no size; None for each technique's own.
+    technique: crossed specs. phases: subtexel offsets of the map's grid to measure, for `technique` entries without
+    their own number. views, lights: "file" for the first camera and all lights of a scene, else by name. time_limit:
+    seconds per cell; memory_limit: GiB. notes: lines to show to the user.
     """
 
     not_in_files: ClassVar[frozenset[str]] = frozenset({"assets", "up", "notes"})
@@ -45,7 +44,7 @@ class Study(Strict):
     rounds: int = Field(9, ge=0, le=10_000, strict=True)
     phases: int = Field(1, ge=1, le=10_000, strict=True)
     coordinates: Coordinates = "relative"
-    reference: Reference = USUAL
+    reference: Reference = DEFAULT_REFERENCE
     time_limit: float = Field(120.0, gt=0, le=86_400)
     memory_limit: float = Field(8.0, gt=0, le=4096)
     views: Cameras = ("file",)
@@ -57,46 +56,46 @@ class Study(Strict):
 
     @property
     def specs(self) -> tuple[Spec, ...]:
-        """All specs, without the map sizes."""
-        return tuple(spec for one in self.technique for spec in one.specs)
+        """All specs, before map sizes are applied."""
+        return tuple(spec for crossed in self.technique for spec in crossed.specs)
 
     @property
     def sweeps(self) -> tuple[BiasSweep, ...]:
-        """The specs whose bias is multiplied."""
-        return tuple(sweep for one in self.technique for sweep in one.sweeps)
+        """All bias sweeps."""
+        return tuple(sweep for crossed in self.technique for sweep in crossed.sweeps)
 
     @staticmethod
     def of(scenes: Sequence[str | Scene], specs: Sequence[Spec], **others: Any) -> "Study":
-        """A study of some scenes and specs, `others` being fields by name; raises InputError."""
-        return _valid({"scenes": list(scenes), "technique": [Crossed(tuple(specs))], **others})
+        """A study of the given scenes and specs; others: further fields by name. Raises InputError."""
+        return _valid({"scenes": list(scenes), "technique": [CrossedSpecs(tuple(specs))], **others})
 
     def with_(self, **changes: Any) -> "Study":
-        """The same with other values, validated again; raises InputError."""
+        """A copy with some fields replaced, validated again. Raises InputError."""
         return _valid({name: getattr(self, name) for name in type(self).model_fields} | changes)
 
     def with_specs(self, specs: Sequence[Spec]) -> "Study":
-        """The same with other specs, in the study's own number of phases; its bias sweeps are still known."""
-        return self.with_(technique=(Crossed(tuple(specs), sweeps=self.sweeps),))
+        """A copy with other specs, in the study's number of phases; bias sweeps are kept."""
+        return self.with_(technique=(CrossedSpecs(tuple(specs), sweeps=self.sweeps),))
 
     def phases_of_specs(self) -> Mapping[Spec, int]:
-        """The phases of each spec; the larger number of one that is named twice."""
+        """Number of phases of each spec; the larger one for a spec that is named twice."""
         found: dict[Spec, int] = {}
-        for one in self.technique:
-            for spec in one.specs:
-                found[spec] = max(one.phases or self.phases, found.get(spec, 1))
+        for crossed in self.technique:
+            for spec in crossed.specs:
+                found[spec] = max(crossed.phases or self.phases, found.get(spec, 1))
         return found
 
     def conditions(self, time_again: bool = False) -> Conditions:
-        """What its cells are measured under."""
+        """Measurement settings of the cells."""
         return Conditions(self.coordinates, self.rounds, self.reference, time_again)
 
     @property
     def facts(self) -> StudyFacts:
-        """What `run.json` says of it."""
+        """The study's entry in `run.json`."""
         return {
             "scenes": [scene if isinstance(scene, str) else scene.name for scene in self.scenes],
             "specs": [spec.text for spec in self.specs],
-            "reference": name_of(self.reference),
+            "reference": reference_name(self.reference),
             "view_size": self.view_size,
             "rounds": self.rounds,
             "phases": self.phases,
@@ -104,41 +103,41 @@ class Study(Strict):
         }
 
     def cells(self) -> tuple[Cell, ...]:
-        """The cells of one view, phase by phase: phases of techniques that have a grid, one cell of the others."""
+        """Cells of one view, phase by phase; techniques without a texel grid have a single phase."""
         phases = self.phases_of_specs()
         cells = [
-            Cell(one, phase)
+            Cell(sized_spec, phase)
             for spec in self.specs
-            for one in sized([spec], self.map_size or ())
+            for sized_spec in sized([spec], self.map_size or ())
             for phase in range(phases[spec] if spec.technique.phased else 1)
         ]
         return tuple(sorted(dict.fromkeys(cells), key=lambda cell: cell.phase))
 
     def blocks(self) -> Iterator[Block]:
-        """All blocks, scene by scene; raises InputError for a scene that cannot be read."""
+        """All blocks, scene by scene. Raises InputError for a scene that cannot be read."""
         files: dict[str, str | Scene] = {}
         for source in dict.fromkeys(self.scenes):
             scene = source if isinstance(source, Scene) else load_scene(source, self.assets, self.up)
             first = files.setdefault(scene.name, source)
             if first != source:
-                both = " and ".join(one if isinstance(one, str) else "one that is loaded" for one in (first, source))
+                both = " and ".join(entry if isinstance(entry, str) else "a loaded scene" for entry in (first, source))
                 raise InputError(f"two scenes are called {scene.name!r}: {both}; names must differ")
             for camera, light in itertools.product(self.cameras(scene), self.lights_of(scene)):
                 yield Block(view_of(scene, camera, light, self.view_size), self.cells())
 
     def cameras(self, scene: Scene) -> list[Camera]:
-        """The study's cameras in a scene; "file" is the first that its file has."""
+        """Cameras of the study in a scene; "file" stands for the scene's first."""
         return _chosen(self.views, scene.cameras, scene.cameras[:1], f"views of {scene.name}")
 
     def lights_of(self, scene: Scene) -> list[Light]:
-        """The study's lights in a scene; "file" is all that its file has."""
+        """Lights of the study in a scene; "file" stands for all of the scene's."""
         return _chosen(self.lights, scene.lights, scene.lights, f"lights of {scene.name}")
 
 
 def _chosen(
     entries: Sequence[str | Named], known: Sequence[Named], of_file: Sequence[Named], where: str
 ) -> list[Named]:
-    """What entries name, each once: "file" stands for `of_file`, another word for one of `known`."""
+    """The cameras or lights that entries name, without duplicates; "file" stands for `of_file`."""
     found: list[Named] = []
     for entry in entries:
         if not isinstance(entry, str):
@@ -154,12 +153,12 @@ def _chosen(
 
 
 def scenes_of(blocks: Sequence[Block]) -> list[Scene]:
-    """The scenes of blocks, each once."""
+    """Scenes of the blocks, without duplicates."""
     return list(dict.fromkeys(block.scene for block in blocks))
 
 
 def sized(specs: Sequence[Spec], sizes: Sequence[int]) -> tuple[Spec, ...]:
-    """The specs at each map size, where a technique has one and its spec does not name it; each only once."""
+    """The specs at each map size, without duplicates; a spec that names its size, or has no map, is unchanged."""
     grown = [
         spec.with_(size=size) if size is not None else spec
         for spec in specs
@@ -169,13 +168,13 @@ def sized(specs: Sequence[Spec], sizes: Sequence[int]) -> tuple[Spec, ...]:
 
 
 def read_study(file: Path, techniques: Techniques, folder: Path | None = None) -> Study:
-    """The study of a file, every technique at its defaults where it names none; InputError for anything wrong in it.
+    """Read a study file; without `technique` tables, all techniques at their defaults. Raises InputError.
 
-    Its scenes are relative to `folder`, which is the file's own unless another is given.
+    folder: base of relative scene paths, by default the file's folder.
     """
     table = read_toml(file, str(file), f"no such study file{alternatives(file, study_names(), 'ours')}")
     if "technique" not in table:
-        table["technique"] = [Crossed((parse_spec(name, techniques),)) for name in techniques]
+        table["technique"] = [CrossedSpecs((parse_spec(name, techniques),)) for name in techniques]
     source = Source(str(file), folder or file.parent, techniques)
     study = _valid(table, source).with_(notes=tuple(source.notes))
     _check_size(study, str(file))
@@ -183,7 +182,7 @@ def read_study(file: Path, techniques: Techniques, folder: Path | None = None) -
 
 
 def _check_size(study: Study, where: str) -> None:
-    """Raises InputError for a file that asks for more than anybody could run."""
+    """Raises InputError for a study with too many specs or cells."""
     sizes, phases = len(study.map_size or [None]), study.phases_of_specs()
     sized = [sizes if spec.has_size and "size" not in spec.named else 1 for spec in study.specs]
     if sum(sized) > MOST_SPECS:
@@ -204,12 +203,12 @@ def _valid(values: dict[str, Any], source: Source | None = None) -> Study:
 
 
 def find_study(name: str) -> Path:
-    """A study file by path, or one of ours by name."""
+    """Path of a study: a file, or a built-in study by name."""
     path = Path(name)
     ours = data_folder("benchmarks") / f"{name}.toml"
     return ours if not path.is_file() and ours.is_file() else path
 
 
 def study_names() -> list[str]:
-    """The studies that travel with the package."""
+    """Names of the built-in studies."""
     return sorted(path.stem for path in data_folder("benchmarks").glob("*.toml"))

@@ -1,4 +1,4 @@
-"""What a study's bias sweeps found: acne against contact as the bias grows, and the best of it beside the default."""
+"""Results of bias sweeps: curves of acne against contact over bias factors, and the best factor."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -17,72 +17,73 @@ _ALSO, _TIMES = "; ", " × "  # no spec has either in it
 
 @dataclass(frozen=True)
 class Curve:
-    """A swept spec at a map size in a scene: factors of its bias, rising, and the row of each.
+    """Bias sweep of a spec at one map size in one scene.
 
-    `best` is the factor at which (1 − IoU) · (1 − SSIM) is least.
+    rows: (factor, row) pairs by increasing factor; best: the factor that minimises (1 − IoU) · (1 − SSIM).
     """
 
-    home: str
+    base: str
     map_size: int | None
     rows: tuple[tuple[float, SummaryRow], ...]
     best: float
 
 
 SweepPoint = tuple[str, float]
-"""The spec whose bias was multiplied, as tables write it, and by what."""
+"""The spec whose bias was multiplied, as written in tables, and the factor."""
 
-Places = Mapping[tuple[str, int | None], tuple[SweepPoint, ...]]
-"""By spec, as tables write it, and map size, None for any: its places in the sweeps, one a sweep, its own first."""
+SweepPositions = Mapping[tuple[str, int | None], tuple[SweepPoint, ...]]
+"""Positions of a spec in bias sweeps, one per sweep, its own sweep first; by spec, as written in tables, and map size,
+None for any."""
 
 
-def places(sweeps: Sequence[BiasSweep]) -> Places:
-    """Where each spec of a study's sweeps stands; in several sweeps where their biases meet."""
+def sweep_positions(sweeps: Sequence[BiasSweep]) -> SweepPositions:
+    """Position of each spec in a study's sweeps; in several if multiplied biases coincide."""
     found: dict[tuple[str, int | None], dict[str, float]] = {}
     for sweep in sweeps:
-        for factor, spec in sweep.swept:
+        for factor, spec in sweep.variants:
             key = spec.sizeless_text, spec.map_size if "size" in spec.named else None
-            _add(found.setdefault(key, {}), sweep.home.sizeless_text, factor)
-    return {key: _own_first(homes) for key, homes in found.items()}
+            _add(found.setdefault(key, {}), sweep.base.sizeless_text, factor)
+    return {key: _own_first(bases) for key, bases in found.items()}
 
 
-def curves(rows: Sequence[SummaryRow], found: Places) -> list[Curve]:
-    """The curves of a scene's table, a map size after the other; what did not hold is left out."""
-    held = [row for row in rows if row.cells and _error(row) is not None]
+def curves(rows: Sequence[SummaryRow], found: SweepPositions) -> list[Curve]:
+    """Curves of a scene's table, by base spec and map size; specs without a successful cell are left out."""
+    succeeded = [row for row in rows if row.cells and _error(row) is not None]
     points: dict[tuple[str, int | None], list[tuple[float, SummaryRow]]] = {}
-    for row in held:
-        for home, factor in _at(found, row.spec, row.map_size):
-            points.setdefault((home, row.map_size), []).append((factor, row))
-    homes = list(dict.fromkeys(home for several in found.values() for home, _ in several))
+    for row in succeeded:
+        for base, factor in _positions(found, row.spec, row.map_size):
+            points.setdefault((base, row.map_size), []).append((factor, row))
+    bases = list(dict.fromkeys(base for several in found.values() for base, _ in several))
     made = []
-    for home, size in sorted(points, key=lambda key: (homes.index(key[0]), key[1] or 0)):
-        at_size = sorted(points[home, size], key=lambda point: point[0])
+    for base, size in sorted(points, key=lambda key: (bases.index(key[0]), key[1] or 0)):
+        at_size = sorted(points[base, size], key=lambda point: point[0])
         best = min(at_size, key=lambda point: _error(point[1]) or 0.0)[0]
-        made.append(Curve(home, size, tuple(at_size), best))
+        made.append(Curve(base, size, tuple(at_size), best))
     return made
 
 
-def with_factors(frame: pd.DataFrame, found: Places) -> pd.DataFrame:
-    """Lines of `table.csv`, of swept specs with `bias_of`, whose bias was multiplied, and `bias_factor`.
+def add_factor_columns(frame: pd.DataFrame, found: SweepPositions) -> pd.DataFrame:
+    """Add the columns `bias_of` (the spec whose bias was multiplied) and `bias_factor` to a frame of `table.csv`.
 
-    A spec that stands in several sweeps has its own there, of factor 1, or else the first; `bias_also`, a column where
-    there is one, holds the others: `shadow-map × 2; …`.
+    A spec in several sweeps has that of factor 1, else the first, in these columns; the others are in `bias_also`, a
+    column that is present only if needed: `shadow-map × 2; …`.
     """
     if not found:
         return frame
-    at = [_at(found, spec, None if pd.isna(size) else int(size)) for spec, size in _lines(frame)]
+    positions = [_positions(found, spec, None if pd.isna(size) else int(size)) for spec, size in _lines(frame)]
     columns = {
-        "bias_of": [places[0][0] if places else None for places in at],
-        "bias_factor": [places[0][1] if places else None for places in at],
+        "bias_of": [points[0][0] if points else None for points in positions],
+        "bias_factor": [points[0][1] if points else None for points in positions],
     }
-    if any(len(places) > 1 for places in at):
+    if any(len(points) > 1 for points in positions):
         columns["bias_also"] = [
-            _ALSO.join(f"{home}{_TIMES}{factor!r}" for home, factor in places[1:]) or None for places in at
+            _ALSO.join(f"{base}{_TIMES}{factor!r}" for base, factor in points[1:]) or None for points in positions
         ]
     return frame.join(pd.DataFrame(columns, index=frame.index))
 
 
-def places_of(table: Path) -> Places:
-    """What a table of such lines says; nothing of one without sweeps, or where there is none."""
+def read_sweep_positions(table: Path) -> SweepPositions:
+    """Read positions in bias sweeps from a `table.csv`; empty without sweeps or without a table. Raises InputError."""
     if not table.is_file():
         return {}
     names = ("spec", "map_size", "bias_of", "bias_factor", "bias_also")
@@ -93,8 +94,8 @@ def places_of(table: Path) -> Places:
         swept = frame[frame["bias_of"].notna()]
         also = swept["bias_also"] if "bias_also" in swept else pd.Series(float("nan"), index=swept.index)
         return {
-            (str(spec), None if pd.isna(size) else int(size)): ((str(home), float(factor)), *_others(others))
-            for (spec, size), home, factor, others in zip(
+            (str(spec), None if pd.isna(size) else int(size)): ((str(base), float(factor)), *_others(others))
+            for (spec, size), base, factor, others in zip(
                 _lines(swept), swept["bias_of"], swept["bias_factor"], also, strict=True
             )
         }
@@ -109,25 +110,25 @@ def _lines(frame: pd.DataFrame) -> list[tuple[str, float | None]]:
 
 def _others(text: object) -> tuple[SweepPoint, ...]:
     parts = [part.rsplit(_TIMES, 1) for part in text.split(_ALSO)] if isinstance(text, str) else []
-    return tuple((home, float(factor)) for home, factor in parts)
+    return tuple((base, float(factor)) for base, factor in parts)
 
 
-def _at(found: Places, spec: str, size: int | None) -> tuple[SweepPoint, ...]:
-    homes: dict[str, float] = {}
+def _positions(found: SweepPositions, spec: str, size: int | None) -> tuple[SweepPoint, ...]:
+    bases: dict[str, float] = {}
     for key in dict.fromkeys([(spec, size), (spec, None)]):
-        for home, factor in found.get(key, ()):
-            _add(homes, home, factor)
-    return _own_first(homes)
+        for base, factor in found.get(key, ()):
+            _add(bases, base, factor)
+    return _own_first(bases)
 
 
-def _add(homes: dict[str, float], home: str, factor: float) -> None:
-    """One factor a sweep: a bias of 0 is the same times anything."""
-    if factor == 1 or home not in homes:
-        homes[home] = factor
+def _add(bases: dict[str, float], base: str, factor: float) -> None:
+    """Keep one factor per sweep, preferably 1: several factors of a bias of 0 give the same spec."""
+    if factor == 1 or base not in bases:
+        bases[base] = factor
 
 
-def _own_first(homes: Mapping[str, float]) -> tuple[SweepPoint, ...]:
-    return tuple(sorted(homes.items(), key=lambda place: place[1] != 1))
+def _own_first(bases: Mapping[str, float]) -> tuple[SweepPoint, ...]:
+    return tuple(sorted(bases.items(), key=lambda point: point[1] != 1))
 
 
 def _error(row: SummaryRow) -> float | None:

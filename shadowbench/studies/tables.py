@@ -1,4 +1,4 @@
-"""Rows joined into tables: `table.csv`, a line a cell, and the summary that is printed."""
+"""Tables made of rows: `table.csv`, with one line per cell, and the printed summary."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -13,12 +13,12 @@ from shadowbench.files import replace_file
 from shadowbench.measure.rows import Result
 from shadowbench.measure.time_rows import REDRAWN
 from shadowbench.scores.metrics import METRICS
-from shadowbench.studies.times import WIDE, ReferenceTime, by_one_reference
+from shadowbench.studies.times import WIDE, ReferenceTime, normalise_times
 
 _IDENTITY = ["scene", "view", "light", "phase", "technique", "spec", "map_size", "view_size", "renderer", "status"]
 _TIMES = ["frame_ms", "frame_iqr_ms", "added_ms", "ratio", "n", "clock"]
 _TOTALS = ["wall_ms", *(f"{moved}_ms" for moved in REDRAWN)]
-_MORE_TIMES = ["ratio_iqr", "reference", "reference_ms", *_TOTALS]  # ours, after the promised columns
+_MORE_TIMES = ["ratio_iqr", "reference", "reference_ms", *_TOTALS]  # additional columns, after the promised ones
 _MORE = [
     "receivers",
     "undecided",
@@ -33,7 +33,7 @@ _BOOTSTRAPS = 2000
 
 
 def cells_frame(results: Sequence[Result]) -> pd.DataFrame:
-    """A line a cell with the columns of `table.csv`, in their promised order, ours after them."""
+    """One line per cell, with the columns of `table.csv`: the promised ones in their order, then additional ones."""
     rows = [_cell(result) for result in results]
     passes = sorted({key for row in rows for key in row if key.startswith("pass_")})
     work = sorted({key for row in rows for key in row if key.startswith("work_")})
@@ -46,9 +46,9 @@ def cells_frame(results: Sequence[Result]) -> pd.DataFrame:
 
 
 def write_table(file: Path, frame: pd.DataFrame) -> None:
-    """`table.csv`; empty where there is no value."""
-    with replace_file(file) as beside:
-        frame.to_csv(beside, index=False)
+    """Write a frame as CSV; missing values are empty fields."""
+    with replace_file(file) as temporary:
+        frame.to_csv(temporary, index=False)
 
 
 def _cell(result: Result) -> dict[str, Any]:
@@ -64,19 +64,19 @@ def _cell(result: Result) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Interval:
-    """A median over views and phases, with its 95% bootstrap interval; both ends None for a single value."""
+    """Median over views and phases, with its 95% bootstrap confidence interval; low and high are None for one value."""
 
     median: float
     low: float | None = None
     high: float | None = None
 
     def complement(self) -> "Interval":
-        """One minus it: an error from an agreement."""
+        """Interval of 1 − x, which turns a similarity into an error."""
         low, high = (None if end is None else 1 - end for end in (self.high, self.low))
         return Interval(1 - self.median, low, high)
 
     def text(self, digits: Callable[[float], str]) -> str:
-        """As people read it: `0.0123 [0.0110, 0.0140]`."""
+        """Text such as `0.0123 [0.0110, 0.0140]`; digits: formats a number."""
         if self.low is None or self.high is None:
             return digits(self.median)
         return f"{digits(self.median)} [{digits(self.low)}, {digits(self.high)}]"
@@ -84,32 +84,33 @@ class Interval:
 
 @dataclass(frozen=True)
 class SummaryRow:
-    """A technique's cells in a table at one map size: how many held, and the statuses of those that did not.
+    """Summary of a spec's cells at one map size.
 
-    phases: positions of the map's grid that held; times are by one time of the table's reference.
+    cells: number of successful cells; unsuccessful: statuses of the others; values: medians over the successful cells,
+    with times normalised to one reference time; phases: number of phases among the successful cells.
     """
 
     spec: str
     map_size: int | None
     cells: int
-    refused: tuple[str, ...]
+    unsuccessful: tuple[str, ...]
     values: dict[str, Interval | None]
     phases: int
 
     @property
     def wide(self) -> bool:
-        """Whether the rounds spread so far that the time is rough."""
+        """Whether the IQR of the time is so large that it is only a rough estimate."""
         ms, iqr = self.values.get("frame_ms"), self.values.get("frame_iqr_ms")
         return ms is not None and iqr is not None and iqr.median > WIDE * ms.median
 
     @property
-    def anecdote(self) -> bool:
-        """Whether a map was scored at one position of its grid alone."""
+    def single_phase(self) -> bool:
+        """Whether a map was scored at a single phase."""
         return self.map_size is not None and self.phases == 1
 
 
 def interval(values: Sequence[float]) -> Interval | None:
-    """Median and bootstrap interval (with a fixed seed) of the values that are there; None for none."""
+    """Median and bootstrap confidence interval (fixed seed) of the values that are not NaN; None if there are none."""
     array = np.array([float(value) for value in values if not pd.isna(value)])
     if not len(array):
         return None
@@ -121,59 +122,59 @@ def interval(values: Sequence[float]) -> Interval | None:
 
 
 def titles(frame: pd.DataFrame) -> pd.Series:
-    """Of which table a line is: its scene, and its light where the scene has several.
+    """Table title of each line: its scene, and its light if the scene has several.
 
-    What answers a sun and what answers a lamp would else be medians over different cells, side by side.
+    One table for several lights would compare medians over different cells, since techniques differ in the kinds of
+    light that they support.
     """
     several = frame.groupby("scene")["light"].transform("nunique") > 1
     return frame["scene"].where(~several, frame["scene"] + ", " + frame["light"]).astype(str)
 
 
 def summary(frame: pd.DataFrame) -> dict[str, list[SummaryRow]]:
-    """By scene and light, best first: medians over views and phases; times by one time of the table's reference."""
+    """Summary rows by table title, best first: medians over views and phases, with times normalised."""
     return {
-        str(scene): summary_rows(by_one_reference(table)[0])
-        for scene, table in frame.groupby(titles(frame), sort=False)
+        str(scene): summary_rows(normalise_times(table)[0]) for scene, table in frame.groupby(titles(frame), sort=False)
     }
 
 
 def reference_times(frame: pd.DataFrame) -> dict[str, ReferenceTime | None]:
-    """By scene and light, what the times of `summary` are shown by; None where nothing has a ratio."""
-    return {str(scene): by_one_reference(table)[1] for scene, table in frame.groupby(titles(frame), sort=False)}
+    """Reference time of each table of `summary`, by title; None if no cell has a ratio."""
+    return {str(scene): normalise_times(table)[1] for scene, table in frame.groupby(titles(frame), sort=False)}
 
 
 def summary_rows(table: pd.DataFrame) -> list[SummaryRow]:
-    """The rows of one table, whose times are by one reference, best first."""
+    """Summary rows of one table, best first; its times must be normalised to one reference time."""
     rows = []
     for key, group in table.groupby(["spec", "map_size"], sort=False, dropna=False):
         spec, size = cast("tuple[str, float]", key)
-        held = group[group["status"] == "ok"]
+        succeeded = group[group["status"] == "ok"]
         names = [*METRICS, *_TIMES[:4], *_TOTALS, "gpu_bytes"]
-        values = {name: interval(held[name].tolist()) for name in names}
-        refused = tuple(group.loc[group["status"] != "ok", "status"])
+        values = {name: interval(succeeded[name].tolist()) for name in names}
+        unsuccessful = tuple(group.loc[group["status"] != "ok", "status"])
         map_size = None if pd.isna(size) else int(size)
-        rows.append(SummaryRow(spec, map_size, len(held), refused, values, held["phase"].nunique()))
+        rows.append(SummaryRow(spec, map_size, len(succeeded), unsuccessful, values, succeeded["phase"].nunique()))
     return sorted(rows, key=_error)
 
 
 def phase_note(rows: Sequence[SummaryRow]) -> str | None:
-    """What to say of maps that were scored at one position of their grid; None where there are none."""
+    """A warning about maps that were scored at one sub-texel offset only; None where there are none."""
     mapped = [row for row in rows if row.map_size is not None and row.cells]
-    if not any(row.anecdote for row in mapped):
+    if not any(row.single_phase for row in mapped):
         return None
-    which = "" if all(row.anecdote for row in mapped) else "maps without an interval: "
-    return f"{which}one phase, an anecdote: another position of the map's grid may reverse which of two maps is better"
+    which = "" if all(row.single_phase for row in mapped) else "maps without an interval: "
+    return f"{which}scored in one phase (sub-texel offset) only; another may reverse the order of two maps (--phases 8)"
 
 
-def over_scenes(tables: Mapping[str, Sequence[SummaryRow]]) -> tuple[list[str], list[SummaryRow]]:
-    """The scenes in which every cell held, and the mean over them of each spec and map size, best first.
+def mean_over_scenes(tables: Mapping[str, Sequence[SummaryRow]]) -> tuple[list[str], list[SummaryRow]]:
+    """Scenes in which every cell succeeded, and the mean over these scenes of each spec and map size, best first.
 
-    Means over different sets of scenes could not be compared. A spec that held nowhere takes no part; times are left
-    out.
+    Means over different sets of scenes would not be comparable. A spec that succeeded nowhere is ignored; times are
+    left out.
     """
     answering = {(row.spec, row.map_size) for rows in tables.values() for row in rows if row.cells}
     taken = {scene: [row for row in rows if (row.spec, row.map_size) in answering] for scene, rows in tables.items()}
-    scenes = [scene for scene, rows in taken.items() if not any(row.refused for row in rows)]
+    scenes = [scene for scene, rows in taken.items() if not any(row.unsuccessful for row in rows)]
     found: dict[tuple[str, int | None], list[SummaryRow]] = {}
     for scene in scenes:
         for row in taken[scene]:
@@ -198,7 +199,7 @@ def _error(row: SummaryRow) -> tuple[float, str, int]:
 
 @dataclass(frozen=True)
 class Slope:
-    """How the error of a spec falls with its map: d log(1 − IoU) / d log(size), over so many phases."""
+    """Convergence of a spec's error with its map size: d log(1 − IoU) / d log(size), and the number of phases."""
 
     scene: str
     spec: str
@@ -208,9 +209,9 @@ class Slope:
 
 
 def slopes(frame: pd.DataFrame) -> list[Slope]:
-    """The slope of every spec with two map sizes or more, fitted for each view, light and phase alone.
+    """Convergence slope of every spec with two or more map sizes, fitted per view, light and phase.
 
-    A cell without any error has no logarithm and is left out.
+    Cells without any error are left out, as log 0 is undefined.
     """
     sized = frame[(frame["status"] == "ok") & frame["map_size"].notna() & (frame["iou"] < 1)]
     found = []

@@ -1,8 +1,8 @@
-"""Times of a table by one reference time, and the front of costs and errors.
+"""Times normalised to one reference time, and the Pareto front of costs and errors.
 
-A millisecond of one block, run or load of the machine is no millisecond of another. A ratio to the reference that was
-measured in turn with the cell is, so that tables, charts and choices use ratios, and show them as milliseconds by one
-time of the reference.
+Milliseconds of different blocks, runs or loads of the machine are not comparable; ratios to a reference timed in turn
+with the cell are. So tables, charts and rankings use ratios, shown as milliseconds by multiplying with one time of the
+reference.
 """
 
 from collections.abc import Sequence
@@ -12,21 +12,20 @@ import numpy as np
 import pandas as pd
 
 WIDE = 1 / 3
-"""The IQR of a time, over its median, above which it is marked."""
+"""IQR of a time relative to its median above which the time is marked as rough."""
 
 DRIFT = 1.25
-"""The longest time of a reference over its shortest in one view and light, above which a table says so."""
+"""Ratio of the longest to the shortest reference time in one view and light above which a table has a warning."""
 
-_SCALED = ("added_ms", "wall_ms", "still_ms", "camera_ms", "light_ms")  # and the passes
+_SCALED = ("added_ms", "wall_ms", "still_ms", "camera_ms", "light_ms")  # besides the passes
 
 
 @dataclass(frozen=True)
 class ReferenceTime:
-    """What the times of a table are shown by: the reference, and its median over the blocks that timed it, in ms.
+    """Reference time to which the times of a table are normalised: its name, and its median over blocks in ms.
 
-    shortest_ms, longest_ms: over the blocks of one view and light, those whose blocks are furthest apart; the reference
-    may cost more in another.
-    left_out: cells that were timed, but against another reference or without a ratio to any.
+    shortest_ms, longest_ms: range over the blocks of one view and light, that with the largest spread; the reference
+    may cost more in other views. left_out: number of cells timed against another reference or without a ratio.
     """
 
     name: str
@@ -38,16 +37,16 @@ class ReferenceTime:
 
     @property
     def drifted(self) -> bool:
-        """Whether the reference took more than a quarter longer in one block of a view and light than in another."""
+        """Whether, in one view and light, the reference took over a quarter longer in one block than in another."""
         return self.longest_ms > DRIFT * self.shortest_ms
 
 
-def by_one_reference(table: pd.DataFrame) -> tuple[pd.DataFrame, ReferenceTime | None]:
-    """A table of cells with all its times by one time of their reference, and that; None where nothing has a ratio.
+def normalise_times(table: pd.DataFrame) -> tuple[pd.DataFrame, ReferenceTime | None]:
+    """Normalise all times of a table of cells to one reference time, which is returned too; None without any ratio.
 
     The reference is the one that most cells were timed against; cells with another, or without a ratio, lose their
-    times. `frame_ms` is the ratio, and `frame_iqr_ms` the ratio's IQR, times the reference's time; other times, and the
-    reference's own IQR, which no ratio to itself has, are scaled by what the reference took in their own block.
+    times. `frame_ms` and `frame_iqr_ms` are the ratio and its IQR times the reference time. Other times are scaled by
+    the reference time over its time in the same block, as is the reference's own IQR, which its ratio of 1 lacks.
     """
     reference_ms, ratio = table["reference_ms"].astype(float), table["ratio"].astype(float)
     has_ratio = ratio.notna() & reference_ms.notna()
@@ -75,7 +74,7 @@ def by_one_reference(table: pd.DataFrame) -> tuple[pd.DataFrame, ReferenceTime |
 
 
 def pareto_front(points: Sequence[tuple[float, float]]) -> list[int]:
-    """Indices of the points (cost, error) that none beats, by cost: no other is as good in both and better in one."""
+    """Indices of the Pareto-optimal (cost, error) points, by increasing cost."""
     order = sorted(range(len(points)), key=lambda index: points[index])
     front: list[int] = []
     for index in order:
@@ -85,20 +84,19 @@ def pareto_front(points: Sequence[tuple[float, float]]) -> list[int]:
 
 
 def time_notes(reference: ReferenceTime | None, rough: Sequence[bool] = ()) -> list[str]:
-    """What the reader of a table must know of its times; `rough`: of each of them whether it is marked."""
+    """Notes on the times of a table; rough: for each time, whether it is marked as rough."""
     if reference is None:
         return []
-    name, blocks = reference.name, f"{reference.blocks} block{'' if reference.blocks == 1 else 's'}"
-    notes = [
-        f"milliseconds are ratios to {name}, timed in turn with it, × its median of {reference.ms:.3g} ms over {blocks}"
-    ]
+    name = reference.name
+    whose = "its own time" if reference.blocks == 1 else f"its median over {reference.blocks} measurements"
+    notes = [f"ms: time relative to {name}, in interleaved rounds, × {reference.ms:.3g} ms, {whose}"]
     if reference.drifted:
         span = f"{reference.shortest_ms:.3g} to {reference.longest_ms:.3g} ms"
-        notes.append(f"the machine was not equally busy: {name} took {span}; ratios hold, milliseconds are rough")
+        notes.append(f"the load of the machine varied: {name} took {span}; rely on × ref rather than on ms")
     if any(rough):
         count = f"{sum(rough)} of {len(rough)} times"
-        notes.append(f"~: {count} are rough: the middle half of the rounds spans more than a third; more --rounds tell")
+        notes.append(f"~: {count} have an interquartile range above a third of their median; more --rounds help")
     if reference.left_out:
         count = f"{reference.left_out} cell{'' if reference.left_out == 1 else 's'}"
-        notes.append(f"times of {count} left out: no ratio to {name}")
+        notes.append(f"times of {count} left out: they have no ratio to {name}")
     return notes

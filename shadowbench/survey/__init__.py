@@ -1,1 +1,1 @@
-"""What a scene asks of shadows, from geometry, camera, light and traced rays: no technique is drawn. Knows no GL."""
+"""What a scene needs of a shadow technique, computed from geometry, camera, light and traced rays, without OpenGL."""

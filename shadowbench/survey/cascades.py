@@ -1,11 +1,11 @@
-"""Whether cascades pay: the sizes that several maps over slices of the view need, against one."""
+"""Map sizes that cascades need, compared with the size of one map."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from shadowbench.geometry.hull import concerned_vertices
+from shadowbench.geometry.hull import caster_and_receiver_vertices
 from shadowbench.geometry.lights import LightSpace
 from shadowbench.geometry.slices import practical_depths, slices
 from shadowbench.scenes.geometry import bounds_of
@@ -18,10 +18,11 @@ COUNTS = (2, 3, 4, 5, 6, 7, 8)
 
 @dataclass(frozen=True)
 class CascadeSizes:
-    """What cascades would need, by their number, at their defaults otherwise.
+    """Needed map sizes by number of cascades, with default parameters otherwise.
 
-    depth_ratio: farthest over nearest view depth of what is seen; size, edge_size: of each map, as for one; best: the
-    number with the fewest texels in all, by the edges where there are any; saving: how many times fewer than one map.
+    depth_ratio: farthest over nearest view depth of the visible receivers; size, edge_size: of each map, defined as in
+    `Texels`; best: number of cascades with the fewest texels in total, by `edge_size` if there are edges; saving:
+    texels of one map divided by those of the best number of cascades.
     """
 
     depth_ratio: float
@@ -31,20 +32,23 @@ class CascadeSizes:
     saving: float
 
     @property
-    def pay(self) -> bool:
-        """Whether any number of cascades takes fewer texels than one map."""
+    def worthwhile(self) -> bool:
+        """Whether some number of cascades needs fewer texels than one map."""
         return self.saving > 1.0
 
 
 def cascades_of(fitted: FittedMap, one: Texels) -> CascadeSizes | None:
-    """What cascades would save over one map; None for a light that has none."""
+    """The needed sizes of cascades; None for a light that is not directional.
+
+    one: the sizes of one map.
+    """
     samples, space = fitted.samples, fitted.space
     if space is None or space.perspective:
         return None
-    bounds = bounds_of(concerned_vertices(samples.view.scene.geometry))
+    bounds = bounds_of(caster_and_receiver_vertices(samples.view.scene.geometry))
     sizes, edge_sizes = {}, {}
     for count in COUNTS:
-        unit = fitted.footprint.scaled(_extents(samples.view, bounds, space, fitted.footprint.place, count))
+        unit = fitted.footprint.scaled(_extents(samples.view, bounds, space, fitted.footprint.coords, count))
         sizes[count] = float(np.percentile(unit.longest, 95)) + 2 * fitted.padding
         by_edges = edge_size(fitted, unit)
         if by_edges is not None:
@@ -61,18 +65,21 @@ def cascades_of(fitted: FittedMap, one: Texels) -> CascadeSizes | None:
     )
 
 
-def _extents(view: View, bounds: Floats, space: LightSpace, place: Floats, count: int) -> Floats:
-    """(2, R) width and height of the cascade that answers for each sample: the first whose box holds it."""
-    extents = np.zeros((2, place.shape[1]))
-    free = np.arange(place.shape[1])
+def _extents(view: View, bounds: Floats, space: LightSpace, coords: Floats, count: int) -> Floats:
+    """(2, R) width and height of each sample's cascade, the first whose box contains it.
+
+    coords: (3, R) light-space coordinates of the samples.
+    """
+    extents = np.zeros((2, coords.shape[1]))
+    remaining = np.arange(coords.shape[1])
     parts = slices(view.camera, practical_depths(*view.near_far, count), 0.0)
     for part in parts:
         box = space.box(part.corners_within(bounds, float(np.abs(bounds).max())))
-        inside = np.full(len(free), True)
-        if part is not parts[-1]:  # outside the last, rounding alone leaves any
-            for row, low, high in zip(place, box.low, box.high, strict=True):
-                at = row.take(free)
-                inside &= (at >= low) & (at <= high)
-        extents[:, free[inside]] = np.maximum((box.high - box.low)[:2, None], FLAT)
-        free = free[~inside]
+        inside = np.full(len(remaining), True)
+        if part is not parts[-1]:  # samples outside the last box are so by rounding only
+            for row, low, high in zip(coords, box.low, box.high, strict=True):
+                values = row.take(remaining)
+                inside &= (values >= low) & (values <= high)
+        extents[:, remaining[inside]] = np.maximum((box.high - box.low)[:2, None], FLAT)
+        remaining = remaining[~inside]
     return extents

@@ -1,4 +1,4 @@
-"""What casts: whether it is closed, and how many edges of it are outlines for the light."""
+"""The casters: how many triangles are in closed parts, and how many edges are silhouette edges for the light."""
 
 from dataclasses import dataclass
 
@@ -10,11 +10,12 @@ from shadowbench.scenes.model import View
 
 @dataclass(frozen=True)
 class Casters:
-    """The triangles that cast. Exact: all of them are looked at, welded as volumes weld them.
+    """Exact counts over all caster triangles, welded as for shadow volumes.
 
-    closed: how many of them are in closed parts wound outwards, a part being what hangs together; open: in parts with a
-    loose edge; all others are in closed parts that are not wound outwards. silhouette: edges that bound what the light
-    sees, from which volumes are extruded; edges: how many there are in all.
+    triangles: number of caster triangles; closed: those in closed parts that are wound outwards, a part being a set of
+    triangles connected by edges; open: those in parts with boundary edges; all others are in closed parts not wound
+    outwards. silhouette: number of silhouette edges for the light, from which shadow volumes are extruded; edges:
+    number of all edges.
     """
 
     triangles: int
@@ -31,12 +32,13 @@ def casters_of(view: View) -> Casters:
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     source, w = view.light.homogeneous
     lit = np.einsum("ij,ij->i", np.array(source) - w * a, np.cross(b - a, c - a)) > 0
-    # Each triangle adds its walls in the sense that the light sees it; where they cancel there is none.
+    # Each triangle adds a signed wall per half-edge, by its orientation towards the light; an edge whose walls cancel
+    # is not a silhouette edge.
     start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    wall = np.append(np.where((start < end) == np.repeat(lit, 3), 1, -1), 0)  # 0 at −1, for no side
+    wall = np.append(np.where((start < end) == np.repeat(lit, 3), 1, -1), 0)  # the last, index −1, for no half-edge
     edges = topology.edges[:, 1:3]
     first = np.flatnonzero((np.diff(edges, axis=0, prepend=-1) != 0).any(axis=1))
-    walls = np.add.reduceat(wall[topology.sides].sum(axis=1), first) if len(first) else first
+    walls = np.add.reduceat(wall[topology.half_edges].sum(axis=1), first) if len(first) else first
     return Casters(
         triangles=len(faces),
         closed=int(np.count_nonzero(closed)),

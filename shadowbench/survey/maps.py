@@ -1,4 +1,4 @@
-"""The map that our techniques fit to what is seen, at no size yet."""
+"""The shadow map fitted to the visible receivers, independent of its size."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,17 +12,18 @@ from shadowbench.survey.footprint import Footprint, cube_faces, cube_footprint, 
 from shadowbench.survey.rays import Indices
 from shadowbench.survey.sampling import Samples
 
-PADDING = 2.0  # texels around the window, by default: a 2×2 comparison reaches one, and a bias may move by another
-REFERENCE_SIZE = 1024  # the map whose texels and biases are told, as techniques default to it
-FLAT = 1e-9  # local length below which a window has no extent
+PADDING = 2.0  # default texels around the receivers: one for a 2×2 comparison, one for receivers offset by a bias
+REFERENCE_SIZE = 1024  # map size, the techniques' default, for which texels and biases are reported
+FLAT = 1e-9  # least extent of a map, a local length
 
 
 @dataclass(frozen=True, eq=False)
 class FittedMap:
-    """One map fitted to samples, as `fit=visible` does, or the cube around a point light.
+    """One map fitted to samples, as by `fit=visible`, or a point light's cube map.
 
-    footprint: the samples' where a unit is one of light space, of a cube's face at distance 1; box: theirs; space:
-    the light's, None for a cube; padding: texels around the box on each side, which a filter reads.
+    footprint: of the samples, in units of light space, or of a cube's face at distance 1; box: bounds of the samples;
+    extent: (2,) width and height of the box; space: of the light, None for a cube; padding: texels around the box on
+    each side.
     """
 
     samples: Samples
@@ -34,28 +35,28 @@ class FittedMap:
 
     @cached_property
     def unit(self) -> Footprint:
-        """The samples' footprint where the whole window, without the padding, is a unit."""
+        """The samples' footprint, with the whole map without its padding as the unit."""
         return self.footprint.scaled(self.extent)
 
     @cached_property
     def reach(self) -> Floats:
-        """(R,) pixels that the window would reach if it were one texel: divided by texels across, a texel's reach."""
+        """(R,) largest extent in pixels of a map of one texel; divided by `texels(size)`, that of a texel."""
         return self.unit.longest
 
     def texels(self, size: float) -> float:
-        """How many texels of a map of a size lie across the window."""
+        """Number of texels along a side of a map of this size, without the padding."""
         return size - 2 * self.padding
 
-    def parts(self) -> Iterator[tuple[Indices, LightSpace, Footprint]]:
-        """The map's spaces, one or a cube's six, each with the samples in it and their footprint there."""
+    def light_spaces(self) -> Iterator[tuple[Indices, LightSpace, Footprint]]:
+        """The map's light space, or a cube's six, each with its samples' indices and their footprint."""
         if self.space is None:
             yield from cube_faces(self.samples)
         else:
-            yield self.everything, self.space, self.footprint
+            yield self.all_samples, self.space, self.footprint
 
     @property
-    def everything(self) -> Indices:
-        """All samples."""
+    def all_samples(self) -> Indices:
+        """Indices of all samples."""
         return np.arange(len(self.samples.pixel))
 
 
@@ -73,4 +74,4 @@ def fitted_map(samples: Samples) -> FittedMap:
 
 
 def _box(found: Footprint) -> Box:
-    return Box(found.place.min(axis=1), found.place.max(axis=1))
+    return Box(found.coords.min(axis=1), found.coords.max(axis=1))

@@ -1,4 +1,4 @@
-"""How soft shadows would be: the penumbra's width in pixels, for a light of some size."""
+"""Width of the penumbrae in pixels, for the light's size."""
 
 from dataclasses import dataclass
 
@@ -9,17 +9,17 @@ from shadowbench.survey.footprint import longest
 from shadowbench.survey.sampling import Estimate, Samples
 
 SUN = np.radians(0.533 / 2)
-"""The sun's mean angular radius, seen from the Earth."""
+"""Mean angular radius of the sun, in radians."""
 BULB = 0.03
-"""Metres: radius of a common household bulb (A60: 60 mm across)."""
+"""Radius of a common household bulb, in metres (A60: 60 mm across)."""
 
 
 @dataclass(frozen=True)
 class Penumbra:
-    """How wide penumbras are in pixels, across the edge's worst direction, over the shadows' edges.
+    """Widths of the penumbrae at the shadows' edges, in pixels, in the widest direction.
 
-    radius: of the light, radians for a directional one, else metres; assumed: whether the scene left it out; median and
-    p95: over edge pixels.
+    radius: of the light, in radians for a directional one, else in metres; assumed: True if the scene has none; median
+    and p95: over edge pixels.
     """
 
     radius: float
@@ -29,12 +29,12 @@ class Penumbra:
 
     @property
     def hard_is_enough(self) -> bool:
-        """Whether 95% of the penumbras are narrower than a pixel."""
+        """Whether 95% of the penumbrae are narrower than a pixel."""
         return self.p95.value < 1.0
 
 
 def penumbra_of(samples: Samples) -> Penumbra | None:
-    """The penumbras of the light's own radius, or where it has none of a sun's or bulb's; None without an edge."""
+    """The penumbrae for the light's radius, by default that of the sun or a bulb; None without shadow edges."""
     light, edges = samples.view.light, samples.edges
     if not len(edges):
         return None
@@ -51,16 +51,18 @@ def penumbra_of(samples: Samples) -> Penumbra | None:
 
 
 def widths(samples: Samples, radius: float) -> Floats:
-    """(R,) pixels; 0 where lit.
+    """(R,) width of the penumbra at each sample in pixels; 0 where lit.
 
-    By similar triangles, across the ray: 2 tan(radius) · blocker for a sun; 2 radius · blocker/(distance − blocker) for
-    a lamp, as for PCSS (Fernando 2005), at most what reaches the lamp itself.
+    By similar triangles, perpendicular to the light ray: 2 tan(radius) · blocker for a sun; 2 radius ·
+    blocker/(distance − blocker) otherwise, as in PCSS (Fernando 2005), with the denominator at least the radius.
     """
     if samples.view.light.kind == "directional":
         across = 2 * np.tan(radius) * samples.blocker
     else:
-        left = np.maximum(samples.distance - samples.blocker, radius)
-        across = 2 * radius * samples.blocker / left
-    moves = [move - samples.to_light * (move * samples.to_light).sum(axis=0) for move in (samples.across, samples.down)]
+        blocker_to_light = np.maximum(samples.distance - samples.blocker, radius)
+        across = 2 * radius * samples.blocker / blocker_to_light
+    derivatives = [
+        step - samples.to_light * (step * samples.to_light).sum(axis=0) for step in (samples.across, samples.down)
+    ]
     with np.errstate(invalid="ignore"):
-        return np.where(samples.shadowed, across * longest(*moves), 0.0)
+        return np.where(samples.shadowed, across * longest(*derivatives), 0.0)

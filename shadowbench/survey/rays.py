@@ -1,4 +1,4 @@
-"""Rays through points of the picture to surfaces, and from there to the light: one each, in local coordinates."""
+"""Camera rays to the visible surfaces and shadow rays to the light, one each, in local coordinates."""
 
 from dataclasses import dataclass
 
@@ -12,15 +12,15 @@ from shadowbench.truths.rays import EDGE_ON, dot
 Indices = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
-FACING = 1e-6  # N·L from which a surface receives
+FACING = 1e-6  # least N·L of a receiver
 
 
 @dataclass(frozen=True, eq=False)
 class Surfaces:
-    """What rays meet, S of them that receive, N turned to the camera.
+    """The S camera-ray hits on surfaces that receive shadows.
 
-    ray: (S,) index of each in the rays; triangle: (S,); point, normal: (3, S); across, down: (3, S) how the point moves
-    on its plane for a pixel to the right and downwards.
+    ray: (S,) index of the ray; triangle: (S,) index of the triangle; point, normal: (3, S), the normal towards the
+    camera; across, down: (3, S) derivatives of the point, on its plane, by a pixel to the right and downwards.
     """
 
     ray: Indices
@@ -33,10 +33,11 @@ class Surfaces:
 
 @dataclass(frozen=True, eq=False)
 class Lighting:
-    """What surfaces get of the light.
+    """The light at S surface points.
 
-    receives: (S,) bool, they face it and are in its cone; to_light: (3, S) unit; distance: (S,) to it, inf for a
-    directional one; blocker: (S,) distance to the nearest caster on the way, inf for none and where nothing receives.
+    receives: (S,) bool, whether the surface faces the light and is inside its cone; to_light: (3, S) unit vectors;
+    distance: (S,) to the light, inf for a directional one; blocker: (S,) distance to the nearest caster towards the
+    light, inf for none and where `receives` is False.
     """
 
     receives: Mask
@@ -46,7 +47,7 @@ class Lighting:
 
 
 def surfaces(view: View, tracer: Tracer, x: Floats, y: Floats) -> Surfaces:
-    """What is seen at (N,) points of the picture, in pixels from its upper left corner."""
+    """The visible surfaces at (N,) image points, in pixels from the upper left corner."""
     geometry, camera = view.scene.geometry, view.camera
     right, up, back = camera.basis()[:, :, None]
     eye, (near, far) = np.array(camera.position)[:, None], view.near_far
@@ -55,7 +56,7 @@ def surfaces(view: View, tracer: Tracer, x: Floats, y: Floats) -> Surfaces:
     rays = (x - view.size / 2) * moves[0] + (y - view.size / 2) * moves[1] - back
     low, high = geometry.bounds
     gap = float(np.linalg.norm((low + high) / 2 - eye[:, 0]) - np.linalg.norm(high - low) / 2)
-    # Every ray has length 1 along the view's axis; those of far cameras start near the scene, to be exact in float32.
+    # Rays have length 1 along the view axis; those of distant cameras start near the scene, for float32 precision.
     start = np.maximum(near, gap / np.sqrt(dot(rays, rays)))
     triangle = tracer.nearest((eye + rays * start).T, rays.T, far - start).astype(np.intp)
     ray = np.flatnonzero((triangle >= 0) & geometry.receives[triangle])
@@ -66,29 +67,32 @@ def surfaces(view: View, tracer: Tracer, x: Floats, y: Floats) -> Surfaces:
     normal *= -np.sign(dot(normal, rays)) / np.sqrt(dot(normal, normal))
     slant = np.minimum(dot(normal, rays), -EDGE_ON)
     depth = dot(normal, a - eye) / slant
-    # P = eye + t·d with t = N·(A − eye)/(N·d), derived along the image's axes.
+    # Derivatives of P = eye + t·d, t = N·(A − eye)/(N·d), along the image's axes.
     across, down = (depth * (move - rays * (dot(normal, move) / slant)) for move in moves)
     return Surfaces(ray, triangle, eye + rays * depth, normal, across, down)
 
 
-def lighting(view: View, casters: Tracer, met: Surfaces, above: float) -> Lighting:
-    """What surfaces get of the view's light, by a ray each from a local length above them."""
+def lighting(view: View, casters: Tracer, hits: Surfaces, above: float) -> Lighting:
+    """The light at surface points, by a shadow ray each.
+
+    above: height of the rays' origins above the surface, a local length.
+    """
     source, w = view.light.homogeneous
-    way = np.array(source)[:, None] - w * met.point
-    length = np.sqrt(dot(way, way))
-    to_light = way / np.maximum(length, np.finfo(float).tiny)
-    cosine = dot(met.normal, to_light)
+    to_light = np.array(source)[:, None] - w * hits.point
+    length = np.sqrt(dot(to_light, to_light))
+    to_light = to_light / np.maximum(length, np.finfo(float).tiny)
+    cosine = dot(hits.normal, to_light)
     receives = cosine > FACING
     if view.light.kind == "spot":
         axis = unit(view.light.direction)[:, None]
         receives &= -dot(to_light, axis) >= view.light.cos_half_angle
     ahead = above / np.maximum(cosine, FACING)
     reach = np.maximum(length - ahead, 0.0) if w else np.full(len(length), NEVER)
-    left = casters.distance((met.point + to_light * ahead).T, to_light.T, reach)
-    blocked = receives & (left < reach.astype(np.float32))  # `distance` answers the reach itself for none
+    beyond = casters.distance((hits.point + to_light * ahead).T, to_light.T, reach)
+    blocked = receives & (beyond < reach.astype(np.float32))  # without a hit `distance` returns the reach
     return Lighting(
         receives=receives,
         to_light=to_light,
         distance=length if w else np.full(len(length), np.inf),
-        blocker=np.where(blocked, ahead + left, np.inf),
+        blocker=np.where(blocked, ahead + beyond, np.inf),
     )

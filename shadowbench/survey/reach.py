@@ -1,7 +1,7 @@
-"""Casters that can darken nothing that is seen: without them in the depth pass, the picture stays the same.
+"""Casters that cannot shadow any visible receiver, so that the depth pass may skip them.
 
-Conservative: what is seen is kept in a grid across the light, in each cell the farthest of it, and a triangle matters
-if a cell that its bounds touch holds something behind its nearest corner.
+Conservative: a grid in light space has the depth of the farthest visible receiver in each cell. A triangle matters if
+any cell that its bounds overlap has a receiver behind the triangle's nearest corner.
 """
 
 from dataclasses import dataclass, replace
@@ -16,18 +16,19 @@ from shadowbench.survey.maps import FittedMap
 from shadowbench.survey.rays import Indices, Mask
 
 CELLS = 1024  # along a side of the grid; a power of two
-ROUNDING = 1e-6  # of depths and bounds
-LEVELS = CELLS.bit_length()  # of the grid, each of blocks of 2 × 2 of the last, down to one cell
+ROUNDING = 1e-6  # tolerance of depths and bounds
+LEVELS = CELLS.bit_length()  # of the grid's pyramid, each with half the resolution of the previous, down to one cell
 _OFFSETS = np.cumsum([0, *((CELLS >> k) ** 2 for k in range(LEVELS - 1))])
-IN_FRONT = 1e-6  # local length in front of a lamp, nearer than which a triangle is kept whatever it can reach
+IN_FRONT = 1e-6  # distance from the plane of a spot or point light within which triangles always matter, local length
 
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """Which casters matter.
+    """The casters that can shadow visible receivers.
 
-    triangles: how many cast; useless: how many of them can reach no visible receiver; matters: (C,) bool over
-    `geometry.caster_faces`. sure: whether every pixel was looked at; else what hides between samples may be missed.
+    triangles: number of caster triangles; useless: number of those that cannot shadow any visible receiver; matters:
+    (C,) bool over `geometry.caster_faces`, the others. sure: False if not every pixel was sampled, so that receivers
+    between the samples may be missed.
     """
 
     triangles: int
@@ -37,15 +38,15 @@ class Reach:
 
 
 def reach_of(fitted: FittedMap) -> Reach:
-    """Which casters can stand between the light and a receiver that is seen."""
+    """The casters that can be between the light and a visible receiver."""
     samples = fitted.samples
     geometry = samples.view.scene.geometry
     faces = geometry.caster_faces
     matters = np.zeros(len(faces), dtype=bool)
-    for _, space, footprint in fitted.parts():
-        if not footprint.place.shape[1]:
+    for _, space, footprint in fitted.light_spaces():
+        if not footprint.coords.shape[1]:
             continue
-        places, ahead = _projected(geometry.vertices, space)
+        coords, ahead = _projected(geometry.vertices, space)
         grid = _grid(footprint, samples.step)
         for part in in_slices(len(faces)):
             corners = faces[part].T
@@ -53,15 +54,15 @@ def reach_of(fitted: FittedMap) -> Reach:
             if space.perspective:
                 behind = np.count_nonzero(ahead.take(corners) <= IN_FRONT, axis=0)
                 beyond = behind > 0
-                matters[part] |= beyond & (behind < 3)  # through the lamp's own plane: no bounds
-            a, b, c = (places.take(corner, axis=1) for corner in corners)
+                matters[part] |= beyond & (behind < 3)  # triangles through the light's plane have no bounds
+            a, b, c = (coords.take(corner, axis=1) for corner in corners)
             low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
             matters[part] |= ~beyond & _touches(grid, low, high)
     return Reach(len(faces), int((~matters).sum()), matters, samples.step == 1)
 
 
 def _projected(vertices: Floats, space: LightSpace) -> tuple[Floats, Floats]:
-    """(3, V) light-space places of vertices, and (V,) how far ahead of the light they are."""
+    """(3, V) light-space coordinates of (V, 3) vertices, and their (V,) distances along the light's axis."""
     x, y, back = space.basis @ vertices.T - (space.basis @ space.origin)[:, None]
     ahead: Floats = -back
     if not space.perspective:
@@ -72,10 +73,10 @@ def _projected(vertices: Floats, space: LightSpace) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True, eq=False)
 class _Grid:
-    """What is seen, across the light.
+    """The visible receivers on a grid in light space.
 
-    start, end: (2, 1) its corners; cell: (2, 1) a cell's size; farthest: (cells,) the farthest depth in each, of all
-    levels in one row, so that a level is an offset.
+    start, end: (2, 1) corners of the grid; cell: (2, 1) size of a cell; farthest: (cells,) depth of the farthest
+    receiver in each cell, for all pyramid levels one after another.
     """
 
     start: Floats
@@ -83,17 +84,17 @@ class _Grid:
     cell: Floats
     farthest: Floats
 
-    def cells(self, places: Floats) -> Indices:
-        """(2, N) those in which places are, of the finest level."""
-        found: Indices = np.clip((places - self.start) / self.cell + 1.0, 0.0, CELLS - 1.0).astype(np.intp)
+    def cells(self, coords: Floats) -> Indices:
+        """(2, N) cells of the finest level that contain (2, N) light-space coordinates."""
+        found: Indices = np.clip((coords - self.start) / self.cell + 1.0, 0.0, CELLS - 1.0).astype(np.intp)
         return found
 
 
 def _grid(footprint: Footprint, step: int) -> _Grid:
-    """What is seen, with all of a pixel and a half step of it."""
+    """The grid of the visible receivers, each sample enlarged to its whole pixel and half the sampling step."""
     half = np.abs(footprint.jacobian).sum(axis=1) * ((step + 1) / 2)
-    depth = footprint.place[2] + (np.abs(footprint.slope) * half).sum(axis=0)
-    low, high = footprint.place[:2] - half, footprint.place[:2] + half
+    depth = footprint.coords[2] + (np.abs(footprint.slope) * half).sum(axis=0)
+    low, high = footprint.coords[:2] - half, footprint.coords[:2] + half
     start, end = low.min(axis=1)[:, None], high.max(axis=1)[:, None]
     grid = _Grid(start, end, np.maximum(end - start, ROUNDING) / (CELLS - 2), np.empty(0))
     levels = _pyramid(grid.cells(low), grid.cells(high), depth)
@@ -101,7 +102,7 @@ def _grid(footprint: Footprint, step: int) -> _Grid:
 
 
 def _touches(grid: _Grid, low: Floats, high: Floats) -> Mask:
-    """(F,) whether triangles with these bounds may stand before what is seen."""
+    """(F,) bool: whether triangles with (3, F) lowest and highest corners may be in front of visible receivers."""
     first, last = grid.cells(low[:2] - ROUNDING * grid.cell), grid.cells(high[:2] + ROUNDING * grid.cell)
     outside = (high[:2] < grid.start).any(axis=0) | (low[:2] > grid.end).any(axis=0)
     within = np.flatnonzero(~outside)
@@ -112,17 +113,20 @@ def _touches(grid: _Grid, low: Floats, high: Floats) -> Mask:
 
 
 def _level(first: Indices, last: Indices) -> Indices:
-    """(N,) the finest level at which ranges of cells touch no more than 2 × 2."""
+    """(N,) the finest level at which (2, N) cell ranges cover at most 2 × 2 cells."""
     width = (last - first).max(axis=0)
     level: Indices = np.ceil(np.log2(np.maximum(width, 1))).astype(np.intp)
     return level
 
 
 def _pyramid(first: Indices, last: Indices, depth: Floats) -> list[Floats]:
-    """The farthest depth in each cell of ranges (2, N) of cells, and level by level in blocks of 2 × 2 of them."""
+    """The pyramid of maximum depths: the farthest depth in each cell, by level.
+
+    first, last: (2, N) cell ranges of the samples; depth: (N,).
+    """
     level = _level(first, last)
     levels = [np.full((CELLS >> k, CELLS >> k), -np.inf) for k in range(LEVELS)]
-    # Wide ranges go to coarse levels, and from there down to all that is below them.
+    # Wide ranges are written to coarse levels, and propagate to the finer levels from there.
     for k in reversed(range(len(levels))):
         mine, grid = level == k, levels[k]
         for x in (first[0, mine] >> k, last[0, mine] >> k):
@@ -139,7 +143,7 @@ def _pyramid(first: Indices, last: Indices, depth: Floats) -> list[Floats]:
 
 
 def _farthest(row: Floats, first: Indices, last: Indices) -> Floats:
-    """(F,) the farthest depth in ranges (2, F) of cells, or in somewhat more than them."""
+    """(F,) the farthest depth in (2, F) cell ranges, or in slightly larger ranges."""
     level = _level(first, last)
     side, offset = CELLS >> level, _OFFSETS[level]
     found = np.full(first.shape[1], -np.inf)

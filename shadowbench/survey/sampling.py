@@ -1,6 +1,6 @@
-"""What a view shows, sampled: receivers on a lattice of pixels, what shadows them, and where shadows end.
+"""Samples of a view: the receivers at a lattice of pixels, their blockers, and the shadows' edges.
 
-In local coordinates, as the truth, but with a ray a pixel: nothing is undecided here.
+In local coordinates, like the truth, but with one ray per pixel, so that no pixel is undecided.
 """
 
 from collections.abc import Callable
@@ -16,36 +16,36 @@ from shadowbench.survey.rays import Indices, Mask, lighting, surfaces
 from shadowbench.truths.embree import Tracer, over_slices
 from shadowbench.truths.trace import OFFSET
 
-LATTICE = 512  # pixels along a side that are looked at at most: all, or every second, third, …
+LATTICE = 512  # largest number of sampled pixels along a side: all pixels, or every second, third, …
 OF_EACH = ("pixel", "triangle", "point", "normal", "to_light", "distance", "across", "down", "blocker")
-ROWS = 32  # of the lattice, that a thread looks at in one go
-GROUPS = 16  # random parts of a sample, whose scatter tells its error
+ROWS = 32  # rows of the lattice per task of a thread
+GROUPS = 16  # random groups of samples, whose scatter gives the standard error
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number and its standard error: 0 where every pixel was looked at, None where too few to tell."""
+    """A number and its standard error: 0 if every pixel was sampled, None if there are too few samples."""
 
     value: float
     error: float | None = 0.0
 
     def times(self, factor: float) -> "Estimate":
-        """In another unit."""
+        """The estimate in another unit."""
         return Estimate(self.value * factor, None if self.error is None else self.error * abs(factor))
 
     def plus(self, more: float) -> "Estimate":
-        """Moved by what is known."""
+        """The estimate plus an exact number."""
         return Estimate(self.value + more, self.error)
 
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """The receivers of a view at the centres of sampled pixels, R of them, and its edges, E of them.
+    """The R visible receivers at the centres of the sampled pixels.
 
-    view: in local coordinates; casters: what shadow rays meet; step: pixels from one sample to the next; pixel: (R,)
-    index in the lattice, row by row; triangle: (R,); point, normal (turned to the camera), to_light (unit): (3, R);
-    distance: (R,) to the light, inf for a directional one; across, down: (3, R) how the point moves on its plane for a
-    pixel to the right and downwards; blocker: (R,) distance along L to the nearest caster, inf where lit.
+    view: in local coordinates; casters: traced by shadow rays; step: pixels between samples; pixel: (R,) index in the
+    lattice, row by row; triangle: (R,); point, normal (towards the camera), to_light (unit): (3, R); distance: (R,) to
+    the light, inf for a directional one; across, down: (3, R) derivatives of the point, on its plane, by a pixel to the
+    right and downwards; blocker: (R,) distance along L to the nearest caster, inf where lit.
     """
 
     view: View
@@ -70,33 +70,34 @@ class Samples:
 
     @cached_property
     def shadowed(self) -> Mask:
-        """(R,) bool."""
+        """(R,) bool: whether each sample is in shadow."""
         shadowed: Mask = np.isfinite(self.blocker)
         return shadowed
 
     @cached_property
     def edges(self) -> Indices:
-        """(E,) the samples in shadow that have a lit receiver beside them: one of the four next in the lattice."""
+        """(E,) indices of the edge pixels: samples in shadow with a lit receiver among their four neighbours."""
         side = -(-self.view.size // self.step)
-        of = np.full((side + 2, side + 2), -1, dtype=np.int8)  # 1 shadowed, 0 lit, −1 no receiver
-        inner = of[1:-1, 1:-1]
+        state = np.full((side + 2, side + 2), -1, dtype=np.int8)  # 1 shadowed, 0 lit, −1 no receiver
+        inner = state[1:-1, 1:-1]
         inner[np.divmod(self.pixel, side)] = self.shadowed
-        beside = (of[:-2, 1:-1] == 0) | (of[2:, 1:-1] == 0) | (of[1:-1, :-2] == 0) | (of[1:-1, 2:] == 0)
-        return np.flatnonzero((beside & (inner == 1)).ravel()[self.pixel])
+        neighbours = state[:-2, 1:-1], state[2:, 1:-1], state[1:-1, :-2], state[1:-1, 2:]
+        beside_lit = np.any([neighbour == 0 for neighbour in neighbours], axis=0)
+        return np.flatnonzero((beside_lit & (inner == 1)).ravel()[self.pixel])
 
-    def only(self, chosen: Indices) -> "Samples":
-        """The chosen samples, whose edges are other ones."""
+    def select(self, chosen: Indices) -> "Samples":
+        """The chosen samples. Their `edges` differ, as neighbours may be missing."""
         return replace(self, **{name: getattr(self, name)[..., chosen] for name in OF_EACH})
 
     @property
     def part(self) -> float:
-        """The share of the view's pixels that were looked at."""
+        """Share of the view's pixels that were sampled."""
         return float(min(1.0, (-(-self.view.size // self.step) / self.view.size) ** 2))
 
     def estimate(self, statistic: Callable[[Indices], float], of: Indices) -> Estimate:
-        """A statistic of some samples, and its error from how it scatters over random groups of them.
+        """A statistic of some samples, with its standard error from the scatter over random groups of them.
 
-        Nothing scatters where every pixel was looked at; what is left is what another camera would show.
+        The error is 0 if every pixel was sampled: it is that of the view, not of other cameras.
         """
         value = statistic(of)
         if self.step == 1 or len(of) < 2 * GROUPS:
@@ -106,8 +107,8 @@ class Samples:
         return Estimate(value, float(scatter.std(ddof=1) / np.sqrt(GROUPS) * np.sqrt(1 - self.part)))
 
 
-def sampled(view: View) -> Samples:
-    """The samples of a view that `view_of` made; raises InputError where no pixel shows a receiver."""
+def sample_view(view: View) -> Samples:
+    """The samples of a view from `view_of`. Raises InputError if no receiver is visible."""
     placed, placement = view.placed()
     geometry = placed.scene.geometry
     low, high = geometry.bounds
@@ -118,18 +119,18 @@ def sampled(view: View) -> Samples:
     whole = len(geometry.caster_faces) == len(geometry.faces)
     casters = everything if whole else Tracer(geometry.vertices, geometry.caster_faces)
 
-    def look(rows: slice) -> dict[str, NDArray[np.generic]]:
+    def trace(rows: slice) -> dict[str, NDArray[np.generic]]:
         y, x = np.meshgrid(centres[rows], centres, indexing="ij")
-        met = surfaces(placed, everything, x.ravel(), y.ravel())
-        lit = lighting(placed, casters, met, above)
-        arrays = {**vars(met), **vars(lit), "pixel": met.ray + rows.start * len(centres)}
-        return {name: arrays[name][..., lit.receives] for name in OF_EACH}
+        hits = surfaces(placed, everything, x.ravel(), y.ravel())
+        lights = lighting(placed, casters, hits, above)
+        arrays = {**vars(hits), **vars(lights), "pixel": hits.ray + rows.start * len(centres)}
+        return {name: arrays[name][..., lights.receives] for name in OF_EACH}
 
-    parts = list(over_slices(look, len(centres), ROWS))
+    parts = list(over_slices(trace, len(centres), ROWS))
     arrays = {name: np.concatenate([part[name] for part in parts], axis=-1) for name in OF_EACH}
     if not len(arrays["pixel"]):
         raise InputError(
             f"view {view.camera.name!r} of {view.scene.name}: no pixel shows a receiver that {view.light.name!r} "
-            "shines on; needs are those of what is seen"
+            "shines on; needs are those of the visible receivers"
         )
     return Samples(view=placed, placement=placement, casters=casters, step=step, **arrays)

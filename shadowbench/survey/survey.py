@@ -1,4 +1,4 @@
-"""All that a view asks of shadows, in one value."""
+"""The survey of a view: everything it needs of a shadow technique."""
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -12,17 +12,17 @@ from shadowbench.survey.maps import fitted_map
 from shadowbench.survey.penumbra import Penumbra, penumbra_of
 from shadowbench.survey.reach import Reach, reach_of
 from shadowbench.survey.receivers import Receivers, planes_of, receivers_of
-from shadowbench.survey.sampling import sampled
+from shadowbench.survey.sampling import sample_view
 from shadowbench.survey.texels import Texels, texels_of
 
 
 @dataclass(frozen=True)
 class Needs:
-    """What a view asks of shadows. None: there is nothing to ask it of.
+    """The needs of a view; None where a need does not apply.
 
-    light: its kind; receivers, casters: what they are; texels: how large one map must be; cascades: how large several,
-    for a directional light; bits, bias: of the depths that it stores; penumbra: for the light's size; reach: casters
-    that matter; pixels: how many were looked at, out of view_size².
+    light: kind of the light; receivers, casters: their statistics; texels: needed size of one map; cascades: needed
+    sizes of cascades, for a directional light; bits, bias: needed depth format and bias; penumbra: widths for the
+    light's size; reach: casters that can shadow visible receivers; pixels: number of sampled pixels, of view_size².
     """
 
     light: LightKind
@@ -39,16 +39,16 @@ class Needs:
 
 
 def needs(view: View) -> Needs:
-    """The needs of a view that `view_of` made; raises InputError where nothing casts or no receiver is seen."""
+    """The needs of a view from `view_of`. Raises InputError if there is no caster or no visible receiver."""
     if not len(view.scene.geometry.caster_faces):
         raise InputError(
             f"{view.scene.name}: no mesh casts a shadow, so that nothing needs a technique but `unshadowed`"
         )
-    # What takes long with many triangles runs beside the rest, one after the other: all at once took no less time.
+    # Work that grows with the triangles runs in one other thread; more threads were not faster.
     with ThreadPoolExecutor(1) as pool:
         planes = pool.submit(planes_of, view.scene)
         casters = pool.submit(lambda: casters_of(view.placed()[0]))
-        samples = sampled(view)
+        samples = sample_view(view)
         fitted = fitted_map(samples)
         reach = pool.submit(reach_of, fitted)
         texels = texels_of(fitted)

@@ -1,4 +1,4 @@
-"""How large a map must be: its texels against the picture's pixels."""
+"""The map size that a view needs, from the extent of texels in pixels."""
 
 from dataclasses import dataclass
 
@@ -10,16 +10,16 @@ from shadowbench.survey.maps import REFERENCE_SIZE, FittedMap
 from shadowbench.survey.rays import Indices
 from shadowbench.survey.sampling import Estimate
 
-WRONG = 0.05  # share of a shadow's edge pixels that may be off: beyond it `edge_p95` is a pixel and more
+WRONG = 0.05  # tolerated share of wrong edge pixels; above it `edge_p95` is at least a pixel
 
 
 @dataclass(frozen=True)
 class Texels:
-    """How pixels and texels compare, of a fitted map or of a cube's face.
+    """Extents of texels, and needed sizes, of a fitted map or of a cube's face.
 
-    largest, p95: pixels that a texel of a map of REFERENCE_SIZE reaches over what is seen, and over 95% of it; size: of
-    a map whose texel is at most a pixel over 95%; edge_size: of one that is right at 95% of the shadows' edge pixels,
-    so that `edge_p95` is below 1, None without an edge; faces: 6 for a cube.
+    largest, p95: maximum and 95th percentile, over the visible receivers, of a texel's extent in pixels, for a map of
+    REFERENCE_SIZE; size: map size at which the 95th percentile is one pixel; edge_size: map size at which 95% of the
+    shadows' edge pixels are right, so that `edge_p95` is below 1, None without edges; faces: 6 for a cube, else 1.
     """
 
     largest: Estimate
@@ -30,10 +30,10 @@ class Texels:
 
 
 def texels_of(fitted: FittedMap) -> Texels:
-    """How large one map, or a cube, must be."""
-    samples, everything = fitted.samples, fitted.everything
+    """The needed size of one map, or of a cube's faces."""
+    samples, everything = fitted.samples, fitted.all_samples
     p95 = samples.estimate(lambda chosen: float(np.percentile(fitted.reach[chosen], 95)), everything)
-    # A largest value has no standard error: what was not looked at may exceed it.
+    # A maximum has no standard error: a pixel that was not sampled may exceed it.
     largest = Estimate(float(fitted.reach.max()), None if samples.step > 1 else 0.0)
     return Texels(
         largest=largest.times(1 / fitted.texels(REFERENCE_SIZE)),
@@ -45,32 +45,32 @@ def texels_of(fitted: FittedMap) -> Texels:
 
 
 def edge_size(fitted: FittedMap, unit: Footprint) -> Estimate | None:
-    """The size at which no more than WRONG of the shadows' edge pixels are off; None where no shadow ends.
+    """The map size at which at most a share WRONG of the edge pixels is wrong; None without edges.
 
-    unit: the samples' footprint where a unit is the window that answers for each.
+    unit: the samples' footprint, with the map (or each sample's cascade) as the unit.
     """
     samples = fitted.samples
     if not len(samples.edges):
         return None
-    moved = unit.only(samples.edges).displacement
+    displacement = unit.select(samples.edges).displacement
     row = np.zeros(len(samples.pixel), dtype=np.intp)
     row[samples.edges] = np.arange(len(samples.edges))
 
     def needed(chosen: Indices) -> float:
-        return texels_for(moved[row[chosen]])
+        return texels_for(displacement[row[chosen]])
 
     return samples.estimate(needed, samples.edges).plus(2 * fitted.padding)
 
 
-def texels_for(moved: Floats) -> float:
-    """The texels across a window that bring the mean of min(moved / texels, 1), the share of wrong pixels, to WRONG.
+def texels_for(displacement: Floats) -> float:
+    """The texels along a map's side at which the share of wrong pixels, mean(min(displacement / texels, 1)), is WRONG.
 
-    moved: pixels that edges are off when the window is one texel, of any shape, above 0. Exact: with the k least of
-    them below `texels` and the rest saturated, the share of n is (their sum / texels + n − k) / n.
+    displacement: of edges in pixels for a map of one texel, of any shape, above 0. Exact: if the k smallest of n are
+    below `texels` and the others saturate, the share is (sum of the k / texels + n − k) / n.
     """
-    ordered = np.sort(moved.ravel())
+    ordered = np.sort(displacement.ravel())
     count = len(ordered)
     before = np.concatenate([[0.0], np.cumsum(ordered)[:-1]])
-    share = (before / ordered + np.arange(count, 0, -1)) / count  # were there as many texels as each value
-    k = int(np.flatnonzero(share > WRONG)[-1]) + 1  # at the least value all are wrong
+    share = (before / ordered + np.arange(count, 0, -1)) / count  # with as many texels as each value
+    k = int(np.flatnonzero(share > WRONG)[-1]) + 1  # exists, as at the smallest value all are wrong
     return float(ordered[:k].sum()) / (WRONG * count - (count - k))

@@ -1,1 +1,1 @@
-"""The techniques: one file each, and the rows (biases, filters, fits) that map techniques share."""
+"""Shadow techniques, one file each, and the biases, filters, fits and splits that shadow-map techniques share."""

@@ -1,21 +1,23 @@
-"""The contract of a technique.
+"""Base class of shadow techniques.
 
-`build` sees geometry, device and parameters, never a pose; whatever depends on where camera or light are is in `draw`,
-and is timed. A whole technique is one file: parameters, `unsupported`, `build`, `draw`; shaders beside it or inline.
-`shadowbench new-technique NAME` writes one to start from. What most are made of: `resolve.ResolvePass`, the full-screen
-pass; `maps.FittedView` and `maps.CasterMap`, the light's view and the map that casters are drawn into.
+`build` gets geometry, device and parameters, but no camera or light pose. All work that depends on the camera or the
+light is done, and timed, in `draw`. A technique is one file with its parameters, `unsupported`, `build` and `draw`; its
+shaders are inline or files in the same folder. `shadowbench new-technique NAME` writes a working one to start from.
+Common parts: `resolve.ResolvePass`, the full-screen pass; `maps.FittedView`, the light's view; `maps.CasterMap`, the
+map that the casters are rendered into.
 
-What a shader is given by `stage.program(…, params=self.params)` for a parameter `key`:
+`stage.program(…, params=self.params)` passes a parameter `key` to the shader by its type:
 
-    int, bool               #define KEY 1024; of a bool 1 or 0
+    int, bool               #define KEY 1024; a bool is 1 or 0
     choice (Literal)        #define KEY_CHOICE 1, with _ in place of -
-    float                   uniform float key, where the shader declares it; with metres=True it is a local length
-    row (a bias, a filter)  #include <key> is its file; its own parameters are named KEY_TAPS, key_scale
+    float                   uniform float key, if the shader declares it; with metres=True in local lengths
+    row (a bias, a filter)  #include <key> includes its file; its own parameters are named KEY_TAPS, key_scale
 
-and `uniform float metre`, the local length of a metre. `receiver.glsl` has a pixel's position, normal, N·L and the
-direction to the light; `map.glsl` its place in a map, by the uniforms that `maps.map_uniforms` makes, and
-`linear_depth.glsl` depth along the light's axis. `map.glsl` reads three defines: SIZE, from the parameter of that name;
-LAYERS, the maps of an array, 1 unless defined; REVERSED, 1 where depth 1 is near, 0 unless defined.
+and `uniform float metre` is one metre in local lengths. `receiver.glsl` reads a pixel's position, normal, N·L and the
+direction to the light from the G-buffer; `map.glsl` computes its shadow-map coordinates from the uniforms of
+`maps.map_uniforms`; `linear_depth.glsl` computes the depth along the light's axis. `map.glsl` uses three defines: SIZE,
+from the parameter of that name; LAYERS, the number of maps in an array (default 1); REVERSED, 1 for reversed depth
+(default 0).
 """
 
 from abc import ABC, abstractmethod
@@ -38,7 +40,7 @@ from shadowbench.techniques.stage import Stage
 
 @dataclass(frozen=True)
 class Phase:
-    """Where a map's grid lies against the scene; phase 0 is where the fit puts it."""
+    """Subtexel offset of a map's texel grid against the scene; phase 0 is the fit's own position."""
 
     index: int = 0
 
@@ -59,7 +61,7 @@ def _radical_inverse(index: int, base: int) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """All that may differ between two draws. `index` 0 says that history is void."""
+    """The inputs of one draw. `index` counts draws; at 0, results of earlier frames are invalid."""
 
     view: View
     phase: Phase
@@ -79,43 +81,46 @@ class Frame:
 
     @property
     def light_uniform(self) -> tuple[float, float, float, float]:
-        """`light` of receiver.glsl: the unit vector towards a directional light, w = 0; or a position, w = 1."""
+        """`light` of receiver.glsl: unit vector towards a directional light with w = 0, or a position with w = 1."""
         xyz, w = self.light.homogeneous
         return (*xyz, w)
 
     def timed(self, name: str, changes: Changes = "frame") -> AbstractContextManager[None]:
-        """Bracket a pass; `changes` says when it must be redrawn: light moves; camera or light moves; always."""
+        """Context manager that times a pass.
+
+        changes: what invalidates its result: "light" motion, "view" (camera or light motion), or every "frame".
+        """
         return self.clock.timed(name, changes)
 
 
 class Technique(ABC):
-    """One way of computing visibility. Registered by its `name`; the docstring is its documentation."""
+    """A way to compute visibility. A subclass with a `name` is registered; its docstring is its documentation."""
 
     name: ClassVar[str]
     Params: ClassVar[type[TechniqueParams]] = TechniqueParams
-    presets: ClassVar[dict[str, str]] = {}  # name: the items that it stands for, as a spec writes them
-    lights: ClassVar[frozenset[LightKind]] = frozenset({"directional", "spot", "point"})  # kinds that it answers
-    phased: ClassVar[bool] = False  # whether it has a grid that a phase can shift
-    shown_in: ClassVar[str] = ""  # the built-in scene whose picture its documentation shows
-    # What `recommend` tries of its parameters, by name; all others at their defaults, and map sizes in any case.
+    presets: ClassVar[dict[str, str]] = {}  # parameters in spec syntax, by preset name
+    lights: ClassVar[frozenset[LightKind]] = frozenset({"directional", "spot", "point"})  # supported light kinds
+    phased: ClassVar[bool] = False  # whether it has a texel grid that a phase can shift
+    picture_scene: ClassVar[str] = ""  # the built-in scene that its documentation pictures
+    # Parameter values that `recommend` tries, by name, besides map sizes; other parameters stay at their defaults.
     grid: ClassVar[Mapping[str, Sequence[Any]]] = {}
-    no_choice: ClassVar[str] = ""  # why `recommend` never chooses it
-    only_planes: ClassVar[bool] = False  # whether receivers that are not planar stay lit
-    # Geometry alone decides, without a grid or a window: tests/laws holds it to what follows from that.
+    never_recommended: ClassVar[str] = ""  # why `recommend` never chooses it
+    only_planes: ClassVar[bool] = False  # whether non-planar receivers stay lit
+    # Visibility follows from the geometry alone, not from a texel grid or a fitted box; tests/laws tests accordingly.
     exact: ClassVar[bool] = False
-    variants: ClassVar[Sequence[str]] = ("",)  # items of the specs that tests/laws looks at
+    variants: ClassVar[Sequence[str]] = ("",)  # parameters, in spec syntax, of the specs that tests/laws covers
 
     def __init__(self, params: TechniqueParams) -> None:
         self.params = params
 
     @classmethod
     def unsupported(cls, params: TechniqueParams, view: View, device: Device) -> str | None:
-        """Why these parameters cannot answer this view on this device, in words; None when they can."""
+        """Why these parameters cannot draw this view on this device; None if they can."""
         return None
 
     @classmethod
     def declines(cls, params: TechniqueParams, view: View, device: Device) -> str | None:
-        """The reason of `unsupported`, or that `lights` lacks the view's; None when there is an answer."""
+        """Why the technique cannot draw this view, by `unsupported` or `lights`; None if it can."""
         reason = cls.unsupported(params, view, device)
         if reason is None and view.light.kind not in cls.lights:
             return f"a {view.light.kind} light; {cls.name} answers {' and '.join(sorted(cls.lights))} ones"
@@ -123,37 +128,37 @@ class Technique(ABC):
 
     @classmethod
     def view_slices(cls, params: TechniqueParams) -> int:
-        """How many slices of the view have a map each."""
+        """Number of frustum slices with a map of their own."""
         return 1
 
     @classmethod
     def extra_work(cls, params: TechniqueParams) -> str | None:
-        """Why these parameters are no choice where work is what ranks, in words; None when they may be one."""
+        """Why these parameters are excluded where specs are ranked by counts of work; None if they are not."""
         return None
 
     @abstractmethod
     def build(self, stage: Stage) -> None:
-        """Make programs, textures and buffers; nothing here may depend on a pose."""
+        """Create programs, textures and buffers, independent of the camera's and the light's pose."""
 
     @abstractmethod
     def draw(self, frame: Frame) -> moderngl.Texture:
-        """Visibility of every pixel: one float component, size × size, 1 where nothing receives."""
+        """Visibility of every pixel: one float component, size × size, 1 where no receiver is visible."""
 
     def map_image(self) -> NDArray[np.float32] | None:
-        """The map of the last draw as (H, W) linear depth in [0, 1], row 0 at the top; None without a map."""
+        """The map of the last draw, (H, W) linear depth in [0, 1], row 0 at the top; None for techniques without."""
         return None
 
     def tint(self) -> moderngl.Texture | None:
-        """Colours (RGBA, linear, of the image's size) to show what the last draw did where; None without any.
+        """Debug colours of the last draw, linear RGBA of the image's size; None if the technique has none.
 
-        Rendering on demand: a debug picture multiplies them into its surfaces.
+        Rendered only when called. A debug picture multiplies the shaded surfaces by them.
         """
         return None
 
     def facts(self) -> dict[str, float]:
-        """Numbers about the last draw that explain its row, such as a bias in metres.
+        """Statistics of the last draw for its row, such as a bias in metres.
 
-        `reads` (of textures) and `rays` are counted as work.
+        `reads` (texture reads) and `rays` count as work.
         """
         return {}
 

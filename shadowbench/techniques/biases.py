@@ -1,4 +1,4 @@
-"""Biases: what keeps a surface from shadowing itself. A row and, where it needs one, a shader file in `bias/`."""
+"""Depth biases against self-shadowing (acne): a row each and, if it needs one, a shader file in `bias/`."""
 
 from typing import Annotated, ClassVar, Literal, Self
 
@@ -11,9 +11,10 @@ MapKind = Literal["2d", "array", "cube"]
 
 
 class Bias(Row):
-    """Family of biases. `maps`: the map kinds that a row serves; `swept`: what a study's `bias_sweep` multiplies.
+    """Base class of the biases.
 
-    Several that act together are a `Sum`, written with `+`.
+    maps: the supported kinds of shadow map; swept: the parameters that a study's `bias_sweep` multiplies. Several
+    biases that act together are a `Sum`, written with `+`.
     """
 
     maps: ClassVar[frozenset[MapKind]] = frozenset({"2d", "array"})
@@ -21,54 +22,54 @@ class Bias(Row):
     shader = "bias/none.glsl"
 
     @classmethod
-    def chosen(cls, value: "Row | str | Call") -> "Bias":
-        """The bias, or the sum of biases, that a spec's value names; raises ValueError with the names allowed."""
+    def from_value(cls, value: "Row | str | Call") -> "Bias":
+        """The bias or sum of biases of a value in a spec. Raises ValueError with the allowed names."""
         value = parse_value(value) if isinstance(value, str) else value
         if isinstance(value, Call) and value.name == "+":
             return Sum(**value.keywords(["first", "second"]))
-        return value if isinstance(value, Sum) else super().chosen(value)
+        return value if isinstance(value, Sum) else super().from_value(value)
 
     @property
-    def parts(self) -> "tuple[Bias, ...]":
-        """The biases that act together."""
+    def terms(self) -> "tuple[Bias, ...]":
+        """The biases of a sum; the bias itself otherwise."""
         return (self,)
 
-    def times(self, factor: float) -> Self:
-        """The same with what is `swept` multiplied; raises ValidationError beyond a parameter's limits."""
+    def scaled(self, factor: float) -> Self:
+        """A copy with the `swept` parameters multiplied. Raises ValidationError beyond a parameter's limits."""
         return type(self)(**{**dict(self), **{name: getattr(self, name) * factor for name in self.swept}})
 
     @property
     def polygon_offset(self) -> tuple[float, float]:
-        """(factor, units) of the depth pass."""
+        """(factor, units) of glPolygonOffset in the depth pass."""
         return (0.0, 0.0)
 
     @property
     def cull(self) -> Literal["", "front"]:
-        """Which faces the depth pass leaves out."""
+        """The faces that the depth pass culls."""
         return ""
 
     @property
     def depth_units(self) -> float | None:
-        """A bias that is fixed in [0, 1] depth, at its least; None for one that is not."""
+        """The smallest bias in units of [0, 1] depth; None for a bias that is not fixed in these units."""
         return None
 
 
 class NoBias(Bias):
-    """No bias: shows what acne costs."""
+    """No bias: shows the acne."""
 
     name = "none"
     maps = frozenset({"2d", "array", "cube"})
 
 
 class Constant(Bias):
-    """The same everywhere: in units of depth, which in metres change with the fit, or in metres along the light."""
+    """A constant bias, in units of depth, whose length in metres changes with the fit, or in metres along the light."""
 
     name = "constant"
     shader = "bias/constant.glsl"
     maps = frozenset({"2d", "array", "cube"})
     swept = ("units", "world")
-    units: float = param(0.005, "depth in [0, 1] that is subtracted from the receiver's", ge=0, le=1)
-    world: float = param(0.0, "metres; takes the place of units where it is above 0", ge=0, metres=True)
+    units: float = param(0.005, "subtracted from the receiver's depth in [0, 1]", ge=0, le=1)
+    world: float = param(0.0, "metres along the light; above 0 it replaces units", ge=0, metres=True)
 
     @property
     def depth_units(self) -> float | None:
@@ -76,16 +77,16 @@ class Constant(Bias):
 
 
 class BeforeDivide(Bias):
-    """Subtracted before the division by w, as published code that calls textureProj does.
+    """A constant subtracted before the division by w, as in published code that calls textureProj.
 
-    For a directional light, w being 1, the same as `constant`. For a spot w is the distance along its axis in metres:
-    as a length along the axis the bias grows with that distance, not with its square as `constant` does.
+    The same as `constant` for a directional light, where w is 1. For a spot, w is the distance along its axis in
+    metres: as a length along the axis, this bias grows with the distance, `constant` with its square.
     """
 
     name = "before-divide"
     shader = "bias/before-divide.glsl"
     swept = ("units",)
-    units: float = param(0.01, "homogeneous depth that is subtracted from the receiver's", ge=0, le=1)
+    units: float = param(0.01, "subtracted from the receiver's homogeneous depth", ge=0, le=1)
 
     @property
     def depth_units(self) -> float | None:
@@ -93,14 +94,14 @@ class BeforeDivide(Bias):
 
 
 class Slope(Bias):
-    """max · (1 − N·L), but at least min: as course notes publish it."""
+    """Slope-scaled depth bias max · (1 − N·L), but at least min, as published in course notes."""
 
     name = "slope"
     shader = "bias/slope.glsl"
     maps = frozenset({"2d", "array", "cube"})
     swept = ("max", "min")
-    max: float = param(0.05, "depth at grazing light", ge=0, le=1)
-    min: float = param(0.005, "depth at steep light", ge=0, le=1)
+    max: float = param(0.05, "bias in depth at grazing light", ge=0, le=1)
+    min: float = param(0.005, "least bias in depth", ge=0, le=1)
 
     @property
     def depth_units(self) -> float | None:
@@ -108,12 +109,12 @@ class Slope(Bias):
 
 
 class PolygonOffset(Bias):
-    """glPolygonOffset in the depth pass: by the polygon's own slope, plus units of the smallest step of the format."""
+    """glPolygonOffset in the depth pass: a multiple of the polygon's depth slope, plus steps of the depth format."""
 
     name = "polygon-offset"
     swept = ("factor", "units")
-    factor: float = param(2.0, "times the polygon's steepest depth slope a texel", ge=-100, le=100)
-    units: float = param(4.0, "times the smallest step of the depth format", ge=-1e6, le=1e6)
+    factor: float = param(2.0, "multiple of the polygon's largest depth slope per texel", ge=-100, le=100)
+    units: float = param(4.0, "multiple of the smallest step of the depth format", ge=-1e6, le=1e6)
 
     @property
     def polygon_offset(self) -> tuple[float, float]:
@@ -121,7 +122,7 @@ class PolygonOffset(Bias):
 
 
 class FrontCull(Bias):
-    """The depth pass draws back faces only: for closed casters; thin ones and contact leak."""
+    """Front-face culling in the depth pass. Needs closed casters; light leaks at contacts and behind thin casters."""
 
     name = "front-cull"
     maps = frozenset({"2d", "array", "cube"})
@@ -132,50 +133,54 @@ class FrontCull(Bias):
 
 
 class NormalOffset(Bias):
-    """Moves the receiver along its normal by scale · radius texel diagonals · sin θ (Holbert 2011)."""
+    """Offset of the receiver along its normal by scale · radius texel diagonals · sin θ (Holbert 2011)."""
 
     name = "normal-offset"
     shader = "bias/normal-offset.glsl"
     maps = frozenset({"2d", "array", "cube"})
     swept = ("scale",)
-    scale: float = param(1.0, "times the filter's reach", ge=0, le=100)
-    ulps: float = param(4.0, "steps of the depth format on top", ge=0, le=1e6)
+    scale: float = param(1.0, "multiple of the filter radius", ge=0, le=100)
+    ulps: float = param(4.0, "steps of the depth format added to the bias", ge=0, le=1e6)
 
 
 class ReceiverPlane(Bias):
-    """Every texel is compared with the receiver's own plane above its centre (after Isidoro 2006)."""
+    """Comparison of each texel with the receiver's plane at the texel's centre (after Isidoro 2006)."""
 
     name = "receiver-plane"
     shader = "bias/receiver-plane.glsl"
     swept = ("slack",)
-    gradient: Literal["plane", "derivative"] = param("plane", "from the geometric normal, or by screen derivatives")
-    limit: float = param(10.0, "tan θ that the gradient is limited to", gt=0, le=1e6)
-    slack: float = param(1.5, "texel widths along the ray, for surfaces that bend within a texel", ge=0, le=1e6)
-    ulps: float = param(4.0, "steps of the depth format on top", ge=0, le=1e6)
+    gradient: Literal["plane", "derivative"] = param("plane", "from the geometric normal or from screen derivatives")
+    limit: float = param(10.0, "tan θ to which the gradient is limited", gt=0, le=1e6)
+    slack: float = param(1.5, "texel widths along the ray, for surfaces curved within a texel", ge=0, le=1e6)
+    ulps: float = param(4.0, "steps of the depth format added to the bias", ge=0, le=1e6)
 
 
 class Texel(Bias):
-    """Filter radius · texel diagonal · tan θ as a length along the ray: follows size, fit and filter."""
+    """Filter radius · texel diagonal · tan θ as a length along the ray; adapts to map size, fit and filter."""
 
     name = "texel"
     shader = "bias/texel.glsl"
     maps = frozenset({"2d", "array", "cube"})
     swept = ("scale",)
-    scale: float = param(1.0, "times the depth that the slope makes of the filter's reach", ge=0, le=100)
-    limit: float = param(16.0, "most, in filter radii · texel widths; twice that under a lamp", gt=0, le=1e6)
-    ulps: float = param(4.0, "steps of the depth format on top", ge=0, le=1e6)
-    grazing: float = param(50.0, "tan θ from which the receiver moves along its normal instead", ge=0, le=1e6)
+    scale: float = param(
+        1.0, "multiple of the depth change of the receiver's plane over the filter radius", ge=0, le=100
+    )
+    limit: float = param(
+        16.0, "largest bias, in filter radii · texel widths; doubled for spot and point lights", gt=0, le=1e6
+    )
+    ulps: float = param(4.0, "steps of the depth format added to the bias", ge=0, le=1e6)
+    grazing: float = param(50.0, "tan θ from which the receiver is offset along its normal instead", ge=0, le=1e6)
 
 
 class Sum(Bias):
-    """Biases that act together, `polygon-offset(2,4)+before-divide(0.01)`: offsets, moves and depths add up.
+    """The sum of two biases, `polygon-offset(2,4)+before-divide(0.01)`: their offsets and depths add up.
 
-    No row of the family's table, but what specs join of them; `second` may be a sum again.
+    Not a named row; specs form it with `+`. `second` may be a sum.
     """
 
     shader = "bias/sum.glsl"
-    first: Annotated[Bias, BeforeValidator(Bias.chosen)]
-    second: Annotated[Bias, BeforeValidator(Bias.chosen)]
+    first: Annotated[Bias, BeforeValidator(Bias.from_value)]
+    second: Annotated[Bias, BeforeValidator(Bias.from_value)]
 
     @model_validator(mode="after")
     def _has_one_form(self) -> Self:
@@ -184,22 +189,22 @@ class Sum(Bias):
         return self
 
     @property
-    def parts(self) -> tuple[Bias, ...]:
-        return (self.first, *self.second.parts)
+    def terms(self) -> tuple[Bias, ...]:
+        return (self.first, *self.second.terms)
 
-    def times(self, factor: float) -> Self:
-        return type(self)(first=self.first.times(factor), second=self.second.times(factor))
+    def scaled(self, factor: float) -> Self:
+        return type(self)(first=self.first.scaled(factor), second=self.second.scaled(factor))
 
     @property
     def polygon_offset(self) -> tuple[float, float]:
-        factors, units = zip(*(part.polygon_offset for part in self.parts), strict=True)
+        factors, units = zip(*(term.polygon_offset for term in self.terms), strict=True)
         return (sum(factors), sum(units))
 
     @property
     def cull(self) -> Literal["", "front"]:
-        return next((part.cull for part in self.parts if part.cull), "")
+        return next((term.cull for term in self.terms if term.cull), "")
 
     @property
     def depth_units(self) -> float | None:
-        fixed = [part.depth_units for part in self.parts if part.depth_units is not None]
+        fixed = [term.depth_units for term in self.terms if term.depth_units is not None]
         return sum(fixed) if fixed else None

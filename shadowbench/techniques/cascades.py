@@ -1,4 +1,4 @@
-"""Cascaded shadow maps: the camera's frustum in slices, a map each (Engel 2006; Zhang, Sun, Xu and Lun 2006)."""
+"""Cascaded shadow maps: one map per slice of the camera's frustum (Engel 2006; Zhang, Sun, Xu and Lun 2006)."""
 
 from functools import cached_property
 from typing import Annotated, Literal, Self
@@ -13,58 +13,64 @@ from shadowbench.geometry.lights import Box, LightSpace, LightView, light_space,
 from shadowbench.geometry.slices import Slice, slices, snapped, stretched
 from shadowbench.gl.device import Device
 from shadowbench.gl.program import Value
-from shadowbench.gl.targets import DepthFormat, refused
+from shadowbench.gl.targets import DepthFormat, unsupported_map
 from shadowbench.scenes.model import View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.biases import Bias, Texel
 from shadowbench.techniques.filters import Filter, Hardware
-from shadowbench.techniques.maps import MAP_GRID, CasterMap, map_textures, map_uniforms, without_meaning
+from shadowbench.techniques.maps import MAP_GRID, CasterMap, map_textures, map_uniforms, unsupported_rows
 from shadowbench.techniques.params import one_of
 from shadowbench.techniques.resolve import ResolvePass
-from shadowbench.techniques.splits import Practical, Split
+from shadowbench.techniques.splits import PracticalSplit, Split
 
 
 class Cascades(Technique):
-    """A depth map for each slice of the camera's frustum, so that texels are small where pixels are.
+    """A depth map for each slice of the camera's frustum, so that texels are small near the camera.
 
-    The first cascade whose box holds a point answers for it, or the one of its view depth. Fails against one map fitted
-    to what is seen where all of it lies at about one distance, since slices are cut whether or not anything is in them;
-    the step in sharpness between two cascades shows, and a blend only softens it. Without depth_clamp, casters further
-    towards the light than z_mult reaches cast nothing, and a bias in units of depth grows with it. stable holds still
-    while the camera moves or turns, but for pixels that pass from one cascade to another, not when its planes or its
-    angle of view change. A bias by screen derivatives breaks where two cascades meet. Casters are drawn once a cascade.
+    A receiver is looked up in the first cascade whose box contains it, or in the cascade of its view depth. Worse than
+    one map fitted to the visible receivers if all of them are at about the same distance, since empty slices take their
+    share of the texels. The change of resolution between two cascades is visible; a blend only softens it. Without
+    depth_clamp, casters in front of the map's depth range, which z_mult stretches, cast no shadow, and a bias in units
+    of depth grows with the range. With stable, shadows do not shimmer while the camera moves or turns, except on pixels
+    that change cascades; they do when its near and far planes or its field of view change. A bias from screen
+    derivatives fails where two cascades meet. Casters are drawn once per cascade.
     """
 
     name = "cascades"
     lights = frozenset({"directional"})
     phased = True
-    shown_in = "deep-street"
+    picture_scene = "deep-street"
     grid = {"count": (2, 3, 5), **MAP_GRID, "size": (256, 512, 1024, 2048)}
     variants = ("box=scene", "box=tight", "box=sphere,stable=true")
 
     class Params(TechniqueParams):
         """Parameters of cascades."""
 
-        count: int = param(5, "cascades", ge=1, le=8)
-        split: Annotated[Split, one_of(Split)] = param(Practical(), "where the frustum is cut")
+        count: int = param(5, "number of cascades", ge=1, le=8)
+        split: Annotated[Split, one_of(Split)] = param(PracticalSplit(), "view depths at which the frustum is split")
         box: Literal["scene", "tight", "sphere"] = param(
             "scene",
-            "what a map shows of its slice: what lies in the scene's bounds, its corners, or a sphere around it",
+            "map bounds: of the slice's part inside the scene's bounds, of the slice, or of its bounding sphere",
         )
         stable: bool = param(False, "moves a map by whole texels only; needs box=sphere")
-        depth_clamp: bool = param(True, "keeps casters in front of near, at near")
+        depth_clamp: bool = param(True, "clamps casters in front of the near plane to it")
         z_mult: float = param(
-            10.0, "without it, times the slice's range along the light, about its middle", ge=1, le=1e4
+            10.0, "without depth_clamp, factor on the map's depth range, about its middle", ge=1, le=1e4
         )
-        select: Literal["box", "depth"] = param("box", "the first cascade whose box holds the point, or by view depth")
-        blend: float = param(0.0, "share of a cascade, at its border, that fades into the next", ge=0, le=0.5)
+        select: Literal["box", "depth"] = param(
+            "box", "the first cascade whose box contains the point, or by view depth"
+        )
+        blend: float = param(
+            0.0, "width of the border that fades into the next cascade, as a share of a cascade", ge=0, le=0.5
+        )
         size: int = param(1024, "texels along a side of each map", ge=1, le=65536)
         depth: DepthFormat = param("d32f", "depth format")
-        bias: Annotated[Bias, one_of(Bias)] = param(Texel(), "what keeps a surface from shadowing itself")
-        filter: Annotated[Filter, one_of(Filter)] = param(Hardware(), "how texels are compared and weighted")
-        layers: Literal["geometry", "passes"] = param("passes", "all maps in one draw, by geometry shader, or one each")
-
-        cull: bool = param(True, "leaves out casters that can reach no receiver that a map shows")
+        bias: Annotated[Bias, one_of(Bias)] = param(Texel(), "bias against self-shadowing")
+        filter: Annotated[Filter, one_of(Filter)] = param(Hardware(), "filter of the depth comparisons")
+        layers: Literal["geometry", "passes"] = param(
+            "passes", "one draw for all maps by geometry shader, or one per map"
+        )
+        cull: bool = param(True, "skips casters that cannot shadow any receiver in the map")
 
         @model_validator(mode="after")
         def _agree(self) -> Self:
@@ -81,8 +87,8 @@ class Cascades(Technique):
         assert isinstance(params, cls.Params)
         if view.light.kind != "directional":
             return f"a {view.light.kind} light shines from a place; cascades follow a directional one"
-        meaningless = without_meaning("array", params.bias, params.filter)
-        return meaningless or refused(device, params.size, params.depth, "array", params.count)
+        incompatible = unsupported_rows("array", params.bias, params.filter)
+        return incompatible or unsupported_map(device, params.size, params.depth, "array", params.count)
 
     @classmethod
     def view_slices(cls, params: TechniqueParams) -> int:
@@ -121,26 +127,27 @@ class Cascades(Technique):
             boxes = (self._box(space, part, frame.phase.shift) for part in self.slices)
             self.light_views = [LightView(space, box, self.params.size) for box in boxes]
         with frame.timed("depth", changes="view"):
-            self.map.draw(frame, self.light_views, at_once=self.params.layers == "geometry")
+            self.map.draw(frame, self.light_views, layered=self.params.layers == "geometry")
         with frame.timed("resolve", changes="view"):
             return self.resolve(frame, map_textures(self.map.texture), **self._uniforms(frame))
 
     def _slices(self, frame: Frame) -> list[Slice]:
         params = self.params
         depths = params.split.depths(*frame.view.near_far, params.count)
-        # By view depth, the next cascade must hold what fades into it; by box, only one that does is faded into.
+        # Selected by depth, a cascade must contain the receivers that the previous one blends into it. Selected by box,
+        # only a cascade that contains the receiver is blended.
         return slices(frame.camera, depths, params.blend if params.select == "depth" else 0.0)
 
     def _box(self, space: LightSpace, part: Slice, shift: tuple[float, float]) -> Box:
         params, padding = self.params, self.reach + 1
-        # A clamped map has no need of a longer range, which would coarsen its depths and every bias given in them.
-        longer = 1.0 if params.depth_clamp else params.z_mult
+        # With depth clamping a longer range would only cost depth precision and enlarge biases in units of depth.
+        depth_factor = 1.0 if params.depth_clamp else params.z_mult
         if params.box != "sphere":
             hull = self.hull
             points = part.corners if params.box == "tight" else part.corners_within(hull.bounds, hull.extent)
-            return window(stretched(space.box(points), longer), space, params.size, padding, shift)
+            return window(stretched(space.box(points), depth_factor), space, params.size, padding, shift)
         center, radius = part.sphere
-        half = np.array([radius, radius, radius * longer])
+        half = np.array([radius, radius, radius * depth_factor])
         if params.stable:
             return snapped(space, center, half, params.size, padding, shift)
         middle = space.box(center[None]).low
@@ -168,8 +175,8 @@ class Cascades(Technique):
 
     def facts(self) -> dict[str, float]:
         scale = self.stage.placement.scale
-        facts: dict[str, float] = {"culled_triangles": self.map.left_out}
-        if self.params.blend:  # every pixel is looked up in two cascades
+        facts: dict[str, float] = {"culled_triangles": self.map.culled}
+        if self.params.blend:  # every pixel reads two cascades
             facts["reads"] = 2 * self.params.filter.reads * self.stage.size[0] * self.stage.size[1]
         for number, (part, light_view) in enumerate(zip(self.slices, self.light_views, strict=True), start=1):
             facts[f"far_{number}_m"] = part.far / scale

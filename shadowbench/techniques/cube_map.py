@@ -1,4 +1,4 @@
-"""Shadow mapping of a point light with one cube of distances."""
+"""Shadow mapping of a point light with a cube map of distances."""
 
 from typing import Annotated, Literal
 
@@ -9,36 +9,36 @@ from numpy.typing import NDArray
 from shadowbench.geometry.hull import SceneHull
 from shadowbench.gl.device import Device
 from shadowbench.gl.program import Value
-from shadowbench.gl.targets import DepthFormat, refused
+from shadowbench.gl.targets import DepthFormat, unsupported_map
 from shadowbench.scenes.model import Floats, View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.biases import Bias, Texel
 from shadowbench.techniques.filters import Filter, Hardware
-from shadowbench.techniques.maps import MAP_GRID, CasterMap, map_textures, without_meaning
+from shadowbench.techniques.maps import MAP_GRID, CasterMap, map_textures, unsupported_rows
 from shadowbench.techniques.params import one_of
 from shadowbench.techniques.resolve import ResolvePass
 
-_MARGIN = 1.001  # so that what lies farthest is not stored as an empty texel is
-_NEAREST = 2.0**-24  # of far: below what float32 positions can tell from the light itself
+_MARGIN = 1.001  # so that the farthest caster is stored nearer than an empty texel
+_NEAREST = 2.0**-24  # near plane as a share of far: closer to the light than float32 positions can resolve
 _AXES = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])
 # (6, 4, 3) normals of the planes between a face's pyramid and its neighbours, through the light.
 _SIDES = np.array([[axis + side for side in np.vstack([np.eye(3), -np.eye(3)]) if side @ axis == 0] for axis in _AXES])
-_ACROSS = ((None, 2, None, None), (1, 4, 0, 5), (None, 3, None, None))  # faces, unfolded around +Z
+_CROSS = ((None, 2, None, None), (1, 4, 0, 5), (None, 3, None, None))  # faces of the unfolded cube, +Z in front
 
 
 class CubeMap(Technique):
     """Six square maps around a point light that store the distance to it (after Gerasimov, GPU Gems 2004).
 
-    The faces lie along the world's axes, so that a phase has nothing to shift. A spot is answered as the point light
-    that its cone is cut from, and leaves most of the cube unused, as a lamp far outside the scene does. Fails where a
-    texel, which grows with the distance, covers more than a pixel (stairs); behind casters thinner than the bias, which
-    grows with the light's slant (leaks); and in dots along concave edges, where a texel holds the other surface. The
-    published constant bias leaves acne under a low lamp, all the more under pcf-20, and leaks at contacts.
+    The faces are aligned with the world's axes, so that a phase does not shift them. A spot is drawn as a point light
+    and leaves most of the cube unused, as does a light far outside the scene. Fails where a texel, which grows with the
+    distance, covers more than a pixel (stairs), behind casters thinner than the bias, which grows towards grazing
+    light (leaks), and in dots along concave edges, where a texel stores the depth of the other surface. The published
+    constant bias leaves acne under a low light, most with pcf-20, and leaks at contacts.
     """
 
     name = "cube-map"
     lights = frozenset({"spot", "point"})
-    shown_in = "lamp-by-wall"
+    picture_scene = "lamp-by-wall"
     grid = MAP_GRID
     presets = {"course": "bias=constant(world=0.05),filter=pcf-20"}
 
@@ -47,10 +47,12 @@ class CubeMap(Technique):
 
         size: int = param(1024, "texels along a side of a face", ge=1, le=65536)
         depth: DepthFormat = param("d32f", "depth format")
-        layers: Literal["geometry", "passes"] = param("passes", "one draw for all faces, by geometry shader, or six")
-        bias: Annotated[Bias, one_of(Bias)] = param(Texel(limit=64), "what keeps a surface from shadowing itself")
-        filter: Annotated[Filter, one_of(Filter)] = param(Hardware(), "how texels are compared and weighted")
-        cull: bool = param(True, "leaves out casters that a face does not show, of layers=passes")
+        layers: Literal["geometry", "passes"] = param(
+            "passes", "one draw for all faces by geometry shader, or six draws"
+        )
+        bias: Annotated[Bias, one_of(Bias)] = param(Texel(limit=64), "bias against self-shadowing")
+        filter: Annotated[Filter, one_of(Filter)] = param(Hardware(), "filter of the depth comparisons")
+        cull: bool = param(True, "skips casters outside a face's frustum; only with layers=passes")
 
     params: Params
 
@@ -59,14 +61,16 @@ class CubeMap(Technique):
         assert isinstance(params, cls.Params)
         if view.light.kind == "directional":
             return "a directional light has no position to look around from"
-        return without_meaning("cube", params.bias, params.filter) or refused(device, params.size, params.depth, "cube")
+        return unsupported_rows("cube", params.bias, params.filter) or unsupported_map(
+            device, params.size, params.depth, "cube"
+        )
 
     def build(self, stage: Stage) -> None:
         params = self.params
         self.stage = stage
         self.hull = SceneHull(stage.scene)
-        at_once = params.layers == "geometry"
-        texts = ("cube-map/casters.vert", "cube-map/depth.frag", "cube-map/faces.geom" if at_once else None)
+        layered = params.layers == "geometry"
+        texts = ("cube-map/casters.vert", "cube-map/depth.frag", "cube-map/faces.geom" if layered else None)
         self.map = CasterMap(
             stage,
             stage.program(*texts, params=params),
@@ -75,7 +79,7 @@ class CubeMap(Technique):
             "cube",
             bias=params.bias,
             clamp=False,
-            cull=params.cull and not at_once,
+            cull=params.cull and not layered,
         )
         self.resolve = ResolvePass(stage, "cube-map/resolve.frag", params)
 
@@ -98,22 +102,22 @@ class CubeMap(Technique):
             )
 
     def _draws(self, frame: Frame) -> list[tuple[dict[str, Value], list[Floats]]]:
-        """All faces at once, or each by itself with the planes of its pyramid."""
+        """Uniforms and cull regions of each draw: one for all faces, or one per face with its pyramid's planes."""
         if self.params.layers == "geometry":
             return [({}, [])]
         planes = [np.column_stack([sides, -sides @ frame.light.position]) for sides in _SIDES]
         return [({"face": face}, [pyramid]) for face, pyramid in enumerate(planes)]
 
     def map_image(self) -> NDArray[np.float32]:
-        """The faces unfolded into a cross, (3·size, 4·size), as the light sees them: +Z in front, +X to its left."""
-        faces = self.map.texture.read()  # a cube's row 0 is the top, unlike any other map's
+        """The faces as an unfolded cross, (3·size, 4·size), seen from the light: +Z in front, +X to its left."""
+        faces = self.map.texture.read()  # row 0 is the top of a cube's faces, the bottom of other maps
         empty = np.ones_like(faces[0])
-        cross = np.block([[empty if face is None else faces[face] for face in row] for row in _ACROSS])
+        cross = np.block([[empty if face is None else faces[face] for face in row] for row in _CROSS])
         return np.fliplr(cross)
 
     def facts(self) -> dict[str, float]:
         far = self.far / self.stage.placement.scale
         facts = {"texel_m": 2 * far / self.params.size, "depth_range_m": far}
-        facts["culled_triangles"] = self.map.left_out
+        facts["culled_triangles"] = self.map.culled
         units = self.params.bias.depth_units
         return facts if units is None else facts | {"bias_m": units * far}

@@ -1,4 +1,4 @@
-"""Filters: how many texels are compared, and how they are weighted. A row and a shader file in `filter/`."""
+"""Shadow-map filters, the compared texels and their weights: a row and a shader file in `filter/` each."""
 
 from typing import ClassVar, Literal
 
@@ -7,22 +7,22 @@ from shadowbench.techniques.params import Row, param
 
 
 class Filter(Row):
-    """Family of filters. `maps` names the map kinds that a row serves."""
+    """Base class of the filters. `maps`: the supported kinds of shadow map."""
 
     maps: ClassVar[frozenset[MapKind]] = frozenset({"2d", "array"})
 
     def radius(self, size: int) -> float:
-        """How far from the receiver's point a compared texel reaches, in texels of a map of this size."""
+        """Largest distance from the receiver's point to any point of a compared texel, in texels of a map of `size`."""
         raise NotImplementedError(self.name)
 
     @property
     def reads(self) -> int:
-        """Reads of the map's sampler for a pixel, one that the hardware blends from four texels being one read."""
+        """Texture reads per pixel; a hardware comparison of 2×2 texels is one read."""
         raise NotImplementedError(self.name)
 
 
 class Hard(Filter):
-    """The one texel that holds the point."""
+    """The nearest texel."""
 
     name = "hard"
     shader = "filter/hard.glsl"
@@ -37,7 +37,7 @@ class Hard(Filter):
 
 
 class Hardware(Filter):
-    """The sampler's own comparison, 2×2 texels with linear weights."""
+    """Hardware comparison: 2×2 texels with bilinear weights."""
 
     name = "hardware"
     shader = "filter/hardware.glsl"
@@ -52,7 +52,7 @@ class Hardware(Filter):
 
 
 class PCF(Filter):
-    """Percentage-closer filtering: an n×n box at texel steps (Reeves, Salesin and Cook 1987)."""
+    """Percentage-closer filtering over n×n texels, equally weighted (Reeves, Salesin and Cook 1987)."""
 
     name = "pcf"
     shader = "filter/pcf.glsl"
@@ -68,12 +68,14 @@ class PCF(Filter):
 
 
 class Dither4(Filter):
-    """Four taps whose pattern moves with the pixel's parity (Bunnell and Pellacini 2004)."""
+    """Four taps in a pattern that alternates with the pixel's parity (Bunnell and Pellacini 2004)."""
 
     name = "dither-4"
     shader = "filter/dither-4.glsl"
-    width: float = param(2.5, "step between taps", gt=0, le=64)
-    unit: Literal["texel", "map"] = param("texel", "of the width: texels, or thousandths of the map as published")
+    width: float = param(2.5, "distance between taps", gt=0, le=64)
+    unit: Literal["texel", "map"] = param(
+        "texel", "unit of width: texels, or thousandths of the map's side as published"
+    )
 
     def radius(self, size: int) -> float:
         width = self.width * size / 1000 if self.unit == "map" else self.width
@@ -85,15 +87,17 @@ class Dither4(Filter):
 
 
 class PCF20(Filter):
-    """Twenty fixed directions around the receiver, wider with its distance to the camera (Learn OpenGL, de Vries)."""
+    """Twenty fixed directions around the receiver, spread by its distance to the camera (Learn OpenGL, de Vries)."""
 
     name = "pcf-20"
     shader = "filter/pcf-20.glsl"
     maps = frozenset({"cube"})
-    spread: float = param(0.04, "metres at the camera, twice as many at its far plane", gt=0, metres=True)
+    spread: float = param(
+        0.04, "offset of the taps in metres at the camera, twice that at its far plane", gt=0, metres=True
+    )
 
     def radius(self, size: int) -> float:
-        return 0.5  # of each direction's own texel; how far they reach changes from pixel to pixel
+        return 0.5  # of each tap's own texel; the shader adds the spread, which changes from pixel to pixel
 
     @property
     def reads(self) -> int:

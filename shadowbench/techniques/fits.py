@@ -1,4 +1,4 @@
-"""Fits: which part of the light's space a map shows. One row each; all but `fixed` pad what they find."""
+"""Fits, the part of light space that a shadow map covers: a row each. All but `fixed` pad it by the filter radius."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ Reduction = Callable[[LightSpace], Box | None]
 
 @dataclass(frozen=True, eq=False)
 class FitContext:
-    """The inputs of a fit: the view, the scene's hull, and the bounds of the visible receivers in a light space."""
+    """Inputs of a fit: the view, the scene's hull, and a function for the visible receivers' box in a light space."""
 
     view: View
     placement: Placement
@@ -27,30 +27,36 @@ class FitContext:
 
 
 class Fit(Row):
-    """Family of fits. `clamps`: casters in front of near are kept, by depth clamp, since near holds receivers alone."""
+    """Base class of the fits.
+
+    clamps: whether casters in front of the near plane are clamped to it, as near and far bound the receivers only.
+    """
 
     clamps: ClassVar[bool] = True
 
     @property
     def moves_with(self) -> Changes:
-        """What makes the map stale: "light", or "view" where the camera does too."""
+        """What invalidates the map: "light" motion, or "view" (camera or light motion)."""
         return "view"
 
-    def receivers(self, space: LightSpace, context: FitContext) -> Box | None:
-        """What the map must show; None for nothing at all."""
+    def receiver_bounds(self, space: LightSpace, context: FitContext) -> Box | None:
+        """Box of the receivers that the map must cover, in light space; None if there are none."""
         raise NotImplementedError(self.name)
 
     def light_view(self, context: FitContext, size: int, padding: float, shift: tuple[float, float]) -> LightView:
-        """The view of a map of size² texels: the receivers, padded by texels and shifted by parts of one."""
+        """The light view of a map of size² texels, fitted to the receivers.
+
+        padding: texels added on each side; shift: offset of the texel grid, in texels.
+        """
         space = light_space(context.view.light)
-        box = self.receivers(space, context) or Box(np.zeros(3), np.ones(3))
+        box = self.receiver_bounds(space, context) or Box(np.zeros(3), np.ones(3))
         return LightView(space, window(box, space, size, padding, shift), size)
 
 
-class Fixed(Fit):
-    """The published constants: an orthographic box looking at the file's origin, or a 45° perspective.
+class FixedFit(Fit):
+    """The published constants: an orthographic box aimed at the file's origin, or a 45° perspective.
 
-    What lies in front of its near plane is cut off, and casts nothing.
+    Casters in front of the near plane are clipped, and cast no shadow.
     """
 
     name = "fixed"
@@ -58,8 +64,8 @@ class Fixed(Fit):
     half: float = param(10.0, "half the side of the orthographic box", gt=0, metres=True)
     near: float = param(1.0, "near plane", gt=0, metres=True)
     far: float = param(7.5, "far plane", gt=0, metres=True)
-    distance: float = param(4.58, "of a directional light from the origin", metres=True)
-    fov: float = param(45.0, "degrees of the perspective", gt=0, le=170)
+    distance: float = param(4.58, "distance of a directional light's box from the origin", metres=True)
+    fov: float = param(45.0, "field of view of the perspective, in degrees", gt=0, le=170)
 
     def light_view(self, context: FitContext, size: int, padding: float, shift: tuple[float, float]) -> LightView:
         metres, space = context.placement.length, light_space(context.view.light)
@@ -77,11 +83,11 @@ class Fixed(Fit):
 
 
 class SceneFit(Fit):
-    """The tight box of all casters and receivers."""
+    """The bounding box of all casters and receivers."""
 
     name = "scene"
 
-    def receivers(self, space: LightSpace, context: FitContext) -> Box | None:
+    def receiver_bounds(self, space: LightSpace, context: FitContext) -> Box | None:
         if not space.perspective:
             return space.box(context.hull.points)
         return _region(space, context, [])
@@ -92,25 +98,25 @@ class SceneFit(Fit):
 
 
 class ViewFit(Fit):
-    """The camera's frustum within the scene's bounds."""
+    """The bounding box of the scene's bounds inside the camera's frustum."""
 
     name = "view"
 
-    def receivers(self, space: LightSpace, context: FitContext) -> Box | None:
+    def receiver_bounds(self, space: LightSpace, context: FitContext) -> Box | None:
         return _region(space, context, [view_planes(context.view)])
 
 
-class Visible(Fit):
-    """The receivers that are seen, by a reduction over the G-buffer (Lauritzen, Salvi and Lefohn 2011)."""
+class VisibleFit(Fit):
+    """The bounding box of the visible receivers, reduced from the G-buffer (Lauritzen, Salvi and Lefohn 2011)."""
 
     name = "visible"
 
-    def receivers(self, space: LightSpace, context: FitContext) -> Box | None:
+    def receiver_bounds(self, space: LightSpace, context: FitContext) -> Box | None:
         return context.visible_bounds(space)
 
 
 def _region(space: LightSpace, context: FitContext, more: list[Floats]) -> Box | None:
-    """Box of the scene's bounds within further planes, and within the base frustum of a perspective light."""
+    """Light-space box of the scene's bounds inside `more` planes and inside a spot's cone; None if that is empty."""
     planes = [box_planes(context.hull.bounds), *more]
     if space.perspective:
         reach = 2 * context.hull.extent + float(np.abs(space.origin).max())

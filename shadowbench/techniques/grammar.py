@@ -1,4 +1,4 @@
-"""The grammar of specs, read from left to right.
+"""Grammar and recursive-descent parser of specs.
 
 spec  = name [":" item {"," item}]          item = key "=" value
 value = one {"+" one}        one = number | word ["(" argument {"," argument} ")"]        argument = [key "="] value
@@ -19,21 +19,21 @@ _TOKEN = re.compile(
 )
 
 LONGEST = 1000
-"""Characters of a spec."""
+"""Largest number of characters of a spec."""
 
 DEEPEST = 8
-"""Calls within calls."""
+"""Largest depth of nested calls."""
 
 
 @dataclass(frozen=True)
 class Call:
-    """A word with its own parameters: `slope(max=0.05)`; of values that are added, `+` with both sides."""
+    """A word with parameters, `slope(max=0.05)`, or a sum, with the name `+` and both operands as arguments."""
 
     name: str
     arguments: tuple[tuple[str | None, Any], ...]
 
     def keywords(self, order: list[str]) -> dict[str, Any]:
-        """The arguments by name, those without one taken in `order`; raises ValueError where that fails."""
+        """The arguments by name, positional ones in `order`. Raises ValueError for too many or repeated ones."""
         named: dict[str, Any] = {}
         for index, (key, value) in enumerate(self.arguments):
             if key is None and index >= len(order):
@@ -46,7 +46,7 @@ class Call:
 
 
 class Reader:
-    """Tokens of one text, read from left to right."""
+    """Parser of one spec."""
 
     def __init__(self, text: str) -> None:
         if len(text) > LONGEST:
@@ -61,7 +61,7 @@ class Reader:
                           f"spec {self.text!r}: expected {wanted}, found its end")  # fmt: skip
 
     def token(self, kind: str, text: str | None = None) -> str | None:
-        """The next token when it is of this kind (and text); None, reading nothing, when it is not."""
+        """Consume and return the next token if it is of this kind (and text); None otherwise."""
         match = _TOKEN.match(self.text, self.at)
         if match is None or match.lastgroup != kind or text not in (None, match[kind]):
             return None
@@ -73,22 +73,22 @@ class Reader:
             raise self.fail("a comma or the end")
 
     def value(self) -> Any:
-        first = self.one()
+        first = self.operand()
         if not self.token("mark", "+"):
             return first
-        with self.deeper("+"):
+        with self.nested("+"):
             return Call("+", ((None, first), (None, self.value())))
 
     @contextmanager
-    def deeper(self, word: str) -> Iterator[None]:
-        """One call within another; raises InputError beyond DEEPEST."""
+    def nested(self, word: str) -> Iterator[None]:
+        """Enter a nested call. Raises InputError beyond `DEEPEST`."""
         self.depth += 1
         if self.depth > DEEPEST:
             raise InputError(f"spec {self.text!r}: {word} is nested deeper than {DEEPEST} calls")
         yield
         self.depth -= 1
 
-    def one(self) -> Any:
+    def operand(self) -> Any:
         number = self.token("number")
         if number is not None:
             return int(number) if re.fullmatch(r"[-+]?\d+", number) else float(number)
@@ -96,7 +96,7 @@ class Reader:
         if word is None:
             raise self.fail("a number or a word")
         if self.token("mark", "("):
-            with self.deeper(word):
+            with self.nested(word):
                 arguments = self.items(named=False)
             if not self.token("mark", ")"):
                 raise self.fail("')'")

@@ -1,7 +1,7 @@
-"""What map techniques are made of: a light view fitted to the frame, casters drawn into a map, and how it is read.
+"""Building blocks of shadow-map techniques: the fitted light view, the depth pass, and the map's uniforms and samplers.
 
-A technique with one 2-D map is `FittedView`, then `CasterMap`, then a `ResolvePass` that is given `map_uniforms` for
-`map.glsl` and the map's textures.
+A technique with one 2-D map uses `FittedView`, then `CasterMap`, then a `ResolvePass` with the map's textures and with
+`map_uniforms` for `map.glsl`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,27 +19,27 @@ from shadowbench.techniques.base import Frame, Stage
 from shadowbench.techniques.biases import Bias, MapKind, NoBias
 from shadowbench.techniques.culling import CasterChunks
 from shadowbench.techniques.filters import Filter
-from shadowbench.techniques.fits import Fit, FitContext, Visible
+from shadowbench.techniques.fits import Fit, FitContext, VisibleFit
 from shadowbench.techniques.params import TechniqueParams, one_of, param
 from shadowbench.techniques.reduction import VisibleBounds
 
-# What `recommend` tries of every map technique; biases cost alike, and their defaults are tuned.
+# Values that `recommend` tries for every map technique. No biases: all cost the same, and their defaults are tuned.
 MAP_GRID = {
     "filter": ("hard", "hardware", "pcf(taps=3)", "pcf(taps=5)"),
-    "depth": ("d16", "d32f"),  # of which no other has fewer bytes, or more digits
+    "depth": ("d16", "d32f"),  # the smallest and the most precise format
 }
 _NO_BIAS = NoBias()
 
 
 class FittedParams(TechniqueParams):
-    """Parameters of a technique with one 2-D map that is fitted to the frame."""
+    """Parameters of a technique with one 2-D map that is fitted each frame."""
 
-    fit: Annotated[Fit, one_of(Fit)] = param(Visible(), "which part of the scene the map shows")
+    fit: Annotated[Fit, one_of(Fit)] = param(VisibleFit(), "part of the scene that the map covers")
     size: int = param(1024, "texels along a side of the map", ge=1, le=65536)
 
 
 class FittedView:
-    """The light view of one 2-D map, fitted anew each frame; `reach`: texels around a receiver that a lookup reads."""
+    """Fits the light view of one 2-D map to each frame. `reach`: radius of a lookup, in texels."""
 
     def __init__(self, stage: Stage, fit: Fit, size: int, reach: float) -> None:
         self.hull = SceneHull(stage.scene)
@@ -47,20 +47,20 @@ class FittedView:
         self._bounds = VisibleBounds(stage)
 
     def __call__(self, frame: Frame) -> LightView:
-        """The view for a frame."""
+        """The light view for a frame."""
         context = FitContext(frame.view, self._stage.placement, self.hull, lambda space: self._bounds(frame, space))
         return self._fit.light_view(context, self._size, self._padding, frame.phase.shift)
 
 
 class CasterMap:
-    """Casters drawn from the light into a square map of depths, and of contents if the technique stores any.
+    """A square shadow map: casters rendered from the light into a depth texture and an optional colour texture.
 
-    program: with `in vec3 position`, and `uniform mat4 world_to_clip` for `draw`; its fragment shader writes the
-    `components` of the contents (2-D maps only), which are 1 where there is no caster. cull: leave out casters that
-    can reach no receiver that the map shows; clamp: keep those in front of near, at near.
+    program: has `in vec3 position`, and `uniform mat4 world_to_clip` for `draw`; its fragment shader writes the colour
+    texture with `components` components (2-D maps only), which is cleared to 1. cull: skip casters that cannot shadow
+    any receiver in the map; clamp: clamp casters in front of the near plane to it.
 
-    `texture` has the depths, `contents` the contents, `step` is the spacing of depths near 1, and `left_out` how many
-    triangles culling left out of the last draw.
+    Attributes: `texture`, the depths; `contents`, the colour texture; `step`, the spacing of stored depths near 1;
+    `culled`, the number of triangles that the last draw skipped.
     """
 
     def __init__(
@@ -79,51 +79,55 @@ class CasterMap:
         cull: bool = True,
     ) -> None:
         self.program, self.reversed_depth = program, reversed_depth
-        made = stage.depth_target(size, depth, kind, layers)
-        self.texture, self.step = made.texture, made.step
-        self._whole, self._each = made.target, made.each
+        depth_target = stage.depth_target(size, depth, kind, layers)
+        self.texture, self.step = depth_target.texture, depth_target.step
+        self._all_layers, self._layer_targets = depth_target.target, depth_target.layer_targets
         if components:
             self.contents = stage.texture((size, size), components)
-            self._whole = stage.target(self.contents, depth=made.texture)
+            self._all_layers = stage.target(self.contents, depth=depth_target.texture)
         self._casters = stage.casters(program)
         self._chunks = CasterChunks(stage.scene, cull)
         self._bias, self._state = bias, caster_state(bias, clamp, reversed_depth)
-        self.left_out = 0
+        self.culled = 0
 
     @property
     def stored(self) -> dict[str, tuple[Texture, Sampling]]:
-        """The contents as the sampler `map_stored`: four texels weighted, 1 outside the map."""
+        """The contents as the sampler `map_stored`: bilinear filtering, 1 outside the map."""
         return {"map_stored": (self.contents, Sampling(linear=True, wrap="border", border=1.0))}
 
-    def draw(self, frame: Frame, views: Sequence[LightView], at_once: bool = False) -> None:
-        """Clear, and draw what each layer's light view sees; `at_once` by a program that chooses `gl_Layer` itself."""
+    def draw(self, frame: Frame, views: Sequence[LightView], layered: bool = False) -> None:
+        """Clear the map and draw the casters into each layer by its light view.
+
+        layered: one draw for all layers, by a program that sets `gl_Layer`.
+        """
         if self.program.has("far_distance"):
             self.program.set(far_distance=far_distance(views[0]))
         matrices = [view.to_clip(self.reversed_depth) for view in views]
         regions = [storable_region(view, self._bias) for view in views]
-        if at_once:
+        if layered:
             self.draw_layers(frame, [({"world_to_clip": np.stack(matrices)}, regions)])
         else:
             pairs = zip(matrices, regions, strict=True)
             self.draw_layers(frame, [({"world_to_clip": matrix}, [region]) for matrix, region in pairs])
 
     def draw_layers(self, frame: Frame, draws: Sequence[tuple[Mapping[str, Value], Sequence[Floats]]]) -> None:
-        """Clear, and draw once into all layers, or once into each.
+        """Clear the map and draw the casters, once for all layers or once for each.
 
-        draws: uniforms of the program, and the (P, 4) planes of the convex regions whose casters matter.
+        draws: for each draw the program's uniforms, and convex regions as (P, 4) planes; casters that cannot shadow
+        any point of them are culled.
         """
-        targets = self._each if len(draws) > 1 else (self._whole,)
-        self._whole.clear(1.0, 1.0, 1.0, 1.0, depth=0.0 if self.reversed_depth else 1.0)
-        self.left_out = 0
+        targets = self._layer_targets if len(draws) > 1 else (self._all_layers,)
+        self._all_layers.clear(1.0, 1.0, 1.0, 1.0, depth=0.0 if self.reversed_depth else 1.0)
+        self.culled = 0
         for target, (uniforms, regions) in zip(targets, draws, strict=True):
-            ranges: Ranges | None = self._chunks.reaching(frame.light_uniform, *regions)
-            self.left_out += self._chunks.left_out(ranges)
+            ranges: Ranges | None = self._chunks.index_ranges(frame.light_uniform, *regions)
+            self.culled += self._chunks.count_culled(ranges)
             self.program.set(**uniforms)
             self._casters.draw(target, state=self._state, ranges=ranges)
 
 
 class BoxBlur:
-    """Blurs a square texture in place by a box of taps² texels, along rows and then along columns; 1 leaves it."""
+    """A separable box blur of taps² texels of a square texture, in place; 1 tap does nothing."""
 
     def __init__(self, stage: Stage, texture: moderngl.Texture, taps: int) -> None:
         self._passes = []
@@ -137,21 +141,21 @@ class BoxBlur:
             ]
 
     def __call__(self) -> None:
-        """Blur."""
+        """Blur the texture."""
         for target, source, direction in self._passes:
             self._draw.program.set(direction=direction)
             self._draw.draw(target, {"source": (source, Sampling())})
 
 
-def without_meaning(kind: MapKind, bias: Bias, filter: Filter) -> str | None:
-    """Why bias or filter does not serve a kind of map, in words; None when both do."""
+def unsupported_rows(kind: MapKind, bias: Bias, filter: Filter) -> str | None:
+    """Why bias or filter does not support a kind of map; None if both do."""
     names = {"2d": "a 2-D map", "array": "an array of maps", "cube": "a cube map"}
-    rows: tuple[Bias | Filter, ...] = (*bias.parts, filter)
+    rows: tuple[Bias | Filter, ...] = (*bias.terms, filter)
     return next((f"{row.name} has no meaning for {names[kind]}" for row in rows if kind not in row.maps), None)
 
 
 def caster_state(bias: Bias, clamp: bool = True, reversed_depth: bool = False) -> State:
-    """How casters are drawn into a map. `clamp` keeps those in front of near, at near."""
+    """Render state of the depth pass. `clamp` clamps casters in front of the near plane to it."""
     factor, units = bias.polygon_offset
     sign = -1 if reversed_depth else 1
     return State(
@@ -164,20 +168,20 @@ def caster_state(bias: Bias, clamp: bool = True, reversed_depth: bool = False) -
 
 
 def storable_region(light_view: LightView, bias: Bias) -> Floats:
-    """(P, 4) planes of the region whose casters a map may store: its window, and what lies before its far plane.
+    """(P, 4) planes of the region whose casters a map may store: its sides and its far plane.
 
-    A negative polygon offset brings casters from behind the far plane before it.
+    Without the far plane for a negative polygon offset, which may move casters in front of it.
     """
     return light_view.planes if min(bias.polygon_offset) >= 0 else light_view.planes[:4]
 
 
 def far_distance(view: LightView) -> float:
-    """What `linear_depth.glsl` divides by: w at the far plane."""
+    """`far_distance` of `linear_depth.glsl`: w at the far plane."""
     return view.far if view.space.perspective else 1.0
 
 
 def map_uniforms(light_views: Sequence[LightView], reversed_depth: bool = False) -> dict[str, Value]:
-    """What `map.glsl` needs of the light views of its layers, which share one light."""
+    """Uniforms of `map.glsl` for the light views of a map's layers, all of one light."""
     to_map = np.stack([view.to_map(reversed_depth) for view in light_views])
     return {
         "world_to_map": to_map,
@@ -191,7 +195,7 @@ def map_uniforms(light_views: Sequence[LightView], reversed_depth: bool = False)
 def map_textures(
     texture: Texture, wrap: Wrap = "border", reversed_depth: bool = False
 ) -> dict[str, tuple[Texture, Sampling]]:
-    """The two samplers of a map: its depths, and their comparison. Border depths lie behind every receiver."""
+    """The two samplers of a map: raw depths and hardware comparison. The border is as deep as the far plane."""
     border = 0.0 if reversed_depth else 1.0
     compare: Comparison = ">=" if reversed_depth else "<="
     return {

@@ -1,7 +1,7 @@
-"""Parameters of techniques: one pydantic field feeds spec, shader, help, docs and row columns.
+"""Parameters of techniques. One pydantic field defines the spec key, shader define or uniform, help, docs and column.
 
-A `Row` is a registered value with its own parameters (a bias, a filter, a fit): a class that names itself is in its
-family's table, and every technique with a field of that family has it.
+A `Row` is a registered choice with parameters of its own (a bias, a filter, a fit): a subclass with a `name` is added
+to its family's table, and becomes an option of every technique with a field of that family.
 """
 
 from collections.abc import Callable
@@ -16,15 +16,15 @@ from shadowbench.techniques.grammar import Call, parse_value
 
 
 def param(default: Any, help: str, *, metres: bool = False, **limits: Any) -> Any:
-    """A knob: its default, one line of help, and pydantic limits (ge, gt, le, lt).
+    """A parameter: default, one line of help, and pydantic limits (ge, gt, le, lt).
 
-    `metres` marks a length in file units; it becomes a local one where its uniform is set.
+    metres: the value is a length in file units, converted to a local length when its uniform is set.
     """
     return Field(default, description=help, json_schema_extra={"metres": metres}, **limits)
 
 
 def allowed(info: FieldInfo) -> str:
-    """The values that a field of parameters takes, in words: `d16, d24, d32f` or `≥ 0, metres`; empty for a row."""
+    """The allowed values of a parameter as text: `d16, d24, d32f` or `≥ 0, metres`; empty for a row."""
     choices = get_args(info.annotation) if get_origin(info.annotation) is Literal else ()
     if choices:
         return ", ".join(str(choice) for choice in choices)
@@ -41,16 +41,16 @@ def allowed(info: FieldInfo) -> str:
 
 
 def in_metres(info: FieldInfo) -> bool:
-    """Whether a field is a length in file units."""
+    """Whether a parameter is a length in file units."""
     return isinstance(info.json_schema_extra, dict) and bool(info.json_schema_extra.get("metres"))
 
 
 class TechniqueParams(Strict):
-    """Base of every technique's parameters."""
+    """Base class of every technique's parameters."""
 
 
 class Row(Strict):
-    """Base of a family of registered values; a subclass that sets `name` joins the table of its family."""
+    """Base class of the families of registered choices; a subclass with a `name` is added to its family's table."""
 
     name: ClassVar[str]
     shader: ClassVar[str] = ""  # the file that fills the include slot of the row's field
@@ -66,12 +66,12 @@ class Row(Strict):
 
     @classmethod
     def family(cls) -> "type[Row]":
-        """The family that a row belongs to."""
+        """The family of a row."""
         return next(base for base in cls.__mro__ if Row in base.__bases__)
 
     @classmethod
-    def chosen(cls, value: "Row | str | Call") -> Self:
-        """The row that a spec's value names; raises ValueError with the names that are allowed."""
+    def from_value(cls, value: "Row | str | Call") -> Self:
+        """The row of a value in a spec. Raises ValueError with the allowed names."""
         if isinstance(value, cls):
             return value
         if isinstance(value, str):
@@ -87,5 +87,5 @@ class Row(Strict):
 
 
 def one_of(family: type[Row]) -> Callable[[Any], Any]:
-    """The validator of a field whose value is a row of `family`: `bias: Annotated[Bias, one_of(Bias)]`."""
-    return BeforeValidator(family.chosen)  # type: ignore[return-value]  # pydantic calls it a validator, not a callable
+    """The validator of a field whose value is a row of a family: `bias: Annotated[Bias, one_of(Bias)]`."""
+    return BeforeValidator(family.from_value)  # type: ignore[return-value]  # pydantic calls it a validator, not a callable

@@ -6,51 +6,51 @@ from typing import Literal
 import moderngl
 import numpy as np
 
-from shadowbench.geometry.convex import apart, box_planes, corners, view_planes
+from shadowbench.geometry.convex import box_planes, corners, is_outside, view_planes
 from shadowbench.geometry.planes import LEAST_SHARE, MOST_PLANES, TOLERANCE, Plane, find_planes
 from shadowbench.gl.device import Device
-from shadowbench.gl.geometry import TRIANGLE_DEFINES, by_triangle
+from shadowbench.gl.geometry import TRIANGLE_DEFINES, triangle_texels
 from shadowbench.gl.matrices import view_projection
 from shadowbench.gl.program import Sampling, State, Texture
 from shadowbench.scenes.geometry import Geometry, bounds_of, used_by
 from shadowbench.scenes.model import Floats, View, vec3
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 
-_ROUNDING = 1e-6  # of the diagonal: more than float32 lifts a plane's own corners off it near the origin
-_FLOAT_STEP = 2.0**-23  # of a coordinate: what float32 rounds it by, twice
+_ROUNDING = 1e-6  # of the diagonal: exceeds the float32 distance of a plane's own corners from it near the origin
+_FLOAT_STEP = 2.0**-23  # of a coordinate: twice its float32 rounding error
 
 
 class PlanarProjection(Technique):
     """Casters flattened onto each planar receiver (Blinn 1988).
 
-    Each plane has a pass over all casters, kept to its own pixels by the G-buffer's triangles: nothing is compared in
-    depth, lifted off its surface or darkened twice. Casters are cut at the plane (its own triangles are thereby left
-    out) and at the light's height. A plane is coplanar triangles, connected or not. Exact on planes and blind on all
-    else: curved bodies, and planes smaller than `share` or beyond the `count` largest, stay lit. The time grows with
-    casters times planes seen.
+    One pass over all casters per plane, restricted to the plane's pixels by the G-buffer's triangle indices, so that no
+    depth comparison, bias or blending is needed. Casters are clipped at the plane, which also removes its own
+    triangles, and at the light's height. A plane is a set of coplanar triangles, connected or not. Exact on planes. All
+    other receivers stay lit: curved surfaces, planes smaller than `share`, and all but the `count` largest planes. The
+    time grows with the number of casters times visible planes.
 
-    Coplanar is what lies within `tolerance`, which holds meshes written with 4 decimals in 10 m or with 6 digits; at 3
-    decimals a tessellated slope falls into many planes or none, unless it is raised. What is closer to a plane than the
-    plane's own corners, or than a millionth of the scene's diagonal, casts nothing on it: a decal within the tolerance
-    is a part of what it lies on. Where an edge is an outline for camera and light alike, a pixel centre within about
-    0.001 px of it may be dark.
+    Triangles are coplanar if their corners are within `tolerance` of the plane. The default suits meshes written with 4
+    decimals over 10 m, or with 6 digits; with 3 decimals a tessellated slope splits into many planes or none, unless
+    the tolerance is raised. Casters closer to a plane than its own corners, or than a millionth of the scene's
+    diagonal, cast no shadow on it: a decal within the tolerance is part of the surface below. Where an edge is a
+    silhouette for both camera and light, a pixel whose centre is within about 0.001 px of it may be dark.
     """
 
     name = "planar-projection"
-    shown_in = "table-top"
+    picture_scene = "table-top"
     only_planes = True
     exact = True
-    variants = ("count=1024",)  # all planes: which of equal ones are the largest is rounding's
+    variants = ("count=1024",)  # all planes: rounding decides which of equally large planes would be dropped
 
     class Params(TechniqueParams):
         """Parameters of planar-projection."""
 
-        receives: Literal["found", "flagged"] = param("found", "planes among all meshes, or those flagged as planar")
-        share: float = param(LEAST_SHARE, "smallest part of the receiving area that makes a plane", ge=0, le=1)
-        count: int = param(MOST_PLANES, "most planes, the largest first", ge=1, le=1024)
+        receives: Literal["found", "flagged"] = param("found", "planes of all meshes, or of meshes flagged as planar")
+        share: float = param(LEAST_SHARE, "smallest area of a plane, as a share of all receivers' area", ge=0, le=1)
+        count: int = param(MOST_PLANES, "largest number of planes; the largest planes are kept", ge=1, le=1024)
         tolerance: float = param(
             TOLERANCE,
-            "share of the scene's diagonal that a plane's corners may be off it",
+            "largest distance of a plane's corners from it, as a share of the scene's diagonal",
             gt=0,
             le=0.01,
         )
@@ -82,7 +82,7 @@ class PlanarProjection(Technique):
         of_triangle = np.full(len(geometry.faces), -1, dtype=np.int32)
         for index, plane in enumerate(self.planes):
             of_triangle[plane.triangles] = index
-        texels = by_triangle(of_triangle)
+        texels = triangle_texels(of_triangle)
         self.plane_of_triangle = stage.texture(texels.shape[::-1], dtype="i4")
         self.plane_of_triangle.write(texels.tobytes())
         self.visibility = stage.texture()
@@ -98,7 +98,7 @@ class PlanarProjection(Technique):
                 "plane_of_triangle": (self.plane_of_triangle, Sampling()),
             }
             to_clip = view_projection(frame.view)
-            for index, plane in self._seen(frame):
+            for index, plane in self._lit_visible_planes(frame):
                 self.shadow_program.set(
                     flattened_to_clip=to_clip @ flattening(plane, light) @ self.from_center,
                     plane=tuple((plane @ self.from_center).tolist()),
@@ -109,14 +109,14 @@ class PlanarProjection(Technique):
                 self.drawn += 1
         return self.visibility
 
-    def _seen(self, frame: Frame) -> Iterator[tuple[int, Floats]]:
-        """Index and equation, turned to the light, of each plane that can have a receiver in the picture."""
+    def _lit_visible_planes(self, frame: Frame) -> Iterator[tuple[int, Floats]]:
+        """Index and equation, with the normal towards the light, of each plane that may have visible receivers."""
         eye, light = np.array(frame.camera.position), np.array(frame.light_uniform)
         frustum = view_planes(frame.view)
         for index, plane in enumerate(self.planes):
             equation = plane.equation * np.sign(plane.equation @ light)
-            # A side turned away from the light, or either of them edge-on, receives nothing.
-            if equation @ light > 0.0 and equation @ [*eye, 1.0] > 0.0 and not apart(self.corners[index], frustum):
+            # A side that faces away from the light receives nothing, nor does a plane edge-on to light or camera.
+            if equation @ light > 0.0 and equation @ [*eye, 1.0] > 0.0 and not is_outside(self.corners[index], frustum):
                 yield index, equation
 
     def facts(self) -> dict[str, float]:
@@ -125,10 +125,10 @@ class PlanarProjection(Technique):
 
 
 def flattening(plane: Floats, light: Floats) -> Floats:
-    """(4, 4) S = (π·l) I − l πᵀ (Blinn 1988): points move along their line to the light onto the plane.
+    """(4, 4) projection of points from the light onto a plane, S = (π·l) I − l πᵀ (Blinn 1988).
 
     plane: (4,) π with π·l > 0; light: (4,) unit vector towards it with w = 0, or its position with w = 1. Points
-    between plane and light keep a positive w.
+    between plane and light have a positive w.
     """
     result: Floats = (plane @ light) * np.eye(4) - np.outer(light, plane)
     return result
@@ -140,6 +140,6 @@ def _planes(geometry: Geometry, params: PlanarProjection.Params, most: int) -> t
 
 
 def _corners(geometry: Geometry, plane: Plane) -> Floats:
-    """(N, 3) corners of the box around a plane's triangles."""
+    """(N, 3) corners of the bounding box of a plane's triangles."""
     bounds = bounds_of(used_by(geometry.faces[plane.triangles], geometry.vertices))
     return corners(box_planes(bounds), float(np.abs(bounds).max()))

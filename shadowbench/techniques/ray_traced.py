@@ -1,4 +1,4 @@
-"""Embree from the G-buffer's points. The one technique that may use what the truth uses."""
+"""Ray tracing from the G-buffer's points with Embree: the only technique that shares code with the truth."""
 
 import moderngl
 import numpy as np
@@ -7,18 +7,18 @@ from shadowbench.gl.gbuffer import download
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.truths.embree import NEVER, Tracer, over_slices
 
-_STEPS = 4.0  # of float32 at the farthest coordinate
+_STEPS = 4.0  # least ray offset, in float32 steps of the largest coordinate
 
 
 class RayTraced(Technique):
-    """One shadow ray a pixel on the CPU, timed with its transfers: a reference, where the speed axis ends.
+    """One shadow ray per pixel on the CPU, timed with its transfers: the slow end of the speed axis.
 
-    Exact but for the G-buffer's float32 positions, which move contact and grazing shadows.
+    Exact except for the G-buffer's float32 positions, which move shadows at contacts and at grazing light.
     """
 
     name = "ray-traced"
     exact = True
-    no_choice = "is traced on the CPU, with what the truth is made of: the end of the scale, not for a frame"
+    never_recommended = "is traced on the CPU, as the truth is: the slow end of the scale, not a real-time technique"
 
     class Params(TechniqueParams):
         """Parameters of ray-traced."""
@@ -31,7 +31,7 @@ class RayTraced(Technique):
         geometry = stage.scene.geometry
         self.tracer = Tracer(geometry.vertices, geometry.caster_faces)
         low, high = geometry.bounds
-        # No lower than float32 rounds the G-buffer's positions, which coordinates far from the origin make coarse.
+        # At least the float32 rounding of the G-buffer's positions, which grows with the distance from the origin.
         rounding = _STEPS * float(np.spacing(np.abs(geometry.bounds).max(), dtype=np.float32))
         self.offset = max(self.params.offset * float(np.linalg.norm(high - low)), rounding)
         self.visibility = stage.texture()
@@ -53,7 +53,7 @@ class RayTraced(Technique):
         return {"rays": float(self.rays)}
 
     def _trace(self, frame: Frame, position: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, int]:
-        """Visibility of some pixels, and how many rays it took."""
+        """Visibility of some pixels, and the number of rays traced."""
         light, w = (np.asarray(part) for part in frame.light.homogeneous)
         to_light = light - w * position[:, :3].astype(np.float64)
         distance = np.linalg.norm(to_light, axis=1)

@@ -1,4 +1,4 @@
-"""Lowest and highest over a texture, reduced on the device: of single values, or the box of the visible receivers."""
+"""Min-max reduction of a texture on the device: of its values, or of the visible receivers' positions."""
 
 from collections.abc import Mapping
 from typing import Literal
@@ -11,13 +11,14 @@ from shadowbench.gl.program import Sampling, Texture
 from shadowbench.scenes.model import Floats
 from shadowbench.techniques.base import Frame, Stage
 
-_REACH = 8  # texels along a side that one step makes one of
+_REACH = 8  # texels along a side that one step reduces to one
 
 
-class Bounds:
+class MinMaxReduction:
     """Reduces textures of one size in steps of 8×8 texels; built once, called each frame.
 
-    source: what the first step reads, `values` (the sampler `values`) or `receivers` (a G-buffer, in light space).
+    source: input of the first step, `values` (the sampler `values`) or `receivers` (a G-buffer's visible receivers, in
+    light space).
     """
 
     def __init__(self, stage: Stage, size: tuple[int, int], source: Literal["values", "receivers"]) -> None:
@@ -33,7 +34,7 @@ class Bounds:
             self._steps.append((low, high, stage.target(low, high)))
 
     def __call__(self, textures: Mapping[str, tuple[Texture, Sampling]]) -> tuple[Floats, Floats]:
-        """(3,) lowest and (3,) highest. Reading them back waits for the device, as any SDSM on the CPU does."""
+        """(3,) minimum and (3,) maximum. The read-back stalls until the device has finished, as in SDSM on the CPU."""
         low, high, target = self._steps[0]
         self._draw_first.draw(target, textures)
         for *step, target in self._steps[1:]:
@@ -44,13 +45,13 @@ class Bounds:
 
 
 class VisibleBounds:
-    """The box of a G-buffer's visible receivers in a light's space."""
+    """Bounding box of the visible receivers in light space, from the G-buffer."""
 
     def __init__(self, stage: Stage) -> None:
-        self._bounds = Bounds(stage, stage.size, "receivers")
+        self._bounds = MinMaxReduction(stage, stage.size, "receivers")
 
     def __call__(self, frame: Frame, space: LightSpace) -> Box | None:
-        """The box, None when no receiver is seen."""
+        """The box; None if no receiver is visible."""
         self._bounds.first.set(
             light=frame.light_uniform,
             world_to_light=space.matrix,

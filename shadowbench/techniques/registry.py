@@ -1,4 +1,4 @@
-"""Which techniques there are: our own, those of installed packages, and single files named by --plugin."""
+"""The registry of techniques: built-in ones, those of installed packages, and files given by --plugin."""
 
 import hashlib
 import importlib.util
@@ -26,13 +26,13 @@ log = logging.getLogger(__name__)
 
 @cache
 def own_techniques() -> tuple[type[Technique], ...]:
-    """The techniques in this package's modules, by module name."""
+    """The techniques of this package's modules, in the order of the module names."""
     modules = [import_module(found.name) for found in iter_modules(package.__path__, f"{package.__name__}.")]
     return tuple(one for module in modules for one in _defined_in(module) if _named(one))
 
 
 def techniques(plugins: Sequence[Path] = ()) -> Mapping[str, type[Technique]]:
-    """All techniques by name; raises InputError for a plug-in that cannot be loaded or takes a name twice."""
+    """All techniques by name. Raises InputError for a plug-in that cannot be loaded or whose name is taken."""
     found: dict[str, type[Technique]] = {}
     files = dict.fromkeys(Path(plugin).resolve() for plugin in plugins)
     for technique in [*own_techniques(), *_installed(), *(one for file in files for one in _from_file(file))]:
@@ -44,7 +44,7 @@ def techniques(plugins: Sequence[Path] = ()) -> Mapping[str, type[Technique]]:
 
 
 def shader_folder(technique: type[Technique]) -> Path | None:
-    """Where a technique's own shader files are: beside its file, or None for ours."""
+    """The folder of a plug-in's own shader files, that of its Python file; None for built-in techniques."""
     return None if technique in own_techniques() else source_file(technique).parent
 
 
@@ -54,7 +54,7 @@ def source_file(technique: type[Technique]) -> Path:
 
 
 def _installed() -> list[type[Technique]]:
-    """Of other packages; one that cannot be used is left out and said, since it must not stop all the others."""
+    """Techniques of other packages. One that cannot be loaded is skipped with a warning; the others still run."""
     loaded = []
     for point in entry_points(group=GROUP):
         package = point.dist.name if point.dist else "a package"
@@ -63,25 +63,25 @@ def _installed() -> list[type[Technique]]:
             loaded.append(_checked(point.load(), where))
         except InputError as error:
             log.warning("%s; it is left out", error)
-        except (Exception, SystemExit) as error:  # whatever somebody's package raises
-            log.warning("%s cannot be imported: %s; it is left out", where, _told(error))
+        except (Exception, SystemExit) as error:  # importing a foreign package may raise anything
+            log.warning("%s cannot be imported: %s; it is left out", where, _summary(error))
     return loaded
 
 
 def _from_file(file: Path) -> list[type[Technique]]:
     if not file.is_file():
         raise InputError(f"--plugin {file}: no such file")
-    # Two files of one name in different folders are two modules.
+    # The hash keeps files of the same name in different folders apart.
     name = f"shadowbench_plugin_{file.stem}_{hashlib.sha256(str(file).encode()).hexdigest()[:8]}"
     spec = importlib.util.spec_from_file_location(name, file)
     if spec is None or spec.loader is None:
         raise InputError(f"--plugin {file}: not a Python file (.py)")
     module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # so that pydantic and inspect find what the file defines
+    sys.modules[name] = module  # pydantic and inspect look up the file's classes there
     try:
         spec.loader.exec_module(module)
-    except (Exception, SystemExit) as error:  # whatever somebody's file raises
-        raise InputError(f"--plugin {file}: {_told(error)}") from error
+    except (Exception, SystemExit) as error:  # executing a foreign file may raise anything
+        raise InputError(f"--plugin {file}: {_summary(error)}") from error
     own = _defined_in(module)
     if not own:
         raise InputError(f"--plugin {file}: defines no subclass of shadowbench.techniques.base.Technique")
@@ -115,5 +115,5 @@ def _named(technique: type[Technique]) -> bool:
     return isinstance(getattr(technique, "name", None), str)
 
 
-def _told(error: BaseException) -> str:
+def _summary(error: BaseException) -> str:
     return f"{type(error).__name__}: {quoted(message(error))}"

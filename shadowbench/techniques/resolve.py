@@ -1,4 +1,4 @@
-"""The pass that ends most techniques: one triangle over the image, from the G-buffer's receivers to a texture."""
+"""The full-screen resolve pass: visibility of the G-buffer's receivers, the last pass of most techniques."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,9 +11,9 @@ from shadowbench.techniques.params import TechniqueParams
 
 
 class ResolvePass:
-    """Runs a fragment shader, which includes `receiver.glsl`, for every pixel; built once, called each frame.
+    """Runs a fragment shader that includes `receiver.glsl` for every pixel; built once, called each frame.
 
-    `texture` is what it draws: one component is visibility.
+    `texture` is its render target; with one component, the visibility.
     """
 
     def __init__(
@@ -32,7 +32,7 @@ class ResolvePass:
     def __call__(
         self, frame: Frame, textures: Mapping[str, tuple[Texture, Sampling]] = {}, **uniforms: Value
     ) -> moderngl.Texture:
-        """Draw with these textures beside the G-buffer's, and these uniforms beside the light."""
+        """Draw with these textures besides the G-buffer's, and these uniforms besides `light`; returns `texture`."""
         self.program.set(light=frame.light_uniform, **uniforms)
         self._triangle.draw(self._target, {**frame.surface.inputs, **textures})
         return self.texture

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from shadowbench.gl.device import Device
 from shadowbench.gl.program import Wrap
-from shadowbench.gl.targets import DepthFormat, refused
+from shadowbench.gl.targets import DepthFormat, unsupported_map
 from shadowbench.scenes.model import View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.biases import Bias, Texel
@@ -21,17 +21,17 @@ from shadowbench.techniques.maps import (
     FittedView,
     map_textures,
     map_uniforms,
-    without_meaning,
+    unsupported_rows,
 )
 from shadowbench.techniques.params import one_of
 from shadowbench.techniques.resolve import ResolvePass
 
 
 class ShadowMap(Technique):
-    """One depth map from the light, compared with every pixel of the view.
+    """One depth map from the light, compared with the depth of every visible receiver.
 
     Orthographic for a directional light, perspective for a spot. Fails where a texel covers more than a pixel
-    (stairs), where a bias is too small (acne) or too large (leaks, peter-panning), and outside what the map shows.
+    (stairs), where the bias is too small (acne) or too large (leaks, peter-panning), and outside the map.
     """
 
     name = "shadow-map"
@@ -52,12 +52,12 @@ class ShadowMap(Technique):
         """Parameters of shadow-map."""
 
         depth: DepthFormat = param("d32f", "depth format")
-        reversed: bool = param(False, "depth 1 at near and 0 at far; needs clip control")
-        bias: Annotated[Bias, one_of(Bias)] = param(Texel(), "what keeps a surface from shadowing itself")
-        filter: Annotated[Filter, one_of(Filter)] = param(Hardware(), "how texels are compared and weighted")
-        wrap: Wrap = param("border", "what lies outside the map; border is lit")
-        far_rule: Literal["lit", "none"] = param("lit", "what lies beyond the map's far plane; none is in shadow")
-        cull: bool = param(True, "leaves out casters that can reach no receiver that a map shows")
+        reversed: bool = param(False, "reversed depth, 1 at near and 0 at far; needs clip control")
+        bias: Annotated[Bias, one_of(Bias)] = param(Texel(), "bias against self-shadowing")
+        filter: Annotated[Filter, one_of(Filter)] = param(Hardware(), "filter of the depth comparisons")
+        wrap: Wrap = param("border", "wrap mode outside the map; border is lit")
+        far_rule: Literal["lit", "none"] = param("lit", "receivers beyond the map's far plane: lit, or none: in shadow")
+        cull: bool = param(True, "skips casters that cannot shadow any receiver in the map")
 
     params: Params
 
@@ -68,7 +68,7 @@ class ShadowMap(Technique):
             return "a point light shines all round, one 2-D map sees less than half of it"
         if params.reversed and not device.clip_control:
             return "reversed depth needs clip control (OpenGL 4.5)"
-        return without_meaning("2d", params.bias, params.filter) or refused(device, params.size, params.depth)
+        return unsupported_rows("2d", params.bias, params.filter) or unsupported_map(device, params.size, params.depth)
 
     def build(self, stage: Stage) -> None:
         params = self.params
@@ -113,7 +113,7 @@ class ShadowMap(Technique):
             "texel_m": max(self.light_view.texel) / scale,
             "depth_range_m": (self.light_view.far - self.light_view.near) / scale,
         }
-        facts["culled_triangles"] = self.map.left_out
+        facts["culled_triangles"] = self.map.culled
         units = self.params.bias.depth_units
         if units is not None and not self.light_view.space.perspective:
             facts["bias_m"] = units * facts["depth_range_m"]

@@ -1,7 +1,7 @@
-"""Specs: `shadow-map:bias=slope(max=0.05,min=0.005),filter=pcf(taps=3)`, parsed and written.
+"""Parsing and formatting of specs: `shadow-map:bias=slope(max=0.05,min=0.005),filter=pcf(taps=3)`.
 
-`preset=NAME` expands to the items that the technique keeps under that name; later items override it. Writing never
-uses a preset, and `parse_spec(spec.text, …) == spec`.
+`preset=NAME` expands to the technique's parameters of that preset; later items override them. A formatted spec
+contains no preset, and `parse_spec(spec.text, …) == spec`.
 """
 
 from collections.abc import Mapping
@@ -23,10 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Spec:
-    """A technique and its parameters; `named` are the keys that somebody wrote, by a preset too.
-
-    Made once, where its text is read, and passed on; its texts are written once too.
-    """
+    """A technique and its parameters. `named`: the keys that the user set, directly or by a preset."""
 
     technique: "type[Technique]"
     params: TechniqueParams
@@ -34,17 +31,17 @@ class Spec:
 
     @cached_property
     def text(self) -> str:
-        """The spec as text, without what is at its default."""
+        """The spec as text, without parameters at their defaults."""
         return self._with_items(_format_items(self.params))
 
     @cached_property
     def full_text(self) -> str:
-        """The spec as text with every parameter, defaults too."""
+        """The spec as text with all parameters."""
         return self._with_items(_format_items(self.params, full=True))
 
     @cached_property
     def sizeless_text(self) -> str:
-        """`text` without the map size, which rows and tables have in a column of its own."""
+        """`text` without the map size, which has a column of its own in rows and tables."""
         return self._with_items(_format_items(self.params, skip="size"))
 
     def _with_items(self, items: str) -> str:
@@ -52,27 +49,27 @@ class Spec:
 
     @property
     def map_size(self) -> int | None:
-        """The `size` of the technique's map, None where it has none."""
+        """The `size` of the technique's map; None for a technique without one."""
         return getattr(self.params, "size", None)
 
     def with_(self, **changes: Any) -> "Spec":
-        """The same with other values, validated again; raises InputError."""
+        """A copy with other parameter values. Raises InputError for invalid ones."""
         values = {key: getattr(self.params, key) for key in type(self.params).model_fields} | changes
         params = _validated(self.technique, values, self.technique.name)
         return replace(self, params=params, named=self.named | set(changes))
 
     @property
     def has_size(self) -> bool:
-        """Whether the technique has a map whose size can be chosen."""
+        """Whether the technique has a `size` parameter."""
         return "size" in self.technique.Params.model_fields
 
 
-def _shown(value: object) -> str:
+def _excerpt(value: object) -> str:
     return f"{value.name}(…)" if isinstance(value, Call) else f"{value!s:.60}"
 
 
 def parse_spec(text: str, techniques: "Mapping[str, type[Technique]]") -> Spec:
-    """The technique and parameters that a text names, read once a process; raises InputError with what is allowed."""
+    """The spec of a text, cached. Raises InputError with the allowed values."""
     reader = Reader(text)
     name = reader.token("word")
     if name is None:
@@ -92,7 +89,7 @@ def _parsed(text: str, technique: "type[Technique]") -> Spec:
 
 
 def spec_of(technique: "type[Technique]", items: tuple[tuple[str | None, Any], ...], where: str) -> Spec:
-    """A spec from (key, value) pairs, a preset among them expanded; raises InputError that names `where`."""
+    """The spec of (key, value) items, with presets expanded. Raises InputError that quotes `where`."""
     values: dict[str, Any] = {}
     written: set[str] = set()
     for key, value in items:
@@ -102,7 +99,7 @@ def spec_of(technique: "type[Technique]", items: tuple[tuple[str | None, Any], .
         written.add(key)
         if key == "preset":
             if value not in technique.presets:
-                found = _shown(value)
+                found = _excerpt(value)
                 known = alternatives(found, technique.presets, f"presets of {technique.name}")
                 raise InputError(f"spec {where!r}: unknown preset {found!r}{known}")
             reader = Reader(technique.presets[value])
@@ -120,9 +117,9 @@ def _validated(technique: "type[Technique]", values: dict[str, Any], where: str)
 
 
 def format_value(value: Any, full: bool = False) -> str:
-    """A parameter's value as a spec writes it; `full` writes defaults of rows too."""
+    """A parameter's value in spec syntax; `full` includes the parameters of rows that are at their defaults."""
     if isinstance(value, Sum):
-        return "+".join(format_value(part, full) for part in value.parts)
+        return "+".join(format_value(term, full) for term in value.terms)
     if isinstance(value, Row):
         inner = _format_items(value, full)
         return f"{value.name}({inner})" if inner else value.name

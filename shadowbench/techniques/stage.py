@@ -1,4 +1,4 @@
-"""The stage: what a technique builds on. It is fixed between build and release, and frees all that was made on it."""
+"""The stage: the scene and device that a technique builds its GL resources from. It owns and releases them."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -26,12 +26,12 @@ from shadowbench.gl.targets import (
 from shadowbench.scenes.model import Placement, Scene
 from shadowbench.techniques.params import Row, TechniqueParams, in_metres
 
-_WIDTHS = {"f1": 1, "f2": 2, "f4": 4, "i4": 4, "u4": 4}
+_COMPONENT_BYTES = {"f1": 1, "f2": 2, "f4": 4, "i4": 4, "u4": 4}
 
 
 @dataclass(frozen=True)
 class ShaderText:
-    """One stage of one program: `1-depth.frag`, its whole text, and the uniforms that parameters set in its program."""
+    """One shader of a program: name (`1-depth.frag`), complete source text, and the uniforms set from parameters."""
 
     name: str
     text: str
@@ -39,10 +39,10 @@ class ShaderText:
 
 
 class Stage:
-    """Scene (local coordinates), device and image size, and the makers of programs, textures and targets.
+    """The scene (local coordinates), device and image size, and factories of programs, textures and targets.
 
-    `bytes` is what its textures and buffers hold, `texts` the shaders of its programs. `shaders` is the folder where
-    the technique's own shader files are looked up before the shared ones.
+    bytes: device memory of its textures and buffers; texts: the shaders of its programs. shaders: folder of the
+    technique's own shader files, searched before the shared ones.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class Stage:
         self._geometry = geometry
         self._programs = 0
         self._roots = [*([shaders] if shaders else []), data_folder("shaders")]
-        self._held: list[Freeable] = []
+        self._resources: list[Freeable] = []
 
     def program(
         self,
@@ -71,11 +71,12 @@ class Stage:
         params: TechniqueParams | None = None,
         defines: Mapping[str, int | str] = {},
     ) -> Program:
-        """A program from files or inline texts, with the parameters in it.
+        """A linked program from shader files or inline texts, with the technique's parameters.
 
-        Ints, bools and choices of `params` become #defines (SIZE 1024, REVERSED 0, WRAP_BORDER 1), a row fills the
-        include slot of its field (`#include <bias>`), and its own parameters follow the same rule (FILTER_TAPS 3);
-        floats become uniforms (`bias_max`), lengths in metres being local by then; `metre` is the local length of one.
+        Ints, bools and choices of `params` become #defines (SIZE 1024, REVERSED 0, WRAP_BORDER 1). A row's file
+        replaces the include of its field (`#include <bias>`), and its own parameters follow the same rules
+        (FILTER_TAPS 3). Floats become uniforms (`bias_max`), lengths in metres converted to local lengths; the uniform
+        `metre` is one metre as a local length.
         """
         names, slots, uniforms = _shader_values(params, self.placement) if params else ({}, {}, {})
         names |= {name: str(value) for name, value in defines.items()}
@@ -83,7 +84,7 @@ class Stage:
         stages = {"vert": vertex, "frag": fragment} | ({"geom": geometry} if geometry is not None else {})
         texts = {stage: compose(source, self._roots, names, slots) for stage, source in stages.items()}
         program = link(self.device, *texts.values())
-        self._held.append(program.linked)
+        self._resources.append(program.linked)
         used = {name: value for name, value in uniforms.items() if program.has(name)}
         program.set(**used)
         self._programs += 1
@@ -93,60 +94,60 @@ class Stage:
         return program
 
     def texture(self, size: tuple[int, int] | None = None, components: int = 1, dtype: str = "f4") -> moderngl.Texture:
-        """A colour texture, of the image's size unless told otherwise."""
+        """A colour texture, by default of the image's size."""
         size = size or self.size
         texture = self.device.context.texture(size, components, dtype=dtype)
-        self._hold(texture, size[0] * size[1] * components * _WIDTHS[dtype])
+        self._own(texture, size[0] * size[1] * components * _COMPONENT_BYTES[dtype])
         return texture
 
     def target(
         self, *textures: moderngl.Texture, depth: moderngl.Texture | DepthTexture | None = None
     ) -> moderngl.Framebuffer:
-        """A framebuffer that draws into textures, with a depth texture (of a `depth_target`, say) if given."""
+        """A framebuffer with colour textures and optionally a depth texture, such as that of a `depth_target`."""
         if isinstance(depth, DepthTexture):
             framebuffer = framebuffer_of(depth, textures)
         else:
             framebuffer = self.device.context.framebuffer(list(textures), depth)
-        self._held.append(framebuffer)
+        self._resources.append(framebuffer)
         return framebuffer
 
     def depth_target(self, size: int, depth: DepthFormat, kind: Kind = "2d", layers: int = 1) -> DepthTarget:
-        """A square depth map to draw into and read; an array of so many layers, or the six faces of a cube."""
+        """A square depth map to draw into and read: one, an array of `layers`, or the six faces of a cube."""
         target = depth_target(self.device, size, depth, kind, layers)
-        self._hold(target, target.bytes)
+        self._own(target, target.bytes)
         return target
 
     def stencil_target(self, *textures: moderngl.Texture) -> StencilTarget:
-        """A framebuffer of the image's size that draws into textures, with depth and stencil of its own."""
+        """A framebuffer of the image's size with colour textures and a depth-stencil buffer."""
         target = stencil_target(self.device, self.size, *textures)
-        self._hold(target, target.bytes)
+        self._own(target, target.bytes)
         return target
 
     def buffer(self, values: NDArray[np.generic]) -> moderngl.Buffer:
         """A buffer with these values."""
         buffer = self.device.context.buffer(np.ascontiguousarray(values).tobytes())
-        self._hold(buffer, values.nbytes)
+        self._own(buffer, values.nbytes)
         return buffer
 
     def casters(self, program: Program) -> Drawable:
-        """The scene's casters, with `in vec3 position`."""
+        """The scene's caster triangles, with `in vec3 position`."""
         return self._drawable(self._geometry.casters(program))
 
     def surfaces(self, program: Program) -> Drawable:
-        """All of the scene's triangles, `gl_PrimitiveID` being the index that the G-buffer has."""
-        return self._drawable(self._geometry.everything(program))
+        """All triangles of the scene; `gl_PrimitiveID` is the G-buffer's triangle index."""
+        return self._drawable(self._geometry.all_faces(program))
 
     def indexed(self, program: Program, indices: NDArray[np.integer], mode: int = moderngl.TRIANGLES) -> Drawable:
-        """The scene's own vertices by other indices into them, as triangles or another primitive."""
+        """The scene's vertices with other indices, as triangles or other primitives."""
         if indices.size == 0:  # a buffer cannot be empty
-            return self._drawable(replace(self._geometry.everything(program), mode=mode, count=0))
+            return self._drawable(replace(self._geometry.all_faces(program), mode=mode, count=0))
         buffer = self.buffer(indices.astype(np.uint32))
         return self._drawable(self._geometry.indexed(program, buffer, mode))
 
     def drawable(
         self, program: Program, attributes: Mapping[str, NDArray[np.generic]], mode: int = moderngl.TRIANGLES
     ) -> Drawable:
-        """Vertices of your own: attributes by name, each (N, k) float32 or int32, one row a vertex."""
+        """Custom vertices. attributes: by name, each (N, k) float32 or int32, one row per vertex."""
         content = [
             (self.buffer(values), f"{values[0].size}{'i' if values.dtype.kind == 'i' else 'f'}", name)
             for name, values in attributes.items()
@@ -154,48 +155,48 @@ class Stage:
         return self._drawable(Drawable(program, self.device.context.vertex_array(program.linked, content), mode))
 
     def stream(self, program: Program, attributes: Mapping[str, int]) -> Callable[[NDArray[np.float32]], Drawable]:
-        """A maker of drawables from vertices that change each frame.
+        """A function that uploads (N, k) float32 vertices, which may change each frame, and returns their drawable.
 
-        attributes: how many float32 each has, in the order of the columns of the (N, k) vertices. A drawable that was
-        made draws the vertices that came last.
+        attributes: number of components of each, in the order of the vertices' columns. All drawables share one buffer
+        and draw the vertices of the last upload.
         """
         widths = " ".join(f"{width}f" for width in attributes.values())
         buffer = self.buffer(np.zeros(sum(attributes.values()), dtype=np.float32))
         vertices = self.device.context.vertex_array(program.linked, [(buffer, widths, *attributes)])
         drawable = self._drawable(Drawable(program, vertices))
 
-        def filled(rows: NDArray[np.float32]) -> Drawable:
+        def upload(rows: NDArray[np.float32]) -> Drawable:
             if rows.size:  # a buffer cannot be empty
                 self.bytes += rows.nbytes - buffer.size
                 buffer.orphan(rows.nbytes)
                 buffer.write(np.ascontiguousarray(rows))
             return replace(drawable, count=len(rows))
 
-        return filled
+        return upload
 
     def fullscreen(self, program: Program) -> Drawable:
-        """One triangle over the target, for a program whose vertex shader is `fullscreen.vert`."""
+        """One triangle that covers the target, for a program with the vertex shader `fullscreen.vert`."""
         return self._drawable(Drawable(program, self.device.context.vertex_array(program.linked, []), count=3))
 
     def _drawable(self, drawable: Drawable) -> Drawable:
-        self._held.append(drawable.vertices)
+        self._resources.append(drawable.vertices)
         return drawable
 
-    def _hold(self, thing: Freeable, size: int) -> None:
-        self._held.append(thing)
+    def _own(self, resource: Freeable, size: int) -> None:
+        self._resources.append(resource)
         self.bytes += size
 
     def release(self) -> None:
-        """Free everything that was made here."""
-        self.device.free(reversed(self._held))
-        self._held.clear()
+        """Release all resources of the stage."""
+        self.device.free(reversed(self._resources))
+        self._resources.clear()
         self.bytes = 0
 
 
 def _shader_values(
     params: TechniqueParams | Row, placement: Placement, prefix: str = ""
 ) -> tuple[dict[str, str], dict[str, str], dict[str, float]]:
-    """(defines, include slots, uniforms) of parameters, rows within them too."""
+    """(defines, include slots, uniforms) of parameters, including those of nested rows."""
     defines: dict[str, str] = {}
     slots: dict[str, str] = {}
     uniforms: dict[str, float] = {}

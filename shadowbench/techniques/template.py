@@ -1,4 +1,4 @@
-"""A new technique to start from: a small shadow map in one file, which runs as it is."""
+"""Template of a new technique: a working shadow map in one file."""
 
 import keyword
 import re
@@ -15,7 +15,7 @@ _NAME = re.compile(rf"[A-Za-z][\w-]{{0,{LONGEST_NAME - 1}}}", re.ASCII)
 _TEXT = Template('''\
 """Try it: shadowbench run cube-on-plane -t $name -t shadow-map --plugin $name.py.
 
-A shadow map to start from. shadowbench.techniques.base says what a technique is, and what its shaders are given.
+A shadow map to start from. shadowbench.techniques.base documents the class and the inputs of its shaders.
 """
 
 from shadowbench.techniques import maps
@@ -25,7 +25,7 @@ from shadowbench.techniques.resolve import ResolvePass
 RESOLVE = """
 #include "map.glsl"
 uniform sampler2D map_depths;
-uniform float bias;  // the parameter; an int or a choice would be a #define, as SIZE is
+uniform float bias;  // the parameter; an int or a choice would be a #define, such as SIZE
 out float visibility;
 
 void main() {
@@ -39,30 +39,30 @@ void main() {
 
 
 class $class_name(Technique):
-    """What it computes, and whose idea it is.
+    """The idea in one sentence, with its source (author year).
 
     Where it fails.
     """
 
     name = "$name"
-    lights = frozenset({"directional", "spot"})  # the kinds that it answers; there is "point" too
-    phased = True  # it has a grid of texels, which studies shift by parts of one
+    lights = frozenset({"directional", "spot"})  # supported kinds; the third is "point"
+    phased = True  # it has a texel grid, which studies shift by fractions of a texel
 
-    class Params(maps.FittedParams):  # which has fit and size
+    class Params(maps.FittedParams):  # has fit and size
         """Parameters of $name."""
 
-        bias: float = param(0.02, "length along the light that a receiver is brought forward by", ge=0, metres=True)
-        # One length suits one slope: too little of it is acne, too much peter-panning. shadow_map.py has better ones.
+        bias: float = param(0.02, "offset of the receiver towards the light", ge=0, metres=True)
+        # One length suits one slope: acne where it is too small, peter-panning where too large. See biases.py.
 
     def build(self, stage):
-        """Makes programs, textures and targets; where camera and light are is not known yet."""
+        """Create programs, textures and targets, independent of camera and light."""
         self.fitted = maps.FittedView(stage, self.params.fit, self.params.size, reach=0.5)
         program = stage.program("casters.vert", "depth.frag")
         self.map = maps.CasterMap(stage, program, self.params.size, clamp=self.params.fit.clamps)
         self.resolve = ResolvePass(stage, RESOLVE, self.params)
 
     def draw(self, frame):
-        """Draws each pass, timed, with what makes it stale: "light", "view" (camera or light) or "frame" (always)."""
+        """Draw the timed passes. changes: what invalidates a pass, "light", "view" (camera or light) or "frame"."""
         with frame.timed("depth", changes=self.params.fit.moves_with):
             self.light_view = self.fitted(frame)
             self.map.draw(frame, [self.light_view])
@@ -72,7 +72,7 @@ class $class_name(Technique):
 
 
 def write_technique(name: str, folder: Path) -> Path:
-    """Write NAME.py of a technique of that name; raises InputError for a bad or taken name, and where a file is."""
+    """Write the template of a technique to NAME.py. Raises InputError for a bad or taken name or an existing file."""
     words = f"letters, digits, _ and -, at most {LONGEST_NAME} of them, the first a letter"
     class_name = "".join(part[:1].upper() + part[1:] for part in re.split("[-_]", name))
     if not _NAME.fullmatch(name) or keyword.iskeyword(class_name) or keyword.iskeyword(name):

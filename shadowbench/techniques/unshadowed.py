@@ -1,4 +1,4 @@
-"""No shadows at all."""
+"""Unshadowed rendering."""
 
 import moderngl
 
@@ -7,11 +7,11 @@ from shadowbench.techniques.resolve import ResolvePass
 
 
 class Unshadowed(Technique):
-    """All is lit: the floor that every score and every time is read against."""
+    """Everything is lit: the floor with which scores and times are compared."""
 
     name = "unshadowed"
     exact = True
-    no_choice = "draws no shadow: enough only where there is none"
+    never_recommended = "draws no shadows: enough only where there are none"
 
     def build(self, stage: Stage) -> None:
         self.resolve = ResolvePass(stage, "unshadowed/resolve.frag")

@@ -1,4 +1,4 @@
-"""Volumes of casters, extruded by geometry shaders or, for reference, by NumPy."""
+"""Shadow volume geometry, extruded by geometry shaders or, to check these, by NumPy."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,18 +12,18 @@ from shadowbench.geometry.topology import Casters, Indices, Surface
 from shadowbench.gl.program import Program, Sampling, State, Texture
 from shadowbench.scenes.model import Floats
 from shadowbench.techniques.base import Frame, Stage, TechniqueParams
-from shadowbench.techniques.culling import ranges_of, reaching
+from shadowbench.techniques.culling import kept_ranges, may_shadow
 
-Faces = Literal["triangle", "silhouette"]
-Part = Literal["wall", "cap"]
+Extrusion = Literal["triangle", "silhouette"]
+VolumePart = Literal["wall", "cap"]
 Singles = NDArray[np.float32]
 
-_PARTS: tuple[Part, ...] = ("wall", "cap")
+_PARTS: tuple[VolumePart, ...] = ("wall", "cap")
 
 
 @dataclass(frozen=True, eq=False)
-class Onto:
-    """Where volumes are drawn, and how."""
+class RenderPass:
+    """Render target, textures and state of one draw."""
 
     target: moderngl.Framebuffer
     textures: Mapping[str, tuple[Texture, Sampling]]
@@ -31,30 +31,39 @@ class Onto:
 
 
 class Volumes(Protocol):
-    """Draws the walls or caps of all volumes.
+    """Draws the walls or caps of all shadow volumes.
 
-    Walls run a, b, infinity, and caps as their triangles are wound: the light sees a cap of positive weight
-    counter-clockwise. `sign` 1 or −1 draws what counts with that sign, each as often as it counts; 0 draws all, with
-    its weight. `left_out`: how many parts reach nothing that is looked at.
+    Each has an integer weight. Walls are wound a, b, infinity, and caps as their triangles: seen from the light, a cap
+    of positive weight is counter-clockwise. `culled`: number of parts that cannot shadow the visible region.
     """
 
-    left_out: int
+    culled: int
 
     def extrude(self, frame: Frame, count_both_facings: bool) -> None:
-        """Take a frame's light; `count_both_facings`: of closed parts too, not only the triangles that face it."""
+        """Extrude for the frame's light.
 
-    def place(self, frame: Frame, world_to_clip: Floats, planes: Floats) -> None:
-        """Take a frame's camera, and the planes (P, 4) of the region whose shadows matter; without any it is all."""
+        count_both_facings: extrude all triangles of closed parts too, not only those that face the light.
+        """
 
-    def draw(self, part: Part, sign: int, front_adds: int, onto: Onto) -> None:
-        """Draw; in colour, what is seen counter-clockwise adds `front_adds` times its weight, the rest subtracts it."""
+    def set_camera(self, frame: Frame, world_to_clip: Floats, planes: Floats) -> None:
+        """Set the frame's camera, and cull parts that cannot shadow the region inside (P, 4) planes.
+
+        P = 0: no culling.
+        """
+
+    def draw(self, part: VolumePart, sign: int, front_adds: int, render_pass: RenderPass) -> None:
+        """Draw the walls or the caps.
+
+        sign: 1 or −1 draws those with a weight of that sign, as many times as their weight; 0 draws all once.
+        front_adds: in a colour target, counter-clockwise faces add front_adds · weight, others subtract it.
+        """
 
 
 class ShaderVolumes:
-    """Extruded by geometry shaders, silhouettes from lines with adjacency."""
+    """Shadow volumes extruded by geometry shaders; silhouette edges are found from lines with adjacency."""
 
-    def __init__(self, stage: Stage, casters: Casters, faces: Faces, params: TechniqueParams) -> None:
-        self._programs: dict[Part, Program] = {
+    def __init__(self, stage: Stage, casters: Casters, faces: Extrusion, params: TechniqueParams) -> None:
+        self._programs: dict[VolumePart, Program] = {
             part: stage.program(
                 "shadow-volume/corner.vert",
                 "shadow-volume/count.frag",
@@ -66,9 +75,9 @@ class ShaderVolumes:
         }
         self._surfaces = (casters.closed, casters.open)
         walls = moderngl.LINES_ADJACENCY if faces == "silhouette" else moderngl.TRIANGLES
-        self._modes: dict[Part, int] = {"wall": walls, "cap": moderngl.TRIANGLES}
+        self._modes: dict[VolumePart, int] = {"wall": walls, "cap": moderngl.TRIANGLES}
         self._drawn = {
-            part: [stage.indexed(self._programs[part], _rows(surface, mode)[0], mode) for surface in self._surfaces]
+            part: [stage.indexed(self._programs[part], _indices(surface, mode)[0], mode) for surface in self._surfaces]
             for part, mode in self._modes.items()
         }
 
@@ -77,34 +86,35 @@ class ShaderVolumes:
         for program in self._programs.values():
             program.set(light=frame.light_uniform)
 
-    def place(self, frame: Frame, world_to_clip: Floats, planes: Floats) -> None:
-        _see(self._programs, frame, world_to_clip)
-        # Only a whole part is left out: of what is counted along a camera's ray, its walls and caps cancel together.
-        kept = [reaching(surface.boxes, frame.light_uniform, planes) for surface in self._surfaces]
+    def set_camera(self, frame: Frame, world_to_clip: Floats, planes: Floats) -> None:
+        _set_camera(self._programs, frame, world_to_clip)
+        # Whole parts only: the counts of a part's walls and caps along a camera ray cancel only together.
+        kept = [may_shadow(surface.boxes, frame.light_uniform, planes) for surface in self._surfaces]
         self._ranges = {
             part: [
-                ranges_of(chosen, _rows(surface, mode)[1]) for surface, chosen in zip(self._surfaces, kept, strict=True)
+                kept_ranges(chosen, _indices(surface, mode)[1])
+                for surface, chosen in zip(self._surfaces, kept, strict=True)
             ]
             for part, mode in self._modes.items()
         }
-        self.left_out = sum(int((~chosen).sum()) for chosen in kept)
+        self.culled = sum(int((~chosen).sum()) for chosen in kept)
 
-    def draw(self, part: Part, sign: int, front_adds: int, onto: Onto) -> None:
+    def draw(self, part: VolumePart, sign: int, front_adds: int, render_pass: RenderPass) -> None:
         program = self._programs[part]
         program.set(sign_drawn=float(sign), front_adds=float(front_adds))
         for is_open, drawable, ranges in zip((False, True), self._drawn[part], self._ranges[part], strict=True):
             program.set(count_both_facings=self._count_both_facings or is_open)
-            drawable.draw(onto.target, onto.textures, onto.state, ranges)
+            drawable.draw(render_pass.target, render_pass.textures, render_pass.state, ranges)
 
 
-def _rows(surface: Surface, mode: int) -> tuple[Indices, Indices]:
-    """The indices of a surface as edges or as triangles, and how many of them end each part."""
+def _indices(surface: Surface, mode: int) -> tuple[Indices, Indices]:
+    """Vertex indices of a surface's edges or triangles, and the (P,) index after the last one of each part."""
     if mode == moderngl.LINES_ADJACENCY:
         return surface.edges, 4 * surface.edge_ends
     return surface.faces, 3 * surface.face_ends
 
 
-def _see(programs: Mapping[Part, Program], frame: Frame, world_to_clip: Floats) -> None:
+def _set_camera(programs: Mapping[VolumePart, Program], frame: Frame, world_to_clip: Floats) -> None:
     for program in programs.values():
         program.set(world_to_clip=world_to_clip)
         if program.has("eye"):
@@ -112,18 +122,18 @@ def _see(programs: Mapping[Part, Program], frame: Frame, world_to_clip: Floats) 
 
 
 class ArrayVolumes:
-    """Extruded by NumPy, every triangle by itself, in the float32 that the shaders use. Leaves nothing out."""
+    """Shadow volumes of single triangles, extruded by NumPy in float32 as in the shaders. No culling."""
 
-    left_out = 0
+    culled = 0
 
     def __init__(self, stage: Stage, casters: Casters, params: TechniqueParams) -> None:
-        self._programs: dict[Part, Program] = {
+        self._programs: dict[VolumePart, Program] = {
             part: stage.program(
                 "shadow-volume/volume.vert", "shadow-volume/count.frag", params=params, defines={part.upper(): 1}
             )
             for part in _PARTS
         }
-        self._edges = "from" in self._programs["wall"].linked  # as the variant has it
+        self._edges = "from" in self._programs["wall"].linked  # declared only with compare=position
         edges = {"from": 3, "to": 3} if self._edges else {}
         attributes = {"wall": {"point": 4} | edges, "cap": {"point": 4}}
         self._uploads = {
@@ -145,16 +155,16 @@ class ArrayVolumes:
             for (part, sign), upload in self._uploads.items()
         }
 
-    def place(self, frame: Frame, world_to_clip: Floats, planes: Floats) -> None:
-        _see(self._programs, frame, world_to_clip)
+    def set_camera(self, frame: Frame, world_to_clip: Floats, planes: Floats) -> None:
+        _set_camera(self._programs, frame, world_to_clip)
 
-    def draw(self, part: Part, sign: int, front_adds: int, onto: Onto) -> None:
+    def draw(self, part: VolumePart, sign: int, front_adds: int, render_pass: RenderPass) -> None:
         for one in (sign,) if sign else (1, -1):
             self._programs[part].set(sign_drawn=float(one), front_adds=float(front_adds))
-            self._drawn[part, one].draw(onto.target, onto.textures, onto.state)
+            self._drawn[part, one].draw(render_pass.target, render_pass.textures, render_pass.state)
 
     def _counted(self, faces: Indices, light: Singles, count_both_facings: bool) -> tuple[Indices, Singles]:
-        """The faces that count, and 1 or −1 for each by whether the light sees it counter-clockwise."""
+        """The faces to extrude, and their weights: 1 if counter-clockwise seen from the light, else −1."""
         order = np.argsort(faces, axis=1)
         parity = np.where((np.diff(order, axis=1) % 3 == 1).all(axis=1), 1.0, -1.0)
         a, b, c = self._vertices[np.take_along_axis(faces, order, axis=1)].transpose(1, 0, 2)

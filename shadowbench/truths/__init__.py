@@ -1,1 +1,1 @@
-"""What is right: visibility by Embree, in float64 wherever a float32 would move a shadow. Knows no GL."""
+"""Ray-traced ground truth by Embree, in float64 wherever float32 would move a shadow. Needs no GL."""

@@ -1,4 +1,4 @@
-"""Truths kept on disk, by a hash of the view and of the sources that trace it: a second run traces nothing."""
+"""Disk cache of truths, keyed by a hash of the view and of the tracing sources."""
 
 import hashlib
 import logging
@@ -25,32 +25,32 @@ _RANGES: dict[str, tuple[type[np.generic], float, float]] = {
     "undecided": (np.bool_, 0, 1),
     "area": (np.float32, 0, 1),
     "blocker": (np.float32, 0, np.inf),
-    "cosine": (np.float32, 0, 1 + 1e-6),  # of vectors that are rounded
+    "cosine": (np.float32, 0, 1 + 1e-6),  # the vectors are rounded
     "diagonal": (np.float64, np.finfo(np.float64).tiny, np.finfo(np.float64).max),
 }
-"""Type, lowest and highest value of a truth's arrays, but `triangle`, whose range is the scene's."""
+"""Type, lowest and highest value of each array of a truth except `triangle`, whose range depends on the scene."""
 
 _log = logging.getLogger(__name__)
 
-KEPT_BYTES = 4 << 30  # the oldest truths go when the folder grows past this
+KEPT_BYTES = 4 << 30  # size of the cache; beyond it, the oldest truths are deleted
 
 
 def cached_truth(view: View, pixel_samples: int = 4, light_samples: int = 1) -> Truth:
-    """`trace`, or what it answered before for the same view and sources.
+    """`trace` of a view, from the cache if it was traced before by the same sources.
 
-    Where the cache cannot be read it is traced, where it cannot be written the truth is not kept: a logged warning.
+    A cache that cannot be written is a logged warning.
     """
     file = cache_folder() / f"{_key(view, pixel_samples, light_samples)}.npz"
     kept = read_truth(file, view)
     if kept is not None:
-        with suppress(OSError):  # a folder that may only be read serves all the same
+        with suppress(OSError):  # read-only caches are usable
             file.touch()
         return kept
     truth = trace(view, pixel_samples, light_samples)
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         write_truth(file, truth)
-        _forget_oldest(file.parent)
+        _delete_oldest(file.parent)
     except (OSError, InputError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else error
         _log.warning("truth cache %s: truths are traced and not kept (%s)", file.parent, reason)
@@ -58,32 +58,32 @@ def cached_truth(view: View, pixel_samples: int = 4, light_samples: int = 1) -> 
 
 
 def cache_folder() -> Path:
-    """Where truths are kept: $SHADOWBENCH_CACHE, or the platform's folder for caches; made with the first truth."""
+    """Folder of the cache: $SHADOWBENCH_CACHE, or the platform's cache folder; created with the first truth."""
     chosen = os.environ.get("SHADOWBENCH_CACHE")
     return Path(chosen) if chosen else Path(platformdirs.user_cache_dir("shadowbench")) / "truth"
 
 
 def write_truth(file: Path, truth: Truth) -> None:
-    """All arrays of a truth as one compressed .npz."""
-    with replace_file(file) as beside, beside.open("wb") as stream:
+    """Write all arrays of a truth as a compressed .npz."""
+    with replace_file(file) as temporary, temporary.open("wb") as stream:
         np.savez_compressed(stream, **truth.arrays())  # type: ignore[arg-type]  # the stub types allow_pickle alone
 
 
 def read_truth(file: Path, view: View) -> Truth | None:
-    """The truth of a view in a file, None when it is missing, unreadable, cut short, damaged or of something else."""
-    if not file.is_file():  # a pipe would be waited for
+    """Read the truth of a view; None if the file is missing, unreadable, truncated, damaged or of another view size."""
+    if not file.is_file():  # reading a named pipe would block
         return None
     try:
-        # np.load leaves a file that it cannot read open, unless it is given one.
+        # Opened here, since np.load does not close a file that it fails to read.
         with file.open("rb") as stream, np.load(stream) as arrays:
             values = {name: arrays[name] for name in arrays.files}
-    except Exception:  # whatever zipfile and NumPy raise for damaged bytes, MemoryError and TokenError among them
+    except Exception:  # damaged bytes raise many types in zipfile and NumPy, MemoryError and TokenError included
         return None
     return Truth(**{**values, "diagonal": float(values["diagonal"])}) if _is_truth(values, view) else None
 
 
 def _is_truth(values: dict[str, NDArray[Any]], view: View) -> bool:
-    """Whether arrays have the names, types, sizes and ranges of a truth of a view."""
+    """Whether arrays have the names, types, shapes and ranges of a truth of the view."""
     ranges = {**_RANGES, "triangle": (np.int32, -1, len(view.scene.geometry.faces) - 1)}
     if values.keys() != ranges.keys():
         return False
@@ -104,8 +104,8 @@ def _key(view: View, pixel_samples: int, light_samples: int) -> str:
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:32]
 
 
-def _forget_oldest(folder: Path) -> None:
-    """Other processes may forget the same truths meanwhile."""
+def _delete_oldest(folder: Path) -> None:
+    """Delete the oldest truths beyond KEPT_BYTES; other processes may delete the same ones meanwhile."""
     kept = []
     for file in folder.glob("*.npz"):
         with suppress(FileNotFoundError):

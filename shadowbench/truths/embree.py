@@ -1,7 +1,7 @@
-"""Embree behind three questions: which triangle is hit, how far is it, is anything in the way.
+"""Ray queries by Embree: nearest triangle, distance, occlusion.
 
-Embree works in float32, so callers hand it local coordinates (a diagonal of about 1) and refine what they need.
-Its arrays are not bounds-checked; here is the one place that makes them what it expects.
+Embree works in float32, so callers pass local coordinates (a scene diagonal of about 1) and refine hits themselves.
+embreex checks no array bounds; this module alone ensures the shapes and types that it expects.
 """
 
 import os
@@ -20,31 +20,31 @@ from shadowbench.scenes.model import Floats
 Result = TypeVar("Result")
 Vectors = Floats | NDArray[np.float32]
 
-RAYS_A_SLICE = 1 << 15  # float64 temporaries of a slice stay in the cache of a core
-NEVER = 1e30  # a ray length that no local scene reaches
+RAYS_A_SLICE = 1 << 15  # float64 temporaries of a slice fit in a core's cache
+NEVER = 1e30  # a ray length beyond any local scene
 
 
 class Tracer:
-    """An Embree scene of one indexed triangle list.
+    """Embree scene of one indexed triangle list.
 
-    vertices: (V, 3) float64, local; faces: (F, 3) int32. Rays: origins and directions (N, 3) float64 or, without a
-    copy, float32; directions of any length, or (1, 3) where all are one; reach (N,) or a number, in lengths of the
-    direction, as all distances.
+    vertices: (V, 3) float64, local; faces: (F, 3) int32. Rays: origins and directions (N, 3) float64, or float32 to
+    avoid a copy; directions of any length, (1, 3) if shared by all rays; reach: (N,) or a number. Reach and distances
+    are in multiples of the direction's length.
     """
 
     def __init__(self, vertices: Floats, faces: NDArray[np.int32]) -> None:
         self._scene = EmbreeScene(robust=True)
         if len(faces):
             TriangleMesh(self._scene, vertices.astype(np.float32), np.ascontiguousarray(faces, dtype=np.int32))
-        # The first run builds the tree, which must not happen in several threads at once.
+        # The first query builds the BVH, which must not happen in several threads at once.
         self.nearest(np.zeros((1, 3)), np.ones((1, 3)), 1.0)
 
     def nearest(self, origins: Vectors, directions: Vectors, reach: Floats | float) -> NDArray[np.int32]:
-        """(N,) int32 index of the nearest triangle within reach, −1 for none."""
+        """(N,) int32 index of the nearest triangle within reach, −1 if none."""
         return self._run(origins, directions, reach, "INTERSECT").astype(np.int32, copy=False)
 
     def distance(self, origins: Vectors, directions: Vectors, reach: Floats | float) -> NDArray[np.float32]:
-        """(N,) float32 distance to the nearest triangle; `reach` or more for none."""
+        """(N,) float32 distance to the nearest triangle; `reach` or more if none."""
         return self._run(origins, directions, reach, "DISTANCE")
 
     def occluded(self, origins: Vectors, directions: Vectors, reach: Floats | float) -> NDArray[np.bool_]:
@@ -68,6 +68,6 @@ class Tracer:
 
 
 def over_slices(work: Callable[[slice], Result], count: int, size: int = RAYS_A_SLICE) -> Iterator[Result]:
-    """`work` on slices of `count` things, in order, one thread a core: Embree and NumPy both let go of the GIL."""
+    """Results of `work` on slices of `count` items, in order, one thread per core; Embree and NumPy release the GIL."""
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         yield from pool.map(work, in_slices(count, size))

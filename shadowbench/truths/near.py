@@ -1,7 +1,7 @@
-"""Casters so near to a surface that a shadow ray which starts above it passes them by.
+"""Occluders so close to a receiver that its shadow ray, which starts above the surface, misses them.
 
-A ray that starts δ above a surface begins δ/(N·L) along L: far from the point where light grazes, and Embree's float32
-cannot begin lower. The stretch left out is tested here in float64, against the triangles that a tree of boxes finds.
+A shadow ray that starts δ above the surface skips a segment of length δ/(N·L), which is long for grazing light; in
+float32 Embree cannot start lower. The skipped segment is tested here in float64, against triangles found by a BVH.
 """
 
 from collections.abc import Iterator
@@ -13,20 +13,20 @@ from shadowbench.scenes.geometry import Geometry, in_slices
 from shadowbench.scenes.model import Floats
 from shadowbench.truths.rays import Indices, Mask, Receivers, dot
 
-CHILDREN = 8  # of a node of the tree
-MORTON_BITS = 10  # a coordinate
-GROUPS_AT_ONCE = 1 << 12  # of receivers, which begin at the root
-PAIRS_AT_ONCE = 1 << 15  # of a group or stretch and a box or triangle: few, so that memory is bounded
-CASTERS_A_RECEIVER = 1 << 10  # that may cross its stretch: where there are more, it is in doubt
-SIDES = (32, 8, 2)  # pixels, of the squares whose receivers of one triangle are a group
-ROUNDING = 1e-12  # local, by which extents are widened
-AT_SURFACE = 1e-9  # local length along L up to which a crossing is rounding: of a triangle in the receiver's own plane
-FLAT = 1e-14  # local height above the receiver's plane up to which a triangle lies in it
-COVERING = 2.0**-22  # local distance at which float32 may take one surface for another that lies over it
+CHILDREN = 8  # per node of the BVH
+MORTON_BITS = 10  # per coordinate
+GROUPS_AT_ONCE = 1 << 12  # groups of receivers that start at the root together
+PAIRS_AT_ONCE = 1 << 15  # (group, box) or (segment, triangle) pairs processed together; bounds memory
+CASTERS_A_RECEIVER = 1 << 10  # most candidate triangles per segment; a receiver with more is undecided
+SIDES = (32, 8, 2)  # pixels: squares of the image whose receivers on one triangle form a group
+ROUNDING = 1e-12  # local length by which extents are widened
+AT_SURFACE = 1e-9  # local length along L below which a hit is rounding, on a triangle in the receiver's own plane
+FLAT = 1e-14  # local height above the receiver's plane below which a triangle counts as lying in it
+COVERING = 2.0**-22  # local distance within which float32 may confuse two surfaces on top of each other
 
 
 class _Groups(NamedTuple):
-    """(2, G) extents of groups of receivers and their ways, seen along L; where the parts of each begin."""
+    """(2, G) extents of groups of segments, projected along L; (G + 1,) index of each group's first part."""
 
     low: Floats
     high: Floats
@@ -34,7 +34,7 @@ class _Groups(NamedTuple):
 
 
 class _Boxes(NamedTuple):
-    """(3, G) boxes about groups; (3, G) the points and (2, 3, G) the axes that extents along L are measured by."""
+    """(3, G) bounding boxes of groups; (3, G) origins and (2, 3, G) axes of the projection along L."""
 
     low: Floats
     high: Floats
@@ -44,7 +44,7 @@ class _Boxes(NamedTuple):
 
 
 class NearCasters:
-    """The casters of a scene, which is in local coordinates, in a tree of boxes."""
+    """BVH over the casters of a scene in local coordinates."""
 
     def __init__(self, geometry: Geometry) -> None:
         self._vertices, self._faces = np.ascontiguousarray(geometry.vertices.T), geometry.faces
@@ -61,63 +61,65 @@ class NearCasters:
             self._levels.append((np.minimum.reduceat(low, first, axis=1), np.maximum.reduceat(high, first, axis=1)))
 
     def blocked(self, receivers: Receivers, height: float, pixels: Indices, eye: Floats) -> tuple[Floats, Mask]:
-        """(N,) distance along L to the nearest caster within `height` above each surface, inf for none; (N,) doubt.
+        """(N,) distance along L to the nearest caster within `height` above each receiver, inf if none; (N,) undecided.
 
-        A receiver's own triangle does not block it, nor does any in its plane. Doubtful is a receiver that is blocked
-        only by what, seen from `eye` (3, 1), covers it so closely that the eye may see that instead; and one that more
-        than CASTERS_A_RECEIVER may block. `pixels` (2, N): column and row of each.
+        Neither a receiver's own triangle nor any in its plane blocks it. Undecided are receivers whose only blocker
+        covers them so closely that, from `eye` (3, 1), float32 may show the blocker instead, and receivers with more
+        than CASTERS_A_RECEIVER candidates. pixels: (2, N) column and row of each.
         """
         length = np.minimum(height / receivers.cosine, receivers.distance)
         to_light = np.broadcast_to(receivers.to_light, receivers.point.shape)
         distance, covered = np.full(len(length), np.inf), np.zeros(len(length), dtype=bool)
         tested = np.zeros(len(length), dtype=np.intp)
-        for stretch, caster in self.candidates(receivers, to_light * length, pixels, height):
-            np.add.at(tested, stretch, 1)
-            few = tested[stretch] <= CASTERS_A_RECEIVER
-            stretch, caster = stretch[few], caster[few]
-            point = receivers.point.take(stretch, axis=1)
+        for segment, caster in self.candidates(receivers, to_light * length, pixels, height):
+            np.add.at(tested, segment, 1)
+            few = tested[segment] <= CASTERS_A_RECEIVER
+            segment, caster = segment[few], caster[few]
+            point = receivers.point.take(segment, axis=1)
             a, b, c = (corner - point for corner in self._corners(caster))
-            through = cross(b, c), cross(c, a), cross(a, b)  # normals of the planes through the point and each side
-            sides = [dot(normal, to_light.take(stretch, axis=1)) for normal in through]
+            through = cross(b, c), cross(c, a), cross(a, b)  # normals of the planes through the point and each edge
+            sides = [dot(normal, to_light.take(segment, axis=1)) for normal in through]
             with np.errstate(divide="ignore", invalid="ignore"):
                 t = dot(a, through[0]) / (sides[0] + sides[1] + sides[2])
-            met = np.flatnonzero(_alike(sides) & (t > AT_SURFACE) & (t < length[stretch]))
-            stretch, t = stretch[met], t[met]
-            view = point[:, met] - eye
-            over = _alike([dot(normal[:, met], view) for normal in through])
-            over &= np.abs(dot(self._normals[:, caster[met]], a[:, met])) < COVERING
-            np.minimum.at(distance, stretch[~over], t[~over])
-            covered[stretch[over]] = True
+            hit = np.flatnonzero(_same_sign(sides) & (t > AT_SURFACE) & (t < length[segment]))
+            segment, t = segment[hit], t[hit]
+            view = point[:, hit] - eye
+            over = _same_sign([dot(normal[:, hit], view) for normal in through])
+            over &= np.abs(dot(self._normals[:, caster[hit]], a[:, hit])) < COVERING
+            np.minimum.at(distance, segment[~over], t[~over])
+            covered[segment[over]] = True
         too_many = tested > CASTERS_A_RECEIVER
         distance[too_many] = np.inf
         return distance, (covered & np.isinf(distance)) | too_many
 
     def candidates(
-        self, receivers: Receivers, ways: Floats, pixels: Indices, height: float
+        self, receivers: Receivers, segments: Floats, pixels: Indices, height: float
     ) -> Iterator[tuple[Indices, Indices]]:
-        """Receivers and the casters that may cross their ways, (3, N) vectors, as (K,) indices each, some at a time.
+        """Batches of (K,) receiver and (K,) caster indices whose segment and triangle may intersect.
 
-        Seen along L a group of receivers is small, and of a caster only what is within `height` above their plane
-        counts: where the two overlap, the group's parts are asked, down to single receivers.
+        segments: (3, N) vectors from the receivers. Projected along L, a group of receivers is small, and only the part
+        of a caster within `height` above their plane counts; if the two overlap, the group's parts are tested, down to
+        single receivers.
         """
         codes = [_square(pixels, side) for side in SIDES]
         order = np.lexsort((*codes[::-1], receivers.triangle))
         own = receivers.triangle[order]
-        starts, ways = receivers.point[:, order], ways[:, order]
-        ends = starts + ways
+        starts, segments = receivers.point[:, order], segments[:, order]
+        ends = starts + segments
 
         changes = np.diff(own, prepend=-1) != 0
-        firsts = []  # of the members of each group, largest groups first
+        firsts = []  # index of the first member of each group, largest groups first
         for code in codes:
             changes = changes | (np.diff(code[order], prepend=-1) != 0)
             firsts.append(np.flatnonzero(changes))
         largest = firsts[0]
         own = own[largest]
         up = self._normals[:, own]
-        along = ways[:, largest] / np.sqrt(np.maximum(dot(ways[:, largest], ways[:, largest]), np.finfo(float).tiny))
+        along = segments[:, largest]
+        along = along / np.sqrt(np.maximum(dot(along, along), np.finfo(float).tiny))
         up = up * np.sign(dot(up, along))
         across = cross(up, along)
-        frame = np.stack([across, cross(along, across), up])  # (3, 3, G) rows seen along L, and the height
+        frame = np.stack([across, cross(along, across), up])  # (3, 3, G): two axes across L, and the height
         base = self._vertices[:, self._faces[own, 0]]
 
         member_of = np.repeat(np.arange(len(largest)), np.diff(largest, append=len(order)))
@@ -136,10 +138,10 @@ class NearCasters:
         box_high = np.maximum.reduceat(np.maximum(starts, ends), largest, axis=1)
         boxes = _Boxes(box_low, box_high, base, frame[:2], levels[0])
 
-        for some in in_slices(len(largest), GROUPS_AT_ONCE):
+        for batch in in_slices(len(largest), GROUPS_AT_ONCE):
             roots = self._levels[-1][0].shape[1]
-            begin = np.repeat(np.arange(some.start, some.stop), roots)
-            node = np.tile(np.arange(roots), some.stop - some.start)
+            begin = np.repeat(np.arange(batch.start, batch.stop), roots)
+            node = np.tile(np.arange(roots), batch.stop - batch.start)
             for group, caster in self._overlapping(boxes, len(self._levels) - 1, begin, node):
                 other = caster != own[group]
                 group, caster = group[other], caster[other]
@@ -151,7 +153,7 @@ class NearCasters:
     def _overlapping(
         self, boxes: "_Boxes", level: int, box: Indices, node: Indices
     ) -> Iterator[tuple[Indices, Indices]]:
-        """Which boxes overlap which triangles below the nodes of a level of the tree: (K,) each, some at a time."""
+        """Batches of (K,) box and (K,) triangle indices that overlap, below the given nodes of a level of the BVH."""
         lowest, highest = self._levels[level]
         for axis in range(3):
             kept = (lowest[axis, node] <= boxes.high[axis, box]) & (highest[axis, node] >= boxes.low[axis, box])
@@ -167,23 +169,23 @@ class NearCasters:
         if not level:
             yield box, self._casters[node]
             return
-        for some in in_slices(len(box), PAIRS_AT_ONCE // CHILDREN):
-            parent = np.repeat(box[some], CHILDREN)
-            child = (node[some, None] * CHILDREN + np.arange(CHILDREN)).ravel()
-            there = child < self._levels[level - 1][0].shape[1]
-            yield from self._overlapping(boxes, level - 1, parent[there], child[there])
+        for batch in in_slices(len(box), PAIRS_AT_ONCE // CHILDREN):
+            parent = np.repeat(box[batch], CHILDREN)
+            child = (node[batch, None] * CHILDREN + np.arange(CHILDREN)).ravel()
+            valid = child < self._levels[level - 1][0].shape[1]
+            yield from self._overlapping(boxes, level - 1, parent[valid], child[valid])
 
     def _corners(self, triangles: Indices) -> list[Floats]:
-        """Three times (3, N)."""
+        """The three corners of triangles, (3, N) each."""
         return [self._vertices[:, self._faces[triangles, k]] for k in range(3)]
 
 
 def _descend(
     levels: list[_Groups], group: Indices, caster: Indices, low: Floats, high: Floats
 ) -> Iterator[tuple[Indices, Indices]]:
-    """Receivers and casters, (K,) each, that overlap, of the groups of the first of some levels.
+    """Batches of (K,) receivers and (K,) casters that overlap, below the given groups of the first level.
 
-    low, high: (2, K) the casters' extents.
+    low, high: (2, K) extents of the casters.
     """
     groups, *below = levels
     kept = ((low <= groups.high[:, group]) & (high >= groups.low[:, group])).all(axis=0)
@@ -195,16 +197,16 @@ def _descend(
     total = np.cumsum(count)
     full = np.searchsorted(total, np.arange(PAIRS_AT_ONCE, total.max(initial=0), PAIRS_AT_ONCE))
     for pairs in np.split(np.arange(len(group)), full):
-        many = count[pairs]
-        pair = np.repeat(pairs, many)
-        part = groups.parts[group[pair]] + np.arange(len(pair)) - np.repeat(np.cumsum(many) - many, many)
+        counts = count[pairs]
+        pair = np.repeat(pairs, counts)
+        part = groups.parts[group[pair]] + np.arange(len(pair)) - np.repeat(np.cumsum(counts) - counts, counts)
         yield from _descend(below, part, caster[pair], low[:, pair], high[:, pair])
 
 
 def _extents(corners: list[Floats], height: float) -> tuple[Floats, Floats]:
-    """(2, K) from and to where triangles reach along two axes, up to `height` on the third; inf, −inf for nowhere.
+    """(2, K) lower and upper extents along two axes of the part of each triangle between 0 and `height` on the third.
 
-    `corners` three times (3, K). A triangle that does not rise above FLAT reaches nowhere.
+    corners: three times (3, K). The extents are inf and −inf for triangles outside, or that do not rise above FLAT.
     """
     low, high = np.full((2, 2, corners[0].shape[1]), np.inf)
     high = -high
@@ -218,35 +220,35 @@ def _extents(corners: list[Floats], height: float) -> tuple[Floats, Floats]:
         inside = level & (a[2] >= bottom) & (a[2] <= top)
         first = np.where(level, np.where(inside, 0.0, 2.0), np.maximum(ends[0], 0.0))
         last = np.where(level, np.where(inside, 1.0, -1.0), np.minimum(ends[1], 1.0))
-        there = first <= last
+        valid = first <= last
         for share in (first, last):
             at = a[:2] + (b[:2] - a[:2]) * share
-            np.minimum(low, at, out=low, where=there)
-            np.maximum(high, at, out=high, where=there)
+            np.minimum(low, at, out=low, where=valid)
+            np.maximum(high, at, out=high, where=valid)
     flat = np.maximum.reduce([corner[2] for corner in corners]) <= FLAT
     low[:, flat], high[:, flat] = np.inf, -np.inf
     return low, high
 
 
 def _square(pixels: Indices, side: int) -> Indices:
-    """(N,) a number for the square of the image that each pixel (2, N) lies in."""
+    """(N,) id of the image square that contains each pixel (2, N)."""
     number: Indices = (pixels[1] // side << 32) + pixels[0] // side
     return number
 
 
 def cross(a: Floats, b: Floats) -> Floats:
-    """(3, N) of two (3, N); np.cross takes longer."""
+    """(3, N) cross products of two (3, N); faster than np.cross."""
     return np.stack([a[k - 2] * b[k - 1] - a[k - 1] * b[k - 2] for k in range(3)])
 
 
-def _alike(sides: list[Floats]) -> Mask:
-    """Whether a line passes all sides of a triangle on the same side: it goes through."""
+def _same_sign(sides: list[Floats]) -> Mask:
+    """(N,) whether the three signed volumes of a line and a triangle's edges agree in sign: the line hits it."""
     through: Mask = (np.minimum.reduce(sides) >= 0) | (np.maximum.reduce(sides) <= 0)
     return through
 
 
 def _morton_order(points: Floats) -> Indices:
-    """(N,) an order of (3, N) points in which neighbours lie near each other."""
+    """(N,) order of (3, N) points along a Morton curve."""
     low, high = points.min(axis=1, initial=0.0), points.max(axis=1, initial=0.0)
     cells = ((points.T - low) / np.maximum(high - low, 1e-300) * (2**MORTON_BITS - 1)).T.astype(np.int64)
     code = np.zeros(points.shape[1], dtype=np.int64)

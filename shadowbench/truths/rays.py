@@ -1,7 +1,7 @@
-"""A view's rays: what a point of each pixel sees, and the shadow ray from there to the light.
+"""Camera rays of a view and the shadow rays from their hits to the light.
 
-All in float64 and local coordinates; Embree's float32 only chooses triangles. Vectors are (3, N), a row a component:
-NumPy takes a fraction of the time that it takes on (N, 3).
+Float64 in local coordinates; Embree's float32 only selects triangles. Vectors are (3, N), one row per component, on
+which NumPy is several times faster than on (N, 3).
 """
 
 from collections.abc import Sequence
@@ -17,14 +17,15 @@ from shadowbench.truths.embree import NEVER, Tracer
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
-FROM_LIGHT = 2.0  # local lengths from the centre up to which shadow rays begin at the light
+FROM_LIGHT = 2.0  # local distance of the light from the centre up to which shadow rays are traced from the light
 EDGE_ON = 1e-6  # |N·ray| below which a hit cannot be refined
 
 
 class ShadowRays(NamedTuple):
-    """Rays from points near surfaces to the light: `ahead` is the way already gone, `reach` what is left of it.
+    """Rays from points near surfaces to the light.
 
-    origins: (3, N); directions: (3, N), or (3, 1) where all are one; ahead: (N,); reach: (N,) or a number.
+    origins: (3, N); directions: (3, N), or (3, 1) if shared; ahead: (N,) distance of the origin from the surface along
+    L; reach: (N,) or a number, distance from the origin to the light.
     """
 
     origins: Floats
@@ -32,8 +33,8 @@ class ShadowRays(NamedTuple):
     ahead: Floats
     reach: Floats | float
 
-    def only(self, chosen: Mask) -> "ShadowRays":
-        """The chosen among them."""
+    def select(self, chosen: Mask) -> "ShadowRays":
+        """The selected subset; chosen: (N,) bool."""
         return ShadowRays(
             self.origins[:, chosen],
             self.directions if self.directions.shape[1] == 1 else self.directions[:, chosen],
@@ -44,10 +45,10 @@ class ShadowRays(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Receivers:
-    """The hits that face both camera and light.
+    """Hits on surfaces that face both the camera and the light.
 
-    rays: (R,) index of each in the rays that were asked for; triangle: (R,); point: (3, R); to_light: (3, R) unit, or
-    (3, 1) for a directional light; distance: (R,) or a number; cosine: (R,) N·L.
+    rays: (R,) index of each camera ray; triangle: (R,); point: (3, R); to_light: (3, R) unit vectors, (3, 1) for a
+    directional light; distance: to the light, (R,) or a number; cosine: (R,) N·L.
     """
 
     rays: Indices
@@ -57,8 +58,8 @@ class Receivers:
     distance: Floats | float
     cosine: Floats
 
-    def only(self, chosen: Mask) -> "Receivers":
-        """The chosen among them."""
+    def select(self, chosen: Mask) -> "Receivers":
+        """The selected subset; chosen: (N,) bool."""
         return Receivers(
             self.rays[chosen],
             self.triangle[chosen],
@@ -69,8 +70,8 @@ class Receivers:
         )
 
     @classmethod
-    def together(cls, parts: "Sequence[Receivers]") -> "Receivers":
-        """The receivers of all parts, which are of one view."""
+    def concatenate(cls, parts: "Sequence[Receivers]") -> "Receivers":
+        """Concatenation of receivers of one view."""
         shared = isinstance(parts[0].distance, float)
         return cls(
             np.concatenate([part.rays for part in parts]),
@@ -83,15 +84,15 @@ class Receivers:
 
 
 class ViewRays:
-    """The rays of a view that is in local coordinates."""
+    """Camera and shadow rays of a view in local coordinates."""
 
     def __init__(self, view: View) -> None:
         self._size = view.size
         self._near, self._far = view.near_far
         geometry = view.scene.geometry
         self._all = Tracer(geometry.vertices, geometry.faces)
-        whole = len(geometry.caster_faces) == len(geometry.faces)
-        self._casters = self._all if whole else Tracer(geometry.vertices, geometry.caster_faces)
+        all_cast = len(geometry.caster_faces) == len(geometry.faces)
+        self._casters = self._all if all_cast else Tracer(geometry.vertices, geometry.caster_faces)
 
         camera = view.camera
         right, up, back = camera.basis()[:, :, None]
@@ -103,25 +104,25 @@ class ViewRays:
 
         light, self._light_w = view.light.homogeneous
         self._light = np.array(light)[:, None]
-        # Rounded about the light, a caster keeps its place as the light sees it, however near to the light it is.
+        # In float32 relative to the light, casters keep their direction from the light, however close to it they are.
         self._from_light: Tracer | None = None
         if self._light_w and np.abs(light).max() < FROM_LIGHT:
             self._from_light = Tracer(geometry.vertices - self._light[:, 0], geometry.caster_faces)
         self._axis = unit(view.light.direction)[:, None]
         self._cos_half_angle = view.light.cos_half_angle
 
-        # A plane shows one side to a point, so normals are turned to the camera once and not for each hit.
+        # The eye sees one side of each plane, so normals are flipped towards the camera here rather than for each hit.
         normals, corners = geometry.normals.T, geometry.vertices[geometry.faces[:, 0]].T
         below = dot(normals, corners) - dot(normals, self.eye)
-        self._below = -np.abs(below)  # of each plane, from the eye along its normal
+        self._below = -np.abs(below)  # signed distance from the eye to each plane along its normal
         self._normals = np.ascontiguousarray(normals * -np.sign(below))
-        self._receives = np.append(geometry.receives, False)  # the last for a triangle of −1
+        self._receives = np.append(geometry.receives, False)  # the last entry is that of index −1, a miss
         if self._light_w == 0:
             self._cosines = dot(self._normals, self._light)
             self._receives[:-1] &= self._cosines > 0
 
     def directions(self, rows: slice, across: float = 0.5, down: float = 0.5) -> Floats:
-        """(3, N) through a point of each pixel of some rows, of length 1 along the view's axis: t is the view depth."""
+        """(3, N) camera rays through a point of each pixel of some rows; the ray parameter is view depth."""
         x = (np.arange(self._size) + across) * (2 / self._size) - 1
         y = 1 - (np.arange(rows.start, rows.stop) + down) * (2 / self._size)
         row = self._ahead + x * self._right
@@ -129,25 +130,27 @@ class ViewRays:
         return grid.reshape(3, -1)
 
     def nearest(self, directions: Floats) -> Indices:
-        """(N,) the triangle that each ray from the eye meets between the camera's planes, −1 for none."""
-        # Starting near the scene keeps the float32 origin exact for cameras far away.
+        """(N,) nearest triangle on each camera ray between the near and far planes, −1 if none."""
+        # For a camera far away, starting near the scene preserves float32 precision.
         start: Floats | float = self._near
         if self._gap > self._near:
             start = np.maximum(self._near, self._gap / np.sqrt(dot(directions, directions)))
-        triangle = self._all.nearest(single(self.eye + directions * start), single(directions), self._far - start)
+        triangle = self._all.nearest(
+            as_float32(self.eye + directions * start), as_float32(directions), self._far - start
+        )
         return triangle.astype(np.intp)
 
     def edge_on(self, directions: Floats, triangle: Indices) -> Mask:
-        """(N,) whether a ray meets its triangle so flatly that the hit cannot be refined."""
+        """(N,) whether a ray hits its triangle at so grazing an angle that the hit cannot be refined."""
         flat: Mask = dot(self._normals.take(triangle, axis=1), directions) > -EDGE_ON
         return flat & (triangle >= 0)
 
     def points(self, directions: Floats, triangle: Indices) -> Floats:
-        """(3, N) where the true rays meet the planes of their triangles."""
+        """(3, N) float64 intersections of rays with the planes of their triangles."""
         return self._points(directions, triangle, self._normals.take(triangle, axis=1))
 
     def receivers(self, directions: Floats, triangle: Indices) -> Receivers:
-        """The receivers among what rays meet; a `triangle` of −1 is none."""
+        """The receivers among ray hits; triangle: (N,) hit triangle of each ray, −1 for a miss."""
         rays = np.flatnonzero(self._receives.take(triangle))
         triangle = triangle.take(rays)
         normal = self._normals.take(triangle, axis=1)
@@ -170,25 +173,25 @@ class ViewRays:
         )
 
     def shadow_rays(self, receivers: Receivers, delta: float) -> ShadowRays:
-        """From δ above the surfaces, on the true rays: an offset along N slides a shadow by δ/tan(elevation)."""
+        """Shadow rays offset along L to a height δ; an offset along N would shift shadows by δ/tan(elevation)."""
         ahead = delta / receivers.cosine
         origins = receivers.point + receivers.to_light * ahead
-        # Nothing needs to be left of a way that ends before it begins.
+        # A light within the offset leaves a ray of length 0.
         reach = NEVER if self._light_w == 0 else np.maximum(receivers.distance - ahead, 0.0)
         return ShadowRays(origins, receivers.to_light, ahead, reach)
 
     def pixels(self, receivers: Receivers) -> Indices:
-        """(2, R) column and row, of the rows asked for, of each."""
+        """(2, R) column, and row within the traced rows, of each receiver."""
         row, column = np.divmod(receivers.rays, self._size)
         return np.stack([column, row])
 
     @property
-    def endless(self) -> bool:
+    def directional(self) -> bool:
         """Whether shadow rays have no end: the light is directional."""
         return self._light_w == 0
 
     def raised_rays(self, receivers: Receivers, delta: float) -> ShadowRays:
-        """From δ above the surfaces, along N, to the light."""
+        """Shadow rays offset by δ along N."""
         origins = receivers.point + self._normals.take(receivers.triangle, axis=1) * delta
         ahead = np.zeros(len(receivers.rays))
         if self._light_w == 0:
@@ -197,16 +200,16 @@ class ViewRays:
         return ShadowRays(origins, to_light, ahead, distance)
 
     def blocked(self, rays: ShadowRays) -> Mask:
-        """(N,) whether a caster stands in the way."""
+        """(N,) whether a caster blocks each ray."""
         if self._from_light is not None:
             ends = rays.origins - self._light + rays.directions * rays.reach
-            return self._from_light.occluded(single(ends), single(-rays.directions), rays.reach)
-        return self._casters.occluded(single(rays.origins), single(rays.directions), rays.reach)
+            return self._from_light.occluded(as_float32(ends), as_float32(-rays.directions), rays.reach)
+        return self._casters.occluded(as_float32(rays.origins), as_float32(rays.directions), rays.reach)
 
     def blockers(self, rays: ShadowRays) -> Floats:
-        """(N,) distance along L from the surface to the nearest caster."""
-        way = self._casters.distance(single(rays.origins), single(rays.directions), rays.reach)
-        return rays.ahead + way.astype(np.float64)
+        """(N,) distance along L from the receiver to the nearest caster."""
+        distance = self._casters.distance(as_float32(rays.origins), as_float32(rays.directions), rays.reach)
+        return rays.ahead + distance.astype(np.float64)
 
     def _points(self, directions: Floats, triangle: Indices, normal: Floats) -> Floats:
         toward = np.minimum(dot(normal, directions), -EDGE_ON)
@@ -221,12 +224,12 @@ class ViewRays:
 
 
 def dot(a: Floats, b: Floats) -> Floats:
-    """(N,) of two (3, N); either may be (3, 1)."""
+    """(N,) dot products of two (3, N); either may be (3, 1)."""
     product: Floats = np.einsum("ij,ij->j", a, b)
     return product
 
 
-def single(vectors: Floats) -> NDArray[np.float32]:
+def as_float32(vectors: Floats) -> NDArray[np.float32]:
     """(3, N) float64 as the (N, 3) float32 that Embree reads."""
     packed = np.empty(vectors.shape[::-1], dtype=np.float32)
     for column, component in zip(packed.T, vectors, strict=True):

@@ -1,9 +1,9 @@
-"""The ray-traced truth of a view: which receivers see the light, and which pixels nobody can decide.
+"""The ray-traced truth of a view: which receivers see the light, and which pixels are undecided.
 
-A pixel is undecided when its answer changes with less than the rasteriser's grid, or with the ray's offset δ. Where
-light grazes, a ray begins so far along L that casters lower than δ stand before its beginning: those are met from the
-surface itself. At N·L of LOW_LIGHT and more they are not: a receiver is decided as lit although its way to the light
-meets a caster, if it does so nowhere but less than δ/4 above the receiver's plane, which is at most 2.5 δ along L.
+A pixel is undecided if its visibility changes within the rasteriser's subpixel grid or with the shadow ray's offset δ.
+Under grazing light a shadow ray starts so far along L that it misses casters lower than δ; these are found by tests
+from the surface itself (`near`), which are made for N·L below LOW_LIGHT only. Above it, a receiver counts as lit even
+if a caster lower than δ/4 above its plane, at most 2.5 δ along L, blocks it.
 """
 
 from dataclasses import dataclass, fields
@@ -23,23 +23,23 @@ from shadowbench.truths.rays import Indices, Mask, Receivers, ShadowRays, ViewRa
 Single = NDArray[np.float32]
 
 OFFSET = 1e-6  # δ, as a share of the diagonal of casters and visible receivers
-AT_LAMP = 1e-3  # of δ: what is nearer to a lamp than that may be before it or behind
+LAMP_MARGIN = 1e-3  # share of δ: a caster this close to a lamp may be before or behind it
 GRAZING = 1e-4  # N·L up to which a receiver is undecided
-LOW_LIGHT = 0.1  # N·L up to which casters below the shadow ray's beginning count: it is then 10 δ or more along L
+LOW_LIGHT = 0.1  # N·L below which casters before the shadow ray's start, then 10 δ or more along L, are tested too
 NO_RECEIVER, SHADOWED, LIT = range(3)
-SUBPIXEL = 1 / 256  # the rasteriser's grid, as common as it is
+SUBPIXEL = 1 / 256  # pixels; the subpixel grid of common rasterisers
 
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """What a view's shadows are. All arrays are (size, size), row 0 at the top.
+    """Ray-traced shadows of a view. All arrays are (size, size), row 0 at the top.
 
     visibility: float32, 1 lit, 0 in shadow, 1 outside receivers. receivers: bool, the hit faces both camera and light.
-    undecided: bool, the answer hangs on less than the rasteriser's grid or the ray's offset; at N·L of 0.1 and more,
-    what a caster shadows from less than a quarter of the offset above is decided, as lit. area: float32, visibility
-    averaged over the pixel's samples that hit receivers. blocker: float32 metres along L to the nearest occluder, inf
-    where there is none. triangle: int32 index in the scene's geometry, −1 a miss. cosine: float32 N·L, 0 outside
-    receivers. diagonal: metres, of casters and visible receivers.
+    undecided: bool, visibility changes within the rasteriser's subpixel grid or with the shadow ray's offset; at N·L
+    of 0.1 and more, a receiver whose only blockers are lower than a quarter of the offset counts as lit. area: float32,
+    visibility averaged over the pixel's samples that hit receivers. blocker: float32 metres along L to the nearest
+    occluder, inf if none. triangle: int32 index in the scene's geometry, −1 for a miss. cosine: float32 N·L, 0 where
+    there is no receiver. diagonal: of the bounding box of casters and visible receivers, in metres.
     """
 
     visibility: Single
@@ -52,19 +52,19 @@ class Truth:
     diagonal: float
 
     def _repr_png_(self) -> bytes:
-        """Visibility, as a notebook shows it; what is no receiver is white."""
+        """PNG of the visibility, for notebooks; pixels without a receiver are white."""
         return png_of(np.round(self.visibility * 255).astype(np.uint8))
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
-        """Everything by name, as `truth.npz` holds it."""
+        """All fields as arrays by name, as stored in `truth.npz`."""
         return {field.name: np.asarray(getattr(self, field.name)) for field in fields(self)}
 
 
 def trace(view: View, pixel_samples: int = 4, light_samples: int = 1) -> Truth:
-    """The truth of a view, `pixel_samples`² samples a pixel for `area`.
+    """Ray-trace the truth of a view, with `pixel_samples`² samples per pixel for `area`.
 
-    Lights are hard for now: every light sample is the light's centre, so their number changes nothing. Raises
-    InputError when no pixel of the view shows the scene.
+    Lights have no extent yet: every light sample is the light's centre, so their number has no effect. Raises
+    InputError if no pixel shows the scene.
     """
     if pixel_samples < 1 or light_samples < 1:
         raise InputError(f"pixel_samples {pixel_samples}, light_samples {light_samples}: allowed are 1 and more")
@@ -72,7 +72,7 @@ def trace(view: View, pixel_samples: int = 4, light_samples: int = 1) -> Truth:
     rays = ViewRays(placed)
     rows_a_slice = max(1, RAYS_A_SLICE // view.size)
 
-    def see(rows: slice) -> tuple[Indices, Floats]:
+    def trace_rows(rows: slice) -> tuple[Indices, Floats]:
         directions = rays.directions(rows)
         triangle = rays.nearest(directions)
         seen = np.flatnonzero(triangle >= 0)
@@ -80,7 +80,7 @@ def trace(view: View, pixel_samples: int = 4, light_samples: int = 1) -> Truth:
         points = rays.points(directions.take(seen, axis=1), triangle[seen])
         return triangle, np.stack([points.min(axis=1, initial=np.inf), points.max(axis=1, initial=-np.inf)])
 
-    first = list(over_slices(see, view.size, rows_a_slice))
+    first = list(over_slices(trace_rows, view.size, rows_a_slice))
     triangle = np.concatenate([part for part, _ in first])
     if not (triangle >= 0).any():
         raise InputError(
@@ -103,9 +103,9 @@ def trace(view: View, pixel_samples: int = 4, light_samples: int = 1) -> Truth:
 
 
 def _diagonal(view: View, visible: Floats) -> float:
-    """Of the box around all casters and visible receivers; `visible` (N, 2, 3) lowest and highest corner of parts.
+    """Diagonal of the bounding box of all casters and visible receivers, or of the scene if there are neither.
 
-    Where there is neither, of the whole scene: nothing is decided by it then.
+    visible: (N, 2, 3) lowest and highest corners of the visible receivers in parts of the image.
     """
     geometry = view.scene.geometry
     low, high = visible[:, 0].min(axis=0), visible[:, 1].max(axis=0)
@@ -120,34 +120,36 @@ def _diagonal(view: View, visible: Floats) -> float:
 def _decide(
     rays: ViewRays, near: NearCasters, rows: slice, triangle: Indices, delta: float, pixel_samples: int
 ) -> dict[str, NDArray[np.generic]]:
-    """All of Truth's per-pixel arrays but `triangle` for some rows, flat and in local lengths."""
+    """Truth's per-pixel arrays except `triangle`, for some rows, flattened, in local lengths."""
     directions = rays.directions(rows)
-    here = rays.receivers(directions, triangle)
-    shadow_rays = rays.shadow_rays(here, delta)
+    centres = rays.receivers(directions, triangle)
+    shadow_rays = rays.shadow_rays(centres, delta)
     blocked = rays.blocked(shadow_rays)
 
-    aside = product((0.5 - SUBPIXEL, 0.5 + SUBPIXEL), repeat=2)
+    subpixel_offsets = product((0.5 - SUBPIXEL, 0.5 + SUBPIXEL), repeat=2)
     steps = (np.arange(pixel_samples) + 0.5) / pixel_samples
-    samples = [_sample(rays, rows, across, down, delta) for across, down in (*aside, *product(steps, repeat=2))]
-    codes = np.stack([_coded(here, blocked, len(triangle)), *(code for code, _ in samples)])
+    samples = [
+        _sample(rays, rows, across, down, delta) for across, down in (*subpixel_offsets, *product(steps, repeat=2))
+    ]
+    codes = np.stack([_classify(centres, blocked, len(triangle)), *(code for code, _ in samples)])
     blocker = np.full(len(triangle), np.inf)
-    blocker[here.rays[blocked]] = rays.blockers(shadow_rays.only(blocked))
+    blocker[centres.rays[blocked]] = rays.blockers(shadow_rays.select(blocked))
     undecided = np.zeros(len(triangle), dtype=bool)
-    undecided[here.rays] = _depends_on_offset(rays, here, shadow_rays, blocked, delta)
+    undecided[centres.rays] = _depends_on_offset(rays, centres, shadow_rays, blocked, delta)
 
-    low = [here.only(_in_low_light(here)), *(receivers for _, receivers in samples)]
+    low = [centres.select(_in_low_light(centres)), *(receivers for _, receivers in samples)]
     sample = np.repeat(np.arange(len(low)), [len(receivers.rays) for receivers in low])
-    together = Receivers.together(low)
+    together = Receivers.concatenate(low)
     distance, covered = near.blocked(together, 4 * delta, rays.pixels(together), rays.eye)
     hidden = np.isfinite(distance)
     codes[sample[hidden], together.rays[hidden]] = SHADOWED
     centre = sample == 0
     ray = together.rays[centre]
     blocker[ray] = np.minimum(blocker[ray], distance[centre])
-    undecided[ray] &= ~hidden[centre]  # whatever the offset: it was met from the surface itself
+    undecided[ray] &= ~hidden[centre]  # the test from the surface itself depends on no offset
     undecided[ray] |= covered[centre] & (codes[0, ray] == LIT)
 
-    undecided[here.rays] |= (here.cosine <= GRAZING) | (2 * delta > here.distance * here.cosine)
+    undecided[centres.rays] |= (centres.cosine <= GRAZING) | (2 * delta > centres.distance * centres.cosine)
     undecided |= rays.edge_on(directions, triangle)
     undecided |= (codes[1:5] != codes[0]).any(axis=0)
 
@@ -156,7 +158,7 @@ def _decide(
     counted, seen = (inside != NO_RECEIVER).sum(axis=0), (inside == LIT).sum(axis=0)
     area = np.where(receivers & (counted > 0), seen / np.maximum(counted, 1), visible)
     cosine = np.zeros(len(triangle), dtype=np.float32)
-    cosine[here.rays] = here.cosine
+    cosine[centres.rays] = centres.cosine
     return {
         "visibility": visible.astype(np.float32),
         "receivers": receivers,
@@ -170,13 +172,17 @@ def _decide(
 def _depends_on_offset(
     rays: ViewRays, receivers: Receivers, shadow_rays: ShadowRays, blocked: Mask, delta: float
 ) -> Mask:
-    """(R,) whether other beginnings of the shadow rays, or an end a little before the lamp, answer otherwise."""
+    """(R,) whether visibility changes with another offset of the shadow ray, or with an end just before the lamp."""
     depends = np.zeros(len(blocked), dtype=bool)
     for others in (
         rays.shadow_rays(receivers, 4 * delta),
         rays.shadow_rays(receivers, delta / 4),
         rays.raised_rays(receivers, delta),
-        *([] if rays.endless else [shadow_rays._replace(reach=np.maximum(shadow_rays.reach - AT_LAMP * delta, 0.0))]),
+        *(
+            []
+            if rays.directional
+            else [shadow_rays._replace(reach=np.maximum(shadow_rays.reach - LAMP_MARGIN * delta, 0.0))]
+        ),
     ):
         depends |= rays.blocked(others) != blocked
     return depends
@@ -185,11 +191,11 @@ def _depends_on_offset(
 def _sample(
     rays: ViewRays, rows: slice, across: float, down: float, delta: float
 ) -> tuple[NDArray[np.uint8], Receivers]:
-    """What one point of each pixel of some rows is, flat; and those in low light for which no ray finds a blocker."""
+    """Class of one sample of each pixel of some rows, flattened, and the unblocked receivers in low light."""
     directions = rays.directions(rows, across, down)
     receivers = rays.receivers(directions, rays.nearest(directions))
     blocked = rays.blocked(rays.shadow_rays(receivers, delta))
-    return _coded(receivers, blocked, directions.shape[1]), receivers.only(_in_low_light(receivers) & ~blocked)
+    return _classify(receivers, blocked, directions.shape[1]), receivers.select(_in_low_light(receivers) & ~blocked)
 
 
 def _in_low_light(receivers: Receivers) -> Mask:
@@ -197,8 +203,8 @@ def _in_low_light(receivers: Receivers) -> Mask:
     return low
 
 
-def _coded(receivers: Receivers, blocked: Mask, count: int) -> NDArray[np.uint8]:
-    """(count,) NO_RECEIVER, SHADOWED or LIT."""
+def _classify(receivers: Receivers, blocked: Mask, count: int) -> NDArray[np.uint8]:
+    """(count,) class of each ray: NO_RECEIVER, SHADOWED or LIT."""
     code = np.full(count, NO_RECEIVER, dtype=np.uint8)
     code[receivers.rays] = np.where(blocked, np.uint8(SHADOWED), np.uint8(LIT))
     return code

@@ -1,6 +1,7 @@
 """`recommend` from the command line: what it chooses, says, keeps and refuses."""
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -83,9 +84,14 @@ def test_the_choice_meets_the_target_its_rows_are_kept_and_a_second_call_measure
 
     again = shadowbench(*command)
     assert again.code == 0 and lines(folder) == found["measured"]
-    assert "choice" in again.out and "a software renderer's times are not a GPU's" in again.out
+    assert "choice" in again.out and "times of a software renderer are not those of a GPU" in again.out
     assert "not tried: cube-map: answers point and spot light, not directional" in again.out
     assert f"{found['measured']} of {found['space']} specs measured" in again.out
+    (rest,) = re.findall(
+        r"^not tried: (\d+) more specs: predicted .* to cost more than the choice", again.out, re.MULTILINE
+    )
+    excluded = sum(one["specs"] for one in found["excluded"])
+    assert int(rest) == found["space"] - found["measured"] - excluded > 0, "every spec is accounted for"
 
 
 def test_export_writes_parameters_and_whole_shaders(shadowbench: Callable[..., Any], tmp_path: Path) -> None:
@@ -141,11 +147,28 @@ def test_on_this_machine_times_rank_and_an_impossible_budget_is_not_met(
     command = ("recommend", "cube-on-plane", "--view-size", "64", "-o", tmp_path / "rows", "--on-this-machine")
     answer = shadowbench(*command, "--budget-ms", "0.0001")
     assert answer.code == 1
-    assert "closest" in answer.out and "in the way: the budget" in answer.out
+    assert "closest" in answer.out and "obstacle: the budget" in answer.out
     answer = shadowbench(*command, "--json")
     assert answer.code == 0
     found = json.loads(answer.out)
     assert found["ranked_by"] == "frame_ms" and found["choice"]["cost"] > 0
+
+
+@pytest.mark.parametrize(("iqr", "mark"), [(0.0, False), (9.0, True)])
+def test_a_time_that_varied_much_is_marked(
+    shadowbench: Callable[..., Any], tmp_path: Path, iqr: float, mark: bool
+) -> None:
+    folder = tmp_path / "rows"
+    command = ("recommend", "cube-on-plane", "--view-size", "64", "-o", folder, "--on-this-machine")
+    assert shadowbench(*command, "-q").code == 0
+    rows = [json.loads(line) for line in (folder / "rows.jsonl").read_text().splitlines()]
+    for row in rows:
+        if row["kind"] == "time":
+            row["ratio_iqr"] = iqr
+    (folder / "rows.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
+    out = shadowbench(*command).out
+    (choice,) = [line for line in out.splitlines() if line.startswith("choice")]
+    assert (" ~" in choice) == ("~: " in out) == mark
 
 
 def test_without_casters_it_is_one_line(

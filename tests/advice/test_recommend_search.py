@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shadowbench.advice.recommend import Target, in_milliseconds, least_error, recommend, tried_of
-from shadowbench.advice.search import Search, Tried, extrapolated, place_of
-from shadowbench.advice.space import needed_space, no_choices, specs_of, start_size, whole_space
-from shadowbench.advice.words import in_the_way, step_lines
+from shadowbench.advice.recommendation import Target, find_cheapest, least_error, to_milliseconds, trial_of
+from shadowbench.advice.search import Search, Trial, extrapolate, point_of
+from shadowbench.advice.space import full_space, prune, specs_of, start_size, unavailable
+from shadowbench.advice.words import obstacles, step_lines
 from shadowbench.measure.rows import Result
 from shadowbench.measure.scoring import prepare_truth
 from shadowbench.scenes.model import View
@@ -31,8 +31,8 @@ FILTERS = {"hard": 1.0, "hardware": 1.0, "pcf": 1.3, "pcf(taps=5)": 1.8}
 
 def sun_space() -> list[Spec]:
     """What the model has formulas for."""
-    space = [spec for spec in whole_space(KNOWN, "directional", 16384) if getattr(spec.params, "depth", "d16") == "d16"]
-    return [spec for spec in space if spec.map_size is None or place_of(spec).filter in FILTERS]
+    space = [spec for spec in full_space(KNOWN, "directional", 16384) if getattr(spec.params, "depth", "d16") == "d16"]
+    return [spec for spec in space if spec.map_size is None or point_of(spec).filter in FILTERS]
 
 
 class Model:
@@ -43,26 +43,26 @@ class Model:
         self.vertices, self.volume = vertices, volume
         self.asked: list[Spec] = []
 
-    def tried(self, spec: Spec) -> Tried:
-        place = place_of(spec)
-        if place.size is None:
+    def trial(self, spec: Spec) -> Trial:
+        point = point_of(spec)
+        if point.size is None:
             planar = spec.technique.name == "planar-projection"
             cost, error = (2.0 * PIXELS, 0.4) if planar else (self.volume * PIXELS, 0.0)
-            return Tried(spec, cost, 0.0, PIXELS, error)
+            return Trial(spec, cost, 0.0, PIXELS, error)
         # Groups differ, but always in the same way.
-        number = sum(map(ord, place.group)) % 7 / 7
+        number = sum(map(ord, point.group)) % 7 / 7
         layers = getattr(spec.params, "count", 1)
-        texels = layers * place.size**2 * (1 + number)
-        cost = PIXELS * (1 + place.reads) + self.vertices + texels
-        error = FILTERS[place.filter] * self.sharpness * (1 + self.spread * number) / layers / place.size**self.slope
-        return Tried(spec, cost, self.vertices, int(texels), error)
+        texels = layers * point.size**2 * (1 + number)
+        cost = PIXELS * (1 + point.reads) + self.vertices + texels
+        error = FILTERS[point.filter] * self.sharpness * (1 + self.spread * number) / layers / point.size**self.slope
+        return Trial(spec, cost, self.vertices, int(texels), error)
 
-    def measure(self, spec: Spec) -> Tried:
+    def measure(self, spec: Spec) -> Trial:
         self.asked.append(spec)
-        return self.tried(spec)
+        return self.trial(spec)
 
 
-def searched(model: Model, limit: float, space: list[Spec], start: float = 1024) -> Tried | None:
+def search_for(model: Model, limit: float, space: list[Spec], start: float = 1024) -> Trial | None:
     return Search(space, limit, PIXELS, lambda spec: start, model.measure, MARGINS).run()
 
 
@@ -80,33 +80,33 @@ def test_where_errors_are_smooth_the_cheapest_is_found_with_a_fifth_of_the_measu
     sharpness: float, spread: float, slope: float, vertices: float, volume: float, limit: float, start: float
 ) -> None:
     model, space = Model(sharpness, spread, slope, vertices, volume), sun_space()
-    best = searched(model, limit, space, start)
-    met = [one for one in map(model.tried, space) if one.error <= limit]
+    best = search_for(model, limit, space, start)
+    met = [one for one in map(model.trial, space) if one.error <= limit]
     assert best is not None and best.cost <= 1.15 * min(one.cost for one in met)
     assert len(model.asked) == len(set(model.asked))
-    assert len(model.asked) <= 0.2 * len(whole_space(KNOWN, "directional", 16384))
+    assert len(model.asked) <= 0.2 * len(full_space(KNOWN, "directional", 16384))
 
 
 def test_nothing_is_chosen_where_nothing_meets_the_target() -> None:
-    space = [spec for spec in sun_space() if place_of(spec).size is not None]
+    space = [spec for spec in sun_space() if point_of(spec).size is not None]
     model = Model(sharpness=100, spread=1, slope=1, vertices=0, volume=3)
-    assert searched(model, 1e-5, space) is None
+    assert search_for(model, 1e-5, space) is None
     model = Model(sharpness=1e-9, spread=1, slope=1, vertices=0, volume=3)
-    assert searched(model, 1e-5, space) is not None
+    assert search_for(model, 1e-5, space) is not None
 
 
 def test_no_map_is_drawn_where_something_costs_less_than_reading_one() -> None:
     model = Model(sharpness=1, spread=1, slope=1, vertices=0, volume=1.5)
-    best = searched(model, 0.1, sun_space())
+    best = search_for(model, 0.1, sun_space())
     assert best is not None and best.spec.technique.name == "shadow-volume"
-    assert all(place_of(spec).size is None for spec in model.asked)
+    assert all(point_of(spec).size is None for spec in model.asked)
 
 
 def test_a_spec_that_does_not_hold_is_passed_over() -> None:
     model = Model(sharpness=10, spread=1, slope=1, vertices=0, volume=300)
     cascades: list[Spec] = []
 
-    def measure(spec: Spec) -> Tried | None:
+    def measure(spec: Spec) -> Trial | None:
         if spec.technique.name == "cascades":
             cascades.append(spec)
             return None
@@ -123,16 +123,16 @@ def test_a_target_without_any_error_is_searched_for_among_maps(limit: float) -> 
     pixel = 1 / 5000
 
     class Counted(Model):
-        def tried(self, spec: Spec) -> Tried:
-            one = super().tried(spec)
+        def trial(self, spec: Spec) -> Trial:
+            one = super().trial(spec)
             return dataclasses.replace(one, error=round(one.error / pixel) * pixel)
 
     model, space = Counted(sharpness=0.2, spread=1, slope=1, vertices=0, volume=300), sun_space()
     best = Search(space, limit, PIXELS, lambda spec: 256, model.measure, MARGINS, least=pixel).run()
-    met = [one for one in map(model.tried, space) if one.error == 0]
+    met = [one for one in map(model.trial, space) if one.error == 0]
     assert best is not None and best.error == 0 and best.spec.map_size is not None
     assert best.cost <= 1.15 * min(one.cost for one in met)
-    assert len(model.asked) <= 0.2 * len(whole_space(KNOWN, "directional", 16384))
+    assert len(model.asked) <= 0.2 * len(full_space(KNOWN, "directional", 16384))
 
 
 @pytest.mark.parametrize("metric", ["iou", "edge_px"])
@@ -150,20 +150,20 @@ def test_one_wrong_pixel_is_about_the_least_error(
 
 
 def test_an_error_without_a_number_says_nothing_of_larger_maps_and_all_of_smaller_ones() -> None:
-    assert extrapolated({256: math.inf}, 128) == extrapolated({256: math.inf}, 256) == math.inf
-    assert extrapolated({256: math.inf, 512: math.inf}, 1024) == 0.0
-    assert extrapolated({256: math.inf, 512: 0.02}, 1024) == pytest.approx(0.01)
-    assert extrapolated({256: 0.08, 512: 0.02, 1024: math.inf}, 2048) < 0.01
+    assert extrapolate({256: math.inf}, 128) == extrapolate({256: math.inf}, 256) == math.inf
+    assert extrapolate({256: math.inf, 512: math.inf}, 1024) == 0.0
+    assert extrapolate({256: math.inf, 512: 0.02}, 1024) == pytest.approx(0.01)
+    assert extrapolate({256: 0.08, 512: 0.02, 1024: math.inf}, 2048) < 0.01
 
     class Coarse(Model):
-        def tried(self, spec: Spec) -> Tried:
-            one = super().tried(spec)
+        def trial(self, spec: Spec) -> Trial:
+            one = super().trial(spec)
             coarse = (spec.map_size or 0) < 1024
             return dataclasses.replace(one, error=math.inf if coarse else one.error)
 
     model, space = Coarse(sharpness=10, spread=0, slope=1, vertices=0, volume=300), sun_space()
-    best = searched(model, 0.02, space, start=300)
-    met = [one for one in map(model.tried, space) if one.error <= 0.02]
+    best = search_for(model, 0.02, space, start=300)
+    met = [one for one in map(model.trial, space) if one.error <= 0.02]
     assert best is not None and best.cost == min(one.cost for one in met)
 
 
@@ -192,12 +192,12 @@ def test_what_has_no_edge_to_compare_is_said_so_and_relaxes_no_target(
         return texels_cost(spec, {"edge_px": None, "iou": 1.0 if same else 0.2, "contact": 0.0, "leak": 0.0})
 
     view, truth, target = builtin("street", 128), truth_of("street", 128), Target("edge_px", 0.5)
-    found = recommend(view, truth, target, "work", known, 1024, measure)
+    found = find_cheapest(view, truth, target, "work", known, 1024, measure)
     assert found.choice is not None and found.choice.spec.map_size == 512
-    assert step_lines(found)[0] == "relaxed: nothing that was measured costs a tenth less"
-    none = recommend(view, truth, target, "work", known, 256, measure)
+    assert step_lines(found)[0] == "relaxing the target: nothing measured costs at least a tenth less"
+    none = find_cheapest(view, truth, target, "work", known, 256, measure)
     assert none.choice is None
-    assert in_the_way(none)[0].endswith(": no edges to compare, and other shadows")
+    assert obstacles(none)[0].endswith(": no edges to compare, and other shadows")
 
 
 def test_on_a_machine_costs_are_ratios_by_one_time_of_the_reference() -> None:
@@ -205,16 +205,16 @@ def test_on_a_machine_costs_are_ratios_by_one_time_of_the_reference() -> None:
     target = Target("iou", 0.9, budget_ms=9.0)
     specs = [parse_spec(f"shadow-map:size={size}", KNOWN) for size in (512, 1024)]
 
-    def tried(spec: Spec, frame_ms: float, reference_ms: float) -> Tried:
+    def trial(spec: Spec, frame_ms: float, reference_ms: float) -> Trial:
         result = texels_cost(spec, {"iou": 0.95})
         names = {"scene": "s", "view": "v", "light": "l", "phase": 0, "spec": str(spec.map_size), "technique": "t"}
         time = {"frame_ms": frame_ms, "ratio": frame_ms / reference_ms, "ratio_iqr": 0.0, "reference": "r"}
         timed = Result(dict(result.score) | names, time | {"reference_ms": reference_ms})
-        return tried_of(spec, timed, target, "ms")
+        return trial_of(spec, timed, target, "ms")
 
-    busy, quiet = tried(specs[0], 8.0, 16.0), tried(specs[1], 6.0, 8.0)
+    busy, quiet = trial(specs[0], 8.0, 16.0), trial(specs[1], 6.0, 8.0)
     assert (busy.cost, quiet.cost) == (0.5, 0.75)
-    found, reference = in_milliseconds([busy, quiet])
+    found, reference = to_milliseconds([busy, quiet])
     assert [one.cost for one in found] == [0.5 * 12, 0.75 * 12]
     assert (reference.name, reference.ms, reference.drifted) == ("r", 12, True)
 
@@ -223,19 +223,19 @@ def test_of_two_that_cost_alike_the_one_of_fewer_bytes_is_chosen() -> None:
     space = [parse_spec(f"shadow-map:depth={depth}", KNOWN) for depth in ("d32f", "d16")]
     bytes_of = {space[0]: 4, space[1]: 2}
     search = Search(
-        space, 0.1, PIXELS, lambda spec: 1024, lambda spec: Tried(spec, 1.0, 0.0, bytes_of[spec], 0.0), MARGINS
+        space, 0.1, PIXELS, lambda spec: 1024, lambda spec: Trial(spec, 1.0, 0.0, bytes_of[spec], 0.0), MARGINS
     )
-    search.tried = [Tried(spec, 1.0, 0.0, bytes_of[spec], 0.0) for spec in space]
+    search.trials = [Trial(spec, 1.0, 0.0, bytes_of[spec], 0.0) for spec in space]
     assert search.best is not None and search.best.spec is space[1]
 
 
 def test_an_error_between_and_beyond_sizes_follows_the_line_through_the_two_nearest() -> None:
     line = {256: 0.08, 1024: 0.02}
-    assert extrapolated(line, 512) == pytest.approx(0.04)
-    assert extrapolated(line, 4096) == pytest.approx(0.005)
-    assert extrapolated({1024: 0.02}, 512) == pytest.approx(0.04)
-    assert extrapolated({256: 0.02, 512: 0.02}, 4096) < 0.02  # a plateau is believed in part
-    assert math.isfinite(extrapolated({256: 0.0, 512: 0.0}, 1024))
+    assert extrapolate(line, 512) == pytest.approx(0.04)
+    assert extrapolate(line, 4096) == pytest.approx(0.005)
+    assert extrapolate({1024: 0.02}, 512) == pytest.approx(0.04)
+    assert extrapolate({256: 0.02, 512: 0.02}, 4096) < 0.02  # a plateau is believed in part
+    assert math.isfinite(extrapolate({256: 0.0, 512: 0.0}, 1024))
 
 
 @pytest.fixture(scope="module")
@@ -244,9 +244,9 @@ def street(builtin: Callable[..., View]) -> Needs:
 
 
 def test_the_space_holds_what_answers_the_light_and_says_what_does_not() -> None:
-    names = {spec.technique.name for spec in whole_space(KNOWN, "point", 16384)}
+    names = {spec.technique.name for spec in full_space(KNOWN, "point", 16384)}
     assert names >= {"cube-map", "shadow-volume", "planar-projection"}
-    out = {one.what for one in no_choices(KNOWN, "point")}
+    out = {one.what for one in unavailable(KNOWN, "point")}
     assert out >= {"shadow-map", "cascades", "ray-traced", "unshadowed"}
     assert not out & names and out | names == set(KNOWN)
     assert {spec.map_size for spec in specs_of(KNOWN["shadow-map"], 1000)} == {256, 512}
@@ -254,19 +254,19 @@ def test_the_space_holds_what_answers_the_light_and_says_what_does_not() -> None
 
 
 def test_needs_leave_one_depth_format(street: Needs) -> None:
-    space = whole_space(KNOWN, "directional", 16384)
+    space = full_space(KNOWN, "directional", 16384)
     assert street.bits is not None
     for bits, kept in ((16, "d16"), (24, "d32f"), (32, "d32f"), (None, "d32f")):
         found = dataclasses.replace(street, bits=dataclasses.replace(street.bits, bits=bits))
-        left, excluded = needed_space(space, found, 0.9, by_work=False)
+        left, excluded = prune(space, found, 0.9, by_work=False)
         assert {spec.params.depth for spec in left if hasattr(spec.params, "depth")} == {kept}
         assert len(left) + sum(one.specs for one in excluded) == len(space)
 
 
 def test_projection_is_left_out_only_where_planes_cannot_hold_the_shadow(street: Needs) -> None:
-    space = whole_space(KNOWN, "directional", 16384)
+    space = full_space(KNOWN, "directional", 16384)
 
-    def tried(planar: float, shadowed: float, least: float | None, planes: int = 3) -> bool:
+    def is_tried(planar: float, shadowed: float, least: float | None, planes: int = 3) -> bool:
         seen = street.receivers
         seen = dataclasses.replace(
             seen,
@@ -274,19 +274,19 @@ def test_projection_is_left_out_only_where_planes_cannot_hold_the_shadow(street:
             planar=dataclasses.replace(seen.planar, value=planar),
             shadowed=dataclasses.replace(seen.shadowed, value=shadowed),
         )
-        left, _ = needed_space(space, dataclasses.replace(street, receivers=seen), least, by_work=True)
+        left, _ = prune(space, dataclasses.replace(street, receivers=seen), least, by_work=True)
         return any(spec.technique.name == "planar-projection" for spec in left)
 
-    assert tried(planar=0.5, shadowed=0.4, least=0.95)  # all of the shadow may lie on the planes
-    assert not tried(planar=0.5, shadowed=0.9, least=0.95)
-    assert tried(planar=0.5, shadowed=0.9, least=None)
-    assert not tried(planar=0.5, shadowed=0.1, least=None, planes=0)
+    assert is_tried(planar=0.5, shadowed=0.4, least=0.95)  # all of the shadow may lie on the planes
+    assert not is_tried(planar=0.5, shadowed=0.9, least=0.95)
+    assert is_tried(planar=0.5, shadowed=0.9, least=None)
+    assert not is_tried(planar=0.5, shadowed=0.1, least=None, planes=0)
 
 
 def test_by_work_no_volume_draws_depth_besides(street: Needs) -> None:
-    space = whole_space(KNOWN, "directional", 16384)
+    space = full_space(KNOWN, "directional", 16384)
     for by_work, count in ((True, 1), (False, 2)):
-        left, _ = needed_space(space, street, 0.9, by_work)
+        left, _ = prune(space, street, 0.9, by_work)
         assert sum(spec.technique.name == "shadow-volume" for spec in left) == count
 
 
@@ -297,7 +297,7 @@ def test_a_group_is_first_looked_at_where_needs_say(street: Needs) -> None:
 
 
 def test_every_spec_of_the_space_is_one() -> None:
-    texts = [spec.full_text for spec in whole_space(KNOWN, "spot", 16384)]
+    texts = [spec.full_text for spec in full_space(KNOWN, "spot", 16384)]
     assert len(texts) == len(set(texts))
 
 
@@ -311,10 +311,10 @@ def test_where_nothing_meets_the_target_the_closest_is_told_and_what_stands_in_t
         return texels_cost(spec, {"iou": 1 - 20 / spec.map_size, "contact": 0.1, "leak": 0.3})
 
     view, truth, target = builtin("street", 128), truth_of("street", 128), Target("iou", 0.99)
-    found = recommend(view, truth, target, "work", known, 1024, measure)
+    found = find_cheapest(view, truth, target, "work", known, 1024, measure)
     assert found.choice is None and found.closest is not None
     assert found.closest.spec.map_size == 1024 and found.closest.error == pytest.approx(20 / 1024)
-    told = in_the_way(found)
+    told = obstacles(found)
     assert told[0].startswith("nothing meets IoU ≥ 0.99; the closest is shadow-map")
-    assert told[1] == "in the way: leak, 30.00% of the umbra is lit"
-    assert "the largest tried is 1024" in told[2]
+    assert told[1] == "obstacle: leak, 30.00% of the umbra is lit"
+    assert "the largest tried has 1024" in told[2]

@@ -14,19 +14,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shadowbench.advice.tune import tune as searched_for
-from shadowbench.advice.tune_beside import Found, Tuning, beside
-from shadowbench.advice.tune_cells import Cells
+from shadowbench.advice.tune_cells import TuningCells
+from shadowbench.advice.tune_comparison import SearchResult, TuningComparison, compare
 from shadowbench.advice.tune_scores import (
-    LEAST,
+    MIN_ERROR,
+    error_ratio,
     geometric_mean,
     log_error,
-    ratio,
     scene_scores,
-    surely_less,
+    significantly_less,
 )
-from shadowbench.advice.tune_space import REACH, USUAL, Space, searched, span
-from shadowbench.advice.tune_split import Split, split_of
+from shadowbench.advice.tune_search import search_parameters
+from shadowbench.advice.tune_space import DEFAULT_PARAMETERS, REACH, SearchSpace, searched_parameters, span
+from shadowbench.advice.tune_split import SceneSplit, split_scenes
 from shadowbench.errors import InputError
 from shadowbench.measure.measurer import Measurer
 from shadowbench.measure.row_store import RowStore
@@ -49,8 +49,8 @@ def row(scene: str, error: float, *, ssim: float | None = None, cost: int = 100,
 @pytest.mark.parametrize("technique", own_techniques(), ids=lambda technique: technique.name)
 def test_the_default_and_every_preset_are_points_of_the_space_or_said_not_to_be(technique: Any) -> None:
     home = Spec(technique, technique.Params())
-    names = [name for name in USUAL if name in technique.Params.model_fields]
-    space = Space(home, names)
+    names = [name for name in DEFAULT_PARAMETERS if name in technique.Params.model_fields]
+    space = SearchSpace(home, names)
     point = space.point(home)
     assert point is not None
     assert space.spec(optuna.trial.FixedTrial(point)) == home
@@ -63,12 +63,12 @@ def test_the_default_and_every_preset_are_points_of_the_space_or_said_not_to_be(
 
 
 def test_published_constants_of_the_shadow_map_lie_in_its_space() -> None:
-    space = Space(SHADOW_MAP, USUAL)
+    space = SearchSpace(SHADOW_MAP, DEFAULT_PARAMETERS)
     presets = {name: parse_spec(f"shadow-map:preset={name}", KNOWN) for name in SHADOW_MAP.technique.presets}
     outside = [name for name, spec in presets.items() if space.point(spec) is None]
     assert outside == ["dither"], "biases that act together are measured beside the search, which is for one"
     assert space.point(parse_spec("shadow-map:bias=texel(scale=99)", KNOWN)) is None
-    refusing = Space(SHADOW_MAP, USUAL, {"bias": frozenset({"slope"})})
+    refusing = SearchSpace(SHADOW_MAP, DEFAULT_PARAMETERS, {"bias": frozenset({"slope"})})
     assert refusing.point(parse_spec("shadow-map:preset=course", KNOWN)) is None
 
 
@@ -76,9 +76,9 @@ def test_published_constants_of_the_shadow_map_lie_in_its_space() -> None:
 def test_what_is_suggested_is_a_spec_that_can_be_written_and_read(seed: int) -> None:
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     study = optuna.create_study(sampler=optuna.samplers.RandomSampler(seed=seed))
-    spec = Space(SHADOW_MAP, USUAL).spec(study.ask())
+    spec = SearchSpace(SHADOW_MAP, DEFAULT_PARAMETERS).spec(study.ask())
     assert parse_spec(spec.text, KNOWN) == spec
-    for name in USUAL:
+    for name in DEFAULT_PARAMETERS:
         value = getattr(spec.params, name)
         for key, info in type(value).model_fields.items():
             chosen = getattr(value, key)
@@ -89,7 +89,7 @@ def test_what_is_suggested_is_a_spec_that_can_be_written_and_read(seed: int) -> 
 
 
 def test_a_number_is_searched_around_its_default_within_its_limits() -> None:
-    biases = {bias.name: bias.model_fields for bias in Space(SHADOW_MAP, USUAL).rows("bias")}
+    biases = {bias.name: bias.model_fields for bias in SearchSpace(SHADOW_MAP, DEFAULT_PARAMETERS).rows("bias")}
     assert span(biases["slope"]["max"]) == (0.05 / 16, 0.8, True)
     assert span(biases["texel"]["limit"]) == (1, 256, True)
     assert span(biases["constant"]["world"]) is None
@@ -98,9 +98,9 @@ def test_a_number_is_searched_around_its_default_within_its_limits() -> None:
 
 
 def test_bias_filter_and_fit_are_searched_where_nothing_is_said() -> None:
-    assert searched(SHADOW_MAP, None) == ("bias", "filter", "fit")
-    assert searched(parse_spec("cascades", KNOWN), None) == ("bias", "filter")
-    assert searched(SHADOW_MAP, "depth, bias") == ("depth", "bias")
+    assert searched_parameters(SHADOW_MAP, None) == ("bias", "filter", "fit")
+    assert searched_parameters(parse_spec("cascades", KNOWN), None) == ("bias", "filter")
+    assert searched_parameters(SHADOW_MAP, "depth, bias") == ("depth", "bias")
     for spec, text, said in [
         ("unshadowed", None, "unshadowed has no bias, filter or fit"),
         ("shadow-map", "size", "--map-size"),
@@ -108,16 +108,18 @@ def test_bias_filter_and_fit_are_searched_where_nothing_is_said() -> None:
         ("shadow-map", "", "allowed: fit, depth"),
     ]:
         with pytest.raises(InputError, match=said):
-            searched(parse_spec(spec, KNOWN), text)
+            searched_parameters(parse_spec(spec, KNOWN), text)
 
 
 def test_every_third_scene_is_held_out_whatever_their_order() -> None:
     names = [f"scene-{number}" for number in range(15)]
-    split = split_of(names)
+    split = split_scenes(names)
     assert len(split.held_out) == 5
     assert sorted(split.tuning + split.held_out) == sorted(names)
-    assert set(split_of(names[::-1]).held_out) == set(split.held_out)
-    assert split_of(names, ["scene-3"]) == Split(tuple(name for name in names if name != "scene-3"), ("scene-3",))
+    assert set(split_scenes(names[::-1]).held_out) == set(split.held_out)
+    assert split_scenes(names, ["scene-3"]) == SceneSplit(
+        tuple(name for name in names if name != "scene-3"), ("scene-3",)
+    )
 
 
 @pytest.mark.parametrize(
@@ -131,13 +133,13 @@ def test_every_third_scene_is_held_out_whatever_their_order() -> None:
 )
 def test_one_scene_of_each_is_needed(scenes: Sequence[str], held_out: Sequence[str], said: str) -> None:
     with pytest.raises(InputError, match=said):
-        split_of(scenes, held_out)
+        split_scenes(scenes, held_out)
 
 
 A, D = (SHADOW_MAP.with_(bias=f"texel(scale={scale})") for scale in (1.1, 1.4))
 
 
-def found_by_search(tuned: Spec, errors: dict[Spec, float]) -> Found:
+def found_by_search(tuned: Spec, errors: dict[Spec, float]) -> SearchResult:
     """What a search would give whose specs have such an error in every scene, and A twice the cost."""
 
     def scores(scenes: Sequence[str]) -> dict[Spec, Any]:
@@ -147,11 +149,11 @@ def found_by_search(tuned: Spec, errors: dict[Spec, float]) -> Found:
         }
 
     others = {"default": SHADOW_MAP, "d": D}
-    return Found(Split(("b", "c"), ("a", "d")), tuned, [A], others, scores("bc"), scores("ad"))
+    return SearchResult(SceneSplit(("b", "c"), ("a", "d")), tuned, [A], others, scores("bc"), scores("ad"))
 
 
 def test_what_was_found_is_set_beside_the_default_and_others() -> None:
-    found = beside(found_by_search(A, {A: 0.01, SHADOW_MAP: 0.02, D: 0.04}))
+    found = compare(found_by_search(A, {A: 0.01, SHADOW_MAP: 0.02, D: 0.04}))
     assert (found.tuned.spec, found.tuned.name, found.front) == (A, "tuned", (found.tuned,))
     assert found.tuned.cost == pytest.approx(2, rel=0.01)
     assert found.tuned.held_out.median == pytest.approx(0.01)
@@ -163,23 +165,23 @@ def test_what_was_found_is_set_beside_the_default_and_others() -> None:
 
 
 def test_a_default_that_stands_is_the_tuned_after_the_best_at_each_cost() -> None:
-    stands = beside(found_by_search(SHADOW_MAP, {A: 0.01, SHADOW_MAP: 0.02, D: 0.04}))
+    stands = compare(found_by_search(SHADOW_MAP, {A: 0.01, SHADOW_MAP: 0.02, D: 0.04}))
     assert [(one.spec, one.name) for one in stands.front] == [(A, ""), (SHADOW_MAP, "tuned")]
     assert stands.tuned.spec == SHADOW_MAP and stands.tuned.held_out == stands.others[0].held_out
 
 
 def test_what_fails_on_a_scene_held_out_is_set_beside_nothing() -> None:
-    found = beside(found_by_search(A, {A: 0.01, SHADOW_MAP: 0.02}))
+    found = compare(found_by_search(A, {A: 0.01, SHADOW_MAP: 0.02}))
     assert [one.name for one in found.others] == ["default"] and found.tuned.spec == A
 
 
 def test_an_error_is_surely_less_where_its_whole_interval_is() -> None:
-    than = scene_scores([row(scene, 0.02) for scene in "abc"])
-    assert surely_less(scene_scores([row(scene, 0.01) for scene in "abc"]), than)
-    assert not surely_less(scene_scores([row("a", 0.001), row("b", 0.019), row("c", 0.021)]), than)
-    assert not surely_less(than, than)
+    reference = scene_scores([row(scene, 0.02) for scene in "abc"])
+    assert significantly_less(scene_scores([row(scene, 0.01) for scene in "abc"]), reference)
+    assert not significantly_less(scene_scores([row("a", 0.001), row("b", 0.019), row("c", 0.021)]), reference)
+    assert not significantly_less(reference, reference)
     alone = scene_scores([row("a", 0.02)])
-    assert surely_less(scene_scores([row("a", 0.01)]), alone) and not surely_less(alone, alone)
+    assert significantly_less(scene_scores([row("a", 0.01)]), alone) and not significantly_less(alone, alone)
 
 
 def test_a_scene_is_one_observation_however_many_views_it_has() -> None:
@@ -193,7 +195,7 @@ def test_a_scene_is_one_observation_however_many_views_it_has() -> None:
 
 def test_iou_and_ssim_weigh_alike_and_no_error_is_below_the_least() -> None:
     scores = scene_scores([row("a", 0.01, ssim=0.0001), row("b", 0.0)])
-    assert np.exp(log_error(scores)).to_list() == pytest.approx([0.001, LEAST])
+    assert np.exp(log_error(scores)).to_list() == pytest.approx([0.001, MIN_ERROR])
 
 
 def test_cells_that_did_not_hold_or_have_no_score_take_no_part() -> None:
@@ -204,29 +206,29 @@ def test_cells_that_did_not_hold_or_have_no_score_take_no_part() -> None:
 def test_a_ratio_is_the_median_over_scenes_of_errors_in_the_same_scene() -> None:
     ours = scene_scores([row("a", 0.001), row("b", 0.01), row("c", 0.1)])
     theirs = scene_scores([row("a", 0.002), row("b", 0.03), row("c", 0.4)])
-    found = ratio("iou", theirs, ours)
+    found = error_ratio("iou", theirs, ours)
     assert found is not None and (found.low, found.median, found.high) == pytest.approx((2, 3, 4))
 
 
-Tune = Callable[..., Tuning]
-SPLIT = Split(("cube-on-plane",), ("sphere-and-torus",))
+Tune = Callable[..., TuningComparison]
+SPLIT = SceneSplit(("cube-on-plane",), ("sphere-and-torus",))
 
 
 @pytest.fixture
 def tune(bench: Any) -> Tune:
     """Tunes the bias of a spec on one little scene, held out another; `bench.calls` are then the worker's."""
 
-    def run(text: str, trials: int, folder: Path) -> Tuning:
+    def run(text: str, trials: int, folder: Path) -> TuningComparison:
         home = replace(parse_spec(text, KNOWN), named=frozenset())
         scenes = ("cube-on-plane", "sphere-and-torus")
         study = Study.of(scenes, [home], map_size=(128,), view_size=64, rounds=0)
         bench.calls.clear()
         with closing(RowStore(folder)) as store:
-            cells = Cells(study, Measurer(bench.worker, store, study.conditions(), Notes()))
-            blocks = cells.taking_part(home)
+            cells = TuningCells(study, Measurer(bench.worker, store, study.conditions(), Notes()))
+            blocks = cells.eligible_blocks(home)
             assert [scene.name for scene in scenes_of(blocks)] == list(scenes)
-            space = Space(home, ("bias",), cells.refused_rows(home, ("bias",), blocks))
-            return searched_for(space, cells, blocks, SPLIT, trials, {"none": home.with_(bias="none")})
+            space = SearchSpace(home, ("bias",), cells.unsupported_rows(home, ("bias",), blocks))
+            return search_parameters(space, cells, blocks, SPLIT, trials, {"none": home.with_(bias="none")})
 
     return run
 
@@ -271,11 +273,11 @@ def test_a_stopped_search_goes_on_to_the_same_end(tune: Tune, bench: Any, tmp_pa
 def test_rows_that_no_view_takes_are_not_searched(bench: Any, tmp_path: Path) -> None:
     study = Study.of(["cube-on-plane"], [SHADOW_MAP], view_size=32, rounds=0)
     with closing(RowStore(tmp_path / "rows")) as store:
-        cells = Cells(study, Measurer(bench.worker, store, study.conditions(), Notes()))
-        blocks = cells.taking_part(SHADOW_MAP)
-        refused = cells.refused_rows(SHADOW_MAP, USUAL, blocks)
+        cells = TuningCells(study, Measurer(bench.worker, store, study.conditions(), Notes()))
+        blocks = cells.eligible_blocks(SHADOW_MAP)
+        refused = cells.unsupported_rows(SHADOW_MAP, DEFAULT_PARAMETERS, blocks)
     assert refused == {"bias": frozenset(), "filter": frozenset({"pcf-20"}), "fit": frozenset()}
-    assert "pcf-20" not in [one.name for one in Space(SHADOW_MAP, USUAL, refused).rows("filter")]
+    assert "pcf-20" not in [one.name for one in SearchSpace(SHADOW_MAP, DEFAULT_PARAMETERS, refused).rows("filter")]
 
 
 LITTLE = ("--trials", "3", "--map-size", "64", "--view-size", "48", "--phases", "1")
@@ -327,7 +329,7 @@ def test_a_setting_that_fails_costs_its_own_trial_only(
     answer = shadowbench("tune", "-t", "frail:sound=false", *scenes, *rest, "-q")
     assert (answer.code, answer.out) == (3, "")
     (line,) = answer.err.splitlines()
-    assert "frail:sound=false" in line and "does not hold on every scene" in line
+    assert "frail:sound=false" in line and "fails on some scene" in line
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from shadowbench.measure.scoring import mask_record, prepare_truth
-from shadowbench.scores import prepared, split
+from shadowbench.scores import prepared, thresholded
 from shadowbench.truths.trace import Truth
 
 
@@ -26,8 +26,8 @@ def test_what_only_the_truth_decides_is_found_once(truth_of: Callable[..., Truth
     truth = truth_of("sphere-and-torus", 128)
     for module, name in (
         (prepared, "squared_distance"),
-        (split, "squared_distance"),
-        (split, "edge_pixels"),
+        (thresholded, "squared_distance"),
+        (thresholded, "edge_pixels"),
         (prepared, "window_moments"),
     ):
         counted(module, name)

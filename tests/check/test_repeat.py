@@ -35,7 +35,7 @@ def test_runs_that_order_cells_alike_have_a_tau_of_one() -> None:
     (ranking,) = found.rankings
     assert (ranking.block, ranking.cells, ranking.sharp, ranking.swapped) == ("cube a sun 0", 3, 3, 0)
     assert (ranking.tau, ranking.tau_of_all) == (1, 1)
-    assert found.ranked_alike
+    assert found.rankings_agree
 
 
 def test_tau_is_of_pairs_that_agree_less_those_that_do_not() -> None:
@@ -43,7 +43,7 @@ def test_tau_is_of_pairs_that_agree_less_those_that_do_not() -> None:
     assert (ranking.sharp, ranking.swapped) == (6, 1)
     assert ranking.tau == pytest.approx((5 - 1) / 6)
     assert ranking.tau_of_all == pytest.approx(ranking.tau)
-    assert not compare_runs(rows(1, 2, 3, 4), rows(2, 1, 3, 4)).ranked_alike
+    assert not compare_runs(rows(1, 2, 3, 4), rows(2, 1, 3, 4)).rankings_agree
 
 
 def test_one_cell_has_no_order() -> None:
@@ -72,7 +72,7 @@ def test_every_block_has_a_ranking_of_its_own_and_all_must_hold() -> None:
     second = [*rows(1, 2, 3), *rows(3, 2, 1, scene="torus")]
     found = compare_runs(first, second)
     assert [(one.block.split()[0], one.tau) for one in found.rankings] == [("cube", 1), ("torus", -1)]
-    assert not found.ranked_alike
+    assert not found.rankings_agree
 
 
 @pytest.mark.parametrize("other", [{"machine": "other"}, {"clock": "other"}, {"reference": "other"}])
@@ -119,7 +119,7 @@ def test_the_same_study_run_twice(tmp_path: Path, shadowbench: Callable[..., Any
         with_ratios(folder / "rows.jsonl")
     answer = shadowbench("repeat", *folders)
     assert answer.code == 0, answer.out
-    assert "work: 4 of 4 cells did exactly the same" in answer.out
+    assert "work: exactly the same in 4 of 4 cells" in answer.out
     found = json.loads(shadowbench("repeat", *folders, "--json").out)
     (ranking,) = found["rankings"]
     assert (ranking["tau"], found["holds"], found["unequal"]) == (1, True, [])

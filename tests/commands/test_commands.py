@@ -17,6 +17,7 @@ from PIL import Image
 
 from shadowbench import __version__
 from shadowbench.commands import console
+from shadowbench.extremes.axes import AXES, value_label
 from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import view_of
 from shadowbench.scores.masks import read_mask
@@ -59,14 +60,14 @@ def test_one_phase_is_called_so(shadowbench: Shadowbench, tmp_path: Path) -> Non
     """What speaks of map sizes has eight phases unless told otherwise; specs alone have one."""
     sizes = ("run", "cube-on-plane", "-t", "shadow-map", "--map-size", "64,128", "--phases", "1", *SMALL)
     alone = shadowbench(*sizes, "-o", tmp_path / "sizes").out
-    assert ", one phase  shadow-map\n" in alone and "  one phase, an anecdote" in alone
+    assert ", one phase  shadow-map\n" in alone and "  scored in one phase" in alone
     specs = shadowbench(*CUBE, "-o", tmp_path / "specs").out
-    assert "  one phase, an anecdote" in specs and "2 cells; masks/" in specs
+    assert "  scored in one phase" in specs and "2 cells; masks/" in specs
 
 
 def test_a_table_says_what_its_milliseconds_are(shadowbench: Shadowbench, tmp_path: Path) -> None:
     out = shadowbench("run", "lamp-by-wall", *CUBE[2:], "-o", tmp_path).out
-    assert "  milliseconds are ratios to cube-map:size=1024, timed in turn with it, × its median of " in out
+    assert "  ms: time relative to cube-map:size=1024, in interleaved rounds, × " in out
 
 
 def test_a_command_that_drew_nothing_says_so_in_its_last_line(shadowbench: Shadowbench, tmp_path: Path) -> None:
@@ -100,7 +101,7 @@ def test_a_narrow_table_says_what_it_leaves_out(
     shown = narrow.splitlines()[1]
     (line,) = [line for line in narrow.splitlines() if "left out" in line]
     assert line == (
-        f"columns left out at 80 characters, see {tmp_path / 'table.csv'} or a terminal of 110: "
+        f"columns left out at a width of 80 characters (see {tmp_path / 'table.csv'}, or widen the terminal to 110): "
         "IoU soft, edge px, acne, leak, contact, MiB"
     )
     for heading in line.rpartition(": ")[2].split(", "):
@@ -157,7 +158,7 @@ def test_quiet_prints_the_table_alone(shadowbench: Shadowbench, tmp_path: Path) 
     assert json.loads((tmp_path / "quiet" / "run.json").read_text())["assumptions"] != []
 
 
-@pytest.mark.parametrize("what", ["techniques", "scenes", "metrics", "studies"])
+@pytest.mark.parametrize("what", ["techniques", "scenes", "metrics", "studies", "axes"])
 def test_a_quiet_list_is_the_list_without_its_title(shadowbench: Shadowbench, what: str) -> None:
     loud, quiet = (shadowbench("list", what, *flags).out.splitlines() for flags in ([], ["-q"]))
     assert quiet == [line for line in loud if line.strip() != what]
@@ -185,7 +186,30 @@ def test_a_cache_that_cannot_be_is_one_note(
     doctor = shadowbench("doctor")
     assert doctor.code == 0
     assert "problem: " in doctor.out and "Not a directory" in doctor.out
-    assert doctor.out.splitlines()[-1] == "truths are traced anew by each command; all else is here"
+    assert doctor.out.splitlines()[-1] == "ready, but every command traces its truths again: the cache cannot be used"
+
+
+def test_masks_of_one_value_are_noted(shadowbench: Shadowbench, half: Path, tmp_path: Path) -> None:
+    specs = ("-t", "half:level=1", "-t", "half:level=0", "-t", "unshadowed", "-t", "shadow-map:size=64")
+    run = ("run", "cube-on-plane", *specs, "--plugin", half, "--view-size", "32", "--rounds", "0")
+    said = [
+        f"cube-on-plane.camera.light.32: half:level={level} draws every scored pixel {side}"
+        for level, side in (("1.0", "lit"), ("0.0", "in shadow"))
+    ]
+    answer = shadowbench(*run, "-o", tmp_path)
+    assert answer.err.splitlines() == [f"note: {line}" for line in said]
+    assert json.loads((tmp_path / "run.json").read_text())["assumptions"] == said
+    assert shadowbench(*run, "-o", tmp_path).err == answer.err, "rows that were found say it too"
+
+
+@pytest.mark.parametrize("width", [80, 120, 500])
+def test_no_line_of_a_table_ends_in_blanks(
+    shadowbench: Shadowbench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, width: int
+) -> None:
+    monkeypatch.setattr(console.out(), "width", width)
+    run = shadowbench(*CUBE, "-o", tmp_path).out
+    for out in (run, *(shadowbench("list", what).out for what in ("metrics", "scenes"))):
+        assert [line for line in out.splitlines() if line != line.rstrip()] == []
 
 
 def test_flat_triangles_and_further_cameras_are_said_and_stand_in_the_run_file(
@@ -203,7 +227,8 @@ def test_flat_triangles_and_further_cameras_are_said_and_stand_in_the_run_file(
     small = [tmp_path / "pair.toml", "-t", "unshadowed", "--view-size", "16", "-o"]
     answer = shadowbench("run", *small, tmp_path / "run", "--rounds", "0")
     unlit = [
-        f"pair.left.{light}.16: nothing is in shadow, so that most scores say nothing" for light in ("east", "west")
+        f"pair.left.{light}.16: nothing is in shadow, so most metrics are undefined or trivial"
+        for light in ("east", "west")
     ]
     said = [flat, cameras.format("--view or a study"), *unlit]
     assert answer.err.splitlines() == [f"note: {line}" for line in said]
@@ -354,7 +379,7 @@ def test_truth_writes_the_promised_arrays(shadowbench: Shadowbench, tmp_path: Pa
         assert [arrays[name].dtype for name in ("visibility", "receivers", "undecided", "triangle")] == [
             np.float32, bool, bool, np.int32,
         ]  # fmt: skip
-        counted = re.search(r"(\d+) receivers of (\d+) pixels, (\d+) in shadow, (\d+) undecided", answer.out)
+        counted = re.search(r"(\d+) of (\d+) pixels show a receiver, (\d+) in shadow, (\d+) undecided", answer.out)
         assert counted is not None
         receivers, undecided = arrays["receivers"], arrays["undecided"]
         shadowed = (arrays["visibility"] < 0.5).sum()
@@ -371,6 +396,7 @@ def test_truth_writes_the_promised_arrays(shadowbench: Shadowbench, tmp_path: Pa
         ("scenes", {"name", "about"}),
         ("metrics", {"name", "better", "for", "tolerance", "help"}),
         ("studies", {"name", "about"}),
+        ("axes", {"name", "about", "unit", "values", "home", "lights"}),
     ],
 )
 def test_list_names_each_kind(shadowbench: Shadowbench, what: str, keys: set[str]) -> None:
@@ -406,7 +432,7 @@ def test_doctor_names_the_device_and_the_clock(shadowbench: Shadowbench) -> None
     printed = shadowbench("doctor")
     assert printed.code == 0
     assert found["opengl"]["renderer"] in printed.out
-    assert printed.out.splitlines()[-1] == "all is here"
+    assert printed.out.splitlines()[-1] == "ready"
 
 
 @pytest.mark.parametrize(
@@ -446,3 +472,31 @@ def test_help_and_version(shadowbench: Shadowbench) -> None:
         answer = shadowbench(command, "--help")
         assert answer.code == 0
         assert f"shadowbench {command}" in answer.out
+
+
+def test_help_groups_every_command_and_cuts_no_summary(
+    shadowbench: Shadowbench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    out = shadowbench("--help").out
+    commands = out.partition("message and exit.\n\n")[2]
+    panels = dict(re.findall(r"^(\w[^\n]*):\n((?:  \S.*\n)+)", commands, re.MULTILINE))
+    names = {title.split()[0]: re.findall(r"^  (\S+)", lines, re.MULTILINE) for title, lines in panels.items()}
+    assert names == {
+        "Measure": ["run", "stress", "score", "truth"],
+        "Decide": ["recommend", "needs", "tune"],
+        "Check": ["check", "repeat", "doctor"],
+        "Look": ["report", "render", "list"],
+        "Extend": ["new-technique", "export"],
+    }
+    assert "..." not in "".join(panels.values())
+
+
+def test_listed_axes_are_those_of_the_sweep(shadowbench: Shadowbench) -> None:
+    listed = {row["name"]: row for row in json.loads(shadowbench("list", "axes", "--json").out)}
+    assert list(listed) == list(AXES)
+    for name, row in listed.items():
+        assert row["values"] == [value_label(value) for value in AXES[name].values]
+        assert row["home"] in row["values"] and row["lights"] == list(AXES[name].lights)
+        assert row["about"] in shadowbench("list", "axes", name).out
+    assert len({row["about"] for row in listed.values()}) == len(listed), "no axis says what another says"

@@ -350,7 +350,7 @@ def test_a_full_disk_is_one_line(shadowbench: Callable[..., Any], monkeypatch: p
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "out/masks")
 
-    monkeypatch.setattr("shadowbench.studies.catalogue.catalogue", full)
+    monkeypatch.setattr("shadowbench.catalogue.catalogue", full)
     answer = shadowbench("list")
     assert (answer.code, answer.out) == (2, "")
     assert answer.err == "shadowbench: out/masks: cannot be written (no space left on device)\n"
@@ -360,8 +360,19 @@ def test_an_internal_error_is_exit_3(shadowbench: Callable[..., Any], monkeypatc
     def broken(*_: object) -> None:
         raise LookupError("a bug")
 
-    monkeypatch.setattr("shadowbench.studies.catalogue.catalogue", broken)
+    monkeypatch.setattr("shadowbench.catalogue.catalogue", broken)
     answer = shadowbench("list")
     assert answer.code == 3
     assert answer.err.splitlines()[-1].startswith("shadowbench: an internal error")
     assert "LookupError: a bug" in answer.err
+
+
+@pytest.mark.parametrize("option", ["-q", "--quiet", "--json", "--map-size"])
+def test_an_option_before_the_command_is_told_where_it_goes(shadowbench: Callable[..., Any], option: str) -> None:
+    answer = shadowbench(option, "run", "cube-on-plane")
+    assert (answer.code, answer.out) == (2, "")
+    assert answer.err == f"shadowbench: {option} goes after the command: shadowbench COMMAND … {option}\n"
+
+
+def test_an_option_that_no_command_has_is_told_nothing_of_the_kind(shadowbench: Callable[..., Any]) -> None:
+    assert "after the command" not in shadowbench("--no-such", "run").err

@@ -5,9 +5,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from shadowbench.engines.encoding import Reading, reading_of
+from shadowbench.engines.encoding import MaskEncoding, detect_encoding
 from shadowbench.engines.orientation import misorientation
-from shadowbench.engines.shift import shift_of
+from shadowbench.engines.shift import estimate_shift
 
 SCENES = ["cube-on-plane", "stairs", "spot-lamp", "railings", "room-with-window", "lamp-by-wall"]
 NOISE = np.random.default_rng(7)
@@ -64,7 +64,7 @@ def test_a_bad_mask_is_not_taken_for_a_turned_one(name: str, drawn: Callable, pr
 def test_a_shift_is_measured_within_a_tenth_of_a_pixel(
     name: str, shift: tuple[float, float], drawn: Callable, comparison: Callable
 ) -> None:
-    found = shift_of(comparison(drawn(name, shift=shift), name))
+    found = estimate_shift(comparison(drawn(name, shift=shift), name))
     assert found is not None
     np.testing.assert_allclose(found, shift, atol=0.1)
 
@@ -72,7 +72,7 @@ def test_a_shift_is_measured_within_a_tenth_of_a_pixel(
 @pytest.mark.parametrize("name", ["stairs", "spot-lamp", "railings"])
 def test_a_hard_mask_is_measured_too(name: str, drawn: Callable, comparison: Callable) -> None:
     # Its samples lie ⅛ pixel right of and below the centres, so that it lies that much left and above.
-    found = shift_of(comparison(drawn(name, shift=(1, -0.5), hard=True), name))
+    found = estimate_shift(comparison(drawn(name, shift=(1, -0.5), hard=True), name))
     np.testing.assert_allclose(found, (1 - 1 / 8, -0.5 - 1 / 8), atol=0.1)
 
 
@@ -80,7 +80,7 @@ def test_a_hard_mask_is_measured_too(name: str, drawn: Callable, comparison: Cal
 def test_what_lies_where_it_should_is_not_shifted(name: str, drawn: Callable, comparison: Callable) -> None:
     exact = drawn(name)
     for mask in (exact, blurred(exact, 2), with_acne(exact, 0.1), np.ones_like(exact), drawn(name, hard=True)):
-        assert shift_of(comparison(mask, name)) is None
+        assert estimate_shift(comparison(mask, name)) is None
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -89,8 +89,8 @@ def test_an_encoded_mask_is_told_from_a_linear_one(
     name: str, times: int, drawn: Callable, comparison: Callable
 ) -> None:
     mask = blurred(drawn(name), times)
-    assert reading_of(comparison(mask, name)) == Reading(None, False)
-    assert reading_of(comparison(srgb(mask), name)) == Reading(None, True)
+    assert detect_encoding(comparison(mask, name)) == MaskEncoding(None, False)
+    assert detect_encoding(comparison(srgb(mask), name)) == MaskEncoding(None, True)
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -99,8 +99,8 @@ def test_an_encoded_mask_that_is_shifted_too_is_told_its_own_shift(
 ) -> None:
     mask = drawn(name, shift=(1, 0.5))  # once encoded, its edges look moved into the shadow
     for values, encoded in ((mask, False), (srgb(mask), True)):
-        found = reading_of(comparison(values, name))
-        assert (found.encoded, found.umbra) == (encoded, None) and found.shift is not None
+        found = detect_encoding(comparison(values, name))
+        assert (found.srgb_encoded, found.umbra) == (encoded, None) and found.shift is not None
         np.testing.assert_allclose(found.shift, (1, 0.5), atol=0.1)
 
 
@@ -110,10 +110,10 @@ def test_an_encoded_mask_that_is_shifted_too_is_told_its_own_shift(
 def test_a_linear_mask_that_is_never_dark_is_not_taken_for_an_encoded_one(
     name: str, umbra: float, hard: bool, drawn: Callable, comparison: Callable
 ) -> None:
-    found = reading_of(comparison(umbra + (1 - umbra) * drawn(name, hard=hard), name))
-    assert (found.encoded, found.shift) == (False, None)
+    found = detect_encoding(comparison(umbra + (1 - umbra) * drawn(name, hard=hard), name))
+    assert (found.srgb_encoded, found.shift) == (False, None)
     assert found.umbra == pytest.approx(umbra, abs=2e-3)
 
 
 def test_nothing_is_said_of_the_encoding_of_a_hard_mask(drawn: Callable, comparison: Callable) -> None:
-    assert reading_of(comparison(drawn("stairs", hard=True), "stairs")) == Reading(None)
+    assert detect_encoding(comparison(drawn("stairs", hard=True), "stairs")) == MaskEncoding(None)

@@ -11,7 +11,13 @@ import pytest
 from PIL import Image
 from PIL.PngImagePlugin import PngImageFile
 
-from shadowbench.engines.pictures import decode_srgb, from_screenshots, mask_from_array, mask_from_file, read_luminance
+from shadowbench.engines.external_mask import (
+    decode_srgb,
+    from_screenshots,
+    mask_from_array,
+    mask_from_file,
+    read_luminance,
+)
 from shadowbench.errors import InputError
 
 

@@ -125,7 +125,7 @@ def test_a_metric_that_is_not_defined_is_none_and_a_comparison_says_why(suite: C
     )
     assert "3 failed, 1 passed" in done.stdout
     assert "iou is None (accuracy of empty.png on bare): neither the truth nor the mask has a shadow in" in done.stdout
-    assert "contact is None (accuracy of mask.png on bare): nothing to measure it on; of" in done.stdout
+    assert "contact is None (accuracy of mask.png on bare): undefined here; of" in done.stdout
     # Where CI is set, pytest's summary says every failure a second time, whole.
     said = [line for line in done.stdout.splitlines() if line.startswith("E ") and " is None (" in line]
     assert len(said) == 2 and "pytest_plugin.py" not in done.stdout
@@ -140,6 +140,6 @@ def test_bad_input_is_a_failure_of_one_line(suite: Callable) -> None:
 
 def test_a_misspelt_metric_or_keyword_is_an_error_that_names_the_right_ones(suite: Callable) -> None:
     done = suite('def test_it(shadow_accuracy):\n    shadow_accuracy("mask.png", scene="stairs").iuo\n')
-    assert "AttributeError: 'iuo' is no metric; there are iou, iou_soft" in done.stdout
+    assert "AttributeError: 'iuo' is not a metric; allowed: iou, iou_soft" in done.stdout
     done = suite('def test_it(shadow_accuracy):\n    shadow_accuracy("mask.png", scene="stairs", lit="lit.png")\n')
     assert "TypeError: a mask and lit; allowed: a mask, or lit, shadowed and ambient" in done.stdout

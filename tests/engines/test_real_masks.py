@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from shadowbench.engines.encoding import reading_of
+from shadowbench.engines.accuracy import seems_unrelated
+from shadowbench.engines.encoding import detect_encoding
 from shadowbench.engines.orientation import misorientation
-from shadowbench.engines.scored import seems_of_another
 from shadowbench.scores.masks import read_mask
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -45,9 +45,9 @@ def test_no_mask_of_ours_is_taken_for_turned_shifted_or_encoded(
     alarms = []
     for row in held:
         one = comparison(read_mask(tmp_path / "run" / "masks" / f"{row['key']}.png"), row["scene"])
-        reading = reading_of(one)
-        found = misorientation(one.visibility, one.prepared), reading.shift, reading.encoded or None, reading.umbra
-        if any(found) or seems_of_another(one):
+        reading = detect_encoding(one)
+        found = misorientation(one.visibility, one.prepared), reading.shift, reading.srgb_encoded or None, reading.umbra
+        if any(found) or seems_unrelated(one):
             alarms.append((row["scene"], row["spec"], row["map_size"], found))
     assert alarms == []
 

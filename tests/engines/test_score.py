@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 from scipy import ndimage
 
-from shadowbench.engines.kinds import kinds_of
+from shadowbench.engines.error_kinds import error_kinds
 from shadowbench.scores.masks import read_mask, write_mask
 from shadowbench.scores.metrics import METRICS, score
 
@@ -96,6 +96,27 @@ def test_a_mask_of_another_scene_is_warned_of_and_an_empty_or_a_dark_one_is_not(
         assert (line in shadowbench("score", SCENE, file).err) == told
 
 
+@pytest.mark.parametrize(("value", "side"), [(1.0, "lit"), (0.0, "in shadow")])
+def test_a_mask_of_one_value_is_warned_of(shadowbench: Callable, tmp_path: Path, value: float, side: str) -> None:
+    file = tmp_path / "mask.png"
+    write_mask(file, np.full((256, 256), value))
+    warning = f"warning: {file}: the mask is {side} in every scored pixel, so most metrics say little\n"
+    assert shadowbench("score", SCENE, file).err == warning
+
+
+@pytest.mark.parametrize(("height", "side"), [(-1.0, "lit"), (1.0, "in shadow")])
+def test_a_truth_of_one_value_is_warned_of(shadowbench: Callable, tmp_path: Path, height: float, side: str) -> None:
+    scene, file = tmp_path / "floor.toml", tmp_path / "mask.png"
+    scene.write_text(
+        '[camera]\nposition = [0, 0.9, 0.1]\ntarget = [0, 0, 0]\n[light]\nkind = "directional"\n'
+        'direction = [0, -1, 0]\n[[mesh]]\nshape = "plane"\n[[mesh]]\nshape = "plane"\nscale = 9\n'
+        f"translate = [0, {height}, 0]\nreceives = false\n"
+    )
+    write_mask(file, np.full((64, 64), float(side == "lit")))
+    warning = f"warning: {file}: in this view the truth is {side} in every scored pixel, so most metrics say little"
+    assert warning in shadowbench("score", scene, file).err.splitlines()
+
+
 def test_a_mask_of_another_size_than_the_export_beside_it_is_warned_of(
     shadowbench: Callable, drawn: Callable, tmp_path: Path
 ) -> None:
@@ -142,7 +163,7 @@ def test_a_row_is_kept_once_and_a_changed_mask_is_another(
 ) -> None:
     folder = tmp_path / "rows"
     keep = ("-o", folder, "--name", "my-engine")
-    assert "a row of my-engine" in shadowbench("score", SCENE, mask, *keep).out
+    assert "score, mask and difference of my-engine added" in shadowbench("score", SCENE, mask, *keep).out
     assert "already" in shadowbench("score", SCENE, mask, *keep).out
     (row,) = rows_of(folder)
     expected = {
@@ -162,11 +183,11 @@ def test_a_row_is_kept_once_and_a_changed_mask_is_another(
     assert (folder / "differences" / f"{row['key']}.png").exists()
     assert (folder / "truth" / f"{SCENE}.camera.light.256.png").exists()
     write_mask(mask, drawn(SCENE, shift=(0, 0.25)))
-    assert "a row of my-engine" in shadowbench("score", SCENE, mask, *keep).out
-    assert "a row of another" in shadowbench("score", SCENE, mask, *keep[:3], "another").out
+    assert "score, mask and difference of my-engine added" in shadowbench("score", SCENE, mask, *keep).out
+    assert "score, mask and difference of another added" in shadowbench("score", SCENE, mask, *keep[:3], "another").out
     assert len({row["key"] for row in rows_of(folder)}) == len(rows_of(folder)) == 3
     write_mask(mask, drawn(SCENE))  # as it was at first: the newest row is the one that counts
-    assert "a row of my-engine" in shadowbench("score", SCENE, mask, *keep).out
+    assert "score, mask and difference of my-engine added" in shadowbench("score", SCENE, mask, *keep).out
     assert "already" in shadowbench("score", SCENE, mask, *keep).out
     rows = rows_of(folder)
     assert rows[-1]["metrics"] == row["metrics"] and len({row["key"] for row in rows}) == len(rows) == 4
@@ -198,9 +219,9 @@ def test_errors_are_told_by_their_kind(comparison: Callable, prepared: Callable)
     hole[truth.shadow_interior & ~truth.contact & (truth.squared_edge_distance > 8**2)] = 1
     grown = ndimage.minimum_filter(truth.visibility, 7)
     for mask, kind in ((acne, "acne"), (floating, "peter-panning"), (hole, "leak"), (grown, "displaced edge")):
-        found = kinds_of(comparison(mask, SCENE), score(mask, truth))
+        found = error_kinds(comparison(mask, SCENE), score(mask, truth))
         assert found[0].name == kind
-    assert kinds_of(comparison(truth.visibility, SCENE), score(truth.visibility, truth)) == []
+    assert error_kinds(comparison(truth.visibility, SCENE), score(truth.visibility, truth)) == []
 
 
 @pytest.mark.parametrize(
@@ -264,7 +285,7 @@ def test_the_difference_is_not_drawn_over_what_is_scored(
 
 def test_scoring_imports_no_gl() -> None:
     code = (
-        "import sys; from shadowbench.engines import export, scored, store; import shadowbench.pytest_plugin; "
+        "import sys; from shadowbench.engines import accuracy, export, store; import shadowbench.pytest_plugin; "
         "import shadowbench.commands.export, shadowbench.commands.score; "
         "print({'moderngl', 'glcontext', 'glm', 'pyglm'} & set(sys.modules))"
     )

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from shadowbench.extremes.axes import AXES, Axis, shown
+from shadowbench.extremes.axes import AXES, Axis, value_label
 from shadowbench.extremes.axes.model import TEXEL
 from shadowbench.extremes.axes.motion import FRAMES
 from shadowbench.scenes.model import Light, LightKind, View
@@ -29,8 +29,8 @@ def casters(view: View) -> list[np.ndarray]:
 
 @every_axis
 def test_a_sweep_starts_where_nothing_is_extreme(axis: Axis) -> None:
-    assert axis.home in axis.values
-    assert axis.home in axis.quick
+    assert axis.default in axis.values
+    assert axis.default in axis.quick
     assert set(axis.quick) <= set(axis.values)
     assert axis.swept(quick=True) == tuple(value for value in axis.values if value in axis.quick)
     assert axis.swept(quick=False) == axis.values
@@ -50,13 +50,13 @@ def test_values_are_in_order(axis: Axis) -> None:
 def test_every_value_has_a_scene_of_its_own_name(axis: Axis) -> None:
     names = [axis.at(value, axis.lights[0]).views[0].scene.name for value in axis.quick]
     assert len(set(names)) == len(names)
-    assert names[0] == f"{axis.name}-{shown(axis.quick[0])}"
+    assert names[0] == f"{axis.name}-{value_label(axis.quick[0])}"
 
 
 def test_values_are_written_shortly() -> None:
     values = (0.0, 0.1, -0.5, 89.9, 16384, 2097152, 1e-3, 3e-4, -1e-7, 1e5, 1e7, "d16")
     texts = ["0", "0.1", "-0.5", "89.9", "16384", "2097152", "0.001", "3e-4", "-1e-7", "1e5", "1e7", "d16"]
-    assert [shown(value) for value in values] == texts
+    assert [value_label(value) for value in values] == texts
 
 
 @every_axis
@@ -129,7 +129,7 @@ def test_distance_moves_everything_and_scale_scales_it(kind: LightKind) -> None:
 
 
 def test_only_one_axis_keeps_the_files_coordinates() -> None:
-    kept = [name for name, axis in AXES.items() if axis.at(axis.home, axis.lights[0]).coordinates == "absolute"]
+    kept = [name for name, axis in AXES.items() if axis.at(axis.default, axis.lights[0]).coordinates == "absolute"]
     assert kept == ["distance-absolute"]
 
 

@@ -13,7 +13,7 @@ from PIL import Image
 
 from shadowbench.extremes.axes import AXES, Axis
 from shadowbench.extremes.ranges import Failure, failure, operating_range, operating_ranges
-from shadowbench.extremes.sweep import Sweep, changed_spec
+from shadowbench.extremes.sweep import Sweep, spec_at
 from shadowbench.measure.executor import Limits
 from shadowbench.measure.flips import flips
 from shadowbench.scores.masks import mask_sha256, read_mask
@@ -28,7 +28,7 @@ ELEVATION, MESH, MAP_SIZE = AXES["elevation"], AXES["mesh"], AXES["map-size"]
 
 def short(axis: Axis, *values: float | str) -> Axis:
     """An axis of its home and some other values, under the sun alone."""
-    kept = tuple(value for value in axis.values if value in (axis.home, *values))
+    kept = tuple(value for value in axis.values if value in (axis.default, *values))
     return replace(axis, values=kept, quick=kept, lights=("directional",))
 
 
@@ -82,15 +82,15 @@ def test_a_range_ends_where_a_value_is_out_on_either_side_of_home() -> None:
     assert (whole.plain, whole.text) == ("0.1…89.9°", "0.1…89.9°; 18 of 21 values")
     rows += [row(ELEVATION, 85.0, leak=0.4), row(ELEVATION, 2.0, acne=0.041), row(ELEVATION, 0.5, "failed: hung: 1 s")]
     found = operating_range(ELEVATION, rows)
-    assert found.held[0] == 75.0 and found.held[-1] == 3.0
+    assert found.in_tolerance[0] == 75.0 and found.in_tolerance[-1] == 3.0
     assert found.text == "breaks at 85°: leak 40.00%; breaks at 2°: acne 4.10%"
     assert found.worst == ("leak", "acne", "hang")
 
 
 def test_a_range_without_its_home_is_empty() -> None:
-    rows = [row(ELEVATION, value, iou=0.0 if value == ELEVATION.home else 1.0) for value in ELEVATION.values]
+    rows = [row(ELEVATION, value, iou=0.0 if value == ELEVATION.default else 1.0) for value in ELEVATION.values]
     found = operating_range(ELEVATION, rows)
-    assert found.held == () and found.text == "breaks at 50°: IoU 0.000"
+    assert found.in_tolerance == () and found.text == "breaks at 50°: IoU 0.000"
 
 
 def test_what_is_refused_ends_a_range_without_breaking_it() -> None:
@@ -151,10 +151,10 @@ def test_flips_far_from_every_true_edge_are_none() -> None:
 def test_an_axis_of_parameters_is_of_those_that_have_them(bench: Any) -> None:
     spec = parse_spec("shadow-map", bench.techniques)
     setting = MAP_SIZE.at(64, "directional")
-    changed = changed_spec(spec, setting)
+    changed = spec_at(spec, setting)
     assert changed is not None and changed.map_size == 64
-    assert changed_spec(parse_spec("unshadowed", bench.techniques), setting) is None
-    assert changed_spec(spec, ELEVATION.at(5.0, "directional")) == spec
+    assert spec_at(parse_spec("unshadowed", bench.techniques), setting) is None
+    assert spec_at(spec, ELEVATION.at(5.0, "directional")) == spec
 
 
 class Swept:
@@ -329,7 +329,9 @@ class TestCommand:
         assert {one["axis_value"] for one in cells} == {"5.0", "1e-05", "0.0"}
         assert all(one["failure"].startswith("leak") for one in cells)
         plain = self.run(shadowbench, wild, tmp_path, "nothing", "--plugin", str(half))
-        assert plain.out.splitlines()[:2] == [f"{spec}: breaks at home on every axis" for spec in ("does", "half")]
+        assert plain.out.splitlines()[:2] == [
+            f"{spec}: out of tolerance already at the default value of every axis" for spec in ("does", "half")
+        ]
         assert json.loads((tmp_path / "run.json").read_text())["study"]["view_size"] == 256
 
     def test_an_unknown_axis_is_bad_input(self, shadowbench: Any, tmp_path: Path) -> None:

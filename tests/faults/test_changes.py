@@ -206,7 +206,7 @@ def test_a_fault_is_caught_and_its_technique_named(change: Change, verdict: Call
     assert found.run == 0, f"it does not even run, which anything would catch: {found.errors}"
     assert found.check == 1, found.said
     assert " missing " not in found.said, "a cell that was not run says nothing of the fault"
-    regressed = found.said.partition("improved, most first")[0]
+    regressed = found.said.partition("improved, largest change first")[0]
     assert f" {change.technique}" in regressed, found.said
 
 

@@ -37,7 +37,7 @@ def at_depth(device: Device, program):
 def test_each_layer_is_drawn_into_and_read_by_itself(device: Device, at_depth, kind: str, depth: str) -> None:
     layers = depth_target(device, 4, depth, kind, 6)
     layers.target.clear(depth=1.0)
-    for layer, target in enumerate(layers.each):
+    for layer, target in enumerate(layers.layer_targets):
         at_depth(target, layer / 8)
     stored = layers.texture.read()
     assert stored.shape == (6, 4, 4)
@@ -49,7 +49,7 @@ def test_each_layer_is_drawn_into_and_read_by_itself(device: Device, at_depth, k
 @pytest.mark.parametrize("kind", ["array", "cube"])
 def test_clearing_the_whole_clears_every_layer(device: Device, at_depth, kind: str) -> None:
     layers = depth_target(device, 4, "d32f", kind, 6)
-    for target in layers.each:
+    for target in layers.layer_targets:
         at_depth(target, 0.25, State())
     layers.target.clear(depth=0.75)
     assert (layers.texture.read() == 0.75).all()
@@ -59,15 +59,15 @@ def test_clearing_the_whole_clears_every_layer(device: Device, at_depth, kind: s
 def test_row_0_of_a_layer_is_its_bottom(device: Device, at_depth) -> None:
     layers = depth_target(device, 4, "d32f", "array", 2)
     layers.target.clear(depth=1.0)
-    layers.each[1].viewport = (0, 0, 4, 2)
-    at_depth(layers.each[1], 0.5)
+    layers.layer_targets[1].viewport = (0, 0, 4, 2)
+    at_depth(layers.layer_targets[1], 0.5)
     assert (layers.texture.read()[1] == [[0.5]] * 2 + [[1.0]] * 2).all()
     device.free([layers])
 
 
 def test_an_array_is_sampled_and_compared_by_layer(device: Device, at_depth, program, paint) -> None:
     layers = depth_target(device, 4, "d32f", "array", 3)
-    for layer, target in enumerate(layers.each):
+    for layer, target in enumerate(layers.layer_targets):
         target.clear(depth=0.25 + 0.25 * layer)
     read = program(
         "uniform sampler2DArray depths; uniform sampler2DArrayShadow compared; out float value;"
@@ -88,7 +88,7 @@ def test_an_array_is_sampled_and_compared_by_layer(device: Device, at_depth, pro
 )
 def test_a_cube_is_sampled_by_direction(device: Device, program, paint, face: int, direction: str) -> None:
     layers = depth_target(device, 4, "d32f", "cube")
-    for layer, target in enumerate(layers.each):
+    for layer, target in enumerate(layers.layer_targets):
         target.clear(depth=layer / 8)
     read = program(
         "uniform samplerCube depths; uniform samplerCubeShadow compared; out float value;"
@@ -165,9 +165,9 @@ def test_blending_and_what_is_left_after_it(device: Device, program, blend: str,
 def test_a_depth_that_is_not_written_is_tested_all_the_same(device: Device, at_depth) -> None:
     layers = depth_target(device, 4, "d32f", "array", 1)
     layers.target.clear(depth=1.0)
-    at_depth(layers.each[0], 0.25, State(depth_test="<", depth_write=False))
+    at_depth(layers.layer_targets[0], 0.25, State(depth_test="<", depth_write=False))
     assert (layers.texture.read() == 1).all()
-    at_depth(layers.each[0], 0.5, State(depth_test="<"))
+    at_depth(layers.layer_targets[0], 0.5, State(depth_test="<"))
     assert (layers.texture.read() == 0.5).all()
     device.free([layers])
 

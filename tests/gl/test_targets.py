@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from shadowbench.gl import targets
 from shadowbench.gl.device import Device
 from shadowbench.gl.program import Drawable, State
-from shadowbench.gl.targets import depth_target, refused
+from shadowbench.gl.targets import depth_target, unsupported_map
 
 AT_DEPTH = """
 uniform float depth;
@@ -94,8 +94,8 @@ def test_another_precision_than_asked_for_is_an_error(device: Device, monkeypatc
 
 @pytest.mark.parametrize("kind", ["2d", "array", "cube"])
 def test_what_the_driver_would_refuse_is_told_before_anything_is_made(device: Device, kind: str) -> None:
-    assert refused(device, 64, "d16", kind, 6) is None
-    too_large = refused(device, 4 * device.max_map_size, "d16", kind, 6)
+    assert unsupported_map(device, 64, "d16", kind, 6) is None
+    too_large = unsupported_map(device, 4 * device.max_map_size, "d16", kind, 6)
     what = {"2d": "a map", "array": "6 maps", "cube": "a cube"}[kind]
     assert too_large == f"the driver refuses {what} of {4 * device.max_map_size}² texels in d16"
     device.check("asking")

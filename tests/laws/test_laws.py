@@ -17,7 +17,7 @@ from shadowbench.data import data_folder
 from shadowbench.geometry import hull
 from shadowbench.geometry.slices import Slice
 from shadowbench.gl.program import Stencil
-from shadowbench.scenes.model import AS_FILED, Scene, View
+from shadowbench.scenes.model import IDENTITY_PLACEMENT, Scene, View
 from shadowbench.techniques import maps, shadow_volume
 from shadowbench.techniques.biases import Constant, FrontCull
 from shadowbench.techniques.filters import PCF, Hard
@@ -209,7 +209,7 @@ def assert_caught(studio, law: str, name: str, kind: str, told: str) -> None:
 
 
 def test_coordinates_that_are_not_made_relative_are_caught(studio, monkeypatch) -> None:
-    monkeypatch.setattr(Scene, "placement", property(lambda scene: AS_FILED))
+    monkeypatch.setattr(Scene, "placement", property(lambda scene: IDENTITY_PLACEMENT))
     assert_caught(studio, "moved", VISIBLE, "bits", "bits differ")
 
 

@@ -89,7 +89,7 @@ def test_a_failed_cell_is_tried_again_and_no_other(bench: Any, tmp_path: Path, r
     study = bench.study(tmp_path, HEAD + spec("half") + spec("does:what=raise"))
     bench.run(study, tmp_path / "out")
     bench.run(study, tmp_path / "out")
-    assert bench.calls.count("let_go") == 0
+    assert bench.calls.count("release_timed") == 0
     statuses = [record["status"].partition(":")[0] for record in records(tmp_path / "out", "score")]
     assert statuses == ["ok", "failed", "failed"]
 
@@ -116,7 +116,7 @@ def test_a_misdeed_while_it_is_timed_costs_its_own_time_only(
     assert [record["status"] for record in records(tmp_path / "out", "score")] == ["ok"] * 3
     assert len(records(tmp_path / "out", "time")) == 2
     again = bench.run(study, tmp_path / "out")
-    assert bench.calls.count("let_go") == 1
+    assert bench.calls.count("release_timed") == 1
     assert len(records(tmp_path / "out", "score")) == 3
     assert [result.status.partition(":")[0] for result in again] == ["ok", "failed", "ok"]
 

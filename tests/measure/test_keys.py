@@ -193,7 +193,7 @@ EDITED = [
     ("gl/raw.py", "unshadowed", True),
     ("truths/cache.py", "unshadowed", True),
     ("measure/session.py", "unshadowed", True),
-    ("measure/loaded.py", "unshadowed", True),
+    ("measure/loaded_scene.py", "unshadowed", True),
     ("measure/scoring.py", "unshadowed", True),
     ("studies/tables.py", "unshadowed", False),
     ("commands/run.py", "unshadowed", False),

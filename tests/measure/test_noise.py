@@ -10,7 +10,7 @@ import pytest
 from shadowbench.gl.clock import QUERIES, WALL, Sample
 from shadowbench.measure import doctor
 from shadowbench.measure.executor import CellFailed
-from shadowbench.measure.noise import CELL, ROUNDS, SERIES, Noise, noise
+from shadowbench.measure.noise import ROUNDS, SERIES, SPEC, Noise, measure_noise
 
 
 class Scripted:
@@ -23,8 +23,8 @@ class Scripted:
     def call(self, asked: Callable[..., Any], *arguments: Any) -> Any:
         method = asked.__name__
         self.calls.append(method)
-        if method == "hold":
-            assert arguments[1].spec == CELL
+        if method == "prepare_timing":
+            assert arguments[1].spec == SPEC
         if method != "time_frame":
             return None
         done = Counter(self.calls)["time_frame"]
@@ -35,13 +35,13 @@ class Scripted:
 
 def found(**options: Any) -> tuple[Noise, Scripted]:
     worker = Scripted(**options)
-    return noise(worker), worker  # type: ignore[arg-type]
+    return measure_noise(worker), worker  # type: ignore[arg-type]
 
 
 def test_equal_times_have_no_noise() -> None:
     told, worker = found()
     assert (told.ratio, told.worst, told.n, told.frame_ms, told.clock) == (1, 1, SERIES * ROUNDS, 10, WALL)
-    assert worker.calls == ["hold", "hold", *["time_frame"] * (2 * told.n), "let_go"]
+    assert worker.calls == ["prepare_timing", "prepare_timing", *["time_frame"] * (2 * told.n), "release_timed"]
 
 
 @pytest.mark.parametrize("apart", [1.25, 0.8])
@@ -65,7 +65,7 @@ def told(monkeypatch: pytest.MonkeyPatch, software: bool, clock: str, found: Noi
             raise found
         return found
 
-    monkeypatch.setattr(doctor, "noise", answer)
+    monkeypatch.setattr(doctor, "measure_noise", answer)
     worker: Any = None
     info: Any = SimpleNamespace(software=software, clock=clock)
     return doctor.clock_noise(worker, info)

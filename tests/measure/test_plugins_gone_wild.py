@@ -10,7 +10,7 @@ import psutil
 import pytest
 
 from shadowbench.errors import LONGEST_QUOTE
-from shadowbench.measure import printed
+from shadowbench.measure import plugin_output
 from shadowbench.measure.cells import CellRequest, PlacedView
 from shadowbench.measure.executor import CellFailed, Limits
 from shadowbench.measure.session import Session, Unsupported
@@ -41,7 +41,7 @@ def test_a_message_without_end_is_cut(worker: Worker, what: str) -> None:
     line = str(failure.value)
     assert line.startswith("ValueError: ") and line.isprintable() and len(line) < LONGEST_QUOTE + 100
     assert "…" in line
-    assert "(wild.py:" in line or "(drawn.py:" in line
+    assert "(wild.py:" in line or "(rendering.py:" in line
 
 
 def test_a_reason_without_end_is_cut(worker: Worker) -> None:
@@ -61,7 +61,7 @@ def test_what_is_printed_is_passed_on_to_stderr_and_cut(worker: Worker, capfd: p
     assert err.count("first words\n") == 2, "of the first draw, on both streams"
     assert err.count("what plug-ins print is cut here, after 100000 characters\n") == 1
     assert "last words" not in err and "loud" not in err
-    assert printed.MOST <= len(err) <= printed.MOST + 100
+    assert plugin_output.MAX_CHARACTERS <= len(err) <= plugin_output.MAX_CHARACTERS + 100
 
 
 def test_what_is_printed_before_a_crash_is_read(worker: Worker, capfd: pytest.CaptureFixture[str]) -> None:
@@ -78,7 +78,7 @@ def test_what_a_plugin_prints_while_it_is_loaded_is_cut(
     file.write_text("import sys\nprint('x' * 50_000_000)\nsys.stderr.write('y' * 50_000_000)\n" + half.read_text())
     answer = shadowbench("list", "techniques", "--plugin", file)
     assert answer.code == 0 and "half" in answer.out and "xxx" not in answer.out
-    assert answer.err.startswith("x" * 1000) and len(answer.err) < printed.MOST + 100
+    assert answer.err.startswith("x" * 1000) and len(answer.err) < plugin_output.MAX_CHARACTERS + 100
     assert "what plug-ins print is cut here" in answer.err
 
 

@@ -3,7 +3,7 @@
 import pytest
 
 from shadowbench.measure import profile as module
-from shadowbench.measure.profile import ACTIVITIES, Profile, share, whole
+from shadowbench.measure.profile import ACTIVITIES, Profile, complete_profile, share
 
 
 @pytest.fixture
@@ -16,13 +16,13 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 
 def test_what_is_done_within_another_activity_counts_once(clock: list[float]) -> None:
     profile = Profile()
-    with profile.of("waiting"):
+    with profile.activity("waiting"):
         clock[0] += 1
-        with profile.of("files"):
+        with profile.activity("files"):
             clock[0] += 2
         clock[0] += 4
     clock[0] += 8  # nobody's
-    with profile.of("files"):
+    with profile.activity("files"):
         clock[0] += 16
     assert profile.seconds == {"waiting": 5, "files": 18}
 
@@ -31,20 +31,20 @@ def test_an_activity_that_fails_is_over(clock: list[float]) -> None:
     profile = Profile()
 
     def fail() -> None:
-        with profile.of("score"):
+        with profile.activity("score"):
             clock[0] += 1
             raise RuntimeError
 
     with pytest.raises(RuntimeError):
         fail()
     clock[0] += 2
-    with profile.of("files"):
+    with profile.activity("files"):
         clock[0] += 4
     assert profile.seconds == {"score": 1, "files": 4}
 
 
 def test_the_worker_s_seconds_stand_in_place_of_the_wait_for_them() -> None:
-    seconds = whole({"waiting": 10.0, "score": 2.0, "truth": 1.0}, {"passes": 7.0, "build": 1.0}, 15.0)
+    seconds = complete_profile({"waiting": 10.0, "score": 2.0, "truth": 1.0}, {"passes": 7.0, "build": 1.0}, 15.0)
     assert list(seconds) == list(ACTIVITIES)
     assert sum(seconds.values()) == 15
     assert (seconds["waiting"], seconds["other"], seconds["files"]) == (2, 2, 0)

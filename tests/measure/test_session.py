@@ -35,15 +35,15 @@ class Bare(Session):
         self.params: Any = TechniqueParams()
         loaded = SimpleNamespace(picture_pass=SimpleNamespace(draw=lambda surface, view, texture, tint: None))
         surface = SimpleNamespace(release=lambda: None)
-        self._opened: Any = SimpleNamespace(
-            loaded=loaded, view=SimpleNamespace(size=2), surface=surface, shows=lambda at: True
+        self._open_view: Any = SimpleNamespace(
+            loaded=loaded, view=SimpleNamespace(size=2), surface=surface, matches=lambda at: True
         )
         self._kept = {}
-        self._held = []
+        self._timed = []
         self.freed: list[str] = []
         self.indices: list[int] = []
 
-    def _assembled(self, opened: Any, request: CellRequest) -> Any:
+    def _assemble(self, opened: Any, request: CellRequest) -> Any:
         def draw(frame: Frame) -> np.ndarray:
             self.indices.append(frame.index)
             self.device.draws += 1
@@ -68,11 +68,11 @@ def bare(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bare]:
 def test_building_is_timed_in_milliseconds_without_the_warm_up(bare: Bare, monkeypatch: pytest.MonkeyPatch) -> None:
     ticks = chain([5.0, 5.1, 5.2, 5.25], repeat(9.0))  # around `prepare` of the profile too
     monkeypatch.setattr(module.time, "perf_counter", lambda: next(ticks))
-    assert bare.hold(AT, REQUEST) == 250
+    assert bare.prepare_timing(AT, REQUEST) == 250
 
 
 def test_frames_of_a_held_cell_are_counted_from_its_build(bare: Bare) -> None:
-    bare.hold(AT, REQUEST)
+    bare.prepare_timing(AT, REQUEST)
     assert bare.indices == list(range(WARM_UP)) == [0, 1]
     bare.time_frame(0)
     bare.time_passes(0)
@@ -81,21 +81,21 @@ def test_frames_of_a_held_cell_are_counted_from_its_build(bare: Bare) -> None:
 
 
 def test_every_held_cell_has_a_count_of_its_own(bare: Bare) -> None:
-    bare.hold(AT, REQUEST)
-    bare.hold(AT, REQUEST)
+    bare.prepare_timing(AT, REQUEST)
+    bare.prepare_timing(AT, REQUEST)
     for held in (1, 0, 1):
         bare.time_frame(held)
     assert bare.indices == [0, 1, 0, 1, 2, 2, 3]
-    bare.let_go()
-    bare.hold(AT, REQUEST)
+    bare.release_timed()
+    bare.prepare_timing(AT, REQUEST)
     assert bare.indices[-2:] == [0, 1]
 
 
 def test_what_was_drawn_is_built_once_where_it_is_kept(bare: Bare, monkeypatch: pytest.MonkeyPatch) -> None:
     built = []
-    assembled = bare._assembled
+    assembled = bare._assemble
     monkeypatch.setattr(
-        bare, "_assembled", lambda opened, request: (built.append(request.spec), assembled(opened, request))[1]
+        bare, "_assemble", lambda opened, request: (built.append(request.spec), assembled(opened, request))[1]
     )
     specs = [CellRequest(name) for name in "abc"]
     for spec in specs:
@@ -104,11 +104,11 @@ def test_what_was_drawn_is_built_once_where_it_is_kept(bare: Bare, monkeypatch: 
     took = bare._kept[specs[0]].prepare_ms
     bare.draw(AT, CellRequest("d"))
     assert bare.freed == ["c", "d"]
-    assert bare.hold(AT, specs[0]) == took
-    bare.hold(AT, specs[2])
+    assert bare.prepare_timing(AT, specs[0]) == took
+    bare.prepare_timing(AT, specs[2])
     assert built == ["a", "b", "c", "d", "c"]
     assert bare.indices[-2 * WARM_UP :] == [0, 1, 0, 1]  # as if it had not been drawn before
-    bare.let_go()
+    bare.release_timed()
     bare._close()
     assert bare.freed == ["c", "d", "c", "a", "b"]
 
@@ -134,7 +134,7 @@ def test_a_scored_frame_and_its_work_are_both_without_history(bare: Bare) -> Non
 
 
 def test_a_timed_frame_says_by_which_clock(bare: Bare) -> None:
-    bare.hold(AT, REQUEST)
+    bare.prepare_timing(AT, REQUEST)
     assert bare.time_frame(0).clock == WALL
 
 
@@ -164,9 +164,9 @@ def test_without_invocations_there_is_no_cost(bare: Bare) -> None:
 
 
 def test_seconds_are_kept_by_activity(bare: Bare) -> None:
-    bare.hold(AT, REQUEST)
+    bare.prepare_timing(AT, REQUEST)
     bare.time_frame(0)
-    assert set(bare.spent()) == {"prepare", "passes"}
+    assert set(bare.activity_seconds()) == {"prepare", "passes"}
     bare.draw(AT, REQUEST)
-    assert set(bare.spent()) == {"prepare", "passes", "read back"}
-    assert all(seconds >= 0 for seconds in bare.spent().values())
+    assert set(bare.activity_seconds()) == {"prepare", "passes", "read back"}
+    assert all(seconds >= 0 for seconds in bare.activity_seconds().values())

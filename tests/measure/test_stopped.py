@@ -118,7 +118,7 @@ def test_ctrl_c_stops_without_a_word_too_many(
     os.killpg(stopped.process.pid, signal.SIGINT)
     code, printed, err = stopped.end()
     assert code == 130
-    assert err.splitlines() == ["shadowbench: stopped; the same command goes on from here"]
+    assert err.splitlines() == ["shadowbench: stopped; repeat the command to resume"]
     assert printed == ""
     assert_gone(family)
     assert len(records(out)) == rows
@@ -139,13 +139,13 @@ def test_ctrl_c_while_the_worker_starts_is_silent_too(start: Any, arguments: Any
     os.killpg(stopped.process.pid, signal.SIGINT)
     code, _, err = stopped.end()
     assert code == 130
-    assert err.splitlines() == ["shadowbench: stopped; the same command goes on from here"]
+    assert err.splitlines() == ["shadowbench: stopped; repeat the command to resume"]
 
 
 def test_ctrl_c_waits_until_the_worker_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
     """With a second thread, as a progress bar has one: the system gives it the signal that the main one blocks."""
     started = []
-    start = worker_module._started
+    start = worker_module._spawn
 
     def interrupted(pipe: Any) -> Any:
         os.kill(os.getpid(), signal.SIGINT)
@@ -153,7 +153,7 @@ def test_ctrl_c_waits_until_the_worker_is_known(monkeypatch: pytest.MonkeyPatch)
         started.append(start(pipe))
         return started[-1]
 
-    monkeypatch.setattr(worker_module, "_started", interrupted)
+    monkeypatch.setattr(worker_module, "_spawn", interrupted)
     done = threading.Event()
     other = threading.Thread(target=done.wait)
     other.start()

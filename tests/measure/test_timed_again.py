@@ -95,7 +95,7 @@ def test_what_lacks_a_ratio_is_timed_again_when_the_reference_answers(
         assert record["ratio"] is None
         assert record["no_ratio"].startswith("failed: FileNotFoundError")
     assert added(text) == (0, 0)
-    assert "hold" not in bench.calls
+    assert "prepare_timing" not in bench.calls
     try:
         needed.touch()
         assert added(text) == (0, 2)
@@ -115,7 +115,7 @@ def test_a_worker_that_dies_while_it_times_costs_times_only(
     def dying(method: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
         if lost == "the view" and method is Session.open:
             raise CellFailed("crashed: SIGKILL")
-        if lost == "the floor" and method is Session.hold and arguments[1].spec == "unshadowed":
+        if lost == "the floor" and method is Session.prepare_timing and arguments[1].spec == "unshadowed":
             raise CellFailed("crashed: SIGKILL")
         return call(method, *arguments, **options)
 

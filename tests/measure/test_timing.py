@@ -12,10 +12,10 @@ import pytest
 from shadowbench.gl.clock import QUERIES, WALL, PassTimes, Sample
 from shadowbench.measure.cells import Cell, CellRequest, PlacedView
 from shadowbench.measure.executor import CellFailed, Limits, MemoryExceeded
-from shadowbench.measure.references import name_of
+from shadowbench.measure.references import reference_name
 from shadowbench.measure.session import Unsupported
 from shadowbench.measure.time_rows import Timing, time_row
-from shadowbench.measure.timing import Conditions, Untimed, reference_cell, time_cells
+from shadowbench.measure.timing import Conditions, TimingFailure, reference_cell, time_cells
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import Spec, parse_spec
 
@@ -56,7 +56,7 @@ class Scripted:
 
     def call(self, asked: Callable[..., Any], *arguments: Any) -> Any:
         method, name = asked.__name__, None
-        if method in ("draw", "hold"):
+        if method in ("draw", "prepare_timing"):
             request: CellRequest = arguments[1]
             name = spec(request.spec).text
         elif method.startswith("time_"):
@@ -73,7 +73,7 @@ class Scripted:
     def draw(self, at: PlacedView, request: CellRequest, name: str) -> None:
         pass
 
-    def hold(self, at: PlacedView, request: CellRequest, name: str) -> float:
+    def prepare_timing(self, at: PlacedView, request: CellRequest, name: str) -> float:
         self.held.append(name)
         return 100.0 * len(self.held)
 
@@ -90,7 +90,7 @@ class Scripted:
         times.add("resolve", "view", Sample(5.0, 5.0, self._next_clock()))
         return times
 
-    def let_go(self) -> None:
+    def release_timed(self) -> None:
         self.held.clear()
 
     def _next_clock(self) -> str:
@@ -98,7 +98,7 @@ class Scripted:
         return self.clock(self.samples)
 
 
-Found = dict[str, Timing | Untimed]
+Found = dict[str, Timing | TimingFailure]
 
 
 def timed(worker: Scripted, *names: str, rounds: int = 3, reference: str = REFERENCE, **options: Any) -> Found:
@@ -147,10 +147,10 @@ def test_rounds_go_over_all_cells_that_are_held() -> None:
     assert worker.calls == [
         ("draw", REFERENCE),
         ("open", None),
-        *(("hold", name) for name in group),
+        *(("prepare_timing", name) for name in group),
         *(("time_frame", name) for _ in range(3) for name in group),
         *(("time_passes", name) for name in group),
-        ("let_go", None),
+        ("release_timed", None),
     ]
 
 
@@ -222,7 +222,7 @@ def test_times_of_two_clocks_are_thrown_away_and_measured_again(last_query: int)
     assert row["passes"]["depth"]["n"] == 1
     assert row["passes"]["depth"]["ms"] == 6
     assert Counter(worker.calls)["time_frame", SLOW] == 6
-    assert Counter(worker.calls)["hold", SLOW] == 1
+    assert Counter(worker.calls)["prepare_timing", SLOW] == 1
 
 
 def crash(wanted: str, of: str | None = None, error: Exception | None = None) -> Callable[..., Exception | None]:
@@ -235,35 +235,35 @@ def test_a_view_that_cannot_be_opened_costs_the_times_of_its_cells() -> None:
     for error in (CellFailed("crashed: SIGSEGV"), MemoryExceeded("ate memory")):
         worker = Scripted(fails=crash("open", error=error))
         found = timed(worker, SLOW, FAST, FLOOR, reference=FLOOR)
-        assert {name: isinstance(one, Untimed) and one.reason for name, one in found.items()} == dict.fromkeys(
+        assert {name: isinstance(one, TimingFailure) and one.reason for name, one in found.items()} == dict.fromkeys(
             [SLOW, FAST, FLOOR], f"opening the view: {error}"
         )
         assert Counter(worker.calls)["open", None] == 1
 
 
-@pytest.mark.parametrize("method", ["hold", "time_frame", "time_passes"])
+@pytest.mark.parametrize("method", ["prepare_timing", "time_frame", "time_passes"])
 def test_a_floor_that_fails_costs_the_times_of_its_cells(method: str) -> None:
     found = timed(Scripted(fails=crash(method, FLOOR)), SLOW, FAST)
-    assert {name: isinstance(one, Untimed) and one.reason for name, one in found.items()} == dict.fromkeys(
+    assert {name: isinstance(one, TimingFailure) and one.reason for name, one in found.items()} == dict.fromkeys(
         [SLOW, FAST], "the floor, unshadowed: crashed: SIGSEGV"
     )
 
 
-@pytest.mark.parametrize("method", ["hold", "time_frame", "time_passes"])
+@pytest.mark.parametrize("method", ["prepare_timing", "time_frame", "time_passes"])
 def test_a_cell_that_fails_costs_its_own_time(method: str) -> None:
     slow, fast = (timed(Scripted(fails=crash(method, SLOW)), SLOW, FAST)[name] for name in (SLOW, FAST))
-    assert isinstance(slow, Untimed) and slow.reason == "crashed: SIGSEGV"
+    assert isinstance(slow, TimingFailure) and slow.reason == "crashed: SIGSEGV"
     assert isinstance(fast, Timing) and row_of(fast)["ratio"] is not None
 
 
-@pytest.mark.parametrize("method", ["draw", "hold", "time_frame"])
+@pytest.mark.parametrize("method", ["draw", "prepare_timing", "time_frame"])
 @pytest.mark.parametrize(
     ("error", "status"),
     [(CellFailed("crashed: SIGSEGV"), "failed: crashed: SIGSEGV"), (Unsupported("a point"), "unsupported: a point")],
 )
 def test_a_row_says_why_it_has_no_ratio(method: str, error: Exception, status: str) -> None:
     found = timed(Scripted(fails=crash(method, REFERENCE, error)), SLOW)
-    assert isinstance(found[REFERENCE], Untimed)
+    assert isinstance(found[REFERENCE], TimingFailure)
     slow = found[SLOW]
     assert isinstance(slow, Timing)
     row = row_of(slow)
@@ -272,39 +272,43 @@ def test_a_row_says_why_it_has_no_ratio(method: str, error: Exception, status: s
 
 def test_a_cell_that_lacks_only_its_ratio_is_timed_when_the_reference_answers() -> None:
     lacking = {cell(SLOW)}
-    answers = timed(Scripted(), SLOW, FAST, lacking=lacking)
+    answers = timed(Scripted(), SLOW, FAST, without_ratio=lacking)
     assert [type(one) for one in answers.values()] == [Timing, Timing]
-    fails = timed(Scripted(fails=crash("draw", REFERENCE)), SLOW, FAST, lacking=lacking)
-    assert {name: type(one) for name, one in fails.items()} == {REFERENCE: Untimed, FAST: Timing}
+    fails = timed(Scripted(fails=crash("draw", REFERENCE)), SLOW, FAST, without_ratio=lacking)
+    assert {name: type(one) for name, one in fails.items()} == {REFERENCE: TimingFailure, FAST: Timing}
 
 
 def test_a_worker_that_cannot_let_go_is_stopped_and_the_times_stand() -> None:
-    worker = Scripted(fails=crash("let_go"))
+    worker = Scripted(fails=crash("release_timed"))
     assert isinstance(timed(worker, SLOW)[SLOW], Timing)
-    assert worker.calls[-2:] == [("let_go", None), ("stop", None)]
+    assert worker.calls[-2:] == [("release_timed", None), ("stop", None)]
 
 
 def test_cells_that_eat_memory_together_are_timed_apart() -> None:
     def fails(method: str, name: str | None) -> Exception | None:
-        return MemoryExceeded("ate memory") if method == "hold" and {SLOW, FAST} <= {*worker.held, name} else None
+        return (
+            MemoryExceeded("ate memory")
+            if method == "prepare_timing" and {SLOW, FAST} <= {*worker.held, name}
+            else None
+        )
 
     worker = Scripted(fails=fails)
     found = timed(worker, SLOW, FAST)
     assert [type(one) for one in found.values()] == [Timing, Timing]
-    held = [name for method, name in worker.calls if method == "hold"]
+    held = [name for method, name in worker.calls if method == "prepare_timing"]
     assert held == [*(FLOOR, REFERENCE, SLOW, FAST), *(FLOOR, REFERENCE, SLOW), *(FLOOR, REFERENCE, FAST)]
 
 
-@pytest.mark.parametrize(("times", "kind"), [(1, Timing), (2, Untimed)])
+@pytest.mark.parametrize(("times", "kind"), [(1, Timing), (2, TimingFailure)])
 def test_a_cell_alone_that_eats_memory_is_tried_in_a_fresh_worker(times: int, kind: type) -> None:
     def fails(method: str, name: str | None) -> Exception | None:
-        often = Counter(worker.calls)["hold", SLOW]
-        return MemoryExceeded("ate memory") if (method, name) == ("hold", SLOW) and often <= times else None
+        often = Counter(worker.calls)["prepare_timing", SLOW]
+        return MemoryExceeded("ate memory") if (method, name) == ("prepare_timing", SLOW) and often <= times else None
 
     worker = Scripted(fails=fails)
     (found,) = timed(worker, SLOW).values()
     assert isinstance(found, kind)
-    assert Counter(worker.calls)["hold", SLOW] == 2
+    assert Counter(worker.calls)["prepare_timing", SLOW] == 2
 
 
 @pytest.mark.parametrize(
@@ -319,4 +323,4 @@ def test_a_cell_alone_that_eats_memory_is_tried_in_a_fresh_worker(times: int, ki
 )
 def test_a_kind_of_light_that_the_reference_does_not_answer_has_its_own(chosen: str, names: dict[str, str]) -> None:
     for kind, name in ({"point": "cube-map:size=1024"} | names).items():
-        assert name_of(reference_cell(spec(chosen), kind).spec) == name  # type: ignore[arg-type]
+        assert reference_name(reference_cell(spec(chosen), kind).spec) == name  # type: ignore[arg-type]

@@ -13,7 +13,7 @@ import pytest
 import vl_convert
 from PIL import Image
 
-from shadowbench.extremes.axes import AXES, Value, shown
+from shadowbench.extremes.axes import AXES, Value, value_label
 from shadowbench.extremes.axes.model import NAMES
 from shadowbench.reports.analysis import Section, sections
 from shadowbench.reports.stability import Stability, stability
@@ -148,7 +148,7 @@ class Point:
 
     def record(self) -> dict[str, Any]:
         row = {
-            "schema": 1, "kind": "score", "key": self.key, "scene": f"{self.axis}-{shown(self.value)}",
+            "schema": 1, "kind": "score", "key": self.key, "scene": f"{self.axis}-{value_label(self.value)}",
             "view": "camera", "light": dict(NAMES)[self.light], "phase": 0, "technique": self.spec.split(":")[0],
             "spec": self.spec, "full_spec": f"{self.spec}[1024]", "map_size": 1024, "view_size": SIDE,
             "coordinates": "relative", "renderer": "a renderer", "status": self.status, "axis": self.axis,

@@ -16,8 +16,9 @@ from shadowbench.reports.analysis import (
 )
 from shadowbench.reports.gallery import shots_of_section
 from shadowbench.reports.markdown import markdown_report
-from shadowbench.reports.words import headline, reach_tables, refusals, section_notes, warned
+from shadowbench.reports.words import headline, reach_tables, refusals, section_notes, value_of, warned
 from shadowbench.studies.folder import read_runs
+from shadowbench.studies.tables import Interval
 from tests.reports.conftest import CELLS, RECEIVERS, Cell
 
 
@@ -146,8 +147,8 @@ def test_front_prices_and_passes_are_by_ratios_whatever_the_machine_did_meanwhil
 def test_a_section_says_what_its_times_are_by_and_which_are_rough(section_of: Callable[..., Section]) -> None:
     section = section_of(LOADED)
     notes = section_notes(section)
-    assert "milliseconds are ratios to shadow-map:size=1024" in notes[1] and "15 ms over 2 blocks" in notes[1]
-    assert "not equally busy: shadow-map:size=1024 took 10 to 20 ms" in notes[2]
+    assert "ms: time relative to shadow-map:size=1024" in notes[1] and "15 ms, its median over 2" in notes[1]
+    assert "load of the machine varied: shadow-map:size=1024 took 10 to 20 ms" in notes[2]
     assert notes[3].startswith("~: ")
     text = markdown_report([section.run], {section.title: [section]}, [])
     assert "| ~27.0 |" in text and "| 12.0 |" in text
@@ -155,14 +156,22 @@ def test_a_section_says_what_its_times_are_by_and_which_are_rough(section_of: Ca
     assert section_notes(section_of((Cell("unshadowed", None, 1.0, None),), name="untimed")) == []
 
 
+def test_every_time_of_a_cell_that_varied_is_marked_and_no_metric(section_of: Callable[..., Section]) -> None:
+    marks = {}
+    for one in section_of(LOADED).timed:
+        one.row.values["camera_ms"] = Interval(3.0)
+        marks[one.spec] = [value_of(one, name)[0] == "~" for name in ("frame_ms", "camera_ms", "ratio", "ssim")]
+    assert marks["slow"] == [True, True, False, False] and not any(marks["fast"])
+
+
 def test_maps_of_one_phase_are_called_so(section_of: Callable[..., Section]) -> None:
     def note(*cells: Cell, name: str) -> str:
         return section_notes(section_of(cells, name=name))[0]
 
     alone = [Cell("a", size, 0.1, None) for size in (512, 1024)]
-    assert note(*alone, name="one").startswith("one phase, an anecdote")
+    assert note(*alone, name="one").startswith("scored in one phase")
     again = Cell("a", 512, 0.2, None, phase=1)
-    assert note(*alone, again, name="some").startswith("maps without an interval: one phase, an anecdote")
+    assert note(*alone, again, name="some").startswith("maps without an interval: scored in one phase")
     assert section_notes(section_of((alone[0], again), name="two")) == []
 
 

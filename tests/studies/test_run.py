@@ -96,15 +96,15 @@ def test_the_table_has_a_line_for_every_cell(run: Run) -> None:
 
 
 def test_an_unsupported_combination_is_never_a_number(run: Run) -> None:
-    refused = [cell for cell in run.cells if cell["status"].startswith("unsupported")]
-    assert len(refused) == 4
-    for cell in refused:
+    unsuccessful = [cell for cell in run.cells if cell["status"].startswith("unsupported")]
+    assert len(unsuccessful) == 4
+    for cell in unsuccessful:
         assert "point light" in cell["status"]
         assert [cell[name] for name in (*METRICS, "frame_ms", "ratio", "gpu_bytes", "mask_sha256")] == [""] * (
             len(METRICS) + 4
         )
     rows = {row.spec: row for row in run.tables["room-with-lamp"]}
-    assert rows["shadow-map"].cells == 0 and rows["shadow-map"].refused[0].startswith("unsupported")
+    assert rows["shadow-map"].cells == 0 and rows["shadow-map"].unsuccessful[0].startswith("unsupported")
     assert set(rows["shadow-map"].values.values()) == {None}
 
 
@@ -265,10 +265,10 @@ def test_rounds_come_later_without_scoring_again(bench: Any, tmp_path: Path, rec
     folder = tmp_path / "out"
     silent = Run(bench, folder, SMALL.replace("rounds = 1", "rounds = 0"))
     assert {cell["frame_ms"] for cell in silent.cells} == {""}
-    assert "hold" not in silent.calls
+    assert "prepare_timing" not in silent.calls
     assert records(folder, "time") == []
     timed = Run(bench, folder, SMALL)
-    assert timed.calls.count("let_go") == 1
+    assert timed.calls.count("release_timed") == 1
     assert "" not in {cell["frame_ms"] for cell in timed.cells}
     assert len(records(folder, "score")) == 2
 
@@ -276,9 +276,9 @@ def test_rounds_come_later_without_scoring_again(bench: Any, tmp_path: Path, rec
 def test_cells_that_exceed_the_memory_are_timed_in_several_groups(
     bench: Any, tmp_path: Path, records: Records, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("shadowbench.measure.timing._SHARE", 1e-9)
+    monkeypatch.setattr("shadowbench.measure.timing._GROUP_SHARE", 1e-9)
     run = Run(bench, tmp_path / "out", SMALL)
-    assert run.calls.count("let_go") == 2
+    assert run.calls.count("release_timed") == 2
     assert [record["reference"] for record in records(run.folder, "time")] == ["unshadowed"] * 2
     assert all(float(cell["ratio"]) > 0 for cell in run.cells)
 

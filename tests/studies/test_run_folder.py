@@ -39,8 +39,9 @@ def test_a_second_command_leaves_the_cells_of_the_first_in_table_and_report(
     assert shadowbench("check", out, "--baseline", baseline, "--update").code == 0
 
     answer = shadowbench("run", "cube-on-plane", "-t", "unshadowed", *SMALL, "-o", out)
-    found = "found 2 cells of earlier commands (1 scene, 2 specs); they stay in table.csv and in reports"
-    assert answer.err == f"note: {out}: {found}\n"
+    found = "the folder also holds 2 cells of earlier commands (1 scene, 2 specs)"
+    where = "they are in table.csv and in reports"
+    assert answer.err == f"note: {out}: {found}; {where}\n"
     assert "shadow-map" not in answer.out and f"{out / 'table.csv'}: 3 cells" in answer.out
     assert {row["key"]: row for row in table(out)}.items() >= first.items(), (
         "with the command, and the factor of its bias"
@@ -59,7 +60,7 @@ def test_a_second_command_leaves_the_cells_of_the_first_in_table_and_report(
     assert answer.code == 2 and "no cell in common" in answer.err, "the last command's cells are compared"
 
     answer = shadowbench("run", "-s", study, "-o", out)
-    assert "found 1 cell of earlier commands (1 scene, 1 spec)" in answer.err
+    assert "the folder also holds 1 cell of earlier commands (1 scene, 1 spec)" in answer.err
     assert sorted(keys(out)) == sorted(first) and len(table(out)) == 3
     assert {row["key"]: row for row in table(out)}.items() >= first.items(), "measured before: the command that made it"
     assert shadowbench("check", out, "--baseline", baseline).code == 0

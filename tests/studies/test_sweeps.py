@@ -10,7 +10,7 @@ import pytest
 
 from shadowbench.errors import InputError
 from shadowbench.studies.study import Study, read_study
-from shadowbench.studies.sweeps import Places, curves, places, places_of, with_factors
+from shadowbench.studies.sweeps import SweepPositions, add_factor_columns, curves, read_sweep_positions, sweep_positions
 from shadowbench.studies.tables import Interval, SummaryRow
 from shadowbench.techniques.biases import Bias
 from shadowbench.techniques.registry import techniques
@@ -57,8 +57,8 @@ def test_true_means_a_quarter_to_four_times_with_the_spec_itself_among_them(tmp_
         "shadow-map:bias=texel(scale=4.0)",
     ]
     (sweep,) = made.sweeps
-    assert [factor for factor, _ in sweep.swept] == [0.25, 0.5, 1, 2, 4]
-    assert [spec for _, spec in sweep.swept] == list(made.specs)
+    assert [factor for factor, _ in sweep.variants] == [0.25, 0.5, 1, 2, 4]
+    assert [spec for _, spec in sweep.variants] == list(made.specs)
     without = study(tmp_path, "spec = 'shadow-map'\nbias_sweep = false")
     assert ([spec.text for spec in without.specs], without.sweeps) == (["shadow-map"], ())
 
@@ -66,7 +66,7 @@ def test_true_means_a_quarter_to_four_times_with_the_spec_itself_among_them(tmp_
 def test_a_factor_beyond_the_bias_limits_is_dropped_and_said(tmp_path: Path) -> None:
     made = study(tmp_path, "spec = 'shadow-map:bias=constant(units=0.5)'\nbias_sweep = [4, 1]")
     assert [spec.text for spec in made.specs] == ["shadow-map:bias=constant(units=0.5)"]
-    assert [factor for sweep in made.sweeps for factor, _ in sweep.swept] == [1]
+    assert [factor for sweep in made.sweeps for factor, _ in sweep.variants] == [1]
     (note,) = made.notes
     assert "dropped" in note and "bias_sweep 4" in note
 
@@ -86,7 +86,7 @@ def test_a_curve_rises_with_the_factor_and_names_the_best(tmp_path: Path) -> Non
         row(1.0, 512, 0.95, 0.95),
         row(4.0, 512, 0.94, 0.93),
     ]
-    small, large = curves(rows, places(made.sweeps))
+    small, large = curves(rows, sweep_positions(made.sweeps))
     assert (small.map_size, [factor for factor, _ in small.rows], small.best) == (512, [1, 4], 1)
     assert (large.map_size, [factor for factor, _ in large.rows], large.best) == (1024, [1, 2], 2)
     assert curves(rows, {}) == []
@@ -99,7 +99,9 @@ def test_a_run_prints_the_curve_with_default_and_best_and_keeps_the_factors(
     arguments = ("run", "-s", tmp_path / "study.toml", "--view-size", "64", "-o", tmp_path / "run", "-q")
     answer = shadowbench(*arguments)
     assert answer.code == 0, answer.err
-    curve = answer.out.split("cube-on-plane, bias multiplied: acne against contact (peter-panning)")[1].splitlines()
+    curve = answer.out.split("cube-on-plane, bias multiplied by a factor: acne against contact (peter-panning)")[
+        1
+    ].splitlines()
     lines = [line.split() for line in curve if line.startswith("shadow-map")]
     assert [line[2] for line in lines] == ["0.25", "0.5", "1", "2", "4"]
     assert [line[0] for line in lines if "default" in " ".join(line[7:])] == ["shadow-map"]
@@ -124,26 +126,26 @@ def test_sweeps_that_meet_are_whole_each_and_a_table_names_a_spec_s_own(tmp_path
     rows = [SummaryRow(spec, size, 1, (), values, 1) for spec, size in cells]
     frame = pd.DataFrame(cells, columns=["spec", "map_size"])
 
-    def told(found: Places) -> list[tuple[str, int | None, list[tuple[float, str]]]]:
+    def told(found: SweepPositions) -> list[tuple[str, int | None, list[tuple[float, str]]]]:
         return [
-            (one.home, one.map_size, [(factor, row.spec) for factor, row in one.rows]) for one in curves(rows, found)
+            (one.base, one.map_size, [(factor, row.spec) for factor, row in one.rows]) for one in curves(rows, found)
         ]
 
     def bias(units: float) -> str:
         return f"shadow-map:bias=constant(units={units})"
 
-    found = places(made.sweeps)
+    found = sweep_positions(made.sweeps)
     assert told(found) == [
         (bias(home), size, [(factor, bias(home * factor)) for factor in (0.5, 1, 2)])
         for home in (0.25, 0.5)
         for size in (256, 512)
     ]
-    table = with_factors(frame, found)
+    table = add_factor_columns(frame, found)
     steps = [(0.125, 0.25, 0.5), (0.25, 0.25, 1), (0.5, 0.5, 1), (1.0, 0.5, 2)]
     own = [(bias(units), bias(home), factor) for units, home, factor in steps]
     assert sorted(set(zip(table["spec"], table["bias_of"], table["bias_factor"], strict=True))) == own
     table.to_csv(tmp_path / "table.csv", index=False)
-    assert told(places_of(tmp_path / "table.csv")) == told(found)
+    assert told(read_sweep_positions(tmp_path / "table.csv")) == told(found)
 
 
 def test_a_sweep_of_one_map_size_says_nothing_of_another(tmp_path: Path) -> None:
@@ -153,13 +155,13 @@ def test_a_sweep_of_one_map_size_says_nothing_of_another(tmp_path: Path) -> None
         "[[technique]]\nspec = 'shadow-map:bias=constant(units=0.5)'\nsize = 512\nbias_sweep = [1]",
     )
     specs = [(spec.sizeless_text, spec.map_size) for spec in made.specs]
-    table = with_factors(pd.DataFrame(specs, columns=["spec", "map_size"]), places(made.sweeps))
+    table = add_factor_columns(pd.DataFrame(specs, columns=["spec", "map_size"]), sweep_positions(made.sweeps))
     assert table["bias_factor"].tolist() == [1, 2, 1]
     assert "bias_also" not in table
 
 
 def test_a_bias_of_nothing_has_one_point(tmp_path: Path) -> None:
     made = study(tmp_path, "spec = 'shadow-map:bias=constant(units=0)'\nbias_sweep = [0.5, 1, 2]")
-    assert [place for several in places(made.sweeps).values() for place in several] == [
+    assert [place for several in sweep_positions(made.sweeps).values() for place in several] == [
         ("shadow-map:bias=constant(units=0.0)", 1)
     ]

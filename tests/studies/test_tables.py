@@ -13,7 +13,7 @@ from shadowbench.studies.tables import (
     SummaryRow,
     cells_frame,
     interval,
-    over_scenes,
+    mean_over_scenes,
     slopes,
     summary,
 )
@@ -65,7 +65,7 @@ def test_cells_that_did_not_hold_are_left_out_of_it() -> None:
     (row,) = summary(cells_frame(cells))["cube"]
     assert row.values["iou"] is not None
     assert row.values["iou"].median == pytest.approx(0.15)
-    assert (row.cells, row.refused) == (2, ("failed: while timed: crashed",))
+    assert (row.cells, row.unsuccessful) == (2, ("failed: while timed: crashed",))
 
 
 def test_the_interval_is_the_middle_95_percent_of_the_median() -> None:
@@ -158,25 +158,27 @@ def test_a_spec_that_held_nowhere_takes_no_part_in_the_mean_over_scenes() -> Non
         ]
         for scene, iou in (("one", 0.2), ("two", 0.4))
     }
-    scenes, means = over_scenes(tables)
+    scenes, means = mean_over_scenes(tables)
     assert scenes == ["one", "two"]
     assert [(row.spec, row.values["iou"].median) for row in means] == [("a", pytest.approx(0.3))]
 
 
-def test_a_map_at_one_position_of_its_grid_is_an_anecdote() -> None:
+def test_a_map_that_was_scored_at_one_offset_is_marked() -> None:
     two = [result(phase=0), result(0.6, phase=1)]
     without, lost = result(size=None, spec="volume"), result(spec="lost", untimed="crashed")
     (row,) = summary(cells_frame(two))["cube"]
-    assert (row.phases, row.anecdote) == (2, False)
+    assert (row.phases, row.single_phase) == (2, False)
     (row,) = summary(cells_frame(two[:1]))["cube"]
-    assert (row.phases, row.anecdote) == (1, True)
-    assert not any(row.anecdote for row in summary(cells_frame([without, lost]))["cube"]), "no map, or none that held"
+    assert (row.phases, row.single_phase) == (1, True)
+    assert not any(row.single_phase for row in summary(cells_frame([without, lost]))["cube"]), (
+        "no map, or none that held"
+    )
     assert [fit.phases for fit in slopes(cells_frame([*two, result(size=128), result(0.7, size=128, phase=1)]))] == [2]
 
 
 def test_the_mean_over_scenes_has_the_fewest_phases_of_them() -> None:
     row = SummaryRow("a", 512, 2, (), dict.fromkeys(METRICS, Interval(0.2)), 2)
-    _, (mean,) = over_scenes({"one": [row], "two": [replace(row, cells=1, phases=1)]})
+    _, (mean,) = mean_over_scenes({"one": [row], "two": [replace(row, cells=1, phases=1)]})
     assert (mean.cells, mean.phases) == (3, 1)
 
 

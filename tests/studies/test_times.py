@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from shadowbench.measure.rows import Result
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.tables import cells_frame, reference_times, summary
-from shadowbench.studies.times import DRIFT, WIDE, ReferenceTime, by_one_reference, pareto_front, time_notes
+from shadowbench.studies.times import DRIFT, WIDE, ReferenceTime, normalise_times, pareto_front, time_notes
 
 
 def timed(
@@ -42,7 +42,7 @@ MIXED = [timed("slow", 18.0), timed("reference", 10.0), timed("fast", 16.0, refe
 
 
 def shown(*cells: Result) -> pd.DataFrame:
-    return by_one_reference(cells_frame(cells))[0].set_index("spec")
+    return normalise_times(cells_frame(cells))[0].set_index("spec")
 
 
 def test_cells_of_different_blocks_are_ordered_by_their_ratios() -> None:
@@ -63,7 +63,7 @@ def test_the_reference_has_the_spread_of_its_own_rounds() -> None:
 
 def test_each_block_has_a_say_in_the_reference_s_time_however_many_cells_it_has() -> None:
     cells = [*(timed(str(number), 10.0, 10.0) for number in range(5)), timed("a", 1.0, 20.0), timed("b", 1.0, 30.0)]
-    reference = by_one_reference(cells_frame(cells))[1]
+    reference = normalise_times(cells_frame(cells))[1]
     assert reference is not None
     assert (reference.name, reference.ms, reference.blocks) == ("shadow-map:size=1024", 20, 3)
     assert (reference.shortest_ms, reference.longest_ms) == (10, 30)
@@ -81,17 +81,17 @@ def test_spread_passes_and_totals_are_by_the_same_time() -> None:
 def test_a_time_against_another_reference_or_none_stands_beside_no_other() -> None:
     other = timed("other", 5.0, reference="unshadowed")
     none = timed("none", 5.0, ratio=None, ratio_iqr=None)
-    frame, reference = by_one_reference(cells_frame([*MIXED, other, none]))
+    frame, reference = normalise_times(cells_frame([*MIXED, other, none]))
     left = frame.set_index("spec").loc[["other", "none"]]
     columns = ["frame_ms", "frame_iqr_ms", "ratio", "added_ms", "light_ms", "pass_depth_ms"]
     assert left[columns].isna().all(axis=None)
     assert frame["frame_ms"].notna().sum() == 3
     assert reference is not None and (reference.ms, reference.left_out) == (15, 2)
-    assert "times of 2 cells left out: no ratio to shadow-map:size=1024" in time_notes(reference)
+    assert "times of 2 cells left out: they have no ratio to shadow-map:size=1024" in time_notes(reference)
 
 
 def test_without_any_ratio_there_is_no_time() -> None:
-    frame, reference = by_one_reference(cells_frame([timed("none", 5.0, ratio=None, ratio_iqr=None)]))
+    frame, reference = normalise_times(cells_frame([timed("none", 5.0, ratio=None, ratio_iqr=None)]))
     assert reference is None and frame["frame_ms"].isna().all()
     assert time_notes(reference) == []
 
@@ -108,16 +108,16 @@ def test_each_table_has_a_reference_of_its_own() -> None:
 @pytest.mark.parametrize(("longest", "drifted"), [(10 * DRIFT, False), (10 * DRIFT + 0.1, True)])
 def test_a_table_says_where_the_reference_took_longer_by_more_than_a_quarter(longest: float, drifted: bool) -> None:
     assert DRIFT == 1.25
-    reference = by_one_reference(cells_frame([timed("a", 1.0), timed("b", 1.0, longest)]))[1]
+    reference = normalise_times(cells_frame([timed("a", 1.0), timed("b", 1.0, longest)]))[1]
     assert reference is not None and reference.drifted is drifted
-    assert any("not equally busy" in note for note in time_notes(reference)) is drifted
+    assert any("load of the machine varied" in note for note in time_notes(reference)) is drifted
 
 
 def test_a_reference_that_costs_more_in_another_view_or_light_says_nothing_of_the_machine() -> None:
     cells = [timed("a", 1.0), timed("a", 1.0, 30.0, view="b"), timed("a", 1.0, 20.0, light="lamp")]
-    reference = by_one_reference(cells_frame(cells))[1]
+    reference = normalise_times(cells_frame(cells))[1]
     assert reference is not None and not reference.drifted and reference.blocks == 3
-    reference = by_one_reference(cells_frame([*cells, timed("b", 1.0, 40.0, view="b")]))[1]
+    reference = normalise_times(cells_frame([*cells, timed("b", 1.0, 40.0, view="b")]))[1]
     assert reference is not None and reference.drifted
     assert (reference.shortest_ms, reference.longest_ms) == (30, 40), "of the view whose blocks differ"
 
@@ -129,19 +129,21 @@ def test_a_time_whose_own_rounds_spread_is_marked(spread: float, wide: bool) -> 
 
 
 def test_notes_name_the_reference_and_the_mark() -> None:
-    reference = by_one_reference(cells_frame(MIXED))[1]
+    reference = normalise_times(cells_frame(MIXED))[1]
     first, *others = time_notes(reference, [True, False])
     assert (
         first
-        == "milliseconds are ratios to shadow-map:size=1024, timed in turn with it, × its median of 15 ms over 2 blocks"
+        == "ms: time relative to shadow-map:size=1024, in interleaved rounds, × 15 ms, its median over 2 measurements"
     )
-    assert any(note.startswith("~: 1 of 2 times are rough") for note in others)
+    assert any(note.startswith("~: 1 of 2 times have an interquartile range") for note in others)
 
 
-@pytest.mark.parametrize(("count", "ending"), [(1, ""), (2, "s")])
-def test_notes_count_blocks_and_cells_left_out(count: int, ending: str) -> None:
+@pytest.mark.parametrize(
+    ("count", "ending", "whose"), [(1, "", "its own time"), (2, "s", "its median over 2 measurements")]
+)
+def test_notes_count_blocks_and_cells_left_out(count: int, ending: str, whose: str) -> None:
     blocks, left_out = time_notes(ReferenceTime("r", 10.0, 10.0, 10.0, count, count))
-    assert blocks.endswith(f"over {count} block{ending}")
+    assert blocks.endswith(f"× 10 ms, {whose}")
     assert left_out.startswith(f"times of {count} cell{ending} left out")
 
 

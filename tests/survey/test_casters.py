@@ -9,8 +9,8 @@ from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import Light, Mesh
 from shadowbench.scenes.views import chosen_view
 from shadowbench.survey.casters import casters_of
+from shadowbench.survey.explanations import explanations_of
 from shadowbench.survey.survey import needs
-from shadowbench.survey.words import told
 from tests.survey.conftest import DOWN, box, looking, plate
 
 SUN = Light("sun", "directional", (0.5, -1.0, -0.3))
@@ -48,16 +48,16 @@ def test_words_say_which_casters_are_open_and_which_are_wound_inwards() -> None:
     turned = Mesh("turned", mesh.vertices + np.array([2.0, 0.0, 0.0]), mesh.faces[:, ::-1].copy())
 
     def reason(*meshes: Mesh) -> str:
-        return {row.need: row.reason for row in told(needs(looking(meshes, SUN)))}["closed casters"]
+        return {row.need: row.reason for row in explanations_of(needs(looking(meshes, SUN)))}["closed casters"]
 
-    signs = "which volumes count with both signs"
+    signs = "which shadow volumes count with signed weights"
     assert casters_of(looking([plate(9.0), mesh, turned], SUN)).open == 2
     assert reason(plate(9.0), mesh, turned) == (
         f"triangles; 2 are in open parts, 12 in closed parts not wound outwards, {signs}"
     )
     assert reason(plate(9.0), mesh) == f"triangles; 2 are in open parts, {signs}"
     assert reason(plate(9.0, casts=False), turned) == f"triangles; 12 are in closed parts not wound outwards, {signs}"
-    assert reason(plate(9.0, casts=False), mesh).startswith("all are")
+    assert reason(plate(9.0, casts=False), mesh).startswith("triangles, all in closed parts")
 
 
 def test_a_ball_has_the_outlines_that_lie_between_triangles_turned_to_the_light_and_away(light: Light) -> None:

@@ -10,14 +10,14 @@ import pytest
 from shadowbench.scenes.model import Light, View
 from shadowbench.survey.depth import BiasNeed, DepthBits, bias_of, bits_of, depths_of
 from shadowbench.survey.maps import REFERENCE_SIZE, FittedMap, fitted_map
-from shadowbench.survey.sampling import sampled
+from shadowbench.survey.sampling import sample_view
 from tests.survey.conftest import from_above, looking, plate
 
 Tilted = Callable[[float], Light]
 
 
 def of(view: View) -> tuple[FittedMap, DepthBits | None, BiasNeed | None]:
-    fitted = fitted_map(sampled(view))
+    fitted = fitted_map(sample_view(view))
     depths = depths_of(fitted)
     return fitted, bits_of(fitted, depths), bias_of(fitted, depths)
 
@@ -34,7 +34,7 @@ def test_the_gap_under_a_plate_is_its_height_along_the_ray(scale: float, tilted:
 @pytest.mark.parametrize(("steps_of_16", "bits"), [(8.0, 16), (2.0, 24), (2.0 / 256, None)])
 def test_the_format_follows_from_the_gap_in_steps(steps_of_16: float, bits: int | None, tilted: Tilted) -> None:
     """The ground seen is 2 m wide under a sun at 45°: depths range over √2 m, and a little more for the fit."""
-    fitted = fitted_map(sampled(from_above([plate(50.0), plate(0.5, (-0.5, 0.3, 0.0))], tilted(45.0), size=128)))
+    fitted = fitted_map(sample_view(from_above([plate(50.0), plate(0.5, (-0.5, 0.3, 0.0))], tilted(45.0), size=128)))
     depths = depths_of(fitted)
     assert depths.far - depths.near == pytest.approx(math.sqrt(2) * fitted.samples.placement.scale, rel=0.03)
     gap = np.where(fitted.samples.shadowed, steps_of_16 * 2.0**-16 * (depths.far - depths.near), np.inf)
@@ -73,7 +73,7 @@ def test_every_kind_of_light_has_its_depths(light: Light) -> None:
     assert bias is not None and bias.bridged is not None and bias.bridged.value == 0.0
     assert 0 < bias.needed.value <= bias.worst
     # The derivative of what is stored, by differences.
-    z = fitted.footprint.place[2]
+    z = fitted.footprint.coords[2]
     order = np.argsort(z)[:: max(1, len(z) // 50)]
     slope = np.diff(depths.stored[order]) / np.diff(z[order])
     middle = (depths.per_length[order][1:] + depths.per_length[order][:-1]) / 2

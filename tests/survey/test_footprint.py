@@ -6,12 +6,12 @@ import pytest
 from shadowbench.geometry.lights import light_space
 from shadowbench.scenes.model import Light
 from shadowbench.survey.footprint import ANGLES, OFF, Footprint, cube_footprint, footprint, longest
-from shadowbench.survey.sampling import sampled
+from shadowbench.survey.sampling import sample_view
 from tests.survey.conftest import looking, plate
 
 
 def test_jacobian_and_slope_are_the_differences_between_neighbours(light: Light) -> None:
-    samples = sampled(looking([plate(30.0)], light, size=128))
+    samples = sample_view(looking([plate(30.0)], light, size=128))
     point = light.kind == "point"
     seen = cube_footprint(samples) if point else footprint(samples, light_space(samples.view.light))
     grid = np.full((128, 128), -1)
@@ -21,11 +21,11 @@ def test_jacobian_and_slope_are_the_differences_between_neighbours(light: Light)
         inside = (here >= 0) & (before >= 0) & (after >= 0)
         a, b, c = before[inside], here[inside], after[inside]
         if point:  # away from the seams between faces, where coordinates are others
-            inner = (np.abs(seen.place[:2]) < 0.95).all(axis=0)
+            inner = (np.abs(seen.coords[:2]) < 0.95).all(axis=0)
             same = inner[a] & inner[b] & inner[c]
             a, b, c = a[same], b[same], c[same]
         assert len(b) > 1000
-        moved = (seen.place[:, c] - seen.place[:, a]) / 2
+        moved = (seen.coords[:, c] - seen.coords[:, a]) / 2
         scale = np.linalg.norm(moved[:2], axis=0)
         np.testing.assert_allclose(seen.jacobian[:, axis, b], moved[:2], atol=1e-3 * scale.max())
         along = (seen.slope[:, b] * seen.jacobian[:, axis, b]).sum(axis=0)

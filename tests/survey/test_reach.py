@@ -12,7 +12,7 @@ from shadowbench.scenes.model import Light, Mesh, View
 from shadowbench.scenes.views import chosen_view
 from shadowbench.survey.maps import fitted_map
 from shadowbench.survey.reach import Reach, reach_of
-from shadowbench.survey.sampling import sampled
+from shadowbench.survey.sampling import sample_view
 from shadowbench.truths.trace import trace
 from tests.survey.conftest import LIGHTS, box, from_above, looking, plate
 
@@ -20,7 +20,7 @@ SUN = Light("sun", "directional", (0.5, -1.0, 0.0))
 
 
 def reach(view: View) -> Reach:
-    return reach_of(fitted_map(sampled(view)))
+    return reach_of(fitted_map(sample_view(view)))
 
 
 def without(view: View, useless: np.ndarray) -> View:

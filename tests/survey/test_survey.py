@@ -20,10 +20,10 @@ from shadowbench.scenes.geometry import Geometry
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import Light, Mesh
 from shadowbench.scenes.views import chosen_view
+from shadowbench.survey.explanations import explanations_of
 from shadowbench.survey.receivers import Receivers, planes_of, receivers_of
-from shadowbench.survey.sampling import Samples, sampled
+from shadowbench.survey.sampling import Samples, sample_view
 from shadowbench.survey.survey import needs
-from shadowbench.survey.words import told
 from shadowbench.techniques.base import Stage
 from shadowbench.techniques.planar_projection import PlanarProjection
 from shadowbench.techniques.registry import shader_folder
@@ -38,7 +38,7 @@ FOUND = {"light", "receivers", "closed casters", "silhouette", "texel", "map siz
 @pytest.mark.parametrize("name", builtin_names())
 def test_every_scene_of_ours_has_needs_in_words(name: str) -> None:
     found = needs(chosen_view(name, 128))
-    rows = told(found)
+    rows = explanations_of(found)
     assert {row.need for row in rows} >= FOUND | {"map size, edges", "bias", "thinnest gap", "depth bits", "penumbra"}
     assert all(row.number and row.reason and "nan" not in row.number + row.reason for row in rows)
     assert ("cascades" in {row.need for row in rows}) == (found.light == "directional")
@@ -46,7 +46,7 @@ def test_every_scene_of_ours_has_needs_in_words(name: str) -> None:
 
 def test_samples_are_the_receivers_and_shadows_of_the_truth(light: Light) -> None:
     view = looking([plate(8.0), box(0.8, (0.0, 0.4, 0.0)), plate(0.6, (0.8, 1.0, 0.2))], light, size=128)
-    truth, samples = trace(view, 1), sampled(view)
+    truth, samples = trace(view, 1), sample_view(view)
     receivers, shadow = np.zeros((2, 128 * 128), dtype=bool)
     receivers[samples.pixel] = True
     shadow[samples.pixel] = samples.shadowed
@@ -63,7 +63,7 @@ def test_the_length_of_a_spot_s_direction_changes_nothing(length: float) -> None
     meshes = [plate(8.0), box(0.8, (0.0, 0.4, 0.0))]
     usual = Light("spot", "spot", (-0.5, -1.0, 0.25), (2.0, 4.0, -0.8), 1.2)
     light = replace(usual, direction=(-0.5 * length, -1.0 * length, 0.25 * length))
-    found, expected = (sampled(looking(meshes, one)) for one in (light, usual))
+    found, expected = (sample_view(looking(meshes, one)) for one in (light, usual))
     np.testing.assert_array_equal(found.pixel, expected.pixel)
 
 
@@ -72,22 +72,25 @@ def seen_by(samples: Samples) -> Receivers:
 
 
 def test_planes_hold_all_of_a_box_on_a_ground_and_none_of_a_ball() -> None:
-    flat = seen_by(sampled(looking([plate(8.0), box(0.8, (0.0, 0.4, 0.0))], SUN)))
+    flat = seen_by(sample_view(looking([plate(8.0), box(0.8, (0.0, 0.4, 0.0))], SUN)))
     assert flat.planar.value == 1.0 and flat.projection_suffices
     made = trimesh.creation.icosphere(4)
     ball = Mesh("ball", np.asarray(made.vertices), np.asarray(made.faces, dtype=np.int32))
-    assert seen_by(sampled(looking([ball], SUN))).planar.value < 0.2
+    assert seen_by(sample_view(looking([ball], SUN))).planar.value < 0.2
 
 
 def test_planes_too_small_for_the_whole_hold_nothing_though_they_are_all_that_is_seen() -> None:
     """A table that fills the picture is no plane for the technique beside 400 m of ground: it draws no shadow there."""
     table, above = box(1.0, (0.0, -0.5, 0.0)), box(0.1, (0.0, 0.3, 0.0), "above")
     seen = from_above([plate(400.0, (0.0, -1.0, 0.0)), table, above], SUN, width=0.8)
-    found = seen_by(sampled(seen))
+    found = seen_by(sample_view(seen))
     assert found.shadowed.value > 0 and found.planar.value == 0.0 and found.planes == 0
     assert not found.projection_suffices
-    assert "no plane holds any of what is seen" in {row.need: row.reason for row in told(needs(seen))}["receivers"]
-    alone = seen_by(sampled(from_above([table, above], SUN, width=0.8)))
+    assert (
+        "no visible receiver is on a plane"
+        in {row.need: row.reason for row in explanations_of(needs(seen))}["receivers"]
+    )
+    alone = seen_by(sample_view(from_above([table, above], SUN, width=0.8)))
     assert alone.planar.value == 1.0 and alone.planes == 2
 
 
@@ -95,7 +98,7 @@ def test_planes_beyond_the_largest_that_are_taken_hold_nothing() -> None:
     most = PlanarProjection.Params().count
     far = [plate(3.0, (0.0, -1.0 - k, 0.0), f"plate {k}") for k in range(most)]
     for below, planar in ((far[1:], 1.0), (far, 0.0)):
-        found = seen_by(sampled(from_above([plate(2.0), *below], SUN, width=1.0)))
+        found = seen_by(sample_view(from_above([plate(2.0), *below], SUN, width=1.0)))
         assert found.planar.value == planar and found.planes == planar
 
 
@@ -111,7 +114,7 @@ def test_what_lies_on_planes_lies_on_those_that_projection_draws(name: str, devi
     for index, plane in enumerate(technique.planes):
         of[plane.triangles] = index
     stage.release()
-    samples = sampled(view)
+    samples = sample_view(view)
     found, seen = seen_by(samples), of[samples.triangle]
     assert found.planar.value == np.mean(seen >= 0)
     assert found.planes == len(np.unique(seen[seen >= 0]))
@@ -119,18 +122,18 @@ def test_what_lies_on_planes_lies_on_those_that_projection_draws(name: str, devi
 
 def test_one_plane_holds_and_two_hold() -> None:
     def reason(*meshes: Mesh) -> str:
-        return {row.need: row.reason for row in told(needs(from_above(meshes, SUN)))}["receivers"]
+        return {row.need: row.reason for row in explanations_of(needs(from_above(meshes, SUN)))}["receivers"]
 
-    assert reason(plate(8.0)).startswith("1 plane holds all that is seen")
-    assert reason(plate(8.0), plate(0.5, (0.0, 0.1, 0.0))).startswith("2 planes hold all that is seen")
+    assert reason(plate(8.0)).startswith("all visible receivers are on 1 plane:")
+    assert reason(plate(8.0), plate(0.5, (0.0, 0.1, 0.0))).startswith("all visible receivers are on 2 planes:")
     ball = trimesh.creation.icosphere(3, radius=0.4)
     round_one = Mesh("ball", np.asarray(ball.vertices), np.asarray(ball.faces, dtype=np.int32))
     assert reason(plate(50.0), round_one).startswith("planar-projection, on 1 plane, would leave")
 
 
 def test_cascades_are_compared_with_other_numbers_of_cascades() -> None:
-    rows = {row.need: row.reason for row in told(needs(chosen_view("cube-on-plane", 64)))}
-    assert rows["cascades"].startswith("have the fewest texels of all numbers of cascades; sizes by number")
+    rows = {row.need: row.reason for row in explanations_of(needs(chosen_view("cube-on-plane", 64)))}
+    assert rows["cascades"].startswith("number and map size with the fewest texels in total; sizes by number")
 
 
 def test_without_casters_there_is_nothing_to_need() -> None:
@@ -148,14 +151,14 @@ def test_without_receivers_there_is_nothing_to_need() -> None:
 def test_a_lit_plane_alone_has_needs_too() -> None:
     found = needs(from_above([plate(8.0)], SUN))
     assert found.bits is None and found.penumbra is None and found.texels.edge_size is None
-    assert {row.need for row in told(found)} >= FOUND
+    assert {row.need for row in explanations_of(found)} >= FOUND
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 513, 700])
 def test_views_of_any_size_have_needs(size: int) -> None:
     found = needs(looking([plate(8.0), box(0.8, (0.0, 0.4, 0.0))], SUN, size=size))
     assert found.view_size == size and 1 <= found.pixels <= 512**2
-    assert told(found)
+    assert explanations_of(found)
 
 
 def test_the_command_prints_a_table_and_json(shadowbench: Callable[..., Any]) -> None:

@@ -15,7 +15,7 @@ from shadowbench.survey.cascades import CascadeSizes, cascades_of
 from shadowbench.survey.depth import STEPS
 from shadowbench.survey.footprint import ANGLES, OFF
 from shadowbench.survey.maps import PADDING, REFERENCE_SIZE, FittedMap, fitted_map
-from shadowbench.survey.sampling import sampled
+from shadowbench.survey.sampling import sample_view
 from shadowbench.survey.texels import WRONG, Texels, texels_for, texels_of
 from shadowbench.techniques.biases import Texel
 from shadowbench.techniques.shadow_map import ShadowMap
@@ -23,7 +23,7 @@ from tests.survey.conftest import box, from_above, looking, plate
 
 
 def of(view: View) -> tuple[FittedMap, Texels]:
-    fitted = fitted_map(sampled(view))
+    fitted = fitted_map(sample_view(view))
     return fitted, texels_of(fitted)
 
 
@@ -91,11 +91,11 @@ def cascades(view: View) -> CascadeSizes | None:
 
 def test_cascades_pay_along_a_street_and_not_over_a_plane_from_above() -> None:
     street = cascades(chosen_view("deep-street", 256))
-    assert street is not None and street.pay and street.saving > 10 and street.depth_ratio > 100
+    assert street is not None and street.worthwhile and street.saving > 10 and street.depth_ratio > 100
     sizes = list(street.edge_size.values())
     assert sizes == sorted(sizes, reverse=True)
     flat = cascades(from_above([plate(50.0), plate(0.5, (0.0, 1.0, 0.0))], size=128))
-    assert flat is not None and not flat.pay and flat.depth_ratio < 1.2
+    assert flat is not None and not flat.worthwhile and flat.depth_ratio < 1.2
 
 
 def test_a_lamp_has_no_cascades() -> None:

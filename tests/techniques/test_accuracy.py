@@ -5,7 +5,7 @@ renderer, which repeats bit for bit, a smaller value means that something got wo
 import numpy as np
 import pytest
 
-from shadowbench.scenes.assumed import camera_for, mesh_bounds, sun_for
+from shadowbench.scenes.assumed import assumed_camera, assumed_sun, mesh_bounds
 from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import View, view_of
 from shadowbench.truths.trace import trace
@@ -75,7 +75,7 @@ def own(scene) -> View:
 
 def assumed(scene) -> View:
     bounds = mesh_bounds([mesh for mesh in scene.meshes if mesh.name != "ground"], scene.name)
-    return view_of(scene, camera_for(bounds, scene.name)[0], sun_for(scene.name)[0], 1024)
+    return view_of(scene, assumed_camera(bounds, scene.name)[0], assumed_sun(scene.name)[0], 1024)
 
 
 @pytest.mark.slow

@@ -21,7 +21,7 @@ from shadowbench.techniques.biases import Bias
 from shadowbench.techniques.filters import Filter
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
-from shadowbench.techniques.splits import Practical, Split
+from shadowbench.techniques.splits import PracticalSplit, Split
 from shadowbench.truths.trace import trace
 
 SIZE = 96
@@ -32,7 +32,7 @@ BOXES = ["scene", "tight", "sphere", "sphere,stable=true"]
 
 
 def test_practical_is_between_equal_ratios_and_equal_lengths() -> None:
-    ratios, lengths, both = (Practical(weight=x).depths(1.0, 10_000.0, 4) for x in (1.0, 0.0, 0.9))
+    ratios, lengths, both = (PracticalSplit(weight=x).depths(1.0, 10_000.0, 4) for x in (1.0, 0.0, 0.9))
     assert ratios == pytest.approx([1, 10, 100, 1000, 10_000])
     assert lengths == pytest.approx([1, 2500.75, 5000.5, 7500.25, 10_000])
     assert both == pytest.approx(0.9 * ratios + 0.1 * lengths)
@@ -40,7 +40,7 @@ def test_practical_is_between_equal_ratios_and_equal_lengths() -> None:
 
 @given(st.floats(1e-3, 1e3), st.floats(1.001, 1e5), st.integers(1, 8), st.floats(0, 1))
 def test_depths_rise_from_near_to_far(near: float, ratio: float, count: int, weight: float) -> None:
-    depths = Practical(weight=weight).depths(near, near * ratio, count)
+    depths = PracticalSplit(weight=weight).depths(near, near * ratio, count)
     assert len(depths) == count + 1 and (np.diff(depths) > 0).all()
     assert depths[[0, -1]] == pytest.approx([near, near * ratio])
 
@@ -57,7 +57,7 @@ def test_fixed_ends_at_the_published_shares_of_far(studio, build) -> None:
 
 
 def test_a_fixed_slice_that_ends_before_near_is_empty() -> None:
-    assert Split.chosen("fixed").depths(3.0, 50.0, 5).tolist() == [3, 3, 3, 5, 25, 50]
+    assert Split.from_value("fixed").depths(3.0, 50.0, 5).tolist() == [3, 3, 3, 5, 25, 50]
 
 
 # What a map shows
@@ -211,7 +211,7 @@ def test_by_depth_the_slice_of_the_view_depth_answers(studio, build, builtin) ->
     one.draw(shot)
     camera = shot.view.camera
     depth = (shot.position[..., :3] - camera.position) @ -camera.basis()[2]
-    cuts = Practical().depths(*shot.view.near_far, 8)
+    cuts = PracticalSplit().depths(*shot.view.near_far, 8)
     layer = np.searchsorted(cuts[1:-1], depth)
     sure = (shot.triangle >= 0) & (np.abs(depth[..., None] - cuts).min(axis=-1) > 1e-5)
     colors = colors_of(tinted(one), layer, sure)

@@ -189,7 +189,7 @@ def test_bytes_are_counted_and_freed(spec, kind, device, studio, build, poses, m
         half = build(parse_spec(f"{spec}:size={one.technique.params.size // 2}", techniques()).text, shot)
         assert half.stage.bytes < one.stage.bytes
     monkeypatch.setitem(_SIGNATURES, "glIsTexture", (ctypes.c_ubyte, (ctypes.c_uint,)))
-    textures = [thing for thing in one.stage._held if isinstance(thing, moderngl.Texture)]
+    textures = [thing for thing in one.stage._resources if isinstance(thing, moderngl.Texture)]
     assert textures and all(device.raw("glIsTexture", texture.glo) for texture in textures)
     one.draw(shot)
     one.stage.release()

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import Light, view_of
-from shadowbench.techniques.culling import CasterChunks, ranges_of, reaching
+from shadowbench.techniques.culling import CasterChunks, kept_ranges, may_shadow
 from shadowbench.techniques.registry import techniques
 
 CULLING = [name for name, technique in techniques().items() if "cull" in technique.Params.model_fields]
@@ -105,15 +105,15 @@ def test_what_lies_between_a_receiver_and_the_light_is_kept(box, inside, along, 
     receiver = caster + along * (w * caster - light)
     normals = np.vstack([np.eye(3), -np.eye(3), turn[None]])
     planes = np.column_stack([normals, -normals @ receiver])
-    assert reaching(box[None], (*light, w), planes).all()
+    assert may_shadow(box[None], (*light, w), planes).all()
 
 
 def test_ranges_hold_what_is_kept_and_fill_small_gaps_only() -> None:
     ends = np.array([3000, 6000, 6300, 9000, 12000])
-    assert ranges_of(np.array([True, False, True, True, False]), ends) == ((0, 3000), (6000, 3000))
-    assert ranges_of(np.array([False, True, False, True, False]), ends) == ((3000, 6000),)
-    assert ranges_of(np.zeros(5, dtype=bool), ends) == ()
-    assert ranges_of(np.ones(5, dtype=bool), ends) == ((0, 12000),)
+    assert kept_ranges(np.array([True, False, True, True, False]), ends) == ((0, 3000), (6000, 3000))
+    assert kept_ranges(np.array([False, True, False, True, False]), ends) == ((3000, 6000),)
+    assert kept_ranges(np.zeros(5, dtype=bool), ends) == ()
+    assert kept_ranges(np.ones(5, dtype=bool), ends) == ((0, 12000),)
 
 
 @pytest.mark.parametrize("name", builtin_names())

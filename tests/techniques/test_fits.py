@@ -14,7 +14,7 @@ from scipy.spatial import HalfspaceIntersection, QhullError
 from shadowbench.geometry.convex import box_planes, corners, frustum_planes, hull_points
 from shadowbench.geometry.lights import Box, LightView, light_space
 from shadowbench.gl.clock import Clock
-from shadowbench.scenes.model import AS_FILED, Light, unit
+from shadowbench.scenes.model import IDENTITY_PLACEMENT, Light, unit
 from shadowbench.techniques.base import Frame, Phase
 from shadowbench.techniques.fits import Fit
 from shadowbench.techniques.reduction import VisibleBounds
@@ -288,8 +288,8 @@ def test_a_light_space_is_a_right_handed_basis_for_every_direction(kind: str, di
 
 
 def test_absolute_coordinates_are_the_files_own() -> None:
-    assert AS_FILED.length(3.0) == 3.0
-    assert AS_FILED.points((1.0, 2.0, 3.0)).tolist() == [1.0, 2.0, 3.0]
+    assert IDENTITY_PLACEMENT.length(3.0) == 3.0
+    assert IDENTITY_PLACEMENT.points((1.0, 2.0, 3.0)).tolist() == [1.0, 2.0, 3.0]
 
 
 def test_only_fixed_cuts_off_what_lies_in_front_of_its_near_plane(mask, shape, looking, sun) -> None:

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from shadowbench.gl.gbuffer import SurfacePass
+from shadowbench.gl.gbuffer import GBufferPass
 from shadowbench.gl.geometry import DeviceGeometry
 from shadowbench.scenes.library import builtin_names, load_scene
-from shadowbench.scenes.model import AS_FILED, Camera, Light, Mesh, Scene, View, vec3, view_of
+from shadowbench.scenes.model import IDENTITY_PLACEMENT, Camera, Light, Mesh, Scene, View, vec3, view_of
 from shadowbench.techniques.planar_projection import flattening
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
@@ -386,9 +386,11 @@ def test_far_from_the_origin_the_projection_loses_nothing_more(device, studio, s
     light = Light("lamp", "point", position=vec3(np.add(shift, (1.0, 3.0, 1.0))))
     far = looking(meshes, light, 512, eye=vec3(np.add(shift, (2.3, 4.0, 3.4))), target=vec3(shift))
     geometry = DeviceGeometry(device, far.scene.geometry)
-    surfaces = SurfacePass(device, geometry)
+    surfaces = GBufferPass(device, geometry)
     surface = surfaces.draw(far)
-    seen = judged(far, shot=replace(studio.shot(far), view=far, placement=AS_FILED, geometry=geometry, surface=surface))
+    seen = judged(
+        far, shot=replace(studio.shot(far), view=far, placement=IDENTITY_PLACEMENT, geometry=geometry, surface=surface)
+    )
     for thing in (surface, surfaces, geometry):
         thing.release()
     floor = seen.planar & (seen.triangle < 2)

@@ -85,7 +85,7 @@ def test_24_bits_of_depth_are_too_few_behind_a_near_plane_of_a_ten_thousandth(
     """What the near plane is pulled for: the camera stands in the room."""
     view, truth = builtin("spot-lamp"), truth_of("spot-lamp")
     assert wrong(mask(DEPTH, view), truth).sum() <= 1
-    monkeypatch.setattr(module.ShadowVolume, "_pulled", lambda self, frame: frame.view)
+    monkeypatch.setattr(module.ShadowVolume, "_with_tight_near", lambda self, frame: frame.view)
     assert wrong(mask(DEPTH, view), truth).sum() >= 10
 
 
@@ -93,7 +93,7 @@ def test_nothing_seen_is_cut_off_by_the_pulled_near_plane(studio, build, builtin
     for name in ("spot-lamp", "terrain"):
         shot = studio.shot(builtin(name, 100))
         frame = Frame(shot.view, Phase(), 0, shot.surface, Clock(device))
-        camera = build(DEPTH, shot).technique._pulled(frame).camera
+        camera = build(DEPTH, shot).technique._with_tight_near(frame).camera
         depths = (shot.position[..., :3] - camera.position) @ -np.array(camera.basis()[2])
         nearest = depths[shot.position[..., 3] > 0].min()
         assert 0.998 * nearest <= camera.near <= nearest

@@ -11,7 +11,7 @@ from shadowbench.errors import InputError
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.biases import BeforeDivide, Bias, Constant, PolygonOffset, Slope, Sum
 from shadowbench.techniques.filters import PCF, PCF20, Dither4, Filter, Hard, Hardware
-from shadowbench.techniques.fits import Fit, Fixed, SceneFit
+from shadowbench.techniques.fits import Fit, FixedFit, SceneFit
 from shadowbench.techniques.grammar import parse_value
 from shadowbench.techniques.params import Row
 from shadowbench.techniques.registry import techniques
@@ -82,7 +82,7 @@ def test_what_is_written_is_what_is_read(name: str, data: st.DataObject) -> None
 @given(data=st.data())
 def test_every_row_is_read_as_it_is_written(family: type[Row], data: st.DataObject) -> None:
     row = data.draw(st.one_of([rows(one) for one in family.table.values()]))
-    assert family.chosen(format_value(row)) == family.chosen(format_value(row, full=True)) == row
+    assert family.from_value(format_value(row)) == family.from_value(format_value(row, full=True)) == row
 
 
 @pytest.mark.parametrize("name", sorted(ALL))
@@ -147,7 +147,7 @@ def test_the_published_presets() -> None:
             "filter": Dither4(width=2.5),
         },
         "fixed": {
-            "fit": Fixed(half=10.0, near=1.0, far=7.5, distance=4.58, fov=45.0),
+            "fit": FixedFit(half=10.0, near=1.0, far=7.5, distance=4.58, fov=45.0),
             "bias": slope,
             "filter": PCF(taps=3),
         },

@@ -8,8 +8,8 @@ import pytest
 from shadowbench.errors import InputError
 from shadowbench.geometry.hull import SceneHull
 from shadowbench.geometry.lights import Box, light_space, window
-from shadowbench.scenes.model import AS_FILED, Light, Scene
-from shadowbench.techniques.fits import FitContext, Fixed, SceneFit, Visible
+from shadowbench.scenes.model import IDENTITY_PLACEMENT, Light, Scene
+from shadowbench.techniques.fits import FitContext, FixedFit, SceneFit, VisibleFit
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
 
@@ -58,19 +58,19 @@ def test_a_map_smaller_than_its_padding_shows_the_box_in_one_texel(size: int) ->
 
 
 def context(view, scene: Scene, bounds: Box | None = None) -> FitContext:
-    return FitContext(view, AS_FILED, SceneHull(scene), lambda space: bounds)
+    return FitContext(view, IDENTITY_PLACEMENT, SceneHull(scene), lambda space: bounds)
 
 
 def test_where_no_receiver_is_seen_there_is_a_map_all_the_same(looking, sun, shape) -> None:
     view = looking([shape("plane")], sun())
-    shown = Visible().light_view(context(view, view.scene), 64, 0.0, (0.0, 0.0))
+    shown = VisibleFit().light_view(context(view, view.scene), 64, 0.0, (0.0, 0.0))
     assert np.isfinite(shown.to_map()).all() and shown.near < shown.far and min(shown.texel) > 0
 
 
 def test_a_lamp_within_the_scene_sees_from_a_millionth_of_its_reach(looking, spot, shape) -> None:
     """The reach: the scene's width and its own distance from the origin."""
     view = looking([shape("box", 4.0)], spot((0.5, 1.5, 0.0), (0.5, 0.0, 0.0), 60.0), eye=(1.0, 1.0, 1.0))
-    found = SceneFit().receivers(light_space(view.light), context(view, view.scene))
+    found = SceneFit().receiver_bounds(light_space(view.light), context(view, view.scene))
     assert found is not None
     assert found.low[2] == pytest.approx((4 + 1.5) * 1e-6) and found.high[2] == pytest.approx(1.5 + 2)
 
@@ -103,7 +103,7 @@ def test_the_position_step_is_half_a_float32_spacing_of_the_farthest_place(
 )
 def test_fixed_takes_lengths_above_0_and_a_field_of_view_below_170_degrees(items: str, allowed: bool) -> None:
     if allowed:
-        assert isinstance(parse_spec(f"shadow-map:fit=fixed({items})", techniques()).params.fit, Fixed)
+        assert isinstance(parse_spec(f"shadow-map:fit=fixed({items})", techniques()).params.fit, FixedFit)
     else:
         with pytest.raises(InputError, match=items.partition("=")[0]):
             parse_spec(f"shadow-map:fit=fixed({items})", techniques())

@@ -1,9 +1,9 @@
-"""The axes along which `stress` walks until a technique breaks."""
+"""The stress axes: parameters that `stress` drives to extreme values."""
 
 from shadowbench.extremes.axes.casters import GAP, OVERLAP, THICKNESS, TRIANGLES
 from shadowbench.extremes.axes.lights import ELEVATION, FAR_NEAR, LAMP_DISTANCE, UP
 from shadowbench.extremes.axes.meshes import MESH
-from shadowbench.extremes.axes.model import Axis, Setting, Value, shown
+from shadowbench.extremes.axes.model import Axis, Setting, Value, value_label
 from shadowbench.extremes.axes.motion import CAMERA_STEP, LIGHT_STEP, VOLUME_WALL
 from shadowbench.extremes.axes.places import DISTANCE, DISTANCE_ABSOLUTE, SCALE
 from shadowbench.extremes.axes.sizes import DEPTH_FORMAT, MAP_TEXELS, VIEW_PIXELS
@@ -31,6 +31,6 @@ AXES: dict[str, Axis] = {
         LIGHT_STEP,
     )
 }
-"""All axes by name, in the order of the table."""
+"""All axes by name, in the order of tables."""
 
-__all__ = ["AXES", "Axis", "Setting", "Value", "shown"]
+__all__ = ["AXES", "Axis", "Setting", "Value", "value_label"]

@@ -1,4 +1,4 @@
-"""Axes of the light: how low, how upright, how near to what it lights."""
+"""Axes of the light: elevation, passage through the up axis, far/near ratio, distance of a lamp to a wall."""
 
 import math
 
@@ -11,9 +11,9 @@ from shadowbench.extremes.axes.model import (
     base_meshes,
     ground,
     light_at,
-    looking,
+    light_from,
     mesh,
-    shining,
+    view_of_meshes,
 )
 from shadowbench.scenes.model import Light, LightKind, Mesh
 
@@ -21,42 +21,43 @@ _LAMP_HEIGHT = 1.5
 
 
 def _elevation(degrees: float, kind: LightKind) -> Setting:
-    return Setting((looking(base_meshes(), light_at(kind, degrees)),))
+    return Setting((view_of_meshes(base_meshes(), light_at(kind, degrees)),))
 
 
 def _through_up(degrees: float, kind: LightKind) -> Setting:
-    """A floor seen alone, which is square to the light at 0, under a box that is out of sight."""
+    """A floor, perpendicular to the light at 0°, under a box that is out of view."""
     tilt = math.radians(degrees)
-    light = shining(kind, (math.sin(tilt), math.cos(tilt), 0.0))
+    light = light_from(kind, (math.sin(tilt), math.cos(tilt), 0.0))
     box = mesh("box", 0.9, (0.0, 3.0, 0.0), turn=25.0)
-    return Setting((looking([ground(4.0), box], light, eye=(1.5, 2.0, 1.6), target=(0.1, 0.0, 0.1)),))
+    return Setting((view_of_meshes([ground(4.0), box], light, eye=(1.5, 2.0, 1.6), target=(0.1, 0.0, 0.1)),))
 
 
 def _far_near(ratio: float, kind: LightKind) -> Setting:
-    """A box as near to the light as that; seen from the light it looks the same at every ratio, and so does its shadow.
+    """A box whose distance to the light is the ground's farthest corner's over `ratio`.
 
-    Farthest is a corner of the ground.
+    The box is scaled with its distance, so that its shadow is the same at every ratio.
     """
     light = Light(NAMES[kind], kind, (0.0, -1.0, 0.0), (0.2, 2.0, -0.1), math.radians(100.0) if kind == "spot" else 0.0)
     far = float(np.linalg.norm(np.subtract(light.position, (-2.0, 0.0, 2.0))))
     near = far / ratio
     center = np.add(light.position, np.array([0.15, -1.3, 0.1]) * near)
-    return Setting((looking([ground(4.0), mesh("box", 0.6 * near, center, turn=25.0)], light),))
+    return Setting((view_of_meshes([ground(4.0), mesh("box", 0.6 * near, center, turn=25.0)], light),))
 
 
 def _lamp_distance(metres: float, kind: LightKind) -> Setting:
-    """A lamp beside a wall that stands on the ground, at half its height."""
+    """A lamp beside a wall on the ground, at half the wall's height."""
     wall = Mesh(
         "wall",
         np.array([[-2.0, 0.0, 2.0], [-2.0, 0.0, -2.0], [-2.0, 3.0, -2.0], [-2.0, 3.0, 2.0]]),
         np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32),
     )
     light = Light(NAMES[kind], kind, position=(-2.0 + metres, _LAMP_HEIGHT, 0.1))
-    return Setting((looking([*base_meshes(), wall], light, eye=(4.6, 3.4, 3.6), target=(-0.6, 0.7, 0.0)),))
+    return Setting((view_of_meshes([*base_meshes(), wall], light, eye=(4.6, 3.4, 3.6), target=(-0.6, 0.7, 0.0)),))
 
 
 ELEVATION = Axis(
     name="elevation",
+    about="the light sinks from the zenith to the horizon: long shadows, light at grazing incidence",
     unit="°",
     values=(
         89.9,
@@ -81,39 +82,42 @@ ELEVATION = Axis(
         0.2,
         0.1,
     ),
-    home=50.0,
+    default=50.0,
     quick=(89.9, 50.0, 5.0, 0.1),
     lights=("directional", "spot", "point"),
-    holds="a low light lengthens shadows and opens no surface",
+    invariant="a low light lengthens shadows and leaks through no surface",
     change=_elevation,
 )
 UP = Axis(
     name="through-up",
+    about="the light passes through the up axis, where a look-at matrix built from that axis degenerates",
     unit="°",
     values=(5.0, 1.0, 0.1, 1e-3, 1e-5, 1e-7, 0.0, -1e-7, -1e-5, -1e-3, -0.1, -1.0, -5.0),
-    home=5.0,
+    default=5.0,
     quick=(5.0, 1e-5, 0.0),
     lights=("directional", "spot"),
-    holds="a light along the up axis is a light like any other",
+    invariant="a light along the up axis is a light like any other",
     change=_through_up,
 )
 FAR_NEAR = Axis(
     name="far-near",
+    about="the caster approaches the lamp: the ratio of the far to the near plane, and with it depth precision",
     unit="",
     values=(1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7),
-    home=1e1,
+    default=1e1,
     quick=(1e1, 1e4, 1e7),
     lights=("spot", "point"),
-    holds="a caster near the light shadows as its larger, farther likeness does",
+    invariant="a caster near the light shadows as its larger, farther likeness does",
     change=_far_near,
 )
 LAMP_DISTANCE = Axis(
     name="lamp-distance",
+    about="a point light approaches a wall: light at grazing incidence, and a wide range of depths",
     unit="m",
     values=(2.0, 1.0, 0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3, 3e-4, 1e-4),
-    home=1.0,
+    default=1.0,
     quick=(1.0, 1e-2, 1e-4),
     lights=("point",),
-    holds="a lamp close to a wall lights the wall, and the rest as before",
+    invariant="a lamp close to a wall lights the wall, and the rest as before",
     change=_lamp_distance,
 )

@@ -1,14 +1,14 @@
-"""The axis of ill-made meshes: what modellers and scanners leave behind."""
+"""The axis of mesh defects, as left behind by modelling tools and scanners."""
 
 from collections.abc import Callable
 
 import numpy as np
 
-from shadowbench.extremes.axes.model import Axis, Setting, base_meshes, light_at, looking
+from shadowbench.extremes.axes.model import Axis, Setting, base_meshes, light_at, view_of_meshes
 from shadowbench.scenes.model import LightKind, Mesh
 from shadowbench.scenes.triangles import Triangles, without_zero_area
 
-_FLAT = 1e-7  # height of a sliver as a share of its longest edge
+_FLAT = 1e-7  # height of a sliver relative to its longest edge
 
 
 def _closed(of: Triangles) -> Triangles:
@@ -16,7 +16,7 @@ def _closed(of: Triangles) -> Triangles:
 
 
 def _slivers(of: Triangles) -> Triangles:
-    """Every triangle cut in three by a corner next to the middle of an edge, so that one part has nearly no height."""
+    """Every triangle cut in three at a point close to the middle of an edge, so that one part is a sliver."""
     a, b, c = (of.vertices[of.faces[:, k]] for k in range(3))
     inner = (a + b) / 2 * (1 - _FLAT) + c * _FLAT
     corners = [np.stack([a, b, inner], 1), np.stack([b, c, inner], 1), np.stack([c, a, inner], 1)]
@@ -24,7 +24,7 @@ def _slivers(of: Triangles) -> Triangles:
 
 
 def _zero_area(of: Triangles) -> Triangles:
-    """A triangle without area on every edge, as loading leaves it: dropped."""
+    """A triangle of zero area added on every edge, then dropped as loading does."""
     a, b = (of.vertices[of.faces[:, k]] for k in range(2))
     flat = _loose(np.stack([a, b, (a + b) / 2], 1))
     whole = Triangles(np.concatenate([of.vertices, flat.vertices]), np.concatenate([of.faces, flat.faces + len(of[0])]))
@@ -37,7 +37,7 @@ def _duplicated(of: Triangles) -> Triangles:
 
 
 def _t_junctions(of: Triangles) -> Triangles:
-    """Every second triangle cut at the middle of an edge that its neighbour keeps whole."""
+    """Every second triangle split at the middle of an edge that its neighbour keeps unsplit."""
     a, b, c = (of.vertices[of.faces[::2, k]] for k in range(3))
     middle = (a + b) / 2
     kept = of.vertices[of.faces[1::2]]
@@ -45,7 +45,7 @@ def _t_junctions(of: Triangles) -> Triangles:
 
 
 def _inconsistent_winding(of: Triangles) -> Triangles:
-    """Every third triangle turned over."""
+    """Every third triangle with reversed winding."""
     faces = of.faces.copy()
     faces[::3] = faces[::3, ::-1]
     return Triangles(of.vertices, faces)
@@ -76,17 +76,18 @@ def _ill_made(name: str, kind: LightKind) -> Setting:
     floor, *casters = base_meshes()
     made = [(_KINDS[name](Triangles(caster.vertices, caster.faces)), caster.name) for caster in casters]
     meshes = [Mesh(called, of.vertices, of.faces) for of, called in made]
-    return Setting((looking([floor, *meshes], light_at(kind)),))
+    return Setting((view_of_meshes([floor, *meshes], light_at(kind)),))
 
 
 MESH = Axis(
     name="mesh",
+    about="defects of casters: slivers, duplicated triangles, T-junctions, inconsistent winding, holes",
     unit="",
     values=tuple(_KINDS),
-    home="closed",
+    default="closed",
     quick=("closed", "slivers", "inconsistent-winding", "open"),
     lights=("directional", "point"),
-    holds="triangles cast, however they are put together",
+    invariant="triangles cast shadows whatever the mesh's topology",
     change=_ill_made,
     ordered=False,
 )

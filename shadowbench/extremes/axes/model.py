@@ -1,4 +1,4 @@
-"""What an axis is: a value that changes a scene, a view or parameters, and what must hold along it."""
+"""Stress axes: one parameter of a scene, view or technique each, its values, and the property to hold along it."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -29,7 +29,7 @@ MAP_SIZE = 1024
 EXTENT = 6.0
 """Side of the base scene's ground, in metres."""
 TEXEL = EXTENT / MAP_SIZE
-"""About what a texel covers of the base scene, in metres."""
+"""Approximate size of a texel in the base scene, in metres."""
 NAMES: dict[LightKind, str] = {"directional": "sun", "spot": "spot", "point": "lamp"}
 _AZIMUTH = math.radians(165.0)  # from the left: the camera sees a lit side of casters and their shadows
 _DISTANCES: dict[LightKind, float] = {"directional": 1.0, "spot": 6.0, "point": 3.3}
@@ -37,9 +37,10 @@ _DISTANCES: dict[LightKind, float] = {"directional": 1.0, "spot": 6.0, "point": 
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """What is asked at one value: views of one scene, several where something moves, and parameters.
+    """Views and parameters to measure at one value of an axis.
 
-    params: values for those fields that a technique's parameters have; one that has none of them has no such axis.
+    views: of one scene, several for an animation; params: values by parameter name; a technique without these
+    parameters is left out of the axis.
     """
 
     views: tuple[View, ...]
@@ -49,27 +50,29 @@ class Setting:
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """A way to the extreme.
+    """One stress parameter and its values.
 
-    values: in order, from one end to the other, or words; home: the value where nothing is extreme yet, from which the
-    operating range is searched both ways; quick: the values of a quick sweep; lights: kinds that it is walked under;
-    holds: what must hold along it, in words; ordered: whether values have neighbours.
+    about: what varies, and what that stresses; values: in order from one end to the other, or words; default: the
+    unproblematic value, from which the operating range extends both ways; quick: values of a quick sweep; lights: kinds
+    of light to sweep under; invariant: the property that must hold at every value, in words; ordered: whether the order
+    of values is meaningful.
     """
 
     name: str
+    about: str
     unit: str
     values: tuple[Value, ...]
-    home: Value
+    default: Value
     quick: tuple[Value, ...]
     lights: tuple[LightKind, ...]
-    holds: str
+    invariant: str
     change: Callable[[Any, LightKind], Setting]
     ordered: bool = True
 
     def at(self, value: Value, light: LightKind) -> Setting:
-        """The setting at a value, its scene named after it."""
+        """Setting at a value, with its scene named after the axis and value."""
         setting = self.change(value, light)
-        scene = replace(setting.views[0].scene, name=f"{self.name}-{shown(value)}")
+        scene = replace(setting.views[0].scene, name=f"{self.name}-{value_label(value)}")
         views = (
             replace(view, scene=scene, camera=replace(view.camera, name=f"camera-{frame}" if frame else "camera"))
             for frame, view in enumerate(setting.views)
@@ -77,12 +80,12 @@ class Axis:
         return replace(setting, views=tuple(views))
 
     def swept(self, quick: bool) -> tuple[Value, ...]:
-        """The values of a sweep, in the axis' order."""
+        """Values of a full or quick sweep, in the order of the axis."""
         return tuple(value for value in self.values if value in self.quick) if quick else self.values
 
 
-def shown(value: Value) -> str:
-    """A value as names and tables write it: `0.25`, `16384`, `1e-5`, `1e7`."""
+def value_label(value: Value) -> str:
+    """Text of a value in names and tables: `0.25`, `16384`, `1e-5`, `1e7`."""
     if isinstance(value, str):
         return value
     power = f"{value:.0e}"
@@ -99,7 +102,7 @@ def mesh(
     turn: float = 0.0,
     **parameters: int,
 ) -> Mesh:
-    """A named shape, scaled, turned about y by degrees, moved."""
+    """A named shape, scaled, then rotated about y by `turn` degrees, then translated to `at`."""
     triangles = build_shape(kind, dict(parameters), "axis")
     cosine, sine = math.cos(math.radians(turn)), math.sin(math.radians(turn))
     turned = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
@@ -108,12 +111,12 @@ def mesh(
 
 
 def ground(side: float = EXTENT) -> Mesh:
-    """The square that all stands on, at y = 0."""
+    """A square ground at y = 0."""
     return replace(mesh("plane", side, (0.0, 0.0, 0.0)), name="ground")
 
 
 def base_meshes() -> tuple[Mesh, ...]:
-    """A ground, a turned box that stands on it, a sphere above it: neither shadows the other, however low the light."""
+    """A ground, a rotated box on it and a sphere above it, neither of which shadows the other at any elevation."""
     return (
         ground(),
         mesh("box", 0.9, (-0.7, 0.45, 0.5), turn=25.0),
@@ -122,20 +125,20 @@ def base_meshes() -> tuple[Mesh, ...]:
 
 
 def light_at(kind: LightKind, elevation: float = 50.0, azimuth: float = _AZIMUTH) -> Light:
-    """A light of a kind that stands at an elevation, in degrees, and shines on the scene's middle."""
+    """A light at an elevation in degrees and an azimuth in radians, aimed at the scene's centre."""
     e = math.radians(elevation)
     toward = np.array([math.cos(e) * math.cos(azimuth), math.sin(e), math.cos(e) * math.sin(azimuth)])
-    return shining(kind, toward)
+    return light_from(kind, toward)
 
 
-def shining(kind: LightKind, toward: Sequence[float] | Floats) -> Light:
-    """A light of a kind in a direction as seen from the scene's middle."""
+def light_from(kind: LightKind, toward: Sequence[float] | Floats) -> Light:
+    """A light in a direction as seen from the scene's centre, aimed at the centre."""
     way = np.asarray(toward) / np.linalg.norm(toward)
     position = vec3(way * _DISTANCES[kind]) if kind != "directional" else (0.0, 0.0, 0.0)
     return Light(NAMES[kind], kind, vec3(-way), position, math.radians(60.0) if kind == "spot" else 0.0)
 
 
-def looking(
+def view_of_meshes(
     meshes: Sequence[Mesh],
     light: Light,
     size: int = VIEW_SIZE,
@@ -143,11 +146,11 @@ def looking(
     target: Vec3 = (0.0, 0.2, 0.0),
     fov: float = 40.0,
 ) -> View:
-    """A view of some meshes; fov in degrees."""
+    """A view of meshes under a light; fov: vertical, in degrees."""
     camera = Camera("camera", eye, target, math.radians(fov))
     return view_of(Scene("axis", tuple(meshes), (camera,), (light,)), camera, light, size)
 
 
-def base(kind: LightKind, size: int = VIEW_SIZE) -> View:
-    """The base scene under a light of a kind."""
-    return looking(base_meshes(), light_at(kind), size)
+def base_view(kind: LightKind, size: int = VIEW_SIZE) -> View:
+    """View of the base scene under a light of a kind."""
+    return view_of_meshes(base_meshes(), light_at(kind), size)

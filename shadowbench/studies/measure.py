@@ -1,4 +1,4 @@
-"""What `run` computes: the study that options make of a file's, and its measurement into a folder."""
+"""Computation behind `run`: the study given by a file and options, and its measurement into a folder."""
 
 import operator
 import time
@@ -14,7 +14,7 @@ from shadowbench.files import check_folder
 from shadowbench.measure.executor import Executor
 from shadowbench.measure.machine import write_run_file
 from shadowbench.measure.measurer import Reporter
-from shadowbench.measure.profile import whole
+from shadowbench.measure.profile import complete_profile
 from shadowbench.measure.rows import Result
 from shadowbench.measure.session import DeviceInfo, Session
 from shadowbench.scenes.model import Scene
@@ -22,12 +22,12 @@ from shadowbench.studies.crossing import Techniques
 from shadowbench.studies.folder import Run, write_cells
 from shadowbench.studies.run import run_study
 from shadowbench.studies.study import Study, find_study, read_study
-from shadowbench.studies.sweeps import Places, places
+from shadowbench.studies.sweeps import SweepPositions, sweep_positions
 from shadowbench.studies.tables import cells_frame
 from shadowbench.techniques.spec import Spec
 
 
-def asked_study(
+def study_from_options(
     known: Techniques,
     scenes: Sequence[str | Scene] = (),
     specs: Sequence[Spec] = (),
@@ -39,11 +39,11 @@ def asked_study(
     light: str | None = None,
     **others: Any,
 ) -> Study:
-    """The study of a file or a built-in one, `default` for None, with the given fields replaced.
+    """A study from a file or a built-in one (`default` for None), with the given fields replaced.
 
-    known: the techniques that the file may name; view, light: the only camera and light, by name; others: fields of the
-    study, such as `view_size`, `rounds` and `assets`; None leaves any to the file. Specs alone, without a study and map
-    sizes, are measured as they are: each at its own map size, in one phase. Raises InputError for anything wrong.
+    known: techniques that the file may name; view, light: restrict to one camera and light by name; others: fields of
+    the study, such as `view_size`, `rounds` and `assets`; None keeps the study's value. Specs without a study and map
+    sizes are measured at their own map sizes, in one phase. Raises InputError.
     """
     found = read_study(find_study(study or "default"), known)
     if specs:
@@ -68,7 +68,7 @@ def asked_study(
 
 
 def estimate(study: Study) -> tuple[int, float]:
-    """How many cells a study has, and about how many seconds they take on two cores without a GPU, at least 5."""
+    """Number of cells of a study, and their approximate run time in seconds on two cores without a GPU, at least 5."""
     cells = study.cells()
     frames = [(study.rounds * 4 / 3 if cell.phase == 0 else 0) + 4 for cell in cells]
     pixels = [study.view_size**2 + (cell.spec.map_size or 0) ** 2 for cell in cells]
@@ -77,23 +77,23 @@ def estimate(study: Study) -> tuple[int, float]:
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
-    """A study that was measured into a folder.
+class StudyResult:
+    """Result of measuring a study into a folder.
 
-    results: its cells, measured now or before; run: the whole folder, cells of earlier commands too; swept: where specs
-    stand in the study's bias sweeps; seconds: by activity, as `measure.profile` names them, empty where not asked for.
+    results: its cells, measured now or before; run: the whole folder, with cells of earlier commands; sweep_positions:
+    of specs in the study's bias sweeps; seconds: by activity (see `measure.profile`), empty unless requested.
     """
 
     study: Study
     results: tuple[Result, ...]
     run: Run
-    swept: Places
+    sweep_positions: SweepPositions
     info: DeviceInfo
     seconds: Mapping[str, float]
 
     @cached_property
     def frame(self) -> pd.DataFrame:
-        """A line a cell of the study, with the columns of `table.csv`."""
+        """One line per cell of the study, with the columns of `table.csv`."""
         return cells_frame(self.results)
 
 
@@ -105,18 +105,20 @@ def measure(
     *,
     time_again: bool = False,
     profile: bool = False,
-) -> Measured:
-    """Measure a study into a folder: rows, masks, pictures, `table.csv` and `run.json`; what is there stays.
+) -> StudyResult:
+    """Measure a study into a folder: rows, masks, pictures, `table.csv` and `run.json`. Existing rows are reused.
 
-    time_again: whether cells that have a time get another. Raises InputError for a folder of other files, a scene that
-    cannot be read, or a map or view that the device has no room for. A cell that fails is a row that says so.
+    time_again: time cells again that have a time. Raises InputError for a folder with other files, a scene that cannot
+    be read, and a map or view too large for the device. A cell that fails gets a row with that status.
     """
     check_folder(folder)
     start = time.perf_counter()
-    ran = run_study(study, folder, executor, reporter, time_again)
-    spent = executor.call(Session.spent) if profile else {}
-    swept = places(study.sweeps)
-    write_run_file(folder / "run.json", executor.info, ran.notes, study.facts, [one.score for one in ran.results])
-    run = write_cells(folder, ran.results, swept)
-    seconds = whole(ran.profile.seconds, spent, time.perf_counter() - start) if profile else {}
-    return Measured(study, tuple(ran.results), run, swept, executor.info, seconds)
+    result = run_study(study, folder, executor, reporter, time_again)
+    spent = executor.call(Session.activity_seconds) if profile else {}
+    positions = sweep_positions(study.sweeps)
+    write_run_file(
+        folder / "run.json", executor.info, result.notes, study.facts, [cell.score for cell in result.results]
+    )
+    run = write_cells(folder, result.results, positions)
+    seconds = complete_profile(result.profile.seconds, spent, time.perf_counter() - start) if profile else {}
+    return StudyResult(study, tuple(result.results), run, positions, executor.info, seconds)

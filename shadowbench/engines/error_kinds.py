@@ -1,4 +1,4 @@
-"""What is wrong with a mask, in words: wrong pixels sorted into the kinds of error that people know."""
+"""Wrong pixels of a mask classified as acne, leak, peter-panning or displaced edge."""
 
 from dataclasses import dataclass
 
@@ -13,51 +13,57 @@ Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class Kind:
-    """One kind of error: how many pixels are wrong in that way, and a line about it."""
+class ErrorKind:
+    """One kind of error: its name, number of pixels, and a line of text."""
 
     name: str
     pixels: int
     line: str
 
 
-def kinds_of(comparison: Comparison, metrics: dict[str, float | None]) -> list[Kind]:
-    """The kinds of error among the wrong pixels of a mask, most pixels first; none where no pixel is wrong.
+def error_kinds(comparison: Comparison, metrics: dict[str, float | None]) -> list[ErrorKind]:
+    """Kinds of error among the wrong pixels of a mask, most pixels first; empty if no pixel is wrong.
 
-    Wrong pixels (visibility on the other side of ½) that hang together are one patch. False light of which more than
-    half lies where the occluder is near is peter-panning; a patch of which more than half lies within 4 px of the true
-    edge is a displaced edge; any other is acne where it is dark, a leak where it is lit. `metrics` is what `score`
-    says of the same comparison.
+    Connected wrong pixels (visibility on the other side of ½ than the truth) form a patch. A patch of false light is
+    peter-panning if more than half of it lies close to the occluder; any patch is a displaced edge if more than half
+    of it lies within 4 px of the true edge; the rest is acne where dark and a leak where lit.
+    metrics: values of `score` for the same comparison.
     """
     prepared = comparison.truth
     false_shadow, false_light = wrong_pixels(comparison)
-    at_edge = prepared.squared_edge_distance < INTERIOR_PX**2  # nearer than what the metrics call acne and leak
+    at_edge = prepared.squared_edge_distance < INTERIOR_PX**2  # closer than the interiors of the metrics acne and leak
     dark_edge, acne = _split(false_shadow, at_edge)
     contact, elsewhere = _split(false_light, prepared.contact)
     lit_edge, leak = _split(elsewhere, at_edge)
     displaced = dark_edge | lit_edge
     reach = np.sqrt(np.percentile(prepared.squared_edge_distance[displaced], 95)) if displaced.any() else 0.0
     found = [
-        Kind("displaced edge", int(np.count_nonzero(displaced)), f"95% of them within {reach:.3g} px of the true edge"),
-        Kind(
+        ErrorKind(
+            "displaced edge",
+            int(np.count_nonzero(displaced)),
+            f"these wrong pixels lie within {reach:.3g} px of the true edge (95% of them)",
+        ),
+        ErrorKind(
             "peter-panning",
             int(np.count_nonzero(contact)),
             f"{_share(metrics['contact'])} of the shadow next to its caster is lit (contact)",
         ),
-        Kind("acne", int(np.count_nonzero(acne)), f"{_share(metrics['acne'])} of the lit interior is dark (acne)"),
-        Kind("leak", int(np.count_nonzero(leak)), f"{_share(metrics['leak'])} of the shadow's interior is lit (leak)"),
+        ErrorKind("acne", int(np.count_nonzero(acne)), f"{_share(metrics['acne'])} of the lit interior is dark (acne)"),
+        ErrorKind(
+            "leak", int(np.count_nonzero(leak)), f"{_share(metrics['leak'])} of the shadow's interior is lit (leak)"
+        ),
     ]
     return sorted((kind for kind in found if kind.pixels), key=lambda kind: -kind.pixels)
 
 
 def wrong_pixels(comparison: Comparison) -> tuple[Mask, Mask]:
-    """(N, N) false shadow and false light: valid pixels on the other side of ½ than the truth."""
+    """(N, N) masks of false shadow and of false light: valid pixels on the other side of ½ than the truth."""
     prepared = comparison.truth
     return comparison.shadow & prepared.lit, comparison.lit & prepared.shadow
 
 
 def _split(wrong: Mask, place: Mask) -> tuple[Mask, Mask]:
-    """The patches of which more than half lies in a place, and the others."""
+    """The patches of which more than half lies in a region, and the others."""
     patches, count = ndimage.label(wrong)
     sizes = np.bincount(patches.ravel(), minlength=count + 1)
     there = np.bincount(patches[place], minlength=count + 1) > sizes / 2

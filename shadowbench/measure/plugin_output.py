@@ -1,4 +1,4 @@
-"""What plug-ins print: passed on to stderr, where it does not mix with results, and cut where it is too much."""
+"""Output printed by plug-ins: forwarded to stderr, apart from results, and truncated if excessive."""
 
 import codecs
 import io
@@ -13,22 +13,22 @@ from typing import IO, TextIO
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.registry import techniques
 
-MOST = 100_000
-"""Characters of one process that are passed on."""
+MAX_CHARACTERS = 100_000
+"""Characters forwarded from one process."""
 
 
-class Cut(io.TextIOBase):
-    """A stream that passes on the first MOST characters to another, then a line that says so, then nothing."""
+class TruncatedStream(io.TextIOBase):
+    """Stream that forwards its first MOST characters to another, then a notice, then nothing."""
 
     def __init__(self, stream: TextIO) -> None:
-        self._stream, self._left = stream, MOST
+        self._stream, self._left = stream, MAX_CHARACTERS
 
     def write(self, text: str) -> int:
-        """Pass on what there is room for; the length of `text`."""
+        """Forward as much as the limit allows; returns the length of `text`."""
         kept = text[: max(self._left, 0)]
         if len(text) > self._left >= 0:
-            kept += f"…\nwhat plug-ins print is cut here, after {MOST} characters\n"
-            self._left = -1  # said
+            kept += f"…\nwhat plug-ins print is cut here, after {MAX_CHARACTERS} characters\n"
+            self._left = -1  # the notice is out
         elif self._left >= 0:
             self._left -= len(text)
         if kept:
@@ -37,14 +37,14 @@ class Cut(io.TextIOBase):
         return len(text)
 
 
-def pass_on(pipe: IO[bytes]) -> threading.Thread:
-    """Pass on what is written to the other end of a pipe, in a thread, until nobody is left who could write to it."""
+def forward_output(pipe: IO[bytes]) -> threading.Thread:
+    """Forward the output of a process from its pipe to stderr, in a thread, until the pipe is closed."""
 
     def read() -> None:
         decoder = codecs.getincrementaldecoder("utf-8")("replace")
-        # By its number: whatever Python calls stderr by then, this is the one that the process was given.
+        # By file descriptor: sys.stderr may be redirected by then.
         with pipe, open(2, "w", encoding="utf-8", closefd=False) as stderr:
-            stream = Cut(stderr)
+            stream = TruncatedStream(stderr)
             while data := os.read(pipe.fileno(), 1 << 16):
                 stream.write(decoder.decode(data))
 
@@ -54,10 +54,10 @@ def pass_on(pipe: IO[bytes]) -> threading.Thread:
 
 
 def techniques_with(plugins: Sequence[Path]) -> Mapping[str, type[Technique]]:
-    """All techniques by name, those of plug-ins too: what they print while they are loaded goes to stderr, and is cut.
+    """All techniques by name, those of plug-ins included. Output printed on loading goes to stderr, truncated.
 
     Raises InputError for a plug-in that cannot be loaded.
     """
-    stream = Cut(sys.stderr)
+    stream = TruncatedStream(sys.stderr)
     with redirect_stdout(stream), redirect_stderr(stream):
         return techniques(plugins)

@@ -9,7 +9,7 @@ from shadowbench.errors import InputError
 from shadowbench.measure.single import render
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.views import chosen_view
-from shadowbench.studies.measured import asked_study, measure
+from shadowbench.studies.measure import measure, study_from_options
 from shadowbench.studies.study import Study
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
@@ -41,26 +41,26 @@ def phases(study: Study) -> set[int]:
 
 
 def test_what_is_asked_for_stands_in_place_of_what_the_file_says(file: str) -> None:
-    kept = asked_study(KNOWN, study=file)
+    kept = study_from_options(KNOWN, study=file)
     assert (kept.rounds, kept.map_size, phases(kept)) == (3, (64, 128), {0, 1, 2, 3})
-    asked = asked_study(KNOWN, ["lamp-by-wall"], study=file, rounds=0, map_size=[32], view_size=16, light="lamp")
+    asked = study_from_options(KNOWN, ["lamp-by-wall"], study=file, rounds=0, map_size=[32], view_size=16, light="lamp")
     assert (asked.scenes, asked.rounds, asked.map_size, asked.view_size) == (("lamp-by-wall",), 0, (32,), 16)
     assert (asked.lights, asked.views) == (("lamp",), ("file",))
-    assert phases(asked_study(KNOWN, study=file, phases=3)) == {0, 1, 2}, "also of what has a number of its own"
+    assert phases(study_from_options(KNOWN, study=file, phases=3)) == {0, 1, 2}, "also of what has a number of its own"
 
 
 def test_specs_have_the_phases_of_the_study_and_keep_their_place_in_its_sweeps(file: str) -> None:
-    asked = asked_study(KNOWN, specs=[SPEC], study=file)
+    asked = study_from_options(KNOWN, specs=[SPEC], study=file)
     assert (asked.specs, phases(asked)) == ((SPEC,), {0, 1})
-    assert asked.sweeps == asked_study(KNOWN, study=file).sweeps
+    assert asked.sweeps == study_from_options(KNOWN, study=file).sweeps
 
 
 def test_specs_alone_mean_what_they_say() -> None:
-    assert [cell.spec.text for cell in asked_study(KNOWN, specs=[SPEC, SMALL]).cells()] == [
+    assert [cell.spec.text for cell in study_from_options(KNOWN, specs=[SPEC, SMALL]).cells()] == [
         "shadow-map",
         "shadow-map:size=64",
     ]
-    sized = asked_study(KNOWN, specs=[SPEC, SMALL], map_size=[32, 128])
+    sized = study_from_options(KNOWN, specs=[SPEC, SMALL], map_size=[32, 128])
     assert {cell.spec.map_size for cell in sized.cells()} == {32, 64, 128}
     assert sized.notes == ("shadow-map:size=64 names its size, which --map-size 32,128 leaves as it is",)
 
@@ -71,7 +71,7 @@ def test_specs_alone_mean_what_they_say() -> None:
         (lambda: Study.of(["stairs"], [SPEC], view_size=0), "study: view_size: found 0; allowed: "),
         (lambda: Study.of([], [SPEC]), "study: scenes: found an empty list; allowed: 1 or more entries"),
         (lambda: Study.of(["stairs"], [SPEC], size=3), "study: unknown field 'size'"),
-        (lambda: asked_study(KNOWN, study="nothing"), "nothing: no such study file"),
+        (lambda: study_from_options(KNOWN, study="nothing"), "nothing: no such study file"),
     ],
 )
 def test_a_study_of_a_program_is_checked_as_a_file_is(make: Callable[[], Study], line: str) -> None:

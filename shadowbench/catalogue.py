@@ -1,11 +1,12 @@
-"""What there is to measure, with and by: techniques, scenes, metrics, studies."""
+"""What `list` prints: every technique, scene, metric, study and stress axis."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from shadowbench.errors import InputError, alternatives
-from shadowbench.measure.printed import techniques_with
+from shadowbench.extremes.axes import AXES, value_label
+from shadowbench.measure.plugin_output import techniques_with
 from shadowbench.scenes.library import builtin_about, builtin_names
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.crossing import Techniques
@@ -17,10 +18,10 @@ Entry = dict[str, Any]
 
 
 def catalogue(plugins: Sequence[Path] = (), what: str = "", name: str = "") -> dict[str, list[Entry]]:
-    """By kind (techniques, scenes, metrics, studies) an entry for each: its name and what is to be said of it.
+    """The entries of each kind (techniques, scenes, metrics, studies, axes), each with its `name`.
 
-    plugins: Python files that add techniques; what: one kind alone; name: one entry alone. Raises InputError for a name
-    that there is not.
+    plugins: Python files that add techniques; what: only this kind; name: only this entry. Raises InputError for an
+    unknown kind or name.
     """
     makers: dict[str, Callable[[], list[Entry]]] = {
         "techniques": lambda: _techniques(techniques_with(plugins)),
@@ -30,6 +31,7 @@ def catalogue(plugins: Sequence[Path] = (), what: str = "", name: str = "") -> d
             {"name": name, "about": read_study(find_study(name), techniques_with(plugins)).about}
             for name in study_names()
         ],
+        "axes": _axes,
     }
     if what and what not in makers:
         raise InputError(f"list: found {what!r:.60}{alternatives(what, makers)}")
@@ -58,7 +60,7 @@ def _techniques(known: Techniques) -> list[Entry]:
 
 
 def _parameters(model: type[TechniqueParams] | type[Row]) -> list[Entry]:
-    """Name, default, help and values of every field; a row's field lists its rows, each with its own parameters."""
+    """Name, default, allowed values and help of every field; a field of rows lists them with their own parameters."""
     found = []
     for name, info in model.model_fields.items():
         entry: Entry = {
@@ -86,4 +88,18 @@ def _metrics() -> list[Entry]:
             "help": metric.help,
         }
         for metric in METRICS.values()
+    ]
+
+
+def _axes() -> list[Entry]:
+    return [
+        {
+            "name": axis.name,
+            "unit": axis.unit,
+            "values": [value_label(value) for value in axis.values],
+            "home": value_label(axis.default),
+            "lights": list(axis.lights),
+            "about": axis.about,
+        }
+        for axis in AXES.values()
     ]

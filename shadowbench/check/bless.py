@@ -1,4 +1,4 @@
-"""Making a run the baseline: its rows, and the study that makes its cells."""
+"""Making a run the baseline: copies its rows and its study file."""
 
 import json
 import shlex
@@ -13,11 +13,10 @@ from shadowbench.studies.crossing import Techniques
 from shadowbench.studies.study import find_study, read_study
 
 
-def bless(results: Sequence[Result], folder: Path) -> None:
-    """Write a baseline's `rows.jsonl`, whole or not at all: score records, and the times of cells that have one.
+def write_baseline(results: Sequence[Result], folder: Path) -> None:
+    """Write a baseline's `rows.jsonl` atomically: score records, then time records.
 
-    Raises InputError when a cell failed, since what broke is nothing to hold others to, when there is none at all, and
-    for a folder that cannot be written.
+    Raises InputError if there is no cell, if a cell failed, and if the folder cannot be written.
     """
     if not results:
         raise InputError("--update: found no cell; allowed: a run that has one or more, those of its last command")
@@ -27,27 +26,27 @@ def bless(results: Sequence[Result], folder: Path) -> None:
         raise InputError(
             f"--update: found {len(failed)} cells that failed, the first {first}; allowed: a run where none did"
         )
-    # Whoever compares with it does not need to know how it was called, nor where it was.
+    # The command line is left out: it may name local paths, and comparisons do not use it.
     scores = [{name: value for name, value in result.score.items() if name != "command"} for result in results]
     records = [*scores, *(result.time for result in results if result.time)]
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{folder}: cannot be made ({error.strerror or error})") from None
-    with replace_file(folder / "rows.jsonl") as beside:
+    with replace_file(folder / "rows.jsonl") as temporary:
         lines = (json.dumps({"schema": SCHEMA, **record}, allow_nan=False) + "\n" for record in records)
-        beside.write_text("".join(lines), encoding="utf-8")
+        temporary.write_text("".join(lines), encoding="utf-8")
 
 
-def bless_study(about: RunFile, results: Sequence[Result], folder: Path, techniques: Techniques) -> Path | None:
-    """Copy the study file that a run's command names (`about` is its `run.json`) to `folder`'s `study.toml`.
+def copy_study(about: RunFile, results: Sequence[Result], folder: Path, techniques: Techniques) -> Path | None:
+    """Copy the study file named by a run's command to `study.toml` in a folder; about: the run's `run.json`.
 
-    Returns the file, None where none was copied: none was named, it is gone or there already, or in `folder` it would
-    not make these cells, its scenes being relative or the command having changed it.
+    Returns the copied file; None if the command names none, if it is gone or copied already, or if the copy would not
+    produce the run's cells, because of relative scene paths or other options of the command.
     """
     try:
         words = shlex.split(about.get("command", "").replace("--study=", "--study "))
-    except ValueError:  # a quote that does not end: nothing of ours
+    except ValueError:  # an unbalanced quote: not a command line of ours
         return None
     named = [value for option, value in pairwise(words) if option in ("-s", "--study")]
     if not named:
@@ -55,15 +54,15 @@ def bless_study(about: RunFile, results: Sequence[Result], folder: Path, techniq
     file, kept = find_study(named[-1]), folder / "study.toml"
     if not file.is_file() or (kept.exists() and kept.samefile(file)) or not _makes(file, folder, results, techniques):
         return None
-    with replace_file(kept) as beside:
-        beside.write_bytes(file.read_bytes())
+    with replace_file(kept) as temporary:
+        temporary.write_bytes(file.read_bytes())
     return file
 
 
 def _makes(file: Path, folder: Path, results: Sequence[Result], techniques: Techniques) -> bool:
     try:
         study, moved = read_study(file, techniques), read_study(file, techniques, folder)
-    except InputError:  # it has changed since, or needs a plug-in
+    except InputError:  # changed since, or needs a plug-in
         return False
     rows = [result.score for result in results]
     cells = {(cell.spec.full_text, cell.phase) for cell in moved.cells()}

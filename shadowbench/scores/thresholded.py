@@ -1,4 +1,4 @@
-"""Visibility split into shadow and light: what a truth and a mask are both asked for."""
+"""Visibility thresholded into shadow and lit pixels, for masks and truths alike."""
 
 from functools import cached_property
 
@@ -9,10 +9,10 @@ from shadowbench.scores.edges import edge_pixels, squared_distance
 from shadowbench.scores.masks import quantise
 
 
-class Split:
-    """Visibility (H, W) in [0, 1], quantised, and its two classes among the `valid` (H, W) pixels.
+class ThresholdedMask:
+    """Quantised visibility (H, W) in [0, 1], and its shadow and lit pixels among the `valid` (H, W) ones.
 
-    Everything derived is found when first asked for, then kept. ValueError as `quantise` raises it.
+    Derived arrays are computed on first use and kept. Raises ValueError as `quantise` does.
     """
 
     def __init__(self, visibility: ArrayLike, valid: NDArray[np.bool_]) -> None:
@@ -21,7 +21,7 @@ class Split:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Height and width of the view, in pixels."""
+        """Height and width in pixels."""
         height, width = self.visibility.shape
         return height, width
 
@@ -37,10 +37,10 @@ class Split:
 
     @cached_property
     def edge(self) -> NDArray[np.bool_]:
-        """The shadow's outermost pixels (see `edge_pixels`)."""
+        """Shadow pixels beside lit ones (see `edge_pixels`)."""
         return edge_pixels(self.shadow, self.lit)
 
     @cached_property
     def squared_edge_distance(self) -> NDArray[np.int32]:
-        """Squared distance to `edge`, in pixels; NOWHERE if there is no edge."""
+        """Squared distance to `edge` in pixels; NOWHERE if there is no edge."""
         return squared_distance(self.edge)

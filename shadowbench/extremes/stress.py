@@ -1,4 +1,4 @@
-"""What `stress` computes: specs walked along axes into a folder, and the operating ranges that are left."""
+"""Computation behind `stress`: a sweep of specs along axes into a folder, and their operating ranges."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,19 +19,19 @@ from shadowbench.studies.study import Study
 from shadowbench.studies.tables import write_table
 from shadowbench.techniques.spec import Spec
 
-LIMITS = Limits(seconds=120.0, bytes=4 << 30)  # so that the largest maps are refused on any machine
+LIMITS = Limits(seconds=120.0, bytes=4 << 30)  # fixed, so that the same maps are too large on every machine
 
 
 @dataclass(frozen=True, eq=False)
-class Stressed:
-    """The rows of a sweep, and the operating range of each spec on each axis under each kind of light."""
+class StressResult:
+    """Rows of a sweep, and the operating range of each spec on each axis under each kind of light."""
 
     rows: tuple[Record, ...]
     ranges: tuple[OperatingRange, ...]
 
 
 def chosen_axes(names: Sequence[str]) -> list[Axis]:
-    """The axes of these names in their own order, all of them for no name; raises InputError for one there is not."""
+    """Axes by name, in the order of AXES; all for no name. Raises InputError for an unknown name."""
     for name in names:
         if name not in AXES:
             raise InputError(f"--axis: found {name!r:.60}{alternatives(name, AXES)}")
@@ -46,10 +46,11 @@ def stress(
     reporter: Reporter,
     *,
     quick: bool = False,
-) -> Stressed:
-    """Walk specs along axes, a few values of each where `quick`; write rows, `ranges.csv`, `table.csv` and `run.json`.
+) -> StressResult:
+    """Sweep specs along axes and write rows, `ranges.csv`, `table.csv` and `run.json` into a folder.
 
-    executor: one with LIMITS. Raises InputError for a folder of other files. A cell that fails is a row that says so.
+    executor: must have LIMITS; quick: a few values of each axis. Raises InputError for a folder with other files. A
+    cell that fails gets a row with that status.
     """
     check_folder(folder)
     rows = Sweep(specs, folder, executor, reporter).run(axes, quick)
@@ -57,8 +58,8 @@ def stress(
     write_table(folder / "ranges.csv", ranges_frame(ranges))
     study = Study.of(
         [axis.name for axis in axes], specs, reference=specs[0], view_size=VIEW_SIZE, rounds=0
-    )  # as `run.json` tells it
+    )  # for its entry in `run.json`
     write_run_file(folder / "run.json", executor.info, [], study.facts, rows)
     _, (whole,) = read_folders([folder])
     write_table(folder / "table.csv", points_frame(whole.rows))
-    return Stressed(tuple(rows), tuple(ranges))
+    return StressResult(tuple(rows), tuple(ranges))

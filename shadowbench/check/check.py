@@ -1,4 +1,4 @@
-"""What `check` computes: a run folder held against a baseline, pictures of what got worse, and a new baseline."""
+"""Computation behind `check`: comparison of a run folder with a baseline, difference pictures, and a new baseline."""
 
 import math
 import re
@@ -11,27 +11,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.check.baseline import Change, Findings, compare
-from shadowbench.check.blessing import bless, bless_study
+from shadowbench.check.bless import copy_study, write_baseline
 from shadowbench.errors import InputError
 from shadowbench.measure.pictures import write_picture
-from shadowbench.measure.printed import techniques_with
+from shadowbench.measure.plugin_output import techniques_with
 from shadowbench.measure.rows import Record
 from shadowbench.reports.gallery import difference, read_view
 from shadowbench.reports.words import counted
 from shadowbench.scores.metrics import METRICS
-from shadowbench.studies.folder import Run, identity, read_runs
+from shadowbench.studies.folder import IDENTITY, Run, identity, read_runs
 
-_PICTURES = 8  # of the cells that are worst
-_FOREIGN = re.compile(r"[^\w.+=-]+")  # not every file system takes it
+_PICTURES = 8  # most difference pictures
+_UNSAFE = re.compile(r"[^\w.+=-]+")  # not allowed in file names everywhere
 _GAP = 8  # white pixels between before and after
 
 
 @dataclass(frozen=True, eq=False)
-class Checked:
-    """A run held against a baseline.
+class CheckResult:
+    """Result of comparing a run with a baseline.
 
-    run: the cells of the folder's last command; baseline: None for the first that is blessed; failing: what regressed,
-    slower cells among it where times count; notes: what could not be compared.
+    run: the cells of the folder's last command; baseline: None if there is none yet; failing: regressions, including
+    slower cells if times count; notes: what could not be compared.
     """
 
     run: Run
@@ -48,21 +48,21 @@ def check(
     tolerances: Mapping[str, float] = {},
     time: bool = False,
     update: bool = False,
-) -> Checked:
+) -> CheckResult:
     """Compare the cells of a folder's last command with those of a baseline.
 
-    tolerances: by metric, in place of the metrics' own; time: whether slower cells fail too; update: whether the run is
-    to become the baseline, which may then be new, and no folder of a run. Raises InputError for what is no run or
-    baseline, and for two without a cell in common.
+    tolerances: overrides by metric name; time: whether slower cells fail; update: whether the run is to become the
+    baseline, which may then be missing but not be a run folder. Raises InputError for a folder that is no run or
+    baseline, and if they have no cell in common.
     """
     whole = read_runs([folder])[0]
     run = replace(whole, rows=tuple(row for row in whole.rows if row["key"] not in whole.earlier))
-    then = _baseline(baseline, update)
-    findings = compare(run.results, then.results if then else (), tolerances)
+    reference_run = _baseline(baseline, update)
+    findings = compare(run.results, reference_run.results if reference_run else (), tolerances)
     if findings.compared == 0 and not update:
         raise InputError(
-            f"{folder} and {baseline} have no cell in common; allowed: runs of the same scenes, specs, "
-            "map sizes and view size"
+            f"{folder} and {baseline} have no cell in common: {_apart(run, reference_run)}; allowed: runs of the "
+            "same scenes, specs, map sizes and view size"
         )
     failing = findings.of("regressed", times=False) + (findings.of("regressed", times=True) if time else [])
     notes = list(findings.notes)
@@ -71,11 +71,31 @@ def check(
     if whole.earlier:
         older = counted(len(whole.earlier), "cell")
         notes.append(f"{older} of earlier commands in {folder} left out; run.json lists those of the last")
-    return Checked(run, then, findings, tuple(failing), tuple(notes))
+    for one in (whole, reference_run):
+        if one is not None and one.cut_off:
+            notes.append(
+                f"{one.folder / 'rows.jsonl'}: the last line is cut off and was ignored; its writer was stopped"
+            )
+    return CheckResult(run, reference_run, findings, tuple(failing), tuple(notes))
+
+
+def _apart(run: Run, baseline: Run | None) -> str:
+    """The fields that keep two runs' cells apart: those of which no value stands in both."""
+    sides = [zip(*(identity(row) for row in side.rows), strict=True) for side in (run, baseline) if side]
+    fields = []
+    for name, here, there in zip(("spec", *IDENTITY), *(map(set, side) for side in sides), strict=True):
+        if here.isdisjoint(there):
+            fields.append(f"{name} is {_values_of(here)} against {_values_of(there)}")
+    return "; ".join(fields) or "each field has values in common, but no cell agrees in all of them"
+
+
+def _values_of(found: set[Any]) -> str:
+    texts = sorted(f"{one[0]}:{','.join(one[1:])}" if isinstance(one, tuple) else str(one) for one in found)
+    return ", ".join(f"{text:.60}" for text in texts[:3]) + (", …" if len(texts) > 3 else "")
 
 
 def _baseline(folder: Path, update: bool) -> Run | None:
-    """The baseline; None for the first that is blessed. Raises InputError for one that may not be overwritten."""
+    """Read the baseline; None if there is none yet. Raises InputError if `update` must not overwrite it."""
     if update:
         if (folder / "run.json").exists():
             allowed = "a folder of its own (rows.jsonl, study.toml), also a new one"
@@ -85,19 +105,19 @@ def _baseline(folder: Path, update: bool) -> Run | None:
     return read_runs([folder])[0]
 
 
-def write_pictures(checked: Checked) -> list[tuple[Path, bool]]:
-    """Signed differences of the worst cells that have masks, in the run's folder `check`.
+def write_pictures(result: CheckResult) -> list[tuple[Path, bool]]:
+    """Write difference pictures of the worst cells that have masks into the run's folder `check`.
 
-    Returns each file, and whether it shows the difference of before too.
+    Returns each file, and whether it shows the baseline's difference beside the new one.
     """
-    run, baseline = checked.run, checked.baseline
+    run, baseline = result.run, result.baseline
     if baseline is None:
         return []
     folder = run.folder / "check"
     for stale in folder.glob("*.png"):
         stale.unlink()
     before = {identity(result.score): result.score for result in baseline.results}
-    regressed = checked.findings.of("regressed", times=False)
+    regressed = result.findings.of("regressed", times=False)
     worst = {identity(change.score): change.score for change in regressed if change.what in METRICS}
     written: list[tuple[Path, bool]] = []
     for key, score in worst.items():
@@ -109,14 +129,14 @@ def write_pictures(checked: Checked) -> list[tuple[Path, bool]]:
         parts = [old, np.full((len(after), _GAP, 3), 255, np.uint8), after] if beside and old is not None else [after]
         folder.mkdir(exist_ok=True)
         named = [str(len(written) + 1), *(str(score[part]) for part in ("scene", "spec", "map_size") if score[part])]
-        file = folder / f"{_FOREIGN.sub('_', '.'.join(named)):.120}.png"
+        file = folder / f"{_UNSAFE.sub('_', '.'.join(named)):.120}.png"
         write_picture(file, np.hstack(parts))
         written.append((file, beside))
     return written
 
 
 def _difference(run: Run, score: Record, traced: Run) -> NDArray[np.uint8] | None:
-    """A cell's mask against the truth of a run; None where a file is lacking."""
+    """Difference picture of a cell's mask and the truth in a run folder; None if a file is missing."""
     view = ".".join(str(score[name]) for name in ("scene", "view", "light", "view_size"))
     mask, truth = run.folder / "masks" / f"{score['key']}.png", traced.folder / "truth" / f"{view}.png"
     undecided = truth.with_suffix(".undecided.png")
@@ -127,13 +147,13 @@ def _difference(run: Run, score: Record, traced: Run) -> NDArray[np.uint8] | Non
 
 
 def make_baseline(run: Run, folder: Path) -> Path | None:
-    """Make a run the baseline, and return the study file that went with it, None for none; InputError as `bless`."""
-    bless(run.results, folder)
-    return bless_study(run.about, run.results, folder, techniques_with(()))
+    """Make a run the baseline. Returns the study file copied with it, if any. Raises InputError as `write_baseline`."""
+    write_baseline(run.results, folder)
+    return copy_study(run.about, run.results, folder, techniques_with(()))
 
 
 def values(findings: Findings) -> dict[str, Any]:
-    """What a check found, as JSON has it."""
+    """JSON object of `check --json`."""
     return {
         "compared": findings.compared,
         "equal_masks": findings.equal,

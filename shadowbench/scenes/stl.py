@@ -1,4 +1,4 @@
-"""What an STL file declares about itself, checked before trimesh reads it, which cuts short in silence."""
+"""Checks of STL files before trimesh reads them, as trimesh silently truncates damaged ones."""
 
 import re
 
@@ -6,14 +6,14 @@ from shadowbench.errors import InputError
 from shadowbench.scenes.lines import LONGEST_LINE
 
 MOST_SOLIDS = 1000
-"""In a text STL: trimesh looks for a name that is free among all before it."""
+"""Largest number of solids in a text STL: trimesh takes quadratic time to give them unique names."""
 
 
 def checked_stl(data: bytes, where: str) -> bytes:
-    """The bytes of an STL, a text one in UTF-8: names may be in any code, and trimesh reads only this one.
+    """The bytes of an STL; those of a text STL converted to UTF-8, the only encoding that trimesh reads.
 
-    Raises InputError for a binary file that is not as long as its count says, and for a text one that does not end what
-    it begins.
+    Raises InputError for a binary file whose length does not match its triangle count, and for a text file with an
+    unfinished solid.
     """
     count = int.from_bytes(data[80:84], "little")
     if len(data) == 84 + 50 * count:

@@ -1,0 +1,228 @@
+"""The cheapest spec that meets a target in one view: target, search and result."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from shadowbench.advice.search import Search, Trial
+from shadowbench.advice.space import Exclusion, full_space, prune, start_size, unavailable
+from shadowbench.measure.rows import Result
+from shadowbench.scenes.model import View
+from shadowbench.scores.thresholded import ThresholdedMask
+from shadowbench.studies.tables import cells_frame
+from shadowbench.studies.times import ReferenceTime, normalise_times
+from shadowbench.survey.survey import Needs, needs
+from shadowbench.techniques.base import Technique
+from shadowbench.techniques.spec import Spec
+from shadowbench.techniques.unshadowed import Unshadowed
+from shadowbench.truths.trace import Truth
+
+Unit = Literal["work", "ms"]
+# By how much an error may be smaller than predicted, for the same filter and for another; from rows of all built-in
+# scenes. edge_px, a mean of distances, is sensitive to single pixels, so that it falls less evenly with the map size.
+MARGINS = {"iou": (1.8, 2.0), "edge_px": (3.5, 3.5)}
+SAVED = 0.9  # cost relative to the choice's below which an alternative is worth relaxing the target for
+
+
+@dataclass(frozen=True)
+class Target:
+    """Target of a recommendation: a minimum of `iou` or maximum of `edge_px`; optionally a budget in milliseconds."""
+
+    metric: Literal["iou", "edge_px"]
+    value: float
+    budget_ms: float | None = None
+
+    @property
+    def limit(self) -> float:
+        """Largest error that meets the target."""
+        return 1 - self.value if self.metric == "iou" else self.value
+
+    def error(self, metrics: Mapping[str, float | None]) -> float:
+        """Error of a row's metrics: 1 − IoU, or the edge distance in pixels.
+
+        IoU is None if neither the truth nor the mask has a shadow; the error is then 0. An edge distance is None if
+        neither has an edge; the error is then 0 if their shadows are equal, else infinite.
+        """
+        value = metrics[self.metric]
+        if value is None:
+            return 0.0 if metrics["iou"] in (None, 1.0) else math.inf
+        return 1 - value if self.metric == "iou" else value
+
+    def text(self, error: float) -> str:
+        """Text of an error in terms of the metric: `IoU 0.9712` or `edges 0.21 px off`; in words if infinite."""
+        if math.isinf(error):
+            return "no edges to compare, and other shadows"
+        return f"IoU {1 - error:.4f}" if self.metric == "iou" else f"edges {error:.3g} px off"
+
+    def __str__(self) -> str:
+        what = f"IoU ≥ {self.value:g}" if self.metric == "iou" else f"edges at most {self.value:g} px off"
+        return what if self.budget_ms is None else f"{what} within {self.budget_ms:g} ms"
+
+
+@dataclass(frozen=True, eq=False)
+class Recommendation:
+    """Result of `recommend`.
+
+    choice: the cheapest trial that meets the target, None if none does; closest: in that case, the trial closest to the
+    target; runners_up: the best trial of each technique besides the choice; trials: all successful ones, by cost;
+    unsuccessful: status by spec of the others; excluded: specs that were not tried; space_size: number of specs in the
+    full space; cheaper, better: the next trials on either side of the choice, None at the ends; needs: survey of the
+    view; reference: reference time of costs in milliseconds, None if costs are work.
+    """
+
+    view: View
+    target: Target
+    unit: Unit
+    choice: Trial | None
+    closest: Trial | None
+    runners_up: tuple[Trial, ...]
+    trials: tuple[Trial, ...]
+    unsuccessful: Mapping[str, str]
+    excluded: tuple[Exclusion, ...]
+    space_size: int
+    cheaper: Trial | None
+    better: Trial | None
+    needs: Needs
+    reference: ReferenceTime | None
+
+    @property
+    def measured(self) -> int:
+        """Number of specs measured."""
+        return len(self.trials) + len(self.unsuccessful)
+
+
+def find_cheapest(
+    view: View,
+    truth: Truth,
+    target: Target,
+    unit: Unit,
+    known: Mapping[str, type[Technique]],
+    largest: int,
+    measure: Callable[[Spec], Result],
+) -> Recommendation:
+    """Search the specs of `known` techniques with maps up to `largest`. Raises InputError as `needs` does."""
+    found = needs(view)
+    space = full_space(known, view.light.kind, largest)
+    least_iou = target.value if target.metric == "iou" else None
+    left, excluded = prune(space, found, least_iou, unit == "work")
+    out = [*unavailable(known, view.light.kind), *excluded]
+    if not (truth.receivers & (truth.visibility < 0.5)).any():
+        left = [Spec(Unshadowed, Unshadowed.Params())]
+        out = [Exclusion(f"all but {Unshadowed.name}", "nothing that is seen is in shadow", len(space))]
+    unsuccessful: dict[str, str] = {}
+
+    def try_spec(spec: Spec) -> Trial | None:
+        result = measure(spec)
+        status = result.status
+        if status == "ok" and unit == "ms" and _ratio(result) is None:
+            status = f"failed: no ratio to the reference: {result.time and result.time['no_ratio']}"
+        if status != "ok":
+            unsuccessful[spec.text] = status
+            return None
+        return trial_of(spec, result, target, unit)
+
+    search = Search(
+        space=left,
+        limit=target.limit,
+        pixels=view.size**2,
+        start=lambda spec: start_size(spec, found),
+        measure=try_spec,
+        margins=MARGINS[target.metric],
+        price=1.0 if unit == "work" else 0.0,
+        least=least_error(truth, target.metric),
+    )
+    best, trials, reference = search.run(), search.trials, None
+    if unit == "ms" and search.trials:
+        trials, reference = to_milliseconds(search.trials)
+        best = trials[search.trials.index(best)] if best else None
+    if best is not None and target.budget_ms is not None and best.cost > target.budget_ms:
+        best = None
+    return Recommendation(
+        view=view,
+        target=target,
+        unit=unit,
+        choice=best,
+        closest=None if best else closest(trials, target),
+        runners_up=runners_up(trials, best, target),
+        trials=tuple(sorted(trials, key=lambda trial: (trial.cost, trial.bytes, trial.error))),
+        unsuccessful=unsuccessful,
+        excluded=tuple(out),
+        space_size=len(space),
+        cheaper=_cheaper(trials, best),
+        better=_better(trials, best),
+        needs=found,
+        reference=reference,
+    )
+
+
+def least_error(truth: Truth, metric: Literal["iou", "edge_px"]) -> float:
+    """Approximate error of a single wrong pixel of the shadow or of its edge: the smallest error above 0."""
+    mask = ThresholdedMask(truth.visibility, truth.receivers & ~truth.undecided)
+    return 1 / max(int(np.count_nonzero(mask.shadow if metric == "iou" else mask.edge)), 1)
+
+
+def trial_of(spec: Spec, result: Result, target: Target, unit: Unit) -> Trial:
+    """Trial of a measured spec; its cost is its work, or, if `unit` is ms, its ratio to the reference.
+
+    In the latter case, the fixed cost is the ratio times the vertices' share of the work.
+    """
+    row = result.score
+    work = row["work"]
+    vertices = float(work.get("vertices", 0) + work.get("geometry", 0))
+    if unit == "work":
+        cost, fixed = float(work["cost"]), vertices
+    else:
+        ratio = _ratio(result)
+        assert ratio is not None
+        cost = ratio
+        fixed = cost * vertices / work["cost"] if "cost" in work else 0.0
+    return Trial(spec, cost, fixed, int(row["gpu_bytes"]), target.error(row["metrics"]), result)
+
+
+def to_milliseconds(trials: Sequence[Trial]) -> tuple[list[Trial], ReferenceTime]:
+    """Trials with costs in milliseconds in place of ratios, by one time of their reference, which is returned too."""
+    _, reference = normalise_times(cells_frame([trial.result for trial in trials if trial.result is not None]))
+    assert reference is not None
+    return [
+        replace(trial, cost=trial.cost * reference.ms, fixed=trial.fixed * reference.ms) for trial in trials
+    ], reference
+
+
+def _ratio(result: Result) -> float | None:
+    ratio = None if result.time is None else result.time["ratio"]
+    return None if ratio is None else float(ratio)
+
+
+def closest(trials: Sequence[Trial], target: Target) -> Trial | None:
+    """The most accurate trial within the budget; of all trials if none is."""
+    within = [trial for trial in trials if target.budget_ms is None or trial.cost <= target.budget_ms]
+    return min(within or trials, key=lambda trial: (trial.error, trial.cost, trial.bytes), default=None)
+
+
+def runners_up(trials: Sequence[Trial], best: Trial | None, target: Target) -> tuple[Trial, ...]:
+    """For each technique, its cheapest other trial that meets the target, else its most accurate one."""
+    found = []
+    for name in dict.fromkeys(trial.spec.technique.name for trial in trials):
+        mine = [trial for trial in trials if trial.spec.technique.name == name and trial is not best]
+        met = [trial for trial in mine if trial.error <= target.limit]
+        if met:
+            found.append(min(met, key=lambda trial: (trial.cost, trial.bytes, trial.error)))
+        elif mine:
+            found.append(min(mine, key=lambda trial: (trial.error, trial.cost)))
+    return tuple(sorted(found, key=lambda trial: (trial.error > target.limit, trial.cost)))
+
+
+def _cheaper(trials: Sequence[Trial], best: Trial | None) -> Trial | None:
+    """The most accurate trial that saves a tenth of the choice's cost or more."""
+    cheaper = [trial for trial in trials if best is not None and trial.cost <= SAVED * best.cost]
+    less = [trial for trial in cheaper if math.isfinite(trial.error)]  # a target cannot be relaxed to an infinite error
+    return min(less, key=lambda trial: (trial.error, trial.cost), default=None)
+
+
+def _better(trials: Sequence[Trial], best: Trial | None) -> Trial | None:
+    """The cheapest trial with less than half of the choice's error."""
+    more = [trial for trial in trials if best is not None and trial.error < best.error / 2]
+    return min(more, key=lambda trial: (trial.cost, trial.error), default=None)

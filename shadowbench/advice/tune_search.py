@@ -1,0 +1,176 @@
+"""Search for a technique's best parameters at each cost, on the tuning scenes; evaluation on the held-out ones."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import pandas as pd
+
+from shadowbench.advice.tune_cells import TuningCells
+from shadowbench.advice.tune_comparison import SearchResult, TuningComparison, compare
+from shadowbench.advice.tune_scores import log_cost, log_error, scene_scores, significantly_less
+from shadowbench.advice.tune_space import SearchSpace
+from shadowbench.advice.tune_split import SceneSplit
+from shadowbench.errors import InputError
+from shadowbench.measure.cells import Block
+from shadowbench.measure.executor import CellFailed
+from shadowbench.studies.times import pareto_front
+from shadowbench.techniques.spec import Spec
+
+if TYPE_CHECKING:
+    from optuna import Study, Trial
+
+BATCH = 8
+"""Trials suggested together before any result is reported to Optuna, so that each scene is loaded once for all."""
+
+_RANDOM = 0.4  # share of random trials at the start of a search
+_SEED = 0
+
+
+def search_parameters(
+    space: SearchSpace,
+    cells: TuningCells,
+    blocks: Sequence[Block],
+    split: SceneSplit,
+    trials: int,
+    others: Mapping[str, Spec],
+) -> TuningComparison:
+    """Search on the tuning scenes, and compare the result with `others`, by name, on the held-out scenes.
+
+    Raises CellFailed as `Search.run` does.
+    """
+    cells.reporter.note(f"tuning on {', '.join(split.tuning)}; held out: {', '.join(split.held_out)}")
+    return compare(ParameterSearch(space, cells, blocks, split).run(trials, others))
+
+
+class ParameterSearch:
+    """Search by Optuna's tree-structured Parzen estimator: for error and cost (Ozaki et al. 2022), then error alone.
+
+    The first half of the trials searches the whole space, the second half the numeric parameters of the best spec that
+    costs no more than the default. Trials are deterministic for the same space, scenes and number of trials, so that an
+    interrupted search resumes from its rows. The default and the specs to compare with are trials too, if they lie in
+    the space.
+
+    To avoid overfitting to a dozen scenes, the best spec is taken only if it is significantly better than the default
+    by a confidence interval over scenes; otherwise the default is kept (cf. the one-standard-error rule, Breiman et al.
+    1984).
+    """
+
+    def __init__(self, space: SearchSpace, cells: TuningCells, blocks: Sequence[Block], split: SceneSplit) -> None:
+        self.space, self.cells, self.split = space, cells, split
+        self.tuning = [block for block in blocks if block.scene.name in split.tuning]
+        self.held_out = [block for block in blocks if block.scene.name in split.held_out]
+        self.default = space.base
+        self._scores_of: dict[Spec, pd.DataFrame] = {}  # scores on the tuning scenes
+        self._failed: set[Spec] = set()  # specs with a failed cell
+
+    def run(self, trials: int, others: Mapping[str, Spec]) -> SearchResult:
+        """Search, then measure the best specs, the default and `others`, by name, on the held-out scenes.
+
+        Raises CellFailed if the default fails, or if the tuned spec fails on the held-out scenes.
+        """
+        named = {"default": self.default, **others}
+        outside = sum(self.space.point(spec) is None for spec in named.values())
+        self._stage("tuning", trials + outside, self.tuning)
+        self._try([self.default])
+        _check(self.default, self._scores_of)
+        self._explore(self.space, trials - trials // 2, 2, list(named.values()))
+        _, best = self._best()
+        near = self.space.around(best)
+        if near.point(best):  # the space has numeric parameters
+            self._explore(near, trials // 2, 1, list(self._scores_of))
+        self._try(list(named.values()))
+        return self._result(named)
+
+    def _explore(self, space: SearchSpace, trials: int, goals: int, first: Sequence[Spec]) -> None:
+        """Try Optuna's suggestions, beginning with the specs of `first` in the space; known ones are not counted."""
+        inside = [spec for spec in first if space.point(spec) is not None]
+        study = _study(goals, round(_RANDOM * trials))
+        for spec in inside:
+            study.enqueue_trial(space.point(spec) or {})
+        left = trials + sum(spec in self._scores_of for spec in inside)
+        while left > 0:
+            batch = [study.ask() for _ in range(min(BATCH, left))]
+            left -= len(batch)
+            specs = [self._suggest(space, trial) for trial in batch]
+            self._try([spec for spec in specs if spec is not None])
+            for trial, suggested in zip(batch, specs, strict=True):
+                if suggested is not None and suggested in self._scores_of:
+                    study.tell(trial, (self._error(suggested), self._cost(suggested))[:goals])
+                else:
+                    _tell_failed(study, trial)
+
+    def _suggest(self, space: SearchSpace, trial: "Trial") -> Spec | None:
+        try:
+            return space.spec(trial)
+        except InputError as error:  # an invalid combination
+            self.cells.reporter.note(f"{error}; it is left out")
+            return None
+
+    def _try(self, specs: Sequence[Spec]) -> None:
+        """Measure specs on the tuning scenes unless measured before."""
+        fresh = [spec for spec in dict.fromkeys(specs) if spec not in self._scores_of and spec not in self._failed]
+        succeeded = self._measure_scores(fresh, self.tuning)
+        self._scores_of |= succeeded
+        self._failed |= set(fresh) - set(succeeded)
+
+    def _measure_scores(self, specs: Sequence[Spec], blocks: Sequence[Block]) -> dict[Spec, pd.DataFrame]:
+        """`scene_scores` of each spec whose cells all succeeded; the others are reported and left out."""
+        found: dict[Spec, pd.DataFrame] = {}
+        for spec, rows in self.cells.measure(specs, blocks).items():
+            failed = next((row for row in rows if row["status"] != "ok"), None)
+            if failed is None:
+                found[spec] = scene_scores(rows)
+            else:
+                self.cells.reporter.note(f"{spec.text}: {failed['scene']}: {failed['status']}; it is left out")
+        return found
+
+    def _best(self) -> tuple[list[Spec], Spec]:
+        """Pareto-optimal specs by increasing cost, and the most accurate one that costs no more than the default."""
+        found: dict[tuple[float, float], Spec] = {}
+        for spec in self._scores_of:  # the first of equal ones
+            found.setdefault((self._cost(spec), self._error(spec)), spec)
+        points = list(found)
+        best = [found[points[i]] for i in pareto_front(points)]
+        return best, [spec for spec in best if self._cost(spec) <= 0][-1]
+
+    def _result(self, named: Mapping[str, Spec]) -> SearchResult:
+        """Measure the best and the named specs on the held-out scenes."""
+        best, least = self._best()
+        better = significantly_less(self._scores_of[least], self._scores_of[self.default])
+        tuned = least if better else self.default
+        chosen = [spec for spec in dict.fromkeys([*best, *named.values()]) if spec in self._scores_of]
+        self._stage("held out", len(chosen), self.held_out)
+        scores = self._measure_scores(chosen, self.held_out)
+        _check(tuned, scores)
+        _check(self.default, scores)
+        tuning = {spec: self._scores_of[spec] for spec in chosen}
+        return SearchResult(self.split, tuned, best, named, tuning, scores)
+
+    def _stage(self, name: str, specs: int, blocks: Sequence[Block]) -> None:
+        self.cells.reporter.stage(name, specs * self.cells.cells_per_block(self.default) * len(blocks))
+
+    def _error(self, spec: Spec) -> float:
+        """Mean log error over the tuning scenes."""
+        return float(log_error(self._scores_of[spec]).mean())
+
+    def _cost(self, spec: Spec) -> float:
+        return log_cost(self._scores_of[spec], self._scores_of[self.default])
+
+
+def _check(spec: Spec, scores: Mapping[Spec, pd.DataFrame]) -> None:
+    if spec not in scores:
+        raise CellFailed(f"{spec.text} fails on some scene, so that nothing can be compared with it")
+
+
+def _study(goals: int, random: int) -> "Study":
+    import optuna
+
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    sampler = optuna.samplers.TPESampler(n_startup_trials=max(1, random), seed=_SEED)
+    return optuna.create_study(directions=["minimize"] * goals, sampler=sampler)
+
+
+def _tell_failed(study: "Study", trial: "Trial") -> None:
+    from optuna.trial import TrialState
+
+    study.tell(trial, state=TrialState.FAIL)

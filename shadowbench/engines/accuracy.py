@@ -1,0 +1,160 @@
+"""Scoring a mask of another renderer against the truth of its view, with checks for common mistakes."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shadowbench.engines.difference import difference_picture
+from shadowbench.engines.encoding import MaskEncoding, detect_encoding
+from shadowbench.engines.error_kinds import ErrorKind, error_kinds, wrong_pixels
+from shadowbench.engines.external_mask import ExternalMask
+from shadowbench.engines.orientation import misorientation
+from shadowbench.engines.shift import estimate_shift
+from shadowbench.errors import InputError
+from shadowbench.measure.scoring import mask_record, prepare_truth
+from shadowbench.scenes.model import View
+from shadowbench.scores.comparison import Comparison
+from shadowbench.truths.cache import cached_truth
+
+_NOTED_CLIPPED = 0.01
+"""Share of clipped pixels among the scored ones above which a warning is given."""
+_ALIKE_IOU, _COMMON = 0.2, 0.5
+"""IoU, and common share of the smaller shadow, below which a mask may be of another scene. At 256², three in four masks
+of other built-in scenes are below, and none of the built-in techniques', even without bias."""
+
+
+@dataclass(frozen=True, eq=False)
+class Accuracy:
+    """Scores of a mask of another renderer; record: fields of its score record; comparison: mask and truth."""
+
+    external: ExternalMask
+    view: View
+    comparison: Comparison
+    record: dict[str, Any]
+    warnings: tuple[str, ...]
+
+    @property
+    def metrics(self) -> dict[str, float | None]:
+        """All metrics by name; None if a denominator is 0."""
+        found: dict[str, float | None] = self.record["metrics"]
+        return found
+
+    @cached_property
+    def kinds(self) -> list[ErrorKind]:
+        """Kinds of error, most pixels first."""
+        return error_kinds(self.comparison, self.metrics)
+
+    @cached_property
+    def wrong(self) -> tuple[int, int]:
+        """Numbers of pixels of false shadow and of false light."""
+        false_shadow, false_light = wrong_pixels(self.comparison)
+        return int(np.count_nonzero(false_shadow)), int(np.count_nonzero(false_light))
+
+    def values(self) -> dict[str, Any]:
+        """JSON object of `score --json`."""
+        false_shadow, false_light = self.wrong
+        return {
+            "scene": self.view.scene.name,
+            "view": self.view.camera.name,
+            "light": self.view.light.name,
+            "view_size": self.view.size,
+            **self.record,
+            "false_shadow": false_shadow,
+            "false_light": false_light,
+            "errors": [{"kind": kind.name, "pixels": kind.pixels, "line": kind.line} for kind in self.kinds],
+        }
+
+    def difference(self) -> NDArray[np.uint8]:
+        """(N, N, 3) uint8 sRGB: false shadow orange, false light blue."""
+        return difference_picture(self.comparison)
+
+    def summary(self) -> list[str]:
+        """Lines of text about the errors."""
+        false_shadow, false_light = self.wrong
+        scored = self.comparison.truth.pixels
+        lines = [f"{scored} pixels scored: {false_shadow} of false shadow, {false_light} of false light"]
+        if unmeasured := self.record["input"]["unmeasured"]:
+            lines.append(f"{unmeasured} more not scored: lit and ambient picture differ there by less than 1/64")
+        lines += [f"{kind.name}, {kind.pixels} px: {kind.line}" for kind in self.kinds]
+        return lines
+
+
+def accuracy_of(external: ExternalMask, view: View) -> Accuracy:
+    """Score a mask against the truth of a view.
+
+    The mask is scored unchanged: a shift, an sRGB encoding, an umbra that is not 0 or clipping is a warning and a field
+    of `record["input"]`. Raises InputError for a mask that is flipped, rotated or inverted, and for screenshots without
+    a pixel bright enough to score.
+    """
+    truth = cached_truth(view)
+    unmeasured = 0
+    if external.measurable is not None:
+        unmeasured = int(np.count_nonzero(truth.receivers & ~truth.undecided & ~external.measurable))
+        truth = replace(truth, receivers=truth.receivers & external.measurable)
+    prepared = prepare_truth(truth)
+    if unmeasured and not prepared.pixels:
+        raise InputError(
+            f"{external.name}: lit − ambient is below 1/64 in every pixel; allowed: a lit picture of the view"
+        )
+    if fault := misorientation(external.visibility, prepared):
+        raise InputError(
+            f"{external.name}: is {fault}, against the truth of {view.scene.name}; "
+            "allowed: row 0 at the top, column 0 at the left, full = lit, 0 = in shadow"
+        )
+    comparison = Comparison(external.visibility, prepared)
+    # Screenshots were decoded from sRGB already.
+    encoding = detect_encoding(comparison) if external.measurable is None else MaskEncoding(estimate_shift(comparison))
+    clipped = 0 if external.clipped is None else int(np.count_nonzero(external.clipped & prepared.valid))
+    warnings = []
+    if encoding.shift is not None:
+        warnings.append(f"seems shifted by {_shift_text(encoding.shift)}; scored as it is")
+    if encoding.umbra is not None:
+        warnings.append(f"its shadow is {encoding.umbra:.2f}, not 0; scored as it is")
+    if encoding.srgb_encoded:
+        warnings.append("seems to be sRGB-encoded (its soft values are too light for a linear mask); scored as it is")
+    if (line := _uniform(comparison)) is not None:
+        warnings.append(line)
+    if seems_unrelated(comparison):
+        warnings.append("has little in common with the truth; is it a mask of this scene, view and light?")
+    if clipped > _NOTED_CLIPPED * prepared.pixels:
+        share = clipped / prepared.pixels
+        warnings.append(f"the lit picture is at full in {share:.1%} of the scored pixels and may be cut off there")
+    input_record = {
+        "source": "mask" if external.measurable is None else "screenshots",
+        "shift_px": encoding.shift,
+        "srgb_encoded": encoding.srgb_encoded,
+        "umbra": encoding.umbra,
+        "unmeasured": unmeasured,
+        "clipped": clipped,
+        "warnings": warnings,
+    }
+    record = {**mask_record(external.visibility, truth, prepared), "input": input_record}
+    return Accuracy(external, view, comparison, record, tuple(f"{external.name}: {line}" for line in warnings))
+
+
+def _uniform(comparison: Comparison) -> str | None:
+    """A warning for a truth, else a mask, that is lit or in shadow in every scored pixel."""
+    pixels = comparison.truth.pixels
+    for whose, shadow in (("in this view the truth", comparison.truth.shadow), ("the mask", comparison.shadow)):
+        count = int(np.count_nonzero(shadow))
+        if pixels and count in (0, pixels):
+            return f"{whose} is {'in shadow' if count else 'lit'} in every scored pixel, so most metrics say little"
+    return None
+
+
+def seems_unrelated(comparison: Comparison) -> bool:
+    """Whether a mask's shadow and the truth's are there, and lie beside each other."""
+    mask, truth = comparison.shadow, comparison.truth.shadow
+    common, smaller = np.count_nonzero(mask & truth), min(np.count_nonzero(mask), np.count_nonzero(truth))
+    return bool(common < _COMMON * smaller and common < _ALIKE_IOU * np.count_nonzero(mask | truth))
+
+
+def _shift_text(shift: tuple[float, float]) -> str:
+    across, down = shift
+    parts = [(across, "to the right", "to the left"), (down, "down", "up")]
+    return " and ".join(
+        f"{abs(value):.2f} px {forth if value > 0 else back}" for value, forth, back in parts if abs(value) >= 0.05
+    )

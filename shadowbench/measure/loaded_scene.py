@@ -1,0 +1,63 @@
+"""A scene uploaded to the GPU, a view of it with its G-buffer, and a technique built for that view."""
+
+from dataclasses import dataclass
+
+from shadowbench.gl.device import Device
+from shadowbench.gl.gbuffer import GBuffer, GBufferPass
+from shadowbench.gl.geometry import DeviceGeometry
+from shadowbench.gl.picture import PicturePass
+from shadowbench.measure.cells import PlacedView
+from shadowbench.scenes.model import IDENTITY_PLACEMENT, Coordinates, Scene, View
+from shadowbench.techniques.base import Frame, Stage, Technique
+
+
+class LoadedScene:
+    """Buffers and passes of a scene on the GPU, in the coordinates it is drawn in."""
+
+    def __init__(self, device: Device, file_scene: Scene, coordinates: Coordinates) -> None:
+        self.file_scene, self.coordinates = file_scene, coordinates
+        self.placement = file_scene.placement if coordinates == "relative" else IDENTITY_PLACEMENT
+        self.scene = self.placement.scene(file_scene)
+        self.geometry = DeviceGeometry(device, self.scene.geometry)
+        self.surface_pass = GBufferPass(device, self.geometry)
+        self.picture_pass = PicturePass(device, self.geometry)
+
+    def matches(self, placed_view: PlacedView) -> bool:
+        """Whether a view is of this scene in these coordinates."""
+        return placed_view.view.scene is self.file_scene and placed_view.coordinates == self.coordinates
+
+    def to_drawing_coordinates(self, view: View) -> View:
+        """A view of this scene converted from file coordinates (near and far planes known) to drawing coordinates."""
+        return View(self.scene, self.placement.camera(view.camera), self.placement.light(view.light), view.size)
+
+    def release(self) -> None:
+        """Free GPU memory."""
+        self.picture_pass.release()
+        self.surface_pass.release()
+        self.geometry.release()
+
+
+@dataclass(frozen=True, eq=False)
+class OpenView:
+    """A view with its G-buffer: `file_view` in file coordinates, `view` in drawing coordinates."""
+
+    file_view: View
+    loaded: LoadedScene
+    view: View
+    surface: GBuffer
+
+    def matches(self, placed_view: PlacedView) -> bool:
+        """Whether this is the given view."""
+        own, other = self.file_view, placed_view.view
+        same = (own.camera, own.light, own.size) == (other.camera, other.light, other.size)
+        return same and self.loaded.matches(placed_view)
+
+
+@dataclass(frozen=True, eq=False)
+class BuiltCell:
+    """A technique built for a view and ready to draw; prepare_ms: its build time."""
+
+    technique: Technique
+    stage: Stage
+    frame: Frame
+    prepare_ms: float
