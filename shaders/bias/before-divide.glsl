@@ -1,6 +1,6 @@
 // Subtracted from the homogeneous depth, as in shaders that call textureProj: z/w becomes (z - bias)/w.
 #define BIAS_HAS_DEPTH
 uniform float bias_units;
-uniform float metre;  // as a local length: published code has w, the distance along a spot's axis, in metres
+uniform float metre;  // one metre as a local length: published biases are for w, the distance along the axis, in metres
 
 float bias_depth(Receiver r, ShadowCoord p) { return light.w > 0.0 ? bias_units * metre / p.axis_distance : bias_units; }

@@ -115,7 +115,7 @@ class _PlaneSearch:
         plane = guess, self.distances(guess)
         for within in (_LOOSE * self.tolerance, self.tolerance):
             while (chosen := plane[1] <= within).any():
-                equation = _fitted(self.points[self.faces[chosen]], self.areas[chosen])
+                equation = _least_squares_plane(self.points[self.faces[chosen]], self.areas[chosen])
                 fitted = equation, self.distances(equation)
                 grown = self.area(fitted[1]) - self.area(plane[1])
                 plane = fitted if grown >= 0.0 else plane
@@ -173,7 +173,7 @@ def _cells(search: _PlaneSearch, normals: Floats, offsets: Floats, least: float)
             yield enough[order[ends[index - 1] if index else 0 : ends[index]]]
 
 
-def _fitted(corners: Floats, areas: Floats) -> Floats:
+def _least_squares_plane(corners: Floats, areas: Floats) -> Floats:
     """(4,) least-squares plane of the (N, 3, 3) corners of triangles, weighted by (N,) areas."""
     middles = corners.mean(axis=1)
     middle = np.average(middles, axis=0, weights=areas) if areas.sum() > 0 else middles.mean(axis=0)

@@ -18,7 +18,7 @@ DIRECTIONS = 16  # of shadow edges in the map, over 180°, all equally likely
 # Mean displacement, in texels, of a straight edge by a 2×2 linear comparison, by its angle to the grid's nearer axis:
 # Monte Carlo over the grid's position, ± 0.001, repeated by tests/survey/test_footprint.py.
 ANGLES = np.radians([0.0, 10.0, 20.0, 30.0, 40.0, 45.0])
-OFF = np.array([0.250, 0.218, 0.182, 0.159, 0.168, 0.181])
+DISPLACEMENTS = np.array([0.250, 0.218, 0.182, 0.159, 0.168, 0.181])
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +58,7 @@ class Footprint:
         normal = np.stack([np.cos(angle), np.sin(angle)])
         from_axis = np.arcsin(np.abs(normal).min(axis=0))
         texels = np.abs(np.einsum("id,ijr->jrd", normal, self.jacobian)).max(axis=0)
-        moved: Floats = np.interp(from_axis, ANGLES, OFF) / np.maximum(texels, np.finfo(float).tiny)
+        moved: Floats = np.interp(from_axis, ANGLES, DISPLACEMENTS) / np.maximum(texels, np.finfo(float).tiny)
         return moved
 
 

@@ -9,7 +9,7 @@ from shadowbench.geometry.planes import find_planes
 from shadowbench.scenes.model import Scene
 from shadowbench.survey.sampling import Estimate, Samples
 
-ENOUGH = 0.999  # least planar share of the visible receivers for which projection suffices
+PLANAR_SHARE = 0.999  # least planar share of the visible receivers for which projection suffices
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Receivers:
     @property
     def projection_suffices(self) -> bool:
         """Whether practically all visible receivers are on planes."""
-        return self.planar.value >= ENOUGH
+        return self.planar.value >= PLANAR_SHARE
 
 
 def planes_of(scene: Scene) -> NDArray[np.int64]:

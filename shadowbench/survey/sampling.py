@@ -17,7 +17,7 @@ from shadowbench.truths.embree import Tracer, over_slices
 from shadowbench.truths.trace import OFFSET
 
 LATTICE = 512  # largest number of sampled pixels along a side: all pixels, or every second, third, …
-OF_EACH = ("pixel", "triangle", "point", "normal", "to_light", "distance", "across", "down", "blocker")
+SAMPLE_FIELDS = ("pixel", "triangle", "point", "normal", "to_light", "distance", "across", "down", "blocker")
 ROWS = 32  # rows of the lattice per task of a thread
 GROUPS = 16  # random groups of samples, whose scatter gives the standard error
 
@@ -87,7 +87,7 @@ class Samples:
 
     def select(self, chosen: Indices) -> "Samples":
         """The chosen samples. Their `edges` differ, as neighbours may be missing."""
-        return replace(self, **{name: getattr(self, name)[..., chosen] for name in OF_EACH})
+        return replace(self, **{name: getattr(self, name)[..., chosen] for name in SAMPLE_FIELDS})
 
     @property
     def part(self) -> float:
@@ -124,10 +124,10 @@ def sample_view(view: View) -> Samples:
         hits = surfaces(placed, everything, x.ravel(), y.ravel())
         lights = lighting(placed, casters, hits, above)
         arrays = {**vars(hits), **vars(lights), "pixel": hits.ray + rows.start * len(centres)}
-        return {name: arrays[name][..., lights.receives] for name in OF_EACH}
+        return {name: arrays[name][..., lights.receives] for name in SAMPLE_FIELDS}
 
     parts = list(over_slices(trace, len(centres), ROWS))
-    arrays = {name: np.concatenate([part[name] for part in parts], axis=-1) for name in OF_EACH}
+    arrays = {name: np.concatenate([part[name] for part in parts], axis=-1) for name in SAMPLE_FIELDS}
     if not len(arrays["pixel"]):
         raise InputError(
             f"view {view.camera.name!r} of {view.scene.name}: no pixel shows a receiver that {view.light.name!r} "

@@ -5,7 +5,7 @@ import pytest
 
 from shadowbench.geometry.lights import light_space
 from shadowbench.scenes.model import Light
-from shadowbench.survey.footprint import ANGLES, OFF, Footprint, cube_footprint, footprint, longest
+from shadowbench.survey.footprint import ANGLES, DISPLACEMENTS, Footprint, cube_footprint, footprint, longest
 from shadowbench.survey.sampling import sample_view
 from tests.survey.conftest import looking, plate
 
@@ -41,7 +41,7 @@ def test_the_longest_reach_is_the_reciprocal_of_the_least_singular_value() -> No
 def test_edges_are_off_by_what_throwing_them_at_a_grid_gives() -> None:
     """Points beside a straight edge that a 2×2 linear comparison of texel centres puts on its other side."""
     chance = np.random.default_rng(0)
-    for angle, off in zip(ANGLES, OFF, strict=True):
+    for angle, off in zip(ANGLES, DISPLACEMENTS, strict=True):
         normal = np.array([np.cos(angle), np.sin(angle)])
         away = (chance.random(400_000) - 0.5) * 3
         point = away[:, None] * normal + chance.random((400_000, 1)) * 1000 * np.array([-normal[1], normal[0]])
@@ -55,4 +55,9 @@ def test_edges_are_off_by_what_throwing_them_at_a_grid_gives() -> None:
 
 def test_an_edge_moves_by_a_quarter_of_a_texel_at_most() -> None:
     half = Footprint(np.zeros((3, 1)), np.diag([0.5, 0.5])[..., None], np.zeros((2, 1)))  # a texel is two pixels
-    assert 0.5 * OFF.min() < half.displacement.min() / 2 < half.displacement.max() / 2 <= np.sqrt(2) * OFF.max()
+    assert (
+        0.5 * DISPLACEMENTS.min()
+        < half.displacement.min() / 2
+        < half.displacement.max() / 2
+        <= np.sqrt(2) * DISPLACEMENTS.max()
+    )

@@ -13,7 +13,7 @@ from shadowbench.scenes.views import chosen_view
 from shadowbench.survey import sampling
 from shadowbench.survey.cascades import CascadeSizes, cascades_of
 from shadowbench.survey.depth import STEPS
-from shadowbench.survey.footprint import ANGLES, OFF
+from shadowbench.survey.footprint import ANGLES, DISPLACEMENTS
 from shadowbench.survey.maps import PADDING, REFERENCE_SIZE, FittedMap, fitted_map
 from shadowbench.survey.sampling import sample_view
 from shadowbench.survey.texels import WRONG, Texels, texels_for, texels_of
@@ -52,9 +52,9 @@ def test_an_edge_over_a_plane_from_above_needs_what_its_mean_displacement_says()
     sun = Light("sun", "directional", (0.5, -1.0, 0.0))
     _, texels = of(from_above([plate(50.0), plate(0.4, (-0.25, 0.5, 0.0))], sun, size=128))
     # Texels as long as pixels, an edge of any direction: its displacement along a row or column, averaged, is the
-    # integral of OFF / max(|sin|, |cos|); so many texels a pixel bring it to WRONG.
+    # integral of DISPLACEMENTS / max(|sin|, |cos|); so many texels a pixel bring it to WRONG.
     angles = (np.arange(3600) + 0.5) * np.pi / 7200
-    off = np.interp(np.minimum(angles, np.pi / 2 - angles), ANGLES, OFF)
+    off = np.interp(np.minimum(angles, np.pi / 2 - angles), ANGLES, DISPLACEMENTS)
     mean = float((off / np.maximum(np.sin(angles), np.cos(angles))).mean())
     assert texels.edge_size is not None
     assert (texels.edge_size.value - 4) / 127 == pytest.approx(mean / WRONG, rel=0.01)
