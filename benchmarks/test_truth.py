@@ -37,10 +37,10 @@ class RayQuery(NamedTuple):
     directions: np.ndarray
     reach: np.ndarray
 
-    def plain(self, reach: np.ndarray) -> None:
+    def run_plain(self, reach: np.ndarray) -> None:
         self.tracer._scene.run(self.origins, self.directions, dists=reach, query=self.query)
 
-    def sliced(self) -> None:
+    def run_sliced(self) -> None:
         def run_slice(part: slice) -> np.ndarray:
             directions = self.directions if len(self.directions) == 1 else self.directions[part]
             return METHODS[self.query](self.tracer, self.origins[part], directions, self.reach[part])
@@ -120,7 +120,7 @@ def test_plain(load: Load, plain_rate: list[float], benchmark: BenchmarkFixture)
 
     def run(reaches: list[np.ndarray]) -> None:
         for query_, reach in zip(load.queries, reaches, strict=True):
-            query_.plain(reach)
+            query_.run_plain(reach)
 
     benchmark.pedantic(run, setup=fresh_reach, rounds=ROUNDS, warmup_rounds=1)
     plain_rate.append(note(benchmark, load.rays, []))
@@ -130,7 +130,7 @@ def test_plain(load: Load, plain_rate: list[float], benchmark: BenchmarkFixture)
 def test_slices(load: Load, plain_rate: list[float], benchmark: BenchmarkFixture) -> None:
     def run() -> None:
         for query_ in load.queries:
-            query_.sliced()
+            query_.run_sliced()
 
     benchmark.pedantic(run, rounds=ROUNDS, warmup_rounds=1)
     note(benchmark, load.rays, plain_rate)

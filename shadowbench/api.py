@@ -35,7 +35,7 @@ from shadowbench.arguments import as_list, as_visibility, instance_of, number, w
 from shadowbench.errors import InputError as InputError
 from shadowbench.errors import ShadowbenchError as ShadowbenchError
 from shadowbench.extremes.ranges import ranges_frame
-from shadowbench.extremes.stress import LIMITS, chosen_axes
+from shadowbench.extremes.stress import LIMITS, select_axes
 from shadowbench.extremes.stress import stress as sweep
 from shadowbench.extremes.sweep import default_specs
 from shadowbench.measure import single
@@ -246,7 +246,7 @@ def stress(
     Raises InputError.
     """
     files = _paths(plugins)
-    chosen = chosen_axes(as_list(axes, "axes", "names of axes", str))
+    chosen = select_axes(as_list(axes, "axes", "names of axes", str))
     known = techniques_with(files)
     specs = _specs(techniques, known) or default_specs(known.values())
     with _folder(folder) as path:

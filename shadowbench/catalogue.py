@@ -35,8 +35,8 @@ def catalogue(plugins: Sequence[Path] = (), what: str = "", name: str = "") -> d
     }
     if what and what not in makers:
         raise InputError(f"list: found {what!r:.60}{alternatives(what, makers)}")
-    listed = {kind: make() for kind, make in makers.items() if what in ("", kind)}
-    return {kind: _only(name, rows, kind) for kind, rows in listed.items()} if name else listed
+    to_list = {kind: make() for kind, make in makers.items() if what in ("", kind)}
+    return {kind: _only(name, rows, kind) for kind, rows in to_list.items()} if name else to_list
 
 
 def _only(name: str, rows: list[Entry], kind: str) -> list[Entry]:

@@ -71,11 +71,11 @@ def _laws() -> Iterator[str]:
         for one, subject, claim in claims():
             if one == name:
                 grounds.setdefault((word(claim), claim.why), []).append(subject)
-        yield from (f"- **{kind}**, {named(names)}: {why}" for (kind, why), names in grounds.items())
+        yield from (f"- **{kind}**, {subject_list(names)}: {why}" for (kind, why), names in grounds.items())
         yield ""
 
 
-def named(chosen: list[str]) -> str:
+def subject_list(chosen: list[str]) -> str:
     """Names of the chosen subjects, or of those left out if that is shorter."""
     others = [name for name in subjects() if name not in chosen]
     if not others:

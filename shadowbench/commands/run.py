@@ -238,8 +238,8 @@ def _print_scene(title: str, rows: "list[SummaryRow]", fits: "list[Slope]", note
     else:
         console.out().print(title, markup=False)
     for row in rows:
-        for status, count in Counter(row.unsuccessful).items():
-            total = row.cells + len(row.unsuccessful)
+        for status, count in Counter(row.refused).items():
+            total = row.cells + len(row.refused)
             share = f"{count} of {total} cells " if total > 1 else ""
             console.say(f"  {row.spec} {row.map_size or ''}: {share}{status}")
     for fit in fits:

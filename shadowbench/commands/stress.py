@@ -66,14 +66,14 @@ def stress(
       3 of 20 values            how many were tried, with --quick
     """
     from shadowbench.extremes.ranges import ranges_frame
-    from shadowbench.extremes.stress import LIMITS, chosen_axes
+    from shadowbench.extremes.stress import LIMITS, select_axes
     from shadowbench.extremes.stress import stress as walk
     from shadowbench.extremes.sweep import default_specs
     from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.measure.worker import Worker
     from shadowbench.techniques.spec import parse_spec
 
-    axes = chosen_axes(axis or ())
+    axes = select_axes(axis or ())
     known = techniques_with(plugin or ())
     asked = tuple(dict.fromkeys(parse_spec(text, known) for text in techniques or ()))
     specs = asked or default_specs(known.values())

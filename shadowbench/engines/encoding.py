@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from shadowbench.engines.external_mask import decode_srgb
 from shadowbench.engines.shift import Shift, estimate_shift
-from shadowbench.engines.smoothing import Image, shifted, smooth
+from shadowbench.engines.smoothing import Image, shift_image, smooth
 from shadowbench.scores.comparison import Comparison
 
 _SOFT = (0.02, 0.98)
@@ -69,6 +69,6 @@ def _umbra(comparison: Comparison) -> float | None:
 def _misfit(
     values: Image, area: Image, valid: NDArray[np.bool_], soft: NDArray[np.bool_], shift: Shift | None
 ) -> float:
-    truth, weight = area if shift is None else shifted(area, shift), valid.astype(np.float32)
+    truth, weight = area if shift is None else shift_image(area, shift), valid.astype(np.float32)
     blurred = (smooth(truth, weight, blur) if blur else truth for blur in _BLURS)
     return min(float(np.abs(values[soft] - image[soft]).mean(dtype=np.float64)) for image in blurred)

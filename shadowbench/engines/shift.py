@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from shadowbench.engines.smoothing import Image, shifted, smooth
+from shadowbench.engines.smoothing import Image, shift_image, smooth
 from shadowbench.scores.comparison import Comparison
 
 Shift = tuple[float, float]
@@ -37,7 +37,7 @@ def estimate_shift(comparison: Comparison) -> Shift | None:
     shift = (0.0, 0.0)
     for sigma in _SMOOTHING:
         truth, mask = smooth(prepared.area, weight, sigma), smooth(comparison.visibility, weight, sigma)
-        there = shifted(truth, shift)
+        there = shift_image(truth, shift)
         rows, columns = (np.gradient(there, axis=axis) for axis in (0, 1))
         edges = _inside(prepared.valid, max(map(abs, shift)) + 2 * sigma) & (np.hypot(rows, columns) > 0.05 / sigma)
         if np.count_nonzero(edges) < _FEWEST:
@@ -49,7 +49,7 @@ def estimate_shift(comparison: Comparison) -> Shift | None:
         shift = shift[0] + float(step[0]), shift[1] + float(step[1])
         if max(map(abs, shift)) > _FARTHEST:
             return None
-    there = shifted(truth, shift)
+    there = shift_image(truth, shift)
     undone = _misfit(mask, there, edges) <= _CLEAR * _misfit(mask, truth, edges)
     if max(map(abs, shift)) < _SMALLEST or not undone or not _alike(mask[edges], there[edges]):
         return None

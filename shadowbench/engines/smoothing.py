@@ -15,7 +15,7 @@ def smooth(values: Image, weight: Image, sigma: float) -> Image:
     return smoothed
 
 
-def shifted(image: Image, shift: tuple[float, float]) -> Image:
+def shift_image(image: Image, shift: tuple[float, float]) -> Image:
     """Image shifted by columns to the right and rows down, in pixels, with cubic splines."""
     across, down = shift
     result: Image = ndimage.shift(image, (down, across), order=3, mode="nearest")

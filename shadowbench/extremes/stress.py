@@ -30,7 +30,7 @@ class StressResult:
     ranges: tuple[OperatingRange, ...]
 
 
-def chosen_axes(names: Sequence[str]) -> list[Axis]:
+def select_axes(names: Sequence[str]) -> list[Axis]:
     """Axes by name, in the order of AXES; all for no name. Raises InputError for an unknown name."""
     for name in names:
         if name not in AXES:

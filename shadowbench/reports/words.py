@@ -99,8 +99,8 @@ def refusals(section: Section) -> list[tuple[str, str]]:
         whys = []
         if one.row.cells and one.error is None:
             whys.append("no IoU: neither the truth nor the mask has a shadow")
-        for status, count in Counter(one.row.unsuccessful).items():
-            total = one.row.cells + len(one.row.unsuccessful)
+        for status, count in Counter(one.row.refused).items():
+            total = one.row.cells + len(one.row.refused)
             whys.append(f"{count} of {total} cells {status}" if total > 1 else status)
         for why in whys:
             sizes = found.setdefault((one.spec, why), [])

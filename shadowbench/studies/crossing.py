@@ -50,8 +50,8 @@ def cross(table: dict[str, Any], techniques: Techniques, where: str, notes: list
         raise InputError(
             f"{where}: spec: found {table.get('spec', 'none')!r:.60}; allowed: a technique's spec, as text"
         )
-    base = parsed_spec(table["spec"], techniques, where)
-    lists = {key: listed(value) for key, value in table.items() if key not in ("spec", "bias_sweep", "phases")}
+    base = parse_spec_at(table["spec"], techniques, where)
+    lists = {key: to_list(value) for key, value in table.items() if key not in ("spec", "bias_sweep", "phases")}
     factors = _factors(table, where)
     for key, choices in lists.items():
         if key not in base.technique.Params.model_fields:
@@ -110,7 +110,7 @@ def _factors(table: dict[str, Any], where: str) -> list[float]:
     value = table.get("bias_sweep", False)
     if isinstance(value, bool):
         return list(_FACTORS) if value else []
-    factors = listed(value)
+    factors = to_list(value)
     for factor in factors or [None]:
         if isinstance(factor, bool) or not isinstance(factor, int | float) or not 0 < factor < math.inf:
             found = "an empty list" if factor is None else f"{factor!r:.60}"
@@ -131,7 +131,7 @@ def _with_bias_times(spec: Spec, factor: float) -> Spec:
     return spec.with_(bias=row)
 
 
-def parsed_spec(text: str, techniques: Techniques, where: str) -> Spec:
+def parse_spec_at(text: str, techniques: Techniques, where: str) -> Spec:
     """Parse a spec. Raises InputError whose message begins with `where`."""
     try:
         return parse_spec(text, techniques)
@@ -139,6 +139,6 @@ def parsed_spec(text: str, techniques: Techniques, where: str) -> Spec:
         raise InputError(f"{where}: {error}") from None
 
 
-def listed(value: object) -> list[Any]:
+def to_list(value: object) -> list[Any]:
     """A list or tuple as a list; any other value as a list of one."""
     return list(value) if isinstance(value, list | tuple) else [value]

@@ -12,7 +12,7 @@ from pydantic_core import PydanticKnownError
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import Camera, Light, Scene
 from shadowbench.scenes.tables import camera_from_table, light_from_table
-from shadowbench.studies.crossing import CrossedSpecs, Techniques, cross, listed, parsed_spec
+from shadowbench.studies.crossing import CrossedSpecs, Techniques, cross, parse_spec_at, to_list
 from shadowbench.techniques.spec import Spec
 
 MOST_NAMED = 1000
@@ -96,7 +96,7 @@ def _made_of_tables(entries: list[Any], made: Callable[[Any, int], Any]) -> tupl
 def _reference(written: Any, info: ValidationInfo) -> Spec:
     if isinstance(written, Spec):
         return written
-    return parsed_spec(written, _source(info).techniques, f"{_source(info).where}: reference")
+    return parse_spec_at(written, _source(info).techniques, f"{_source(info).where}: reference")
 
 
 def _source(info: ValidationInfo) -> Source:
@@ -105,7 +105,7 @@ def _source(info: ValidationInfo) -> Source:
 
 
 Sizes = Annotated[
-    tuple[Annotated[int, Field(ge=1, le=65536, strict=True)], ...], BeforeValidator(listed), Field(min_length=1)
+    tuple[Annotated[int, Field(ge=1, le=65536, strict=True)], ...], BeforeValidator(to_list), Field(min_length=1)
 ]
 Scenes = Annotated[tuple[str | Scene, ...], _entries(str | InstanceOf[Scene]), AfterValidator(_scenes)]
 Cameras = Annotated[tuple[str | Camera, ...], _entries(str | Table | InstanceOf[Camera]), AfterValidator(_cameras)]

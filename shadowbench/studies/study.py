@@ -108,7 +108,7 @@ class Study(Strict):
         cells = [
             Cell(sized_spec, phase)
             for spec in self.specs
-            for sized_spec in sized([spec], self.map_size or ())
+            for sized_spec in at_map_sizes([spec], self.map_size or ())
             for phase in range(phases[spec] if spec.technique.phased else 1)
         ]
         return tuple(sorted(dict.fromkeys(cells), key=lambda cell: cell.phase))
@@ -157,14 +157,14 @@ def scenes_of(blocks: Sequence[Block]) -> list[Scene]:
     return list(dict.fromkeys(block.scene for block in blocks))
 
 
-def sized(specs: Sequence[Spec], sizes: Sequence[int]) -> tuple[Spec, ...]:
+def at_map_sizes(specs: Sequence[Spec], sizes: Sequence[int]) -> tuple[Spec, ...]:
     """The specs at each map size, without duplicates; a spec that names its size, or has no map, is unchanged."""
-    grown = [
+    resized = [
         spec.with_(size=size) if size is not None else spec
         for spec in specs
         for size in (sizes if sizes and spec.has_size and "size" not in spec.named else [None])
     ]
-    return tuple(dict.fromkeys(grown))
+    return tuple(dict.fromkeys(resized))
 
 
 def read_study(file: Path, techniques: Techniques, folder: Path | None = None) -> Study:
@@ -184,10 +184,10 @@ def read_study(file: Path, techniques: Techniques, folder: Path | None = None) -
 def _check_size(study: Study, where: str) -> None:
     """Raises InputError for a study with too many specs or cells."""
     sizes, phases = len(study.map_size or [None]), study.phases_of_specs()
-    sized = [sizes if spec.has_size and "size" not in spec.named else 1 for spec in study.specs]
-    if sum(sized) > MOST_SPECS:
-        raise InputError(f"{where}: {sum(sized)} specs, each map size counted; allowed are at most {MOST_SPECS}")
-    cells = sum(count * phases[spec] for count, spec in zip(sized, study.specs, strict=True))
+    counts = [sizes if spec.has_size and "size" not in spec.named else 1 for spec in study.specs]
+    if sum(counts) > MOST_SPECS:
+        raise InputError(f"{where}: {sum(counts)} specs, each map size counted; allowed are at most {MOST_SPECS}")
+    cells = sum(count * phases[spec] for count, spec in zip(counts, study.specs, strict=True))
     if cells > MOST_CELLS:
         raise InputError(
             f"{where}: {cells} cells, each map size and phase of {len(study.specs)} specs counted; "

@@ -86,14 +86,14 @@ class Interval:
 class SummaryRow:
     """Summary of a spec's cells at one map size.
 
-    cells: number of successful cells; unsuccessful: statuses of the others; values: medians over the successful cells,
+    cells: number of successful cells; refused: statuses of the others; values: medians over the successful cells,
     with times normalised to one reference time; phases: number of phases among the successful cells.
     """
 
     spec: str
     map_size: int | None
     cells: int
-    unsuccessful: tuple[str, ...]
+    refused: tuple[str, ...]
     values: dict[str, Interval | None]
     phases: int
 
@@ -151,9 +151,9 @@ def summary_rows(table: pd.DataFrame) -> list[SummaryRow]:
         succeeded = group[group["status"] == "ok"]
         names = [*METRICS, *_TIMES[:4], *_TOTALS, "gpu_bytes"]
         values = {name: interval(succeeded[name].tolist()) for name in names}
-        unsuccessful = tuple(group.loc[group["status"] != "ok", "status"])
+        refused = tuple(group.loc[group["status"] != "ok", "status"])
         map_size = None if pd.isna(size) else int(size)
-        rows.append(SummaryRow(spec, map_size, len(succeeded), unsuccessful, values, succeeded["phase"].nunique()))
+        rows.append(SummaryRow(spec, map_size, len(succeeded), refused, values, succeeded["phase"].nunique()))
     return sorted(rows, key=_error)
 
 
@@ -174,7 +174,7 @@ def mean_over_scenes(tables: Mapping[str, Sequence[SummaryRow]]) -> tuple[list[s
     """
     answering = {(row.spec, row.map_size) for rows in tables.values() for row in rows if row.cells}
     taken = {scene: [row for row in rows if (row.spec, row.map_size) in answering] for scene, rows in tables.items()}
-    scenes = [scene for scene, rows in taken.items() if not any(row.unsuccessful for row in rows)]
+    scenes = [scene for scene, rows in taken.items() if not any(row.refused for row in rows)]
     found: dict[tuple[str, int | None], list[SummaryRow]] = {}
     for scene in scenes:
         for row in taken[scene]:
@@ -213,9 +213,9 @@ def slopes(frame: pd.DataFrame) -> list[Slope]:
 
     Cells without any error are left out, as log 0 is undefined.
     """
-    sized = frame[(frame["status"] == "ok") & frame["map_size"].notna() & (frame["iou"] < 1)]
+    at_map_sizes = frame[(frame["status"] == "ok") & frame["map_size"].notna() & (frame["iou"] < 1)]
     found = []
-    for (scene, spec), group in sized.groupby([titles(frame)[sized.index], "spec"], sort=False):
+    for (scene, spec), group in at_map_sizes.groupby([titles(frame)[at_map_sizes.index], "spec"], sort=False):
         fits = []
         for _, one in group.groupby(["view", "light", "phase"]):
             sizes = one["map_size"].astype(float)

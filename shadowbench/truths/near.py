@@ -60,7 +60,9 @@ class NearCasters:
             first = np.arange(0, low.shape[1], CHILDREN)
             self._levels.append((np.minimum.reduceat(low, first, axis=1), np.maximum.reduceat(high, first, axis=1)))
 
-    def blocked(self, receivers: Receivers, height: float, pixels: Indices, eye: Floats) -> tuple[Floats, Mask]:
+    def nearest_blockers(
+        self, receivers: Receivers, height: float, pixels: Indices, eye: Floats
+    ) -> tuple[Floats, Mask]:
         """(N,) distance along L to the nearest caster within `height` above each receiver, inf if none; (N,) undecided.
 
         Neither a receiver's own triangle nor any in its plane blocks it. Undecided are receivers whose only blocker

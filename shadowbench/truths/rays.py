@@ -190,7 +190,7 @@ class ViewRays:
         """Whether shadow rays have no end: the light is directional."""
         return self._light_w == 0
 
-    def raised_rays(self, receivers: Receivers, delta: float) -> ShadowRays:
+    def normal_offset_rays(self, receivers: Receivers, delta: float) -> ShadowRays:
         """Shadow rays offset by δ along N."""
         origins = receivers.point + self._normals.take(receivers.triangle, axis=1) * delta
         ahead = np.zeros(len(receivers.rays))
@@ -199,7 +199,7 @@ class ViewRays:
         to_light, distance = self._toward_light(origins)
         return ShadowRays(origins, to_light, ahead, distance)
 
-    def blocked(self, rays: ShadowRays) -> Mask:
+    def occluded(self, rays: ShadowRays) -> Mask:
         """(N,) whether a caster blocks each ray."""
         if self._from_light is not None:
             ends = rays.origins - self._light + rays.directions * rays.reach

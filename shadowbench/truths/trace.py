@@ -124,7 +124,7 @@ def _decide(
     directions = rays.directions(rows)
     centres = rays.receivers(directions, triangle)
     shadow_rays = rays.shadow_rays(centres, delta)
-    blocked = rays.blocked(shadow_rays)
+    blocked = rays.occluded(shadow_rays)
 
     subpixel_offsets = product((0.5 - SUBPIXEL, 0.5 + SUBPIXEL), repeat=2)
     steps = (np.arange(pixel_samples) + 0.5) / pixel_samples
@@ -140,7 +140,7 @@ def _decide(
     low = [centres.select(_in_low_light(centres)), *(receivers for _, receivers in samples)]
     sample = np.repeat(np.arange(len(low)), [len(receivers.rays) for receivers in low])
     together = Receivers.concatenate(low)
-    distance, covered = near.blocked(together, 4 * delta, rays.pixels(together), rays.eye)
+    distance, covered = near.nearest_blockers(together, 4 * delta, rays.pixels(together), rays.eye)
     hidden = np.isfinite(distance)
     codes[sample[hidden], together.rays[hidden]] = SHADOWED
     centre = sample == 0
@@ -177,14 +177,14 @@ def _depends_on_offset(
     for others in (
         rays.shadow_rays(receivers, 4 * delta),
         rays.shadow_rays(receivers, delta / 4),
-        rays.raised_rays(receivers, delta),
+        rays.normal_offset_rays(receivers, delta),
         *(
             []
             if rays.directional
             else [shadow_rays._replace(reach=np.maximum(shadow_rays.reach - LAMP_MARGIN * delta, 0.0))]
         ),
     ):
-        depends |= rays.blocked(others) != blocked
+        depends |= rays.occluded(others) != blocked
     return depends
 
 
@@ -194,7 +194,7 @@ def _sample(
     """Class of one sample of each pixel of some rows, flattened, and the unblocked receivers in low light."""
     directions = rays.directions(rows, across, down)
     receivers = rays.receivers(directions, rays.nearest(directions))
-    blocked = rays.blocked(rays.shadow_rays(receivers, delta))
+    blocked = rays.occluded(rays.shadow_rays(receivers, delta))
     return _classify(receivers, blocked, directions.shape[1]), receivers.select(_in_low_light(receivers) & ~blocked)
 
 

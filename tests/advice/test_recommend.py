@@ -85,7 +85,7 @@ def test_the_choice_meets_the_target_its_rows_are_kept_and_a_second_call_measure
     again = shadowbench(*command)
     assert again.code == 0 and lines(folder) == found["measured"]
     assert "choice" in again.out and "times of a software renderer are not those of a GPU" in again.out
-    assert "not tried: cube-map: answers point and spot light, not directional" in again.out
+    assert "not tried: cube-map: supports point and spot light, not directional" in again.out
     assert f"{found['measured']} of {found['space']} specs measured" in again.out
     (rest,) = re.findall(
         r"^not tried: (\d+) more specs: predicted .* to cost more than the choice", again.out, re.MULTILINE

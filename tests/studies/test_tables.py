@@ -65,7 +65,7 @@ def test_cells_that_did_not_hold_are_left_out_of_it() -> None:
     (row,) = summary(cells_frame(cells))["cube"]
     assert row.values["iou"] is not None
     assert row.values["iou"].median == pytest.approx(0.15)
-    assert (row.cells, row.unsuccessful) == (2, ("failed: while timed: crashed",))
+    assert (row.cells, row.refused) == (2, ("failed: while timed: crashed",))
 
 
 def test_the_interval_is_the_middle_95_percent_of_the_median() -> None:

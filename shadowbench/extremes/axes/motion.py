@@ -49,10 +49,10 @@ def _light_steps(texels: float, kind: LightKind) -> Setting:
     """The light rotates about the y axis so that the shadow of a point 1 m high moves by that many texels per frame."""
     first = base_view(kind)
     angle = texels * TEXEL
-    return Setting(tuple(replace(first, light=_turned(first.light, angle * frame)) for frame in range(FRAMES)))
+    return Setting(tuple(replace(first, light=_rotated(first.light, angle * frame)) for frame in range(FRAMES)))
 
 
-def _turned(light: Light, angle: float) -> Light:
+def _rotated(light: Light, angle: float) -> Light:
     cosine, sine = math.cos(angle), math.sin(angle)
     turn = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
     return replace(light, direction=vec3(turn @ light.direction), position=vec3(turn @ light.position))
