@@ -4,6 +4,7 @@ import hashlib
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -15,6 +16,9 @@ from shadowbench.commands import main
 from shadowbench.gl.device import Device, Freeable, open_device
 from shadowbench.gl.gbuffer import GBuffer, SurfacePass, download
 from shadowbench.gl.geometry import DeviceGeometry
+from shadowbench.measure import doctor, worker
+from shadowbench.measure.executor import Limits
+from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Mesh, Placement, Scene, View, view_of
 from shadowbench.scenes.shapes import build_shape
@@ -166,9 +170,34 @@ def key_of(*parts: object) -> str:
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:24]
 
 
+@pytest.fixture(scope="session")
+def lent_worker() -> Iterator[Callable[..., AbstractContextManager[Worker]]]:
+    """In place of `Worker`: without plug-ins, commands in the same environment are served by the same process."""
+    kept: dict[object, Worker] = {}
+    with ExitStack() as session:
+
+        @contextmanager
+        def lent(plugins: Sequence[Path] = (), limits: Limits | None = None) -> Iterator[Worker]:
+            if plugins:
+                with Worker(plugins, limits) as own:
+                    yield own
+                return
+            inherited = frozenset(item for item in os.environ.items() if item[0] != "PYTEST_CURRENT_TEST")
+            if inherited not in kept:
+                kept[inherited] = session.enter_context(Worker())
+            kept[inherited].limits = limits or Limits()
+            yield kept[inherited]
+
+        yield lent
+
+
 @pytest.fixture
-def shadowbench(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Callable[..., Answer]:
+def shadowbench(
+    lent_worker: Callable[..., object], monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> Callable[..., Answer]:
     """Calls the command line in this process; a worker's output is caught too."""
+    for module in (worker, doctor):
+        monkeypatch.setattr(module, "Worker", lent_worker)
 
     def call(*arguments: str | Path) -> Answer:
         monkeypatch.setattr(sys, "argv", ["shadowbench", *map(str, arguments)])
