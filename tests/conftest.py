@@ -39,10 +39,13 @@ def shared_scenes() -> Path:
 
 @pytest.fixture(scope="session", autouse=True)
 def truth_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """A truth cache of this session's own, unless SHADOWBENCH_CACHE names one."""
+    """A truth cache of this session's own, which all processes of xdist share, unless SHADOWBENCH_CACHE names one."""
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent
     with pytest.MonkeyPatch.context() as patch:
         if "SHADOWBENCH_CACHE" not in os.environ:
-            patch.setenv("SHADOWBENCH_CACHE", str(tmp_path_factory.mktemp("truth-cache")))
+            patch.setenv("SHADOWBENCH_CACHE", str(folder / "truth-cache"))
         yield
 
 

@@ -44,6 +44,7 @@ SOME = settings(
 )
 MORE = settings(SOME, max_examples=10)
 MANY = settings(SOME, max_examples=16)
+FOUR = settings(SOME, max_examples=4)
 CLAIMED = [
     pytest.param(law, name, claim, id=f"{law}, {name}, {claim.kind}")
     for law, name, claim in claims()
@@ -170,9 +171,12 @@ def test_law(studio, law: str, name: str, claim: Claim) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    "how", [pytest.param(MORE, id="10 scenes"), pytest.param(MANY, id="40 scenes", marks=pytest.mark.exhaustive)]
+)
 @pytest.mark.parametrize(("law", "name", "claim"), CLAIMED)
-def test_law_on_many_scenes(studio, law: str, name: str, claim: Claim) -> None:
-    check(studio, law, name, claim.kind, claim.lights, MANY)
+def test_law_on_many_scenes(studio, law: str, name: str, claim: Claim, how: settings) -> None:
+    check(studio, law, name, claim.kind, claim.lights, how)
 
 
 def test_the_table_has_every_law_and_every_technique() -> None:
