@@ -80,7 +80,7 @@ def main() -> int:
         shown = {one.name: _show(worker, one, draw=not check) for one in ours}
     page = _page(ours, shown)
     if check:
-        return _compare(PAGE.read_text(encoding="utf-8") if PAGE.exists() else "", page)
+        return compare(PAGE.read_text(encoding="utf-8") if PAGE.exists() else "", page)
     PICTURES.mkdir(parents=True, exist_ok=True)
     for file in PICTURES.glob("*.png"):
         if file.stem not in shown:
@@ -103,7 +103,8 @@ def _ours() -> list[type[Technique]]:
     return [one for one in techniques().values() if source_file(one).resolve().is_relative_to(ROOT)]
 
 
-def _compare(committed: str, made: str) -> int:
+def compare(committed: str, made: str) -> int:
+    """1 and a word where pages differ in more than measured numbers, else 0."""
     old, new = without_numbers(committed).splitlines(), without_numbers(made).splitlines()
     lines = list(difflib.unified_diff(old, new, "docs/techniques.md", "as it should be", lineterm="", n=0))
     if lines:

@@ -1,7 +1,7 @@
 """Where the time of a run goes."""
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
@@ -25,6 +25,7 @@ class Profile:
     """Seconds by activity. What is done within another activity counts as that one alone, never as both."""
 
     seconds: dict[str, float] = field(default_factory=dict)
+    clock: Callable[[], float] = time.perf_counter
     _within: list[str] = field(default_factory=list)
     _since: float = 0.0
 
@@ -41,7 +42,7 @@ class Profile:
 
     def _book(self) -> None:
         """Give the time since the last change to whatever was done in it."""
-        now = time.perf_counter()
+        now = self.clock()
         if self._within:
             activity = self._within[-1]
             self.seconds[activity] = self.seconds.get(activity, 0.0) + now - self._since

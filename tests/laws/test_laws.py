@@ -23,13 +23,11 @@ from shadowbench.techniques.biases import Constant, FrontCull
 from shadowbench.techniques.filters import PCF, Hard
 from shadowbench.techniques.maps import caster_state
 from shadowbench.techniques.registry import own_techniques
-from shadowbench.techniques.unshadowed import Unshadowed
 
-from . import table
 from .answers import Answer, Drawing, traced
 from .changes import LAWS
 from .scenes import Little, littles
-from .table import FIXED, SCENE, STABLE, UNARGUED, VISIBLE, Claim, Subject, claims, misnamed, subjects
+from .table import FIXED, SCENE, STABLE, VISIBLE, Claim, Subject, claims, misnamed, subjects
 
 PIXELS = {True: 96, False: 48}  # along a side, of the truth and of techniques
 PHASES = 8
@@ -185,15 +183,6 @@ def test_the_table_has_every_law_and_every_technique() -> None:
     cells = [(law, name) for law, name, _ in claims()]
     assert len(set(cells)) == len(cells) == len(LAWS) * len(subjects())
     assert all(law.says and law.why for law in LAWS.values()) and all(claim.why for *_, claim in claims())
-
-
-def test_a_technique_that_nobody_argued_for_claims_nothing(monkeypatch) -> None:
-    class Newcomer(Unshadowed):
-        name = "newcomer"
-
-    monkeypatch.setattr(table, "own_techniques", lambda: (Newcomer,))
-    monkeypatch.setattr(table, "subjects", subjects.__wrapped__)
-    assert [claim for _, name, claim in claims() if name == "newcomer"] == [UNARGUED] * len(LAWS)
 
 
 def test_the_page_is_up_to_date() -> None:

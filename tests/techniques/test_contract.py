@@ -10,7 +10,7 @@ import numpy as np
 import psutil
 import pytest
 
-from shadowbench.gl.raw import _SIGNATURES
+from shadowbench.gl.raw import RawGL
 from shadowbench.scenes.model import Camera, Light, View, view_of
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
@@ -181,7 +181,7 @@ def test_a_light_along_up_or_from_below_shadows_what_a_ray_says(spec, kind, stud
 
 
 @pytest.mark.parametrize(("spec", "kind"), answered(ALL))
-def test_bytes_are_counted_and_freed(spec, kind, device, studio, build, poses, monkeypatch) -> None:
+def test_bytes_are_counted_and_freed(spec, kind, device, studio, build, poses) -> None:
     view = poses(kind)[0]
     shot = studio.shot(view)
     one = build(spec, shot)
@@ -189,12 +189,12 @@ def test_bytes_are_counted_and_freed(spec, kind, device, studio, build, poses, m
     if "size" in one.technique.Params.model_fields:
         half = build(parse_spec(f"{spec}:size={one.technique.params.size // 2}", techniques()).text, shot)
         assert half.stage.bytes < one.stage.bytes
-    monkeypatch.setitem(_SIGNATURES, "glIsTexture", (ctypes.c_ubyte, (ctypes.c_uint,)))
+    ask = RawGL(device.context, {"glIsTexture": (ctypes.c_ubyte, (ctypes.c_uint,))})
     textures = [thing for thing in one.stage._held if isinstance(thing, moderngl.Texture)]
-    assert textures and all(device.raw("glIsTexture", texture.glo) for texture in textures)
+    assert textures and all(ask("glIsTexture", texture.glo) for texture in textures)
     one.draw(shot)
     one.stage.release()
-    assert not any(device.raw("glIsTexture", texture.glo) for texture in textures)
+    assert not any(ask("glIsTexture", texture.glo) for texture in textures)
     assert one.stage.bytes == 0
     device.check("releasing")
 
