@@ -42,7 +42,7 @@ SOME = settings(
 )
 MORE = settings(SOME, max_examples=10)
 MANY = settings(SOME, max_examples=16)
-FOUR = settings(SOME, max_examples=4)
+THOROUGH = settings(SOME, max_examples=40)
 CLAIMED = [
     pytest.param(law, name, claim, id=f"{law}, {name}, {claim.kind}")
     for law, name, claim in claims()
@@ -170,7 +170,7 @@ def test_law(studio, law: str, name: str, claim: Claim) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "how", [pytest.param(MORE, id="10 scenes"), pytest.param(MANY, id="40 scenes", marks=pytest.mark.exhaustive)]
+    "how", [pytest.param(MORE, id="10 scenes"), pytest.param(THOROUGH, id="40 scenes", marks=pytest.mark.exhaustive)]
 )
 @pytest.mark.parametrize(("law", "name", "claim"), CLAIMED)
 def test_law_on_many_scenes(studio, law: str, name: str, claim: Claim, how: settings) -> None:
