@@ -174,22 +174,26 @@ def key_of(*parts: object) -> str:
 
 
 @pytest.fixture(scope="session")
-def lent_worker() -> Iterator[Callable[..., AbstractContextManager[Worker]]]:
-    """In place of `Worker`: without plug-ins, commands in the same environment are served by the same process."""
+def lent_worker(plugin_folder: Path) -> Iterator[Callable[..., AbstractContextManager[Worker]]]:
+    """In place of `Worker`: commands in the same environment are served by the same process.
+
+    Those with plug-ins of one test, whose files may change, have a process of their own.
+    """
     kept: dict[object, Worker] = {}
     with ExitStack() as session:
 
         @contextmanager
         def lent(plugins: Sequence[Path] = (), limits: Limits | None = None) -> Iterator[Worker]:
-            if plugins:
+            if any(plugin.parent != plugin_folder for plugin in plugins):
                 with Worker(plugins, limits) as own:
                     yield own
                 return
-            inherited = frozenset(item for item in os.environ.items() if item[0] != "PYTEST_CURRENT_TEST")
-            if inherited not in kept:
-                kept[inherited] = session.enter_context(Worker())
-            kept[inherited].limits = limits or Limits()
-            yield kept[inherited]
+            environment = frozenset(item for item in os.environ.items() if item[0] != "PYTEST_CURRENT_TEST")
+            key = tuple(plugins), environment
+            if key not in kept:
+                kept[key] = session.enter_context(Worker(plugins))
+            kept[key].limits = limits or Limits()
+            yield kept[key]
 
         yield lent
 
