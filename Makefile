@@ -12,7 +12,7 @@ help:
 	@echo "make demo       three scenes, a table and pictures, into results/latest/"
 	@echo "make test       lint and the fast tests"
 	@echo "make test-slow  the slow tests; as OpenGL 4.1, all shaders and what every technique must keep"
-	@echo "make test-all   instead of test-slow: every value of what it takes samples of, all GL tests as OpenGL 4.1"
+	@echo "make test-all   both, with every value of what test-slow takes samples of, and all GL tests as OpenGL 4.1"
 	@echo "make lint       format, ruff, mypy, the arrows between the packages"
 	@echo "make setup      what the others do first: system packages and .venv"
 	@echo "make clean      remove .venv, caches, results/latest/ and results/stress/"

@@ -17,12 +17,12 @@ rounds = 1
 memory_limit = 1
 reference = "unshadowed"
 """
-HANGS = HEAD + "time_limit = 10\n"  # what does not hang may take its time
+HANGS = HEAD + "time_limit = 5\n"  # what does not hang may take its time
 EXPECTED = {
     "abort": "failed: crashed: SIGABRT",
     "segv": "failed: crashed: SIGSEGV",
     "exit": "failed: crashed: the worker ended with code 0",
-    "hang": "failed: hung: no answer within 10 s",
+    "hang": "failed: hung: no answer within 5 s",
     "eat": "failed: ate memory",
     "raise": "failed: ZeroDivisionError: as planned (wild.py:",
     "raise-wordless": "failed: WordlessError: (no message) (wild.py:",
@@ -102,7 +102,7 @@ def test_a_failed_cell_is_tried_again_and_no_other(bench: Any, tmp_path: Path, r
         ("abort", "failed: while timed: crashed: SIGABRT"),
         ("raise", "failed: while timed: ZeroDivisionError: as planned (wild.py:"),
         ("gl-error", "failed: while timed: RuntimeError: OpenGL error"),
-        ("hang", "failed: while timed: hung: no answer within 10 s"),
+        ("hang", "failed: while timed: hung: no answer within 5 s"),
     ],
 )
 def test_a_misdeed_while_it_is_timed_costs_its_own_time_only(
