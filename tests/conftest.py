@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import settings
 
 from shadowbench.commands import main
 from shadowbench.gl.device import Device, Freeable, open_device
@@ -25,6 +26,10 @@ from shadowbench.scenes.shapes import build_shape
 from shadowbench.truths.trace import Truth, trace
 
 pytest_plugins = ["tests.runs"]
+
+if settings.get_current_profile_name() == "default":  # neither CI's nor that of tools/mutate.py
+    settings.register_profile("suite", deadline=None)  # a busy machine is no failure
+    settings.load_profile("suite")
 
 
 @pytest.fixture(scope="session")
