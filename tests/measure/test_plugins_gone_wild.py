@@ -41,7 +41,7 @@ def test_a_message_without_end_is_cut(worker: Worker, what: str) -> None:
     line = str(failure.value)
     assert line.startswith("ValueError: ") and line.isprintable() and len(line) < LONGEST_QUOTE + 100
     assert "…" in line
-    assert "(wild.py:" in line or "(drawn.py:" in line
+    assert "(wild.py:" in line or "(rendering.py:" in line
 
 
 def test_a_reason_without_end_is_cut(worker: Worker) -> None:
