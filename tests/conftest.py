@@ -4,23 +4,32 @@ import hashlib
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import settings
 
 from shadowbench.commands import main
 from shadowbench.gl.device import Device, Freeable, open_device
 from shadowbench.gl.gbuffer import GBuffer, GBufferPass, download
 from shadowbench.gl.geometry import DeviceGeometry
+from shadowbench.measure import doctor, worker
+from shadowbench.measure.executor import Limits
+from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Mesh, Placement, Scene, View, view_of
 from shadowbench.scenes.shapes import build_shape
 from shadowbench.truths.trace import Truth, trace
 
 pytest_plugins = ["tests.runs"]
+
+if settings.get_current_profile_name() == "default":  # neither CI's nor that of tools/mutate.py
+    settings.register_profile("suite", deadline=None)  # a busy machine is no failure
+    settings.load_profile("suite")
 
 
 @pytest.fixture(scope="session")
@@ -35,10 +44,13 @@ def shared_scenes() -> Path:
 
 @pytest.fixture(scope="session", autouse=True)
 def truth_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """A truth cache of this session's own, unless SHADOWBENCH_CACHE names one."""
+    """A truth cache of this session's own, which all processes of xdist share, unless SHADOWBENCH_CACHE names one."""
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent
     with pytest.MonkeyPatch.context() as patch:
         if "SHADOWBENCH_CACHE" not in os.environ:
-            patch.setenv("SHADOWBENCH_CACHE", str(tmp_path_factory.mktemp("truth-cache")))
+            patch.setenv("SHADOWBENCH_CACHE", str(folder / "truth-cache"))
         yield
 
 
@@ -166,9 +178,38 @@ def key_of(*parts: object) -> str:
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:24]
 
 
+@pytest.fixture(scope="session")
+def lent_worker(plugin_folder: Path) -> Iterator[Callable[..., AbstractContextManager[Worker]]]:
+    """In place of `Worker`: commands in the same environment are served by the same process.
+
+    Those with plug-ins of one test, whose files may change, have a process of their own.
+    """
+    kept: dict[object, Worker] = {}
+    with ExitStack() as session:
+
+        @contextmanager
+        def lent(plugins: Sequence[Path] = (), limits: Limits | None = None) -> Iterator[Worker]:
+            if any(plugin.parent != plugin_folder for plugin in plugins):
+                with Worker(plugins, limits) as own:
+                    yield own
+                return
+            environment = frozenset(item for item in os.environ.items() if item[0] != "PYTEST_CURRENT_TEST")
+            key = tuple(plugins), environment
+            if key not in kept:
+                kept[key] = session.enter_context(Worker(plugins))
+            kept[key].limits = limits or Limits()
+            yield kept[key]
+
+        yield lent
+
+
 @pytest.fixture
-def shadowbench(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Callable[..., Answer]:
+def shadowbench(
+    lent_worker: Callable[..., object], monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> Callable[..., Answer]:
     """Calls the command line in this process; a worker's output is caught too."""
+    for module in (worker, doctor):
+        monkeypatch.setattr(module, "Worker", lent_worker)
 
     def call(*arguments: str | Path) -> Answer:
         monkeypatch.setattr(sys, "argv", ["shadowbench", *map(str, arguments)])

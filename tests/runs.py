@@ -319,9 +319,9 @@ def wild(plugin_folder: Path) -> Path:
     return plugin_folder / "wild.py"
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def bench(half: Path, wild: Path) -> Iterator[Bench]:
-    """One worker for all tests of a file."""
+    """One worker for all tests."""
     plugins = (half, wild)
     with Worker(plugins) as worker:
         bench = Bench(worker, plugins)

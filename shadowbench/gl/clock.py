@@ -59,8 +59,8 @@ class PassTimes:
 class Clock:
     """Times whole frames or their passes. Techniques call `timed` for each pass; it does nothing outside `passes`."""
 
-    def __init__(self, device: Device) -> None:
-        self._device = device
+    def __init__(self, device: Device, seconds: Callable[[], float] = time.perf_counter) -> None:
+        self._device, self._seconds = device, seconds
         self._queries = not device.software
         self._passes: PassTimes | None = None
 
@@ -105,11 +105,11 @@ class Clock:
         context = self._device.context
         query: moderngl.Query | None = context.query(time=True) if self._queries else None
         context.finish()
-        start = time.perf_counter()
+        start = self._seconds()
         with query or nullcontext():
             yield samples
         context.finish()
-        wall = (time.perf_counter() - start) * 1e3
+        wall = (self._seconds() - start) * 1e3
         samples.append(Sample(wall, wall, WALL) if query is None else self._plausible(query.elapsed / 1e6, wall))
 
     def _plausible(self, elapsed: float, wall: float) -> Sample:

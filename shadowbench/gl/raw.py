@@ -1,7 +1,7 @@
 """OpenGL entry points that moderngl lacks, loaded on first use."""
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import moderngl
@@ -12,7 +12,7 @@ _BOOL = ctypes.c_ubyte
 _POINTER = ctypes.c_void_p
 
 # name: (result type, argument types)
-_SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
+SIGNATURES: Mapping[str, tuple[Any, tuple[Any, ...]]] = {
     "glActiveTexture": (None, (_ENUM,)),
     "glBeginQuery": (None, (_ENUM, _UINT)),
     "glBindFramebuffer": (None, (_ENUM, _UINT)),
@@ -48,7 +48,10 @@ _PROTOTYPE = getattr(ctypes, "WINFUNCTYPE", ctypes.CFUNCTYPE)  # OpenGL on Windo
 class RawGL:
     """Calls by name, `raw("glUniform1i", location, 0)`. Raises NotImplementedError for one that the driver lacks."""
 
-    def __init__(self, context: moderngl.Context) -> None:
+    def __init__(
+        self, context: moderngl.Context, signatures: Mapping[str, tuple[Any, tuple[Any, ...]]] = SIGNATURES
+    ) -> None:
+        self._signatures = signatures
         self._load: Callable[[str], int] = context.mglo._context.load
         self._functions: dict[str, Callable[..., Any]] = {}
 
@@ -58,7 +61,7 @@ class RawGL:
             address = self._load(name)
             if not address:
                 raise NotImplementedError(f"the OpenGL driver has no {name}")
-            result, types = _SIGNATURES[name]
+            result, types = self._signatures[name]
             self._functions[name] = _PROTOTYPE(result, *types)(address)
         return self._functions[name](*arguments)
 

@@ -1,7 +1,7 @@
 """Run time by activity."""
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
@@ -25,6 +25,7 @@ class Profile:
     """Seconds by activity. Time in a nested activity counts only for the inner one."""
 
     seconds: dict[str, float] = field(default_factory=dict)
+    clock: Callable[[], float] = time.perf_counter
     _nested: list[str] = field(default_factory=list)
     _since: float = 0.0
 
@@ -41,7 +42,7 @@ class Profile:
 
     def _add_elapsed(self) -> None:
         """Add the time since the last call to the current activity."""
-        now = time.perf_counter()
+        now = self.clock()
         if self._nested:
             activity = self._nested[-1]
             self.seconds[activity] = self.seconds.get(activity, 0.0) + now - self._since

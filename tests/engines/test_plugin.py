@@ -3,7 +3,9 @@
 import re
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Callable
+from dataclasses import dataclass
 from importlib.metadata import entry_points
 from pathlib import Path
 
@@ -33,24 +35,109 @@ def test_screenshots(shadow_accuracy):
 """
 
 
-@pytest.fixture
-def suite(tmp_path: Path, drawn: Callable, png: Callable) -> Callable[..., subprocess.CompletedProcess[str]]:
-    """Runs a test file in a folder of its own, where a good mask lies, with nothing but installed plug-ins."""
-    folder = tmp_path / "engine"
-    folder.mkdir()
-    visibility = drawn("stairs")
-    write_mask(folder / "mask.png", visibility)
-    write_mask(folder / "flipped.png", visibility[::-1])
-    write_mask(folder / "empty.png", np.ones_like(visibility))
-    png("engine/lit.png", np.ones_like(visibility))
-    png("engine/shadowed.png", visibility > 0.5)
+BARE = """
+name = "bare"
+camera = { position = [0.0, 2.0, 3.0], target = [0.0, 0.0, 0.0] }
+light = { kind = "directional", direction = [0.2, -1.0, 0.1] }
+mesh = [{ shape = "plane", scale = 9.0 }]
+"""
+EMPTY = """
+def test_it(shadow_accuracy):
+    assert shadow_accuracy("empty.png", scene="stairs").iou > 0.98
+"""
+LONG = "x" * 200
+ALIKE = f"""
+import pytest
 
-    def run(text: str, *arguments: str) -> subprocess.CompletedProcess[str]:
-        (folder / "test_engine.py").write_text(text)
-        command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *arguments]
-        return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+def accurate(shadow_accuracy):
+    assert shadow_accuracy("empty.png", scene="stairs").iou > 0.98
+
+@pytest.mark.parametrize("case", ["a{LONG}", "b{LONG}", "{LONG}a", "{LONG}b", "a b", "a/b"])
+def test_it(shadow_accuracy, case):
+    accurate(shadow_accuracy)
+
+class TestOne:
+    def test_it(self, shadow_accuracy):
+        accurate(shadow_accuracy)
+"""
+UNDEFINED = """
+def test_read(shadow_accuracy):
+    assert shadow_accuracy("empty.png", scene="bare.toml").iou is None
+
+def test_compared(shadow_accuracy):
+    assert shadow_accuracy("empty.png", scene="bare.toml").iou > 0.98
+
+def test_contact(shadow_accuracy):
+    assert shadow_accuracy("mask.png", scene="bare.toml").contact < 0.1
+
+def test_of_its_own():
+    assert None > 0.98
+"""
+FLIPPED = """
+def test_it(shadow_accuracy):
+    shadow_accuracy("flipped.png", scene="stairs")
+"""
+OTHERWISE = """
+def test_it(shadow_accuracy):
+    assert 0.98 < shadow_accuracy("empty.png", scene="stairs").iou
+"""
+MISSPELT = """
+def test_metric(shadow_accuracy):
+    shadow_accuracy("mask.png", scene="stairs").iuo
+
+def test_keyword(shadow_accuracy):
+    shadow_accuracy("mask.png", scene="stairs", lit="lit.png")
+"""
+
+
+@dataclass(frozen=True)
+class Ran:
+    """What a suite printed, and the pictures that it left."""
+
+    code: int
+    printed: str
+    pictures: list[Path]
+
+    def outcomes(self, file: str) -> Counter[str]:
+        """How many tests of a file passed and failed."""
+        return Counter(re.findall(rf"^(PASSED|FAILED) {file}::", self.printed, re.MULTILINE))
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory: pytest.TempPathFactory, drawn: Callable) -> Callable[..., Ran]:
+    """Runs test files in a folder of their own, where a good mask lies, with nothing but installed plug-ins."""
+    visibility = drawn("stairs")
+
+    def run(pictures: str, option: str, **files: str) -> Ran:
+        folder = tmp_path_factory.mktemp("engine")
+        write_mask(folder / "mask.png", visibility)
+        write_mask(folder / "flipped.png", visibility[::-1])
+        write_mask(folder / "empty.png", np.ones_like(visibility))
+        for name, values in (("lit", np.ones_like(visibility)), ("shadowed", visibility > 0.5)):
+            Image.fromarray(np.rint(values * 255.0).astype(np.uint8)).save(folder / f"{name}.png")
+        (folder / "bare.toml").write_text(BARE)
+        for name, text in files.items():
+            (folder / f"{name}.py").write_text(text)
+        left = folder / pictures
+        command = [sys.executable, "-m", "pytest", "-q", "-rpf", "-p", "no:cacheprovider", f"{option}={left}"]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        return Ran(done.returncode, done.stdout, sorted(left.rglob("*.png")))
 
     return run
+
+
+@pytest.fixture(scope="module")
+def judged(ran: Callable[..., Ran]) -> Ran:
+    """All that needs no options of its own, with a folder for pictures."""
+    files = {"good": SUITE, "empty": EMPTY, "alike": ALIKE, "alike_too": ALIKE, "undefined": UNDEFINED}
+    named = {f"test_{name}": text for name, text in (files | {"flipped": FLIPPED}).items()}
+    return ran("diffs", "--shadow-diffs", **named)
+
+
+@pytest.fixture(scope="module")
+def otherwise(ran: Callable[..., Ran]) -> Ran:
+    """Without such a folder."""
+    return ran("base", "--basetemp", test_otherwise=OTHERWISE, test_misspelt=MISSPELT)
 
 
 def test_the_plugin_is_installed_with_the_package() -> None:
@@ -58,88 +145,48 @@ def test_the_plugin_is_installed_with_the_package() -> None:
     assert found.value == "shadowbench.pytest_plugin"
 
 
-def test_a_good_mask_passes_as_file_array_bytes_and_screenshots(suite: Callable) -> None:
-    done = suite(SUITE)
-    assert done.returncode == 0, done.stdout
-    assert "4 passed" in done.stdout
+def test_a_good_mask_passes_as_file_array_bytes_and_screenshots(judged: Ran) -> None:
+    assert judged.outcomes("test_good.py") == {"PASSED": 4}, judged.printed
 
 
-def test_a_failure_says_what_kind_of_error_it_is_and_saves_the_picture(suite: Callable, tmp_path: Path) -> None:
-    diffs = tmp_path / "diffs"
-    done = suite(
-        'def test_it(shadow_accuracy):\n    assert shadow_accuracy("empty.png", scene="stairs").iou > 0.98\n',
-        "--shadow-diffs",
-        str(diffs),
-    )
-    assert done.returncode == 1
-    assert "iou 0 > 0.98 (accuracy of empty.png on stairs)" in done.stdout
-    assert "peter-panning" in done.stdout and "of the shadow next to its caster is lit (contact)" in done.stdout
-    (picture,) = diffs.iterdir()
-    assert str(picture) in done.stdout
+def test_a_failure_says_what_kind_of_error_it_is_and_saves_the_picture(judged: Ran) -> None:
+    assert judged.code == 1 and judged.outcomes("test_empty.py") == {"FAILED": 1}
+    assert "iou 0 > 0.98 (accuracy of empty.png on stairs)" in judged.printed
+    assert "peter-panning" in judged.printed
+    assert "of the shadow next to its caster is lit (contact)" in judged.printed
+    (picture,) = (file for file in judged.pictures if file.name.startswith("test_empty."))
+    assert str(picture) in judged.printed
     with Image.open(picture) as image:
         assert image.size == (256, 256)
 
 
-def test_without_a_folder_the_picture_goes_to_the_tests_own(suite: Callable, tmp_path: Path) -> None:
-    done = suite(
-        'def test_it(shadow_accuracy):\n    assert 0.98 < shadow_accuracy("empty.png", scene="stairs").iou\n',
-        f"--basetemp={tmp_path / 'base'}",
-    )
-    assert done.returncode == 1 and "0.98 < iou 0 (accuracy of" in done.stdout
-    (picture,) = (tmp_path / "base").rglob("*.png")
-    assert re.fullmatch(r"test_engine\.test_it-[0-9a-f]{8}\.diff\.png", picture.name)
+def test_without_a_folder_the_picture_goes_to_the_tests_own(otherwise: Ran) -> None:
+    assert otherwise.code == 1 and "0.98 < iou 0 (accuracy of" in otherwise.printed
+    (picture,) = otherwise.pictures
+    assert re.fullmatch(r"test_otherwise\.test_it-[0-9a-f]{8}\.diff\.png", picture.name)
 
 
-def test_no_two_tests_share_a_picture(suite: Callable, tmp_path: Path) -> None:
-    long = "x" * 200
-    text = (
-        "import pytest\n"
-        "def accurate(shadow_accuracy):\n"
-        '    assert shadow_accuracy("empty.png", scene="stairs").iou > 0.98\n'
-        f'@pytest.mark.parametrize("case", ["a{long}", "b{long}", "{long}a", "{long}b", "a b", "a/b"])\n'
-        "def test_it(shadow_accuracy, case):\n    accurate(shadow_accuracy)\n"
-        "class TestOne:\n    def test_it(self, shadow_accuracy):\n        accurate(shadow_accuracy)\n"
-    )
-    diffs = tmp_path / "diffs"
-    (tmp_path / "engine" / "test_another.py").write_text(text)
-    done = suite(text, "--shadow-diffs", str(diffs))
-    assert "14 failed" in done.stdout
-    assert len(list(diffs.iterdir())) == 14
+def test_no_two_tests_share_a_picture(judged: Ran) -> None:
+    assert judged.outcomes("test_alike.py") == judged.outcomes("test_alike_too.py") == {"FAILED": 7}
+    assert sum(file.name.startswith("test_alike") for file in judged.pictures) == 14
 
 
-def test_a_metric_that_is_not_defined_is_none_and_a_comparison_says_why(suite: Callable, tmp_path: Path) -> None:
-    scene = (
-        'name = "bare"\ncamera = { position = [0.0, 2.0, 3.0], target = [0.0, 0.0, 0.0] }\n'
-        'light = { kind = "directional", direction = [0.2, -1.0, 0.1] }\nmesh = [{ shape = "plane", scale = 9.0 }]\n'
-    )
-    (tmp_path / "engine" / "bare.toml").write_text(scene)
-    done = suite(
-        "def test_read(shadow_accuracy):\n"
-        '    assert shadow_accuracy("empty.png", scene="bare.toml").iou is None\n'
-        "def test_compared(shadow_accuracy):\n"
-        '    assert shadow_accuracy("empty.png", scene="bare.toml").iou > 0.98\n'
-        "def test_contact(shadow_accuracy):\n"
-        '    assert shadow_accuracy("mask.png", scene="bare.toml").contact < 0.1\n'
-        "def test_of_its_own():\n"
-        "    assert None > 0.98\n"
-    )
-    assert "3 failed, 1 passed" in done.stdout
-    assert "iou is None (accuracy of empty.png on bare): neither the truth nor the mask has a shadow in" in done.stdout
-    assert "contact is None (accuracy of mask.png on bare): undefined here; of" in done.stdout
+def test_a_metric_that_is_not_defined_is_none_and_a_comparison_says_why(judged: Ran) -> None:
+    assert judged.outcomes("test_undefined.py") == {"FAILED": 3, "PASSED": 1}
+    why = "iou is None (accuracy of empty.png on bare): neither the truth nor the mask has a shadow in"
+    assert why in judged.printed
+    assert "contact is None (accuracy of mask.png on bare): undefined here; of" in judged.printed
     # Where CI is set, pytest's summary says every failure a second time, whole.
-    said = [line for line in done.stdout.splitlines() if line.startswith("E ") and " is None (" in line]
-    assert len(said) == 2 and "pytest_plugin.py" not in done.stdout
+    said = [line for line in judged.printed.splitlines() if line.startswith("E ") and " is None (" in line]
+    assert len(said) == 2 and "pytest_plugin.py" not in judged.printed
 
 
-def test_bad_input_is_a_failure_of_one_line(suite: Callable) -> None:
-    done = suite('def test_it(shadow_accuracy):\n    shadow_accuracy("flipped.png", scene="stairs")\n')
-    assert done.returncode == 1
-    assert "flipped.png: is flipped vertically, against the truth of stairs" in done.stdout
-    assert "Traceback" not in done.stdout and "pytest_plugin.py" not in done.stdout
+def test_bad_input_is_a_failure_of_one_line(judged: Ran) -> None:
+    assert judged.outcomes("test_flipped.py") == {"FAILED": 1}
+    assert "flipped.png: is flipped vertically, against the truth of stairs" in judged.printed
+    assert "Traceback" not in judged.printed and "pytest_plugin.py" not in judged.printed
 
 
-def test_a_misspelt_metric_or_keyword_is_an_error_that_names_the_right_ones(suite: Callable) -> None:
-    done = suite('def test_it(shadow_accuracy):\n    shadow_accuracy("mask.png", scene="stairs").iuo\n')
-    assert "AttributeError: 'iuo' is not a metric; allowed: iou, iou_soft" in done.stdout
-    done = suite('def test_it(shadow_accuracy):\n    shadow_accuracy("mask.png", scene="stairs", lit="lit.png")\n')
-    assert "TypeError: a mask and lit; allowed: a mask, or lit, shadowed and ambient" in done.stdout
+def test_a_misspelt_metric_or_keyword_is_an_error_that_names_the_right_ones(otherwise: Ran) -> None:
+    assert "AttributeError: 'iuo' is not a metric; allowed: iou, iou_soft" in otherwise.printed
+    assert "TypeError: a mask and lit; allowed: a mask, or lit, shadowed and ambient" in otherwise.printed

@@ -46,7 +46,7 @@ def test_no_mask_of_ours_is_taken_for_turned_shifted_or_encoded(
     for row in held:
         one = comparison(read_mask(tmp_path / "run" / "masks" / f"{row['key']}.png"), row["scene"])
         reading = detect_encoding(one)
-        found = misorientation(one.visibility, one.prepared), reading.shift, reading.srgb_encoded or None, reading.umbra
+        found = misorientation(one.visibility, one.truth), reading.shift, reading.srgb_encoded or None, reading.umbra
         if any(found) or seems_unrelated(one):
             alarms.append((row["scene"], row["spec"], row["map_size"], found))
     assert alarms == []

@@ -59,7 +59,11 @@ def test_values_are_written_shortly() -> None:
     assert [value_label(value) for value in values] == texts
 
 
-@every_axis
+@pytest.mark.parametrize(
+    "axis",
+    [pytest.param(axis, marks=pytest.mark.slow if axis.name == "triangles" else []) for axis in AXES.values()],
+    ids=AXES,
+)
 def test_light_and_shadow_are_in_view_at_every_value(axis: Axis) -> None:
     """What shows no shadow, or nothing else, measures nothing."""
     for light in axis.lights:

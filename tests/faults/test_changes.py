@@ -4,29 +4,30 @@ the committed baseline. `check` catches every fault and names the technique, and
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import tomllib
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pytest
+from shadowbench.check.check import check
 
-from shadowbench.commands import main
+from shadowbench.check.baseline import MISSING
+from shadowbench.check.baseline import Change as Regressed
 from shadowbench.scenes.library import load_scene
 from shadowbench.studies.study import read_study
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.registry import own_techniques, techniques
-from shadowbench.techniques.unshadowed import Unshadowed
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 BASELINE = ROOT / "results" / "baseline"
 SOURCES = ("shadowbench", "shaders", "scenes", "benchmarks")
-AT_ONCE = 2
+Edit = tuple[str, str, str]
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class Change:
     name: str
     technique: str
     scenes: tuple[str, ...]
-    edits: tuple[tuple[str, str, str], ...]
+    edits: tuple[Edit, ...]
     phases: int = 1
 
 
@@ -83,136 +84,119 @@ def test_there_are_enough_of_them() -> None:
     assert {change.technique for change in FAULTS} == {one.name for one in own_techniques()}
 
 
-def test_a_technique_without_a_fault_of_its_own_is_planted_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    newcomer = type("Newcomer", (Unshadowed,), {"name": "newcomer", "lights": frozenset({"point"})})
-    monkeypatch.setattr(sys.modules[__name__], "own_techniques", lambda: (newcomer,))
-    fault = planted()[-1]
-    assert (fault.technique, fault.scenes) == ("newcomer", ("lamp-by-wall",))
-    ((file, before, _),) = fault.edits
-    assert (ROOT / file).read_text(encoding="utf-8").count(before) == 1
+EDITS = [*(edit for change in FAULTS + HARMLESS for edit in change.edits), MOVED_RECEIVERS]
 
 
-@pytest.mark.parametrize("change", FAULTS + HARMLESS, ids=lambda change: change.name)
-def test_what_a_change_replaces_is_there_exactly_once(change: Change) -> None:
-    for file, before, after in change.edits:
-        assert (ROOT / file).read_text(encoding="utf-8").count(before) == 1, f"{file}: {before!r}"
-        assert before != after
-
-
-def ran(change: Change, edits: tuple[tuple[str, str, str], ...], sources: Path, folder: Path) -> tuple[int, str]:
-    """Exit code and stderr of the change's cells, measured by a copy of the sources with these edits."""
-    copy = folder / "sources"
-    shutil.copytree(sources, copy)
-    for file, before, after in edits:
-        text = (copy / file).read_text(encoding="utf-8")
-        assert text.count(before) == 1, f"{file}: {before!r}"
-        (copy / file).write_text(text.replace(before, after), encoding="utf-8")
-    cells = [cell.spec for cell in STUDY.cells() if cell.spec.technique.name == change.technique]
-    specs = [spec.full_text for spec in cells] or [change.technique]
-    command = [sys.executable, "-m", "shadowbench", "run", *(SCENES[scene] for scene in change.scenes)]
-    command += ["-s", str(BASELINE / "study.toml"), "--phases", str(change.phases), "-o", str(folder / "run"), "-q"]
-    command += [word for spec in specs for word in ("-t", spec)]
-    environment = os.environ | {"PYTHONPATH": str(copy)}
-    done = subprocess.run(command, cwd=copy, env=environment, capture_output=True, text=True, timeout=240)
-    shutil.rmtree(copy)
-    return done.returncode, done.stderr
-
-
-def write_cells(change: Change, folder: Path) -> bool:
-    """The committed baseline's rows of the change's cells; False where it has none."""
-    if change.phases != STUDY.phases:
-        return False
-    lines = (BASELINE / "rows.jsonl").read_text(encoding="utf-8").splitlines(keepends=True)
-    rows = {line: json.loads(line) for line in lines}
-    mine = [
-        line for line, row in rows.items() if row["technique"] == change.technique and row["scene"] in change.scenes
-    ]
-    folder.mkdir()
-    (folder / "rows.jsonl").write_text("".join(mine), encoding="utf-8")
-    return bool(mine)
-
-
-@dataclass
-class Copies:
-    """Runs changed copies ahead of the tests that look at them."""
-
-    sources: Path
-    folder: Path
-    pool: ThreadPoolExecutor
-    runs: dict[str, Future[tuple[int, str]]] = field(default_factory=dict)
-
-    def begin(self, change: Change) -> None:
-        self.runs[change.name] = self.pool.submit(self._run, change)
-
-    def _run(self, change: Change) -> tuple[int, str]:
-        folder = self.folder / change.name
-        folder.mkdir()
-        if not write_cells(change, folder / "baseline"):
-            unchanged = folder / "unchanged"
-            code, errors = ran(change, (), self.sources, unchanged)
-            assert code == 0, errors
-            shutil.rmtree(folder / "baseline", ignore_errors=True)
-            (unchanged / "run").rename(folder / "baseline")
-        return ran(change, change.edits, self.sources, folder)
-
-
-@pytest.fixture(scope="module")
-def copies(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Copies]:
-    pool, sources = ThreadPoolExecutor(AT_ONCE), tmp_path_factory.mktemp("sources")
-    for name in SOURCES:  # once, so that all changes are made to the same text, whatever is edited meanwhile
-        shutil.copytree(ROOT / name, sources / name)
-    copies = Copies(sources, tmp_path_factory.mktemp("faults"), pool)
-    for item in request.session.items:
-        if item.path == Path(__file__) and item.get_closest_marker("slow"):
-            copies.begin(item.callspec.params["change"])  # type: ignore[attr-defined]
-    yield copies
-    pool.shutdown(cancel_futures=True)
+@pytest.mark.parametrize("edit", EDITS, ids=lambda edit: edit[0])
+def test_what_a_change_replaces_is_there_exactly_once(edit: Edit) -> None:
+    file, before, after = edit
+    assert (ROOT / file).read_text(encoding="utf-8").count(before) == 1, f"{file}: {before!r}"
+    assert before != after
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """How the run of a change ended, and what `check` says of it."""
+class Copy:
+    """A copy of the sources, and `forked.py`, which measures by it."""
 
-    run: int
-    errors: str
-    check: int
-    said: str
+    folder: Path
+    process: subprocess.Popen[str]
+
+    def measured(self, scenes: Sequence[str], specs: Sequence[str], phases: int, folder: Path) -> None:
+        """The cells, in a run folder, by the sources as they are now."""
+        assert self.process.stdin is not None and self.process.stdout is not None
+        asked = [SCENES[scene] for scene in scenes], specs, phases, str(BASELINE / "study.toml"), str(folder)
+        print(json.dumps(asked), file=self.process.stdin, flush=True)
+        code, printed = json.loads(self.process.stdout.readline())
+        assert code == 0, f"it does not even run, which anything would catch: {printed}"
+
+    @contextmanager
+    def changed(self, edits: Sequence[Edit]) -> Iterator[None]:
+        """Within it, the copy has these edits."""
+        unchanged = {file: (self.folder / file).read_text(encoding="utf-8") for file, *_ in edits}
+        for file, before, after in edits:
+            text = (self.folder / file).read_text(encoding="utf-8")
+            assert text.count(before) == 1, f"{file}: {before!r}"
+            (self.folder / file).write_text(text.replace(before, after), encoding="utf-8")
+        yield
+        for file, text in unchanged.items():
+            (self.folder / file).write_text(text, encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Copy]:
+    """Made once, so that all changes are made to the same text, whatever is edited meanwhile."""
+    folder = tmp_path_factory.mktemp("sources")
+    for name in SOURCES:
+        shutil.copytree(ROOT / name, folder / name)
+    process = subprocess.Popen(
+        [sys.executable, HERE / "forked.py", folder],
+        env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},  # no thread would live on in a fork
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    yield Copy(folder, process)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.communicate()
+
+
+@dataclass(frozen=True)
+class Cells:
+    """The cells of a technique in the committed baseline's study, measured by a copy and held against the baseline."""
+
+    copy: Copy
+    folder: Path
+
+    def baseline(self, change: Change) -> Path:
+        """The committed rows of the change's cells; measured by the unchanged sources where it has none."""
+        folder = self.folder / "baseline"
+        lines = (BASELINE / "rows.jsonl").read_text(encoding="utf-8").splitlines(keepends=True)
+        rows = {line: json.loads(line) for line in lines if change.phases == STUDY.phases}
+        mine = [
+            line for line, row in rows.items() if row["technique"] == change.technique and row["scene"] in change.scenes
+        ]
+        if mine:
+            folder.mkdir()
+            (folder / "rows.jsonl").write_text("".join(mine), encoding="utf-8")
+        else:
+            self.copy.measured(change.scenes, self.specs(change), change.phases, folder)
+        return folder
+
+    def specs(self, change: Change) -> list[str]:
+        cells = [cell.spec for cell in STUDY.cells() if cell.spec.technique.name == change.technique]
+        return [spec.full_text for spec in cells] or [change.technique]
+
+    def regressed(self, change: Change, baseline: Path) -> list[Regressed]:
+        """What `check` says of the changed sources, worst first."""
+        with self.copy.changed(change.edits):
+            self.copy.measured(change.scenes, self.specs(change), change.phases, self.folder / "changed")
+        return check(self.folder / "changed", baseline).findings.of("regressed", times=False)
+
+    def unchanged(self, change: Change, of: Regressed, baseline: Path) -> bool:
+        """Whether the unchanged sources give one regressed cell its rows of the baseline."""
+        self.copy.measured([of.score["scene"]], [of.score["full_spec"]], change.phases, self.folder / "unchanged")
+        found = check(self.folder / "unchanged", baseline).findings
+        return found.compared == change.phases and all(one.after == MISSING for one in found.changes)
 
 
 @pytest.fixture
-def verdict(
-    copies: Copies, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Callable[[Change], Verdict]:
-    """The verdict on a change, by the unchanged sources."""
-
-    def check(change: Change) -> Verdict:
-        code, errors = copies.runs[change.name].result()
-        folder = copies.folder / change.name
-        words: list[Any] = ["shadowbench", "check", folder / "run", "--baseline", folder / "baseline"]
-        monkeypatch.setattr(sys, "argv", [str(word) for word in words])
-        capsys.readouterr()
-        with pytest.raises(SystemExit) as stop:
-            main()
-        assert isinstance(stop.value.code, int)
-        return Verdict(code, errors, stop.value.code, capsys.readouterr().out)
-
-    return check
+def cells(copy: Copy, tmp_path: Path) -> Cells:
+    return Cells(copy, tmp_path)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("change", FAULTS, ids=lambda change: change.name)
-def test_a_fault_is_caught_and_its_technique_named(change: Change, verdict: Callable[[Change], Verdict]) -> None:
-    found = verdict(change)
-    assert found.run == 0, f"it does not even run, which anything would catch: {found.errors}"
-    assert found.check == 1, found.said
-    assert " missing " not in found.said, "a cell that was not run says nothing of the fault"
-    regressed = found.said.partition("improved, largest change first")[0]
-    assert f" {change.technique}" in regressed, found.said
+def test_a_fault_is_caught_and_its_technique_named(change: Change, cells: Cells) -> None:
+    baseline = cells.baseline(change)
+    found = cells.regressed(change, baseline)
+    assert found
+    assert all(one.after != MISSING for one in found), "a cell that was not run says nothing of the fault"
+    assert found[0].score["technique"] == change.technique
+    assert cells.unchanged(change, found[0], baseline), "the fault stayed"
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("change", HARMLESS, ids=lambda change: change.name)
-def test_a_harmless_change_passes(change: Change, verdict: Callable[[Change], Verdict]) -> None:
-    found = verdict(change)
-    assert found.run == 0, found.errors
-    assert found.check == 0, found.said
+def test_a_harmless_change_passes(change: Change, cells: Cells) -> None:
+    assert cells.regressed(change, cells.baseline(change)) == []

@@ -23,6 +23,12 @@ def test_a_hundred_files_give_a_result_or_one_line() -> None:
 
 
 @pytest.mark.slow
+def test_five_hundred_files_give_a_result_or_one_line() -> None:
+    assert failures([*generated(350, 1), *(corrupted(kind, k) for kind in FORMATS for k in range(100, 125))]) == []
+
+
+@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_two_thousand_files_give_a_result_or_one_line() -> None:
     assert failures([*generated(1400, 1), *(corrupted(kind, k) for kind in FORMATS for k in range(100, 200))]) == []
 

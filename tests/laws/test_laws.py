@@ -23,13 +23,11 @@ from shadowbench.techniques.biases import Constant, FrontCull
 from shadowbench.techniques.filters import PCF, Hard
 from shadowbench.techniques.maps import caster_state
 from shadowbench.techniques.registry import own_techniques
-from shadowbench.techniques.unshadowed import Unshadowed
 
-from . import table
 from .answers import Answer, Drawing, traced
 from .changes import LAWS
 from .scenes import Little, littles
-from .table import FIXED, SCENE, STABLE, UNARGUED, VISIBLE, Claim, Subject, claims, misnamed, subjects
+from .table import FIXED, SCENE, STABLE, VISIBLE, Claim, Subject, claims, misnamed, subjects
 
 PIXELS = {True: 96, False: 48}  # along a side, of the truth and of techniques
 PHASES = 8
@@ -44,6 +42,7 @@ SOME = settings(
 )
 MORE = settings(SOME, max_examples=10)
 MANY = settings(SOME, max_examples=16)
+THOROUGH = settings(SOME, max_examples=40)
 CLAIMED = [
     pytest.param(law, name, claim, id=f"{law}, {name}, {claim.kind}")
     for law, name, claim in claims()
@@ -170,9 +169,12 @@ def test_law(studio, law: str, name: str, claim: Claim) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    "how", [pytest.param(MORE, id="10 scenes"), pytest.param(THOROUGH, id="40 scenes", marks=pytest.mark.exhaustive)]
+)
 @pytest.mark.parametrize(("law", "name", "claim"), CLAIMED)
-def test_law_on_many_scenes(studio, law: str, name: str, claim: Claim) -> None:
-    check(studio, law, name, claim.kind, claim.lights, MANY)
+def test_law_on_many_scenes(studio, law: str, name: str, claim: Claim, how: settings) -> None:
+    check(studio, law, name, claim.kind, claim.lights, how)
 
 
 def test_the_table_has_every_law_and_every_technique() -> None:
@@ -181,15 +183,6 @@ def test_the_table_has_every_law_and_every_technique() -> None:
     cells = [(law, name) for law, name, _ in claims()]
     assert len(set(cells)) == len(cells) == len(LAWS) * len(subjects())
     assert all(law.says and law.why for law in LAWS.values()) and all(claim.why for *_, claim in claims())
-
-
-def test_a_technique_that_nobody_argued_for_claims_nothing(monkeypatch) -> None:
-    class Newcomer(Unshadowed):
-        name = "newcomer"
-
-    monkeypatch.setattr(table, "own_techniques", lambda: (Newcomer,))
-    monkeypatch.setattr(table, "subjects", subjects.__wrapped__)
-    assert [claim for _, name, claim in claims() if name == "newcomer"] == [UNARGUED] * len(LAWS)
 
 
 def test_the_page_is_up_to_date() -> None:

@@ -2,20 +2,12 @@
 
 import pytest
 
-from shadowbench.measure import profile as module
 from shadowbench.measure.profile import ACTIVITIES, Profile, complete_profile, share
 
 
-@pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    """The time, as the list's only item."""
-    now = [100.0]
-    monkeypatch.setattr(module.time, "perf_counter", lambda: now[0])
-    return now
-
-
-def test_what_is_done_within_another_activity_counts_once(clock: list[float]) -> None:
-    profile = Profile()
+def test_what_is_done_within_another_activity_counts_once() -> None:
+    clock = [100.0]
+    profile = Profile(clock=lambda: clock[0])
     with profile.activity("waiting"):
         clock[0] += 1
         with profile.activity("files"):
@@ -27,8 +19,9 @@ def test_what_is_done_within_another_activity_counts_once(clock: list[float]) ->
     assert profile.seconds == {"waiting": 5, "files": 18}
 
 
-def test_an_activity_that_fails_is_over(clock: list[float]) -> None:
-    profile = Profile()
+def test_an_activity_that_fails_is_over() -> None:
+    clock = [100.0]
+    profile = Profile(clock=lambda: clock[0])
 
     def fail() -> None:
         with profile.activity("score"):

@@ -8,6 +8,7 @@ import pytest
 
 from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.techniques.registry import techniques
+from tests.samples import sampled
 
 SUNNY = [name for name in builtin_names() if load_scene(name).lights[0].kind == "directional"]
 PRESETS = list(techniques()["shadow-map"].presets)
@@ -41,12 +42,12 @@ def mean(kept, builtin, truth_of, studio, build, scored):
     return of
 
 
-@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("size", sampled(SIZES, [512, 2048]))
 def test_the_default_errs_at_most_half_as_much_as_the_course_preset(mean, size: int) -> None:
     assert 1 - mean("", size)["iou"] <= (1 - mean("preset=course,", size)["iou"]) / 2
 
 
-@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("size", sampled(SIZES, [512, 2048]))
 @pytest.mark.parametrize("preset", PRESETS)
 def test_the_default_beats_every_preset(mean, preset: str, size: int) -> None:
     default, other = mean("", size), mean(f"preset={preset},", size)

@@ -9,6 +9,7 @@ import pytest
 from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import Floats, Light, Mesh, View, view_of
 from shadowbench.truths.trace import GRAZING, OFFSET, Truth, trace
+from tests.samples import sampled
 
 SIZE = 1024
 FINE = {"canopy", "railings"}  # little but edges
@@ -23,6 +24,9 @@ def first_view(name: str) -> View:
     return view_of(scene, scene.cameras[0], scene.lights[0], SIZE)
 
 
+SUNNY = [name for name in builtin_names() if first_view(name).light.kind == "directional"]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", builtin_names())
 def test_builtin_scene_is_decided(name: str) -> None:
@@ -30,7 +34,7 @@ def test_builtin_scene_is_decided(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in builtin_names() if first_view(name).light.kind == "directional"])
+@pytest.mark.parametrize("name", sampled(SUNNY, ["railings", "statue", "street", "terrain"]))
 def test_builtin_scene_is_decided_under_a_grazing_sun(name: str, lowered: Callable[[View, float], View]) -> None:
     view = first_view(name)
     assert share(trace(lowered(view, 0.1), pixel_samples=1)) < 0.02

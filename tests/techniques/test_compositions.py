@@ -1,0 +1,68 @@
+"""Every composition of our shaders compiles and links. `make test-slow` asks that of OpenGL 4.1 too.
+
+Choices that a shader's text depends on, by an include slot or a define, are crossed; the others are tried alone.
+"""
+
+import re
+from collections.abc import Iterator
+from itertools import combinations_with_replacement, product
+from typing import Any, Literal, get_args, get_origin
+
+import pytest
+
+from shadowbench.data import data_folder
+from shadowbench.errors import InputError
+from shadowbench.scenes.model import Light, view_of
+from shadowbench.techniques.params import Row
+from shadowbench.techniques.registry import own_techniques, techniques
+from shadowbench.techniques.spec import parse_spec
+
+SHADERS = "\n".join(file.read_text(encoding="utf-8") for file in data_folder("shaders").rglob("*.*"))
+LIGHTS = {
+    "directional": Light("sun", "directional", (0.5, -1.0, -0.3)),
+    "point": Light("lamp", "point", position=(-1.0, 2.2, 0.8)),
+}
+MORE = {"bias": ["receiver-plane(gradient=derivative)"], "filter": ["pcf(taps=5)"]}
+
+
+def values(name: str, annotation: Any) -> list[str]:
+    """What a field of a technique's parameters may be; nothing for numbers."""
+    if annotation is bool:
+        return ["false", "true"]
+    if get_origin(annotation) is Literal:
+        return list(get_args(annotation))
+    if isinstance(annotation, type) and issubclass(annotation, Row):
+        return [row for row in annotation.table if row != "+"] + MORE.get(name, [])
+    return []
+
+
+def shapes_a_text(name: str) -> bool:
+    return f"#include <{name}>" in SHADERS or re.search(rf"\b{name.upper()}(_|\b)", SHADERS) is not None
+
+
+def compositions(technique: Any) -> Iterator[str]:
+    """Specs, those without meaning among them."""
+    fields = {name: values(name, info.annotation) for name, info in technique.Params.model_fields.items()}
+    fields = {name: several for name, several in fields.items() if several}
+    crossed = {name: several for name, several in fields.items() if shapes_a_text(name)}
+    for chosen in product(*crossed.values()):
+        yield ",".join(f"{name}={value}" for name, value in zip(crossed, chosen, strict=True))
+    for name in fields.keys() - crossed.keys():
+        yield from (f"{name}={value}" for value in fields[name])
+    if "bias" in fields:
+        yield from (f"bias={one}+{other}" for one, other in combinations_with_replacement(fields["bias"], 2))
+
+
+@pytest.mark.parametrize("technique", own_techniques(), ids=lambda technique: technique.name)
+def test_every_composition_links(technique, builtin, studio, build, device) -> None:
+    scene = builtin("cube-on-plane").scene
+    light = next(light for kind, light in LIGHTS.items() if kind in technique.lights)
+    shot = studio.shot(view_of(scene, scene.cameras[0], light, 16))
+    size = "size=16," if "size" in technique.Params.model_fields else ""
+    for items in compositions(technique):
+        try:
+            spec = parse_spec(f"{technique.name}:{size}{items}".rstrip(",:"), techniques())
+        except InputError:
+            continue
+        if technique.declines(spec.params, shot.view, device) is None:
+            build(spec.text, shot).stage.release()
