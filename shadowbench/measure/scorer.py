@@ -99,8 +99,15 @@ class Scorer:
         with Writer(self.profile) as writer:
             if self.pictures is not None and self.shown is None:
                 writer.add(partial(self.pictures.write_truth, frames[0].view, seen[0].truth))
+            shaded = False
             for one in missing.values():
                 row, drawn = self._row(seen, one, writer)
+                if self.pictures is None or (self.shown is not None and not self.shown(row)):
+                    drawn = None
+                elif drawn is not None and not shaded:
+                    both = self.executor.call(Session.shading, frames[0])
+                    writer.add(partial(self.pictures.write_shading, frames[0].view, *both))
+                    shaded = True
                 writer.add(partial(self._keep, seen[0], row, drawn))
                 made(one.cell)
         return [self.store.scores[one.key] for one in asked]
@@ -145,7 +152,7 @@ class Scorer:
 
     def _keep(self, seen: _Seen, row: Record, drawn: Rendering | None) -> None:
         """Images first: a row says that they are there."""
-        if drawn is not None and self.pictures is not None and (self.shown is None or self.shown(row)):
+        if drawn is not None and self.pictures is not None:
             self.pictures.write_cell(row["key"], drawn)
             if self.shown is not None:
                 self.pictures.write_truth(seen.at.view, seen.truth)

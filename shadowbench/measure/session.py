@@ -96,6 +96,12 @@ class Session:
         with self.profile.of("read back"):
             return opened.surface.triangles()
 
+    def shading(self, at: PlacedView) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+        """A view's picture lit everywhere, and in shadow everywhere, (N, N, 3) uint8 sRGB."""
+        opened = self._open(at)
+        with self._passes():
+            return opened.loaded.picture_pass.extremes(opened.surface, opened.view)
+
     def unload(self) -> None:
         """Free the view and the scene."""
         self._close()
