@@ -151,7 +151,7 @@ def heat_map(found: Stability, compact: bool = False) -> Chart:
     about = f"Operating range of every technique along every axis, {found.sweep.label}"
     deep = max([deep, *(str(cell["text"]).count("\n") + 1 for cell in cells)])
     high = 20 if compact else 12 * deep + 6
-    return chart_of(about, cells, layer, high * len(rows), pick=False)
+    return chart_of(about, cells, layer, high * len(rows))
 
 
 def _row(line: Line) -> str:
