@@ -4,18 +4,16 @@ from collections.abc import Sequence
 
 from shadowbench.reports.analysis import Section, front
 from shadowbench.reports.axes import Chart, error_axis, label, log_axis, point_of, zero_rule
-from shadowbench.reports.styles import INK, Styles
+from shadowbench.reports.styles import COLORS, INK, Styles
 from shadowbench.reports.words import digits, section_notes, times_are
 
 _GRID = "#e6e6e6"
-# Okabe & Ito's six again, and ten of L* 36 to 84, each as far as can be from those before it and white, by CIEDE2000.
-PASS_COLORS = (
-    *("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8900C4", "#626200"),
-    *("#B1D83B", "#B1003B", "#FFB19D", "#898989", "#006262", "#D8C4FF", "#8976FF", "#9DD8C4"),
-)
+_BAR = 36
 _PASS_TIMES = [
-    "ms of passes timed one by one, each finished before the next,",
-    "so that their sum may exceed the frame; tick: the whole frame, timed apart",
+    "ms of passes timed one by one,",
+    "each finished before the next,",
+    "so that their sum may exceed the frame;",
+    "tick: the whole frame, timed apart",
 ]
 _TOOLTIP = [
     "spec",
@@ -94,6 +92,8 @@ def size_chart(section: Section, styles: Styles) -> Chart | None:
     sizes = sorted({point["size"] for point in points if point["size"]})
     if not sizes:
         return None
+    for point in points:
+        point["rank"] = sum(one["drawn"] == point["drawn"] for one in points[: points.index(point)] if not one["size"])
     y = error_axis([value for point in points for value in (point["drawn"], point["low"], point["high"])])
     x = {
         "field": "size",
@@ -115,7 +115,13 @@ def size_chart(section: Section, styles: Styles) -> Chart | None:
         },
         {
             "transform": unmapped,
-            "mark": {"type": "text", "align": "right", "dx": -4, "dy": -7, "fontSize": 11},
+            "mark": {
+                "type": "text",
+                "align": "right",
+                "dx": {"expr": "-4 - 96 * datum.rank"},
+                "dy": -7,
+                "fontSize": 11,
+            },
             "encoding": {"x": {"value": {"expr": "width"}}, "y": y, "text": {"field": "spec"}, "color": color},
         },
         {
@@ -165,13 +171,14 @@ def pass_chart(section: Section, size: int | None) -> Chart | None:
         for row, one in enumerate(shown)
         for rank, made in enumerate(one.passes)
     ]
-    marks = [PASS_COLORS[index % len(PASS_COLORS)] for index in range(len(names))]
+    marks = [COLORS[index % len(COLORS)] for index in range(len(names))]
     y = {"field": "row", "type": "ordinal", "axis": None, "scale": {"paddingInner": 0.55, "paddingOuter": 0.4}}
     where = f"map size {size}" if size else "no maps"
     x = {"field": "ms", "type": "quantitative", "title": _PASS_TIMES}
-    first = [{"filter": "datum.first"}]
+    first = [{"filter": "datum.first"}, SHOWN]
     layer: list[Chart] = [
         {
+            "transform": [SHOWN],
             "mark": {"type": "bar", "stroke": PAPER_NOW, "strokeWidth": 0.8},
             "encoding": {
                 "y": y,
@@ -211,8 +218,8 @@ def pass_chart(section: Section, size: int | None) -> Chart | None:
             "encoding": {"y": y, "x": {"datum": 0}, "text": {"field": "spec"}},
         },
     ]
-    height = 36 * len(shown) + 12
-    return chart_of(f"Time of each pass in {section.title}, {where}", bars, layer, height)
+    made = chart_of(f"Time of each pass in {section.title}, {where}", bars, layer, _BAR * len(shown) + 12)
+    return {**made, "usermeta": {"row": _BAR}}  # from which a page that shows fewer takes its height
 
 
 def default_size(section: Section) -> int | None:

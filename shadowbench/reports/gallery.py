@@ -56,15 +56,13 @@ class Gallery:
     """What a page needs to show pictures; images are data URIs, None where the folder lacks the file.
 
     `cells`: dicts of spec, map size, place, IoU, what is said, mask, and the picture where a view has no shading;
-    `places`: by place, its truth, undecided pixels, and the view lit and in shadow everywhere. `missing` says what is
-    lacking.
+    `places`: by place, its truth, undecided pixels, and the view lit and in shadow everywhere. `notes` say what is
+    lacking, and what is shown smaller than it is.
     """
 
     cells: tuple[dict[str, Any], ...]
     places: dict[str, dict[str, str | None]]
-    size: int
-    view_size: int
-    missing: str | None
+    notes: tuple[str, ...]
 
 
 def shots_of_section(section: Section) -> list[Shot]:
@@ -126,15 +124,13 @@ def gallery(folder: Path, shots: Sequence[Shot], most: int) -> Gallery | None:
         "truth": any(place["truth"] is None for place in places.values()),
         "shading": any(places[cell["place"]]["lit"] is None and cell["picture"] is None for cell in cells),
     }
-    lacking = [name for name, some in lacks.items() if some]
-    view_size = max(int(shot.row["view_size"]) for shot in shots)
-    return Gallery(
-        cells=tuple(cells),
-        places=places,
-        size=min(view_size, most),
-        view_size=view_size,
-        missing=f"{folder.name} has no {' and no '.join(lacking)} of some of these cells" if lacking else None,
+    lacking = " and no ".join(name for name, some in lacks.items() if some)
+    size = max(int(shot.row["view_size"]) for shot in shots)
+    notes = (
+        f"{folder.name} has no {lacking} of some of these cells." if lacking else "",
+        f"Shown at {most}² of {size}² pixels." if most < size else "",
     )
+    return Gallery(tuple(cells), places, tuple(filter(None, notes)))
 
 
 def no_pictures(folder: Folder) -> str:

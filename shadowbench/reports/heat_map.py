@@ -32,15 +32,15 @@ def is_dark(share: float) -> bool:
     return share < _DARK
 
 
-def heat_map(found: Stability, compact: bool = False) -> Chart:
-    """Share of each axis' values that hold, by spec and light; `compact`: colours without texts, for narrow pages."""
+def heat_map(found: Stability) -> Chart:
+    """Share of each axis' values that hold, by spec and light."""
     cells = []
     for spec, kind in found.lines:
         for axis in found.axes:
             one = found.at.get((spec, axis.name, kind))
             if one is not None:
                 cell = {"row": _row((spec, kind)), "axis": axis.name, "share": one.share}
-                cells.append({**cell, "text": "" if compact else _cell_text(one), **range_facts(one, NAMES[kind])})
+                cells.append({**cell, "text": _cell_text(one), **range_facts(one, NAMES[kind])})
     rows = [_row(line) for line in found.lines]
     deep = max((row.count("\n") for row in rows), default=0) + 1
     # Labels of several lines grow downwards.
@@ -57,10 +57,10 @@ def heat_map(found: Stability, compact: bool = False) -> Chart:
         "sort": rows,
         "title": None,
         "axis": {
-            "labelExpr": "join(split(datum.value, '\\n'), ' ')" if compact else "split(datum.value, '\\n')",
-            "labelOffset": 0 if compact else {"condition": offsets, "value": 0},
-            "labelLimit": 130 if compact else 190,
-            "labelFontSize": 10 if compact else 11,
+            "labelExpr": "split(datum.value, '\\n')",
+            "labelOffset": {"condition": offsets, "value": 0},
+            "labelLimit": 190,
+            "labelFontSize": 11,
             "ticks": False,
             "domain": False,
         },
@@ -73,10 +73,10 @@ def heat_map(found: Stability, compact: bool = False) -> Chart:
         "title": None,
         "axis": {
             "orient": "top",
-            "labelExpr": "datum.value" if compact else f"{json.dumps(headings, ensure_ascii=False)}[datum.value]",
-            "labelAngle": -90 if compact else 0,
+            "labelExpr": f"{json.dumps(headings, ensure_ascii=False)}[datum.value]",
+            "labelAngle": 0,
             "labelFontSize": 10,
-            "labelPadding": 5 if compact else 12 * tall - 7,  # lines grow downwards
+            "labelPadding": 12 * tall - 7,  # lines grow downwards
             "labelLimit": 120,
             "ticks": False,
             "domain": False,
@@ -127,31 +127,29 @@ def heat_map(found: Stability, compact: bool = False) -> Chart:
             },
         },
     ]
-    if not compact:
-        text = {"type": "text", "fontSize": 9.5, "lineBreak": "\n", "lineHeight": 11, "baseline": "middle"}
-        layer.append(
-            {
-                "transform": [{"calculate": "-5.5 * (length(split(datum.text, '\\n')) - 1)", "as": "up"}],
-                "mark": {
-                    **text,
-                    "dy": {"expr": "datum.up"},
+    text = {"type": "text", "fontSize": 9.5, "lineBreak": "\n", "lineHeight": 11, "baseline": "middle"}
+    layer.append(
+        {
+            "transform": [{"calculate": "-5.5 * (length(split(datum.text, '\\n')) - 1)", "as": "up"}],
+            "mark": {
+                **text,
+                "dy": {"expr": "datum.up"},
+            },
+            "encoding": {
+                "x": x,
+                "y": y,
+                "text": {"field": "text"},
+                "tooltip": told,
+                "color": {
+                    "condition": {"test": f"datum.share !== null && datum.share < {_DARK}", "value": "white"},
+                    "value": "black",
                 },
-                "encoding": {
-                    "x": x,
-                    "y": y,
-                    "text": {"field": "text"},
-                    "tooltip": told,
-                    "color": {
-                        "condition": {"test": f"datum.share !== null && datum.share < {_DARK}", "value": "white"},
-                        "value": "black",
-                    },
-                },
-            }
-        )
+            },
+        }
+    )
     about = f"Operating range of every technique along every axis, {found.sweep.label}"
     deep = max([deep, *(str(cell["text"]).count("\n") + 1 for cell in cells)])
-    high = 20 if compact else 12 * deep + 6
-    return chart_of(about, cells, layer, high * len(rows))
+    return chart_of(about, cells, layer, (12 * deep + 6) * len(rows))
 
 
 def _row(line: Line) -> str:

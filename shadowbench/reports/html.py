@@ -23,7 +23,7 @@ from shadowbench.reports.heat_map import NOTHING, is_dark, shade
 from shadowbench.reports.matrix import IOU_TARGETS
 from shadowbench.reports.parts import DEFAULT_COLUMNS, Part, part_of, parts_of
 from shadowbench.reports.stability import Stability
-from shadowbench.reports.styles import COLORS, INK, OUTLINES, SHAPES, Styles, styles_of
+from shadowbench.reports.styles import COLORS, MOST, OUTLINES, SHAPES, Styles, styles_of
 from shadowbench.reports.verdict import target_name
 from shadowbench.reports.words import (
     ended,
@@ -53,6 +53,7 @@ def html_report(runs: Sequence[Run], scenes: Mapping[str, Sequence[Section]], sw
     environment = Environment(
         loader=FileSystemLoader(_PAGE), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
+    environment.policies["json.dumps_kwargs"] = {"sort_keys": False}  # places stand in their order
     environment.filters |= {"breaks": _breaks, "marked": _marked, "sentence": sentence}
     return environment.get_template("report.html.j2").render(
         title=f"shadowbench: {', '.join(one.label for one in (*runs, *sweeps))}",
@@ -83,8 +84,7 @@ def _page(parts: Sequence[Part], specs: Sequence[str]) -> dict[str, Any]:
             for one in parts
         ],
         "specs": specs,
-        "colors": COLORS,
-        "ink": INK,
+        "colors": COLORS[:MOST],
         "shapes": SHAPES,
         "outlines": OUTLINES,
         "columns": DEFAULT_COLUMNS,

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from statistics import fmean
 
 import pandas as pd
@@ -152,22 +151,26 @@ def equals(found: Sequence[Candidate], best: Candidate, target: Target) -> tuple
     return tuple(one for one in able if one.ms is not None and one.as_cheap_as(best))
 
 
+def line(found: Sequence[Candidate], targets: Sequence[Target]) -> list[Cell]:
+    """The cheapest of some configurations for each target; of none, nothing."""
+    if not found:
+        return []
+    nearest = max(found, key=lambda one: (len(one.held), one.whole.value("iou") or 0.0))
+    cells = []
+    for target in targets:
+        best = cheapest(found, target)
+        cells.append(Cell(target, best, nearest, () if best is None else equals(found, best, target)))
+    return cells
+
+
 def matrix(found: Sequence[Candidate], targets: Sequence[Target]) -> dict[str, list[Cell]]:
-    """By technique, the cheapest for each target; first the technique that is cheapest at the hardest reached by any.
+    """By technique, the cheapest for each target; first the technique that is cheapest at the middle one.
 
     `unshadowed` takes no part.
     """
-    lines: dict[str, list[Cell]] = {}
     techniques = dict.fromkeys(one.whole.technique for one in found if one.whole.technique != Unshadowed.name)
-    for technique in techniques:
-        ours = [one for one in found if one.whole.technique == technique]
-        nearest = max(ours, key=lambda one: (len(one.held), one.whole.value("iou") or 0.0))
-        cells = []
-        for target in targets:
-            best = cheapest(ours, target)
-            cells.append(Cell(target, best, nearest, () if best is None else equals(ours, best, target)))
-        lines[technique] = cells
-    return dict(sorted(lines.items(), key=lambda line: _rank(line[1])))
+    lines = {name: line([one for one in found if one.whole.technique == name], targets) for name in techniques}
+    return dict(sorted(lines.items(), key=lambda one: _rank(one[1])))
 
 
 def _rank(cells: Sequence[Cell]) -> list[tuple[int, bool, float, float, str]]:
@@ -176,9 +179,3 @@ def _rank(cells: Sequence[Cell]) -> list[tuple[int, bool, float, float, str]]:
     middle = len(cells) // 2
     order = [*cells[middle::-1], *cells[middle + 1 :]]
     return [never if cell.cheapest is None else _cost(cell.cheapest) for cell in order]
-
-
-def extras(cells: Sequence[Cell]) -> list[float | None]:
-    """Of each target but the first, how many times the cost of the one before it takes; None where one has no time."""
-    times = [None if cell.cheapest is None else cell.cheapest.ms for cell in cells]
-    return [None if not before or now is None else now / before for before, now in pairwise(times)]

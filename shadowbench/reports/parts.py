@@ -14,6 +14,7 @@ from shadowbench.reports.matrix import (
     Candidate,
     Cell,
     candidates,
+    line,
     matrix,
     over_all,
 )
@@ -90,16 +91,26 @@ class Part:
     def matrix(self) -> list[tuple[str, list[dict[str, Any]]]]:
         """By technique, what each cell shows."""
         lines = matrix(self.found, IOU_TARGETS)
-        return [(technique, [self._cell(cell) for cell in cells]) for technique, cells in lines.items()]
+        return [
+            (technique, [self._cell(cell, len(self.sections)) for cell in cells]) for technique, cells in lines.items()
+        ]
+
+    @property
+    def by_scene(self) -> list[tuple[str, list[dict[str, Any]]]]:
+        """Of several scenes each, with the cheapest of all techniques."""
+        if len(self.sections) == 1:
+            return []
+        lines = [(one.scene, line(candidates([one]), IOU_TARGETS)) for one in self.sections]
+        return [(scene, [self._cell(cell, 1) for cell in cells]) for scene, cells in lines]
 
     def pick(self, one: Candidate) -> dict[str, Any]:
         """What its picture is found by: of several scenes the one in which it is worst."""
         return {"spec": one.whole.spec, "size": one.whole.map_size, "scene": self.scene_ids[one.worst]}
 
-    def _cell(self, cell: Cell) -> dict[str, Any]:
-        cost, label, note = cell_texts(cell, len(self.sections))
+    def _cell(self, cell: Cell, scenes: int) -> dict[str, Any]:
+        cost, label, note = cell_texts(cell, scenes)
         best = cell.cheapest
-        state = "none" if best is None else "all" if len(best.held) == len(self.sections) else "some"
+        state = "none" if best is None else "all" if len(best.held) == scenes else "some"
         same = ", ".join(one.whole.label for one in cell.equals)
         about = f"as cheap, within the noise: {same}" if same else label or note
         return {

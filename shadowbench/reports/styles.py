@@ -4,10 +4,15 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-# Okabe & Ito 2008, "Color Universal Design", without the yellow that white paper swallows, and a wine red of Tol's
-# (2021). INK is black on paper and white in the dark.
+from shadowbench.techniques.unshadowed import Unshadowed
+
 INK = "#1a1a1a"
-COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", INK, "#882255")
+# Okabe & Ito 2008, "Color Universal Design", without black and the yellow that white paper swallows, and ten of L* 36
+# to 84, each as far as can be from the others and white, by CIEDE2000; the first eight show on black too.
+COLORS = (
+    *("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8976FF", "#898989"),
+    *("#8900C4", "#626200", "#B1D83B", "#B1003B", "#FFB19D", "#006262", "#D8C4FF", "#9DD8C4"),
+)
 # The outlines of Vega's point shapes, within ±6.
 OUTLINES = {
     "circle": "M6,0A6,6 0 1 1 -6,0A6,6 0 1 1 6,0",
@@ -20,7 +25,7 @@ OUTLINES = {
     "triangle-left": "M-6,0L5,6V-6Z",
 }
 SHAPES = tuple(OUTLINES)
-MOST = len(COLORS)
+MOST = 8
 """How many specs the charts of a page show at a time, each with a colour and a shape that no other has."""
 _LEGEND = {"orient": "bottom", "columns": 2, "labelLimit": 340, "symbolOpacity": 1, "symbolSize": 80}
 
@@ -48,16 +53,16 @@ class Styles:
         }
 
     def mark(self, spec: str) -> tuple[str, str]:
-        """Its colour and its shape; beyond MOST specs colours come again, with another shape."""
+        """Its colour and its shape; where colours come again, it is with another shape."""
         index = self.specs.index(spec)
-        return COLORS[index % MOST], SHAPES[(index + index // MOST) % MOST]
+        return COLORS[index % len(COLORS)], SHAPES[(index + index // len(COLORS)) % len(SHAPES)]
 
     def _scale(self, specs: Sequence[str], at: int) -> dict[str, Any]:
         return {"domain": specs, "range": [self.mark(spec)[at] for spec in specs]}
 
 
 def styles_of(specs: Iterable[str], legend: bool) -> Styles:
-    """Styles for specs: first one of each technique, then the others, in the order in which they were measured."""
+    """Styles for specs: first one of each technique, then the others as they were measured, `unshadowed` last."""
     every = list(dict.fromkeys(specs))
     first = {spec.partition(":")[0]: spec for spec in reversed(every)}.values()
-    return Styles(tuple(sorted(every, key=lambda spec: spec not in first)), legend)
+    return Styles(tuple(sorted(every, key=lambda spec: (spec == Unshadowed.name, spec not in first))), legend)

@@ -9,16 +9,17 @@ const drawn = new Set(); // places of charts
 
 function styled(description) {
   const ink = getComputedStyle(document.body).color, rule = dark() ? "#3a3f47" : "#e6e6e6";
-  const colors = PAGE.colors.map((color) => color === PAGE.ink ? ink : color);
   const values = description.data?.values.map((value) => {
     const slot = shown.get(value.spec);
-    return { ...value, shown: slot !== undefined, color: colors[slot], shape: PAGE.shapes[slot] };
+    return { ...value, shown: slot !== undefined, color: PAGE.colors[slot], shape: PAGE.shapes[slot] };
   });
+  const rows = new Set(values?.filter((value) => value.shown).map((value) => value.row)).size, { row } = description.usermeta ?? {};
   const set = { ink, paper: getComputedStyle(document.body).backgroundColor };
   const text = { labelColor: ink, titleColor: ink };
   return {
     ...description,
     data: { values },
+    height: row ? row * rows + 12 : description.height,
     params: description.params.map((param) => param.name in set ? { ...param, value: set[param.name] } : param),
     config: { ...description.config, background: "transparent", legend: { ...description.config.legend, ...text }, axis: { ...description.config.axis, ...text, gridColor: rule, domainColor: rule, tickColor: rule } },
   };
@@ -59,8 +60,7 @@ function legends() {
       Object.assign(button, { type: "button", disabled: !on && full });
       button.setAttribute("aria-pressed", on);
       button.dataset.spec = spec;
-      const color = on && PAGE.colors[slot] !== PAGE.ink ? PAGE.colors[slot] : "currentColor";
-      button.innerHTML = `<svg viewBox="-8 -8 16 16" width="15" height="15" aria-hidden="true">${on ? `<path d="${PAGE.outlines[PAGE.shapes[slot]]}" fill="${color}"/>` : ""}</svg><span></span>`;
+      button.innerHTML = `<svg viewBox="-8 -8 16 16" width="15" height="15" aria-hidden="true">${on ? `<path d="${PAGE.outlines[PAGE.shapes[slot]]}" fill="${PAGE.colors[slot]}"/>` : ""}</svg><span></span>`;
       button.lastChild.append(...breakable(spec));
       button.addEventListener("click", () => {
         if (on) shown.delete(spec);

@@ -28,7 +28,7 @@ function look(spec, size, scene) {
 async function pictures(id, cell) {
   const { gallery } = data(id);
   for (const node of document.querySelectorAll("#viewer, #wrong")) node.hidden = !gallery;
-  byId("no-pictures").textContent = gallery?.missing ?? (gallery ? "" : data(id).no_gallery);
+  byId("no-pictures").textContent = gallery ? gallery.notes.join(" ") : data(id).no_gallery;
   if (!gallery) return;
   if (id !== seen) decoded.clear();
   const again = id === seen;
