@@ -27,7 +27,7 @@ from shadowbench.scores.difference import difference_over
 from shadowbench.scores.masks import read_mask
 from shadowbench.studies.folder import Folder
 
-PIXELS = 160 * 512 * 512  # of all masks in a report: more cells, or larger ones, are shown smaller
+PIXELS = 160 * 1024 * 1024  # of all masks in a report, 28 MB of pure noise: more, or larger ones, are shown smaller
 _SMALLEST = 128  # pixels a side
 _STEPS = 16  # of a difference's colour
 
