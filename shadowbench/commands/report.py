@@ -42,7 +42,7 @@ def report(
     ] = "html",
     quiet: Quiet = False,
 ) -> None:
-    """Show what accuracy costs: error against time, time to accuracy, passes, pictures of what is wrong.
+    """Show what accuracy costs: the cheapest for each accuracy, error against time, pictures of what is wrong.
 
     Of a sweep: operating ranges, metrics along each axis, pictures at the breaking points. Measures nothing. Times of
     different folders never share an axis.

@@ -114,7 +114,8 @@ def gallery(folder: Path, shots: Sequence[Shot], most: int) -> Gallery | None:
 
     InputError for a file that is no mask or picture.
     """
-    places = {shot.place: _place(folder / "truth", shot, most) for shot in shots}
+    one_of_each = {shot.place: shot for shot in shots}
+    places = {place: _place(folder / "truth", shot, most) for place, shot in one_of_each.items()}
     with ThreadPoolExecutor() as threads:
         cells = list(threads.map(lambda shot: _cell(shot, folder, places[shot.place], most), shots))
     if not any(cell["picture"] or cell["mask"] for cell in cells):

@@ -10,7 +10,7 @@ from shadowbench.extremes.ranges import Failure, OperatingRange
 from shadowbench.reports.axes import Chart
 from shadowbench.reports.charts import chart_of
 from shadowbench.reports.stability import Line, Stability
-from shadowbench.reports.words import digits, range_facts
+from shadowbench.reports.words import digits
 
 SHADES = ("#8a3200", "#f2a777", "#e6f0f7")
 """Of a share of 0, ½ and 1: also told apart in grey, and by those who see no red or green."""
@@ -40,7 +40,7 @@ def heat_map(found: Stability) -> Chart:
             one = found.at.get((spec, axis.name, kind))
             if one is not None:
                 cell = {"row": _row((spec, kind)), "axis": axis.name, "share": one.share}
-                cells.append({**cell, "text": _cell_text(one), **range_facts(one, NAMES[kind])})
+                cells.append({**cell, "text": _cell_text(one)})
     rows = [_row(line) for line in found.lines]
     deep = max((row.count("\n") for row in rows), default=0) + 1
     # Labels of several lines grow downwards.
@@ -83,13 +83,11 @@ def heat_map(found: Stability) -> Chart:
         },
         "scale": {"paddingInner": 0.05, "paddingOuter": 0.02},
     }
-    told = [{"field": name} for name in ("spec", "light", "axis", "holds", "range", "unsupported", "must hold")]
-    told[2] = {"field": "swept axis", "title": "axis"}
     refused = [{"filter": "datum.share === null"}]
     layer: list[Chart] = [
         {
             "transform": [{"filter": "datum.share !== null"}],
-            "mark": {"type": "rect", "cursor": "help"},
+            "mark": {"type": "rect"},
             "encoding": {
                 "x": x,
                 "y": y,
@@ -108,13 +106,12 @@ def heat_map(found: Stability) -> Chart:
                         "titleFontWeight": "normal",
                     },
                 },
-                "tooltip": told,
             },
         },
         {
             "transform": refused,
-            "mark": {"type": "rect", "color": NOTHING, "cursor": "help"},
-            "encoding": {"x": x, "y": y, "tooltip": told},
+            "mark": {"type": "rect", "color": NOTHING},
+            "encoding": {"x": x, "y": y},
         },
         {
             "transform": refused,
@@ -139,7 +136,6 @@ def heat_map(found: Stability) -> Chart:
                 "x": x,
                 "y": y,
                 "text": {"field": "text"},
-                "tooltip": told,
                 "color": {
                     "condition": {"test": f"datum.share !== null && datum.share < {_DARK}", "value": "white"},
                     "value": "black",

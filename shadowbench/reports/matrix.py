@@ -59,7 +59,11 @@ class Candidate:
 
     def reaches(self, target: Target) -> bool:
         """Whether it reaches a target wherever its technique answers."""
-        return not self.lacking and bool(self.held) and all(target.met_by(one) for one in self.held.values())
+        return not self.lacking and bool(self.held) and self.met(target) == len(self.held)
+
+    def met(self, target: Target) -> int:
+        """In how many scenes it reaches a target."""
+        return sum(target.met_by(one) for one in self.held.values())
 
     def as_cheap_as(self, other: "Candidate") -> bool:
         """Whether the middle halves of the rounds of both overlap: that one costs less may be noise."""
@@ -74,7 +78,7 @@ def _span(one: Candidate) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Cell:
-    """A technique at a target: the cheapest that reaches it, None for none, and the most accurate there is.
+    """A technique at a target: the cheapest that reaches it, None for none, and what comes nearest.
 
     `equals`: others of the same technique that cost as much, within the noise of their times.
     """
@@ -151,15 +155,18 @@ def equals(found: Sequence[Candidate], best: Candidate, target: Target) -> tuple
     return tuple(one for one in able if one.ms is not None and one.as_cheap_as(best))
 
 
+def nearest(found: Sequence[Candidate], target: Target) -> Candidate:
+    """What reaches a target in the most scenes, and of those the most accurate."""
+    return max(found, key=lambda one: (one.met(target), one.whole.value("iou") or 0.0))
+
+
 def line(found: Sequence[Candidate], targets: Sequence[Target]) -> list[Cell]:
     """The cheapest of some configurations for each target; of none, nothing."""
-    if not found:
-        return []
-    nearest = max(found, key=lambda one: (len(one.held), one.whole.value("iou") or 0.0))
     cells = []
-    for target in targets:
+    for target in targets if found else ():
         best = cheapest(found, target)
-        cells.append(Cell(target, best, nearest, () if best is None else equals(found, best, target)))
+        same = () if best is None else equals(found, best, target)
+        cells.append(Cell(target, best, nearest(found, target), same))
     return cells
 
 

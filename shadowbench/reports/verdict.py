@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from shadowbench.reports.analysis import Section
-from shadowbench.reports.matrix import IOU_TARGETS, Candidate, Cell, Target, candidates, cheapest, equals
+from shadowbench.reports.matrix import IOU_TARGETS, Candidate, Cell, Target, candidates, cheapest, equals, nearest
 from shadowbench.reports.words import EDGE_NAMES, RAY_TRACED, counted, digits, sentence, times_are, value_of
 
 _MAIN = Target(0.99)
@@ -19,15 +19,14 @@ def verdict(sections: Sequence[Section]) -> list[str]:
     main = _main_target(whole)
     if main is None:
         lines = [f"Nothing measured gets {right(IOU_TARGETS[0])}{where}."]
-        if whole:
-            lines.append(f"Closest: {_most_accurate(whole[0])}.")
+        lines.append(f"Closest: {_closest(nearest(found, IOU_TARGETS[0]), len(sections))}.")
         return [*lines, *_where_supported(found, IOU_TARGETS[0], None)]
     best = cheapest(whole, main)
     assert best is not None
     line = f"{right(main).capitalize()}{where}: {_price(best)}"
     ties = [one for one in equals(whole, best, main) if one.whole.technique != best.whole.technique]
     if ties:
-        line += f", and {', '.join(f'`{one.whole.label}`' for one in ties[:2])} cost as much within the noise"
+        line += f"; as cheap within the noise: {', '.join(f'`{one.whole.label}`' for one in ties[:2])}"
     if best.whole.technique == RAY_TRACED:
         line += _without_rays(whole, main)
     return [f"{line}.", *_harder(whole, main, best), *_where_supported(found, main, best)]
@@ -76,6 +75,8 @@ def cost_text(one: Candidate) -> str:
 def cell_texts(cell: Cell, scenes: int) -> tuple[str, str, str]:
     """Cost, the configuration that it is of, and a note; of what is out of reach a dash, and the best there is."""
     best = cell.cheapest
+    if best is None and scenes > 1:
+        return "–", "", f"at best in {cell.nearest.met(cell.target)} of {scenes} scenes"
     if best is None:
         iou, edge = cell.nearest.whole.value("iou"), cell.nearest.whole.value("edge_px")
         if cell.target.edges:
@@ -123,6 +124,7 @@ def _where_supported(found: Sequence[Candidate], target: Target, best: Candidate
     return [f"`{partial.whole.label}` does for {cost_text(partial)} in the {held} of {of} that it supports."]
 
 
-def _most_accurate(one: Candidate) -> str:
-    iou = one.whole.value("iou") or 0.0
-    return f"`{one.whole.label}`, {100 * iou:.3g}% right"
+def _closest(one: Candidate, scenes: int) -> str:
+    if scenes > 1:
+        return f"`{one.whole.label}`, in {one.met(IOU_TARGETS[0])} of them"
+    return f"`{one.whole.label}`, {100 * (one.whole.value('iou') or 0.0):.3g}% right"

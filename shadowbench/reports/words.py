@@ -146,20 +146,6 @@ def range_text(one: OperatingRange) -> str:
     return f"{one.plain} ({len(one.held)} of {one.measured}{refused})"
 
 
-def range_facts(one: OperatingRange, light: str) -> dict[str, str]:
-    """All that is known of a range, by name."""
-    share = "unsupported" if one.share is None else f"at {len(one.held)} of {one.measured} values"
-    return {
-        "spec": one.spec,
-        "light": light,
-        "swept axis": f"{one.axis.name}, {value_text(one.axis, one.swept[0])} to {value_text(one.axis, one.swept[-1])}",
-        "holds": share,
-        "range": one.plain,
-        "unsupported": _refused(one) or "–",
-        "must hold": one.axis.holds,
-    }
-
-
 def range_tables(found: Stability) -> list[tuple[str, list[str], list[tuple[str, list[OperatingRange | None]]]]]:
     """For each spec its lights, and for each axis a range a light, None where the axis is not swept under it."""
     tables = []

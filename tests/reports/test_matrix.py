@@ -68,7 +68,7 @@ def test_what_costs_as_much_within_the_noise_is_said_to(measured: Make, ms: floa
     best = cheapest(found, Target(0.99))
     assert best is not None and best.whole.spec == "a"
     assert [one.whole.spec for one in equals(found, best, Target(0.99))] == (["b"] if same else [])
-    assert ("`b at 512` cost as much within the noise" in verdict(made)[0]) == same
+    assert ("; as cheap within the noise: `b at 512`" in verdict(made)[0]) == same
 
 
 def test_techniques_stand_by_what_the_middle_target_costs(measured: Make) -> None:
@@ -95,7 +95,7 @@ def test_where_nothing_was_timed_the_smallest_map_that_does_stands_in(measured: 
 def test_over_scenes_one_setting_must_reach_it_in_each_and_costs_their_mean(measured: Make) -> None:
     small, large = Cell("a", 512, 0.004, 5.0), Cell("a", 1024, 0.002, 9.0)
     made = measured(small, large, elsewhere(small, error=0.04), elsewhere(large, ms=11.0))
-    assert shown(made) == {"a": ["5.00 ms a at 512", "10.0 ms a at 1024", "– best 0.998"]}
+    assert shown(made) == {"a": ["5.00 ms a at 512", "10.0 ms a at 1024", "– at best in 0 of 2 scenes"]}
     assert verdict(made)[0] == "99% of the shadow right in all 2 scenes: `a at 1024` is the cheapest, 10.0 ms a frame."
     (small_one,) = [one for one in candidates(made) if one.whole.map_size == 512]
     assert small_one.worst.startswith("terrace")
@@ -119,7 +119,7 @@ def test_what_failed_or_was_not_asked_somewhere_reaches_nothing(measured: Make, 
     one, other = Cell("a", 512, 0.004, 5.0), Cell("b", 512, 0.004, 50.0)
     lost = [] if status is None else [elsewhere(one, error=None, ms=None, status=status)]
     made = measured(one, other, elsewhere(other), *lost)
-    assert shown(made)["a"] == ["– best 0.996"] * 3
+    assert shown(made)["a"] == [f"– at best in {count} of 2 scenes" for count in (1, 1, 0)]
     assert verdict(made)[0].endswith("`b at 512` is the cheapest, 50.0 ms a frame.")
 
 
@@ -172,6 +172,11 @@ def test_a_verdict_falls_back_to_an_easier_target_and_then_to_the_closest(measur
     assert verdict(measured(Cell("a", 512, 0.2, 5.0), name="none")) == [
         "Nothing measured gets 95% of the shadow right.",
         "Closest: `a at 512`, 80% right.",
+    ]
+    half = Cell("a", 512, 0.04, 5.0), elsewhere(Cell("a", 512, 0.2, 5.0))
+    assert verdict(measured(*half, name="half")) == [
+        "Nothing measured gets 95% of the shadow right in all 2 scenes.",
+        "Closest: `a at 512`, in 1 of them.",
     ]
     assert verdict(measured(Cell("a", 512, None, None, status="failed: died"), name="failed")) == [
         "Nothing here has a score."

@@ -13,7 +13,8 @@ const first = byId("viewer") && new Viewer(byId("viewer"), (cell) => marked(cell
 
 function marked(cell) {
   for (const button of document.querySelectorAll(".matrix button")) {
-    button.setAttribute("aria-pressed", Boolean(cell) && button.dataset.spec === cell.spec && (button.dataset.size || null) == cell.size);
+    const { spec, size, scene } = button.dataset;
+    button.setAttribute("aria-pressed", !button.matches(".none") && scene === seen && spec === cell?.spec && (size || null) == cell.size);
   }
 }
 
