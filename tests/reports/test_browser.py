@@ -440,17 +440,17 @@ def test_the_first_column_stays_and_a_row_shows_its_picture(visit: Callable[...,
 def test_the_theme_is_the_reader_s_and_is_turned_by_a_button(visit: Callable[..., Visit]) -> None:
     page = visit().page
     ground = "() => getComputedStyle(document.body).backgroundColor"
-    ink = "() => document.querySelector('.chart.front .role-axis-label text').getAttribute('fill')"
+    ink = "() => getComputedStyle(document.querySelector('.chart.front .role-axis-label text')).fill"
     light, written = page.evaluate(ground), page.evaluate(ink)
     page.locator("#theme").press("Enter")
-    page.evaluate("window.drawn")
     dark = page.evaluate(ground)
     assert dark != light and page.evaluate(ink) != written
     page.locator("#theme").press("Enter")
-    page.evaluate("window.drawn")
     assert page.evaluate(ground) == light and page.evaluate(ink) == written
     page.emulate_media(color_scheme="dark")
     assert page.evaluate(ground) == dark
+    page.emulate_media(media="print")
+    assert (page.evaluate(ground), page.evaluate(ink)) == (light, written), "paper is white, whatever the screen is"
 
 
 def test_passes_of_another_map_size_are_a_choice_away(visit: Callable[..., Visit]) -> None:

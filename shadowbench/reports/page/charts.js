@@ -1,27 +1,27 @@
 "use strict";
 // Charts: Vega-Lite descriptions, in the page's colours, of the specs that the legend shows.
 
-const dark = () => matchMedia("(prefers-color-scheme: dark)").matches !== (document.documentElement.dataset.theme === "other");
+// As the page's theme has them, now and when it is turned or printed.
+const INK = "currentColor", PAPER = "var(--paper)", RULE = "var(--rule)";
 
 // Specs that are shown, each with the place in COLORS and SHAPES that is its own for as long as it is.
 const shown = new Map(PAGE.specs.slice(0, PAGE.colors.length).map((spec, index) => [spec, index]));
 const drawn = new Set(); // places of charts
 
 function styled(description) {
-  const ink = getComputedStyle(document.body).color, rule = dark() ? "#3a3f47" : "#e6e6e6";
   const values = description.data?.values.map((value) => {
     const slot = shown.get(value.spec);
     return { ...value, shown: slot !== undefined, color: PAGE.colors[slot], shape: PAGE.shapes[slot] };
   });
   const rows = new Set(values?.filter((value) => value.shown).map((value) => value.row)).size, { row } = description.usermeta ?? {};
-  const set = { ink, paper: getComputedStyle(document.body).backgroundColor };
-  const text = { labelColor: ink, titleColor: ink };
+  const set = { ink: INK, paper: PAPER };
+  const text = { labelColor: INK, titleColor: INK };
   return {
     ...description,
     data: { values },
     height: row ? row * rows + 12 : description.height,
     params: description.params.map((param) => param.name in set ? { ...param, value: set[param.name] } : param),
-    config: { ...description.config, background: "transparent", legend: { ...description.config.legend, ...text }, axis: { ...description.config.axis, ...text, gridColor: rule, domainColor: rule, tickColor: rule } },
+    config: { ...description.config, background: "transparent", legend: { ...description.config.legend, ...text }, axis: { ...description.config.axis, ...text, gridColor: RULE, domainColor: RULE, tickColor: RULE } },
   };
 }
 
@@ -32,7 +32,7 @@ async function draw(place, description, pointed) {
   drawn.add(place);
   place.again = () => draw(place, description, pointed);
   if (!description) return void place.replaceChildren();
-  const { view } = await vegaEmbed(place, styled(description), { actions: false, renderer: "svg", tooltip: { theme: dark() ? "dark" : "light" } });
+  const { view } = await vegaEmbed(place, styled(description), { actions: false, renderer: "svg" });
   place.view = view;
   if (pointed) view.addEventListener("click", (_, item) => item?.datum?.spec && pointed(item.datum));
 }
