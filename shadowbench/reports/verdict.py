@@ -23,7 +23,7 @@ def verdict(sections: Sequence[Section]) -> list[str]:
         return [*lines, *_where_supported(found, IOU_TARGETS[0], None)]
     best = cheapest(whole, main)
     assert best is not None
-    line = f"{right(main).capitalize()}{where}: {_price(best)}"
+    line = f"{right(main)}{where}: {_price(best)}"
     ties = [one for one in equals(whole, best, main) if one.whole.technique != best.whole.technique]
     if ties:
         line += f"; as cheap within the noise: {', '.join(f'`{one.whole.label}`' for one in ties[:2])}"
@@ -54,9 +54,7 @@ def _main_target(whole: Sequence[Candidate]) -> Target | None:
 
 
 def right(target: Target) -> str:
-    """An accuracy as people say it."""
-    if target.edges:
-        return f"edges within {EDGE_NAMES[target.limit]}"
+    """An IoU as people say it."""
     return f"{100 * target.limit:g}% of the shadow right"
 
 
