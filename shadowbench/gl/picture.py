@@ -1,4 +1,4 @@
-"""The shaded picture (Blinn-Phong): for people to look at, never scored."""
+"""The shaded picture (Blinn-Phong, anti-aliased where surfaces meet): for people to look at, never scored."""
 
 import moderngl
 import numpy as np
@@ -19,10 +19,14 @@ class PicturePass:
     def __init__(self, device: Device, geometry: DeviceGeometry) -> None:
         roots = [data_folder("shaders")]
         self._device, self._geometry = device, geometry
-        shade = compose("picture/shade.frag", roots, TRIANGLE_DEFINES)
-        self._program = link(device, compose("fullscreen.vert", roots), shade)
         self._white = device.context.texture((1, 1), 4, b"\xff" * 4)
-        self._triangle = Drawable(self._program, device.context.vertex_array(self._program.linked, []), count=3)
+        self._shade, self._antialias = (
+            Drawable(program, device.context.vertex_array(program.linked, []), count=3)
+            for fragment, defines in (("shade", TRIANGLE_DEFINES), ("antialias", {}))
+            for program in [
+                link(device, compose("fullscreen.vert", roots), compose(f"picture/{fragment}.frag", roots, defines))
+            ]
+        )
 
     def draw(
         self, surface: GBuffer, view: View, visibility: moderngl.Texture, tint: moderngl.Texture | None = None
@@ -32,14 +36,14 @@ class PicturePass:
         `tint`, a texture of the picture's size, is multiplied into the surfaces' colours.
         """
         xyz, w = view.light.homogeneous
-        self._program.set(
+        self._shade.program.set(
             light=(*xyz, w),
             eye=view.camera.position,
             cone_axis=vec3(unit(view.light.direction)),
             cos_half_angle=view.light.cos_half_angle,
         )
-        color = self._device.context.texture((view.size, view.size), 4, dtype="f1")
-        target = self._device.context.framebuffer([color])
+        shaded, smooth = (self._device.context.texture((view.size, view.size), 4, dtype="f1") for _ in range(2))
+        targets = [self._device.context.framebuffer([texture]) for texture in (shaded, smooth)]
         inputs = {
             **surface.inputs,
             "surface_triangle": (surface.triangle, Sampling()),
@@ -47,11 +51,23 @@ class PicturePass:
             "visibility": (visibility, Sampling()),
             "tint": (tint or self._white, Sampling()),
         }
-        self._triangle.draw(target, inputs)
-        picture = download(color, "u1")[..., :3].astype(np.uint8)
-        self._device.free((target, color))
+        self._shade.draw(targets[0], inputs)
+        self._antialias.draw(targets[1], {**surface.inputs, "shaded": (shaded, Sampling(linear=True))})
+        picture = download(smooth, "u1")[..., :3].astype(np.uint8)
+        self._device.free((*targets, shaded, smooth))
         return picture
 
+    def extremes(self, surface: GBuffer, view: View) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+        """The view lit everywhere and in shadow everywhere, as `draw` gives them; every mask's picture lies between."""
+        pictures = []
+        for level in (1.0, 0.0):
+            even = np.full((view.size, view.size), level, dtype=np.float32)
+            visibility = self._device.context.texture(even.shape, 1, even.tobytes(), dtype="f4")
+            pictures.append(self.draw(surface, view, visibility))
+            self._device.free((visibility,))
+        return pictures[0], pictures[1]
+
     def release(self) -> None:
-        """Free the program."""
-        self._device.free((self._triangle.vertices, self._program.linked, self._white))
+        """Free the programs."""
+        drawables = (self._shade, self._antialias)
+        self._device.free((*(part for one in drawables for part in (one.vertices, one.program.linked)), self._white))

@@ -35,6 +35,12 @@ class Pictures:
             if not _holds_mask(folder / f"{name}.png", mask):
                 write_mask(folder / f"{name}.png", mask)
 
+    def write_shading(self, view: View, lit: NDArray[np.uint8], ambient: NDArray[np.uint8]) -> None:
+        """The view without and with shadow everywhere, from which a mask's picture is blended."""
+        folder = self._subfolder("truth")
+        write_picture(folder / f"{view.name}.lit.png", lit)
+        write_picture(folder / f"{view.name}.ambient.png", ambient)
+
     def _subfolder(self, name: str) -> Path:
         folder = self.folder / name
         folder.mkdir(exist_ok=True)

@@ -103,8 +103,15 @@ class Scorer:
         with Writer(self.profile) as writer:
             if self.pictures is not None and self.writes_images is None:
                 writer.add(partial(self.pictures.write_truth, frames[0].view, views[0].truth))
+            shading_written = False
             for request in missing.values():
                 row, rendering = self._make_row(views, request, writer)
+                if self.pictures is None or (self.writes_images is not None and not self.writes_images(row)):
+                    rendering = None
+                elif rendering is not None and not shading_written:
+                    shading = self.executor.call(Session.shading, frames[0])
+                    writer.add(partial(self.pictures.write_shading, frames[0].view, *shading))
+                    shading_written = True
                 writer.add(partial(self._write, views[0], row, rendering))
                 on_made(request.cell)
         return [self.store.scores[request.key] for request in requests]
@@ -151,8 +158,7 @@ class Scorer:
 
     def _write(self, view: _ScoringView, row: Record, rendering: Rendering | None) -> None:
         """Write the images, then the row, whose presence promises them."""
-        wanted = self.writes_images is None or self.writes_images(row)
-        if rendering is not None and self.pictures is not None and wanted:
+        if rendering is not None and self.pictures is not None:
             self.pictures.write_cell(row["key"], rendering)
             if self.writes_images is not None:
                 self.pictures.write_truth(view.placed_view.view, view.truth)

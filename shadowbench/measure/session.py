@@ -96,6 +96,12 @@ class Session:
         with self.profile.activity("read back"):
             return open_view.surface.triangles()
 
+    def shading(self, placed_view: PlacedView) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+        """Two pictures of a view, (N, N, 3) uint8 sRGB: visibility 1 everywhere, and 0 everywhere."""
+        open_view = self._ensure_open(placed_view)
+        with self._gpu_work():
+            return open_view.loaded.picture_pass.extremes(open_view.surface, open_view.view)
+
     def unload(self) -> None:
         """Free the view and its scene."""
         self._close()

@@ -9,7 +9,7 @@ from shadowbench.extremes.axes.model import NAMES
 from shadowbench.extremes.ranges import TOLERANCES, OperatingRange, failure, value_text
 from shadowbench.measure.rows import Record
 from shadowbench.reports.axes import Chart
-from shadowbench.reports.charts import INK, LOOK, PICK, PICKED, chart_of
+from shadowbench.reports.charts import INK_NOW, LOOK, PARAMS, SHOWN, chart_of
 from shadowbench.reports.stability import Stability
 from shadowbench.reports.styles import Styles
 from shadowbench.reports.words import digits
@@ -25,7 +25,7 @@ _DASHES: dict[LightKind, list[int]] = {"directional": [1, 0], "spot": [7, 4], "p
 
 
 def axis_chart(found: Stability, axis: Axis, styles: Styles) -> Chart:
-    """The metric `metric` along an axis, a line a spec and light; a page sets `metric`, `light` and `pick`."""
+    """The metric `metric` along an axis, a line a spec and light; a page sets `metric` and `light`."""
     chart = chart_of(f"Metrics along {axis.name}, {found.sweep.label}", *_along(found, axis, styles, "metric"), 230)
     signals = [{"name": "metric", "value": ERROR}, {"name": "light", "value": ALL_LIGHTS}]
     return {**chart, "params": [*chart["params"], *signals]}
@@ -45,7 +45,7 @@ def axis_figure(found: Stability, axis: Axis, styles: Styles) -> Chart:
                 "layer": layer,
             }
         )
-    params = [PICK, {"name": "light", "value": ALL_LIGHTS}]
+    params = [*PARAMS, {"name": "light", "value": ALL_LIGHTS}]
     return {**LOOK, "description": f"Metrics along {axis.name}", "params": params, "vconcat": panels}
 
 
@@ -66,7 +66,6 @@ def _along(found: Stability, axis: Axis, styles: Styles, metric: str) -> tuple[l
         _point(one, NAMES[kind], row, places[row["axis_value"]]) for kind, one in ranges for row in found.rows_of(one)
     ]
     channels = styles.channels(one.spec for _, one in ranges)
-    faded = {"condition": {"test": PICKED, "value": 1}, "value": 0.07}
     at, labels = (
         json.dumps(list(places.values())),
         json.dumps([value_label(value) for value in swept], ensure_ascii=False),
@@ -97,14 +96,14 @@ def _along(found: Stability, axis: Axis, styles: Styles, metric: str) -> tuple[l
         "scale": {"domain": list(NAMES.values()), "range": [_DASHES[kind] for kind in NAMES]},
     }
     chosen = {"filter": f"light == '{ALL_LIGHTS}' || datum.light == light"}
-    drawn = [chosen, {"calculate": f"datum[{metric}]", "as": "y"}, {"filter": "isValid(datum.y)"}]
+    drawn = [chosen, SHOWN, {"calculate": f"datum[{metric}]", "as": "y"}, {"filter": "isValid(datum.y)"}]
     tooltip = [{"field": name} for name in ("spec", "light", "at", "scores", "verdict")]
     limit = {"data": {"values": [LIMITS]}, "transform": [{"calculate": f"datum[{metric}]", "as": "y"}]}
     layer: list[Chart] = [
-        {**limit, "mark": {"type": "rule", "color": INK, "strokeDash": [2, 2]}, "encoding": {"y": y}},
+        {**limit, "mark": {"type": "rule", "color": INK_NOW, "strokeDash": [2, 2]}, "encoding": {"y": y}},
         {
             **limit,
-            "mark": {"type": "text", "align": "left", "dx": 3, "dy": -6, "fontSize": 10.5, "color": INK},
+            "mark": {"type": "text", "align": "left", "dx": 3, "dy": -6, "fontSize": 10.5, "color": INK_NOW},
             "encoding": {"x": {"value": 0}, "y": y, "text": {"value": "tolerance"}},
         },
         {
@@ -117,7 +116,6 @@ def _along(found: Stability, axis: Axis, styles: Styles, metric: str) -> tuple[l
                 "strokeDash": dash,
                 "detail": [{"field": "spec"}, {"field": "light"}],
                 "order": {"field": "x"},
-                "opacity": faded,
             },
         },
         {
@@ -127,15 +125,14 @@ def _along(found: Stability, axis: Axis, styles: Styles, metric: str) -> tuple[l
                 "x": x,
                 "y": y,
                 **channels,
-                "stroke": {"condition": {"test": "datum.broken", "value": INK}, "value": None},
-                "opacity": faded,
+                "stroke": {"condition": {"test": "datum.broken", "value": INK_NOW}, "value": None},
                 "tooltip": tooltip,
             },
         },
         {
-            "transform": [chosen, {"filter": "datum.ended"}],
+            "transform": [chosen, SHOWN, {"filter": "datum.ended"}],
             "mark": {"type": "text", "text": "✕", "fontSize": 14, "fontWeight": "bold", "cursor": "crosshair"},
-            "encoding": {"x": x, "y": {"value": 7}, "color": channels["color"], "opacity": faded, "tooltip": tooltip},
+            "encoding": {"x": x, "y": {"value": 7}, "color": channels["color"], "tooltip": tooltip},
         },
     ]
     return points, layer

@@ -1,6 +1,6 @@
-"""What rows say of a scene: its configurations, their Pareto front, and the time to an accuracy."""
+"""What rows say of a scene: its configurations, their Pareto front, and which accuracies they reach."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import pandas as pd
@@ -152,37 +152,6 @@ def front(section: Section) -> list[Configuration]:
     return [timed[index] for index in pareto_front([(ms.median, error.median) for ms, error in points if ms and error])]
 
 
-@dataclass(frozen=True)
-class Reach:
-    """The cheapest configuration that reaches a step of accuracy, None for none; `ms` is its frame time.
-
-    `extra_ms` and `factor` are what it costs over the cheapest that reaches the step before.
-    """
-
-    step: float
-    cheapest: Configuration | None
-    ms: float | None = None
-    extra_ms: float | None = None
-    factor: float | None = None
-
-
-def time_to_accuracy(
-    configurations: Sequence[Configuration], reaches: Callable[[Configuration, float], bool], steps: Sequence[float]
-) -> list[Reach]:
-    """For each step, from the easiest to the hardest, the fastest of the timed configurations that reaches it."""
-    found: list[Reach] = []
-    for step in steps:
-        able = [(ms, one) for one in configurations if (ms := one.value("frame_ms")) is not None and reaches(one, step)]
-        if not able:
-            found.append(Reach(step, None))
-            continue
-        ms, cheapest = min(able, key=lambda pair: pair[0])
-        before = found[-1].ms if found else None
-        extra, factor = (None, None) if before is None else (ms - before, ms / before)
-        found.append(Reach(step, cheapest, ms, extra, factor))
-    return found
-
-
 def reaches_iou(one: Configuration, step: float) -> bool:
     """Whether the median IoU is the step or better."""
     value = one.value("iou")
@@ -193,11 +162,3 @@ def reaches_edge(one: Configuration, step: float) -> bool:
     """Whether the shadows' edges are off by the step's pixels or less."""
     value = one.value("edge_px")
     return value is not None and value <= step
-
-
-def by_technique(section: Section) -> dict[str, list[Configuration]]:
-    """The configurations that have a score, under the name of their technique, the best technique first."""
-    found: dict[str, list[Configuration]] = {}
-    for one in section.held:
-        found.setdefault(one.technique, []).append(one)
-    return found

@@ -2,7 +2,7 @@
 
 from shadowbench.reports.analysis import Configuration, Section
 from shadowbench.reports.axes import Chart, texts_of
-from shadowbench.reports.charts import INK, chart_of
+from shadowbench.reports.charts import INK_NOW, chart_of
 from shadowbench.reports.styles import COLORS
 from shadowbench.studies.sweeps import Curve, curves
 
@@ -46,16 +46,16 @@ def _chart(section: Section, home: str, found: list[Curve]) -> Chart | None:
                 "x": x,
                 "y": y,
                 "color": color,
-                "stroke": {"condition": {"test": "datum.best", "value": INK}, "value": None},
+                "stroke": {"condition": {"test": "datum.best", "value": INK_NOW}, "value": None},
                 "tooltip": tooltip,
             },
         },
         {
-            "mark": {"type": "text", "align": "left", "dx": 7, "dy": -7, "fontSize": 11, "color": INK},
+            "mark": {"type": "text", "align": "left", "dx": 7, "dy": -7, "fontSize": 11, "color": INK_NOW},
             "encoding": {"x": x, "y": y, "text": {"field": "× bias"}},
         },
     ]
-    return chart_of(f"Acne against contact of {home} in {section.title}", points, layer, 320, pick=False)
+    return chart_of(f"Acne against contact of {home} in {section.title}", points, layer, 320)
 
 
 def _point(curve: Curve, factor: float, one: Configuration) -> Chart | None:

@@ -4,18 +4,16 @@ from collections.abc import Sequence
 
 from shadowbench.reports.analysis import Section, front
 from shadowbench.reports.axes import Chart, error_axis, label, log_axis, point_of, zero_rule
-from shadowbench.reports.styles import Styles
+from shadowbench.reports.styles import COLORS, INK, Styles
 from shadowbench.reports.words import digits, section_notes, times_are
 
-INK, _GRID = "#1a1a1a", "#e6e6e6"
-# Okabe & Ito's six again, and ten of L* 36 to 84, each as far as can be from those before it and white, by CIEDE2000.
-PASS_COLORS = (
-    *("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8900C4", "#626200"),
-    *("#B1D83B", "#B1003B", "#FFB19D", "#898989", "#006262", "#D8C4FF", "#8976FF", "#9DD8C4"),
-)
+_GRID = "#e6e6e6"
+_BAR = 36
 _PASS_TIMES = [
-    "ms of passes timed one by one, each finished before the next,",
-    "so that their sum may exceed the frame; tick: the whole frame, timed apart",
+    "ms of passes timed one by one,",
+    "each finished before the next,",
+    "so that their sum may exceed the frame;",
+    "tick: the whole frame, timed apart",
 ]
 _TOOLTIP = [
     "spec",
@@ -44,36 +42,44 @@ def front_chart(section: Section, styles: Styles) -> Chart | None:
     title = f"frame time, ms{' (software renderer)' if section.run.software else ''}"
     x = {"field": "ms", "type": "quantitative", "title": title, **log_axis("x", [point["ms"] for point in points])}
     y = error_axis([point["drawn"] for point in points])
-    on_front = [{"filter": "datum.front"}]
+    on_front, told = [{"filter": "datum.front"}], [{"field": name} for name in _TOOLTIP]
     layer: list[Chart] = [
         *zero_rule(section, points),
         {
             "transform": on_front,
-            "mark": {"type": "line", "interpolate": "step-after", "color": INK, "strokeWidth": 2, "clip": True},
+            "mark": {"type": "line", "interpolate": "step-after", "color": INK_NOW, "strokeWidth": 2, "clip": True},
             "encoding": {"x": x, "y": y, "order": {"field": "ms"}},
         },
         {
+            "transform": [{"filter": "datum.front && datum.shown === false"}],
+            "mark": {"type": "point", "filled": True, "color": INK_NOW, "size": 25, "clip": True},
+            "encoding": {"x": x, "y": y, "tooltip": told},
+        },
+        {
             "params": [_ZOOM],
+            "transform": [SHOWN],
             "mark": {"type": "point", "filled": True, "clip": True, "strokeWidth": 1.5, "cursor": "crosshair"},
             "encoding": {
                 "x": x,
                 "y": y,
                 **styles.channels(one.spec for one in section.timed),
                 "size": {"condition": {"test": "datum.front", "value": 140}, "value": 60},
-                "stroke": {"condition": {"test": "datum.front", "value": INK}, "value": None},
-                "opacity": {
-                    "condition": [
-                        {"test": f"!({PICKED})", "value": 0.07},
-                        {"test": "datum.front || pick != null", "value": 1},
-                    ],
-                    "value": 0.4,
-                },
-                "tooltip": [{"field": name} for name in _TOOLTIP],
+                "stroke": {"condition": {"test": "datum.front", "value": INK_NOW}, "value": None},
+                "opacity": {"condition": {"test": "datum.front", "value": 1}, "value": 0.55},
+                "tooltip": told,
             },
         },
         {
-            "transform": on_front,
-            "mark": {"type": "text", "align": "left", "dx": 8, "dy": -9, "fontSize": 11, "color": INK, "clip": True},
+            "transform": [*on_front, SHOWN],
+            "mark": {
+                "type": "text",
+                "align": "left",
+                "dx": 8,
+                "dy": -9,
+                "fontSize": 11,
+                "color": INK_NOW,
+                "clip": True,
+            },
             "encoding": {"x": x, "y": y, "text": {"field": "label"}},
         },
     ]
@@ -86,6 +92,8 @@ def size_chart(section: Section, styles: Styles) -> Chart | None:
     sizes = sorted({point["size"] for point in points if point["size"]})
     if not sizes:
         return None
+    for point in points:
+        point["rank"] = sum(one["drawn"] == point["drawn"] for one in points[: points.index(point)] if not one["size"])
     y = error_axis([value for point in points for value in (point["drawn"], point["low"], point["high"])])
     x = {
         "field": "size",
@@ -95,35 +103,41 @@ def size_chart(section: Section, styles: Styles) -> Chart | None:
         "axis": {"values": sizes, "format": "d"},
     }
     channels = styles.channels(point["spec"] for point in points)
-    color, faded = channels["color"], {"condition": {"test": PICKED, "value": 1}, "value": 0.07}
-    mapped, unmapped = [{"filter": "datum.size"}], [{"filter": "!datum.size"}]
+    color = channels["color"]
+    mapped, unmapped = [{"filter": "datum.size"}, SHOWN], [{"filter": "!datum.size"}, SHOWN]
     tooltip = [{"field": name} for name in _TOOLTIP]
     layer: list[Chart] = [
         *zero_rule(section, points),
         {
             "transform": unmapped,
             "mark": {"type": "rule", "strokeDash": [6, 4], "strokeWidth": 2},
-            "encoding": {"y": y, "color": color, "opacity": faded, "tooltip": tooltip},
+            "encoding": {"y": y, "color": color, "tooltip": tooltip},
         },
         {
             "transform": unmapped,
-            "mark": {"type": "text", "align": "right", "dx": -4, "dy": -7, "fontSize": 11},
+            "mark": {
+                "type": "text",
+                "align": "right",
+                "dx": {"expr": "-4 - 96 * datum.rank"},
+                "dy": -7,
+                "fontSize": 11,
+            },
             "encoding": {"x": {"value": {"expr": "width"}}, "y": y, "text": {"field": "spec"}, "color": color},
         },
         {
             "transform": mapped,
             "mark": {"type": "line", "strokeWidth": 1.8},
-            "encoding": {"x": x, "y": y, "color": color, "opacity": faded},
+            "encoding": {"x": x, "y": y, "color": color, "detail": {"field": "spec"}},
         },
         {
             "transform": mapped,
             "mark": {"type": "rule", "strokeWidth": 1.5},
-            "encoding": {"x": x, "y": {**y, "field": "low"}, "y2": {"field": "high"}, "color": color, "opacity": faded},
+            "encoding": {"x": x, "y": {**y, "field": "low"}, "y2": {"field": "high"}, "color": color},
         },
         {
             "transform": mapped,
             "mark": {"type": "point", "filled": True, "size": 70},
-            "encoding": {"x": x, "y": y, **channels, "opacity": faded, "tooltip": tooltip},
+            "encoding": {"x": x, "y": y, **channels, "tooltip": tooltip},
         },
     ]
     return chart_of(f"Error against map size in {section.title}", points, layer, 400)
@@ -157,14 +171,15 @@ def pass_chart(section: Section, size: int | None) -> Chart | None:
         for row, one in enumerate(shown)
         for rank, made in enumerate(one.passes)
     ]
-    marks = [PASS_COLORS[index % len(PASS_COLORS)] for index in range(len(names))]
+    marks = [COLORS[index % len(COLORS)] for index in range(len(names))]
     y = {"field": "row", "type": "ordinal", "axis": None, "scale": {"paddingInner": 0.55, "paddingOuter": 0.4}}
     where = f"map size {size}" if size else "no maps"
     x = {"field": "ms", "type": "quantitative", "title": _PASS_TIMES}
-    first = [{"filter": "datum.first"}]
+    first = [{"filter": "datum.first"}, SHOWN]
     layer: list[Chart] = [
         {
-            "mark": {"type": "bar", "stroke": "white", "strokeWidth": 0.8},
+            "transform": [SHOWN],
+            "mark": {"type": "bar", "stroke": PAPER_NOW, "strokeWidth": 0.8},
             "encoding": {
                 "y": y,
                 "x": {**x, "stack": "zero"},
@@ -180,7 +195,14 @@ def pass_chart(section: Section, size: int | None) -> Chart | None:
         },
         {
             "transform": first,
-            "mark": {"type": "tick", "color": INK, "thickness": 3, "bandSize": 20, "stroke": "white", "opacity": 1},
+            "mark": {
+                "type": "tick",
+                "color": INK_NOW,
+                "thickness": 3,
+                "bandSize": 20,
+                "stroke": PAPER_NOW,
+                "opacity": 1,
+            },
             "encoding": {"y": y, "x": {"field": "frame", "type": "quantitative"}},
         },
         {
@@ -190,14 +212,14 @@ def pass_chart(section: Section, size: int | None) -> Chart | None:
                 "align": "left",
                 "baseline": "bottom",
                 "yOffset": -10,
-                "color": INK,
+                "color": INK_NOW,
                 "fontSize": 11,
             },
             "encoding": {"y": y, "x": {"datum": 0}, "text": {"field": "spec"}},
         },
     ]
-    height = 36 * len(shown) + 12
-    return chart_of(f"Time of each pass in {section.title}, {where}", bars, layer, height, pick=False)
+    made = chart_of(f"Time of each pass in {section.title}, {where}", bars, layer, _BAR * len(shown) + 12)
+    return {**made, "usermeta": {"row": _BAR}}  # from which a page that shows fewer takes its height
 
 
 def default_size(section: Section) -> int | None:
@@ -233,9 +255,10 @@ _ZOOM = {
         "translate": "[pointerdown[event.pointerType !== 'touch'], window:pointerup] > window:pointermove!",
     },
 }
-# The page sets `pick` to the spec that its legend points at.
-PICKED = "pick == null || datum.spec == pick"
-
+# A page in the dark sets these two.
+INK_NOW, PAPER_NOW = {"expr": "ink"}, {"expr": "paper"}
+# A page hides specs that are beyond what its charts hold.
+SHOWN = {"filter": "datum.shown !== false"}
 
 LOOK: Chart = {
     "$schema": "https://vega.github.io/schema/vega-lite/v6.json",
@@ -247,10 +270,10 @@ LOOK: Chart = {
         "view": {"stroke": None},
     },
 }
-PICK: Chart = {"name": "pick", "value": None}
+PARAMS: list[Chart] = [{"name": "ink", "value": INK}, {"name": "paper", "value": "white"}]
 
 
-def chart_of(about: str, values: Sequence[Chart], layer: Sequence[Chart], height: int, pick: bool = True) -> Chart:
+def chart_of(about: str, values: Sequence[Chart], layer: Sequence[Chart], height: int) -> Chart:
     """What every chart has: a description for those who do not see it, a width that follows the page, one look."""
     return {
         **LOOK,
@@ -258,7 +281,7 @@ def chart_of(about: str, values: Sequence[Chart], layer: Sequence[Chart], height
         "width": "container",
         "height": height,
         "autosize": {"type": "fit-x", "contains": "padding"},
-        "params": [PICK] if pick else [],
+        "params": PARAMS,
         "data": {"values": list(values)},
         "layer": list(layer),
     }

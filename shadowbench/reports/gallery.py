@@ -1,4 +1,8 @@
-"""Pictures of cells, as small as a page can carry them: picture, mask, truth, signed difference."""
+"""Images of cells, as small as a page can carry them: masks, and what a page blends them with.
+
+A page shades a mask itself, from its view lit and in shadow everywhere, and takes differences from the truth: a cell
+costs it one small mask.
+"""
 
 import base64
 import io
@@ -12,18 +16,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from scipy.ndimage import uniform_filter
 
 from shadowbench.errors import InputError
 from shadowbench.extremes.ranges import value_text
 from shadowbench.measure.rows import Record
-from shadowbench.reports.analysis import Section, front
+from shadowbench.reports.analysis import Section
 from shadowbench.reports.stability import Stability
 from shadowbench.reports.words import digits
 from shadowbench.scores.difference import difference_over
 from shadowbench.scores.masks import read_mask
+from shadowbench.studies.folder import Folder
 
-PIXELS = 160 * 512 * 512  # of all masks in a report: more cells, or larger ones, are shown smaller
+PIXELS = 160 * 1024 * 1024  # of all masks in a report, 28 MB of pure noise: more, or larger ones, are shown smaller
 _SMALLEST = 128  # pixels a side
 _STEPS = 16  # of a difference's colour
 
@@ -49,18 +53,16 @@ class Shot:
 
 @dataclass(frozen=True)
 class Gallery:
-    """What a page needs to show pictures.
+    """What a page needs to show pictures; images are data URIs, None where the folder lacks the file.
 
-    `cells`: dicts of spec, map size, place, scores and images; `truths` images by place; images are data URIs, None
-    where the folder lacks the file. `start` is the cell to begin with; `missing` says what is lacking.
+    `cells`: dicts of spec, map size, place, IoU, what is said, mask, and the picture where a view has no shading;
+    `places`: by place, its truth, undecided pixels, and the view lit and in shadow everywhere. `notes` say what is
+    lacking, and what is shown smaller than it is.
     """
 
     cells: tuple[dict[str, Any], ...]
-    truths: dict[str, str | None]
-    start: int
-    size: int
-    view_size: int
-    missing: str | None
+    places: dict[str, dict[str, str | None]]
+    notes: tuple[str, ...]
 
 
 def shots_of_section(section: Section) -> list[Shot]:
@@ -107,48 +109,56 @@ def side(shots: Iterable[Shot]) -> int:
     return 1 << 14
 
 
-def gallery(folder: Path, shots: Sequence[Shot], most: int, start: int = 0) -> Gallery | None:
-    """The pictures that a folder holds of some cells, at most `most` pixels a side; None where it holds none.
+def gallery(folder: Path, shots: Sequence[Shot], most: int) -> Gallery | None:
+    """The images that a folder holds of some cells, at most `most` pixels a side; None where it holds none.
 
     InputError for a file that is no mask or picture.
     """
-    files = {shot.place: (folder / "truth" / f"{shot.truth}.png", int(shot.row["view_size"])) for shot in shots}
-    truths = {place: _visibility(file, size) for place, (file, size) in files.items()}
-    undecided = {place: _undecided(file.with_suffix(".undecided.png"), size) for place, (file, size) in files.items()}
+    one_of_each = {shot.place: shot for shot in shots}
+    places = {place: _place(folder / "truth", shot, most) for place, shot in one_of_each.items()}
     with ThreadPoolExecutor() as threads:
-        cells = list(
-            threads.map(lambda shot: _cell(shot, folder, truths[shot.place], undecided[shot.place], most), shots)
-        )
+        cells = list(threads.map(lambda shot: _cell(shot, folder, places[shot.place], most), shots))
     if not any(cell["picture"] or cell["mask"] for cell in cells):
         return None
-    lacking = [name for name in ("picture", "mask", "difference") if any(cell[name] is None for cell in cells)]
-    view_size = max(int(shot.row["view_size"]) for shot in shots)
-    return Gallery(
-        cells=tuple(cells),
-        truths={place: None if truth is None else _grey(truth, most) for place, truth in truths.items()},
-        start=start,
-        size=min(view_size, most),
-        view_size=view_size,
-        missing=f"{folder.name} has no {' and no '.join(lacking)} of some of these cells" if lacking else None,
+    lacks = {
+        "mask": any(cell["mask"] is None for cell in cells),
+        "truth": any(place["truth"] is None for place in places.values()),
+        "shading": any(places[cell["place"]]["lit"] is None and cell["picture"] is None for cell in cells),
+    }
+    lacking = " and no ".join(name for name, some in lacks.items() if some)
+    size = max(int(shot.row["view_size"]) for shot in shots)
+    notes = (
+        f"{folder.name} has no {lacking} of some of these cells." if lacking else "",
+        f"Shown at {most}² of {size}² pixels." if most < size else "",
     )
+    return Gallery(tuple(cells), places, tuple(filter(None, notes)))
 
 
-def _cell(
-    shot: Shot, folder: Path, truth: NDArray[np.float32] | None, undecided: NDArray[np.bool_] | None, most: int
-) -> dict[str, Any]:
+def no_pictures(folder: Folder) -> str:
+    """Why nothing of a folder is shown."""
+    return f"No pictures: {folder.folder.name} holds neither pictures/ nor masks/ of these cells."
+
+
+def _place(folder: Path, shot: Shot, most: int) -> dict[str, str | None]:
+    size = int(shot.row["view_size"])
+    masks = {"truth": folder / f"{shot.truth}.png", "undecided": folder / f"{shot.truth}.undecided.png"}
+    shading = {kind: folder / f"{shot.truth}.{kind}.png" for kind in ("lit", "ambient")}
+    return {kind: _mask(file, size, most) for kind, file in masks.items()} | {
+        kind: _picture(file, most) for kind, file in shading.items()
+    }
+
+
+def _cell(shot: Shot, folder: Path, place: dict[str, str | None], most: int) -> dict[str, Any]:
     picture, mask = (folder / kind / f"{shot.row['key']}.png" for kind in ("pictures", "masks"))
-    visibility = _visibility(mask, int(shot.row["view_size"]))
-    drawn = None if visibility is None or truth is None else difference(visibility, truth, undecided)
+    shaded = mask.exists() and place["lit"] is not None
     return {
         "spec": shot.spec,
         "size": shot.map_size,
         "place": shot.place,
         "iou": _iou(shot.row["metrics"].get("iou")),
         "said": shot.said,
-        "worst": None if visibility is None or truth is None else _worst(_wrong(visibility, truth, undecided)),
-        "picture": _picture(picture, most) if picture.exists() else None,
-        "mask": None if visibility is None else _grey(visibility, most),
-        "difference": None if drawn is None else _webp(_shrunk(Image.fromarray(drawn), most), lossless=True),
+        "mask": _mask(mask, int(shot.row["view_size"]), most),
+        "picture": None if shaded else _picture(picture, most),
     }
 
 
@@ -169,30 +179,6 @@ def difference(
     return difference_over(np.rint(198 + 50 * np.rint(truth * 4) / 4), signed)
 
 
-def _wrong(
-    visibility: NDArray[np.float32], truth: NDArray[np.float32], undecided: NDArray[np.bool_] | None
-) -> NDArray[np.float32]:
-    """How far each pixel is off, where that is decided."""
-    error: NDArray[np.float32] = np.abs(visibility - truth)
-    return error if undecided is None else np.where(undecided, np.float32(0), error)
-
-
-def _worst(error: NDArray[np.float32]) -> tuple[float, float]:
-    """Where the most of it lies, in percent from the left and from the top."""
-    window = max(3, len(error) // 12)
-    row, column = np.unravel_index(int(np.argmax(uniform_filter(error, window, mode="constant"))), error.shape)
-    return round(100 * float(column) / len(error), 1), round(100 * float(row) / len(error), 1)
-
-
-def start_of_section(section: Section, shots: Sequence[Shot]) -> int:
-    """The cell to begin with: on the front, the last before the errors can no longer be seen."""
-    best = [one for one in front(section) if one.error and 0.004 < one.error.median < 0.5] or section.held
-    for index, shot in enumerate(shots):
-        if best and (shot.spec, shot.map_size) == (best[-1].spec, best[-1].map_size):
-            return index
-    return 0
-
-
 def read_view(file: Path, size: int) -> NDArray[np.float32]:
     """A mask of a view, (size, size) as `read_mask` gives it; InputError for one of another size."""
     visibility = read_mask(file)
@@ -202,24 +188,21 @@ def read_view(file: Path, size: int) -> NDArray[np.float32]:
     return visibility
 
 
-def _visibility(file: Path, size: int) -> NDArray[np.float32] | None:
-    return read_view(file, size) if file.exists() else None
+def _mask(file: Path, size: int, most: int) -> str | None:
+    if not file.exists():
+        return None
+    grey = Image.fromarray(np.rint(read_view(file, size) * 255).astype(np.uint8))
+    return _webp(_shrunk(grey, most), lossless=True)
 
 
-def _undecided(file: Path, size: int) -> NDArray[np.bool_] | None:
-    return read_view(file, size) >= 0.5 if file.exists() else None
-
-
-def _picture(file: Path, most: int) -> str:
+def _picture(file: Path, most: int) -> str | None:
+    if not file.exists():
+        return None
     try:
         with Image.open(file, formats=["PNG"]) as image:
             return _webp(_shrunk(image.convert("RGB"), most), lossless=False)
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError):
         raise InputError(f"{file}: cannot be read as an image; allowed: a PNG") from None
-
-
-def _grey(visibility: NDArray[np.float32], most: int) -> str:
-    return _webp(_shrunk(Image.fromarray(np.rint(visibility * 255).astype(np.uint8)), most), lossless=True)
 
 
 def _shrunk(image: Image.Image, most: int) -> Image.Image:

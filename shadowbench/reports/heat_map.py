@@ -10,7 +10,7 @@ from shadowbench.extremes.ranges import Failure, OperatingRange
 from shadowbench.reports.axes import Chart
 from shadowbench.reports.charts import chart_of
 from shadowbench.reports.stability import Line, Stability
-from shadowbench.reports.words import digits, range_facts
+from shadowbench.reports.words import digits
 
 SHADES = ("#8a3200", "#f2a777", "#e6f0f7")
 """Of a share of 0, ½ and 1: also told apart in grey, and by those who see no red or green."""
@@ -32,15 +32,15 @@ def is_dark(share: float) -> bool:
     return share < _DARK
 
 
-def heat_map(found: Stability, compact: bool = False) -> Chart:
-    """Share of each axis' values that hold, by spec and light; `compact`: colours without texts, for narrow pages."""
+def heat_map(found: Stability) -> Chart:
+    """Share of each axis' values that hold, by spec and light."""
     cells = []
     for spec, kind in found.lines:
         for axis in found.axes:
             one = found.at.get((spec, axis.name, kind))
             if one is not None:
                 cell = {"row": _row((spec, kind)), "axis": axis.name, "share": one.share}
-                cells.append({**cell, "text": "" if compact else _cell_text(one), **range_facts(one, NAMES[kind])})
+                cells.append({**cell, "text": _cell_text(one)})
     rows = [_row(line) for line in found.lines]
     deep = max((row.count("\n") for row in rows), default=0) + 1
     # Labels of several lines grow downwards.
@@ -57,10 +57,10 @@ def heat_map(found: Stability, compact: bool = False) -> Chart:
         "sort": rows,
         "title": None,
         "axis": {
-            "labelExpr": "join(split(datum.value, '\\n'), ' ')" if compact else "split(datum.value, '\\n')",
-            "labelOffset": 0 if compact else {"condition": offsets, "value": 0},
-            "labelLimit": 130 if compact else 190,
-            "labelFontSize": 10 if compact else 11,
+            "labelExpr": "split(datum.value, '\\n')",
+            "labelOffset": {"condition": offsets, "value": 0},
+            "labelLimit": 190,
+            "labelFontSize": 11,
             "ticks": False,
             "domain": False,
         },
@@ -73,23 +73,21 @@ def heat_map(found: Stability, compact: bool = False) -> Chart:
         "title": None,
         "axis": {
             "orient": "top",
-            "labelExpr": "datum.value" if compact else f"{json.dumps(headings, ensure_ascii=False)}[datum.value]",
-            "labelAngle": -90 if compact else 0,
+            "labelExpr": f"{json.dumps(headings, ensure_ascii=False)}[datum.value]",
+            "labelAngle": 0,
             "labelFontSize": 10,
-            "labelPadding": 5 if compact else 12 * tall - 7,  # lines grow downwards
+            "labelPadding": 12 * tall - 7,  # lines grow downwards
             "labelLimit": 120,
             "ticks": False,
             "domain": False,
         },
         "scale": {"paddingInner": 0.05, "paddingOuter": 0.02},
     }
-    told = [{"field": name} for name in ("spec", "light", "axis", "holds", "range", "unsupported", "must hold")]
-    told[2] = {"field": "swept axis", "title": "axis"}
     refused = [{"filter": "datum.share === null"}]
     layer: list[Chart] = [
         {
             "transform": [{"filter": "datum.share !== null"}],
-            "mark": {"type": "rect", "cursor": "help"},
+            "mark": {"type": "rect"},
             "encoding": {
                 "x": x,
                 "y": y,
@@ -108,13 +106,12 @@ def heat_map(found: Stability, compact: bool = False) -> Chart:
                         "titleFontWeight": "normal",
                     },
                 },
-                "tooltip": told,
             },
         },
         {
             "transform": refused,
-            "mark": {"type": "rect", "color": NOTHING, "cursor": "help"},
-            "encoding": {"x": x, "y": y, "tooltip": told},
+            "mark": {"type": "rect", "color": NOTHING},
+            "encoding": {"x": x, "y": y},
         },
         {
             "transform": refused,
@@ -127,31 +124,28 @@ def heat_map(found: Stability, compact: bool = False) -> Chart:
             },
         },
     ]
-    if not compact:
-        text = {"type": "text", "fontSize": 9.5, "lineBreak": "\n", "lineHeight": 11, "baseline": "middle"}
-        layer.append(
-            {
-                "transform": [{"calculate": "-5.5 * (length(split(datum.text, '\\n')) - 1)", "as": "up"}],
-                "mark": {
-                    **text,
-                    "dy": {"expr": "datum.up"},
+    text = {"type": "text", "fontSize": 9.5, "lineBreak": "\n", "lineHeight": 11, "baseline": "middle"}
+    layer.append(
+        {
+            "transform": [{"calculate": "-5.5 * (length(split(datum.text, '\\n')) - 1)", "as": "up"}],
+            "mark": {
+                **text,
+                "dy": {"expr": "datum.up"},
+            },
+            "encoding": {
+                "x": x,
+                "y": y,
+                "text": {"field": "text"},
+                "color": {
+                    "condition": {"test": f"datum.share !== null && datum.share < {_DARK}", "value": "white"},
+                    "value": "black",
                 },
-                "encoding": {
-                    "x": x,
-                    "y": y,
-                    "text": {"field": "text"},
-                    "tooltip": told,
-                    "color": {
-                        "condition": {"test": f"datum.share !== null && datum.share < {_DARK}", "value": "white"},
-                        "value": "black",
-                    },
-                },
-            }
-        )
+            },
+        }
+    )
     about = f"Operating range of every technique along every axis, {found.sweep.label}"
     deep = max([deep, *(str(cell["text"]).count("\n") + 1 for cell in cells)])
-    high = 20 if compact else 12 * deep + 6
-    return chart_of(about, cells, layer, high * len(rows), pick=False)
+    return chart_of(about, cells, layer, (12 * deep + 6) * len(rows))
 
 
 def _row(line: Line) -> str:

@@ -3,16 +3,15 @@
 from collections.abc import Iterable, Mapping, Sequence
 
 from shadowbench.reports.analysis import Section, front
+from shadowbench.reports.matrix import EDGE_TARGETS, IOU_TARGETS, candidates, matrix
 from shadowbench.reports.stability import Stability
+from shadowbench.reports.verdict import cell_texts, target_name, verdict
 from shadowbench.reports.words import (
     digits,
     ended,
-    headline,
     machine_facts,
     range_tables,
     range_text,
-    reach_tables,
-    reach_text,
     refusals,
     section_notes,
     sentence,
@@ -36,8 +35,13 @@ _COLUMNS = {
 
 
 def markdown_report(runs: Sequence[Run], scenes: Mapping[str, Sequence[Section]], swept: Sequence[Stability]) -> str:
-    """By scene: headlines, configurations (the Pareto front bold), time to accuracy. Then ranges, and origins."""
+    """A verdict over all scenes; by scene verdict, configurations (the front bold), cost of accuracy. Then ranges."""
     blocks: list[str] = []
+    for run in runs:
+        ours = [section for parts in scenes.values() for section in parts if section.run is run]
+        if len(ours) > 1:
+            blocks += [f"## All scenes{f': {_cell(run.label)}' if len(runs) > 1 else ''}", *verdict(ours)]
+            blocks += _costs(ours)
     for title, parts in scenes.items():
         blocks.append(f"## {title}")
         for section in parts:
@@ -49,16 +53,16 @@ def markdown_report(runs: Sequence[Run], scenes: Mapping[str, Sequence[Section]]
         blocks += _stability(found)
     blocks.append("## How it was made")
     everything: list[Run | Sweep] = [*runs, *(found.sweep for found in swept)]
-    for run in everything:
-        blocks.append(f"### {_cell(run.label)}")
-        times = [("times are", times_are(run))] if isinstance(run, Run) else []
-        facts = [*machine_facts(run), *times, *(("assumed", note) for note in run.assumptions)]
+    for one in everything:
+        blocks.append(f"### {_cell(one.label)}")
+        times = [("times are", times_are(one))] if isinstance(one, Run) else []
+        facts = [*machine_facts(one), *times, *(("assumed", note) for note in one.assumptions)]
         blocks.append("\n".join(f"- {name}: {_fact(name, value)}" for name, value in facts))
     return "\n\n".join(blocks) + "\n"
 
 
 def _section(section: Section) -> list[str]:
-    blocks = [*headline(section)]
+    blocks = verdict([section])
     if section.timed:
         blocks.append(f"*{sentence(times_are(section.run))}* Bold: on the Pareto front of error and time.")
     blocks += [_cell(sentence(line)) for line in section_notes(section)]
@@ -71,20 +75,24 @@ def _section(section: Section) -> list[str]:
     ]
     if rows:
         blocks.append(_table(["spec", "map", "1 − IoU", *_COLUMNS], rows))
-    for title, steps, techniques in reach_tables(section):
-        lines = [
-            [
-                technique,
-                *(" ".join(filter(None, (ms, _told(what), extra and f"({extra})"))) for ms, what, extra in cells),
-            ]
-            for technique, reaches, top in techniques
-            for cells in [[reach_text(reach, top) for reach in reaches]]
-        ]
-        if lines:
-            blocks.append(_table(["time to accuracy", *(f"{title} {step}" for step in steps)], lines))
+    blocks += _costs([section])
     blocks += [f"- `{label}`: {_cell(status)}" for label, status in refusals(section)]
     blocks += [f"- {_cell(line)}" for line in warned(section)]
     return blocks
+
+
+def _costs(sections: Sequence[Section]) -> list[str]:
+    """The matrix of techniques and accuracies; none where nothing has a score."""
+    targets = (*IOU_TARGETS, *EDGE_TARGETS)
+    lines = [
+        [technique, *(_cost(*cell_texts(cell, len(sections))) for cell in cells)]
+        for technique, cells in matrix(candidates(sections), targets).items()
+    ]
+    return [_table(["cost of accuracy", *map(target_name, targets)], lines)] if lines else []
+
+
+def _cost(cost: str, label: str, note: str) -> str:
+    return " ".join(filter(None, (cost, label and f"`{label}`", note)))
 
 
 def _stability(found: Stability) -> list[str]:
@@ -108,10 +116,6 @@ def _cell(text: str) -> str:
 
 def _fact(name: str, value: str) -> str:
     return f"`{value}`" if name == "command" else _cell(value)
-
-
-def _told(what: str) -> str:
-    return what if what.startswith("best: ") else f"`{what}`"
 
 
 def _bold(text: str, wanted: bool) -> str:

@@ -4,38 +4,65 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-# Okabe & Ito 2008, "Color Universal Design", without the yellow that white paper swallows.
-COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-SHAPES = ("circle", "square", "triangle-up", "diamond", "cross", "triangle-down")
+from shadowbench.techniques.unshadowed import Unshadowed
+
+INK = "#1a1a1a"
+# Okabe & Ito 2008, "Color Universal Design", without black and the yellow that white paper swallows, and ten of L* 36
+# to 84, each as far as can be from the others and white, by CIEDE2000; the first eight show on black too.
+COLORS = (
+    *("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8976FF", "#898989"),
+    *("#8900C4", "#626200", "#B1D83B", "#B1003B", "#FFB19D", "#006262", "#D8C4FF", "#9DD8C4"),
+)
+# The outlines of Vega's point shapes, within ±6.
+OUTLINES = {
+    "circle": "M6,0A6,6 0 1 1 -6,0A6,6 0 1 1 6,0",
+    "square": "M-5,-5H5V5H-5Z",
+    "triangle-up": "M0,-6L6,5H-6Z",
+    "diamond": "M0,-6.5L5,0L0,6.5L-5,0Z",
+    "cross": "M-6,-2H-2V-6H2V-2H6V2H2V6H-2V2H-6Z",
+    "triangle-down": "M0,6L6,-5H-6Z",
+    "triangle-right": "M6,0L-5,6V-6Z",
+    "triangle-left": "M-6,0L5,6V-6Z",
+}
+SHAPES = tuple(OUTLINES)
+MOST = 8
+"""How many specs the charts of a page show at a time, each with a colour and a shape that no other has."""
 _LEGEND = {"orient": "bottom", "columns": 2, "labelLimit": 340, "symbolOpacity": 1, "symbolSize": 80}
 
 
 @dataclass(frozen=True)
 class Styles:
-    """A colour and a shape for each spec, the same in every chart of a report; a page has its own `legend`."""
+    """A colour and a shape for each spec, the same in every chart of a report.
+
+    `legend`: whether each chart has its own, with all specs. A page has one for all: its script fills in `color`,
+    `shape` and `shown` of each point.
+    """
 
     specs: tuple[str, ...]
     legend: bool
 
     def channels(self, shown: Iterable[str]) -> dict[str, Any]:
         """Colour and shape by spec, with one legend for both."""
-        legend = _LEGEND if self.legend else None
+        if not self.legend:
+            return {channel: {"field": channel, "type": "nominal", "scale": None} for channel in ("color", "shape")}
         wanted = set(shown)
         specs = [spec for spec in self.specs if spec in wanted]
         return {
-            channel: {"field": "spec", "title": None, "legend": legend, "scale": self._scale(specs, marks)}
-            for channel, marks in (("color", COLORS), ("shape", SHAPES))
+            channel: {"field": "spec", "title": None, "legend": _LEGEND, "scale": self._scale(specs, at)}
+            for at, channel in enumerate(("color", "shape"))
         }
 
     def mark(self, spec: str) -> tuple[str, str]:
-        """Its colour and its shape."""
+        """Its colour and its shape; where colours come again, it is with another shape."""
         index = self.specs.index(spec)
-        return COLORS[index % len(COLORS)], SHAPES[index % len(SHAPES)]
+        return COLORS[index % len(COLORS)], SHAPES[(index + index // len(COLORS)) % len(SHAPES)]
 
-    def _scale(self, specs: Sequence[str], marks: Sequence[str]) -> dict[str, Any]:
-        return {"domain": specs, "range": [marks[self.specs.index(spec) % len(marks)] for spec in specs]}
+    def _scale(self, specs: Sequence[str], at: int) -> dict[str, Any]:
+        return {"domain": specs, "range": [self.mark(spec)[at] for spec in specs]}
 
 
 def styles_of(specs: Iterable[str], legend: bool) -> Styles:
-    """Styles for specs, in the order in which they were measured."""
-    return Styles(tuple(dict.fromkeys(specs)), legend)
+    """Styles for specs: first one of each technique, then the others as they were measured, `unshadowed` last."""
+    every = list(dict.fromkeys(specs))
+    first = {spec.partition(":")[0]: spec for spec in reversed(every)}.values()
+    return Styles(tuple(sorted(every, key=lambda spec: (spec == Unshadowed.name, spec not in first))), legend)

@@ -1,21 +1,10 @@
 """Numbers and sentences, as every format of a report says them."""
 
 from collections import Counter
-from collections.abc import Sequence
 
-from shadowbench.extremes.axes.model import NAMES, value_label
+from shadowbench.extremes.axes.model import NAMES, Axis, value_label
 from shadowbench.extremes.ranges import TOLERANCES, OperatingRange, value_text
-from shadowbench.reports.analysis import (
-    EDGE_STEPS,
-    IOU_STEPS,
-    Configuration,
-    Reach,
-    Section,
-    by_technique,
-    reaches_edge,
-    reaches_iou,
-    time_to_accuracy,
-)
+from shadowbench.reports.analysis import Configuration, Section
 from shadowbench.reports.stability import Stability, whole
 from shadowbench.studies.folder import Run, Sweep
 from shadowbench.studies.tables import phase_note
@@ -28,6 +17,8 @@ EDGE_NAMES = {1.0: "1 px", 0.5: "½ px", 0.25: "¼ px"}
 
 def digits(value: float) -> str:
     """Three significant digits, without an exponent where it can be."""
+    if abs(value) >= 1000:
+        return f"{float(f'{value:.3g}'):.0f}"
     return f"{value:#.3g}".rstrip(".") if value and abs(value) >= 1e-4 else f"{value:.2g}"
 
 
@@ -61,37 +52,6 @@ def value_of(one: Configuration, name: str) -> str:
     return "–" if value is None else f"{'~' if name.endswith('_ms') and one.row.wide else ''}{digits(value)}"
 
 
-def headline(section: Section) -> list[str]:
-    """What there is to know of a section, in a few sentences: the best configurations, and what accuracy costs."""
-    if not section.held:
-        return ["Nothing here has a score."]
-    lines = [f"Most accurate: {_accuracy(section.held[0])}."]
-    rastered = [one for one in section.held if one.technique != RAY_TRACED]
-    if rastered and rastered[0] is not section.held[0]:
-        lines = [f"Most accurate: {_accuracy(section.held[0])}; without ray tracing {_accuracy(rastered[0])}."]
-    if not section.timed:
-        return [*lines, "Nothing here was timed, so that no accuracy has a price."]
-    where = {True: "On this software renderer", False: "On this GPU", None: "On this machine"}[section.run.software]
-    reaches = time_to_accuracy(section.timed, reaches_iou, IOU_STEPS)
-    return [*lines, f"{where} {'; '.join(_cost(reach) for reach in reaches)}."]
-
-
-def _accuracy(one: Configuration) -> str:
-    error = one.error
-    wrong = 0.0 if error is None else error.median
-    return f"`{one.label}`, {'no wrong pixel' if wrong <= 0 else f'{digits(100 * wrong)}% of the shadow wrong'}"
-
-
-def _cost(reach: Reach) -> str:
-    step = f"IoU {reach.step:g}"
-    if reach.cheapest is None or reach.ms is None:
-        return f"{step} is out of reach"
-    if reach.factor is not None and reach.extra_ms == 0:
-        return f"{step} costs no more"
-    factor = "" if reach.factor is None else f", × {digits(reach.factor)}"
-    return f"{step} costs {value_of(reach.cheapest, 'frame_ms')} ms{factor} (`{reach.cheapest.label}`)"
-
-
 def refusals(section: Section) -> list[tuple[str, str]]:
     """Configurations without a number somewhere: spec and map sizes, and why (`unsupported: …`, `failed: …`)."""
     found: dict[tuple[str, str], list[int]] = {}
@@ -116,40 +76,6 @@ def warned(section: Section) -> list[str]:
     keys = set(section.frame["key"])
     rows = [row for row in section.run.rows if row["key"] in keys]
     return [f"{row['spec']}: {line}" for row in rows for line in row.get("input", {}).get("warnings", ())]
-
-
-def reach_tables(section: Section) -> list[tuple[str, list[str], list[tuple[str, list[Reach], str]]]]:
-    """Time to accuracy: for IoU and for edges a title, the steps, and each technique's reaches beside its best."""
-    tables = []
-    for title, reaches, steps, metric in (
-        ("IoU ≥", reaches_iou, IOU_STEPS, "iou"),
-        ("edge ≤", reaches_edge, EDGE_STEPS, "edge_px"),
-    ):
-        rows = []
-        for technique, configurations in by_technique(section).items():
-            timed = [one for one in configurations if one.value("frame_ms") is not None]
-            if timed:
-                rows.append((technique, time_to_accuracy(timed, reaches, steps), _best(configurations, metric)))
-        names = [EDGE_NAMES[step] if metric == "edge_px" else f"{step:g}" for step in steps]
-        tables.append((title, names, rows))
-    return tables
-
-
-def reach_text(reach: Reach, best: str) -> tuple[str, str, str]:
-    """Time, configuration, and what the step costs over the one before; of what is out of reach, the best there is."""
-    if reach.cheapest is None or reach.ms is None:
-        return "–", f"best: {best}", ""
-    extra = ""
-    if reach.extra_ms is not None and reach.factor is not None:
-        extra = "no more" if reach.extra_ms == 0 else f"{reach.extra_ms:+.3g} ms, × {digits(reach.factor)}"
-    return f"{value_of(reach.cheapest, 'frame_ms')} ms", reach.cheapest.label, extra
-
-
-def _best(configurations: Sequence[Configuration], metric: str) -> str:
-    values = [value for one in configurations if (value := one.value(metric)) is not None]
-    if not values:
-        return "none"
-    return digits(min(values)) + " px" if metric == "edge_px" else f"IoU {max(values):.4g}"
 
 
 def machine_facts(run: Run | Sweep) -> list[tuple[str, str]]:
@@ -220,20 +146,6 @@ def range_text(one: OperatingRange) -> str:
     return f"{one.plain} ({len(one.in_tolerance)} of {one.measured}{refused})"
 
 
-def range_facts(one: OperatingRange, light: str) -> dict[str, str]:
-    """All that is known of a range, by name."""
-    share = "unsupported" if one.share is None else f"at {len(one.in_tolerance)} of {one.measured} values"
-    return {
-        "spec": one.spec,
-        "light": light,
-        "swept axis": f"{one.axis.name}, {value_text(one.axis, one.swept[0])} to {value_text(one.axis, one.swept[-1])}",
-        "holds": share,
-        "range": one.plain,
-        "unsupported": _refused(one) or "–",
-        "must hold": one.axis.invariant,
-    }
-
-
 def range_tables(found: Stability) -> list[tuple[str, list[str], list[tuple[str, list[OperatingRange | None]]]]]:
     """For each spec its lights, and for each axis a range a light, None where the axis is not swept under it."""
     tables = []
@@ -247,6 +159,15 @@ def range_tables(found: Stability) -> list[tuple[str, list[str], list[tuple[str,
         ]
         tables.append((spec, [NAMES[kind] for kind in kinds], rows))
     return tables
+
+
+def range_cells(found: Stability) -> list[tuple[Axis, list[OperatingRange | None], list[str]]]:
+    """By axis, its ranges in the order of `found.lines`, None where it is not swept, and how each is told."""
+    rows = []
+    for axis in found.axes:
+        ranges = [found.at.get((spec, axis.name, kind)) for spec, kind in found.lines]
+        rows.append((axis, ranges, ["" if one is None else range_text(one) for one in ranges]))
+    return rows
 
 
 def ended(found: Stability) -> list[tuple[str, str]]:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
+from scipy.ndimage import binary_dilation
 
 from shadowbench.extremes.axes import AXES, Axis
 from shadowbench.extremes.ranges import Failure, failure, operating_range, operating_ranges
@@ -237,7 +238,10 @@ def test_masks_and_truth_are_kept_of_what_is_out_of_tolerance(swept: Swept, fold
 
 @pytest.mark.parametrize("axis", [ELEVATION, AXES["light-step"]], ids=lambda axis: axis.name)
 def test_the_picture_of_a_break_is_drawn_with_the_mask_beside_it(bench: Any, tmp_path: Path, axis: Axis) -> None:
-    """Lit pixels look as they do without any shadows, and those in shadow are darker."""
+    """Lit pixels look as they do without any shadows, and those in shadow are darker.
+
+    Where surfaces meet the picture is anti-aliased, so that a lit pixel may take from a shadow up to 5 px away.
+    """
     bench.worker.limits = Limits()
     specs = ["unshadowed", "shadow-map:bias=none,filter=hard,size=128", "shadow-map:filter=hard,size=16"]
     floor, *others = Swept(bench, tmp_path, specs, short(axis)).rows
@@ -250,7 +254,9 @@ def test_the_picture_of_a_break_is_drawn_with_the_mask_beside_it(bench: Any, tmp
     for one in others:
         shown, dark = pictures[one["key"]].mean(axis=-1), masks[one["key"]] == 0
         assert 0.005 < dark.mean() < 0.9, "there is something to see"
-        assert np.array_equal(shown[~dark], lit[~dark])
+        away = ~binary_dilation(dark, np.ones((3, 3)), iterations=5)
+        assert away.mean() > 0.25 and np.array_equal(shown[away], lit[away])
+        assert (shown[~dark] == lit[~dark]).mean() > 0.97
         assert (shown[dark] < lit[dark]).mean() > 0.99
 
 
@@ -258,8 +264,9 @@ def test_faces_turned_away_from_the_light_can_be_told_apart(bench: Any, tmp_path
     """The box of the base scene has two that are seen: alike, they would look like its shadow."""
     bench.worker.limits = Limits()
     (row,) = Swept(bench, tmp_path, ["unshadowed"], short(ELEVATION)).rows
-    picture = np.asarray(Image.open(tmp_path / "pictures" / f"{row['key']}.png"), float).mean(axis=-1)
-    grounds, counts = np.unique(np.rint(picture[picture < 130]), return_counts=True)
+    colors = np.asarray(Image.open(tmp_path / "pictures" / f"{row['key']}.png"), float)
+    picture, sky = colors.mean(axis=-1), colors[..., 2] - colors[..., 0] > 40
+    grounds, counts = np.unique(np.rint(picture[(picture < 130) & ~sky]), return_counts=True)
     assert (counts > 100).sum() >= 2, dict(zip(grounds, counts, strict=True))
 
 

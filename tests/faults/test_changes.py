@@ -14,10 +14,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from shadowbench.check.check import check
 
 from shadowbench.check.baseline import MISSING
 from shadowbench.check.baseline import Change as Regressed
+from shadowbench.check.check import check
 from shadowbench.scenes.library import load_scene
 from shadowbench.studies.study import read_study
 from shadowbench.techniques.base import Technique

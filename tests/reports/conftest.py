@@ -1,6 +1,8 @@
 """Run folders written for one test: rows as a run makes them, with the numbers that a test asks for."""
 
+import base64
 import hashlib
+import io
 import json
 import re
 from collections.abc import Callable, Sequence
@@ -103,28 +105,34 @@ def run_file(software: bool, processor: str) -> dict[str, Any]:
     }
 
 
-def color_of(key: str) -> np.ndarray:
-    """(3,) of a cell's pictures, its own, as bright as 100 at least."""
-    return 100 + np.frombuffer(hashlib.sha256(key.encode()).digest()[:3], np.uint8) * (150 / 255)
+def color_of(name: str) -> np.ndarray:
+    """(3,) of what a file shows, its own, as bright as 100 at least."""
+    return 100 + np.frombuffer(hashlib.sha256(name.encode()).digest()[:3], np.uint8) * (150 / 255)
+
+
+def write_picture(file: Path) -> None:
+    """All of one colour, which is the file's own."""
+    file.parent.mkdir(exist_ok=True)
+    Image.fromarray(np.full((SIDE, SIDE, 3), color_of(file.name)).astype(np.uint8)).save(file)
 
 
 def write_pictures(folder: Path, records: Sequence[dict[str, Any]]) -> None:
     """A square shadow as the truth, and masks that miss its upper rows in proportion to their error."""
     truth = np.ones((SIDE, SIDE), dtype=np.float32)
     truth[8:24, 8:24] = 0
-    for kind in ("masks", "pictures", "truth"):
+    for kind in ("masks", "truth"):
         (folder / kind).mkdir()
     for record in records:
         if record.get("status") == "ok":
             stem = ".".join(str(record[name]) for name in ("scene", "view", "light", "view_size"))
             write_mask(folder / "truth" / f"{stem}.png", truth)
             write_mask(folder / "truth" / f"{stem}.undecided.png", np.zeros_like(truth))
+            for file in (f"truth/{stem}.lit.png", f"truth/{stem}.ambient.png", f"pictures/{record['key']}.png"):
+                write_picture(folder / file)
             mask = truth.copy()
             iou = record["metrics"]["iou"]
             mask[8 : 8 + round(16 * (0 if iou is None else 1 - iou)), 8:24] = 1
             write_mask(folder / "masks" / f"{record['key']}.png", mask)
-            picture = np.rint((0.2 + 0.8 * mask[..., None]) * color_of(record["key"])).astype(np.uint8)
-            Image.fromarray(picture).save(folder / "pictures" / f"{record['key']}.png")
 
 
 @dataclass(frozen=True)
@@ -266,13 +274,20 @@ def texts(chart: dict[str, Any]) -> list[str]:
 
 
 def scripts(page: str) -> list[Any]:
-    """The JSON of a page: charts and galleries."""
+    """The JSON of a page: what its parts show, and the charts and pictures of its sweeps."""
     found = re.findall(r'<script type="application/json"[^>]*>(.*?)</script>', page, re.DOTALL)
     return [json.loads(text) for text in found]
 
 
 def galleries(page: str) -> list[Any]:
-    return [script for script in scripts(page) if "truths" in script]
+    """Its pictures, part by part."""
+    found = [script if "places" in script else script.get("gallery") for script in scripts(page)]
+    return [one for one in found if one]
+
+
+def image_of(uri: str) -> Image.Image:
+    """An image in a page."""
+    return Image.open(io.BytesIO(base64.b64decode(uri.partition(",")[2])))
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""The Pareto front, the time to an accuracy, and what stands without a number."""
+"""The Pareto front, and what stands without a number."""
 
 import json
 from collections.abc import Callable
@@ -12,11 +12,11 @@ from shadowbench.reports.analysis import (
     reaches_edge,
     reaches_iou,
     sections,
-    time_to_accuracy,
 )
 from shadowbench.reports.gallery import shots_of_section
 from shadowbench.reports.markdown import markdown_report
-from shadowbench.reports.words import headline, reach_tables, refusals, section_notes, value_of, warned
+from shadowbench.reports.verdict import cost_note, verdict
+from shadowbench.reports.words import refusals, section_notes, value_of, warned
 from shadowbench.studies.folder import read_runs
 from shadowbench.studies.tables import Interval
 from tests.reports.conftest import CELLS, RECEIVERS, Cell
@@ -34,41 +34,10 @@ def test_the_front_of_a_scene_leaves_out_what_is_slower_and_worse(section_of: Ca
     ]
 
 
-def test_time_to_accuracy_is_the_fastest_that_reaches_it_and_what_more_it_costs(
-    section_of: Callable[..., Section],
-) -> None:
-    reaches = time_to_accuracy(section_of().timed, reaches_iou, (0.95, 0.99, 0.999))
-    assert [one.cheapest and one.cheapest.label for one in reaches] == [
-        "shadow-map at 512",
-        "shadow-map at 2048",
-        "ray-traced",
-    ]
-    assert [one.ms for one in reaches] == [5.0, 20.0, 60.0]
-    assert [one.extra_ms for one in reaches] == [None, 15.0, 40.0]
-    assert [one.factor for one in reaches] == [None, 4.0, 3.0]
-
-
-def test_a_step_that_costs_no_more_says_so(section_of: Callable[..., Section]) -> None:
-    reaches = time_to_accuracy(section_of((Cell("a", 512, 0.001, 7.0),)).timed, reaches_iou, (0.95, 0.99))
-    assert (reaches[1].extra_ms, reaches[1].factor) == (0.0, 1.0)
-
-
 def test_the_step_itself_is_reached(section_of: Callable[..., Section]) -> None:
-    exact = section_of((Cell("a", 512, 0.25, 7.0, edge=0.5),)).timed
-    assert [one.cheapest is not None for one in time_to_accuracy(exact, reaches_iou, (0.75, 0.76))] == [True, False]
-    assert [one.cheapest is not None for one in time_to_accuracy(exact, reaches_edge, (0.5, 0.4))] == [True, False]
-
-
-def test_what_is_out_of_reach_has_no_time_and_the_next_step_no_difference(section_of: Callable[..., Section]) -> None:
-    cells = (Cell("a", 512, 0.04, 7.0), Cell("a", 1024, 0.03, None))
-    reaches = time_to_accuracy(section_of(cells).held, reaches_iou, (0.95, 0.99))
-    assert [(one.ms, one.extra_ms) for one in reaches] == [(7.0, None), (None, None)]
-
-
-def test_each_technique_has_a_line_of_its_own(section_of: Callable[..., Section]) -> None:
-    for _, steps, rows in reach_tables(section_of()):
-        assert len(steps) == 3
-        assert [technique for technique, _, _ in rows] == ["ray-traced", "shadow-map", "unshadowed"]
+    (exact,) = section_of((Cell("a", 512, 0.25, 7.0, edge=0.5),)).timed
+    assert [reaches_iou(exact, step) for step in (0.75, 0.76)] == [True, False]
+    assert [reaches_edge(exact, step) for step in (0.5, 0.4)] == [True, False]
 
 
 def test_times_and_errors_are_medians_over_the_cells(section_of: Callable[..., Section]) -> None:
@@ -113,13 +82,6 @@ def test_map_sizes_without_a_number_for_one_reason_are_one_line(section_of: Call
     assert refusals(section_of(cells)) == [("a at 512, 1024", "unsupported: no ground")]
 
 
-def test_the_headline_says_what_is_best_and_what_accuracy_costs(section_of: Callable[..., Section]) -> None:
-    first, second = headline(section_of())
-    assert "`ray-traced`, no wrong pixel" in first and "without ray tracing `shadow-map at 2048`, 0.500%" in first
-    assert second.startswith("On this software renderer IoU 0.95 costs 5.00 ms (`shadow-map at 512`)")
-    assert "IoU 0.99 costs 20.0 ms, × 4.00" in second
-
-
 LOADED = (
     Cell("slow", 512, 0.009, 18.0, ratio_iqr=0.9),
     Cell("fast", 512, 0.005, 16.0, reference_ms=20.0),  # while the machine took twice as long for everything
@@ -132,7 +94,7 @@ def test_front_prices_and_passes_are_by_ratios_whatever_the_machine_did_meanwhil
 ) -> None:
     section = section_of(LOADED)
     assert [one.label for one in front(section)] == ["fast at 512"]
-    assert "IoU 0.95 costs 12.0 ms (`fast at 512`)" in headline(section)[-1]
+    assert verdict([section])[0] == "99% of the shadow right: `fast at 512` is the cheapest, 12.0 ms a frame."
     ms = {one.spec: one.value("frame_ms") for one in section.timed}
     assert ms == pytest.approx({"slow": 1.8 * 15, "fast": 0.8 * 15, "shadow-map": 15})
     passes = {one.spec: [made.ms for made in one.passes] for one in section.timed}
@@ -177,7 +139,7 @@ def test_maps_of_one_phase_are_called_so(section_of: Callable[..., Section]) -> 
 
 def test_a_run_without_times_has_no_prices(section_of: Callable[..., Section]) -> None:
     section = section_of([Cell("a", 512, 0.1, None)])
-    assert "Nothing here was timed" in headline(section)[-1]
+    assert "Nothing here was timed" in cost_note([section])
     assert front(section) == []
 
 

@@ -120,9 +120,9 @@ def test_the_chart_of_passes_says_why_they_do_not_add_up(section_of: Callable[..
     section = section_of()
     chart = pass_chart(section, 1024)
     assert chart is not None
-    said = " ".join(reversed(texts(figure(chart, section))))
-    assert "passes timed one by one, each finished before the next," in said
-    assert "so that their sum may exceed the frame; tick: the whole frame, timed apart" in said
+    said = set(texts(figure(chart, section)))
+    assert {"ms of passes timed one by one,", "each finished before the next,"} <= said
+    assert {"so that their sum may exceed the frame;", "tick: the whole frame, timed apart"} <= said
 
 
 def test_the_page_says_so_too_and_counts_one_thing_as_one(
@@ -130,7 +130,7 @@ def test_the_page_says_so_too_and_counts_one_thing_as_one(
 ) -> None:
     page = " ".join(page_of(run_folder([Cell("a", 512, 0.1, 3.0)])).split())
     assert "each finished before the next, so that their sum may exceed the frame" in page
-    assert "1 cell on" in page and "1 cell, all that" in page and "The only configuration as a table" in page
+    assert "1 cell on" in page and "1 cell, all that" in page
     assert not re.search(r"\b1 (cells|pictures|records|times|configurations)\b", page)
 
 

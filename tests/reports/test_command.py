@@ -4,6 +4,7 @@ import csv
 import io
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -18,7 +19,7 @@ from shadowbench.reports import gallery, report
 from shadowbench.reports.gallery import difference
 from shadowbench.scores.difference import FALSE_LIGHT, FALSE_SHADOW
 from shadowbench.studies import folder as folder_of_cells
-from tests.reports.conftest import CELLS, SIDE, Cell, galleries, scripts
+from tests.reports.conftest import CELLS, SIDE, Cell, galleries, image_of, scripts
 
 Shadowbench = Callable[..., Any]
 Write = Callable[..., Path]
@@ -31,9 +32,34 @@ def test_a_page_shows_machine_command_assumptions_and_statuses(run_folder: Write
     for told in ("A processor", "no camera: assumed one", "no light: assumed a sun", "finish+wall", SOFTWARE):
         assert told in page
     assert "unsupported: no receiver is a plane" in page and "failed: the worker died" in page
-    rows = re.findall(r"<tr(?: class=\"front\")?><th scope=\"row\" title=[^>]*>(.*?)</th>", page)
-    assert len(rows) == len([cell for cell in CELLS if cell.status == "ok"])
-    assert page.count('<tr class="front">') == 6
+    (part,) = scripts(page)
+    assert len(part["rows"]) == len([cell for cell in CELLS if cell.status == "ok"])
+    assert sum(row["front"] for row in part["rows"]) == 6
+
+
+def test_the_verdict_and_the_matrix_are_in_the_page_itself(run_folder: Write, page_of: Callable[..., str]) -> None:
+    page = page_of(run_folder()).replace("<wbr>", "")
+    assert "<code>shadow-map at 2048</code> is the cheapest, 20.0 ms a frame." in page
+    (cells,) = re.findall(r'<tr><th scope="row">shadow-map</th>(.*?)</tr>', page, re.DOTALL)
+    assert re.findall(r"<b>(.*?)</b>", cells) == ["5.00 ms", "20.0 ms", "–"]
+    assert re.findall(r'class="(\w+)" aria', cells) == ["all", "all", "none"]
+
+
+def test_a_table_has_what_it_is_sorted_by_beside_what_it_shows(run_folder: Write, page_of: Callable[..., str]) -> None:
+    (part,) = scripts(page_of(run_folder()))
+    row = next(row for row in part["rows"] if row["spec"] == "shadow-map" and row["map"] == 512)
+    assert row["values"]["cost, ms"] == [5.0, "5.00"] and row["values"]["map"] == [512, "512"]
+    assert row["values"]["1 − IoU"] == [pytest.approx(0.04), "0.0400"]
+    assert all(set(part["columns"]) <= set(row["values"]) for row in part["rows"])
+
+
+def test_several_scenes_have_a_part_each_and_one_of_all(run_folder: Write, page_of: Callable[..., str]) -> None:
+    cells = [replace(cell, scene=scene) for scene in ("stairs", "terrace") for cell in CELLS]
+    parts = scripts(page_of(run_folder(cells, pictures=True)))
+    assert [part["gallery"] is not None for part in parts] == [False, True, True]
+    keys = [(row["spec"], row["map"]) for row in parts[0]["rows"]]
+    assert len(keys) == len(set(keys)) == len(parts[1]["rows"]), "a line over all for each setting"
+    assert {row["values"]["scenes"][1] for row in parts[0]["rows"]} == {"2 of 2"}
 
 
 def test_a_page_asks_nothing_of_a_network(run_folder: Write, page_of: Callable[..., str]) -> None:
@@ -45,10 +71,22 @@ def test_a_page_asks_nothing_of_a_network(run_folder: Write, page_of: Callable[.
 def test_every_cell_has_its_pictures_in_the_page(run_folder: Write, page_of: Callable[..., str]) -> None:
     (shown,) = galleries(page_of(run_folder(pictures=True)))
     held = [cell for cell in CELLS if cell.status == "ok"]
-    assert len(shown["cells"]) == len(held) and shown["missing"] is None
+    assert len(shown["cells"]) == len(held) and shown["notes"] == []
     for cell in shown["cells"]:
-        assert all(cell[name].startswith("data:image/webp;base64,") for name in ("picture", "mask", "difference"))
-    assert set(shown["truths"]) == {"camera, sun"}
+        assert cell["mask"].startswith("data:image/webp;base64,") and cell["picture"] is None
+    (place,) = shown["places"].values()
+    assert list(shown["places"]) == ["camera, sun"] and list(place) == ["truth", "undecided", "lit", "ambient"]
+    assert all(image.startswith("data:image/webp;base64,") for image in place.values())
+
+
+def test_where_a_view_has_no_shading_its_cells_show_their_own_pictures(
+    run_folder: Write, page_of: Callable[..., str]
+) -> None:
+    folder = run_folder(pictures=True)
+    for file in (folder / "truth").glob("*.lit.png"):
+        file.unlink()
+    (shown,) = galleries(page_of(folder))
+    assert all(cell["picture"].startswith("data:image/webp;base64,") for cell in shown["cells"])
 
 
 def test_a_folder_without_pictures_says_so(run_folder: Write, page_of: Callable[..., str]) -> None:
@@ -61,7 +99,7 @@ def test_pictures_that_lack_are_named(run_folder: Write, page_of: Callable[..., 
     for file in [*(folder / "pictures").iterdir(), *(folder / "truth").iterdir()]:
         file.unlink()
     (shown,) = galleries(page_of(folder))
-    assert shown["missing"] == "run has no picture and no difference of some of these cells"
+    assert shown["notes"] == ["run has no truth and no shading of some of these cells."]
 
 
 def test_many_pictures_are_shown_smaller(
@@ -69,9 +107,9 @@ def test_many_pictures_are_shown_smaller(
 ) -> None:
     monkeypatch.setattr(gallery, "PIXELS", 7 * SIDE * SIDE // 4)
     monkeypatch.setattr(gallery, "_SMALLEST", 4)
-    page = page_of(run_folder(pictures=True))
-    (shown,) = galleries(page)
-    assert shown["size"] == SIDE // 2 and f"Shown at {SIDE // 2}² of {SIDE}² pixels" in page
+    (shown,) = galleries(page_of(run_folder(pictures=True)))
+    assert shown["notes"] == [f"Shown at {SIDE // 2}² of {SIDE}² pixels."]
+    assert {image_of(cell["mask"]).size for cell in shown["cells"]} == {(SIDE // 2, SIDE // 2)}
 
 
 def test_the_difference_is_signed() -> None:
@@ -86,8 +124,8 @@ def test_the_difference_is_signed() -> None:
 
 def test_two_machines_have_charts_of_their_own(run_folder: Write, page_of: Callable[..., str]) -> None:
     page = page_of(run_folder(name="one"), run_folder(name="two", software=False, processor="Another processor"))
-    charts = [script for script in scripts(page) if "layer" in script]
-    assert len([chart for chart in charts if "frame time" in chart["description"]]) == 2
+    parts = scripts(page)
+    assert ["frame time" in part["charts"]["front"]["description"] for part in parts] == [True, True]
     assert "A processor" in page and "Another processor" in page and "times of renderer of Another processor" in page
 
 

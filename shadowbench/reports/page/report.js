@@ -1,196 +1,161 @@
 "use strict";
-// Charts: Vega-Lite descriptions beside their places. Pictures: JSON beside theirs. Both are drawn when they are near.
+// What is chosen: a run, a scene of it or all, and a picture. All else on the page follows.
 
-const read = (id) => JSON.parse(document.getElementById(id).textContent);
+const byId = (id) => document.getElementById(id);
+const read = (id) => JSON.parse(byId(id).textContent);
+const partOf = (id) => PAGE.parts.find((part) => part.id === id);
+const memory = new Map();
+const data = (id) => memory.get(id) ?? memory.set(id, read(`data-${id}`)).get(id);
 
-const narrow = matchMedia("(max-width: 760px)");
+let now = null; // the part that is shown
+let seen = null; // the scene whose pictures are
+const first = byId("viewer") && new Viewer(byId("viewer"), (cell) => marked(cell));
 
-async function draw(place) {
-  const chart = narrow.matches && place.dataset.narrow || place.dataset.chart;
-  const { view } = await vegaEmbed(place, read(chart), { actions: false, renderer: "svg" });
-  place.view = view;
-  if (place.matches(".front")) {
-    place.domains = { zoom_ms: view.scale("x").domain(), zoom_drawn: view.scale("y").domain() };
+function marked(cell) {
+  for (const button of document.querySelectorAll(".matrix button")) {
+    const { spec, size, scene } = button.dataset;
+    button.setAttribute("aria-pressed", !button.matches(".none") && scene === seen && spec === cell?.spec && (size || null) == cell.size);
   }
 }
 
-// A domain around its own middle, in logarithms: both axes of the front are log.
-function scaled([low, high], factor) {
-  const middle = Math.sqrt(low * high);
-  return [middle * (low / middle) ** factor, middle * (high / middle) ** factor];
+// A configuration in the viewer: in the scene that is shown, or for all scenes in the one given.
+function look(spec, size, scene) {
+  const id = partOf(now).scenes ? scene : now;
+  if (!data(id).gallery) return;
+  const cell = data(id).gallery.cells.find((one) => one.spec === spec && one.size === (size || null));
+  return pictures(id, cell ?? { spec, size });
 }
 
-function zoom(place, factor) {
-  const now = { zoom_ms: place.view.scale("x").domain(), zoom_drawn: place.view.scale("y").domain() };
-  for (const [signal, whole] of Object.entries(place.domains)) {
-    place.view.signal(signal, factor ? scaled(now[signal], factor) : whole);
+async function pictures(id, cell) {
+  const { gallery } = data(id);
+  for (const node of document.querySelectorAll("#viewer, #wrong")) node.hidden = !gallery;
+  byId("no-pictures").textContent = gallery ? gallery.notes.join(" ") : data(id).no_gallery;
+  if (!gallery) return;
+  if (id !== seen) decoded.clear();
+  const again = id === seen;
+  seen = id;
+  byId("scene-shown").textContent = partOf(id).title;
+  await first.open(gallery, cell?.place ?? (again ? first.where : undefined), cell);
+  if (!again) {
+    const sizes = [...new Set(gallery.cells.map((one) => one.size).filter(Boolean))].sort((a, b) => a - b);
+    byId("wrong-size").replaceChildren(...sizes.map((size) => new Option(size, size)));
+    byId("wrong-size").value = sizes[(sizes.length - 1) >> 1] ?? "";
+    byId("wrong-size").closest("label").hidden = sizes.length < 2;
+    await wrong();
   }
-  place.view.runAsync();
 }
 
-// A spec that may be broken between its parameters.
-const breakable = (text) => text.split(/(?<=[,:(])/).flatMap((piece) => [piece, document.createElement("wbr")]);
-
-function pick(article, spec) {
-  for (const place of article.querySelectorAll(".chart.front, .chart.sizes, .chart.axis")) {
-    if (place.view) place.view.signal("pick", spec).runAsync();
-  }
-}
-
-function legend(article) {
-  const buttons = [...article.querySelectorAll(".legend button")];
-  const pinned = () => buttons.find((button) => button.getAttribute("aria-pressed") === "true");
-  for (const button of buttons) {
-    const back = () => pick(article, pinned()?.dataset.spec ?? null);
-    button.addEventListener("pointerenter", () => pick(article, button.dataset.spec));
-    button.addEventListener("pointerleave", back);
-    button.addEventListener("click", () => {
-      const on = button !== pinned();
-      for (const other of buttons) other.setAttribute("aria-pressed", String(on && other === button));
-      pick(article, on ? button.dataset.spec : null);
+// A thumbnail of every spec, at the map size or the nearest it has.
+async function wrong() {
+  const { gallery } = first, size = Number(byId("wrong-size").value) || 1024, place = gallery.places[first.where];
+  const far = (cell) => Math.abs(Math.log2((cell.size ?? size) / size));
+  const cells = [...new Set(first.cells.map((cell) => cell.spec))].map((spec) => first.cells.filter((cell) => cell.spec === spec).sort((a, b) => far(a) - far(b))[0]);
+  const made = await Promise.all(cells.map(async (cell) => {
+    const button = document.createElement("button"), score = document.createElement("b"), label = document.createElement("span");
+    button.type = "button";
+    score.textContent = cell.iou;
+    label.append(...breakable(nameOf(cell)));
+    button.append(...await thumbnail(place, cell), score, label);
+    button.addEventListener("click", async () => {
+      first.mode = "difference";
+      await first.pick("a", first.cells.indexOf(cell));
+      first.look(await worst(place, cell) ?? [0.5, 0.5]);
+      byId("viewer").scrollIntoView({ block: "nearest" });
     });
-  }
+    return button;
+  }));
+  byId("wrong").querySelector(".sheet").replaceChildren(...made);
 }
 
-function gallery(box) {
-  const { cells, truths, start } = JSON.parse(box.querySelector("script").textContent);
-  const find = (selector) => box.querySelector(selector);
-  const [specs, sizes, places] = [find(".spec"), find(".size"), find(".place")];
-  const distinct = (key, of = cells) => [...new Set(of.map((cell) => cell[key]))];
-  const fill = (select, values, chosen) => {
-    select.replaceChildren(...values.map((value) => new Option(value ?? "none", value ?? "")));
-    select.value = chosen ?? "";
-    select.disabled = values.length < 2;
-  };
-  const image = (kind, source) => {
-    for (const node of box.getElementsByClassName(kind)) {
-      node.style.visibility = source ? "visible" : "hidden";
-      if (source) node.src = source;
-      else node.removeAttribute("src");
+async function show(id) {
+  now = id;
+  const part = partOf(id), { charts, rows, columns } = data(id);
+  for (const node of document.querySelectorAll("[data-part]")) node.hidden = node.dataset.part !== id;
+  for (const node of document.querySelectorAll(".title-shown")) node.textContent = part.title;
+  byId("run").value = part.run;
+  fillTable(rows, columns, (row) => look(row.spec, row.map, row.scene));
+  const jobs = [drawCharts(charts)];
+  const start = part.start ?? {};
+  if (first) jobs.push(pictures(part.scenes ? start.scene : id, start));
+  await Promise.all(jobs);
+}
+
+function drawCharts({ front, sizes, passes, pass_size, biases }) {
+  const place = (kind) => document.querySelector(`.chart.${kind}`);
+  const pointed = (point) => look(point.spec, point.size, rowOf(point)?.scene);
+  for (const kind of ["front", "sizes", "passes"]) place(kind).whole = undefined;
+  const choice = byId("pass-size");
+  choice.replaceChildren(...passes.map(([size], at) => new Option(size, at, false, size === pass_size)));
+  choice.closest("label").hidden = passes.length < 2;
+  place("passes").closest("section").hidden = !passes.length;
+  choice.onchange = () => draw(place("passes"), passes[choice.value][1]);
+  const bias = byId("biases");
+  bias.hidden = !biases.length;
+  bias.querySelector(".pair").replaceChildren(...biases.map(([home]) => {
+    const figure = document.createElement("figure"), caption = document.createElement("figcaption"), chart = document.createElement("div");
+    caption.append(...breakable(home));
+    chart.className = "chart biases";
+    figure.append(caption, chart);
+    return figure;
+  }));
+  return Promise.all([
+    draw(place("front"), front, pointed),
+    draw(place("sizes"), sizes, pointed),
+    draw(place("passes"), passes.find(([size]) => size === pass_size)?.[1]),
+    ...[...bias.querySelectorAll(".chart")].map((chart, at) => draw(chart, biases[at][1])),
+  ]);
+}
+
+const rowOf = (point) => data(now).rows.find((row) => row.spec === point.spec && row.map === point.size);
+
+function fillScenes(run, title) {
+  const parts = PAGE.parts.filter((part) => part.run === run);
+  byId("scene").replaceChildren(...parts.map((part) => new Option(part.title, part.id)));
+  return (parts.find((part) => part.title === title) ?? parts[0]).id;
+}
+
+async function begin() {
+  legends();
+  const jobs = [];
+  if (PAGE.parts.length) {
+    const start = fillScenes(PAGE.parts[0].run);
+    byId("scene").addEventListener("change", () => { window.drawn = show(byId("scene").value); });
+    byId("run").addEventListener("change", () => {
+      byId("scene").value = fillScenes(Number(byId("run").value), partOf(now).title);
+      window.drawn = show(byId("scene").value);
+    });
+    for (const button of document.querySelectorAll(".matrix button")) {
+      button.addEventListener("click", () => { window.drawn = look(button.dataset.spec, Number(button.dataset.size) || null, button.dataset.scene); });
     }
-  };
-  const name = (kind, text) => {
-    for (const node of box.getElementsByClassName(kind)) node.alt = text;
-  };
-  // The place that is magnified, in percent of the picture.
-  const viewer = find(".viewer");
-  let middle = [50, 50];
-  function magnify(x, y) {
-    const factor = Number(find(".magnify").value);
-    middle = [x, y];
-    // What keeps the place in the middle of the frame, as far as the picture reaches.
-    const origin = (at) => factor === 1 ? 50 : Math.min(100, Math.max(0, (at * factor - 50) / (factor - 1)));
-    const style = {
-      "--factor": factor,
-      "--origin": `${origin(x)}% ${origin(y)}%`,
-      "--left": `${origin(x) * (1 - 1 / factor)}%`,
-      "--top": `${origin(y) * (1 - 1 / factor)}%`,
-    };
-    for (const [key, value] of Object.entries(style)) viewer.style.setProperty(key, value);
-    find(".region").hidden = factor === 1;
+    byId("wrong-size")?.addEventListener("change", wrong);
+    for (const button of document.querySelectorAll("[data-zoom]")) button.addEventListener("click", () => zoomed(document.querySelector(".chart.front"), Number(button.dataset.zoom)));
+    jobs.push(show(start));
   }
-  // The cell of a spec nearest to a map size; what has no map has one cell.
-  const nearest = (spec, size, place) => cells
-    .filter((cell) => cell.spec === spec && cell.place === place)
-    .sort((a, b) => Math.abs(Math.log2((a.size ?? size) / size)) - Math.abs(Math.log2((b.size ?? size) / size)))[0];
-  let now = cells[start];
-  let wanted = now.size ?? 1024; // the map size asked for, also while a technique without a map is shown
+  for (const box of document.querySelectorAll(".stability")) jobs.push(stability(box));
+  await Promise.all(jobs);
+}
 
-  function show(cell) {
-    now = cell;
-    fill(specs, distinct("spec"), cell.spec);
-    const able = cells.filter((other) => other.spec === cell.spec && other.place === cell.place);
-    fill(sizes, distinct("size", able), cell.size);
-    const anywhere = distinct("place");
-    fill(places, anywhere, cell.place);
-    find(".place-label").hidden = anywhere.length < 2;
-    find(".scores").textContent = cell.said;
-    image("of-mask", cell.mask);
-    image("of-truth", truths[cell.place]);
-    image("of-picture", cell.picture);
-    image("of-difference", cell.difference);
-    magnify(...(cell.worst ?? [50, 50]));
-    const what = `${cell.spec}${cell.size ? ` at ${cell.size}` : ""}`;
-    name("of-picture", `Picture with the shadows of ${what}`);
-    name("of-mask", `Mask of ${what}`);
-    name("of-truth", "Ray-traced truth");
-    name("of-difference", `Difference of ${what} from the truth: ${cell.iou}`);
-    sheet();
-  }
-
-  function sheet() {
-    const shown = distinct("spec").map((spec) => nearest(spec, wanted, now.place)).filter(Boolean);
-    find(".sheet").replaceChildren(...shown.map((cell) => {
-      const button = document.createElement("button");
-      button.type = "button";
-      button.setAttribute("aria-pressed", String(cell === now));
-      if (cell.difference) {
-        const picture = new Image();
-        picture.src = cell.difference;
-        picture.alt = "";
-        button.append(picture);
+async function stability(box) {
+  const charts = [...box.querySelectorAll(".chart.axis")];
+  for (const select of box.querySelectorAll("[data-signal]")) {
+    select.addEventListener("change", () => {
+      for (const chart of charts) {
+        chart.closest("figure").hidden = !chart.dataset.metrics.split("|").includes(box.querySelector("[data-signal=metric]").value);
+        chart.view.signal(select.dataset.signal, select.value).runAsync();
       }
-      const score = document.createElement("b");
-      score.textContent = cell.iou;
-      const label = document.createElement("span");
-      label.append(...breakable(`${cell.spec}${cell.size ? ` at ${cell.size}` : ""}`));
-      button.append(score, label);
-      button.addEventListener("click", () => {
-        const at = [...find(".sheet").children].indexOf(button);
-        show(cell);
-        find(".sheet").children[at].focus({ preventScroll: true });
-      });
-      return button;
-    }));
-  }
-
-  // A spec need not have a cell at every place.
-  specs.addEventListener("change", () => show(nearest(specs.value, wanted, now.place) ?? cells.find((cell) => cell.spec === specs.value)));
-  sizes.addEventListener("change", () => {
-    wanted = Number(sizes.value) || wanted;
-    show(nearest(now.spec, wanted, now.place));
-  });
-  places.addEventListener("change", () => show(nearest(now.spec, wanted, places.value) ?? cells.find((cell) => cell.place === places.value)));
-  find(".magnify").addEventListener("change", () => magnify(...middle));
-  for (const frame of box.querySelectorAll(".frame, .wipe")) {
-    frame.addEventListener("click", (event) => {
-      const shown = frame.querySelector("img").getBoundingClientRect();
-      const at = [(event.clientX - shown.left) / shown.width, (event.clientY - shown.top) / shown.height];
-      if (find(".magnify").value === "1") find(".magnify").value = "4";
-      magnify(100 * at[0], 100 * at[1]);
+      dispatchEvent(new Event("resize")); // what was hidden has had no width
     });
   }
-  const slider = find("input[type=range]");
-  const wipe = () => find(".wipe").style.setProperty("--cut", `${slider.value}%`);
-  slider.addEventListener("input", wipe);
-  wipe();
-  show(now);
+  const viewer = box.querySelector(".viewer");
+  if (viewer) new Viewer(viewer).open(read(viewer.dataset.gallery));
+  await Promise.all(charts.map((chart) => draw(chart, read(chart.dataset.chart))));
 }
 
-for (const article of document.querySelectorAll("article")) legend(article);
-for (const box of document.querySelectorAll(".gallery")) gallery(box);
-for (const button of document.querySelectorAll("[data-zoom]")) {
-  button.addEventListener("click", () => zoom(button.closest("figure").querySelector(".chart"), Number(button.dataset.zoom)));
-}
-for (const select of document.querySelectorAll("[data-signal]")) {
-  select.addEventListener("change", () => {
-    const article = select.closest("article");
-    for (const figure of article.querySelectorAll("[data-metrics]")) {
-      figure.hidden = !figure.dataset.metrics.split("|").includes(article.querySelector("[data-signal=metric]").value);
-    }
-    for (const place of article.querySelectorAll(".chart.axis")) place.view.signal(select.dataset.signal, select.value).runAsync();
-    dispatchEvent(new Event("resize")); // what was hidden has had no width
-  });
-}
-for (const select of document.querySelectorAll(".pass-size")) {
-  select.addEventListener("change", () => {
-    const place = select.closest("article").querySelector(".passes");
-    place.dataset.chart = select.value;
-    place.view.finalize();
-    draw(place);
-  });
-}
+byId("theme").addEventListener("click", () => {
+  const root = document.documentElement;
+  root.dataset.theme = root.dataset.theme === "other" ? "own" : "other";
+});
 addEventListener("beforeprint", () => {
   for (const details of document.querySelectorAll("details")) details.open = true;
 });
-window.drawn = Promise.all([...document.querySelectorAll(".chart")].map(draw));
+window.drawn = begin();

@@ -1,0 +1,205 @@
+"""What reaches which accuracy at the least cost: the matrix and the verdict, from rows whose answer is known."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from shadowbench.reports.analysis import Section, front, sections
+from shadowbench.reports.matrix import EDGE_TARGETS, IOU_TARGETS, Target, candidates, cheapest, equals, matrix, over_all
+from shadowbench.reports.parts import parts_of
+from shadowbench.reports.verdict import cell_texts, cost_note, verdict
+from shadowbench.studies.folder import read_runs
+from tests.reports.conftest import CELLS, Cell
+
+Make = Callable[..., list[Section]]
+UNSUPPORTED = "unsupported: a lamp shines all round"
+
+
+@pytest.fixture
+def measured(run_folder: Callable[..., Path]) -> Make:
+    """The sections of a run with these cells, a scene each."""
+
+    def make(*cells: Cell, **options: object) -> list[Section]:
+        return [section for parts in sections(read_runs([run_folder(cells, **options)])).values() for section in parts]
+
+    return make
+
+
+def shown(made: Sequence[Section], targets: Sequence[Target] = IOU_TARGETS) -> dict[str, list[str]]:
+    """By technique, what its cells say."""
+    lines = matrix(candidates(made), targets)
+    return {
+        name: [" ".join(filter(None, cell_texts(cell, len(made)))) for cell in cells] for name, cells in lines.items()
+    }
+
+
+def elsewhere(cell: Cell, **changes: object) -> Cell:
+    """A cell in another scene."""
+    return replace(cell, **({"scene": "terrace"} | changes))  # type: ignore[arg-type]
+
+
+# One scene
+
+
+def test_a_cell_is_the_cheapest_of_its_technique_that_reaches_the_target(measured: Make) -> None:
+    assert shown(measured(*CELLS)) == {
+        "shadow-map": ["5.00 ms shadow-map at 512", "20.0 ms shadow-map at 2048", "– best 0.995"],
+        "ray-traced": ["60.0 ms ray-traced"] * 3,
+    }, "unshadowed is no answer, and what has no score takes no part"
+
+
+def test_edges_are_a_target_too(measured: Make) -> None:
+    cells = Cell("a", 512, 0.3, 5.0, edge=0.6), Cell("a", 1024, 0.2, 8.0, edge=0.5)
+    assert shown(measured(*cells), EDGE_TARGETS) == {"a": ["5.00 ms a at 512", "8.00 ms a at 1024", "– best 0.500 px"]}
+
+
+def test_of_two_that_cost_the_same_the_more_accurate_one_is_named(measured: Make) -> None:
+    cells = Cell("a", 512, 0.004, 5.0), Cell("a:bias=none", 512, 0.003, 5.0), Cell("a:fit=view", 512, 0.005, 5.0)
+    assert shown(measured(*cells))["a"][1] == "5.00 ms a:bias=none at 512"
+
+
+@pytest.mark.parametrize(("ms", "spread", "same"), [(5.1, 0.02, True), (5.3, 0.02, False), (5.3, 0.05, True)])
+def test_what_costs_as_much_within_the_noise_is_said_to(measured: Make, ms: float, spread: float, same: bool) -> None:
+    """The middle halves of the rounds, 10 ms · spread wide, overlap."""
+    made = measured(Cell("a", 512, 0.004, 5.0, ratio_iqr=spread), Cell("b", 512, 0.004, ms, ratio_iqr=spread))
+    found = candidates(made)
+    best = cheapest(found, Target(0.99))
+    assert best is not None and best.whole.spec == "a"
+    assert [one.whole.spec for one in equals(found, best, Target(0.99))] == (["b"] if same else [])
+    assert ("; as cheap within the noise: `b at 512`" in verdict(made)[0]) == same
+
+
+def test_techniques_stand_by_what_the_middle_target_costs(measured: Make) -> None:
+    cells = Cell("a", 512, 0.02, 1.0), Cell("b", 512, 0.005, 9.0), Cell("c", 512, 0.005, 8.0), Cell("d", 512, 0.2, 1.0)
+    assert list(shown(measured(*cells))) == ["c", "b", "a", "d"]
+
+
+def test_where_nothing_was_timed_the_smallest_map_that_does_stands_in(measured: Make) -> None:
+    cells = [replace(cell, ms=None) for cell in CELLS]
+    made = measured(*cells)
+    assert shown(made)["shadow-map"] == ["map 512 shadow-map at 512", "map 2048 shadow-map at 2048", "– best 0.995"]
+    assert shown(made)["ray-traced"][2] == "no map ray-traced"
+    assert cost_note(made) == "Nothing here was timed: in place of a cost the smallest map that does."
+    alone = measured(*(cell for cell in cells if cell.spec == "shadow-map"), name="alone")
+    assert verdict(alone) == [
+        "99% of the shadow right: `shadow-map at 2048` is the smallest map that does.",
+        "Nothing gets 99.9% right.",
+    ]
+
+
+# Several scenes
+
+
+def test_over_scenes_one_setting_must_reach_it_in_each_and_costs_their_mean(measured: Make) -> None:
+    small, large = Cell("a", 512, 0.004, 5.0), Cell("a", 1024, 0.002, 9.0)
+    made = measured(small, large, elsewhere(small, error=0.04), elsewhere(large, ms=11.0))
+    assert shown(made) == {"a": ["5.00 ms a at 512", "10.0 ms a at 1024", "– at best in 0 of 2 scenes"]}
+    assert verdict(made)[0] == "99% of the shadow right in all 2 scenes: `a at 1024` is the cheapest, 10.0 ms a frame."
+    (small_one,) = [one for one in candidates(made) if one.whole.map_size == 512]
+    assert small_one.worst.startswith("terrace")
+
+
+def test_what_a_scene_refuses_is_an_answer_only_where_nothing_answers_all(measured: Make) -> None:
+    sun, lamp = Cell("a", 512, 0.004, 5.0), Cell("b", 512, 0.004, 50.0)
+    made = measured(sun, lamp, elsewhere(sun, error=None, ms=None, status=UNSUPPORTED), elsewhere(lamp))
+    assert shown(made)["a"][1] == "5.00 ms a at 512 in the 1 of 2 scenes that it supports"
+    assert shown(made)["b"][1] == "50.0 ms b at 512"
+    assert list(shown(made)) == ["b", "a"], "what answers everywhere stands first"
+    assert verdict(made) == [
+        "99% of the shadow right in all 2 scenes: `b at 512` is the cheapest, 50.0 ms a frame.",
+        "Nothing gets 99.9% right.",
+        "`a at 512` does for 5.00 ms in the 1 of 2 scenes that it supports.",
+    ]
+
+
+@pytest.mark.parametrize("status", ["failed: the worker died", None])
+def test_what_failed_or_was_not_asked_somewhere_reaches_nothing(measured: Make, status: str | None) -> None:
+    one, other = Cell("a", 512, 0.004, 5.0), Cell("b", 512, 0.004, 50.0)
+    lost = [] if status is None else [elsewhere(one, error=None, ms=None, status=status)]
+    made = measured(one, other, elsewhere(other), *lost)
+    assert shown(made)["a"] == [f"– at best in {count} of 2 scenes" for count in (1, 1, 0)]
+    assert verdict(made)[0].endswith("`b at 512` is the cheapest, 50.0 ms a frame.")
+
+
+def test_what_failed_at_one_position_of_the_grid_reaches_nothing(measured: Make) -> None:
+    cells = Cell("a", 512, 0.004, 5.0), Cell("a", 512, None, None, phase=1, status="failed: too slow")
+    assert candidates(measured(*cells)) == []
+
+
+def test_what_was_timed_in_some_scenes_alone_has_no_cost_and_stands_behind(measured: Make) -> None:
+    one, other = Cell("a", 512, 0.004, 5.0), Cell("a", 1024, 0.002, 90.0)
+    made = measured(one, other, elsewhere(one, ms=None), elsewhere(other))
+    assert shown(made)["a"][1] == "90.0 ms a at 1024"
+
+
+def test_the_section_of_all_scenes_holds_means_of_what_answers_everywhere(measured: Make) -> None:
+    one, other = Cell("a", 512, 0.004, 5.0), Cell("b", 512, 0.002, 9.0)
+    made = measured(one, other, elsewhere(one, error=0.008, ms=7.0))
+    section = over_all(made)
+    (mean,) = section.configurations
+    assert mean.label == "a at 512" and mean.value("frame_ms") == 6.0
+    assert mean.error is not None and mean.error.median == pytest.approx(0.006)
+    assert [best.label for best in front(section)] == ["a at 512"]
+
+
+# The verdict
+
+
+def test_a_verdict_says_what_is_cheapest_and_what_more_costs(measured: Make) -> None:
+    assert verdict(measured(*CELLS)) == [
+        "99% of the shadow right: `shadow-map at 2048` is the cheapest, 20.0 ms a frame.",
+        "99.9% takes `ray-traced`, 60.0 ms (× 3.00).",
+    ]
+
+
+def test_where_ray_tracing_is_cheapest_the_verdict_names_the_next(measured: Make) -> None:
+    traced, drawn = Cell("ray-traced", None, 0.0, 5.0), Cell("shadow-map", 512, 0.004, 9.0)
+    assert verdict(measured(traced, drawn)) == [
+        "99% of the shadow right: `ray-traced` is the cheapest, 5.00 ms a frame; "
+        "without ray tracing `shadow-map at 512`, 9.00 ms.",
+        "`ray-traced` gets 99.9% right too.",
+    ]
+    assert verdict(measured(traced, name="alone"))[0].endswith("; nothing else does.")
+
+
+def test_a_verdict_falls_back_to_an_easier_target_and_then_to_the_closest(measured: Make) -> None:
+    assert verdict(measured(Cell("a", 512, 0.02, 5.0), name="easy")) == [
+        "95% of the shadow right: `a at 512` is the cheapest, 5.00 ms a frame.",
+        "Nothing gets 99% right.",
+    ]
+    assert verdict(measured(Cell("a", 512, 0.2, 5.0), name="none")) == [
+        "Nothing measured gets 95% of the shadow right.",
+        "Closest: `a at 512`, 80% right.",
+    ]
+    half = Cell("a", 512, 0.04, 5.0), elsewhere(Cell("a", 512, 0.2, 5.0))
+    assert verdict(measured(*half, name="half")) == [
+        "Nothing measured gets 95% of the shadow right in all 2 scenes.",
+        "Closest: `a at 512`, in 1 of them.",
+    ]
+    assert verdict(measured(Cell("a", 512, None, None, status="failed: died"), name="failed")) == [
+        "Nothing here has a score."
+    ]
+
+
+def test_rough_times_and_software_are_said(measured: Make) -> None:
+    made = measured(Cell("a", 512, 0.004, 5.0, ratio_iqr=0.4))
+    assert "~5.00 ms a frame" in verdict(made)[0]
+    assert cost_note(made) == (
+        "Cost: frame time of shadows. Times of a software renderer: for trends only, no GPU's. ~ marks a rough time."
+    )
+    assert "no GPU's" not in cost_note(measured(Cell("a", 512, 0.004, 5.0), name="gpu", software=False))
+
+
+def test_the_times_of_two_machines_share_no_matrix(run_folder: Callable[..., Path]) -> None:
+    slow, fast = Cell("a", 512, 0.004, 50.0), Cell("a", 512, 0.004, 5.0)
+    runs = read_runs([run_folder([slow], name="slow"), run_folder([fast], name="fast", processor="Another")])
+    every = [section for parts in sections(runs).values() for section in parts]
+    costs = [
+        cells[1]["cost"]
+        for index, run in enumerate(runs)
+        for part in parts_of(run, index, every)
+        for _, cells in part.matrix
+    ]
+    assert costs == ["50.0 ms", "5.00 ms"]
