@@ -265,7 +265,7 @@ def test_the_table_of_a_page_has_every_range_in_the_heat_map_s_colours(
     told = re.findall(r"<td style=[^>]*>(.*?)</td>", table)
     found = stability_of()
     assert sorted(told) == sorted(range_text(one) for one in found.ranges)
-    assert "<b>map size</b> (texels)" in table and AXES["map-size"].holds in table
+    assert "<b>map size</b> (texels)" in table and AXES["map-size"].invariant in table
     assert table.count(f"background: {NOTHING}") == 1 and f"background: {shade(1)}" in table
 
 
