@@ -19,7 +19,7 @@ from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import View
 from shadowbench.scenes.views import chosen_view
-from shadowbench.survey.depth import LOST
+from shadowbench.survey.depth import TOLERATED
 from shadowbench.survey.maps import REFERENCE_SIZE
 from shadowbench.survey.survey import Needs, needs
 from shadowbench.truths.cache import cached_truth
@@ -139,24 +139,24 @@ def first_below(values: Sequence[float], limit: float, measure: Callable[[float]
 
 
 def _bits(measure: Callable[[str], Metrics], technique: str) -> int | None:
-    """Fewest bits whose IoU is within LOST of the best format's."""
+    """Fewest bits whose IoU is within TOLERATED of the best format's."""
     name = technique.partition(":")[0]
     formats = FORMATS if name == "shadow-map" else {**FORMATS, 32: "depth=d32f"}
     scores = {bits: measure(f"{name}:size={REFERENCE_SIZE},{depth}")["iou"] for bits, depth in formats.items()}
     best = max((score for score in scores.values() if score is not None), default=None)
     if best is None:
         return None
-    return next(bits for bits, score in scores.items() if score is not None and score >= best - LOST)
+    return next(bits for bits, score in scores.items() if score is not None and score >= best - TOLERATED)
 
 
 def _bias(measure: Callable[[str], Metrics], technique: str, predicted: Needs) -> float | None:
-    """Smallest constant bias with acne below LOST, without filtering."""
+    """Smallest constant bias with acne below TOLERATED, without filtering."""
     if predicted.bias is None:
         return None
     needed = predicted.bias.needed.value
     return first_below(
         [needed * factor for factor in BIASES],
-        LOST,
+        TOLERATED,
         lambda bias: measure(f"{technique},size={REFERENCE_SIZE},bias=constant(world={bias:.9g}),filter=hard")["acne"],
     )
 

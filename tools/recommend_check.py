@@ -84,7 +84,7 @@ that of the cheapest spec of the space that meets the target; that spec is named
 
 @dataclass(frozen=True)
 class Line:
-    """One scene and target: the choice, the cheapest spec (None if none meets it), specs measured, specs in the space."""
+    """One scene and target: choice, cheapest spec (None if none meets it), specs measured, specs in the space."""
 
     scene: str
     choice: Trial | None

@@ -145,8 +145,8 @@ def _print(found: "TuningComparison") -> None:
     title = f"compared with the default and others on {counted(len(held_out), 'scene')} held out{intervals}"
     _print_entries(title, (found.tuned, *found.others))
     console.out().print(
-        "error: √((1 − IoU) · (1 − SSIM)), geometric mean over scenes; / tuned: relative to the tuned spec, median over "
-        "scenes"
+        "error: √((1 − IoU) · (1 − SSIM)), geometric mean over scenes; / tuned: relative to the tuned spec, median "
+        "over scenes"
     )
     console.say(verdict(found))
 

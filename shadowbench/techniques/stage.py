@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.data import data_folder
-from shadowbench.gl.device import Device, Freeable
+from shadowbench.gl.device import Device, Releasable
 from shadowbench.gl.geometry import DeviceGeometry
 from shadowbench.gl.program import Drawable, Program, link
 from shadowbench.gl.shaders import compose
@@ -60,7 +60,7 @@ class Stage:
         self._geometry = geometry
         self._programs = 0
         self._roots = [*([shaders] if shaders else []), data_folder("shaders")]
-        self._resources: list[Freeable] = []
+        self._resources: list[Releasable] = []
 
     def program(
         self,
@@ -182,7 +182,7 @@ class Stage:
         self._resources.append(drawable.vertices)
         return drawable
 
-    def _own(self, resource: Freeable, size: int) -> None:
+    def _own(self, resource: Releasable, size: int) -> None:
         self._resources.append(resource)
         self.bytes += size
 
