@@ -22,9 +22,9 @@ def new_technique(
         ),
     ] = Path(),
 ) -> None:
-    """Write NAME.py, a minimal shadow-map technique to start from.
+    """Write NAME.py, a minimal technique to start from.
 
-    It contains its shader and runs unmodified. An existing file is not overwritten.
+    It is a shadow map with its shader, and runs unmodified. An existing file is not overwritten.
     """
     from shadowbench.techniques.template import write_technique
 

@@ -33,7 +33,7 @@ def repeat(
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Check whether two runs of a study agree on ranking and work.
+    """Check whether two runs agree on ranking and work.
 
     Compares the ranking of cells by time, and their work counters, between two runs on one machine; measures nothing.
     Exit code 1 if Kendall's tau of any ranking is below 0.95, or if work differs.
