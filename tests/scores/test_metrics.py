@@ -42,7 +42,7 @@ def test_every_metric_has_a_row_that_explains_it():
         assert metric.kind in ("hard", "soft", "both")
         assert metric.help.endswith(".")
         assert metric.function.__doc__
-    assert "diluted by lit ground" in METRICS["ssim"].help
+    assert "Large lit areas raise it" in METRICS["ssim"].help
     assert "prefers a displaced edge to a smooth one" in METRICS["ssim"].help
 
 
