@@ -88,8 +88,8 @@ class _SharedWorker:
 def load(scene: SceneLike, *, assets: str | Path | None = None, up: str | None = None) -> Scene:
     """Load a scene: a built-in by name, a `.toml`, or a mesh file. Assumptions about missing data are in its `notes`.
 
-    assets: second folder to search for a scene file's meshes; up: up axis, y or z, of mesh formats that do not define
-    it. Raises InputError.
+    assets: additional folder to search for a scene file's meshes; up: up axis, y or z, of mesh formats that do not
+    specify it. Raises InputError.
     """
     value = instance_of(scene, "scene", "a built-in name, a file, or what load returns", Scene, str, Path)
     if isinstance(value, Scene):
@@ -106,10 +106,10 @@ def truth(
     light: str | None = None,
     pixel_samples: int = 4,
 ) -> Truth:
-    """Ray-traced shadows of a view: arrays of (view_size, view_size), row 0 at the top, as in `truth.npz`.
+    """Ray-trace the shadows of a view: arrays of (view_size, view_size), row 0 at the top, as in `truth.npz`.
 
-    view, light: a camera and a light of the scene by name, the first ones for None; pixel_samples: rays along the side
-    of a pixel for the average `area`. Cached on disk. Raises InputError.
+    view, light: names of a camera and a light, by default the scene's first; pixel_samples: `area` averages
+    pixel_samples² rays per pixel. Cached on disk. Raises InputError.
     """
     return cached_truth(_view(scene, view_size, view, light), whole_number(pixel_samples, "pixel_samples", 1, 64))
 
@@ -168,9 +168,10 @@ def run(
 ) -> pd.DataFrame:
     """Measure techniques on scenes: one line per cell, with the columns of `table.csv`.
 
-    study: a study file or built-in study that gives all other arguments' defaults, `default` for None; light: by name,
-    all lights of a scene for None; rounds: how often each cell is timed, 0 for no timing; folder: run folder to keep
-    rows, masks and pictures in, or to resume. A cell that fails is a line with that status. Raises InputError.
+    study: a study file or built-in study that gives all other arguments' defaults, `default` for None; light: name
+    of a light, by default each light of a scene in turn; rounds: how often each cell is timed, 0 for no timing;
+    folder: run folder to keep rows, masks and pictures in, or to resume. A cell that fails is a line with that
+    status. Raises InputError.
     """
     files = _paths(plugins)
     known = techniques_with(files)

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import settings
 
 from shadowbench.commands import main
-from shadowbench.gl.device import Device, Freeable, open_device
+from shadowbench.gl.device import Device, Releasable, open_device
 from shadowbench.gl.gbuffer import GBuffer, GBufferPass, download
 from shadowbench.gl.geometry import DeviceGeometry
 from shadowbench.measure import doctor, worker
@@ -98,7 +98,7 @@ class Studio:
     def __init__(self, device: Device) -> None:
         self.device = device
         self._scenes: dict[Scene, tuple[Scene, DeviceGeometry, GBufferPass]] = {}
-        self._held: list[Freeable] = []
+        self._held: list[Releasable] = []
 
     def shot(self, filed: View) -> Shot:
         """The G-buffer of a view in file coordinates; views of one scene share its geometry."""

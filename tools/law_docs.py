@@ -20,7 +20,7 @@ Transformations of a scene that do not change its shadows, and which techniques 
 `python tools/law_docs.py` from the table that `tests/laws` checks on small random scenes with hypothesis;
 `make test-slow` checks more of them.
 
-Every claim has an argument for it and is tested; `–` means that nothing is claimed, for the reason given below.
+Every claim follows from an argument and is tested; `–` means that nothing is claimed, for the reason given below.
 Techniques are at their defaults except for the parameters named; `count=1024` exceeds the number of planes, since the
 choice of the 32 largest of several equal planes depends on rounding.
 """

@@ -19,7 +19,7 @@ from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import View
 from shadowbench.scenes.views import chosen_view
-from shadowbench.survey.depth import LOST
+from shadowbench.survey.depth import TOLERATED
 from shadowbench.survey.maps import REFERENCE_SIZE
 from shadowbench.survey.survey import Needs, needs
 from shadowbench.truths.cache import cached_truth
@@ -30,6 +30,12 @@ BIASES = tuple(2 ** (k / 2) for k in range(-8, 7))  # factors of the predicted b
 CASCADES = 5  # the technique's default
 FORMATS = {16: "depth=d16", 24: "depth=d24", 32: "depth=d32f,reversed=true"}
 WITHIN = 2.0
+COLUMNS = (  # heading, field of SceneCheck, format of values, width of the prediction
+    ("size", "map_size", ".0f", 12),
+    (f"size, {CASCADES} cascades", "cascade_size", ".0f", 18),
+    ("bias (m)", "bias", ".3g", 12),
+    ("depth bits", "bits", ".0f", 12),
+)
 
 Metrics = dict[str, float | None]
 
@@ -66,18 +72,18 @@ def main() -> None:
     options = parser.parse_args()
     larger = Path(os.environ.get("SHADOWBENCH_SCENES", "../shared/scenes"))
     scenes = options.scenes or [*builtin_names(), *(str(larger / name) for name in LARGER)]
-    columns = ("map size", f"{CASCADES} cascades", "bias, m", "depth bits")
-    print(f"{'scene':18}" + "".join(f"{what:>12} {'measured':>9} {'ratio':>6}" for what in columns))
+    headings = "".join(f"{name:>{width}} {'measured':>9} {'ratio':>6}" for name, _, _, width in COLUMNS)
+    print(f"{'scene':18}{headings}")
     rows = []
     with Worker() as worker:
         for scene in scenes:
             rows.append(check(chosen_view(scene, 512), worker))
             print(_line(rows[-1]), flush=True)
-    for name in ("map_size", "cascade_size", "bias", "bits"):
-        pairs = [pair for row in rows if (pair := getattr(row, name)).predicted]
+    for name, field, _, _ in COLUMNS:
+        pairs = [pair for row in rows if (pair := getattr(row, field)).predicted]
         within = sum(pair.ratio is not None and 1 / WITHIN <= pair.ratio <= WITHIN for pair in pairs)
         same = sum(pair.predicted == pair.measured for pair in pairs)
-        found = f"the same on {same}" if name == "bits" else f"within a factor of {WITHIN:g} on {within}"
+        found = f"the same on {same}" if field == "bits" else f"within a factor of {WITHIN:g} on {within}"
         print(f"{name}: {found} of {len(pairs)} scenes")
     if options.json:
         options.json.write_text(json.dumps([asdict(row) for row in rows], indent=1))
@@ -133,24 +139,24 @@ def first_below(values: Sequence[float], limit: float, measure: Callable[[float]
 
 
 def _bits(measure: Callable[[str], Metrics], technique: str) -> int | None:
-    """Fewest bits whose IoU is within LOST of the best format's."""
+    """Fewest bits whose IoU is within TOLERATED of the best format's."""
     name = technique.partition(":")[0]
     formats = FORMATS if name == "shadow-map" else {**FORMATS, 32: "depth=d32f"}
     scores = {bits: measure(f"{name}:size={REFERENCE_SIZE},{depth}")["iou"] for bits, depth in formats.items()}
     best = max((score for score in scores.values() if score is not None), default=None)
     if best is None:
         return None
-    return next(bits for bits, score in scores.items() if score is not None and score >= best - LOST)
+    return next(bits for bits, score in scores.items() if score is not None and score >= best - TOLERATED)
 
 
 def _bias(measure: Callable[[str], Metrics], technique: str, predicted: Needs) -> float | None:
-    """Smallest constant bias with acne below LOST, without filtering."""
+    """Smallest constant bias with acne below TOLERATED, without filtering."""
     if predicted.bias is None:
         return None
     needed = predicted.bias.needed.value
     return first_below(
         [needed * factor for factor in BIASES],
-        LOST,
+        TOLERATED,
         lambda bias: measure(f"{technique},size={REFERENCE_SIZE},bias=constant(world={bias:.9g}),filter=hard")["acne"],
     )
 
@@ -160,8 +166,9 @@ def _line(row: SceneCheck) -> str:
         return f"{'-' if value is None else format(value, form):>{width}}"
 
     line = f"{row.scene:18}"
-    for pair, form in ((row.map_size, ".0f"), (row.cascade_size, ".0f"), (row.bias, ".3g"), (row.bits, ".0f")):
-        line += f"{text(pair.predicted, form, 12)} {text(pair.measured, form, 9)} {text(pair.ratio, '.2f', 6)}"
+    for _, field, form, width in COLUMNS:
+        pair = getattr(row, field)
+        line += f"{text(pair.predicted, form, width)} {text(pair.measured, form, 9)} {text(pair.ratio, '.2f', 6)}"
     return line
 
 

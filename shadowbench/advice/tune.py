@@ -82,7 +82,7 @@ def tune_parameters(
 def _sizeless(spec: Spec, sizes: Sequence[int]) -> Spec:
     """The spec without a map size of its own, so that all specs are compared at the given sizes."""
     sized = spec.with_(size=sizes[0]) if spec.has_size else spec
-    return replace(sized, named=sized.named - {"size"})
+    return replace(sized, explicit=sized.explicit - {"size"})
 
 
 def _presets(base: Spec) -> dict[str, Spec]:
@@ -94,16 +94,16 @@ def _presets(base: Spec) -> dict[str, Spec]:
 
 
 def verdict(found: TuningComparison) -> str:
-    """Whether the held-out scenes support a new default, in words."""
+    """A sentence on whether the held-out scenes support a new default."""
     default = found.others[0]
     if found.tuned.spec == default.spec:
-        return "the default stands: nothing at its cost was surely better on the scenes that were tuned on"
+        return "the default stands: nothing at its cost was significantly better on the scenes tuned on"
     iou, ssim = default.iou_ratio, default.ssim_ratio
     worse = iou is not None and ssim is not None and (iou.low or 0) > 1 and ssim.median > 1
-    tune_parameters = found.tuned.spec.sizeless_text
+    tuned = found.tuned.spec.sizeless_text
     if worse:
-        return f"suggested default: {tune_parameters}"
-    return f"the default stands: on the scenes held out it is not surely behind {tune_parameters}"
+        return f"suggested default: {tuned}"
+    return f"the default stands: on the scenes held out it is not significantly worse than {tuned}"
 
 
 def values(found: TuningComparison) -> dict[str, Any]:

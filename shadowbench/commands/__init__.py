@@ -1,6 +1,6 @@
 """The command line: one file per command, which parses arguments, calls what computes, and prints.
 
-What computes is imported in the function bodies, so that help and a mistyped option answer at once.
+The modules that compute are imported in the function bodies, so that help and usage errors are fast.
 """
 
 import os
@@ -39,7 +39,7 @@ class _Grouped(TyperGroup):
     """Commands in --help under their `rich_help_panel`, which typer does only where it draws help with Rich."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """A section for each panel, the columns of all of them aligned."""
+        """One section per panel, with aligned columns."""
         longest = max(map(len, self.commands))
         panels: dict[str, list[tuple[str, str]]] = {}
         for name, command in self.commands.items():
@@ -80,9 +80,9 @@ for panel, modules in _PANELS.items():
 @app.callback(invoke_without_command=True)
 def version_option(
     context: typer.Context,
-    version: Annotated[bool, typer.Option("--version", help="Print the version and stop.")] = False,
+    version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
 ) -> None:
-    """Print the version for --version, the help when no command is given."""
+    """Print the version for --version, or the help if no command is given."""
     if version:
         typer.echo(__version__)
         raise typer.Exit
@@ -91,7 +91,7 @@ def version_option(
 
 
 def main() -> None:
-    """Entry point: an error that the user can fix is one line and an exit code, not a traceback."""
+    """Entry point: an error that the user can fix becomes one line and an exit code, not a traceback."""
     from shadowbench.errors import ShadowbenchError
     from shadowbench.files import FULL
 
@@ -120,7 +120,7 @@ def main() -> None:
 
 
 def _misplaced(error: Exception) -> str | None:
-    """What to say of an option that stands before the command; None for any other error."""
+    """Message for an option that precedes the command; None for any other error."""
     context, name = getattr(error, "ctx", None), getattr(error, "option_name", None)
     if context is None or context.parent is not None or name is None:
         return None

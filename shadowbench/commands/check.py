@@ -1,4 +1,4 @@
-"""`check`: what got worse since a baseline; `--update` makes a run the baseline."""
+"""`check`: compare a run with a baseline; `--update` makes the run the baseline."""
 
 import math
 from collections.abc import Sequence
@@ -14,8 +14,8 @@ from shadowbench.errors import InputError, alternatives
 if TYPE_CHECKING:
     from shadowbench.check.baseline import Change, Findings
 
-_LINES = 40  # of a table, a cell each
-_LONGEST = 40  # letters of a status
+_LINES = 40  # of a table, one per cell
+_LONGEST = 40  # characters of a status
 
 app = typer.Typer()
 
@@ -28,20 +28,18 @@ app = typer.Typer()
 def check(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="The run folder to check.")],
     baseline: Annotated[
-        Path, typer.Option(metavar="DIR", help="What to compare it with: a baseline or another run folder.")
+        Path, typer.Option(metavar="DIR", help="The baseline, or another run folder, to compare with.")
     ],
-    time: Annotated[
-        bool, typer.Option("--time", help="Also fail where a cell got slower, on the same machine.")
-    ] = False,
+    time: Annotated[bool, typer.Option("--time", help="Also fail if a cell is slower, on the same machine.")] = False,
     update: Annotated[
-        bool, typer.Option("--update", help="Make this run the baseline, and print what changes.")
+        bool, typer.Option("--update", help="Make this run the baseline, and print the changes.")
     ] = False,
     tolerance: Annotated[
         list[str] | None,
         typer.Option(
             metavar="METRIC=X",
             autocompletion=completion.tolerance,
-            help="How much worse a metric may get; repeatable  [see `shadowbench list metrics`].",
+            help="Tolerance of a metric, instead of its default; repeatable  [see `shadowbench list metrics`].",
         ),
     ] = None,
     json: Json = False,
@@ -50,15 +48,16 @@ def check(
     """Fail if a run is worse than a baseline.
 
     Compares metrics, work and status of each cell with the baseline's cell of the same scene, view, light, phase, spec,
-    map size and view size. Exit code 1 if one regressed or is missing, 2 if the two have no cell in common. Pictures of
-    the worst go to DIR/check. Work is compared on the same renderer only: draws, primitives and bytes exactly, shader
-    invocations within 2%. Times are compared on the same machine only, as ratios to the reference.
+    map size and view size. Exit code 1 if a cell regressed or is missing, 2 if run and baseline share no cell.
+    Difference pictures of the worst cells are written to DIR/check. Work is compared on the same renderer only: draws,
+    primitives, texture reads, rays and GPU memory exactly, shader invocations within 2%. Times are compared on the same
+    machine only, as ratios to the reference.
 
     \b
     Columns
       what         the metric, work counter or `status` that changed most
-      × tolerance  the change over what is allowed (--tolerance)
-      also         what else changed in that cell
+      × tolerance  the change as a multiple of the tolerance
+      also         the other values of the cell that changed
     """
     from shadowbench.check.check import check as compared
     from shadowbench.check.check import make_baseline, values, write_pictures
@@ -88,7 +87,7 @@ def check(
 
 
 def _tolerances(texts: Sequence[str]) -> dict[str, float]:
-    """METRIC=X by metric; raises InputError for a metric that is not in the table and for what is no tolerance."""
+    """METRIC=X by metric; raises InputError for an unknown metric or an invalid tolerance."""
     from shadowbench.scores.metrics import METRICS
 
     found = {}
@@ -147,7 +146,7 @@ def _by_cell(changes: "Sequence[Change]") -> "dict[tuple[Any, ...], list[Change]
 
 
 def _print_changes(title: str, changes: "list[Change]") -> None:
-    """A line for each cell: what changed most, and the names of what else did."""
+    """One line per cell: the largest change, and the names of the other changed values."""
     cells = list(_by_cell(changes).values())
     columns = ("scene, view, light", "spec", "map", "what", "before", "", "after", "× tolerance", "also")
     rows = [_line(worst, others) for worst, *others in cells[:_LINES]]

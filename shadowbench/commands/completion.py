@@ -60,12 +60,12 @@ def file_format(incomplete: str) -> list[str]:
 
 
 def kind(incomplete: str) -> list[str]:
-    """What `list` lists."""
+    """Kinds of entries of `list`."""
     return list(KINDS)
 
 
 def entry(ctx: typer.Context, incomplete: str) -> list[str]:
-    """Names of the kind that stands before on the command line of `list`."""
+    """Names of the entries of the kind given to `list`."""
     from shadowbench.catalogue import catalogue
 
     what = ctx.params.get("what")

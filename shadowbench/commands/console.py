@@ -1,4 +1,4 @@
-"""How commands speak to people: results on stdout, notes, errors and progress on stderr. Rich is imported when used."""
+"""Output of commands: results on stdout; notes, errors and progress on stderr. Rich is imported when used."""
 
 import logging
 import sys
@@ -20,35 +20,35 @@ _LONGEST_WORD = 24  # characters
 
 @cache
 def out() -> "Console":
-    """Where results go."""
+    """The console for results, on stdout."""
     from rich.console import Console
 
-    # A pipe has no width; tables there are as wide as they like to be, and a spec stays in one piece.
+    # A pipe has no width: tables are as wide as they need to be, so that no spec is wrapped.
     return Console(highlight=False, width=None if sys.stdout.isatty() else 500)
 
 
 @cache
 def err() -> "Console":
-    """Where all else goes."""
+    """The console for everything else, on stderr."""
     from rich.console import Console
 
     return Console(stderr=True, highlight=False)
 
 
 def say(line: str) -> None:
-    """A line of the result."""
+    """Print a line of the result on stdout."""
     out().print(line, markup=False, soft_wrap=True)
 
 
 def complain(line: str) -> None:
-    """A line on stderr."""
+    """Print a line on stderr."""
     err().print(line, markup=False, soft_wrap=True)
 
 
 class Reporter(logging.Handler):
-    """Notes and a progress bar for each stage of a run; silent when told so.
+    """Notes, and a progress bar for each stage of a run; silent if `quiet`.
 
-    A context manager, in which the package's logged warnings are notes too.
+    A context manager, within which warnings that the package logs are printed as notes.
     """
 
     def __init__(self, quiet: bool) -> None:
@@ -89,13 +89,13 @@ class Reporter(logging.Handler):
         self.note(record.getMessage())
 
     def note(self, line: str) -> None:
-        """Print a line once."""
+        """Print a note, unless it was printed before."""
         if not self._quiet and line not in self._noted:
             self._noted.add(line)
             complain(f"note: {printable(line)}")
 
     def stage(self, name: str, total: int, what: str = "") -> None:
-        """Begin a bar in place of the last; `what` it begins with stands behind it."""
+        """Replace the progress bar by one of `total` steps; what: text after it."""
         if self._task is not None:
             self._progress.remove_task(self._task)
         self._task = self._progress.add_task(name, total=total, what=what)
@@ -103,7 +103,7 @@ class Reporter(logging.Handler):
     def view(
         self, scene: str, size: int | None, view: str | None, light: str | None, assets: Path | None, up: str | None
     ) -> "View":
-        """The view that options choose, of 512 pixels a side unless they say; notes what is assumed of it."""
+        """The view that the options name, by default of 512² pixels; notes what is assumed about it."""
         from shadowbench.scenes.views import chosen_view, notes_on
 
         chosen = chosen_view(scene, size or 512, view, light, assets, up)
@@ -112,13 +112,13 @@ class Reporter(logging.Handler):
         return chosen
 
     def step(self, what: str) -> None:
-        """Advance the bar."""
+        """Advance the bar; what: text after it."""
         if self._task is not None:
             self._progress.update(self._task, advance=1, what=what)
 
 
 def say_unsupported(statuses: Sequence[str]) -> None:
-    """Say on stderr, as a command's last line, that nothing was drawn as all of its cells are unsupported."""
+    """If all cells are unsupported, say so on stderr, as the command's last line."""
     if statuses and all(status.startswith("unsupported") for status in statuses):
         which = "the only cell is" if len(statuses) == 1 else f"all {len(statuses)} cells are"
         complain(f"shadowbench: nothing was drawn, {which} {statuses[0]}")
@@ -133,10 +133,10 @@ def print_table(
     whole: Collection[str] = (),
     padded: bool = False,
 ) -> None:
-    """Print a table of which nothing is cut: where the terminal is too narrow for it, its lines are longer.
+    """Print a table without truncation; lines may exceed the terminal's width.
 
-    columns: headings; those among `numbers` stand to the right, and neither they nor those among `whole` wrap. Others
-    do between words; only words longer than _LONGEST_WORD are broken.
+    columns: headings; numbers: right-aligned columns; neither these nor those in `whole` wrap. Other columns wrap
+    between words; words over _LONGEST_WORD characters are broken.
     """
     from rich.cells import cell_len
     from rich.markup import escape
@@ -172,7 +172,7 @@ def print_json(value: Any) -> None:
 
 
 def number(value: float | None) -> str:
-    """Four significant digits, without an exponent where it can be; – for none."""
+    """Four significant digits, without an exponent from 1e-4 up; – for None."""
     if value is None:
         return "–"
     return f"{value:.4g}" if value == 0 or abs(value) >= 1e-4 else f"{value:.2e}"

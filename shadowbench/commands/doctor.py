@@ -10,7 +10,11 @@ app = typer.Typer()
 
 @app.command()
 def doctor(json: Json = False, quiet: Quiet = False) -> None:
-    """Check this machine: OpenGL, limits, clock, cache."""
+    """Check that shadowbench can run here.
+
+    Prints the machine, library versions, the OpenGL renderer and its limits, the timer in use and its noise, and the
+    cache of ray-traced truths. Exit code 3 if nothing can be drawn.
+    """
     from shadowbench.measure.doctor import diagnosis
 
     found = diagnosis()
@@ -25,7 +29,7 @@ def doctor(json: Json = False, quiet: Quiet = False) -> None:
         if missing:
             console.out().print("no technique can be drawn here; `truth`, `needs` and `score` work")
         elif "problem" in found["truth_cache"]:
-            console.out().print("ready, but every command traces its truths again: the cache cannot be used")
+            console.out().print("ready, but each command must trace its truths again: the cache cannot be used")
         elif not quiet:
             console.out().print("ready")
     raise typer.Exit(3 if missing else 0)

@@ -27,7 +27,7 @@ def export(
     \b
     scene.glb  meshes with colours, the camera, the light (KHR_lights_punctual)
     view.json  view and projection matrices, near and far, size, pixel convention
-    truth.png  the ray-traced shadow mask, an example of what `score` reads
+    truth.png  the ray-traced shadow mask, as an example of a mask for `score`
     """
     from shadowbench.engines.export import DESCRIPTION, export_view, inexpressible_in_gltf
     from shadowbench.files import check_folder

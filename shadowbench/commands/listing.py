@@ -20,7 +20,7 @@ def list_things(
         typer.Argument(metavar="WHAT", autocompletion=completion.kind, help=f"{', '.join(completion.KINDS)}  [all]."),
     ] = "",
     name: Annotated[
-        str, typer.Argument(metavar="NAME", autocompletion=completion.entry, help="Only the entry of this name  [all].")
+        str, typer.Argument(metavar="NAME", autocompletion=completion.entry, help="Show only this entry  [all].")
     ] = "",
     plugin: Plugins = None,
     json: Json = False,
@@ -28,14 +28,14 @@ def list_things(
 ) -> None:
     """List techniques, scenes, metrics, studies and stress axes.
 
-    Techniques with their parameters and presets, built-in scenes, metrics (the columns of tables), built-in studies,
-    and the axes along which `stress` varies a scene.
+    Techniques with their parameters and presets, built-in scenes, metrics (columns of result tables), built-in studies,
+    and the axes of `stress`, along which it varies a scene.
 
     \b
     Columns of metrics
       better     whether higher or lower values are better
-      for        the shadows that it judges fairly: hard, soft or both
-      tolerance  how much worse it may get before `check` fails
+      for        the kind of shadows that it suits: hard, soft or both
+      tolerance  largest change for the worse that `check` allows
     """
     from shadowbench.catalogue import catalogue
 
@@ -55,7 +55,7 @@ def list_things(
 
 
 def _print_techniques(rows: list[dict[str, Any]]) -> None:
-    """Each with its parameters and presets; then every bias, filter and fit with its own parameters."""
+    """Techniques with their parameters and presets; then each bias, filter and fit with its own parameters."""
     console.out().print(f"A spec is written name:parameter=value,… such as {EXAMPLE}", markup=False)
     console.out().print(f"Biases that are applied together are joined by a plus: {TOGETHER}\n", markup=False)
     families: list[tuple[str, list[dict[str, Any]]]] = []
@@ -77,7 +77,7 @@ def _print_techniques(rows: list[dict[str, Any]]) -> None:
 
 
 def _print_axes(rows: list[dict[str, Any]], title: str) -> None:
-    """What each varies, its values, and its home, the value at which nothing is extreme."""
+    """For each axis what it varies, its values, and its default value."""
     if title:
         console.out().print(title, markup=False)
     for row in rows:

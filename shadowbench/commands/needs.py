@@ -1,4 +1,4 @@
-"""`needs`: what a scene requires of a shadow technique."""
+"""`needs`: predict what a scene requires of a shadow technique."""
 
 import typer
 
@@ -21,8 +21,9 @@ def needs(
 ) -> None:
     """Predict map size, cascades, bias and depth bits.
 
-    Computed from the geometry and one shadow ray per pixel, before any technique is drawn; needs no OpenGL. Each
-    prediction comes with its reason, and with its standard error (±) where only a sample of the pixels was traced.
+    Also the number and size of cascades. Predicted without drawing anything, from the geometry and shadow rays for the
+    visible pixels, or for a sample of them; ± is then the standard error. Each prediction comes with its reason. Needs
+    no OpenGL.
     """
     from dataclasses import asdict
 

@@ -1,4 +1,4 @@
-"""`new-technique`: write a technique of your own to start from."""
+"""`new-technique`: write a minimal technique to start from."""
 
 from pathlib import Path
 from typing import Annotated
@@ -14,7 +14,7 @@ app = typer.Typer()
     "  shadowbench run cube-on-plane -t my-shadows -t shadow-map --plugin my-shadows.py"
 )
 def new_technique(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Its name in specs and tables.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the technique in specs and tables.")],
     output: Annotated[
         Path,
         typer.Option(
@@ -22,9 +22,9 @@ def new_technique(
         ),
     ] = Path(),
 ) -> None:
-    """Write NAME.py, a small working shadow map to start from.
+    """Write NAME.py, a minimal technique to start from.
 
-    It contains its shader and runs as it is. An existing file is not overwritten.
+    It is a shadow map with its shader, and runs unmodified. An existing file is not overwritten.
     """
     from shadowbench.techniques.template import write_technique
 

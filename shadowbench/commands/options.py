@@ -8,7 +8,7 @@ import typer
 from shadowbench.commands import completion
 from shadowbench.errors import InputError
 
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print results and errors only, no notes and no progress.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print results and errors only, without notes or progress.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 Plugins = Annotated[
     list[Path] | None,
@@ -16,24 +16,24 @@ Plugins = Annotated[
 ]
 Assets = Annotated[
     Path | None,
-    typer.Option(metavar="DIR", help="A second folder in which the meshes of a scene file may lie."),
+    typer.Option(metavar="DIR", help="Additional folder to search for a scene file's meshes."),
 ]
 Up = Annotated[
     str | None,
     typer.Option(
         metavar="y|z",
         autocompletion=completion.up,
-        help="Which axis points up in an OBJ, PLY, STL or OFF file, formats that do not say  [y].",
+        help="Up axis of OBJ, PLY, STL and OFF files, which do not specify it  [y].",
     ),
 ]
 ViewSize = Annotated[
-    int | None, typer.Option(metavar="N", min=1, max=16384, help="Width and height of the picture in pixels  [512].")
+    int | None, typer.Option(metavar="N", min=1, max=16384, help="Width and height of the image in pixels  [512].")
 ]
 ViewName = Annotated[
-    str | None, typer.Option("--view", metavar="NAME", help="A camera of the scene, by name  [the first].")
+    str | None, typer.Option("--view", metavar="NAME", help="Name of a camera of the scene  [the first].")
 ]
 LightName = Annotated[
-    str | None, typer.Option("--light", metavar="NAME", help="A light of the scene, by name  [the first].")
+    str | None, typer.Option("--light", metavar="NAME", help="Name of a light of the scene  [the first].")
 ]
 SCENE = "a built-in name (shadowbench list scenes), a scene file (.toml), or a mesh file"
 SPEC = "a technique and its parameters (shadowbench list techniques)"
@@ -43,7 +43,7 @@ SceneArgument = Annotated[
 
 
 def map_sizes(text: str | None) -> tuple[int, ...] | None:
-    """The sizes that --map-size names; raises InputError."""
+    """The sizes of --map-size. Raises InputError."""
     if text is None:
         return None
     try:
@@ -56,5 +56,5 @@ def map_sizes(text: str | None) -> tuple[int, ...] | None:
 
 
 def listed(text: str | None) -> tuple[str, ...]:
-    """The parts of a text that commas separate, none of them empty."""
+    """The non-empty parts of a comma-separated text."""
     return tuple(part.strip() for part in text.split(",") if part.strip()) if text else ()

@@ -25,23 +25,22 @@ app = typer.Typer()
 )
 def recommend(
     scene: SceneArgument,
-    min_iou: Annotated[
-        float | None, typer.Option(metavar="X", help="Target: IoU of the shadow, at least  [0.99].")
-    ] = None,
+    min_iou: Annotated[float | None, typer.Option(metavar="X", help="Target: minimum IoU  [0.99].")] = None,
     max_edge_px: Annotated[
         float | None,
         typer.Option(
-            metavar="X", help="Target instead of an IoU: mean distance of shadow edges from the true ones, at most."
+            metavar="X",
+            help="Target, instead of --min-iou: maximum mean distance between drawn and true shadow edges, in pixels.",
         ),
     ] = None,
     budget_ms: Annotated[
-        float | None, typer.Option(metavar="X", help="Time of a frame's shadows, at most; on a GPU.")
+        float | None, typer.Option(metavar="X", help="Maximum time per frame, in ms; needs a GPU.")
     ] = None,
     on_this_machine: Annotated[
         bool, typer.Option("--on-this-machine", help="Rank by time even on a software renderer.")
     ] = False,
     export: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder for the parameters and the GLSL of the choice.")
+        Path | None, typer.Option(metavar="DIR", help="Folder for the parameters and shaders (GLSL) of the choice.")
     ] = None,
     view_size: ViewSize = None,
     view: ViewName = None,
@@ -58,23 +57,23 @@ def recommend(
 ) -> None:
     """Find the cheapest technique that meets a target in a scene.
 
-    Searches techniques, parameters and map sizes. Only a few are measured: geometry excludes some (see `shadowbench
-    needs`), and what has been measured predicts cost and error of the rest. Cost is the time of a frame; on a software
-    renderer it is work (shader invocations, texture reads), since its times are not those of a GPU. Exit code 1 if
-    nothing meets the target: then the closest is shown, and why it falls short.
+    Searches techniques, parameters and map sizes. Few specs are measured: the scene's geometry rules some out (see
+    `shadowbench needs`), and cost and error of the others are predicted from the measurements. Cost is the time of a
+    frame; on a software renderer it is work (shader invocations, texture reads), since its times are not those of a
+    GPU. Exit code 1 if nothing meets the target; the closest is then shown with the reason.
 
     \b
     Lines of the table
-      choice   the cheapest that meets the target
-      next     of each technique, the cheapest other that meets it
-      misses   of a technique that never does, the most accurate
-      closest  the most accurate of all, where nothing meets the target
+      choice   the cheapest spec that meets the target
+      next     per technique, the cheapest spec that meets it, the choice excepted
+      misses   the most accurate spec of a technique that never meets the target
+      closest  the most accurate spec of all, if none meets the target
     Columns
       map         texels along a side of the shadow map
       iou         or edge_px: the target's metric
-      work or ms  cost of a frame; ~ marks a time that varied much
-      × choice    cost over that of the choice
-      MiB         textures and buffers
+      work or ms  cost of a frame; ~ marks a time that varied widely
+      × choice    cost relative to the choice's
+      MiB         memory of textures and buffers
       key         name of the cell's mask and picture in the output folder
     """
     from shadowbench.advice.recommend import export_choice, target_of, values

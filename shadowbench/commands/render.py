@@ -21,7 +21,11 @@ def render(
     technique: Annotated[
         list[str],
         typer.Option(
-            "-t", "--technique", metavar="SPEC", autocompletion=completion.spec, help=f"What draws the shadows: {SPEC}."
+            "-t",
+            "--technique",
+            metavar="SPEC",
+            autocompletion=completion.spec,
+            help=f"The technique to draw with: {SPEC}.",
         ),
     ],
     output: Annotated[Path, typer.Option("-o", "--output", metavar="PICTURE.png", help="File for the shaded picture.")],
@@ -31,10 +35,10 @@ def render(
     ] = None,
     map: Annotated[
         Path | None,
-        typer.Option(metavar="MAP.png", help="File for the technique's shadow map: linear depth, near is dark."),
+        typer.Option(metavar="MAP.png", help="File for the shadow map: linear depth, near is dark."),
     ] = None,
     tint: Annotated[
-        bool, typer.Option("--tint", help="Colour each pixel by what the technique used there, such as its cascade.")
+        bool, typer.Option("--tint", help="Show the technique's debug colours, such as one per cascade.")
     ] = False,
     view_size: ViewSize = None,
     view: ViewName = None,
@@ -46,7 +50,7 @@ def render(
 ) -> None:
     """Draw one picture with a technique's shadows.
 
-    On request also the shadow mask and the shadow map.
+    Optionally writes the shadow mask and the shadow map as well.
     """
     import numpy as np
 

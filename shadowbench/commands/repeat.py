@@ -1,4 +1,4 @@
-"""`repeat`: whether two runs of one study agree, in two folders or in one."""
+"""`repeat`: compare two runs of one study, in two folders or in one."""
 
 import dataclasses
 from pathlib import Path
@@ -27,23 +27,23 @@ def repeat(
         typer.Argument(
             metavar="[DIR]",
             help="The same study, run again into another folder; without it, the last two times of each cell in the "
-            "first folder, which `run --time-again` makes.",
+            "first folder are compared (see `run --time-again`).",
         ),
     ] = None,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Tell whether two runs of a study agree on ranking and work.
+    """Check whether two runs agree on ranking and work.
 
-    Compares the order of cells by time, and their work counters, between two runs on one machine; measures nothing.
-    Exit code 1 if Kendall's tau is below 0.95 in any ranking, or work differs.
+    Compares the ranking of cells by time, and their work counters, between two runs on one machine; measures nothing.
+    Exit code 1 if Kendall's tau of any ranking is below 0.95, or if work differs.
 
     \b
     Columns
       cells           cells with a time in both runs
-      pairs           pairs of cells whose times clearly differ in both runs
-      swapped         those of the pairs that the two runs order differently
-      τ               Kendall's tau over these pairs; 1: the same order
+      pairs           pairs of cells whose times differ significantly in both runs
+      swapped         pairs that the two runs order differently
+      τ               Kendall's tau over these pairs; 1 is the same order
       τ of all pairs  Kendall's tau over all pairs, noise included
     """
     from shadowbench.check.repeat import compare_folders

@@ -20,7 +20,7 @@ app = typer.Typer()
 def report(
     folders: Annotated[
         list[Path],
-        typer.Argument(metavar="DIR...", help="Folders that `run` or `stress` wrote, on one machine or several."),
+        typer.Argument(metavar="DIR...", help="Folders written by `run` or `stress`, on one machine or several."),
     ],
     output: Annotated[
         Path | None,
@@ -28,7 +28,7 @@ def report(
             "-o",
             "--output",
             metavar="FILE",
-            help="The file; a folder for png  [report.html, .md, .csv, or the folder report].",
+            help="Output file, or folder if --format png  [report.html, report.md, report.csv, or report/].",
         ),
     ] = None,
     format: Annotated[
@@ -36,18 +36,18 @@ def report(
         typer.Option(
             metavar="FORMAT",
             autocompletion=completion.file_format,
-            help="html: a single page that needs no network; md: tables; csv: the cells of all folders; png: the "
+            help="html: a single page that needs no network; md: tables; csv: one row per cell; png: the "
             "charts, SCENE.VIEW-SIZE.front.png (error against time), .sizes.png (error against map size), .passes.png "
-            "(time of each pass), and of `stress` stability.png and stability.AXIS.png.",
+            "(time of each pass), and from `stress` stability.png and stability.AXIS.png.",
         ),
     ] = "html",
     quiet: Quiet = False,
 ) -> None:
     """Make charts, tables and pictures from run folders.
 
-    Of `run`: error against time, the cheapest setting for each accuracy, time of each pass, pictures beside the truth.
-    Of `stress`: operating ranges, metrics along each axis, pictures at the breaking points. Nothing is measured. Times
-    of different folders are never drawn on one axis.
+    From `run` folders: error against time, the fastest setting for each accuracy, time of each pass, pictures beside
+    the truth. From `stress` folders: operating ranges, metrics along each axis, pictures at the breaking points.
+    Nothing is measured. Times of different folders are never drawn on one axis.
     """
     from shadowbench.reports.report import report_target, write_report
     from shadowbench.reports.words import counted

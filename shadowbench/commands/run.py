@@ -27,7 +27,7 @@ _COLUMNS = {  # heading: (value, or "error" for 1 − IoU)
     "contact": "contact",
     "ms": "frame_ms",
     "× ref": "ratio",
-    "MiB": "gpu_bytes",  # five cascades of a size are no equal of one map
+    "MiB": "gpu_bytes",  # five cascades need more memory than one map of the same size
 }
 _WIDE = 110  # characters; a narrower terminal gets the columns that matter most
 _NARROW = ("error", "ssim", "frame_ms", "ratio")
@@ -65,7 +65,7 @@ def run(
             "--technique",
             metavar="SPEC",
             autocompletion=completion.spec,
-            help=f"What to measure: {SPEC}; repeatable  [the study's].",
+            help=f"Technique to measure: {SPEC}; repeatable  [the study's].",
         ),
     ] = None,
     map_size: Annotated[
@@ -79,7 +79,9 @@ def run(
     view_size: ViewSize = None,
     rounds: Annotated[
         int | None,
-        typer.Option(metavar="N", min=0, max=10000, help="How often each cell is timed; 0 for no times  [9]."),
+        typer.Option(
+            metavar="N", min=0, max=10000, help="Number of times that each cell is timed; 0 for no timing  [9]."
+        ),
     ] = None,
     phases: Annotated[
         int | None,
@@ -88,25 +90,25 @@ def run(
             min=1,
             max=10000,
             help="Sub-texel offsets of the shadow map at which each cell is scored; with more than one, the table "
-            "has medians and intervals. Only the first is timed  [the study's; with -t and neither study nor "
+            "shows medians and intervals. Only the first is timed  [the study's; with -t and neither study nor "
             "--map-size, 1].",
         ),
     ] = None,
     time_again: Annotated[
         bool,
         typer.Option(
-            "--time-again", help="Time again what has been timed before; `repeat DIR` compares the two times."
+            "--time-again", help="Time cells again that have been timed before; `repeat DIR` compares the two times."
         ),
     ] = False,
     view: ViewName = None,
     light: Annotated[
-        str | None, typer.Option("--light", metavar="NAME", help="A light of the scene, by name  [each in turn].")
+        str | None, typer.Option("--light", metavar="NAME", help="Name of a light of the scene  [each in turn].")
     ] = None,
     plugin: Plugins = None,
     assets: Assets = None,
     up: Up = None,
     profile: Annotated[
-        bool, typer.Option("--profile", help="Print how long each part of the measurement took.")
+        bool, typer.Option("--profile", help="Print the time that each part of the measurement took.")
     ] = False,
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for the table, masks and pictures.")
@@ -125,15 +127,15 @@ def run(
       spec      the technique and its parameters
       map       texels along a side of its shadow map
       1 − IoU   error: 1 − intersection over union of the shadows; 0 is exact
-      IoU soft  the same overlap with partial shadow; 1 is exact
-      SSIM      structural similarity of the shadow pictures; 1 is exact
-      edge px   mean distance of the shadow's edge from the true edge, pixels
+      IoU soft  IoU with partial shadow; 1 is exact
+      SSIM      structural similarity of the shadow masks; 1 is exact
+      edge px   mean distance between drawn and true shadow edges, in pixels
       acne      share of the lit area, away from edges, that is in shadow
       leak      share of the shadow, away from edges, that is lit
       contact   share of the shadow next to its caster that is lit (peter-panning)
-      ms        time of a frame's shadows; ~ marks a time that varied much
-      × ref     that time over the time of the reference technique
-      MiB       textures and buffers
+      ms        time of a frame's shadows; ~ marks a time that varied widely
+      × ref     time relative to the reference technique
+      MiB       memory of textures and buffers
     `shadowbench list metrics` has the exact definitions.
     """
     import dataclasses

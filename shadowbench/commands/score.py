@@ -26,7 +26,7 @@ def score(
         Path | None,
         typer.Argument(
             metavar="MASK.png",
-            help="Shadow mask: linear grey, 8 or 16 bit, square, white is lit; its size is taken for the view.",
+            help="Shadow mask: linear grey, 8 or 16 bit, square, white is lit; its size is the view size.",
         ),
     ] = None,
     lit: Annotated[
@@ -42,14 +42,14 @@ def score(
     light: LightName = None,
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", metavar="DIR", help="A run folder to add the score to; with --name."),
+        typer.Option("-o", "--output", metavar="DIR", help="Run folder to add the score to; requires --name."),
     ] = None,
-    name: Annotated[str | None, typer.Option(metavar="NAME", help="Name of your engine in that folder.")] = None,
+    name: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Name of your engine in that run folder; requires -o.")
+    ] = None,
     diff: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE.png", help="File for a picture of the difference: false shadow orange, false light blue."
-        ),
+        typer.Option(metavar="FILE.png", help="File for a difference picture: false shadow orange, false light blue."),
     ] = None,
     assets: Assets = None,
     up: Up = None,
@@ -59,9 +59,9 @@ def score(
     """Score another renderer's mask or screenshots.
 
     Compares them with the ray-traced shadows of the scene; needs no OpenGL. `shadowbench export` writes the scene to
-    draw. A mask that is flipped, inverted or not square is refused; one that seems shifted or sRGB-encoded is scored as
-    it is, with a warning. Below the metrics, the wrong pixels are listed by kind of error, most pixels first; the line
-    `displaced edge` is about those pixels alone, whereas edge_px and edge_p95 are about every edge, that of a leak too.
+    draw. A mask that is flipped, inverted or not square is refused; one that seems shifted or sRGB-encoded is scored
+    unchanged, with a warning. Below the metrics, the wrong pixels are listed by kind of error, most pixels first; the
+    line `displaced edge` covers those pixels only, whereas edge_px and edge_p95 cover all edges, those of leaks too.
     """
     from shadowbench.engines.accuracy import accuracy_of
     from shadowbench.engines.difference import write_difference

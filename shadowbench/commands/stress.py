@@ -29,7 +29,7 @@ def stress(
             "--technique",
             metavar="SPEC",
             autocompletion=completion.spec,
-            help=f"What to test: {SPEC}; repeatable  [all techniques at their defaults].",
+            help=f"Technique to test: {SPEC}; repeatable  [all techniques at their defaults].",
         ),
     ] = None,
     axis: Annotated[
@@ -38,32 +38,33 @@ def stress(
             "--axis",
             metavar="NAME",
             autocompletion=completion.axis,
-            help="What to vary (shadowbench list axes); repeatable  [all].",
+            help="Axis to vary (shadowbench list axes); repeatable  [all].",
         ),
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Only a few values of each axis.")] = False,
     plugin: Plugins = None,
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for the tables, and masks of what failed.")
+        Path,
+        typer.Option("-o", "--output", metavar="DIR", help="Folder for the tables, and the masks of failed cells."),
     ] = Path("results/stress"),
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
     """Find where each technique breaks.
 
-    Varies one thing at a time, along an axis: elevation of the light, distance from the origin, gap between caster and
-    receiver, ... (shadowbench list axes). Prints the operating range of each technique on each axis: the values at
-    which IoU is at least 0.95, and acne, leak and flips (pixels at edges that flicker while camera or light move) at
-    most 1%, or the first value at which that fails, and how. An interrupted run resumes when the command is repeated.
-    Breaking is a result: exit code 0. Exit code 1 for NaN, infinity or an OpenGL error, 3 for a crash or hang.
+    Varies one property of a scene at a time, along an axis: elevation of the light, distance from the origin, gap
+    between caster and receiver, ... (shadowbench list axes). Prints the operating range of each technique on each axis:
+    the values at which IoU is at least 0.95, and acne, leak and flips (edge pixels that flicker while camera or light
+    move) are at most 1%, or the first value at which it breaks, and how. An interrupted run resumes when the command is
+    repeated. Exit code 0 even if techniques break, 1 for NaN, infinity or an OpenGL error, 3 for a crash or hang.
 
     \b
     Cells of the table
       0.1…89.9°                 the whole operating range
       all 7                     every value, of an axis without an order
-      breaks at 2°: acne 3.10%  the first value out of tolerance, and why
+      breaks at 2°: acne 3.10%  the first value out of tolerance, and the reason
       refused: 1e5              values that the technique does not support
-      3 of 20 values            how many were tried, with --quick
+      3 of 20 values            number of values measured, with --quick
     """
     from shadowbench.extremes.ranges import ranges_frame
     from shadowbench.extremes.stress import LIMITS, select_axes

@@ -32,12 +32,12 @@ def truth(
     Arrays of the .npz, one value per pixel, row 0 at the top
       visibility      1 lit, 0 in shadow, for a ray through the pixel's centre
       area            visibility averaged over the pixel
-      receivers       whether a surface is seen that faces the light
-      undecided       whether the answer depends on rounding; never scored
-      blocker         metres to the nearest occluder, inf for none
+      receivers       whether the visible surface faces the light
+      undecided       whether the visibility depends on rounding; not scored
+      blocker         distance to the nearest occluder in metres, inf for none
       triangle        index of the visible triangle, -1 for none
       cosine          N·L at the visible point
-      diagonal        one number: diagonal of casters and receivers, metres
+      diagonal        one number: diagonal of casters and receivers in metres
     """
     from shadowbench.files import check_outputs
     from shadowbench.truths.cache import cached_truth, write_truth

@@ -28,7 +28,7 @@ def tune(
             "--technique",
             metavar="SPEC",
             autocompletion=completion.spec,
-            help=f"What to tune: {SPEC}; parameters outside the search keep their values.",
+            help=f"Technique to tune: {SPEC}; parameters outside the search keep their values.",
         ),
     ],
     scenes: Annotated[
@@ -44,7 +44,8 @@ def tune(
         typer.Option(
             metavar="NAME,NAME,...",
             autocompletion=completion.scenes,
-            help="Scenes kept out of the search, on which its result is judged  [every third, by hash].",
+            help="Scenes held out of the search, on which its result is judged  [a third, chosen by a hash of the "
+            "names].",
         ),
     ] = None,
     params: Annotated[
@@ -52,11 +53,11 @@ def tune(
         typer.Option(
             metavar="NAME,NAME,...",
             autocompletion=completion.parameters,
-            help="Parameters to search  [bias,filter,fit, as far as the technique has them].",
+            help="Parameters to search  [those of bias, filter, fit that the technique has].",
         ),
     ] = None,
     trials: Annotated[
-        int, typer.Option(metavar="N", min=1, max=100_000, help="How many settings the search tries.")
+        int, typer.Option(metavar="N", min=1, max=100_000, help="Number of settings that the search tries.")
     ] = 100,
     against: Annotated[
         list[str] | None,
@@ -83,17 +84,19 @@ def tune(
     """Search a technique's parameters for the best accuracy.
 
     Finds the most accurate setting at each cost on some scenes, and compares it with the default and the presets on
-    others, held out of the search. Error combines IoU and SSIM; cost is counted work (shader invocations, texture
-    reads). Every camera and light of a scene takes part. An interrupted search resumes when the command is repeated.
+    others, held out of the search. The error combines IoU and SSIM; the cost is counted work (shader invocations,
+    texture reads). Every camera and light of a scene is used. An interrupted search resumes when the command is
+    repeated.
 
     \b
     Columns
-      cost              work over that of the default
-      tuning, held out  error √((1 − IoU) · (1 − SSIM)), geometric mean over the
-                        scenes of the search, and over those held out
-      1 − IoU × tuned   that error, per scene, over that of the line `tuned`: median
-      1 − SSIM × tuned  likewise
-      acne … contact    on the scenes held out, see `shadowbench list metrics`
+      cost                work relative to the default's
+      tuning, held out    error √((1 − IoU) · (1 − SSIM)) on the scenes of the
+                          search, and on those held out; geometric means
+      (1 − IoU) / tuned   1 − IoU divided by that of the tuned spec: median over
+                          the held-out scenes
+      (1 − SSIM) / tuned  the same for 1 − SSIM
+      acne, leak, contact means over the held-out scenes (shadowbench list metrics)
     """
     from shadowbench.advice.tune import tune_parameters, values
     from shadowbench.measure.plugin_output import techniques_with
@@ -142,13 +145,14 @@ def _print(found: "TuningComparison") -> None:
     title = f"compared with the default and others on {counted(len(held_out), 'scene')} held out{intervals}"
     _print_entries(title, (found.tuned, *found.others))
     console.out().print(
-        "error: √((1 − IoU) · (1 − SSIM)), geometric mean over scenes; × tuned: median ratio over scenes"
+        "error: √((1 − IoU) · (1 − SSIM)), geometric mean over scenes; / tuned: relative to the tuned spec, median "
+        "over scenes"
     )
     console.say(verdict(found))
 
 
 def _print_entries(title: str, entries: "Sequence[Entry]") -> None:
-    numbers = ("cost", "tuning", "held out", "1 − IoU × tuned", "1 − SSIM × tuned", "acne", "leak", "contact")
+    numbers = ("cost", "tuning", "held out", "(1 − IoU) / tuned", "(1 − SSIM) / tuned", "acne", "leak", "contact")
     console.print_table(title, ("", "spec", *numbers), [_line(entry) for entry in entries], numbers=numbers)
 
 

@@ -15,7 +15,7 @@ _SUBPIXEL_BITS, _CUBE_MAP_SEAMLESS = 0x0D50, 0x884F
 _SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software", "swiftshader", "warp", "basic render")
 
 
-class Freeable(Protocol):
+class Releasable(Protocol):
     """An object with device memory."""
 
     def release(self) -> object:
@@ -85,7 +85,7 @@ class Device:
     def _fallback_target(self) -> moderngl.Framebuffer:
         return self.context.simple_framebuffer((1, 1))
 
-    def free(self, resources: Iterable[Freeable]) -> None:
+    def free(self, resources: Iterable[Releasable]) -> None:
         """Release resources after binding another framebuffer, as moderngl would rebind a deleted one."""
         self._fallback_target.use()
         for resource in resources:

@@ -137,7 +137,7 @@ def cameras_of(layout: Layout, where: str) -> tuple[list[Camera], list[str]]:
 
 
 def lights_of(layout: Layout, where: str) -> tuple[list[Light], list[str]]:
-    """The visible KHR_lights_punctual lights of the scene, and a note for each unsupported property."""
+    """The KHR_lights_punctual lights on visible nodes (KHR_node_visibility), and a note for each ignored property."""
     lights: list[Light] = []
     notes = []
     extension = layout.extensions.KHR_lights_punctual

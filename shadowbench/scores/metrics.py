@@ -64,12 +64,12 @@ def boundary_iou(comparison: Comparison) -> float | None:
 
 
 def ssim(comparison: Comparison) -> float | None:
-    """Mean SSIM over valid pixels whose window lies inside the image; Wang et al. 2004."""
+    """Mean SSIM over valid pixels whose window is inside the image; Wang et al. 2004."""
     return _mean(comparison.ssim_map, comparison.truth.valid[INSIDE])
 
 
 def ssim_edge(comparison: Comparison) -> float | None:
-    """Mean SSIM over valid pixels within 8 px of a true edge whose window lies inside the image."""
+    """Mean SSIM over valid pixels that lie within 8 px of an edge of the truth and whose window is inside the image."""
     return _mean(comparison.ssim_map, comparison.truth.edge_zone[INSIDE])
 
 
@@ -131,14 +131,14 @@ METRICS: dict[str, Metric] = {
             iou,
             "higher",
             "hard",
-            "Intersection over union of the shadows, visibility < 0.5. The error to sort by is 1 - iou.",
+            "Intersection over union of the shadows (visibility < 0.5). Errors are given as 1 − IoU.",
         ),
         Metric(
             "iou_soft",
             iou_soft,
             "higher",
             "soft",
-            "Intersection over union where a pixel counts by its darkness, so that a half-shadow is half in it.",
+            "Intersection over union of the shadows, with pixels weighted by their darkness (1 − visibility).",
         ),
         Metric(
             "boundary_iou",
@@ -153,15 +153,15 @@ METRICS: dict[str, Metric] = {
             ssim,
             "higher",
             "both",
-            "Structural similarity, sigma 1.5, over scored pixels only. It is diluted by lit ground and prefers a "
-            "displaced edge to a smooth one: read it beside ssim_edge and edge_px.",
+            "Structural similarity (σ = 1.5 px) over scored pixels. Large lit areas raise it, and it prefers a "
+            "displaced edge to a blurred one: read it beside ssim_edge and edge_px.",
         ),
         Metric(
             "ssim_edge",
             ssim_edge,
             "higher",
             "both",
-            "Structural similarity within 8 px of a true edge: the same whether the ground is large or small.",
+            "Structural similarity within 8 px of a true edge: independent of the size of lit areas.",
         ),
         Metric("mae", mae, "lower", "both", "Mean absolute error of visibility, against the truth at pixel centres."),
         Metric(
@@ -169,50 +169,51 @@ METRICS: dict[str, Metric] = {
             mae_area,
             "lower",
             "both",
-            "Mean absolute error against the truth averaged over each pixel: a correct filter is not punished for "
-            "smoothing.",
+            "Mean absolute error of visibility, against the truth averaged over each pixel: correct antialiasing is "
+            "not an error.",
         ),
         Metric(
             "mae_lit",
             mae_lit,
             "lower",
             "both",
-            "Mean absolute error weighted by the cosine of the light's incidence: what the picture shows.",
+            "Mean absolute error of visibility, weighted by N·L, as in diffuse shading.",
         ),
         Metric(
             "acne",
             acne,
             "lower",
             "hard",
-            "Share of the lit interior, at least 4 px from shadow and undecided pixels, that is in shadow.",
+            "Of the lit interior (at least 4 px from shadow and undecided pixels), the share that is in shadow.",
         ),
         Metric(
             "acne_soft",
             acne_soft,
             "lower",
             "both",
-            "Mean darkness of the lit interior: shows the acne that a filter lightens to less than half a shadow.",
+            "Mean darkness (1 − visibility) of the lit interior: includes acne that a filter lightens beyond half.",
         ),
         Metric(
             "leak",
             leak,
             "lower",
             "hard",
-            "Share of the shadow's interior, at least 4 px from light and undecided pixels, that is lit.",
+            "Of the shadow's interior (at least 4 px from light and undecided pixels), the share that is lit.",
         ),
         Metric(
             "contact",
             contact,
             "lower",
             "hard",
-            "Share of shadow whose occluder is nearer than 2% of the scene's diagonal that is lit: peter-panning.",
+            "Of the shadow within 2% of the scene's diagonal of its occluder, the share that is lit (peter-panning).",
         ),
         Metric(
             "edge_px",
             edge_px,
             "lower",
             "hard",
-            "Mean distance between the masks' edges in pixels, both ways; the image's diagonal if one has none.",
+            "Mean distance in pixels between the edges of mask and truth, averaged over both directions; the image's "
+            "diagonal if only one of them has edges.",
             tolerance=0.05,
         ),
         Metric(
@@ -220,7 +221,7 @@ METRICS: dict[str, Metric] = {
             edge_p95,
             "lower",
             "hard",
-            "95th percentile of the distances between the masks' edges in pixels: how bad the worst stretches are.",
+            "95th percentile of the distances in pixels between the edges of mask and truth: the worst parts.",
             tolerance=0.5,
         ),
     )

@@ -66,11 +66,12 @@ class Folder:
 
 @dataclass(frozen=True, eq=False)
 class Run(Folder):
-    """A folder of `run`.
+    """Results of `shadowbench run`.
 
-    times: last time record of each key on one machine, that of `run.json`, else that of the last time; times_before:
-    the previous time record of keys timed more than once on it; foreign: number of times from other machines; earlier:
-    keys of rows that do not belong to the last command, those of other renderers aside.
+    times: last time record of each key on one machine, the one in `run.json`, else the one of the last time record;
+    previous_times: the time record before it, of keys timed more than once on that machine; foreign: number of time
+    records from other machines; earlier: keys of rows that do not belong to the last command, except rows that `score`
+    added for other renderers.
     """
 
     times: Mapping[str, Record]
@@ -96,7 +97,7 @@ class Run(Folder):
 
 @dataclass(frozen=True, eq=False)
 class Sweep(Folder):
-    """A folder of `stress`, whose rows lie on axes."""
+    """Results of `shadowbench stress`: each row is measured at one value of one axis."""
 
 
 def read_folders(folders: Sequence[Path]) -> tuple[list[Run], list[Sweep]]:

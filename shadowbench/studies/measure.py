@@ -52,7 +52,7 @@ def study_from_options(
         found = found.with_specs(specs)
     elif phases:
         found = found.with_specs(found.specs)
-    named = [spec.text for spec in specs if "size" in spec.named] if map_size else []
+    named = [spec.text for spec in specs if "size" in spec.explicit] if map_size else []
     sizes = ",".join(map(str, map_size or ()))
     notes = [f"{name} names its size, which --map-size {sizes} leaves as it is" for name in named]
     changes = {

@@ -162,7 +162,7 @@ def at_map_sizes(specs: Sequence[Spec], sizes: Sequence[int]) -> tuple[Spec, ...
     resized = [
         spec.with_(size=size) if size is not None else spec
         for spec in specs
-        for size in (sizes if sizes and spec.has_size and "size" not in spec.named else [None])
+        for size in (sizes if sizes and spec.has_size and "size" not in spec.explicit else [None])
     ]
     return tuple(dict.fromkeys(resized))
 
@@ -184,7 +184,7 @@ def read_study(file: Path, techniques: Techniques, folder: Path | None = None) -
 def _check_size(study: Study, where: str) -> None:
     """Raises InputError for a study with too many specs or cells."""
     sizes, phases = len(study.map_size or [None]), study.phases_of_specs()
-    counts = [sizes if spec.has_size and "size" not in spec.named else 1 for spec in study.specs]
+    counts = [sizes if spec.has_size and "size" not in spec.explicit else 1 for spec in study.specs]
     if sum(counts) > MOST_SPECS:
         raise InputError(f"{where}: {sum(counts)} specs, each map size counted; allowed are at most {MOST_SPECS}")
     cells = sum(count * phases[spec] for count, spec in zip(counts, study.specs, strict=True))

@@ -41,7 +41,7 @@ def sweep_positions(sweeps: Sequence[BiasSweep]) -> SweepPositions:
     found: dict[tuple[str, int | None], dict[str, float]] = {}
     for sweep in sweeps:
         for factor, spec in sweep.variants:
-            key = spec.sizeless_text, spec.map_size if "size" in spec.named else None
+            key = spec.sizeless_text, spec.map_size if "size" in spec.explicit else None
             _add(found.setdefault(key, {}), sweep.base.sizeless_text, factor)
     return {key: _own_first(bases) for key, bases in found.items()}
 

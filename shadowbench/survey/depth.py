@@ -10,11 +10,11 @@ from shadowbench.scenes.model import Floats
 from shadowbench.survey.maps import REFERENCE_SIZE, FittedMap
 from shadowbench.survey.rays import Indices
 from shadowbench.survey.sampling import Estimate
-from shadowbench.truths.embree import NEVER
+from shadowbench.truths.embree import INFINITE
 
-LOST = 0.001  # tolerated share of wrong samples, of those in shadow or of those lit
-THIN = 0.01  # share of the shadow with the smallest gaps, excluded as contact
-STEPS = 4.0  # steps of the depth format that biases add by default
+TOLERATED = 0.001  # tolerated share of wrong samples, of those in shadow or of those lit
+CONTACT = 0.01  # share of the shadow with the smallest gaps, excluded as contact
+BIAS_STEPS = 4.0  # quantization steps of the depth format that biases add by default
 
 
 @dataclass(frozen=True)
@@ -22,8 +22,8 @@ class DepthBits:
     """The depth format that separates casters from receivers.
 
     bits: 16, 24, or 32 for reversed floats; None if no format suffices. range: metres from near to far. closest:
-    quantile LOST of the gap between caster and receiver along the light's axis, in metres. lost: share of the shadow
-    whose gap is below STEPS steps of a format, by bits.
+    quantile TOLERATED of the gap between caster and receiver along the light's axis, in metres. lost: share of the
+    shadow whose gap is below BIAS_STEPS steps of a format, by bits.
     """
 
     bits: int | None
@@ -36,8 +36,9 @@ class DepthBits:
 class BiasNeed:
     """The needed bias along the light, in metres, without filtering, for a map of REFERENCE_SIZE.
 
-    needed: leaves acne on a share LOST of the lit samples; worst: on none; thinnest: quantile THIN of the gap between
-    caster and receiver; bridged: share of the shadow that `needed` would light. The last two are None without a shadow.
+    needed: leaves acne on a share TOLERATED of the lit samples; worst: on none; thinnest: quantile CONTACT of the gap
+    between caster and receiver; bridged: share of the shadow that `needed` would light. The last two are None without a
+    shadow.
     """
 
     needed: Estimate
@@ -90,13 +91,13 @@ def bits_of(fitted: FittedMap, depths: Depths) -> DepthBits | None:
     gap, stored = (depths.gap * depths.per_length)[dark], depths.stored[dark]
     # Floats have 24 significant bits; with reversed depth, relative to the distance from the far plane.
     steps: dict[int, float | Floats] = {16: 2.0**-16, 24: 2.0**-24, 32: 2.0**-24 * (1 - stored)}
-    lost = {bits: float((gap < STEPS * step).mean()) for bits, step in steps.items()}
+    lost = {bits: float((gap < BIAS_STEPS * step).mean()) for bits, step in steps.items()}
 
     def closest(chosen: Indices) -> float:
-        return float(np.quantile(depths.gap[chosen], LOST))
+        return float(np.quantile(depths.gap[chosen], TOLERATED))
 
     return DepthBits(
-        bits=next((bits for bits, share in lost.items() if share <= LOST), None),
+        bits=next((bits for bits, share in lost.items() if share <= TOLERATED), None),
         range=(depths.far - depths.near) * metres,
         closest=samples.estimate(closest, dark).times(metres),
         lost=lost,
@@ -111,10 +112,10 @@ def bias_of(fitted: FittedMap, depths: Depths) -> BiasNeed | None:
         return None
     metres = 1 / samples.placement.scale
     required = required_bias(fitted)
-    needed = samples.estimate(lambda chosen: float(np.quantile(required[chosen], 1 - LOST)), lit)
+    needed = samples.estimate(lambda chosen: float(np.quantile(required[chosen], 1 - TOLERATED)), lit)
     thinnest = bridged = None
     if len(dark):
-        thinnest = samples.estimate(lambda chosen: float(np.quantile(depths.gap[chosen], THIN)), dark)
+        thinnest = samples.estimate(lambda chosen: float(np.quantile(depths.gap[chosen], CONTACT)), dark)
         bridged = samples.estimate(lambda chosen: float((depths.gap[chosen] < needed.value).mean()), dark)
     return BiasNeed(
         needed=needed.times(metres),
@@ -147,11 +148,11 @@ def _occluder_gap(fitted: FittedMap, offset: Floats) -> Floats:
         if space.perspective:
             rays = space.basis.T @ np.stack([u, v, np.full(len(mine), -1.0)])
             origins = np.broadcast_to(space.origin, (len(mine), 3))
-            occluder = samples.casters.distance(origins, rays.T, NEVER).astype(np.float64)
+            occluder = samples.casters.distance(origins, rays.T, INFINITE).astype(np.float64)
             occluder *= np.sqrt(u**2 + v**2 + 1) if fitted.space is None else 1.0  # cubes store the distance itself
         else:
             start = float(space.box(corners(box_planes(samples.view.scene.geometry.bounds), 1.0)).low[2])
             origins = space.basis.T @ np.stack([u, v, np.full(len(mine), -start)])
-            occluder = start + samples.casters.distance(origins.T, -space.basis[2:], NEVER).astype(np.float64)
+            occluder = start + samples.casters.distance(origins.T, -space.basis[2:], INFINITE).astype(np.float64)
         gap[mine] = fitted.footprint.coords[2, mine] - occluder
     return gap

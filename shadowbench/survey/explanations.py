@@ -7,10 +7,10 @@ import numpy as np
 
 from shadowbench.survey.cascades import CascadeSizes
 from shadowbench.survey.casters import Casters
-from shadowbench.survey.depth import STEPS, THIN, BiasNeed, DepthBits
+from shadowbench.survey.depth import BIAS_STEPS, CONTACT, BiasNeed, DepthBits
 from shadowbench.survey.maps import REFERENCE_SIZE
 from shadowbench.survey.penumbra import Penumbra
-from shadowbench.survey.reach import Reach
+from shadowbench.survey.reach import RelevantCasters
 from shadowbench.survey.receivers import Receivers
 from shadowbench.survey.sampling import Estimate
 from shadowbench.survey.survey import Needs
@@ -117,9 +117,11 @@ def _bits(need: DepthBits) -> Explanation:
         f"0.1% of the shadow is within {_value(need.closest)} m of its caster, over a depth range of {need.range:.4g} m"
     )
     if need.bits is None:
-        return Explanation("depth bits", "none", f"{closest}: less than {STEPS:g} steps of any format")
+        return Explanation("depth bits", "none", f"{closest}: less than {BIAS_STEPS:g} steps of any format")
     rest = "; 32 is a float format with reversed depth" if need.bits == 32 else ""
-    return Explanation("depth bits", str(need.bits), f"{closest}: more than {STEPS:g} steps of {need.bits} bits{rest}")
+    return Explanation(
+        "depth bits", str(need.bits), f"{closest}: more than {BIAS_STEPS:g} steps of {need.bits} bits{rest}"
+    )
 
 
 def _bias(need: BiasNeed) -> Iterator[Explanation]:
@@ -133,7 +135,7 @@ def _bias(need: BiasNeed) -> Iterator[Explanation]:
         yield Explanation(
             "thinnest gap",
             f"{_value(need.thinnest)} m",
-            f"between caster and receiver, exceeded by {1 - THIN:.0%} of the shadow; the bias above would light "
+            f"between caster and receiver, exceeded by {1 - CONTACT:.0%} of the shadow; the bias above would light "
             f"{_share(need.bridged)} of the shadow",
         )
 
@@ -149,7 +151,7 @@ def _penumbra(need: Penumbra, sun: bool) -> Explanation:
     )
 
 
-def _reach(need: Reach) -> Explanation:
+def _reach(need: RelevantCasters) -> Explanation:
     unsure = "" if need.sure else ", as far as the sampled pixels show"
     return Explanation(
         "casters to leave out",

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.scenes.model import Floats, View, unit
-from shadowbench.truths.embree import NEVER, Tracer
+from shadowbench.truths.embree import INFINITE, Tracer
 from shadowbench.truths.rays import EDGE_ON, dot
 
 Indices = NDArray[np.intp]
@@ -87,7 +87,7 @@ def lighting(view: View, casters: Tracer, hits: Surfaces, above: float) -> Light
         axis = unit(view.light.direction)[:, None]
         receives &= -dot(to_light, axis) >= view.light.cos_half_angle
     ahead = above / np.maximum(cosine, FACING)
-    reach = np.maximum(length - ahead, 0.0) if w else np.full(len(length), NEVER)
+    reach = np.maximum(length - ahead, 0.0) if w else np.full(len(length), INFINITE)
     beyond = casters.distance((hits.point + to_light * ahead).T, to_light.T, reach)
     blocked = receives & (beyond < reach.astype(np.float32))  # without a hit `distance` returns the reach
     return Lighting(

@@ -23,7 +23,7 @@ IN_FRONT = 1e-6  # distance from the plane of a spot or point light within which
 
 
 @dataclass(frozen=True, eq=False)
-class Reach:
+class RelevantCasters:
     """The casters that can shadow visible receivers.
 
     triangles: number of caster triangles; useless: number of those that cannot shadow any visible receiver; matters:
@@ -37,7 +37,7 @@ class Reach:
     sure: bool
 
 
-def reach_of(fitted: FittedMap) -> Reach:
+def reach_of(fitted: FittedMap) -> RelevantCasters:
     """The casters that can be between the light and a visible receiver."""
     samples = fitted.samples
     geometry = samples.view.scene.geometry
@@ -58,7 +58,7 @@ def reach_of(fitted: FittedMap) -> Reach:
             a, b, c = (coords.take(corner, axis=1) for corner in corners)
             low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
             matters[part] |= ~beyond & _touches(grid, low, high)
-    return Reach(len(faces), int((~matters).sum()), matters, samples.step == 1)
+    return RelevantCasters(len(faces), int((~matters).sum()), matters, samples.step == 1)
 
 
 def _projected(vertices: Floats, space: LightSpace) -> tuple[Floats, Floats]:

@@ -10,7 +10,7 @@ from shadowbench.survey.casters import Casters, casters_of
 from shadowbench.survey.depth import BiasNeed, DepthBits, bias_of, bits_of, depths_of
 from shadowbench.survey.maps import fitted_map
 from shadowbench.survey.penumbra import Penumbra, penumbra_of
-from shadowbench.survey.reach import Reach, reach_of
+from shadowbench.survey.reach import RelevantCasters, reach_of
 from shadowbench.survey.receivers import Receivers, planes_of, receivers_of
 from shadowbench.survey.sampling import sample_view
 from shadowbench.survey.texels import Texels, texels_of
@@ -33,7 +33,7 @@ class Needs:
     bits: DepthBits | None
     bias: BiasNeed | None
     penumbra: Penumbra | None
-    reach: Reach
+    reach: RelevantCasters
     pixels: int
     view_size: int
 

@@ -13,7 +13,7 @@ from shadowbench.gl.clock import Changes
 from shadowbench.scenes.model import Floats, Placement, View
 from shadowbench.techniques.params import Row, param
 
-Reduction = Callable[[LightSpace], Box | None]
+VisibleBoundsFunction = Callable[[LightSpace], Box | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +23,7 @@ class FitContext:
     view: View
     placement: Placement
     hull: SceneHull
-    visible_bounds: Reduction
+    visible_bounds: VisibleBoundsFunction
 
 
 class Fit(Row):

@@ -5,7 +5,7 @@ import numpy as np
 
 from shadowbench.gl.gbuffer import download
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
-from shadowbench.truths.embree import NEVER, Tracer, over_slices
+from shadowbench.truths.embree import INFINITE, Tracer, over_slices
 
 _STEPS = 4.0  # least ray offset, in float32 steps of the largest coordinate
 
@@ -62,7 +62,7 @@ class RayTraced(Technique):
         receiver = np.flatnonzero((position[:, 3] * normal[:, 3] > 0.5) & (cosine > 0))
         ahead = self.offset / cosine[receiver]
         origin = position[receiver, :3] + to_light[receiver] * ahead[:, None]
-        reach = np.maximum(distance[receiver] - ahead, 0.0) if w else np.full(len(receiver), NEVER)
+        reach = np.maximum(distance[receiver] - ahead, 0.0) if w else np.full(len(receiver), INFINITE)
         visibility = np.ones(len(position), dtype=np.float32)
         visibility[receiver] = ~self.tracer.occluded(origin, to_light[receiver], reach)
         return visibility, len(receiver)

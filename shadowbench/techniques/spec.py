@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Spec:
-    """A technique and its parameters. `named`: the keys that the user set, directly or by a preset."""
+    """A technique and its parameters. `explicit`: the keys that the user set, directly or by a preset."""
 
     technique: "type[Technique]"
     params: TechniqueParams
-    named: frozenset[str] = field(default=frozenset(), compare=False)
+    explicit: frozenset[str] = field(default=frozenset(), compare=False)
 
     @cached_property
     def text(self) -> str:
@@ -56,7 +56,7 @@ class Spec:
         """A copy with other parameter values. Raises InputError for invalid ones."""
         values = {key: getattr(self.params, key) for key in type(self.params).model_fields} | changes
         params = _validated(self.technique, values, self.technique.name)
-        return replace(self, params=params, named=self.named | set(changes))
+        return replace(self, params=params, explicit=self.explicit | set(changes))
 
     @property
     def has_size(self) -> bool:
@@ -69,7 +69,7 @@ def _excerpt(value: object) -> str:
 
 
 def parse_spec(text: str, techniques: "Mapping[str, type[Technique]]") -> Spec:
-    """The spec of a text, cached. Raises InputError with the allowed values."""
+    """Parse a spec; results are cached. Raises InputError that lists the allowed values."""
     reader = Reader(text)
     name = reader.token("word")
     if name is None:

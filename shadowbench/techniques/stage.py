@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.data import data_folder
-from shadowbench.gl.device import Device, Freeable
+from shadowbench.gl.device import Device, Releasable
 from shadowbench.gl.geometry import DeviceGeometry
 from shadowbench.gl.program import Drawable, Program, link
 from shadowbench.gl.shaders import compose
@@ -31,7 +31,7 @@ _COMPONENT_BYTES = {"f1": 1, "f2": 2, "f4": 4, "i4": 4, "u4": 4}
 
 @dataclass(frozen=True)
 class ShaderText:
-    """One shader of a program: name (`1-depth.frag`), complete source text, and the uniforms set from parameters."""
+    """One shader of a program: name (`1-depth.frag`), complete source, and the uniforms set from parameters."""
 
     name: str
     text: str
@@ -41,7 +41,7 @@ class ShaderText:
 class Stage:
     """The scene (local coordinates), device and image size, and factories of programs, textures and targets.
 
-    bytes: device memory of its textures and buffers; texts: the shaders of its programs. shaders: folder of the
+    bytes: device memory of its textures and buffers; texts: the shader sources of its programs; shaders: folder of the
     technique's own shader files, searched before the shared ones.
     """
 
@@ -60,7 +60,7 @@ class Stage:
         self._geometry = geometry
         self._programs = 0
         self._roots = [*([shaders] if shaders else []), data_folder("shaders")]
-        self._resources: list[Freeable] = []
+        self._resources: list[Releasable] = []
 
     def program(
         self,
@@ -71,12 +71,12 @@ class Stage:
         params: TechniqueParams | None = None,
         defines: Mapping[str, int | str] = {},
     ) -> Program:
-        """A linked program from shader files or inline texts, with the technique's parameters.
+        """A linked program from shader files or inline sources, with the technique's parameters.
 
-        Ints, bools and choices of `params` become #defines (SIZE 1024, REVERSED 0, WRAP_BORDER 1). A row's file
-        replaces the include of its field (`#include <bias>`), and its own parameters follow the same rules
-        (FILTER_TAPS 3). Floats become uniforms (`bias_max`), lengths in metres converted to local lengths; the uniform
-        `metre` is one metre as a local length.
+        Ints, bools and choices of `params` become #defines (SIZE 1024, REVERSED 0, WRAP_BORDER 1), floats uniforms
+        (`bias_max`), with lengths in metres converted to local coordinates. The shader file of the chosen bias, filter,
+        fit or split replaces `#include <parameter>` (`#include <bias>`), and its own parameters follow the same rules
+        (FILTER_TAPS 3). The uniform `metre` is the length of one metre in local coordinates. defines: further #defines.
         """
         names, slots, uniforms = _shader_values(params, self.placement) if params else ({}, {}, {})
         names |= {name: str(value) for name, value in defines.items()}
@@ -182,7 +182,7 @@ class Stage:
         self._resources.append(drawable.vertices)
         return drawable
 
-    def _own(self, resource: Freeable, size: int) -> None:
+    def _own(self, resource: Releasable, size: int) -> None:
         self._resources.append(resource)
         self.bytes += size
 

@@ -21,7 +21,7 @@ Result = TypeVar("Result")
 Vectors = Floats | NDArray[np.float32]
 
 RAYS_A_SLICE = 1 << 15  # float64 temporaries of a slice fit in a core's cache
-NEVER = 1e30  # a ray length beyond any local scene
+INFINITE = 1e30  # ray length, in effect infinite: beyond any local scene
 
 
 class Tracer:

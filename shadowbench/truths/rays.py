@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.scenes.model import Floats, View, unit
-from shadowbench.truths.embree import NEVER, Tracer
+from shadowbench.truths.embree import INFINITE, Tracer
 
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
@@ -24,13 +24,13 @@ EDGE_ON = 1e-6  # |N·ray| below which a hit cannot be refined
 class ShadowRays(NamedTuple):
     """Rays from points near surfaces to the light.
 
-    origins: (3, N); directions: (3, N), or (3, 1) if shared; ahead: (N,) distance of the origin from the surface along
+    origins: (3, N); directions: (3, N), or (3, 1) if shared; offset: (N,) distance of the origin from the surface along
     L; reach: (N,) or a number, distance from the origin to the light.
     """
 
     origins: Floats
     directions: Floats
-    ahead: Floats
+    offset: Floats
     reach: Floats | float
 
     def select(self, chosen: Mask) -> "ShadowRays":
@@ -38,7 +38,7 @@ class ShadowRays(NamedTuple):
         return ShadowRays(
             self.origins[:, chosen],
             self.directions if self.directions.shape[1] == 1 else self.directions[:, chosen],
-            self.ahead[chosen],
+            self.offset[chosen],
             self.reach if isinstance(self.reach, float) else self.reach[chosen],
         )
 
@@ -156,7 +156,7 @@ class ViewRays:
         normal = self._normals.take(triangle, axis=1)
         point = self._points(directions.take(rays, axis=1), triangle, normal)
         if self._light_w == 0:
-            return Receivers(rays, triangle, point, self._light, NEVER, self._cosines.take(triangle))
+            return Receivers(rays, triangle, point, self._light, INFINITE, self._cosines.take(triangle))
         to_light, distance = self._toward_light(point)
         cosine = dot(normal, to_light)
         facing = cosine > 0
@@ -174,11 +174,11 @@ class ViewRays:
 
     def shadow_rays(self, receivers: Receivers, delta: float) -> ShadowRays:
         """Shadow rays offset along L to a height δ; an offset along N would shift shadows by δ/tan(elevation)."""
-        ahead = delta / receivers.cosine
-        origins = receivers.point + receivers.to_light * ahead
+        offset = delta / receivers.cosine
+        origins = receivers.point + receivers.to_light * offset
         # A light within the offset leaves a ray of length 0.
-        reach = NEVER if self._light_w == 0 else np.maximum(receivers.distance - ahead, 0.0)
-        return ShadowRays(origins, receivers.to_light, ahead, reach)
+        reach = INFINITE if self._light_w == 0 else np.maximum(receivers.distance - offset, 0.0)
+        return ShadowRays(origins, receivers.to_light, offset, reach)
 
     def pixels(self, receivers: Receivers) -> Indices:
         """(2, R) column, and row within the traced rows, of each receiver."""
@@ -193,11 +193,11 @@ class ViewRays:
     def normal_offset_rays(self, receivers: Receivers, delta: float) -> ShadowRays:
         """Shadow rays offset by δ along N."""
         origins = receivers.point + self._normals.take(receivers.triangle, axis=1) * delta
-        ahead = np.zeros(len(receivers.rays))
+        offset = np.zeros(len(receivers.rays))
         if self._light_w == 0:
-            return ShadowRays(origins, self._light, ahead, NEVER)
+            return ShadowRays(origins, self._light, offset, INFINITE)
         to_light, distance = self._toward_light(origins)
-        return ShadowRays(origins, to_light, ahead, distance)
+        return ShadowRays(origins, to_light, offset, distance)
 
     def occluded(self, rays: ShadowRays) -> Mask:
         """(N,) whether a caster blocks each ray."""
@@ -209,7 +209,7 @@ class ViewRays:
     def blockers(self, rays: ShadowRays) -> Floats:
         """(N,) distance along L from the receiver to the nearest caster."""
         distance = self._casters.distance(as_float32(rays.origins), as_float32(rays.directions), rays.reach)
-        return rays.ahead + distance.astype(np.float64)
+        return rays.offset + distance.astype(np.float64)
 
     def _points(self, directions: Floats, triangle: Indices, normal: Floats) -> Floats:
         toward = np.minimum(dot(normal, directions), -EDGE_ON)

@@ -175,7 +175,7 @@ def test_what_fails_on_a_scene_held_out_is_set_beside_nothing() -> None:
     assert [one.name for one in found.others] == ["default"] and found.tuned.spec == A
 
 
-def test_an_error_is_surely_less_where_its_whole_interval_is() -> None:
+def test_an_error_is_significantly_less_where_its_whole_interval_is() -> None:
     reference = scene_scores([row(scene, 0.02) for scene in "abc"])
     assert significantly_less(scene_scores([row(scene, 0.01) for scene in "abc"]), reference)
     assert not significantly_less(scene_scores([row("a", 0.001), row("b", 0.019), row("c", 0.021)]), reference)
@@ -219,7 +219,7 @@ def tune(bench: Any) -> Tune:
     """Tunes the bias of a spec on one little scene, held out another; `bench.calls` are then the worker's."""
 
     def run(text: str, trials: int, folder: Path) -> TuningComparison:
-        home = replace(parse_spec(text, KNOWN), named=frozenset())
+        home = replace(parse_spec(text, KNOWN), explicit=frozenset())
         scenes = ("cube-on-plane", "sphere-and-torus")
         study = Study.of(scenes, [home], map_size=(128,), view_size=64, rounds=0)
         bench.calls.clear()

@@ -186,7 +186,9 @@ def test_a_cache_that_cannot_be_is_one_note(
     doctor = shadowbench("doctor")
     assert doctor.code == 0
     assert "problem: " in doctor.out and "Not a directory" in doctor.out
-    assert doctor.out.splitlines()[-1] == "ready, but every command traces its truths again: the cache cannot be used"
+    assert (
+        doctor.out.splitlines()[-1] == "ready, but each command must trace its truths again: the cache cannot be used"
+    )
 
 
 def test_masks_of_one_value_are_noted(shadowbench: Shadowbench, half: Path, tmp_path: Path) -> None:

@@ -42,8 +42,8 @@ def test_every_metric_has_a_row_that_explains_it():
         assert metric.kind in ("hard", "soft", "both")
         assert metric.help.endswith(".")
         assert metric.function.__doc__
-    assert "diluted by lit ground" in METRICS["ssim"].help
-    assert "prefers a displaced edge to a smooth one" in METRICS["ssim"].help
+    assert "Large lit areas raise it" in METRICS["ssim"].help
+    assert "prefers a displaced edge to a blurred one" in METRICS["ssim"].help
 
 
 def test_a_share_may_move_by_a_thousandth_an_edge_by_a_twentieth_of_a_pixel_and_its_worst_by_half_a_one():

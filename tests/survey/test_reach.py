@@ -11,7 +11,7 @@ from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import Light, Mesh, View
 from shadowbench.scenes.views import chosen_view
 from shadowbench.survey.maps import fitted_map
-from shadowbench.survey.reach import Reach, reach_of
+from shadowbench.survey.reach import RelevantCasters, reach_of
 from shadowbench.survey.sampling import sample_view
 from shadowbench.truths.trace import trace
 from tests.survey.conftest import LIGHTS, box, from_above, looking, plate
@@ -19,7 +19,7 @@ from tests.survey.conftest import LIGHTS, box, from_above, looking, plate
 SUN = Light("sun", "directional", (0.5, -1.0, 0.0))
 
 
-def reach(view: View) -> Reach:
+def reach(view: View) -> RelevantCasters:
     return reach_of(fitted_map(sample_view(view)))
 
 

@@ -12,7 +12,7 @@ from shadowbench.scenes.model import Light, View
 from shadowbench.scenes.views import chosen_view
 from shadowbench.survey import sampling
 from shadowbench.survey.cascades import CascadeSizes, cascades_of
-from shadowbench.survey.depth import STEPS
+from shadowbench.survey.depth import BIAS_STEPS
 from shadowbench.survey.footprint import ANGLES, DISPLACEMENTS
 from shadowbench.survey.maps import PADDING, REFERENCE_SIZE, FittedMap, fitted_map
 from shadowbench.survey.sampling import sample_view
@@ -106,4 +106,4 @@ def test_a_lamp_has_no_cascades() -> None:
 def test_needs_are_those_of_the_default_shadow_map() -> None:
     params = ShadowMap.Params()
     assert params.filter.radius(params.size) + 1 == PADDING and params.size == REFERENCE_SIZE
-    assert params.bias == Texel(ulps=STEPS)
+    assert params.bias == Texel(ulps=BIAS_STEPS)

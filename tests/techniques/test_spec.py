@@ -174,7 +174,7 @@ def test_later_keys_override_a_preset_and_a_preset_overrides_earlier_keys() -> N
 
 
 def test_named_are_the_keys_that_somebody_wrote() -> None:
-    assert parse_spec("shadow-map:preset=webgl,wrap=edge", ALL).named == {"fit", "bias", "filter", "size", "wrap"}
+    assert parse_spec("shadow-map:preset=webgl,wrap=edge", ALL).explicit == {"fit", "bias", "filter", "size", "wrap"}
 
 
 def test_with_changes_one_value_and_validates_it() -> None:

@@ -15,7 +15,7 @@ import pytest
 
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Light, Mesh, Scene, View, vec3, view_of
-from shadowbench.truths.embree import NEVER
+from shadowbench.truths.embree import INFINITE
 from shadowbench.truths.near import CASTERS_A_RECEIVER, NearCasters
 from shadowbench.truths.rays import Receivers
 from shadowbench.truths.trace import GRAZING, OFFSET, Truth, trace
@@ -91,7 +91,7 @@ def test_long_casters_are_candidates_only_where_they_are_low(count: int) -> None
         np.zeros(64, dtype=np.intp),
         np.stack([along, along * 0, along]),
         to_light,
-        NEVER,
+        INFINITE,
         np.full(64, 1e-3),
     )
     near = NearCasters(Scene("hairs", (mesh,), (), ()).geometry)
