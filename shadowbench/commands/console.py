@@ -158,7 +158,10 @@ def print_table(
         column.min_width = max(size.maximum for size in sizes) if column.no_wrap else words
     least = Measurement.get(out(), unlimited, table).minimum
     table.width = least if least > out().width else None
-    for line in out().render_lines(table, pad=False):  # without the blanks that Rich leaves at the ends of lines
+    options = out().options.update(width=max(least, out().width))
+    for line in out().render_lines(
+        table, options, pad=False
+    ):  # without the blanks that Rich leaves at the ends of lines
         width = cell_len("".join(part.text for part in line).rstrip())
         trimmed = Segment.adjust_line_length(line, width, pad=False)
         out().print(Segments([*trimmed, Segment.line()]), crop=False, end="")
