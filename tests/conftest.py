@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
@@ -26,6 +27,9 @@ from shadowbench.scenes.shapes import build_shape
 from shadowbench.truths.trace import Truth, trace
 
 pytest_plugins = ["tests.runs"]
+
+# A suite that a script starts in the background ignores SIGINT, and so would the programs that tests interrupt.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 if settings.get_current_profile_name() == "default":  # neither CI's nor that of tools/mutate.py
     settings.register_profile("suite", deadline=None)  # a busy machine is no failure
