@@ -15,15 +15,14 @@ from pathlib import Path
 from typing import Any
 
 # With what they import, these are imported once; ours are forgotten again.
-WARM = ("shadowbench.studies.measured", "shadowbench.measure.session", "scipy.ndimage", "skimage.metrics", "pandas")
+WARM = ("shadowbench.studies.measure", "shadowbench.measure.session", "scipy.ndimage", "skimage.metrics", "pandas")
 
 
 def measured(scenes: list[str], specs: list[str], phases: int, study: str, folder: str) -> None:
     """What `run` does, but with the session in this process."""
-    from shadowbench.studies.measured import asked_study, measure
-
     from shadowbench.measure.executor import Limits
     from shadowbench.measure.session import Session
+    from shadowbench.studies.measure import measure, study_from_options
     from shadowbench.techniques.registry import techniques
     from shadowbench.techniques.spec import parse_spec
 
@@ -55,7 +54,7 @@ def measured(scenes: list[str], specs: list[str], phases: int, study: str, folde
             pass
 
     known = techniques()
-    asked = asked_study(known, scenes, [parse_spec(text, known) for text in specs], study=study, phases=phases)
+    asked = study_from_options(known, scenes, [parse_spec(text, known) for text in specs], study=study, phases=phases)
     measure(asked, Path(folder), Here(), Silent())
 
 
