@@ -24,14 +24,13 @@ from tempfile import TemporaryDirectory
 from threading import RLock
 from typing import Any
 
-import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from shadowbench.advice.recommend import recommend as measure_recommendation
 from shadowbench.advice.recommend import target_of
 from shadowbench.advice.recommendation import Recommendation
-from shadowbench.arguments import as_list, as_visibility, instance_of, number, whole_number
+from shadowbench.arguments import as_list, as_visibility, instance_of, number, whole_number, whole_numbers
 from shadowbench.errors import InputError as InputError
 from shadowbench.errors import ShadowbenchError as ShadowbenchError
 from shadowbench.extremes.ranges import ranges_frame
@@ -181,16 +180,15 @@ def run(
         [entry if isinstance(entry, Scene) else str(entry) for entry in named],
         _specs(techniques, known),
         study=None if study is None else str(instance_of(study, "study", "a name or a file", str, Path)),
-        map_size=None if map_size is None else _sizes(map_size),
+        map_size=None if map_size is None else whole_numbers(map_size, "map_size", 1, 65536),
         phases=None if phases is None else whole_number(phases, "phases", 1, 10_000),
         view=view,
         light=light,
         view_size=None if view_size is None else whole_number(view_size, "view_size", 1, LARGEST),
         rounds=None if rounds is None else whole_number(rounds, "rounds", 0, 10_000),
     )
-    limits = Limits(chosen.time_limit, int(chosen.memory_limit * 2**30))
     with _folder(folder) as path:
-        return measure(chosen, path, _worker(files, limits), _LogReporter()).frame
+        return measure(chosen, path, _worker(files, chosen.limits), _LogReporter()).frame
 
 
 def needs(scene: SceneLike, *, view_size: int = 512, view: str | None = None, light: str | None = None) -> Needs:
@@ -221,9 +219,7 @@ def recommend(
     InputError.
     """
     limits = {"min_iou": min_iou, "max_edge_px": max_edge_px, "budget_ms": budget_ms}
-    target = target_of(
-        **{name: None if technique_ is None else number(technique_, name) for name, technique_ in limits.items()}
-    )
+    target = target_of(**{name: None if value is None else number(value, name) for name, value in limits.items()})
     files = _paths(plugins)
     chosen, known = _view(scene, view_size, view, light), techniques_with(files)
     with _folder(folder) as path:
@@ -288,15 +284,6 @@ def _specs(value: SpecLike | Iterable[SpecLike], known: Techniques) -> list[Spec
 
 def _paths(plugins: Files) -> tuple[Path, ...]:
     return tuple(Path(file).resolve() for file in as_list(plugins, "plugins", "Python files", str, Path))
-
-
-def _sizes(value: int | Iterable[int]) -> list[int]:
-    """Map sizes, at least one."""
-    found = as_list(value, "map_size", "whole numbers", int, np.integer)
-    sizes = [whole_number(size, "map_size", 1, 65536) for size in found]
-    if not sizes:
-        raise InputError("map_size: found none; allowed: one or several, or None for the study's")
-    return sizes
 
 
 @contextmanager

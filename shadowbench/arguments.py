@@ -32,6 +32,14 @@ def whole_number(value: Any, name: str, least: int, most: int) -> int:
     return number
 
 
+def whole_numbers(value: Any, name: str, least: int, most: int) -> list[int]:
+    """At least one whole number, given alone or as several."""
+    entries = as_list(value, name, "whole numbers", int, np.integer)
+    if not entries:
+        raise InputError(f"{name}: found none; allowed: one or several, or None for the study's")
+    return [whole_number(entry, name, least, most) for entry in entries]
+
+
 def number(value: Any, name: str) -> float:
     """A float from a real number of any library."""
     if isinstance(value, bool | str | bytes) or not hasattr(value, "__float__"):

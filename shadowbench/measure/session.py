@@ -182,9 +182,8 @@ class Session:
             texture = technique.draw(frame)
         self._reset_state()
         self.device.check(f"drawing {request.spec}")
-        self._check(request, texture, view.size)
         with self.profile.activity("read back"):
-            visibility = self._read(request, download(texture)[..., 0])
+            visibility = self._read(request.spec, texture, view.size)
         with self._gpu_work():
             tint = technique.tint() if tinted else None
             picture = open_view.loaded.picture_pass.draw(frame.surface, view, texture, tint)
@@ -260,21 +259,18 @@ class Session:
         self.device.context.enable_only(moderngl.NOTHING)
         self.device.context.wireframe = False
 
-    def _check(self, request: CellRequest, texture: object, size: int) -> None:
-        """Raises TypeError or ValueError unless `texture` is a one-component texture of the view's size."""
+    def _read(self, spec: str, texture: object, size: int) -> NDArray[np.float32]:
+        """(size, size) visibility of a texture. TypeError or ValueError unless it has that size and one component."""
         if not isinstance(texture, moderngl.Texture):
-            raise TypeError(f"{request.spec} drew {type(texture).__name__}; allowed: a texture")
+            raise TypeError(f"{spec} drew {type(texture).__name__}; allowed: a texture")
         if texture.size != (size, size):
-            width, height = texture.size
-            raise ValueError(f"{request.spec} drew {width} × {height} pixels; allowed: {size} × {size}")
+            raise ValueError(f"{spec} drew {' × '.join(map(str, texture.size))} pixels; allowed: {size} × {size}")
         if texture.components != 1:
-            raise ValueError(f"{request.spec} drew {texture.components} components; allowed: 1, the visibility")
-
-    def _read(self, request: CellRequest, raw: NDArray[np.generic]) -> NDArray[np.float32]:
+            raise ValueError(f"{spec} drew {texture.components} components; allowed: 1, the visibility")
         try:
-            return quantise(raw)
+            return quantise(download(texture)[..., 0])
         except ValueError as error:
-            raise ValueError(f"{request.spec} drew {error}") from error
+            raise ValueError(f"{spec} drew {error}") from error
 
     def _build(self, open_view: OpenView, request: CellRequest) -> BuiltCell:
         start = time.perf_counter()

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from typing import Any
 
 from shadowbench.reports.analysis import Configuration, Section, front
@@ -47,7 +48,7 @@ class Part:
     sections: tuple[Section, ...]
     scene_ids: dict[str, str]
 
-    @property
+    @cached_property
     def found(self) -> list[Candidate]:
         """Its configurations."""
         return candidates(self.sections)

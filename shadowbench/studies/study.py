@@ -10,6 +10,7 @@ from pydantic import Field, ValidationError
 from shadowbench.data import data_folder
 from shadowbench.errors import InputError, alternatives
 from shadowbench.measure.cells import Block, Cell
+from shadowbench.measure.executor import Limits
 from shadowbench.measure.references import DEFAULT_REFERENCE, reference_name
 from shadowbench.measure.rows import StudyFacts
 from shadowbench.measure.timing import Conditions
@@ -88,6 +89,11 @@ class Study(Strict):
     def conditions(self, time_again: bool = False) -> Conditions:
         """Measurement settings of the cells."""
         return Conditions(self.coordinates, self.rounds, self.reference, time_again)
+
+    @property
+    def limits(self) -> Limits:
+        """Limits of each call to the worker."""
+        return Limits(self.time_limit, int(self.memory_limit * 2**30))
 
     @property
     def facts(self) -> StudyFacts:

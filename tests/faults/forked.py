@@ -77,7 +77,7 @@ def main(sources: str) -> None:
                 try:
                     measured(*json.loads(line))
                     code = 0
-                except BaseException:
+                except BaseException:  # also what a plug-in or a signal raises: the fork never returns to the loop
                     traceback.print_exc()
                 finally:
                     sys.stderr.flush()
