@@ -105,10 +105,10 @@ def find_cheapest(
 ) -> Recommendation:
     """Search the specs of `known` techniques with maps up to `largest`. Raises InputError as `needs` does."""
     found = needs(view)
-    space = full_space(known, view.light.kind, largest)
+    space = full_space(known, view.light.hard_kind, largest)
     least_iou = target.value if target.metric == "iou" else None
     left, excluded = prune(space, found, least_iou, unit == "work")
-    out = [*unavailable(known, view.light.kind), *excluded]
+    out = [*unavailable(known, view.light.hard_kind), *excluded]
     if not (truth.receivers & (truth.visibility < 0.5)).any():
         left = [Spec(Unshadowed, Unshadowed.Params())]
         out = [Exclusion(f"all but {Unshadowed.name}", "nothing that is seen is in shadow", len(space))]

@@ -46,11 +46,12 @@ class LightSpace:
 
 
 def light_space(light: Light) -> LightSpace:
-    """The light space of a directional light or a spot."""
-    perspective = light.kind == "spot"
+    """The light space of a light that has a direction; that of a disc or rectangle is a spot's at its centre."""
+    angle = light.frustum_angle
+    perspective = angle is not None
     basis = perpendicular_basis(-unit(light.direction), (0.0, 1.0, 0.0))
     origin = np.array(light.position if perspective else (0.0, 0.0, 0.0))
-    return LightSpace(basis, origin, perspective, float(np.tan(light.angle / 2)) if perspective else float("inf"))
+    return LightSpace(basis, origin, perspective, float("inf") if angle is None else float(np.tan(angle / 2)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -85,7 +85,7 @@ class Measurer:
         """Time the successful cells that lack a time. Returns why timing failed, by cell."""
         store, name = self.store, placed_view.view.scene.name
         failures: dict[Cell, str] = {}
-        reference = self._key(reference_cell(self.conditions.reference, placed_view.view.light.kind), view)
+        reference = self._key(reference_cell(self.conditions.reference, placed_view.view.light.hard_kind), view)
         wanted = [cell for cell in keys if self.is_timed(cell)]
         succeeded = [cell for cell in wanted if store.scores[keys[cell]]["status"] == "ok"]
         timed = {

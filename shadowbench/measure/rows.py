@@ -24,7 +24,7 @@ from pydantic import (
 from typing_extensions import TypedDict
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.model import Coordinates, LightKind
+from shadowbench.scenes.model import Coordinates, LightShape
 from shadowbench.strict import explain
 
 SCHEMA = 1
@@ -99,7 +99,7 @@ class ScoreRow(CellIdentity):
     axis: NotRequired[str]
     axis_value: NotRequired[Integer | FiniteFloat | str]
     axis_unit: NotRequired[str]
-    light_kind: NotRequired[LightKind]
+    light_kind: NotRequired[LightShape]
     home_spec: NotRequired[str]
 
 

@@ -56,7 +56,7 @@ def time_cells(
     without_ratio: cells that have times but no ratio, which are skipped if the reference fails again. A TimingFailure
     of a cell not in `sizes` is that of the reference; the cells then have no ratios.
     """
-    reference: Cell | None = reference_cell(conditions.reference, placed_view.view.light.kind)
+    reference: Cell | None = reference_cell(conditions.reference, placed_view.view.light.hard_kind)
     no_ratio = None
     if reference is not None and reference not in sizes:
         try:  # now, so that a failing reference does not fail every group
@@ -97,7 +97,7 @@ def _time_group(
 ) -> Iterator[Timing | TimingFailure]:
     """Time one group together. A cell that fails is dropped, and the rest is timed again without it."""
     floor = Cell(Spec(Unshadowed, Unshadowed.Params()))
-    name = reference_name(reference_cell(conditions.reference, placed_view.view.light.kind).spec)
+    name = reference_name(reference_cell(conditions.reference, placed_view.view.light.hard_kind).spec)
     retried = False
     while group:
         cells = list(dict.fromkeys([floor, *([reference] if reference else []), *group]))

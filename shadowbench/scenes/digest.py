@@ -25,7 +25,7 @@ def view_digest(view: View) -> str:
     parts = (
         geometry_digest(view.scene.geometry),
         (camera.position, camera.target, camera.up, camera.fov_y, camera.near, camera.far),
-        (light.kind, light.direction, light.position, light.angle, light.radius),
+        (light.kind, light.direction, light.position, light.angle, light.radius, light.size, light.up),
         view.size,
     )
     return hashlib.sha256(repr(parts).encode()).hexdigest()

@@ -71,12 +71,12 @@ def read_scene_file(path: Path, assets: Path | None = None) -> Scene:
         )
     cameras = [camera_from_table(*each) for each in _tables(document.camera, "camera", path.name)]
     _check_unique([camera.name for camera in cameras], f"{path.name}: [[camera]]")
-    sized = [light_from_table(*each) for each in _tables(document.light, "light", path.name)]
-    lights, notes = [light for light, _ in sized], [line for _, lines in sized for line in lines]
+    lights = [light_from_table(*each) for each in _tables(document.light, "light", path.name)]
     _check_unique([light.name for light in lights], f"{path.name}: [[light]]")
     if not document.mesh:
         raise InputError(f"{path.name}: mesh: found none; at least one [[mesh]] is needed")
     meshes: list[Mesh] = []
+    notes: list[str] = []
     read: dict[Path, Contents] = {}
     dropped = triangles = copies = 0
     for number, raw in enumerate(document.mesh, 1):

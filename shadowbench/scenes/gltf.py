@@ -17,8 +17,8 @@ from scipy.spatial.transform import Rotation
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.gltf_schema import Layout, NodeTable
-from shadowbench.scenes.model import Camera, Floats, Light, unit, vec3
-from shadowbench.scenes.tables import LONGEST_NAME, NARROWEST, WIDEST_SPOT, name_from
+from shadowbench.scenes.model import WIDEST_CONE, Camera, Floats, Light, unit, vec3
+from shadowbench.scenes.tables import LONGEST_NAME, NARROWEST, name_from
 
 # Extensions that are supported, or do not affect the geometry.
 HONOURED = re.compile(
@@ -157,9 +157,9 @@ def lights_of(layout: Layout, where: str) -> tuple[list[Light], list[str]]:
             angle = 2 * data.spot.outerConeAngle
             if not 0.0 < angle <= math.pi + 1e-6:
                 raise InputError(f"{where}: light {name}: outerConeAngle {angle / 2:g}; allowed: above 0, to pi/2")
-            if angle > math.radians(WIDEST_SPOT):
-                notes.append(f"{where}: light {name}: cone of {math.degrees(angle):.4g}° taken as {WIDEST_SPOT:g}°")
-                angle = math.radians(WIDEST_SPOT)
+            if angle > math.radians(WIDEST_CONE):
+                notes.append(f"{where}: light {name}: cone of {math.degrees(angle):.4g}° taken as {WIDEST_CONE:g}°")
+                angle = math.radians(WIDEST_CONE)
             lights.append(Light(name, "spot", direction=vec3(direction), position=vec3(position), angle=angle))
         else:
             raise InputError(f"{where}: light {name}: type {kind!r:.40}; allowed: directional, point, spot")

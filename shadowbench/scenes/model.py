@@ -17,8 +17,11 @@ from shadowbench.scenes.geometry import Geometry
 
 Vec3 = tuple[float, float, float]
 LightKind = Literal["directional", "spot", "point"]
+LightShape = Literal[LightKind, "disc", "rectangle"]
 Coordinates = Literal["relative", "absolute"]
 
+WIDEST_CONE = 170.0
+"""Largest full cone angle of a spot, and of the frustum in which maps draw a disc or rectangle light, in degrees."""
 LONGEST_VIEW_NAME = 200
 """Limit in bytes of UTF-8. File systems allow 255 for a file name, which includes a suffix or a temporary one."""
 NEAREST_TARGET = 1e-12
@@ -105,18 +108,31 @@ class Camera:
 
 @dataclass(frozen=True)
 class Light:
-    """A light source.
+    """A light source; hard-edged shadows if it has no size.
 
-    direction: in which the light travels (directional, spot); angle: full cone angle of a spot in radians; radius: size
-    of the light, angular in radians for a directional one, in metres otherwise; 0 for hard shadows.
+    direction: in which the light travels, or a disc's or rectangle's normal (all but point lights); angle: full cone
+    angle of a spot in radians; radius: of the sun in radians as seen from the ground, of a disc or the sphere of a spot
+    or point light in metres; size: width and height of a rectangle in metres, up: roughly along its height.
     """
 
     name: str
-    kind: LightKind
+    kind: LightShape
     direction: Vec3 = (0.0, -1.0, 0.0)
     position: Vec3 = (0.0, 0.0, 0.0)
     angle: float = 0.0
     radius: float = 0.0
+    size: tuple[float, float] = (0.0, 0.0)
+    up: Vec3 = (0.0, 1.0, 0.0)
+
+    @property
+    def soft(self) -> bool:
+        """Whether the light has a size, so that its shadows have penumbrae."""
+        return self.radius > 0.0 or min(self.size) > 0.0
+
+    @property
+    def hard_kind(self) -> LightKind:
+        """Kind of the light of no size at the centre, as techniques for hard shadows see it: discs are spots."""
+        return "spot" if self.kind == "disc" or self.kind == "rectangle" else self.kind
 
     @property
     def homogeneous(self) -> tuple[Vec3, float]:
@@ -127,8 +143,20 @@ class Light:
 
     @property
     def cos_half_angle(self) -> float:
-        """Cosine of a spot's half cone angle; −1 for other lights."""
-        return float(np.cos(self.angle / 2)) if self.kind == "spot" else -1.0
+        """Cosine of the largest angle from `direction` that is lit: a spot's cone, a panel's front; −1 for others."""
+        if self.hard_kind != "spot":
+            return -1.0
+        return float(np.cos(self.angle / 2)) if self.kind == "spot" else 0.0
+
+    @property
+    def frustum_angle(self) -> float | None:
+        """Full angle in radians of the frustum along `direction` that a map covers; None for suns and point lights.
+
+        WIDEST_CONE for a disc or rectangle, which lights a half-space.
+        """
+        if self.hard_kind != "spot":
+            return None
+        return self.angle if self.kind == "spot" else float(np.radians(WIDEST_CONE))
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,7 +230,13 @@ class Placement:
         """The light in local coordinates; the angular radius of a directional light is unchanged."""
         if light.kind == "directional":
             return light
-        return replace(light, position=vec3(self.points(light.position)), radius=self.length(light.radius))
+        width, height = light.size
+        return replace(
+            light,
+            position=vec3(self.points(light.position)),
+            radius=self.length(light.radius),
+            size=(self.length(width), self.length(height)),
+        )
 
     def scene(self, scene: Scene) -> Scene:
         """The scene with all its meshes, cameras and lights in local coordinates."""

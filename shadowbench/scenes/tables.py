@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from shadowbench.errors import InputError, alternatives
-from shadowbench.scenes.model import Camera, Light, Vec3, vec3
+from shadowbench.scenes.model import WIDEST_CONE, Camera, Light, Vec3, vec3
 from shadowbench.scenes.triangles import LARGEST
 from shadowbench.strict import Strict, explain
 
@@ -15,8 +15,8 @@ MOST_COPIES = 50_000
 """Limit on the meshes of a scene, each copy counted."""
 MOST_NAMED = 1000
 """Limit on the cameras of a scene, and on its lights."""
-WIDEST_SPOT = 170.0
-"""Largest cone angle of a spot, in degrees."""
+WIDEST_SUN = 90.0
+"""Angular radii of directional lights are below this, in degrees: a wider one surrounds the scene."""
 NARROWEST = 0.01
 """Smallest field of view in degrees; float32 cannot resolve the pixels of a narrower one."""
 LONGEST_NAME = 80
@@ -53,6 +53,15 @@ def _scale(value: object) -> Vec3:
     return scale
 
 
+def _size(value: object) -> tuple[float, float]:
+    if not isinstance(value, list | tuple) or len(value) != 2:
+        raise ValueError(f"found {value!r:.60}; allowed: two numbers, width and height")
+    width, height = (_number(part) for part in value)
+    if not (min(width, height) > 0.0 or width == height == 0.0):
+        raise ValueError(f"found {value!r:.60}; allowed: a width and a height above 0, or both 0 for a hard light")
+    return width, height
+
+
 def _color(value: object) -> Vec3:
     color = _three(value)
     if not all(0.0 <= channel <= 1.0 for channel in color):
@@ -78,6 +87,7 @@ Number = Annotated[float, BeforeValidator(_number)]
 Three = Annotated[Vec3, BeforeValidator(_three)]
 Direction = Annotated[Vec3, BeforeValidator(_direction)]
 Scale = Annotated[Vec3, BeforeValidator(_scale)]
+Size = Annotated[tuple[float, float], BeforeValidator(_size)]
 Color = Annotated[Vec3, BeforeValidator(_color)]
 Name = Annotated[str, BeforeValidator(_name)]
 Flag = Annotated[bool, Field(strict=True)]
@@ -109,7 +119,7 @@ class DirectionalTable(Strict):
     name: Name | None = None
     kind: Literal["directional"]
     direction: Direction
-    angular_radius: Number = Field(0.0, ge=0.0, le=90.0)
+    angular_radius: Number = Field(0.0, ge=0.0, lt=WIDEST_SUN)
 
 
 class SpotTable(Strict):
@@ -119,7 +129,7 @@ class SpotTable(Strict):
     kind: Literal["spot"]
     position: Three
     direction: Direction
-    angle: Number = Field(gt=0.0, le=WIDEST_SPOT)
+    angle: Number = Field(gt=0.0, le=WIDEST_CONE)
     radius: Number = Field(0.0, ge=0.0)
 
 
@@ -132,10 +142,34 @@ class PointTable(Strict):
     radius: Number = Field(0.0, ge=0.0)
 
 
-LIGHT_TABLES: dict[str, type[DirectionalTable] | type[SpotTable] | type[PointTable]] = {
+class DiscTable(Strict):
+    """A disc `[light]`, which shines to the side of `direction`; radius in metres."""
+
+    name: Name | None = None
+    kind: Literal["disc"]
+    position: Three
+    direction: Direction
+    radius: Number = Field(0.0, ge=0.0)
+
+
+class RectangleTable(Strict):
+    """A rectangle `[light]`, which shines to the side of `direction`; size: width and height in metres."""
+
+    name: Name | None = None
+    kind: Literal["rectangle"]
+    position: Three
+    direction: Direction
+    up: Direction = (0.0, 1.0, 0.0)
+    size: Size = (0.0, 0.0)
+
+
+LightTable = DirectionalTable | SpotTable | PointTable | DiscTable | RectangleTable
+LIGHT_TABLES: dict[str, type[LightTable]] = {
     "directional": DirectionalTable,
     "spot": SpotTable,
     "point": PointTable,
+    "disc": DiscTable,
+    "rectangle": RectangleTable,
 }
 
 
@@ -187,8 +221,8 @@ def camera_from_table(table: object, where: str, default_name: str = "camera") -
     )
 
 
-def light_from_table(table: object, where: str, default_name: str = "light") -> tuple[Light, list[str]]:
-    """The light of a table in a scene or study file, of size 0, and a note if the table gives a size."""
+def light_from_table(table: object, where: str, default_name: str = "light") -> Light:
+    """The light of a table in a scene or study file. Raises InputError that begins with `where`."""
     kind = table.get("kind") if isinstance(table, dict) else None
     if not isinstance(kind, str) or kind not in LIGHT_TABLES:
         found = "none" if kind is None else f"{kind!r:.60}"
@@ -197,14 +231,9 @@ def light_from_table(table: object, where: str, default_name: str = "light") -> 
         row = LIGHT_TABLES[kind].model_validate(table)
     except ValidationError as error:
         raise explain(where, error) from error
-    name = row.name or default_name
+    values = {field: value for field, value in row if field in Light.__dataclass_fields__}
     if isinstance(row, DirectionalTable):
-        light, size = Light(name, "directional", direction=row.direction), f"angular_radius {row.angular_radius:g}°"
-        sized = row.angular_radius > 0.0
-    else:
-        light, size = Light(name, row.kind, position=row.position), f"radius {row.radius:g} m"
-        sized = row.radius > 0.0
-        if isinstance(row, SpotTable):
-            angle = math.radians(row.angle)
-            light = Light(name, "spot", direction=row.direction, position=row.position, angle=angle)
-    return light, [f"{where}: {size} taken as 0: lights have no size yet"] if sized else []
+        values["radius"] = math.radians(row.angular_radius)
+    if isinstance(row, SpotTable):
+        values["angle"] = math.radians(row.angle)
+    return Light(**{**values, "name": row.name or default_name})

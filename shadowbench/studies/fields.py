@@ -71,9 +71,7 @@ def _cameras(entries: list[Any], info: ValidationInfo) -> tuple[str | Camera, ..
 
 def _lights(entries: list[Any], info: ValidationInfo) -> tuple[str | Light, ...]:
     def made(entry: Any, number: int) -> str | Light:
-        light, notes = light_from_table(entry, f"{_source(info).where}: lights {number}", f"light-{number}")
-        _source(info).notes.extend(notes)
-        return light
+        return light_from_table(entry, f"{_source(info).where}: lights {number}", f"light-{number}")
 
     return _made_of_tables(entries, made)
 

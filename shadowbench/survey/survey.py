@@ -4,7 +4,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.model import LightKind, View
+from shadowbench.scenes.model import LightShape, View
 from shadowbench.survey.cascades import CascadeSizes, cascades_of
 from shadowbench.survey.casters import Casters, casters_of
 from shadowbench.survey.depth import BiasNeed, DepthBits, bias_of, bits_of, depths_of
@@ -25,7 +25,7 @@ class Needs:
     light's size; reach: casters that can shadow visible receivers; pixels: number of sampled pixels, of view_size².
     """
 
-    light: LightKind
+    light: LightShape
     receivers: Receivers
     casters: Casters
     texels: Texels

@@ -122,8 +122,9 @@ class Technique(ABC):
     def declines(cls, params: TechniqueParams, view: View, device: Device) -> str | None:
         """Why the technique cannot draw this view, by `unsupported` or `lights`; None if it can."""
         reason = cls.unsupported(params, view, device)
-        if reason is None and view.light.kind not in cls.lights:
-            return f"a {view.light.kind} light; {cls.name} answers {' and '.join(sorted(cls.lights))} ones"
+        kind = view.light.hard_kind
+        if reason is None and kind not in cls.lights:
+            return f"a {kind} light; {cls.name} answers {' and '.join(sorted(cls.lights))} ones"
         return reason
 
     @classmethod

@@ -17,10 +17,12 @@ from shadowbench.files import replace_file
 from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.model import View
 from shadowbench.sources import code_digest
-from shadowbench.truths.trace import Truth, trace
+from shadowbench.truths.trace import STANDARD_ERROR, Truth, trace
 
 _RANGES: dict[str, tuple[type[np.generic], float, float]] = {
     "visibility": (np.float32, 0, 1),
+    "standard_error": (np.float32, 0, 1),
+    "irradiance": (np.float32, 0, 1),
     "receivers": (np.bool_, 0, 1),
     "undecided": (np.bool_, 0, 1),
     "area": (np.float32, 0, 1),
@@ -35,18 +37,18 @@ _log = logging.getLogger(__name__)
 KEPT_BYTES = 4 << 30  # size of the cache; beyond it, the oldest truths are deleted
 
 
-def cached_truth(view: View, pixel_samples: int = 4, light_samples: int = 1) -> Truth:
+def cached_truth(view: View, pixel_samples: int = 4, standard_error: float = STANDARD_ERROR) -> Truth:
     """`trace` of a view, from the cache if it was traced before by the same sources.
 
     A cache that cannot be written is a logged warning.
     """
-    file = cache_folder() / f"{_key(view, pixel_samples, light_samples)}.npz"
+    file = cache_folder() / f"{_key(view, pixel_samples, standard_error)}.npz"
     kept = read_truth(file, view)
     if kept is not None:
         with suppress(OSError):  # read-only caches are usable
             file.touch()
         return kept
-    truth = trace(view, pixel_samples, light_samples)
+    truth = trace(view, pixel_samples, standard_error)
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         write_truth(file, truth)
@@ -99,8 +101,8 @@ def _sources() -> str:
     return code_digest(Path(__file__))
 
 
-def _key(view: View, pixel_samples: int, light_samples: int) -> str:
-    parts = (view_digest(view), pixel_samples, light_samples, _sources())
+def _key(view: View, pixel_samples: int, standard_error: float) -> str:
+    parts = (view_digest(view), pixel_samples, standard_error, _sources())
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:32]
 
 

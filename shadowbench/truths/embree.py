@@ -1,7 +1,8 @@
 """Ray queries by Embree: nearest triangle, distance, occlusion.
 
 Embree works in float32, so callers pass local coordinates (a scene diagonal of about 1) and refine hits themselves.
-embreex checks no array bounds; this module alone ensures the shapes and types that it expects.
+Rays go in packets of 16 to the library inside the embreex wheel (`packets`), and where that cannot be loaded, singly
+through embreex. Neither checks array bounds; this module alone ensures the shapes and types that they expect.
 """
 
 import os
@@ -18,7 +19,8 @@ from shadowbench.scenes.geometry import in_slices
 from shadowbench.scenes.model import Floats
 
 Result = TypeVar("Result")
-Vectors = Floats | NDArray[np.float32]
+Singles = NDArray[np.float32]
+Vectors = Floats | Singles
 
 RAYS_A_SLICE = 1 << 15  # float64 temporaries of a slice fit in a core's cache
 INFINITE = 1e30  # ray length, in effect infinite: beyond any local scene
@@ -27,44 +29,77 @@ INFINITE = 1e30  # ray length, in effect infinite: beyond any local scene
 class Tracer:
     """Embree scene of one indexed triangle list.
 
-    vertices: (V, 3) float64, local; faces: (F, 3) int32. Rays: origins and directions (N, 3) float64, or float32 to
-    avoid a copy; directions of any length, (1, 3) if shared by all rays; reach: (N,) or a number. Reach and distances
-    are in multiples of the direction's length.
+    vertices: (V, 3) float64, local; faces: (F, 3) int32. Rays: origins (N, 3) float, directions (N, 3) or (1, 3) of any
+    length; reach: (N,) or a number. Reach and distances are in multiples of the direction's length. Arrays whose
+    transpose is a contiguous float32 array are not copied.
     """
 
     def __init__(self, vertices: Floats, faces: NDArray[np.int32]) -> None:
+        from shadowbench.truths.packets import PacketScene, load_library  # Numba takes 0.4 s to import
+
+        library = load_library()
+        corners = vertices.astype(np.float32)
+        self._scene = EmbreexScene(corners, faces) if library is None else PacketScene(library, corners, faces)
+
+    def nearest(self, origins: Vectors, directions: Vectors, reach: Vectors | float) -> NDArray[np.int32]:
+        """(N,) int32 index of the nearest triangle within reach, −1 if none."""
+        return self._scene.intersect(*_rays(origins, directions, reach))[0]
+
+    def distance(self, origins: Vectors, directions: Vectors, reach: Vectors | float) -> Singles:
+        """(N,) float32 distance to the nearest triangle; `reach` or more if none."""
+        return self._scene.intersect(*_rays(origins, directions, reach))[1]
+
+    def occluded(self, origins: Vectors, directions: Vectors, reach: Vectors | float) -> NDArray[np.bool_]:
+        """(N,) bool: whether any triangle lies within reach."""
+        return self._scene.occluded(*_rays(origins, directions, reach))
+
+
+class EmbreexScene:
+    """Single-ray queries through embreex, with the arguments and results of a `PacketScene`."""
+
+    def __init__(self, vertices: Singles, faces: NDArray[np.int32]) -> None:
         self._scene = EmbreeScene(robust=True)
         if len(faces):
-            TriangleMesh(self._scene, vertices.astype(np.float32), np.ascontiguousarray(faces, dtype=np.int32))
+            TriangleMesh(self._scene, vertices, np.ascontiguousarray(faces, dtype=np.int32))
         # The first query builds the BVH, which must not happen in several threads at once.
-        self.nearest(np.zeros((1, 3)), np.ones((1, 3)), 1.0)
+        self.occluded(np.zeros((3, 1), np.float32), np.ones((3, 1), np.float32), np.ones(1, np.float32))
 
-    def nearest(self, origins: Vectors, directions: Vectors, reach: Floats | float) -> NDArray[np.int32]:
-        """(N,) int32 index of the nearest triangle within reach, −1 if none."""
-        return self._run(origins, directions, reach, "INTERSECT").astype(np.int32, copy=False)
+    def intersect(self, origins: Singles, directions: Singles, reach: Singles) -> tuple[NDArray[np.int32], Singles]:
+        """(N,) index of the nearest triangle, −1 if none, and its distance, `reach` if none."""
+        triangle = self._run(origins, directions, reach, "INTERSECT").astype(np.int32)
+        return triangle, self._run(origins, directions, reach, "DISTANCE")
 
-    def distance(self, origins: Vectors, directions: Vectors, reach: Floats | float) -> NDArray[np.float32]:
-        """(N,) float32 distance to the nearest triangle; `reach` or more if none."""
-        return self._run(origins, directions, reach, "DISTANCE")
-
-    def occluded(self, origins: Vectors, directions: Vectors, reach: Floats | float) -> NDArray[np.bool_]:
-        """(N,) bool: whether any triangle lies within reach."""
+    def occluded(self, origins: Singles, directions: Singles, reach: Singles) -> NDArray[np.bool_]:
+        """(N,) whether any triangle lies within reach."""
         blocked: NDArray[np.bool_] = self._run(origins, directions, reach, "OCCLUDED") == 0
         return blocked
 
-    def _run(self, origins: Vectors, directions: Vectors, reach: Floats | float, query: str) -> NDArray[np.float32]:
-        if len(origins) == 0:
+    def _run(self, origins: Singles, directions: Singles, reach: Singles, query: str) -> Singles:
+        if not len(reach):
             return np.empty(0, dtype=np.float32)
-        lengths = np.full(len(origins), reach, dtype=np.float32)  # a copy: Embree writes into it
-        if origins.shape[1:] != (3,) or directions.shape not in (origins.shape, (1, 3)):
-            raise ValueError(f"origins of shape {origins.shape}, directions of shape {directions.shape}")
-        answer: NDArray[np.float32] = self._scene.run(
-            np.ascontiguousarray(origins, dtype=np.float32),
-            np.ascontiguousarray(directions, dtype=np.float32),
-            dists=lengths,
+        answer: Singles = self._scene.run(
+            np.ascontiguousarray(origins.T),
+            np.ascontiguousarray(directions.T),
+            dists=reach.copy(),  # Embree writes into it
             query=query,
         )
         return answer
+
+
+def _rays(origins: Vectors, directions: Vectors, reach: Vectors | float) -> tuple[Singles, Singles, Singles]:
+    """(3, N) origins, (3, N) or (3, 1) directions and (N,) reach, float32 and C-contiguous."""
+    if origins.shape[1:] != (3,) or directions.shape not in (origins.shape, (1, 3)):
+        raise ValueError(f"origins of shape {origins.shape}, directions of shape {directions.shape}")
+    return (
+        np.ascontiguousarray(origins.T, dtype=np.float32),
+        np.ascontiguousarray(directions.T, dtype=np.float32),
+        np.ascontiguousarray(np.broadcast_to(np.asarray(reach, dtype=np.float32), len(origins))),
+    )
+
+
+def rows_a_slice(width: int) -> int:
+    """Rows of an image that make a slice of about RAYS_A_SLICE rays."""
+    return max(1, RAYS_A_SLICE // width)
 
 
 def over_slices(work: Callable[[slice], Result], count: int, size: int = RAYS_A_SLICE) -> Iterator[Result]:

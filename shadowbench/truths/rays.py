@@ -6,19 +6,24 @@ which NumPy is several times faster than on (N, 3).
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.scenes.model import Floats, View, unit
-from shadowbench.truths.embree import INFINITE, Tracer
+from shadowbench.truths.embree import INFINITE, Singles, Tracer
 
 Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
 FROM_LIGHT = 2.0  # local distance of the light from the centre up to which shadow rays are traced from the light
 EDGE_ON = 1e-6  # |N·ray| below which a hit cannot be refined
+GRAZING = 1e-4  # N·L up to which a receiver is undecided
+LOW_LIGHT = 0.1  # N·L below which a shadow ray starts so far along L, 10 δ or more, that it may miss low casters
+SUBPIXEL = 1 / 256  # pixels; the subpixel grid of common rasterisers
+SUBPIXEL_OFFSETS = tuple(product((0.5 - SUBPIXEL, 0.5 + SUBPIXEL), repeat=2))
 
 
 class ShadowRays(NamedTuple):
@@ -58,8 +63,8 @@ class Receivers:
     distance: Floats | float
     cosine: Floats
 
-    def select(self, chosen: Mask) -> "Receivers":
-        """The selected subset; chosen: (N,) bool."""
+    def select(self, chosen: Mask | Indices | slice) -> "Receivers":
+        """The selected subset; chosen: (N,) bool, indices or a slice."""
         return Receivers(
             self.rays[chosen],
             self.triangle[chosen],
@@ -87,7 +92,7 @@ class ViewRays:
     """Camera and shadow rays of a view in local coordinates."""
 
     def __init__(self, view: View) -> None:
-        self._size = view.size
+        self.size = view.size
         self._near, self._far = view.near_far
         geometry = view.scene.geometry
         self._all = Tracer(geometry.vertices, geometry.faces)
@@ -123,8 +128,8 @@ class ViewRays:
 
     def directions(self, rows: slice, across: float = 0.5, down: float = 0.5) -> Floats:
         """(3, N) camera rays through a point of each pixel of some rows; the ray parameter is view depth."""
-        x = (np.arange(self._size) + across) * (2 / self._size) - 1
-        y = 1 - (np.arange(rows.start, rows.stop) + down) * (2 / self._size)
+        x = (np.arange(self.size) + across) * (2 / self.size) - 1
+        y = 1 - (np.arange(rows.start, rows.stop) + down) * (2 / self.size)
         row = self._ahead + x * self._right
         grid: Floats = row[:, None, :] + (y * self._up)[:, :, None]
         return grid.reshape(3, -1)
@@ -139,6 +144,10 @@ class ViewRays:
             as_float32(self.eye + directions * start), as_float32(directions), self._far - start
         )
         return triangle.astype(np.intp)
+
+    def normals(self, triangle: Indices) -> Floats:
+        """(3, N) unit normals of triangles, turned towards the camera."""
+        return self._normals.take(triangle, axis=1)
 
     def edge_on(self, directions: Floats, triangle: Indices) -> Mask:
         """(N,) whether a ray hits its triangle at so grazing an angle that the hit cannot be refined."""
@@ -182,7 +191,7 @@ class ViewRays:
 
     def pixels(self, receivers: Receivers) -> Indices:
         """(2, R) column, and row within the traced rows, of each receiver."""
-        row, column = np.divmod(receivers.rays, self._size)
+        row, column = np.divmod(receivers.rays, self.size)
         return np.stack([column, row])
 
     @property
@@ -205,6 +214,10 @@ class ViewRays:
             ends = rays.origins - self._light + rays.directions * rays.reach
             return self._from_light.occluded(as_float32(ends), as_float32(-rays.directions), rays.reach)
         return self._casters.occluded(as_float32(rays.origins), as_float32(rays.directions), rays.reach)
+
+    def blocked(self, origins: Singles, directions: Singles, reach: Singles) -> Mask:
+        """(N,) whether a caster blocks each ray; origins, directions: (3, N) float32, reach: (N,)."""
+        return self._casters.occluded(origins.T, directions.T, reach)
 
     def blockers(self, rays: ShadowRays) -> Floats:
         """(N,) distance along L from the receiver to the nearest caster."""
@@ -230,8 +243,5 @@ def dot(a: Floats, b: Floats) -> Floats:
 
 
 def as_float32(vectors: Floats) -> NDArray[np.float32]:
-    """(3, N) float64 as the (N, 3) float32 that Embree reads."""
-    packed = np.empty(vectors.shape[::-1], dtype=np.float32)
-    for column, component in zip(packed.T, vectors, strict=True):
-        column[:] = component
-    return packed
+    """(3, N) float64 as the (N, 3) float32 that a Tracer takes, its transpose contiguous."""
+    return vectors.astype(np.float32).T

@@ -126,7 +126,7 @@ def truth(visibility: list[float], undecided: list[bool] | None = None) -> Truth
     lit = np.array([visibility], dtype=np.float32)
     nothing = np.zeros_like(lit, dtype=bool)
     unsure = np.array([undecided], dtype=bool) if undecided else nothing
-    return Truth(lit, ~nothing, unsure, lit, lit, nothing.astype(np.int32), lit, 1.0)
+    return Truth(lit, 0 * lit, lit, ~nothing, unsure, lit, lit, nothing.astype(np.int32), lit, 1.0)
 
 
 def mask(*values: float) -> np.ndarray:

@@ -24,6 +24,8 @@ def truth() -> Truth:
     undecided[0, 0] = True  # outside the receivers, where it counts for nothing
     return Truth(
         visibility=visibility,
+        standard_error=np.zeros_like(visibility),
+        irradiance=visibility,
         receivers=receivers,
         undecided=undecided,
         area=visibility,

@@ -43,15 +43,19 @@ def test_degrees_become_radians_and_names_have_defaults(scene_file: SceneFile) -
     assert not scene.notes
 
 
-def test_a_light_with_a_size_is_taken_as_hard_and_said(scene_file: SceneFile) -> None:
+def test_lights_have_sizes(scene_file: SceneFile) -> None:
     text = (
         '[[light]]\nkind = "directional"\ndirection = [0, -1, 0]\nangular_radius = 0.25\n'
         '[[light]]\nkind = "point"\nposition = [0, 3, 0]\nradius = 0.1\n'
+        '[[light]]\nkind = "disc"\nposition = [0, 3, 0]\ndirection = [0, -1, 0]\nradius = 0.2\n'
+        '[[light]]\nkind = "rectangle"\nposition = [0, 3, 0]\ndirection = [0, -1, 0]\nup = [1, 0, 0]\nsize = [1, 2]\n'
         "[camera]\nposition = [0, 1, 5]\ntarget = [0, 0, 0]\n"
     )
     scene = load_scene(scene_file(text + BOX))
-    assert [light.radius for light in scene.lights] == [0, 0]
-    assert ["angular_radius 0.25°" in scene.notes[0], "radius 0.1 m" in scene.notes[1]] == [True, True]
+    assert [light.radius for light in scene.lights] == [math.radians(0.25), 0.1, 0.2, 0.0]
+    assert (scene.lights[3].size, scene.lights[3].up) == ((1, 2), (1, 0, 0))
+    assert [light.soft for light in scene.lights] == [True] * 4
+    assert not scene.notes
 
 
 def test_scale_then_turn_then_move(scene_file: SceneFile) -> None:
@@ -276,8 +280,8 @@ def test_unreadable_bytes_and_missing_files_are_one_line(tmp_path: Path) -> None
 def test_tables_serve_study_files_too() -> None:
     camera = camera_from_table({"name": "low", "position": [0, 1, 5], "target": [0, 0, 0]}, "study.toml: views 2")
     assert (camera.name, math.degrees(camera.fov_y)) == ("low", pytest.approx(36))
-    light, notes = light_from_table({"kind": "directional", "direction": [0, -1, 0]}, "study.toml: lights 1", "noon")
-    assert (light.name, notes) == ("noon", [])
+    light = light_from_table({"kind": "directional", "direction": [0, -1, 0]}, "study.toml: lights 1", "noon")
+    assert (light.name, light.soft) == ("noon", False)
     with pytest.raises(InputError, match=r"study\.toml: views 2: target"):
         camera_from_table({"position": [0, 1, 5]}, "study.toml: views 2")
 

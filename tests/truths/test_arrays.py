@@ -21,6 +21,8 @@ def test_shapes_and_types(shape: Shape, looking: Looking, sun: Light) -> None:
     truth = trace(looking([shape("plane", 8.0), shape("box", at=(0, 0.5, 0))], sun, size=48))
     types = {
         "visibility": np.float32,
+        "standard_error": np.float32,
+        "irradiance": np.float32,
         "receivers": np.bool_,
         "undecided": np.bool_,
         "area": np.float32,

@@ -100,7 +100,7 @@ def test_other_numbers_of_samples_are_traced(view: View, no_tracing: Callable[[]
     with pytest.raises(TracedAgainError):
         cached_truth(view, pixel_samples=5)
     with pytest.raises(TracedAgainError):
-        cached_truth(view, light_samples=2)
+        cached_truth(view, standard_error=0.01)
 
 
 def test_other_sources_are_traced(view: View, no_tracing: Callable[[], None], monkeypatch: pytest.MonkeyPatch) -> None:

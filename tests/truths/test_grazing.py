@@ -17,8 +17,8 @@ from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Light, Mesh, Scene, View, vec3, view_of
 from shadowbench.truths.embree import INFINITE
 from shadowbench.truths.near import CASTERS_A_RECEIVER, NearCasters
-from shadowbench.truths.rays import Receivers
-from shadowbench.truths.trace import GRAZING, OFFSET, Truth, trace
+from shadowbench.truths.rays import GRAZING, Receivers
+from shadowbench.truths.trace import OFFSET, Truth, trace
 from tests.samples import sampled
 
 from .conftest import near_edges

@@ -8,7 +8,8 @@ import pytest
 
 from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import Floats, Light, Mesh, View, view_of
-from shadowbench.truths.trace import GRAZING, OFFSET, Truth, trace
+from shadowbench.truths.rays import GRAZING
+from shadowbench.truths.trace import OFFSET, Truth, trace
 from tests.samples import sampled
 
 SIZE = 1024

@@ -55,10 +55,10 @@ def test_camera_looking_at_nothing_is_refused(shape: Shape, looking: Looking, su
         trace(looking([shape("plane", 8.0)], sun, target=(2.3, 9.0, 3.5)))
 
 
-@pytest.mark.parametrize("samples", [(0, 1), (4, 0), (-1, 1)])
-def test_no_samples_are_refused(samples: tuple[int, int], shape: Shape, looking: Looking, sun: Light) -> None:
+@pytest.mark.parametrize("samples", [0, -1])
+def test_no_samples_are_refused(samples: int, shape: Shape, looking: Looking, sun: Light) -> None:
     with pytest.raises(InputError, match="1 and more"):
-        trace(looking([shape("plane", 8.0)], sun), *samples)
+        trace(looking([shape("plane", 8.0)], sun), samples)
 
 
 @pytest.mark.parametrize("size", [1, 7, 65])

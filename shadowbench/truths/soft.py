@@ -1,0 +1,297 @@
+"""Visibility of a light that has a size: the share of its points that a receiver sees, with a standard error.
+
+A pilot of 64 points finds the penumbra, which is widened by 2 pixels; an audit of the rest with 4096 points repeats the
+pilot with more points if it missed anything. A second pilot of eight replications decides how many points each pixel of
+the penumbra needs, and the estimate is made from fresh points, since stopping on the sample itself would make the error
+look too small. Each replication and each pixel has points of its own (`light_samples`); their spread is the standard
+error.
+
+A pixel is undecided if its receiver or its triangle changes within the rasteriser's subpixel grid, or its visibility,
+at the same points of the light, changes there by more than 1/64; likewise, in low light, if it does so with rays that
+start above the surface along the normal.
+"""
+
+import logging
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from shadowbench.scenes.model import Floats, Light
+from shadowbench.truths.embree import over_slices, rows_a_slice
+from shadowbench.truths.light_samples import MOST_SAMPLES, LightSampler, shifts_of
+from shadowbench.truths.rays import GRAZING, LOW_LIGHT, SUBPIXEL_OFFSETS, Indices, Mask, Receivers, ViewRays
+
+Single = NDArray[np.float32]
+
+REPLICATIONS = 8
+PILOT = 64  # points of the first pilot
+FEWEST = 32  # points of a replication of the estimate: 256 in all, so that 1/256 bounds its error from below
+MOST = 2048
+"""Most points of a replication, 16,384 rays a pixel in all, however large the standard error."""
+AUDITED = 0.01  # share of the pixels outside the penumbra that are audited
+MISSED = 1e-3  # share of the audited pixels in penumbra above which the pilot is repeated
+DILATION = 2  # pixels
+CHANGE = 1 / 64  # least change of visibility that matters
+AREA_SAMPLES = 16  # points of the light for each sample of a pixel in the penumbra
+SAFETY = 1.6  # the second pilot's standard error, from 7 degrees of freedom, is itself that uncertain
+CONVERGENCE = 0.75  # exponent of n with which the error of a Sobol set falls at edges
+_RAYS_A_BLOCK = 1 << 16
+_FIRST, _SECOND, _ESTIMATE, _AUDIT, _AREA = range(5)  # what shifts are for, so that no two share them
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False)
+class Sums:
+    """Weights, weights of the points seen, and both times N·ω, summed over each replication: (R, replications)."""
+
+    weight: Floats
+    seen: Floats
+    weight_cosine: Floats
+    seen_cosine: Floats
+
+    @property
+    def visibility(self) -> Floats:
+        """(R,) share of the light that is seen, of the part above the receiver's plane; NaN if there is none."""
+        with np.errstate(invalid="ignore"):
+            share: Floats = self.seen.sum(axis=1) / self.weight.sum(axis=1)
+        return share
+
+    def standard_error(self, samples: int) -> Floats:
+        """(R,) standard error of `visibility`, a ratio estimator (Cochran 1977, 2.11), at least 1/N of N points."""
+        count = self.weight.shape[1]
+        residual = self.seen - self.visibility[:, np.newaxis] * self.weight
+        mean = np.maximum(self.weight.mean(axis=1), np.finfo(np.float32).tiny)
+        spread = np.sqrt((residual**2).sum(axis=1) / (count * (count - 1))) / mean
+        error: Floats = np.maximum(spread, 1 / (count * samples))
+        return error
+
+
+class Estimator:
+    """Visibility of a light from receivers by shadow rays that start δ above them."""
+
+    def __init__(self, rays: ViewRays, light: Light, delta: float) -> None:
+        self._rays, self._delta = rays, delta
+        self._sampler = LightSampler(light)
+
+    def sums(
+        self, receivers: Receivers, samples: int, replications: int, purpose: int, along_normal: bool = False
+    ) -> Sums:
+        """Sums for each receiver. Points depend on the camera ray's index and on `purpose` alone."""
+        normals = self._rays.normals(receivers.triangle)
+        size = max(1, _RAYS_A_BLOCK // (samples * replications))
+
+        def work(part: slice) -> Floats:
+            shifts = shifts_of(receivers.rays[part], replications, purpose)
+            points, normal = np.ascontiguousarray(receivers.point[:, part]), np.ascontiguousarray(normals[:, part])
+            origins, directions, reach, weight, cosine = self._sampler.rays(
+                points, normal, shifts, samples, self._delta, along_normal
+            )
+            seen = weight * ~self._rays.blocked(origins, directions, reach)
+            values = np.stack([weight, seen, weight * cosine, seen * cosine])
+            totals: Floats = values.reshape(4, -1, replications, samples).sum(axis=3, dtype=np.float64)
+            return totals
+
+        parts = list(over_slices(work, len(receivers.rays), size))
+        return Sums(*np.concatenate(parts, axis=1)) if parts else Sums(*np.zeros((4, 0, replications)))
+
+
+def soft_shadows(
+    rays: ViewRays, light: Light, triangle: Indices, delta: float, pixel_samples: int, standard_error: float
+) -> dict[str, NDArray[Any]]:
+    """Truth's per-pixel arrays except `triangle`, flattened, in local lengths.
+
+    triangle: (size²,) hit triangle of each pixel, −1 for a miss; light, delta: in local lengths; standard_error: that
+    95% of the penumbra's pixels stay below, unless they reach MOST points.
+    """
+    centres, edge_on = _centres(rays, triangle)
+    estimator = Estimator(rays, light, delta)
+    value, penumbra = _find_penumbra(estimator, centres, rays.size)
+    error, irradiance = np.zeros(len(value)), value.copy()
+    value[penumbra], error[penumbra], irradiance[penumbra] = _estimate(
+        estimator, centres.select(penumbra), standard_error
+    )
+    undefined = np.isnan(value)  # no point of the light is above the receiver's plane
+    undecided = undefined | (centres.cosine <= GRAZING) | (2 * delta > centres.distance * centres.cosine)
+    undecided |= _inside(light, centres) | _depends_on_offset(estimator, centres)
+
+    def of_pixels(values: NDArray[Any], elsewhere: float) -> NDArray[Any]:
+        image = np.full(len(triangle), elsewhere, dtype=bool if values.dtype == bool else np.float32)
+        image[centres.rays] = values
+        return image
+
+    receivers, in_penumbra = of_pixels(np.ones(len(value), dtype=bool), False), of_pixels(penumbra, False)
+    visibility = of_pixels(np.where(undefined, 1.0, value), 1.0)
+    return {
+        "visibility": visibility,
+        "standard_error": of_pixels(np.where(undefined, 0.0, error), 0.0),
+        "irradiance": of_pixels(np.where(undefined, 1.0, irradiance), 1.0),
+        "receivers": receivers,
+        "undecided": of_pixels(undecided, False)
+        | edge_on
+        | _changes_within_a_pixel(rays, estimator, centres, in_penumbra, triangle),
+        "area": np.where(receivers, _area(rays, estimator, in_penumbra, visibility, pixel_samples), visibility),
+        "blocker": _blockers(rays, centres, delta, len(triangle)),
+        "cosine": of_pixels(centres.cosine, 0.0),
+    }
+
+
+def _centres(rays: ViewRays, triangle: Indices) -> tuple[Receivers, Mask]:
+    """Receivers at the pixels' centres, and (size²,) whether their triangle is seen edge-on."""
+
+    def work(rows: slice) -> tuple[Receivers, Mask]:
+        part = triangle[rows.start * rays.size : rows.stop * rays.size]
+        directions = rays.directions(rows)
+        return _in_image(rays.receivers(directions, part), rows, rays.size), rays.edge_on(directions, part)
+
+    parts = list(over_slices(work, rays.size, rows_a_slice(rays.size)))
+    return Receivers.concatenate([part for part, _ in parts]), np.concatenate([part for _, part in parts])
+
+
+def _sampled(rays: ViewRays, across: float, down: float) -> tuple[Receivers, Indices]:
+    """Receivers at one point of each pixel, and (size²,) triangles hit."""
+
+    def work(rows: slice) -> tuple[Receivers, Indices]:
+        directions = rays.directions(rows, across, down)
+        triangle = rays.nearest(directions)
+        return _in_image(rays.receivers(directions, triangle), rows, rays.size), triangle
+
+    parts = list(over_slices(work, rays.size, rows_a_slice(rays.size)))
+    return Receivers.concatenate([part for part, _ in parts]), np.concatenate([part for _, part in parts])
+
+
+def _in_image(receivers: Receivers, rows: slice, width: int) -> Receivers:
+    """Receivers of some rows, with the indices of their rays in the whole image."""
+    return replace(receivers, rays=receivers.rays + rows.start * width)
+
+
+def _find_penumbra(estimator: Estimator, centres: Receivers, width: int) -> tuple[Floats, Mask]:
+    """(R,) visibility by the pilot, and which receivers lie in a penumbra or within 2 pixels of one."""
+    samples = PILOT
+    value = estimator.sums(centres, samples, 1, _FIRST).visibility
+    while True:
+        penumbra = _widened(centres.rays, value, width)
+        outside = np.flatnonzero(~penumbra)
+        audited = outside[shifts_of(centres.rays[outside], 1, _AUDIT)[0, :, 0] < AUDITED * 2.0**32]
+        found = estimator.sums(centres.select(audited), 16 * PILOT, 4, _AUDIT).visibility
+        missed = np.count_nonzero(np.abs(found - value[audited]) > CHANGE)
+        if missed <= MISSED * len(audited) or 4 * samples > MOST_SAMPLES // 16:
+            break
+        samples *= 4
+        _log.info(
+            "%d of %d audited pixels lie in a penumbra: pilot repeated with %d points", missed, len(audited), samples
+        )
+        value[outside] = estimator.sums(centres.select(outside), samples, 1, _FIRST).visibility
+    return value, penumbra
+
+
+def _widened(pixels: Indices, visibility: Floats, width: int) -> Mask:
+    """(R,) whether visibility is neither 0 everywhere nor 1 everywhere within DILATION pixels of each receiver."""
+    size = 2 * DILATION + 1
+    low, high = np.full(width * width, 2.0, np.float32), np.full(width * width, -1.0, np.float32)
+    low[pixels] = high[pixels] = np.nan_to_num(visibility, nan=0.5)
+    lowest = ndimage.minimum_filter(low.reshape(width, width), size, mode="nearest").ravel()[pixels]
+    highest = ndimage.maximum_filter(high.reshape(width, width), size, mode="nearest").ravel()[pixels]
+    widened: Mask = (lowest < 1) & (highest > 0)
+    return widened
+
+
+def _estimate(estimator: Estimator, receivers: Receivers, target: float) -> tuple[Floats, Floats, Floats]:
+    """(R,) visibility, its standard error, and visibility weighted by N·ω; points as a pilot of its own decides."""
+    pilot = estimator.sums(receivers, REPLICATIONS * 2, REPLICATIONS, _SECOND).standard_error(REPLICATIONS * 2)
+    wanted = REPLICATIONS * 2 * (SAFETY * pilot / target) ** (1 / CONVERGENCE)
+    # NaN, where no light is above the horizon, counts as few.
+    samples = 2 ** np.ceil(np.log2(np.clip(np.nan_to_num(wanted), FEWEST, MOST))).astype(int)
+    visibility, error, irradiance = (np.empty(len(samples)) for _ in range(3))
+    for count in np.unique(samples):
+        chosen = samples == count
+        sums = estimator.sums(receivers.select(chosen), int(count), REPLICATIONS, _ESTIMATE)
+        visibility[chosen], error[chosen] = sums.visibility, sums.standard_error(int(count))
+        with np.errstate(invalid="ignore"):
+            irradiance[chosen] = sums.seen_cosine.sum(axis=1) / sums.weight_cosine.sum(axis=1)
+    return visibility, error, irradiance
+
+
+def _changes_within_a_pixel(
+    rays: ViewRays, estimator: Estimator, centres: Receivers, in_penumbra: Mask, triangle: Indices
+) -> Mask:
+    """(size²,) whether receiver, triangle or visibility change within the rasteriser's subpixel grid."""
+    changes = np.zeros(len(triangle), dtype=bool)
+    for across, down in SUBPIXEL_OFFSETS:
+        moved, hit = _sampled(rays, across, down)
+        common = np.zeros((2, len(triangle)), dtype=bool)
+        common[0, centres.rays], common[1, moved.rays] = True, True
+        changes |= (common[0] != common[1]) | (common[0] & (hit != triangle))
+        compared = common.all(axis=0) & in_penumbra & ~changes
+        here, there = centres.select(compared[centres.rays]), moved.select(compared[moved.rays])
+        changes[here.rays] |= _differ(estimator, here, there)
+    return changes
+
+
+def _depends_on_offset(estimator: Estimator, centres: Receivers) -> Mask:
+    """(R,) whether visibility in low light changes if rays start above the surface along the normal instead of L."""
+    low = centres.cosine < LOW_LIGHT
+    depends = np.zeros(len(low), dtype=bool)
+    depends[low] = _differ(estimator, centres.select(low), centres.select(low), along_normal=True)
+    return depends
+
+
+def _differ(estimator: Estimator, one: Receivers, other: Receivers, along_normal: bool = False) -> Mask:
+    """(R,) whether visibility at the same points of the light differs by more than 1/64; more points confirm it.
+
+    along_normal: whether the rays of `other` start along the normal.
+    """
+    differ = np.ones(len(one.rays), dtype=bool)
+    for samples in (PILOT, 16 * PILOT):
+        first = estimator.sums(one.select(differ), samples, 1, _FIRST).visibility
+        second = estimator.sums(other.select(differ), samples, 1, _FIRST, along_normal).visibility
+        differ[differ] = np.abs(first - second) > CHANGE
+    return differ
+
+
+def _inside(light: Light, receivers: Receivers) -> Mask:
+    """(R,) whether a receiver is inside a spherical light."""
+    spherical = light.kind in ("spot", "point")
+    inside: Mask = np.broadcast_to(spherical & (receivers.distance <= light.radius), receivers.cosine.shape)
+    return inside
+
+
+def _area(
+    rays: ViewRays, estimator: Estimator, in_penumbra: Mask, visibility: NDArray[Any], pixel_samples: int
+) -> Single:
+    """(size²,) visibility averaged over the pixel's samples that hit receivers, `visibility` where none does.
+
+    AREA_SAMPLES points of the light for each sample in the penumbra; elsewhere all of them answer as one does.
+    """
+    total, count = np.zeros(len(visibility)), np.zeros(len(visibility))
+    steps = (np.arange(pixel_samples) + 0.5) / pixel_samples
+    for number, (across, down) in enumerate(product(steps, repeat=2)):
+        receivers, _ = _sampled(rays, across, down)
+        penumbra = in_penumbra[receivers.rays]
+        for chosen, samples in ((penumbra, AREA_SAMPLES), (~penumbra, 1)):
+            part = receivers.select(chosen)
+            value = estimator.sums(part, samples, 1, _AREA + number).visibility
+            defined = ~np.isnan(value)
+            total[part.rays[defined]] += value[defined]
+            count[part.rays[defined]] += 1
+    return np.where(count > 0, total / np.maximum(count, 1), visibility).astype(np.float32)
+
+
+def _blockers(rays: ViewRays, centres: Receivers, delta: float, pixels: int) -> Floats:
+    """(size²,) distance along L to the nearest caster before the light's centre, inf if none."""
+
+    def work(part: slice) -> Floats:
+        shadow_rays = rays.shadow_rays(centres.select(part), delta)
+        distance = np.full(len(shadow_rays.offset), np.inf)
+        blocked = rays.occluded(shadow_rays)
+        distance[blocked] = rays.blockers(shadow_rays.select(blocked))
+        return distance
+
+    blocker = np.full(pixels, np.inf)
+    parts = list(over_slices(work, len(centres.rays)))
+    blocker[centres.rays] = np.concatenate(parts) if parts else []
+    return blocker
