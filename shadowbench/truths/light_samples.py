@@ -1,10 +1,13 @@
 """Points on a light, one stratified set for each receiver, and the shadow rays towards them.
 
-A Sobol set, the same for all, is shifted by bits that differ between receivers and replications (a digital shift), so
-that errors of neighbouring pixels are independent and each replication is unbiased. Suns and spheres are sampled
-uniformly in their cone of directions. A rectangle is sampled uniformly in its solid angle (Ureña, Fajardo, King 2013,
-"An area-preserving parametrization for spherical rectangles"), or, if it is small as seen from the receiver, in its
-area with the weight cos/d². A disc is the part of its bounding square, so sampled, that lies inside it.
+Each replication of each receiver draws one of TABLES scrambled Sobol sets (Matoušek 1998) and shifts it by random bits,
+so that replications are unbiased and errors of neighbouring pixels independent. The shift alone would leave the set's
+structure, with which straight edges interfere: errors then have heavier tails than their replications show.
+
+Suns and spheres are sampled uniformly in their cone of directions. A rectangle is sampled uniformly in its solid angle
+(Ureña, Fajardo, King 2013, "An area-preserving parametrization for spherical rectangles"), or, if it is small as seen
+from the receiver, in its area with the weight cos/d². A disc is the part of its bounding square, so sampled, that lies
+inside it.
 """
 
 from functools import cache
@@ -18,14 +21,14 @@ from shadowbench.scenes.model import Floats, Light, perpendicular_basis, unit
 
 Single = NDArray[np.float32]
 
-MOST_SAMPLES = 1 << 16
+MOST_SAMPLES = 1 << 12
 """Longest replication."""
+TABLES = 64
 LONGEST_OFFSET = 100.0
 """Largest distance in δ between the receiver and the start of a ray, which is δ above it unless light grazes it."""
 _CONE_OF_SUN, _CONE_OF_SPHERE, _RECTANGLE, _DISC = range(4)
 _SMALL = 0.05  # half diagonal of a rectangle over its distance, below which it is sampled by area
 _INFINITE = 1e30
-_GOLDEN = np.uint64(0x9E3779B97F4A7C15)  # splitmix64, Steele, Lea, Flood 2014
 
 
 class LightSampler:
@@ -47,44 +50,59 @@ class LightSampler:
         self,
         points: Floats,
         normals: Floats,
-        shifts: NDArray[np.uint32],
+        scrambles: NDArray[np.uint32],
         samples: int,
         delta: float,
         along_normal: bool = False,
     ) -> tuple[Single, Single, Single, Single, Single]:
         """Rays to `samples` points of the light from each receiver, in each replication.
 
-        points, normals: (3, R); shifts: (2, R, replications); samples: a power of 2 up to MOST_SAMPLES. Rays start at
-        the height `delta` above the receiver, along the ray or `along_normal`.
+        points, normals: (3, R); scrambles: (3, R, replications), see `scrambles_of`; samples: a power of 2 up to
+        MOST_SAMPLES. Rays start at the height `delta` above the receiver, along the ray or `along_normal`.
         Returns float32 origins and directions (3, M), reach (M,), weight (M,) and N·ω (M,), M = R · replications ·
         samples in this order. The weight is 0 for points of the light below the receiver's plane.
         """
-        count = shifts.shape[1] * shifts.shape[2] * samples
+        count = scrambles.shape[1] * scrambles.shape[2] * samples
         origins, directions = np.empty((3, count), np.float32), np.empty((3, count), np.float32)
         reach, weight, cosine = (np.empty(count, np.float32) for _ in range(3))
         arrays = (origins, directions, reach, weight, cosine)
-        us, vs = _sobol()[:, :samples]
         lift = 1.0 if along_normal else 0.0
-        _fill_rays(self._kind, self._light, points, normals, shifts, us, vs, delta, lift, *arrays)
+        _fill_rays(self._kind, self._light, points, normals, scrambles, _tables(), samples, delta, lift, *arrays)
         return arrays
 
 
-def shifts_of(receivers: NDArray[np.intp], replications: int, stage: int) -> NDArray[np.uint32]:
-    """(2, R, replications) random bits by receiver, replication and stage, whatever other receivers there are."""
+def scrambles_of(receivers: NDArray[np.intp], replications: int, purpose: int) -> NDArray[np.uint32]:
+    """(3, R, replications) two digital shifts and a table, random by receiver, replication and purpose alone."""
     index = receivers.astype(np.uint64)[:, np.newaxis] << np.uint64(24)
-    index = index | np.uint64(stage << 8) | np.arange(replications, dtype=np.uint64)
-    mixed = index * _GOLDEN + _GOLDEN
+    index = index | np.uint64(purpose << 8) | np.arange(replications, dtype=np.uint64)
+    shifts, table = _mixed(2 * index), _mixed(2 * index + np.uint64(1)) % np.uint64(TABLES)
+    return np.stack([shifts >> np.uint64(32), shifts & np.uint64(0xFFFFFFFF), table]).astype(np.uint32)
+
+
+def _mixed(values: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """Random bits of each number (splitmix64, Steele, Lea, Flood 2014)."""
+    mixed = (values + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
     mixed = (mixed ^ (mixed >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     mixed = (mixed ^ (mixed >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    mixed ^= mixed >> np.uint64(31)
-    return np.stack([(mixed >> np.uint64(32)).astype(np.uint32), mixed.astype(np.uint32)])
+    return mixed ^ (mixed >> np.uint64(31))
 
 
 @cache
-def _sobol() -> NDArray[np.uint32]:
-    """(2, MOST_SAMPLES) Sobol points as 32-bit fractions; every power of 2 of them is a (0, m, 2)-net."""
+def _tables() -> NDArray[np.uint32]:
+    """(TABLES, 2, MOST_SAMPLES) Sobol points as 32-bit fractions, scrambled by random lower triangular matrices.
+
+    The first 2^m points of each table are a (0, m, 2)-net.
+    """
     points = qmc.Sobol(2, scramble=False, bits=32).random(MOST_SAMPLES)
-    return np.ascontiguousarray((points.T * 2.0**32).astype(np.uint32))
+    bits = (points.T * 2.0**32).astype(np.uint32)
+    tables = np.zeros((TABLES, *bits.shape), dtype=np.uint32)
+    rows = _mixed(np.arange(TABLES * 2 * 32, dtype=np.uint64)).astype(np.uint32).reshape(TABLES, 2, 32, 1)
+    for row in range(32):  # of the matrices, each giving a bit of the fraction, the highest first
+        own = np.uint32(1 << 31 - row)
+        higher = np.uint32(0xFFFFFFFF ^ (2 * int(own) - 1))
+        parity = np.bitwise_count(bits & (rows[:, :, row] & higher | own)) & 1
+        tables |= parity.astype(np.uint32) * own
+    return tables
 
 
 _fast = {"contract", "nsz", "reassoc"}  # keeps NaN, infinity and division; without it, no loop is vectorised
@@ -202,9 +220,9 @@ def _start(  # type: ignore[no-untyped-def]
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
 def _fill_rays(  # type: ignore[no-untyped-def]
-    kind, light, points, normals, shifts, us, vs, delta, lift, origins, directions, reach, weight, cosine
+    kind, light, points, normals, scrambles, tables, samples, delta, lift, origins, directions, reach, weight, cosine
 ):
-    samples, replications = len(us), shifts.shape[2]
+    replications = scrambles.shape[2]
     cx, cy, cz = light[0]
     rx, ry, rz = light[1]
     ux, uy, uz = light[2]
@@ -212,7 +230,7 @@ def _fill_rays(  # type: ignore[no-untyped-def]
     half_width, half_height, radius = light[4]
     x, y, z = np.empty(samples), np.empty(samples), np.empty(samples)
     distance, share = np.full(samples, _INFINITE), np.ones(samples)
-    for receiver in range(shifts.shape[1]):
+    for receiver in range(scrambles.shape[1]):
         px, py, pz = points[0, receiver], points[1, receiver], points[2, receiver]
         nx, ny, nz = normals[0, receiver], normals[1, receiver], normals[2, receiver]
         vx, vy, vz = cx - px, cy - py, cz - pz
@@ -221,7 +239,8 @@ def _fill_rays(  # type: ignore[no-untyped-def]
         for replication in range(replications):
             m = (receiver * replications + replication) * samples
             e = m + samples
-            u, v = shifts[0, receiver, replication], shifts[1, receiver, replication]
+            u, v, table = scrambles[:, receiver, replication]
+            us, vs = tables[table, 0, :samples], tables[table, 1, :samples]
             if kind == _CONE_OF_SUN:
                 _cone(cx, cy, cz, 2.0 * np.sin(radius / 2) ** 2, us, vs, u, v, x, y, z)
             elif kind == _CONE_OF_SPHERE:

@@ -22,7 +22,7 @@ from scipy import ndimage
 
 from shadowbench.scenes.model import Floats, Light
 from shadowbench.truths.embree import over_slices, rows_a_slice
-from shadowbench.truths.light_samples import MOST_SAMPLES, LightSampler, shifts_of
+from shadowbench.truths.light_samples import MOST_SAMPLES, LightSampler, scrambles_of
 from shadowbench.truths.rays import GRAZING, LOW_LIGHT, SUBPIXEL_OFFSETS, Indices, Mask, Receivers, ViewRays
 
 Single = NDArray[np.float32]
@@ -40,7 +40,7 @@ AREA_SAMPLES = 16  # points of the light for each sample of a pixel in the penum
 SAFETY = 1.6  # the second pilot's standard error, from 7 degrees of freedom, is itself that uncertain
 CONVERGENCE = 0.75  # exponent of n with which the error of a Sobol set falls at edges
 _RAYS_A_BLOCK = 1 << 16
-_FIRST, _SECOND, _ESTIMATE, _AUDIT, _AREA = range(5)  # what shifts are for, so that no two share them
+_FIRST, _SECOND, _ESTIMATE, _AUDIT, _AREA = range(5)  # what scrambles are for, so that no two share them
 
 _log = logging.getLogger(__name__)
 
@@ -61,14 +61,14 @@ class Sums:
             share: Floats = self.seen.sum(axis=1) / self.weight.sum(axis=1)
         return share
 
-    def standard_error(self, samples: int) -> Floats:
-        """(R,) standard error of `visibility`, a ratio estimator (Cochran 1977, 2.11), at least 1/N of N points."""
+    @property
+    def spread(self) -> Floats:
+        """(R,) standard error of `visibility` by the replications alone, a ratio estimator (Cochran 1977, 2.11)."""
         count = self.weight.shape[1]
         residual = self.seen - self.visibility[:, np.newaxis] * self.weight
         mean = np.maximum(self.weight.mean(axis=1), np.finfo(np.float32).tiny)
-        spread = np.sqrt((residual**2).sum(axis=1) / (count * (count - 1))) / mean
-        error: Floats = np.maximum(spread, 1 / (count * samples))
-        return error
+        spread: Floats = np.sqrt((residual**2).sum(axis=1) / (count * (count - 1))) / mean
+        return spread
 
 
 class Estimator:
@@ -86,10 +86,10 @@ class Estimator:
         size = max(1, _RAYS_A_BLOCK // (samples * replications))
 
         def work(part: slice) -> Floats:
-            shifts = shifts_of(receivers.rays[part], replications, purpose)
+            scrambles = scrambles_of(receivers.rays[part], replications, purpose)
             points, normal = np.ascontiguousarray(receivers.point[:, part]), np.ascontiguousarray(normals[:, part])
             origins, directions, reach, weight, cosine = self._sampler.rays(
-                points, normal, shifts, samples, self._delta, along_normal
+                points, normal, scrambles, samples, self._delta, along_normal
             )
             seen = weight * ~self._rays.blocked(origins, directions, reach)
             values = np.stack([weight, seen, weight * cosine, seen * cosine])
@@ -176,7 +176,7 @@ def _find_penumbra(estimator: Estimator, centres: Receivers, width: int) -> tupl
     while True:
         penumbra = _widened(centres.rays, value, width)
         outside = np.flatnonzero(~penumbra)
-        audited = outside[shifts_of(centres.rays[outside], 1, _AUDIT)[0, :, 0] < AUDITED * 2.0**32]
+        audited = outside[scrambles_of(centres.rays[outside], 1, _AUDIT)[0, :, 0] < AUDITED * 2.0**32]
         found = estimator.sums(centres.select(audited), 16 * PILOT, 4, _AUDIT).visibility
         missed = np.count_nonzero(np.abs(found - value[audited]) > CHANGE)
         if missed <= MISSED * len(audited) or 4 * samples > MOST_SAMPLES // 16:
@@ -202,7 +202,7 @@ def _widened(pixels: Indices, visibility: Floats, width: int) -> Mask:
 
 def _estimate(estimator: Estimator, receivers: Receivers, target: float) -> tuple[Floats, Floats, Floats]:
     """(R,) visibility, its standard error, and visibility weighted by N·ω; points as a pilot of its own decides."""
-    pilot = estimator.sums(receivers, REPLICATIONS * 2, REPLICATIONS, _SECOND).standard_error(REPLICATIONS * 2)
+    pilot = estimator.sums(receivers, REPLICATIONS * 2, REPLICATIONS, _SECOND).spread
     wanted = REPLICATIONS * 2 * (SAFETY * pilot / target) ** (1 / CONVERGENCE)
     # NaN, where no light is above the horizon, counts as few.
     samples = 2 ** np.ceil(np.log2(np.clip(np.nan_to_num(wanted), FEWEST, MOST))).astype(int)
@@ -210,7 +210,8 @@ def _estimate(estimator: Estimator, receivers: Receivers, target: float) -> tupl
     for count in np.unique(samples):
         chosen = samples == count
         sums = estimator.sums(receivers.select(chosen), int(count), REPLICATIONS, _ESTIMATE)
-        visibility[chosen], error[chosen] = sums.visibility, sums.standard_error(int(count))
+        visibility[chosen] = sums.visibility
+        error[chosen] = np.maximum(sums.spread, 1 / (REPLICATIONS * count))  # eight equal answers are not exact
         with np.errstate(invalid="ignore"):
             irradiance[chosen] = sums.seen_cosine.sum(axis=1) / sums.weight_cosine.sum(axis=1)
     return visibility, error, irradiance
