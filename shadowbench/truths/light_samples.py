@@ -72,10 +72,10 @@ class LightSampler:
 
 
 def scrambles_of(receivers: NDArray[np.intp], replications: int, purpose: int) -> NDArray[np.uint32]:
-    """(3, R, replications) two digital shifts and a table, random by receiver, replication and purpose alone."""
-    index = receivers.astype(np.uint64)[:, np.newaxis] << np.uint64(24)
-    index = index | np.uint64(purpose << 8) | np.arange(replications, dtype=np.uint64)
-    shifts, table = _mixed(2 * index), _mixed(2 * index + np.uint64(1)) % np.uint64(TABLES)
+    """(3, R, replications) two digital shifts and a table, by receiver, replication and purpose, a number, alone."""
+    use = np.uint64(purpose << 8) + np.arange(replications, dtype=np.uint64)
+    index = _mixed(receivers.astype(np.uint64))[:, np.newaxis] + use
+    shifts, table = _mixed(index), _mixed(~index) % np.uint64(TABLES)
     return np.stack([shifts >> np.uint64(32), shifts & np.uint64(0xFFFFFFFF), table]).astype(np.uint32)
 
 

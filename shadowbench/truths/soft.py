@@ -37,7 +37,7 @@ MISSED = 1e-3  # share of the audited pixels in penumbra above which the pilot i
 DILATION = 2  # pixels
 CHANGE = 1 / 64  # least change of visibility that matters
 AREA_SAMPLES = 16  # points of the light for each sample of a pixel in the penumbra
-SAFETY = 1.6  # the second pilot's standard error, from 7 degrees of freedom, is itself that uncertain
+SAFETY = 2.0  # two standard errors of 7 degrees of freedom each differ by less than this, √F, in 95% of the pixels
 CONVERGENCE = 0.75  # exponent of n with which the error of a Sobol set falls at edges
 _RAYS_A_BLOCK = 1 << 16
 _FIRST, _SECOND, _ESTIMATE, _AUDIT, _AREA = range(5)  # what scrambles are for, so that no two share them
@@ -72,10 +72,10 @@ class Sums:
 
 
 class Estimator:
-    """Visibility of a light from receivers by shadow rays that start δ above them."""
+    """Visibility of a light from receivers by shadow rays that start δ above them; other seeds take other points."""
 
-    def __init__(self, rays: ViewRays, light: Light, delta: float) -> None:
-        self._rays, self._delta = rays, delta
+    def __init__(self, rays: ViewRays, light: Light, delta: float, seed: int = 0) -> None:
+        self._rays, self._delta, self._seed = rays, delta, seed
         self._sampler = LightSampler(light)
 
     def sums(
@@ -86,7 +86,7 @@ class Estimator:
         size = max(1, _RAYS_A_BLOCK // (samples * replications))
 
         def work(part: slice) -> Floats:
-            scrambles = scrambles_of(receivers.rays[part], replications, purpose)
+            scrambles = scrambles_of(receivers.rays[part], replications, self._seed << 16 | purpose)
             points, normal = np.ascontiguousarray(receivers.point[:, part]), np.ascontiguousarray(normals[:, part])
             origins, directions, reach, weight, cosine = self._sampler.rays(
                 points, normal, scrambles, samples, self._delta, along_normal
@@ -110,9 +110,9 @@ def soft_shadows(
     """
     centres, edge_on = _centres(rays, triangle)
     estimator = Estimator(rays, light, delta)
-    value, penumbra = _find_penumbra(estimator, centres, rays.size)
+    value, penumbra = find_penumbra(estimator, centres, rays.size)
     error, irradiance = np.zeros(len(value)), value.copy()
-    value[penumbra], error[penumbra], irradiance[penumbra] = _estimate(
+    value[penumbra], error[penumbra], irradiance[penumbra] = estimate(
         estimator, centres.select(penumbra), standard_error
     )
     undefined = np.isnan(value)  # no point of the light is above the receiver's plane
@@ -169,7 +169,7 @@ def _in_image(receivers: Receivers, rows: slice, width: int) -> Receivers:
     return replace(receivers, rays=receivers.rays + rows.start * width)
 
 
-def _find_penumbra(estimator: Estimator, centres: Receivers, width: int) -> tuple[Floats, Mask]:
+def find_penumbra(estimator: Estimator, centres: Receivers, width: int) -> tuple[Floats, Mask]:
     """(R,) visibility by the pilot, and which receivers lie in a penumbra or within 2 pixels of one."""
     samples = PILOT
     value = estimator.sums(centres, samples, 1, _FIRST).visibility
@@ -200,7 +200,7 @@ def _widened(pixels: Indices, visibility: Floats, width: int) -> Mask:
     return widened
 
 
-def _estimate(estimator: Estimator, receivers: Receivers, target: float) -> tuple[Floats, Floats, Floats]:
+def estimate(estimator: Estimator, receivers: Receivers, target: float) -> tuple[Floats, Floats, Floats]:
     """(R,) visibility, its standard error, and visibility weighted by N·ω; points as a pilot of its own decides."""
     pilot = estimator.sums(receivers, REPLICATIONS * 2, REPLICATIONS, _SECOND).spread
     wanted = REPLICATIONS * 2 * (SAFETY * pilot / target) ** (1 / CONVERGENCE)

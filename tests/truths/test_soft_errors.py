@@ -1,0 +1,84 @@
+"""Whether the standard errors of soft truths mean what they say, and what else holds of them on real scenes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from shadowbench.scenes.model import Floats, Light, View
+from shadowbench.scenes.views import chosen_view
+from shadowbench.truths.light_samples import MOST_SAMPLES
+from shadowbench.truths.rays import Receivers, ViewRays
+from shadowbench.truths.soft import REPLICATIONS, Estimator, estimate, find_penumbra
+from shadowbench.truths.trace import OFFSET, STANDARD_ERROR
+
+STUDENT, SHARE = 4.44, 0.997  # of Student's t with 7 degrees of freedom, 99.7% lies within it
+SCRAMBLES = 64
+DEGREES = {"colonnade": 2.0, "street": 1.0, "cube-on-plane": 2.0, "sphere-and-torus": 5.0, "stairs": 10.0}
+METRES = {"spot-lamp": 0.2, "room-with-lamp": 0.1, "lamp-by-wall": 0.03, "lamp-over-table": 0.1}
+PANELS = ("room-with-lamp", "lamp-over-table", "spot-lamp")
+
+
+def softened(name: str, size: int) -> View:
+    """A built-in scene under its own light, with the size given above."""
+    view = chosen_view(name, size)
+    radius = np.radians(DEGREES[name]) if name in DEGREES else METRES[name]
+    return replace(view, light=replace(view.light, radius=radius))
+
+
+def panelled(name: str, size: int) -> View:
+    """A built-in scene under a rectangle in place of its lamp, which shines down."""
+    view = chosen_view(name, size)
+    panel = Light("panel", "rectangle", (0.1, -1.0, 0.05), view.light.position, size=(0.6, 0.3), up=(1.0, 0.0, 0.0))
+    return replace(view, light=panel)
+
+
+def views(size: int) -> list[View]:
+    """Twelve views: suns, spots, lamps and panels."""
+    return [*(softened(name, size) for name in (*DEGREES, *METRES)), *(panelled(name, size) for name in PANELS)]
+
+
+def receivers_of(view: View) -> tuple[ViewRays, Receivers]:
+    placed, _ = view.placed()
+    rays = ViewRays(placed)
+    directions = rays.directions(slice(0, view.size))
+    return rays, rays.receivers(directions, rays.nearest(directions))
+
+
+def neighbours(errors: Floats, pixels: np.ndarray, width: int) -> float:
+    """Correlation of the errors of horizontal neighbours; errors: (scrambles, pixels)."""
+    image = np.full((len(errors), width * width), np.nan)
+    image[:, pixels] = errors
+    image = image.reshape(len(errors), width, width)
+    return float(np.nanmean(image[:, :, 1:] * image[:, :, :-1]) / np.nanmean(image**2))
+
+
+def deviations(view: View) -> Floats:
+    """(SCRAMBLES, pixels) z-scores in a view's penumbra against a reference of 65,536 points."""
+    light = view.placed()[0].light
+    rays, receivers = receivers_of(view)
+    _, penumbra = find_penumbra(Estimator(rays, light, OFFSET), receivers, view.size)
+    receivers = receivers.select(penumbra)
+    reference = [
+        Estimator(rays, light, OFFSET, SCRAMBLES + part).sums(receivers, MOST_SAMPLES, REPLICATIONS, 0)
+        for part in range(2)
+    ]
+    best = np.mean([sums.visibility for sums in reference], axis=0)
+    best_error = np.sqrt(sum(sums.spread**2 for sums in reference)) / 2
+    soft = (best > 0.02) & (best < 0.98)
+    receivers, best, best_error = receivers.select(soft), best[soft], best_error[soft]
+    found = [estimate(Estimator(rays, light, OFFSET, seed), receivers, STANDARD_ERROR) for seed in range(SCRAMBLES)]
+    values, errors = (np.array([each[part] for each in found]) for part in range(2))
+    assert len(best) > 50
+    assert abs(neighbours(values - best, receivers.rays, view.size)) < 0.05
+    assert (errors < STANDARD_ERROR).mean() >= 0.95
+    z: Floats = (values - best) / np.hypot(errors, best_error)
+    return z
+
+
+@pytest.mark.slow
+def test_errors_are_as_their_replications_say() -> None:
+    all_scores = [deviations(view) for view in views(64)]
+    assert all(1.2 <= scores.var() <= 1.6 for scores in all_scores)
+    pooled = np.concatenate([scores.ravel() for scores in all_scores])
+    assert (np.abs(pooled) < STUDENT).mean() >= SHARE
