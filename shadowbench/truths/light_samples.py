@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from shadowbench.scenes.model import Floats, Light, perpendicular_basis, unit
+from shadowbench.truths.compiled import compile_once
 
 Single = NDArray[np.float32]
 
@@ -43,6 +44,7 @@ class LightSampler:
             half_width = half_height = light.radius
         center = np.array(light.homogeneous[0])
         right, up, back = perpendicular_basis(-unit(light.direction), light.up)
+        compile_once(_compile)
         # The axes of the rectangle point to where the light shines from: z along its normal.
         self._light = np.array([center, right, up, -back, [half_width, half_height, light.radius]])
 
@@ -272,3 +274,10 @@ def _fill_rays(  # type: ignore[no-untyped-def]
                 directions[0, m:e], directions[1, m:e], directions[2, m:e],
                 reach[m:e], weight[m:e], cosine[m:e],
             )  # fmt: skip
+
+
+def _compile() -> None:
+    none, single, vectors = np.empty((3, 0)), np.empty(0, np.float32), np.empty((3, 0), np.float32)
+    scrambles = np.empty((3, 0, 1), np.uint32)
+    light = np.zeros((5, 3))
+    _fill_rays(0, light, none, none, scrambles, _tables(), 1, 0.0, 0.0, vectors, vectors, single, single, single)

@@ -17,6 +17,8 @@ from llvmlite import binding
 from numba import types
 from numpy.typing import NDArray
 
+from shadowbench.truths.compiled import compile_once
+
 PACKET = 16
 COHERENT = 1 << 16  # RTC_RAY_QUERY_FLAG_COHERENT
 _TRIANGLES, _INDICES, _VERTICES = 0, 0, 1  # RTCGeometryType, RTCBufferType
@@ -47,6 +49,7 @@ def load_library() -> ctypes.CDLL | None:
                 continue
             for name, function in functions.items():
                 binding.add_symbol(name, ctypes.cast(function, ctypes.c_void_p).value)
+            compile_once(_compile)
             return library
     return None
 
@@ -158,3 +161,10 @@ def _intersect(scene, origins, directions, reach, triangle, distance):  # type: 
         for k in range(count):
             triangle[first + k] = primitive[k]  # −1 unless written
             distance[first + k] = hit[8 * PACKET + k]
+
+
+def _compile() -> None:
+    none, triangles = np.empty(0, dtype=np.float32), np.empty(0, dtype=np.int32)
+    rays = np.empty((3, 0), dtype=np.float32)
+    _occluded(0, rays, rays, none, np.empty(0, dtype=np.bool_))
+    _intersect(0, rays, rays, none, triangles, none)
