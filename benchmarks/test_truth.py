@@ -1,143 +1,173 @@
-"""Rays per second of the truth, compared with a plain single-threaded `EmbreeScene.run` over the same rays.
+"""Rays per second of the truth, and of the kernel behind it.
 
-    pytest benchmarks/test_truth.py
+    pytest benchmarks/test_truth.py -rP
 
-`plain` passes all rays of a query to Embree at once, in one thread; `slices` runs the same queries through the tracer,
-in slices, one thread per core; `trace` is the whole computation: BVHs, float64 rays and refined hits, gathered results.
-`ratio` is the rays per second over those of `plain`, which runs in the same process just before.
+`test_occlusion` gives the same rays to the kernel and to a loop in C over packets that are already filled, which is the
+limit of any caller of Embree's packets; `ratio` is the rate of the kernel over that of the loop, both in one thread.
+`test_hard` traces the truth of a view with packets and with embreex' single rays in turn; `ratio` is the time of single
+rays over that of packets. `test_soft` gives rays and seconds of truths of lights with a size; `ratio` is their seconds
+over those that the kernel takes for as many rays to the light, on as many cores.
 """
 
+import ctypes
+import os
+import resource
 import statistics
-from collections.abc import Callable, Iterator
-from itertools import groupby
+import subprocess
+import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from shadowbench.scenes.library import load_scene
-from shadowbench.scenes.model import View, view_of
-from shadowbench.truths.embree import Tracer, over_slices
+from shadowbench.scenes.model import Light, View, view_of
+from shadowbench.truths import packets
+from shadowbench.truths.embree import Tracer
+from shadowbench.truths.light_samples import LightSampler, scrambles_of
 from shadowbench.truths.trace import trace
 
 SIZE = 1024
 ROUNDS = 7
-SCENES = ["cube-on-plane", "room-with-lamp", "statue", "armadillo.obj"]
-METHODS = {"INTERSECT": Tracer.nearest, "OCCLUDED": Tracer.occluded, "DISTANCE": Tracer.distance}
-
-
-class RayQuery(NamedTuple):
-    """Rays traced in one Embree scene: origins (N, 3), directions (N, 3) or (1, 3), reach (N,), all float32."""
-
-    tracer: Tracer
-    query: str
-    origins: np.ndarray
-    directions: np.ndarray
-    reach: np.ndarray
-
-    def run_plain(self, reach: np.ndarray) -> None:
-        self.tracer._scene.run(self.origins, self.directions, dists=reach, query=self.query)
-
-    def run_sliced(self) -> None:
-        def run_slice(part: slice) -> np.ndarray:
-            directions = self.directions if len(self.directions) == 1 else self.directions[part]
-            return METHODS[self.query](self.tracer, self.origins[part], directions, self.reach[part])
-
-        for _ in over_slices(run_slice, len(self.origins)):
-            pass
-
-
-class Load(NamedTuple):
-    """A view and the ray queries of its truth, with one sample per pixel for `area` (all would not fit in memory)."""
-
-    view: View
-    queries: list[RayQuery]
-    rays: int
-
-
-def ray_queries_of(view: View, pixel_samples: int) -> list[RayQuery]:
-    """All ray queries of a trace, except the single ray with which a tracer builds its BVH."""
-    queries: list[RayQuery] = []
-    run_slice = Tracer._run
-
-    def keep(tracer: Tracer, origins: Any, directions: Any, reach: Any, query: str) -> Any:
-        if len(origins) > 1:
-            lengths = np.full(len(origins), reach, dtype=np.float32)
-            queries.append(RayQuery(tracer, query, origins, directions, lengths))
-        return run_slice(tracer, origins, directions, reach, query)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Tracer, "_run", keep)
-        trace(view, pixel_samples)
-    return queries
-
-
-def merge(queries: list[RayQuery]) -> Iterator[RayQuery]:
-    """The same rays in fewer queries."""
-
-    def key(query_: RayQuery) -> tuple[int, str, bool]:
-        return id(query_.tracer), query_.query, len(query_.directions) == 1
-
-    for (_, query, one_way), group in groupby(sorted(queries, key=key), key):
-        parts = list(group)
-        directions = parts[0].directions if one_way else np.concatenate([part.directions for part in parts])
-        origins, reach = (np.concatenate([getattr(part, name) for part in parts]) for name in ("origins", "reach"))
-        yield RayQuery(parts[0].tracer, query, origins, directions, reach)
-
-
-@pytest.fixture(scope="module", params=SCENES)
-def load(request: pytest.FixtureRequest, scene_file: Callable[[str], str | Path]) -> Load:
-    scene = load_scene(scene_file(request.param))
-    view = view_of(scene, scene.cameras[0], scene.lights[0], SIZE)
-    queries = list(merge(ray_queries_of(view, pixel_samples=1)))
-    return Load(view, queries, sum(len(query_.origins) for query_ in queries))
+HARD = ["cube-on-plane", "room-with-lamp", "statue", "armadillo.obj"]
+SOFT = ["post", "leaves", "overlap", "window", "shade", "fence"]
+TRIANGLES = {"10k": 5, "100k": 6, "1M": 8}
+"""Subdivisions of an icosahedron with about as many triangles."""
+LOOP = """
+void run(void (*query)(const int *, void *, char *, void *), const int *valid, void *scene, char *rays, void *arguments,
+         long packets) {
+    for (long packet = 0; packet < packets; packet++) query(valid, scene, rays + packet * 768, arguments);
+}
+"""
+"""768: bytes of an RTCRay16."""
 
 
 @pytest.fixture(scope="module")
-def plain_rate(load: Load) -> list[float]:
-    """Rays per second of `plain`; empty until it has run."""
-    return []
+def loop(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
+    folder = tmp_path_factory.mktemp("loop")
+    (folder / "loop.c").write_text(LOOP, encoding="utf-8")
+    subprocess.run(["cc", "-O3", "-shared", "-fPIC", "-o", "loop.so", "loop.c"], cwd=folder, check=True)
+    return ctypes.CDLL(str(folder / "loop.so"))
 
 
-def note(benchmark: BenchmarkFixture, rays: int, plain: list[float]) -> float:
+def shadow_rays(receivers: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """64 rays to a sun 6° wide from each of receivers² points below the scene."""
+    across = np.linspace(-0.5, 0.5, receivers)
+    x, z = (each.ravel() for each in np.meshgrid(across, across))
+    points, normals = np.stack([x, np.full_like(x, -0.4), z]), np.repeat([[0.0], [1.0], [0.0]], len(x), axis=1)
+    sampler = LightSampler(Light("sun", "directional", (0.3, -1.0, 0.2), radius=np.radians(3.0)))
+    return sampler.rays(points, normals, scrambles_of(np.arange(len(x)), 1, 0), 64, 1e-6)[:3]
+
+
+def aligned(size: int) -> np.ndarray:
+    """(size,) bytes, aligned to 64 of them."""
+    padded = np.zeros(size + 64, dtype=np.uint8)
+    start = -padded.ctypes.data % 64
+    return padded[start : start + size]
+
+
+@pytest.mark.benchmark(group="occlusion")
+@pytest.mark.parametrize("subdivisions", TRIANGLES.values(), ids=TRIANGLES)
+def test_occlusion(subdivisions: int, loop: ctypes.CDLL, benchmark: BenchmarkFixture) -> None:
+    library = packets.load_library()
+    assert library is not None
+    ball = trimesh.creation.icosphere(subdivisions)
+    rough = 0.35 * ball.vertices * (1 + 0.05 * np.random.default_rng(0).standard_normal((len(ball.vertices), 1)))
+    scene = packets.PacketScene(library, rough.astype(np.float32), ball.faces.astype(np.int32))
+    origins, directions, reach = shadow_rays(64)
+    count = len(reach) // packets.PACKET
+
+    filled = np.zeros((count, 12, packets.PACKET), dtype=np.float32)
+    for axis in range(3):
+        filled[:, axis] = origins[axis].reshape(count, -1)
+        filled[:, 4 + axis] = directions[axis].reshape(count, -1)
+    filled[:, 8] = reach.reshape(count, -1)
+    filled.view(np.uint32)[:, 9] = 0xFFFFFFFF
+    rays, valid, arguments = aligned(filled.nbytes), aligned(64).view(np.int32), aligned(64).view(np.uint32)
+    valid[:], arguments[:2] = -1, (packets.COHERENT, 0xFFFFFFFF)
+    addresses = [ctypes.c_void_p(each.ctypes.data) for each in (valid, rays, arguments)]
+    query = ctypes.cast(library.rtcOccluded16, ctypes.c_void_p)
+    limit: list[float] = []
+
+    def run_loop() -> None:
+        rays[:] = filled.view(np.uint8).ravel()
+        start = time.perf_counter()
+        handle = ctypes.c_void_p(scene._handle)
+        loop.run(query, addresses[0], handle, addresses[1], addresses[2], ctypes.c_long(count))
+        limit.append(time.perf_counter() - start)
+
+    benchmark.pedantic(scene.occluded, args=(origins, directions, reach), setup=run_loop, rounds=21, warmup_rounds=2)
+    assert (
+        scene.occluded(origins, directions, reach) == (rays.view(np.float32).reshape(filled.shape)[:, 8] < 0).ravel()
+    ).all()
+    note(benchmark, len(reach), statistics.median(limit), "of the loop in C")
+
+
+@pytest.fixture(scope="module", params=HARD)
+def hard(request: pytest.FixtureRequest, scene_file: Callable[[str], str | Path]) -> View:
+    scene = load_scene(scene_file(request.param))
+    return view_of(scene, scene.cameras[0], scene.lights[0], SIZE)
+
+
+@pytest.mark.benchmark(group="hard truth")
+def test_hard(hard: View, benchmark: BenchmarkFixture, monkeypatch: pytest.MonkeyPatch) -> None:
+    rays, _ = count_rays(hard, monkeypatch)
+    single: list[float] = []
+
+    def run_single() -> None:
+        with monkeypatch.context() as patch:
+            patch.setattr(packets, "load_library", lambda: None)
+            start = time.perf_counter()
+            trace(hard)
+            single.append(time.perf_counter() - start)
+
+    benchmark.pedantic(trace, args=(hard,), setup=run_single, rounds=3, warmup_rounds=1)
+    note(benchmark, rays, statistics.median(single), "times as fast as single rays")
+
+
+@pytest.mark.benchmark(group="soft truth")
+@pytest.mark.parametrize("name", SOFT)
+def test_soft(name: str, benchmark: BenchmarkFixture, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = load_scene(name)
+    view = view_of(scene, scene.cameras[0], scene.lights[0], SIZE)
+    rays, kernel_seconds = count_rays(view, monkeypatch)
+    benchmark.pedantic(trace, args=(view,), rounds=1)
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+    benchmark.extra_info["peak_gib"] = round(peak, 2)
+    print(f"\npeak {peak:.2f} GiB", end="")
+    note(benchmark, rays, kernel_seconds / (os.cpu_count() or 1), "of the kernel's rate")
+
+
+def count_rays(view: View, monkeypatch: pytest.MonkeyPatch) -> tuple[int, float]:
+    """Rays of a view's truth, and the seconds that all threads together spend in the tracer."""
+    counts: list[int] = []
+    seconds: list[float] = []
+
+    def counted(query: Callable[..., Any]) -> Callable[..., Any]:
+        def call(tracer: Tracer, origins: Any, *rest: Any) -> Any:
+            start = time.thread_time()
+            answer = query(tracer, origins, *rest)
+            seconds.append(time.thread_time() - start)
+            counts.append(len(origins))
+            return answer
+
+        return call
+
+    with monkeypatch.context() as patch:
+        for name in ("nearest", "distance", "occluded"):
+            patch.setattr(Tracer, name, counted(getattr(Tracer, name)))
+        trace(view)
+    return sum(counts), sum(seconds)
+
+
+def note(benchmark: BenchmarkFixture, rays: int, other: float, of: str) -> None:
+    """Record rays per second, and the ratio of `other` seconds to those of the benchmark."""
     if benchmark.stats is None:  # --benchmark-disable
-        return 0.0
-    rate = rays / statistics.median(benchmark.stats.stats.data)
-    benchmark.extra_info["rays"] = rays
-    benchmark.extra_info["rays_per_second"] = round(rate)
-    if plain:
-        benchmark.extra_info["ratio"] = round(rate / plain[0], 3)
-        print(f"\n{rate / 1e6:.1f} Mray/s, {rate / plain[0]:.2f} of plain's {plain[0] / 1e6:.1f}", end=" ")
-    return rate
-
-
-@pytest.mark.benchmark(group="truth")
-def test_plain(load: Load, plain_rate: list[float], benchmark: BenchmarkFixture) -> None:
-    def fresh_reach() -> tuple[tuple[list[np.ndarray]], dict[str, Any]]:
-        return ([query_.reach.copy() for query_ in load.queries],), {}  # Embree writes into it
-
-    def run(reaches: list[np.ndarray]) -> None:
-        for query_, reach in zip(load.queries, reaches, strict=True):
-            query_.run_plain(reach)
-
-    benchmark.pedantic(run, setup=fresh_reach, rounds=ROUNDS, warmup_rounds=1)
-    plain_rate.append(note(benchmark, load.rays, []))
-
-
-@pytest.mark.benchmark(group="truth")
-def test_slices(load: Load, plain_rate: list[float], benchmark: BenchmarkFixture) -> None:
-    def run() -> None:
-        for query_ in load.queries:
-            query_.run_sliced()
-
-    benchmark.pedantic(run, rounds=ROUNDS, warmup_rounds=1)
-    note(benchmark, load.rays, plain_rate)
-
-
-@pytest.mark.benchmark(group="truth")
-def test_trace(load: Load, plain_rate: list[float], benchmark: BenchmarkFixture) -> None:
-    rays = sum(len(query_.origins) for query_ in ray_queries_of(load.view, pixel_samples=4))
-    benchmark.pedantic(trace, args=(load.view, 4), rounds=3, warmup_rounds=1)
-    note(benchmark, rays, plain_rate)
+        return
+    taken = statistics.median(benchmark.stats.stats.data)
+    benchmark.extra_info |= {"rays": rays, "rays_per_second": round(rays / taken), "ratio": round(other / taken, 3)}
+    print(f"\n{rays / 1e6:.1f} Mrays in {taken:.2f} s, {rays / taken / 1e6:.1f} M/s; {other / taken:.2f} {of}", end=" ")
