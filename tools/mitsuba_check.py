@@ -1,4 +1,6 @@
-"""Compare soft truths with Mitsuba 3, an independent ray tracer (python -m pip install mitsuba; LLVM must be installed).
+"""Compare soft truths with Mitsuba 3, an independent ray tracer.
+
+It needs `python -m pip install mitsuba` and an LLVM library, which $DRJIT_LIBLLVM_PATH may name.
 
 For pixels in the penumbrae of four views, one with each kind of light, Mitsuba finds the receiver, samples the light in
 its own way, and tests visibility in its own acceleration structure. Visibility is compared as in Mitsuba's own test of
@@ -118,8 +120,8 @@ def compare(view: View) -> bool:
     mean, error = float(difference.mean()), float(np.sqrt(squared.sum()) / len(pixels))
     agrees = passing >= PASSING and abs(mean) <= 3 * error
     print(
-        f"{view.scene.name:16} {view.light.kind:12} {len(pixels)} pixels, z beyond {critical:.2f} in {1 - passing:.2%}, "
-        f"mean difference {mean:+.5f} ± {error:.5f}: {'agrees' if agrees else 'DIFFERS'}"
+        f"{view.scene.name:16} {view.light.kind:12} {len(pixels)} pixels, z beyond {critical:.2f} in "
+        f"{1 - passing:.2%}, mean difference {mean:+.5f} ± {error:.5f}: {'agrees' if agrees else 'DIFFERS'}"
     )
     return agrees
 
@@ -127,7 +129,8 @@ def compare(view: View) -> bool:
 def main() -> None:
     """Compare all views."""
     argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
-    sys.exit(not all([compare(view) for view in views()]))
+    agree = [compare(view) for view in views()]  # all of them, whatever the first says
+    sys.exit(not all(agree))
 
 
 if __name__ == "__main__":
