@@ -85,6 +85,17 @@ def test_only_the_truth_decides_what_is_penumbra(prepared: Callable[..., Prepare
     assert not prepared(ramp(1e-6, 80.5)).soft
 
 
+def test_umbra_and_full_light_keep_eight_pixels_from_the_rest(prepared: Callable[..., PreparedTruth]) -> None:
+    """The ramp is above 0.01 from column 71, below 0.99 up to 89."""
+    undecided = (X == 20) & (Y == 100) | (X == 140) & (Y == 100)
+    found = prepared(ramp(20), undecided=undecided)
+    assert np.flatnonzero(found.umbra[5]).tolist() == list(range(63))
+    assert np.flatnonzero(found.full_light[5]).tolist() == list(range(98, SIZE))
+    assert np.flatnonzero(found.umbra[108]).tolist() == [*range(12), *range(29, 63)]
+    assert np.flatnonzero(found.full_light[109]).tolist() == list(range(98, SIZE))
+    assert np.flatnonzero(found.full_light[108]).tolist() == [*range(98, 132), *range(149, SIZE)]
+
+
 def test_light_in_the_umbra_bleeds_and_a_blur_of_eight_pixels_does_not(scored: Scored) -> None:
     truth = ramp(20)  # dark up to column 70
     assert scored(np.where(truth < 0.01, 0.3, truth), truth)["bleed"] == pytest.approx(0.3, abs=1e-5)
