@@ -284,13 +284,13 @@ def soft_view(rng: np.random.Generator) -> tuple[np.ndarray, dict[str, np.ndarra
     side = 64
     y, x = np.mgrid[:side, :side].astype(float)
     width = rng.uniform(6, 14)
-    exact = np.clip((np.hypot(x - rng.uniform(26, 38), y - rng.uniform(26, 38)) - 14) / width + 0.5, 0, 1)
+    exact = np.clip((np.hypot(x - rng.uniform(26, 38), y - rng.uniform(26, 38)) - 20) / width + 0.5, 0, 1)
     error = np.where((exact > 0) & (exact < 1), 0.004, 0)
     view = {
         "visibility": np.clip(exact + error * rng.standard_normal(exact.shape), 0, 1),
         "standard_error": error,
         "receivers": rng.random(exact.shape) < 0.995,
-        "undecided": rng.random(exact.shape) < 0.002,
+        "undecided": rng.random(exact.shape) < 0.0005,
         "cosine": rng.random(exact.shape),
         "floor": np.stack([x * METRES, 0 * x, y * METRES], axis=-1),
     }
