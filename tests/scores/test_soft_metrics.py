@@ -218,6 +218,12 @@ def test_dither_about_the_right_width_keeps_it(scored: Scored) -> None:
     assert scored(mask, truth)["width"] < 0.1
 
 
+def test_dither_by_one_sample_is_not_as_narrow_as_a_pixel(scored: Scored) -> None:
+    """From the first lit pixel to the last dark one on a line, about 22 px of 32."""
+    mask = np.random.default_rng(3).binomial(1, ramp(40)).astype(float)
+    assert 0.3 < scored(mask, ramp(40))["width"] < 0.8
+
+
 def test_a_penumbra_of_less_than_three_pixels_has_no_width(scored: Scored) -> None:
     assert scored(ramp(3), ramp(3))["width"] is None
     assert scored(ramp(4.5), ramp(4.5))["width"] == 0
@@ -241,7 +247,9 @@ def test_a_line_ends_where_the_plane_does(prepared: Callable[..., PreparedTruth]
 def test_a_line_ends_where_the_truth_falls_again(prepared: Callable[..., PreparedTruth]) -> None:
     """A second shadow after a gap that is never fully lit."""
     valley = np.minimum(ramp(20, 60), 0.85)
-    assert len(prepared(np.where(X > 80, np.maximum(1.7 - X / 100, 0), valley)).crossings.width) == 0
+    falling = np.where(X > 80, np.maximum(1.7 - X / 100, 0), valley)
+    for error in (0.0, 0.004):
+        assert len(prepared(falling, standard_error=np.full(X.shape, error)).crossings.width) == 0
 
 
 def test_without_positions_no_width_is_known(truth: Callable[..., PreparedTruth]) -> None:
