@@ -244,12 +244,15 @@ def test_a_line_ends_where_the_plane_does(prepared: Callable[..., PreparedTruth]
         assert len(prepared(ramp(20), stepped).crossings.width) == found
 
 
-def test_a_line_ends_where_the_truth_falls_again(prepared: Callable[..., PreparedTruth]) -> None:
-    """A second shadow after a gap that is never fully lit."""
-    valley = np.minimum(ramp(20, 60), 0.85)
-    falling = np.where(X > 80, np.maximum(1.7 - X / 100, 0), valley)
-    for error in (0.0, 0.004):
-        assert len(prepared(falling, standard_error=np.full(X.shape, error)).crossings.width) == 0
+@pytest.mark.parametrize(("fall", "error", "counts"), [(0.0, 0, 1), (0.01, 0, 0), (0.01, 0.003, 1), (0.1, 0.003, 0)])
+def test_a_line_ends_where_the_truth_falls_by_more_than_its_error(
+    prepared: Callable[..., PreparedTruth], fall: float, error: float, counts: int
+) -> None:
+    """Visibility rises to 0.8, falls by 0, 0.01 or 0.1, and rises to 1."""
+    truth = np.interp(X, [50, 66, 76, 96], [0, 0.8, 0.8 - fall, 1])
+    found = prepared(truth, standard_error=np.full(X.shape, error)).crossings
+    assert len(found.width) == counts * (SIZE - 2)
+    assert found.tried == SIZE - 2
 
 
 def test_without_positions_no_width_is_known(truth: Callable[..., PreparedTruth]) -> None:
