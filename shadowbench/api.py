@@ -204,6 +204,7 @@ def recommend(
     *,
     min_iou: float | None = None,
     max_edge_px: float | None = None,
+    max_rmse: float | None = None,
     budget_ms: float | None = None,
     on_this_machine: bool = False,
     view_size: int = 512,
@@ -214,11 +215,11 @@ def recommend(
 ) -> Recommendation:
     """Search for the cheapest technique and parameters that meet a target in a view, by measuring.
 
-    min_iou or max_edge_px: the target, by default an IoU of 0.99; budget_ms: largest frame time, on a GPU;
+    min_iou, max_edge_px or max_rmse: the target, by default an IoU of 0.99; budget_ms: largest frame time, on a GPU;
     on_this_machine: rank by times even on a software renderer. `choice` is None if nothing meets the target. Raises
     InputError.
     """
-    limits = {"min_iou": min_iou, "max_edge_px": max_edge_px, "budget_ms": budget_ms}
+    limits = {"min_iou": min_iou, "max_edge_px": max_edge_px, "max_rmse": max_rmse, "budget_ms": budget_ms}
     target = target_of(**{name: None if value is None else number(value, name) for name, value in limits.items()})
     files = _paths(plugins)
     chosen, known = _view(scene, view_size, view, light), techniques_with(files)

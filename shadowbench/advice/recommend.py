@@ -34,18 +34,30 @@ ROUNDS = 9
 LEAST_IOU = 0.99
 
 
-def target_of(min_iou: float | None = None, max_edge_px: float | None = None, budget_ms: float | None = None) -> Target:
+def target_of(
+    min_iou: float | None = None,
+    max_edge_px: float | None = None,
+    budget_ms: float | None = None,
+    max_rmse: float | None = None,
+) -> Target:
     """Target given by options, by default an IoU of 0.99. Raises InputError for invalid or conflicting options."""
-    if min_iou is not None and max_edge_px is not None:
-        raise InputError("--min-iou and --max-edge-px: found both; allowed: one of them")
+    options = {"--min-iou": min_iou, "--max-edge-px": max_edge_px, "--max-rmse": max_rmse}
+    given = [name for name, value in options.items() if value is not None]
+    if len(given) > 1:
+        found = "both" if len(given) == 2 else "all"
+        raise InputError(f"{' and '.join(given)}: found {found}; allowed: one of them")
     if min_iou is not None and not 0 < min_iou <= 1:
         raise InputError(f"--min-iou: found {min_iou:g}; allowed: above 0, up to 1")
     if max_edge_px is not None and not 0 <= max_edge_px < math.inf:
         raise InputError(f"--max-edge-px: found {max_edge_px:g}; allowed: 0 and more")
+    if max_rmse is not None and not 0 <= max_rmse <= 1:
+        raise InputError(f"--max-rmse: found {max_rmse:g}; allowed: 0 to 1")
     if budget_ms is not None and not 0 < budget_ms < math.inf:
         raise InputError(f"--budget-ms: found {budget_ms:g}; allowed: above 0")
     if max_edge_px is not None:
         return Target("edge_px", max_edge_px, budget_ms)
+    if max_rmse is not None:
+        return Target("rmse", max_rmse, budget_ms)
     return Target("iou", LEAST_IOU if min_iou is None else min_iou, budget_ms)
 
 

@@ -23,15 +23,17 @@ from shadowbench.truths.trace import Truth
 Unit = Literal["work", "ms"]
 # By how much an error may be smaller than predicted, for the same filter and for another; from rows of all built-in
 # scenes. edge_px, a mean of distances, is sensitive to single pixels, so that it falls less evenly with the map size.
-MARGINS = {"iou": (1.8, 2.0), "edge_px": (3.5, 3.5)}
+# rmse of a hard shadow is the root of the share of wrong pixels, so that IoU's margins are generous.
+MARGINS = {"iou": (1.8, 2.0), "edge_px": (3.5, 3.5), "rmse": (1.8, 2.0)}
+Measure = Literal["iou", "edge_px", "rmse"]
 SAVED = 0.9  # cost relative to the choice's below which an alternative is worth relaxing the target for
 
 
 @dataclass(frozen=True)
 class Target:
-    """Target of a recommendation: a minimum of `iou` or maximum of `edge_px`; optionally a budget in milliseconds."""
+    """Target of a recommendation: minimum of `iou`, maximum of `edge_px` or `rmse`; optionally a budget in ms."""
 
-    metric: Literal["iou", "edge_px"]
+    metric: Measure
     value: float
     budget_ms: float | None = None
 
@@ -41,7 +43,7 @@ class Target:
         return 1 - self.value if self.metric == "iou" else self.value
 
     def error(self, metrics: Mapping[str, float | None]) -> float:
-        """Error of a row's metrics: 1 − IoU, or the edge distance in pixels.
+        """Error of a row's metrics: 1 − IoU, the edge distance in pixels, or the RMSE.
 
         IoU is None if neither the truth nor the mask has a shadow; the error is then 0. An edge distance is None if
         neither has an edge; the error is then 0 if their shadows are equal, else infinite.
@@ -52,13 +54,20 @@ class Target:
         return 1 - value if self.metric == "iou" else value
 
     def text(self, error: float) -> str:
-        """Text of an error in terms of the metric: `IoU 0.9712` or `edges 0.21 px off`; in words if infinite."""
+        """Text of an error by the metric: `IoU 0.9712`, `edges 0.21 px off`, `RMSE 0.013`; in words if infinite."""
         if math.isinf(error):
             return "no edges to compare, and other shadows"
+        if self.metric == "rmse":
+            return f"RMSE {error:.3g}"
         return f"IoU {1 - error:.4f}" if self.metric == "iou" else f"edges {error:.3g} px off"
 
     def __str__(self) -> str:
-        what = f"IoU ≥ {self.value:g}" if self.metric == "iou" else f"edges at most {self.value:g} px off"
+        whats = {
+            "iou": f"IoU ≥ {self.value:g}",
+            "edge_px": f"edges at most {self.value:g} px off",
+            "rmse": f"RMSE ≤ {self.value:g}",
+        }
+        what = whats[self.metric]
         return what if self.budget_ms is None else f"{what} within {self.budget_ms:g} ms"
 
 
@@ -109,7 +118,7 @@ def find_cheapest(
     least_iou = target.value if target.metric == "iou" else None
     left, excluded = prune(space, found, least_iou, unit == "work")
     out = [*unavailable(known, view.light.hard_kind), *excluded]
-    if not (truth.receivers & (truth.visibility < 0.5)).any():
+    if not (truth.receivers & (truth.visibility < (1.0 if target.metric == "rmse" else 0.5))).any():
         left = [Spec(Unshadowed, Unshadowed.Params())]
         out = [Exclusion(f"all but {Unshadowed.name}", "nothing that is seen is in shadow", len(space))]
     unsuccessful: dict[str, str] = {}
@@ -158,9 +167,11 @@ def find_cheapest(
     )
 
 
-def least_error(truth: Truth, metric: Literal["iou", "edge_px"]) -> float:
-    """Approximate error of a single wrong pixel of the shadow or of its edge: the smallest error above 0."""
+def least_error(truth: Truth, metric: Measure) -> float:
+    """Approximate error of a single wrong pixel, of the shadow or of its edge: the smallest error above 0."""
     mask = ThresholdedMask(truth.visibility, truth.receivers & ~truth.undecided)
+    if metric == "rmse":
+        return 1 / math.sqrt(max(int(np.count_nonzero(mask.valid)), 1))
     return 1 / max(int(np.count_nonzero(mask.shadow if metric == "iou" else mask.edge)), 1)
 
 

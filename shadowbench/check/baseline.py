@@ -119,7 +119,7 @@ def _metrics(old: Record, new: Record, allowed: Mapping[str, float]) -> Iterator
         if before is None or after is None:  # the truth changed, a mask lost all its edges, or a row is broken
             yield Change(new, name, before, after, "regressed", math.inf)
             continue
-        worse = before - after if METRICS[name].better == "higher" else after - before
+        worse = METRICS[name].worse(before, after)
         if abs(worse) > tolerance:
             verdict: Verdict = "regressed" if worse > 0 else "improved"
             yield Change(new, name, before, after, verdict, abs(worse) / max(tolerance, 1e-12))

@@ -33,6 +33,13 @@ def recommend(
             help="Target, instead of --min-iou: maximum mean distance between drawn and true shadow edges, in pixels.",
         ),
     ] = None,
+    max_rmse: Annotated[
+        float | None,
+        typer.Option(
+            metavar="X",
+            help="Target, instead of --min-iou: maximum root mean square error of visibility; for soft shadows.",
+        ),
+    ] = None,
     budget_ms: Annotated[
         float | None, typer.Option(metavar="X", help="Maximum time per frame, in ms; needs a GPU.")
     ] = None,
@@ -70,7 +77,7 @@ def recommend(
       closest  the most accurate spec of all, if none meets the target
     Columns
       map         texels along a side of the shadow map
-      iou         or edge_px: the target's metric
+      iou         or edge_px, rmse: the target's metric
       work or ms  cost of a frame; ~ marks a time that varied widely
       × choice    cost relative to the choice's
       MiB         memory of textures and buffers
@@ -81,7 +88,7 @@ def recommend(
     from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.measure.worker import Worker
 
-    target = target_of(min_iou, max_edge_px, budget_ms)
+    target = target_of(min_iou, max_edge_px, budget_ms, max_rmse)
     plugins = tuple(plugin or ())
     known = techniques_with(plugins)
     if export is not None:

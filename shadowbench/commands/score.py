@@ -111,8 +111,10 @@ def _print(accuracy: "Accuracy") -> None:
     view = accuracy.view
     title = f"{accuracy.external.name} on {view.scene.name}, {view.camera.name}, {view.light.name}, {view.size}²"
     rows = [
-        (metric.name, console.number(accuracy.metrics[metric.name]), metric.better, metric.help.split(". ")[0])
+        (metric.name, console.resolved(value, accuracy.record.get(str(metric.resolution))), metric.better, about)
         for metric in METRICS.values()
+        for value, about in [(accuracy.metrics[metric.name], metric.help.split(". ")[0])]
+        if value is not None or metric.kind != "soft"
     ]
     columns = ("metric", "", "better", "what it is")
     console.print_table(title, columns, rows, numbers=("",), whole=("metric", "better"))

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from shadowbench.studies.tables import Slope, SummaryRow
 
 _COLUMNS = {  # heading: (value, or "error" for 1 − IoU)
+    "RMSE": "rmse",
+    "RMSE pen": "rmse_pen",
     "1 − IoU": "error",
     "IoU soft": "iou_soft",
     "SSIM": "ssim",
@@ -25,7 +27,8 @@ _COLUMNS = {  # heading: (value, or "error" for 1 − IoU)
     "MiB": "gpu_bytes",  # five cascades need more memory than one map of the same size
 }
 _WIDE = 110  # characters; a narrower terminal gets the columns that matter most
-_NARROW = ("error", "ssim", "frame_ms", "ratio")
+_NARROW = ("rmse", "rmse_pen", "error", "ssim", "frame_ms", "ratio")
+_OF_SOFT = ("rmse", "rmse_pen")  # shown where the truth has penumbrae
 _OPTIONAL = ("frame_ms", "ratio", "gpu_bytes")  # shown where a row has them
 
 
@@ -42,7 +45,8 @@ def print_study(found: "StudyResult", folder: Path, quiet: bool) -> None:
     for scene, rows in tables.items():
         rough = [row.wide for row in rows if row.values["frame_ms"] is not None]
         notes = [*_notes(rows), *time_notes(references[scene], rough)]
-        _print_scene(f"{scene}, best first{times}", rows, [fit for fit in fits if fit.scene == scene], notes)
+        ranked = ", best first by RMSE" if any(row.soft for row in rows) else ", best first"
+        _print_scene(f"{scene}{ranked}{times}", rows, [fit for fit in fits if fit.scene == scene], notes)
         _print_curves(scene, curves(rows, found.sweep_positions))
     scenes, means = mean_over_scenes(tables)
     if len(scenes) > 1:
@@ -97,6 +101,7 @@ def _notes(rows: "list[SummaryRow]") -> list[str]:
 def _columns(rows: "Sequence[SummaryRow]", narrow: bool) -> dict[str, str]:
     """The columns of a table, by heading: fewer on a narrow terminal, no optional one that is empty."""
     lacking = {key for key in _OPTIONAL if all(row.values.get(key) is None for row in rows)}
+    lacking |= set() if any(row.soft for row in rows) else {*_OF_SOFT}
     return {heading: key for heading, key in _COLUMNS.items() if key not in lacking and (key in _NARROW or not narrow)}
 
 
@@ -117,10 +122,15 @@ def _print_curves(scene: str, found: "list[Curve]") -> None:
 
 
 def _cell(row: "SummaryRow", key: str) -> str:
-    """The error with its interval, else the median; ~ before a time whose rounds varied much."""
+    """The error with its interval, else the median; ~: a time whose rounds varied much, <: below the truth's error."""
+    from shadowbench.scores.metrics import METRICS
+
     value = row.values.get("iou" if key == "error" else key)
     if value is None:
         return "–"
+    if key in _OF_SOFT:
+        least = row.values.get(str(METRICS[key].resolution))
+        return console.resolved(value.median, None if least is None else least.median)
     if key == "gpu_bytes":
         return f"{value.median / 2**20:.1f}"
     if key == "error":

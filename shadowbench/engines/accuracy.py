@@ -79,6 +79,13 @@ class Accuracy:
         if unmeasured := self.record["input"]["unmeasured"]:
             lines.append(f"{unmeasured} more not scored: lit and ambient picture differ there by less than 1/64")
         lines += [f"{kind.name}, {kind.pixels} px: {kind.line}" for kind in self.kinds]
+        if (penumbra := self.record.get("penumbra")) is not None:
+            error, inside, share = (self.record[name] for name in ("truth_error", "truth_error_pen", "width_share"))
+            lines.append(
+                f"penumbra, {penumbra} px: the truth's own error is {inside:.2g} there, {error:.2g} over all pixels"
+            )
+            if share is not None:
+                lines.append(f"widths of penumbrae are compared at {share:.0%} of the true edge")
         return lines
 
 

@@ -72,7 +72,8 @@ class ScoreRow(CellIdentity):
     """Score record of a cell: measurements if its status is `ok`, and its axis value if `stress` made it.
 
     command: the command line that produced the row; content: digest of the input of another renderer's row, which has
-    no `gpu_bytes`.
+    no `gpu_bytes`. A row of a soft truth has its standard error, root mean square over receivers and over the penumbra,
+    the penumbra's pixels, and the share of the truth's edge pixels at which widths are compared.
     """
 
     schema: Literal[1]
@@ -89,6 +90,10 @@ class ScoreRow(CellIdentity):
     work: NotRequired[dict[str, Integer]]
     facts: NotRequired[dict[str, FiniteFloat]]
     mask_sha256: NotRequired[str | None]
+    truth_error: NotRequired[NonNegative]
+    truth_error_pen: NotRequired[NonNegative]
+    penumbra: NotRequired[Count]
+    width_share: NotRequired[NonNegative | None]
     surface_mismatch: NotRequired[Count]
     assumptions: NotRequired[list[str]]
     flips: NotRequired[FiniteFloat | None]

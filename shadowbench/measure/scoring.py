@@ -1,10 +1,13 @@
 """Scoring a mask of any renderer against a truth; needs no GL."""
 
+import math
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from shadowbench.scenes.model import Floats, View
 from shadowbench.scores.masks import mask_sha256
 from shadowbench.scores.metrics import score
 from shadowbench.scores.prepared import PreparedTruth
@@ -21,7 +24,28 @@ def prepare_truth(truth: Truth) -> PreparedTruth:
         blocker=truth.blocker,
         cosine=truth.cosine,
         diagonal=truth.diagonal,
+        standard_error=truth.standard_error,
+        positions=None if truth.view is None else partial(positions, truth.view, truth.triangle),
     )
+
+
+def positions(view: View, triangle: NDArray[np.int32]) -> Floats:
+    """(N, N, 3) points at the pixels' centres, in metres from the eye, on the planes of triangles (N, N); 0 for misses.
+
+    A plane seen edge-on, which receivers cannot be, has points anywhere.
+    """
+    camera, geometry = view.camera, view.scene.geometry
+    slope = np.tan(camera.fov_y / 2) * ((np.arange(view.size) + 0.5) * (2 / view.size) - 1)
+    right, up, back = camera.basis()
+    points = np.empty((view.size, view.size, 3))
+    for row, hit in enumerate(triangle):
+        rays = slope[:, np.newaxis] * right - slope[row] * up - back
+        normals = geometry.normals[hit]
+        toward = np.einsum("ix,ix->i", normals, rays)
+        away = np.einsum("ix,ix->i", normals, geometry.vertices[geometry.faces[hit, 0]] - camera.position)
+        depth = np.where(hit < 0, 0, away / np.where(toward == 0, 1, toward))
+        points[row] = rays * depth[:, np.newaxis]
+    return points
 
 
 def mask_record(
@@ -31,14 +55,29 @@ def mask_record(
 
     visibility: (N, N), quantised to 16 bits; prepared: `prepare_truth(truth)`, shared by many masks; surface: (N, N)
     triangle ids of the G-buffer that the mask was drawn over, None if there is none. Row 0 is at the top.
+    A soft truth adds its own error, root mean square over receivers and over the penumbra, and what widths are from.
     """
     record: dict[str, Any] = {
         "metrics": score(visibility, prepared),
         "receivers": int(truth.receivers.sum()),
         "undecided": int((truth.receivers & truth.undecided).sum()),
         "mask_sha256": mask_sha256(visibility),
+        **_truth_record(prepared),
     }
     if surface is not None:
         decided = truth.receivers & ~truth.undecided
         record["surface_mismatch"] = int((decided & (surface != truth.triangle)).sum())
     return record
+
+
+def _truth_record(prepared: PreparedTruth) -> dict[str, Any]:
+    """Fields about a soft truth: its error, the pixels of its penumbra, and the share of crossings with a width."""
+    if not prepared.soft:
+        return {}
+    across = prepared.crossings
+    return {
+        "truth_error": math.sqrt(prepared.mean_variance),
+        "truth_error_pen": math.sqrt(prepared.mean_variance_pen),
+        "penumbra": int(np.count_nonzero(prepared.penumbra)),
+        "width_share": len(across.width) / across.tried if across is not None and across.tried else None,
+    }

@@ -79,6 +79,11 @@ class Section:
         return [one for one in self.configurations if one.error is not None]
 
     @property
+    def soft(self) -> bool:
+        """Whether its shadows have penumbrae, so that the configurations are ranked by `rmse`."""
+        return any(one.row.soft for one in self.held)
+
+    @property
     def timed(self) -> list[Configuration]:
         """Those with a score and a time."""
         return [one for one in self.held if one.value("frame_ms") is not None]

@@ -21,7 +21,7 @@ from shadowbench.reports.analysis import Section, specs_of
 from shadowbench.reports.gallery import gallery, no_pictures, shots_of_breaks, shots_of_section, side
 from shadowbench.reports.heat_map import NOTHING, is_dark, shade
 from shadowbench.reports.matrix import IOU_TARGETS
-from shadowbench.reports.parts import DEFAULT_COLUMNS, Part, part_of, parts_of
+from shadowbench.reports.parts import DEFAULT_COLUMNS, SOFT_COLUMNS, Part, part_of, parts_of
 from shadowbench.reports.stability import Stability
 from shadowbench.reports.styles import COLORS, MOST, OUTLINES, SHAPES, Styles, styles_of
 from shadowbench.reports.verdict import target_name
@@ -78,6 +78,7 @@ def html_report(runs: Sequence[Run], scenes: Mapping[str, Sequence[Section]], sw
 
 def _page(parts: Sequence[Part], specs: Sequence[str]) -> dict[str, Any]:
     """What the scripts know of the page before any part is read."""
+    soft = any(section.soft for part in parts for section in part.sections)
     return {
         "parts": [
             {"id": one.id, "run": one.run, "title": one.title, "scenes": len(one.sections) > 1, "start": one.start}
@@ -87,7 +88,7 @@ def _page(parts: Sequence[Part], specs: Sequence[str]) -> dict[str, Any]:
         "colors": COLORS[:MOST],
         "shapes": SHAPES,
         "outlines": OUTLINES,
-        "columns": DEFAULT_COLUMNS,
+        "columns": [*DEFAULT_COLUMNS, *(SOFT_COLUMNS if soft else ())],
     }
 
 

@@ -23,6 +23,7 @@ from shadowbench.reports.words import (
 )
 from shadowbench.studies.folder import Run, Sweep
 
+_OF_SOFT = {"RMSE": "rmse", "RMSE pen": "rmse_pen"}
 _COLUMNS = {
     "SSIM": "ssim",
     "edge px": "edge_px",
@@ -67,14 +68,15 @@ def _section(section: Section) -> list[str]:
         blocks.append(f"*{sentence(times_are(section.run))}* Bold: on the Pareto front of error and time.")
     blocks += [_cell(sentence(line)) for line in section_notes(section)]
     best = front(section)
+    columns = (_OF_SOFT if section.soft else {}) | _COLUMNS
     rows = [
         [_bold(f"`{one.spec}`", one in best), str(one.map_size or ""), error.text(digits)]
-        + [value_of(one, name) for name in _COLUMNS.values()]
+        + [value_of(one, name) for name in columns.values()]
         for one in section.held
         if (error := one.error)
     ]
     if rows:
-        blocks.append(_table(["spec", "map", "1 − IoU", *_COLUMNS], rows))
+        blocks.append(_table(["spec", "map", "1 − IoU", *columns], rows))
     blocks += _costs([section])
     blocks += [f"- `{label}`: {_cell(status)}" for label, status in refusals(section)]
     blocks += [f"- {_cell(line)}" for line in warned(section)]

@@ -34,6 +34,7 @@ _TIMES = {
     "× reference": "ratio",
 }
 _VALUES = {name: name for name in METRICS if name != "iou"} | _TIMES | {"GPU bytes": "gpu_bytes"}
+SOFT_COLUMNS = ["rmse", "rmse_pen"]  # besides, where shadows have penumbrae
 DEFAULT_COLUMNS = [_COST, "map", _ERROR, "worst scene", "scenes", "edge_px", "ssim", "acne", "leak"]
 """The columns of a table that show until a reader chooses others."""
 

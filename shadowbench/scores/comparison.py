@@ -40,9 +40,15 @@ class Comparison(ThresholdedMask):
         return pooled
 
     @cached_property
+    def signed_error(self) -> NDArray[np.float32]:
+        """(H, W) difference from the truth's visibility, above 0 where the mask is lighter; meaningful where valid."""
+        error: NDArray[np.float32] = self.visibility - self.truth.visibility
+        return error
+
+    @cached_property
     def error(self) -> NDArray[np.float32]:
         """(H, W) absolute difference from the truth's visibility; only valid pixels are meaningful."""
-        error: NDArray[np.float32] = np.abs(self.visibility - self.truth.visibility)
+        error: NDArray[np.float32] = np.abs(self.signed_error)
         return error
 
     @cached_property
@@ -50,3 +56,15 @@ class Comparison(ThresholdedMask):
         """SSIM at pixels whose window lies inside the image (see `ssim`)."""
         prepared = self.truth
         return ssim_map(self.visibility, prepared.visibility, prepared.valid, prepared.ssim_moments)
+
+    @cached_property
+    def penumbra_widths(self) -> NDArray[np.float64] | None:
+        """(C,) widths of the mask's penumbrae at the truth's crossings, in metres; None if unknown."""
+        across = self.truth.crossings
+        return None if across is None else across.widths_of(self.visibility)
+
+    @cached_property
+    def hardening(self) -> tuple[float, float] | None:
+        """Slope and relative intercept of the mask's widths over the truth's (see `Crossings.hardening`)."""
+        across, widths = self.truth.crossings, self.penumbra_widths
+        return None if across is None or widths is None else across.hardening(widths)

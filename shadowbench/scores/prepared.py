@@ -1,20 +1,29 @@
 """The truth of a view with quantities derived from it alone, shared by all masks scored against it."""
 
 import math
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy import ndimage
 
 from shadowbench.scores.edges import squared_distance
+from shadowbench.scores.isolines import Isolines, smooth_gradient, step_squared
 from shadowbench.scores.masks import quantise
 from shadowbench.scores.ssim import WindowMoments, window_moments
+from shadowbench.scores.sums import mean
 from shadowbench.scores.thresholded import ThresholdedMask
+from shadowbench.scores.widths import Crossings, crossings
 
 INTERIOR_PX = 4.0  # distance from the edge beyond which errors count as acne or leak
 EDGE_ZONE_PX = 8.0
 BOUNDARY_WIDTH = 0.02  # share of the image's diagonal (Cheng et al. 2021)
 CONTACT_DISTANCE = 0.02  # share of the scene's diagonal
+PENUMBRA = (0.02, 0.98)  # visibility in a penumbra, exclusive
+PENUMBRA_MARGIN_PX = 2
+UMBRA, FULL_LIGHT = 0.01, 0.99  # visibility below which a pixel is in the umbra, above which in full light
+KERNEL_PX = 8  # how far a filter may reach into umbra and full light
 
 
 class PreparedTruth(ThresholdedMask):
@@ -34,12 +43,16 @@ class PreparedTruth(ThresholdedMask):
         blocker: ArrayLike,
         cosine: ArrayLike,
         diagonal: float,
+        standard_error: ArrayLike | None = None,
+        positions: Callable[[], NDArray[np.float64]] | None = None,
     ) -> None:
         """All arrays are (H, W).
 
         visibility: in [0, 1], 1 lit and 0 in shadow. receivers, undecided: bool. area: visibility averaged over the
         pixel, in [0, 1]. blocker: distance towards the light to the nearest occluder, inf if none. cosine: N·L, not
-        negative on valid pixels. diagonal: of the scene, > 0, in the unit of `blocker`.
+        negative on valid pixels. diagonal: of the scene, > 0, in the unit of `blocker`. standard_error: of visibility,
+        at least 0, by default 0. positions: returns (H, W, 3) points of the surfaces in metres, finite everywhere;
+        called once, for a truth with penumbrae; None if unknown, so that no width of a penumbra is.
         Visibility and area are quantised, so that a stored mask of the truth has no error. Raises ValueError for arrays
         of different shapes and values out of range.
         """
@@ -49,7 +62,10 @@ class PreparedTruth(ThresholdedMask):
         self.blocker: NDArray[np.float32] = np.asarray(blocker, np.float32)
         self.cosine: NDArray[np.float32] = np.asarray(cosine, np.float32)
         self.diagonal = float(diagonal)
-        for name in ("area", "blocker", "cosine", "undecided", "valid"):
+        error = np.zeros(self.shape) if standard_error is None else standard_error
+        self.standard_error: NDArray[np.float32] = np.asarray(error, np.float32)
+        self._positions = positions
+        for name in ("area", "blocker", "cosine", "standard_error", "undecided", "valid"):
             found = getattr(self, name).shape
             if found != self.shape:
                 raise ValueError(f"{name} has shape {found}, visibility {self.shape}; allowed: the same")
@@ -112,3 +128,71 @@ class PreparedTruth(ThresholdedMask):
     def ssim_moments(self) -> WindowMoments:
         """Window moments of the truth for SSIM."""
         return window_moments(self.visibility, self.valid)
+
+    @cached_property
+    def penumbra(self) -> NDArray[np.bool_]:
+        """Valid pixels within 2 px, along rows and columns, of one whose visibility is between 0.02 and 0.98."""
+        inside = self.valid & (self.visibility > PENUMBRA[0]) & (self.visibility < PENUMBRA[1])
+        return self.valid & _spread(inside, PENUMBRA_MARGIN_PX)
+
+    @cached_property
+    def soft(self) -> bool:
+        """Whether there is a penumbra."""
+        return bool(self.penumbra.any())
+
+    @cached_property
+    def umbra(self) -> NDArray[np.bool_]:
+        """Valid pixels darker than 0.01, at least 8 px along rows and columns from lighter and undecided ones."""
+        lighter = self.valid & (self.visibility >= UMBRA)
+        return self.valid & ~_spread(lighter | self.undecided, KERNEL_PX)
+
+    @cached_property
+    def full_light(self) -> NDArray[np.bool_]:
+        """Valid pixels lighter than 0.99, at least 8 px along rows and columns from darker and undecided ones."""
+        darker = self.valid & (self.visibility <= FULL_LIGHT)
+        return self.valid & ~_spread(darker | self.undecided, KERNEL_PX)
+
+    @cached_property
+    def variance(self) -> NDArray[np.float32]:
+        """Squared standard error of the visibility."""
+        return self.standard_error**2
+
+    @cached_property
+    def mean_variance(self) -> float:
+        """Mean squared standard error over valid pixels; 0 if there are none."""
+        return mean(self.variance, self.valid) or 0.0
+
+    @cached_property
+    def mean_variance_pen(self) -> float:
+        """Mean squared standard error over the penumbra; 0 if there is none."""
+        return mean(self.variance, self.penumbra) or 0.0
+
+    @cached_property
+    def step_squared(self) -> NDArray[np.float32]:
+        """Squared change of visibility from pixel to pixel."""
+        return step_squared(self.visibility, self.valid)
+
+    @cached_property
+    def _gradient(self) -> NDArray[np.float32]:
+        return smooth_gradient(self.visibility, self.valid)
+
+    @cached_property
+    def isolines(self) -> Isolines:
+        """Segments of isolines through the penumbra."""
+        return Isolines.of(self._gradient, self.valid, self.penumbra)
+
+    @cached_property
+    def crossings(self) -> Crossings | None:
+        """Lines across the penumbrae; None without a penumbra or positions."""
+        if not self.soft or self._positions is None:
+            return None
+        positions = self._positions()
+        return crossings(self.visibility, self.standard_error, self.valid, self.edge, self._gradient, positions)
+
+
+def _spread(pixels: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
+    """(H, W) bool: pixels within `reach` of others along rows and columns, in a square."""
+    if not pixels.any():
+        return pixels
+    spread: NDArray[np.bool_] = ndimage.maximum_filter(pixels.view(np.uint8), 2 * reach + 1, mode="nearest").view(bool)
+    return spread

@@ -19,6 +19,7 @@ _IDENTITY = ["scene", "view", "light", "phase", "technique", "spec", "map_size",
 _TIMES = ["frame_ms", "frame_iqr_ms", "added_ms", "ratio", "n", "clock"]
 _TOTALS = ["wall_ms", *(f"{moved}_ms" for moved in REDRAWN)]
 _MORE_TIMES = ["ratio_iqr", "reference", "reference_ms", *_TOTALS]  # additional columns, after the promised ones
+_SOFT = ["truth_error", "truth_error_pen", "penumbra", "width_share"]  # of a soft truth
 _MORE = [
     "receivers",
     "undecided",
@@ -38,10 +39,10 @@ def cells_frame(results: Sequence[Result]) -> pd.DataFrame:
     passes = sorted({key for row in rows for key in row if key.startswith("pass_")})
     work = sorted({key for row in rows for key in row if key.startswith("work_")})
     promised = [*_IDENTITY, *METRICS, *_TIMES, *passes, *work, "gpu_bytes", "prepare_ms", "machine", "command"]
-    ours = [*_MORE, *_MORE_TIMES]
+    ours = [*_MORE, *_SOFT, *_MORE_TIMES]
     facts = sorted({key for row in rows for key in row if key.startswith("fact_")})
     frame = pd.DataFrame(rows, columns=[*promised, *ours, *facts])
-    whole = [*work, "map_size", "n", "gpu_bytes", "receivers", "undecided", "surface_mismatch"]
+    whole = [*work, "map_size", "n", "gpu_bytes", "receivers", "undecided", "surface_mismatch", "penumbra"]
     return frame.astype(dict.fromkeys(whole, "Int64"))
 
 
@@ -53,7 +54,9 @@ def write_table(file: Path, frame: pd.DataFrame) -> None:
 
 def _cell(result: Result) -> dict[str, Any]:
     score, timed = result.score, result.time or {}
-    row = {name: score.get(name) for name in [*_IDENTITY, *_MORE, "gpu_bytes", "command"]} | {"status": result.status}
+    row = {name: score.get(name) for name in [*_IDENTITY, *_MORE, *_SOFT, "gpu_bytes", "command"]} | {
+        "status": result.status
+    }
     row |= score.get("metrics", {})
     row["assumptions"] = "; ".join(score.get("assumptions", ())) or None
     row |= {f"work_{name}": count for name, count in score.get("work", {}).items()}
@@ -104,6 +107,11 @@ class SummaryRow:
         return ms is not None and iqr is not None and iqr.median > WIDE * ms.median
 
     @property
+    def soft(self) -> bool:
+        """Whether the truth has penumbrae, so that rows are ranked by `rmse`."""
+        return self.values.get("rmse_pen") is not None
+
+    @property
     def single_phase(self) -> bool:
         """Whether a map was scored at a single phase."""
         return self.map_size is not None and self.phases == 1
@@ -149,7 +157,7 @@ def summary_rows(table: pd.DataFrame) -> list[SummaryRow]:
     for key, group in table.groupby(["spec", "map_size"], sort=False, dropna=False):
         spec, size = cast("tuple[str, float]", key)
         succeeded = group[group["status"] == "ok"]
-        names = [*METRICS, *_TIMES[:4], *_TOTALS, "gpu_bytes"]
+        names = [*METRICS, *_SOFT[:2], *_TIMES[:4], *_TOTALS, "gpu_bytes"]
         values = {name: interval(succeeded[name].tolist()) for name in names}
         refused = tuple(group.loc[group["status"] != "ok", "status"])
         map_size = None if pd.isna(size) else int(size)
@@ -182,7 +190,7 @@ def mean_over_scenes(tables: Mapping[str, Sequence[SummaryRow]]) -> tuple[list[s
     means = [
         SummaryRow(spec, size, sum(row.cells for row in rows), (), values, min(row.phases for row in rows))
         for (spec, size), rows in found.items()
-        for values in [{name: _mean([row.values[name] for row in rows]) for name in METRICS}]
+        for values in [{name: _mean([row.values.get(name) for row in rows]) for name in [*METRICS, *_SOFT[:2]]}]
     ]
     return scenes, sorted(means, key=_error)
 
@@ -193,8 +201,9 @@ def _mean(values: Sequence[Interval | None]) -> Interval | None:
 
 
 def _error(row: SummaryRow) -> tuple[float, str, int]:
-    iou = row.values["iou"]
-    return (math.inf if iou is None else -iou.median, row.spec, row.map_size or 0)
+    value = row.values["rmse" if row.soft else "iou"]
+    error = math.inf if value is None else value.median if row.soft else -value.median
+    return error, row.spec, row.map_size or 0
 
 
 @dataclass(frozen=True)

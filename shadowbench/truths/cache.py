@@ -81,7 +81,9 @@ def read_truth(file: Path, view: View) -> Truth | None:
             values = {name: arrays[name] for name in arrays.files}
     except Exception:  # damaged bytes raise many types in zipfile and NumPy, MemoryError and TokenError included
         return None
-    return Truth(**{**values, "diagonal": float(values["diagonal"])}) if _is_truth(values, view) else None
+    if not _is_truth(values, view):
+        return None
+    return Truth(**{**values, "diagonal": float(values["diagonal"]), "view": view})
 
 
 def _is_truth(values: dict[str, NDArray[Any]], view: View) -> bool:

@@ -34,7 +34,7 @@ class Truth:
     shadow ray's offset (see `hard`, `soft`). area: float32, visibility averaged over the pixel's samples that hit
     receivers. blocker: float32 metres along L to the nearest occluder, inf if none. triangle: int32 index in the
     scene's geometry, −1 for a miss. cosine: float32 N·L, 0 where there is no receiver. diagonal: of the bounding box of
-    casters and visible receivers, in metres. L points to the light's centre.
+    casters and visible receivers, in metres. L points to the light's centre. view: that was traced, None if unknown.
     """
 
     visibility: Single
@@ -47,14 +47,15 @@ class Truth:
     triangle: NDArray[np.int32]
     cosine: Single
     diagonal: float
+    view: View | None = None
 
     def _repr_png_(self) -> bytes:
         """PNG of the visibility, for notebooks; pixels without a receiver are white."""
         return png_of(np.round(self.visibility * 255).astype(np.uint8))
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """All fields as arrays by name, as stored in `truth.npz`."""
-        return {field.name: np.asarray(getattr(self, field.name)) for field in fields(self)}
+        """All fields but the view as arrays by name, as stored in `truth.npz`."""
+        return {field.name: np.asarray(getattr(self, field.name)) for field in fields(self) if field.name != "view"}
 
 
 def trace(view: View, pixel_samples: int = 4, standard_error: float = STANDARD_ERROR) -> Truth:
@@ -78,7 +79,8 @@ def trace(view: View, pixel_samples: int = 4, standard_error: float = STANDARD_E
     arrays["blocker"] = (arrays["blocker"] / placement.scale).astype(np.float32)
     arrays["triangle"] = triangle.astype(np.int32)
     shape = (view.size, view.size)
-    return Truth(diagonal=diagonal / placement.scale, **{name: array.reshape(shape) for name, array in arrays.items()})
+    images = {name: array.reshape(shape) for name, array in arrays.items()}
+    return Truth(diagonal=diagonal / placement.scale, view=view, **images)
 
 
 def _visible_triangles(view: View, rays: ViewRays) -> tuple[Indices, float]:

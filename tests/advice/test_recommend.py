@@ -49,6 +49,25 @@ translate = [-1.2, 4.0, 0.6]
 """
 
 
+VEIL = """
+[camera]
+position = [0.0, 1.5, 1.2]
+target = [0.0, 0.0, 0.0]
+fov_y = 40.0
+[light]
+kind = "directional"
+direction = [0.0, -1.0, 0.0]
+angular_radius = 8.0
+[[mesh]]
+shape = "plane"
+scale = 6.0
+[[mesh]]
+shape = "box"
+scale = [6.0, 0.02, 0.15]
+translate = [0.0, 2.0, 0.0]
+"""
+
+
 @pytest.fixture
 def scene(tmp_path: Path) -> Callable[..., Path]:
     """A box over a floor."""
@@ -122,6 +141,9 @@ def test_export_writes_parameters_and_whole_shaders(shadowbench: Callable[..., A
         (("--max-edge-px", "-1"), "--max-edge-px: found -1; allowed: 0 and more"),
         (("--budget-ms", "0"), "--budget-ms: found 0; allowed: above 0"),
         (("--min-iou", "0.9", "--max-edge-px", "1"), "allowed: one of them"),
+        (("--max-rmse", "-0.1"), "--max-rmse: found -0.1; allowed: 0 to 1"),
+        (("--max-rmse", "nan"), "--max-rmse: found nan; allowed: 0 to 1"),
+        (("--max-rmse", "0.1", "--min-iou", "0.9"), "--min-iou and --max-rmse: found both; allowed: one of them"),
         (("--view", "nowhere"), "nowhere"),
     ],
 )
@@ -192,6 +214,21 @@ def test_a_picture_that_is_dark_all_over_is_not_met_by_drawing_no_shadow(
     assert found["choice"]["metrics"]["iou"] == 1.0 and found["choice"]["metrics"]["edge_px"] is None
     projected = [one["metrics"]["iou"] for one in found["evidence"] if one["spec"] == "planar-projection"]
     assert projected == ([1.0] if ground == 40.0 else [])
+
+
+def test_a_penumbra_is_judged_by_its_rmse(shadowbench: Callable[..., Any], tmp_path: Path) -> None:
+    """A bar before a wide sun: nowhere is darker than half, which is no shadow to IoU alone."""
+    file = tmp_path / "veil.toml"
+    file.write_text(VEIL)
+    arguments = ("recommend", file, "--view-size", "64", "-o", tmp_path / "rows", "--json")
+    hard, met, missed = (
+        shadowbench(*arguments, *target) for target in ((), ("--max-rmse", "0.2"), ("--max-rmse", "0.001"))
+    )
+    assert [answer.code for answer in (hard, met, missed)] == [0, 0, 1], met.err + missed.err
+    choice, none = (json.loads(answer.out)["choice"] for answer in (met, hard))
+    assert none["spec"] == "unshadowed" and choice["spec"] != "unshadowed"
+    assert 0.001 < choice["metrics"]["rmse"] <= 0.2
+    assert any(line.startswith("nothing meets RMSE ≤ 0.001; ") for line in json.loads(missed.out)["in_the_way"])
 
 
 def test_where_nothing_seen_is_in_shadow_drawing_none_is_enough(

@@ -135,9 +135,9 @@ def test_a_target_without_any_error_is_searched_for_among_maps(limit: float) -> 
     assert len(model.asked) <= 0.2 * len(full_space(KNOWN, "directional", 16384))
 
 
-@pytest.mark.parametrize("metric", ["iou", "edge_px"])
+@pytest.mark.parametrize("metric", ["iou", "edge_px", "rmse"])
 def test_one_wrong_pixel_is_about_the_least_error(
-    metric: Literal["iou", "edge_px"], truth_of: Callable[..., Truth]
+    metric: Literal["iou", "edge_px", "rmse"], truth_of: Callable[..., Truth]
 ) -> None:
     truth = truth_of("cube-on-plane", 64)
     prepared = prepare_truth(truth)

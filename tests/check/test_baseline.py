@@ -32,7 +32,7 @@ def verdicts(found: list[Result], baseline: list[Result], **tolerances: float) -
 @pytest.mark.parametrize("name", METRICS)
 def test_each_metric_has_its_direction_and_its_tolerance(name: str) -> None:
     metric = METRICS[name]
-    sign = 1 if metric.better == "higher" else -1
+    sign = 1 if metric.better in ("higher", "near 1") else -1
     for step, verdict in ((1.1, "improved"), (-1.1, "regressed")):
         moved = GOOD | {name: GOOD[name] + sign * step * metric.tolerance}
         assert verdicts([cell(metrics=moved)], [cell()]) == {name: verdict}

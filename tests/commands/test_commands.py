@@ -108,6 +108,43 @@ def test_a_narrow_table_says_what_it_leaves_out(
         assert heading in wide.splitlines()[1] and heading not in shown
 
 
+def test_a_table_of_soft_shadows_is_ranked_by_rmse(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    file = tmp_path / "soft.toml"
+    file.write_text(
+        """
+        [camera]
+        position = [2.3, 4.0, 3.4]
+        target = [0.4, 0.2, -0.2]
+        fov_y = 50.0
+        [light]
+        kind = "directional"
+        direction = [0.8, -1.0, -0.4]
+        angular_radius = 6.0
+        [[mesh]]
+        shape = "plane"
+        scale = 8.0
+        [[mesh]]
+        shape = "box"
+        """
+    )
+    size = ["--map-size", "128", "--view-size", "64", "--rounds", "0"]
+    answer = shadowbench("run", file, "-t", "shadow-map", "-t", "unshadowed", *size, "-o", tmp_path / "rows")
+    assert answer.code == 0, answer.err
+    lines = answer.out.splitlines()
+    assert lines[0].startswith("soft, best first by RMSE")
+    assert lines[1].split()[:5] == ["spec", "map", "RMSE", "RMSE", "pen"]
+    frame = pd.read_csv(tmp_path / "rows" / "table.csv")
+    assert (frame["truth_error"] < frame["truth_error_pen"]).all() and (frame["penumbra"] > 0).all()
+    assert [line.split()[0] for line in lines[2:4]] == ["shadow-map", "unshadowed"]
+
+
+def test_what_the_truth_cannot_resolve_is_printed_as_such() -> None:
+    assert console.resolved(0.0004, 0.0012) == "<0.0012"
+    assert console.resolved(0.0013, 0.0012) == "0.0013"
+    assert console.resolved(0.0004, None) == "0.0004"
+    assert console.resolved(None, 0.0012) == "–"
+
+
 @pytest.mark.parametrize("width", [60, 30])
 def test_a_narrow_table_cuts_no_number(
     shadowbench: Shadowbench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, width: int

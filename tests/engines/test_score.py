@@ -11,9 +11,12 @@ import pytest
 from PIL import Image
 from scipy import ndimage
 
+from shadowbench.commands import console
 from shadowbench.engines.error_kinds import error_kinds
+from shadowbench.scenes.views import chosen_view
 from shadowbench.scores.masks import read_mask, write_mask
 from shadowbench.scores.metrics import METRICS, score
+from shadowbench.truths.cache import cached_truth
 
 SCENE = "stairs"
 
@@ -34,13 +37,62 @@ def rows_of(folder: Path) -> list[dict]:
 
 
 def test_every_metric_is_printed_and_is_that_of_a_run(shadowbench: Callable, mask: Path, prepared: Callable) -> None:
+    """Those of penumbrae where there is one."""
     answer = shadowbench("score", SCENE, mask)
     assert answer.code == 0
-    assert [line.split()[0] for line in answer.out.splitlines()[2 : 2 + len(METRICS)]] == list(METRICS)
+    of_penumbrae = {"rmse_pen", "bias_pen", "noise", "banding", "width", "hardening", "hardening_intercept"}
+    printed = [name for name in METRICS if name not in of_penumbrae]
+    assert [line.split()[0] for line in answer.out.splitlines()[2 : 2 + len(printed)]] == printed
     found = json.loads(shadowbench("score", SCENE, mask, "--json").out)
     assert found["metrics"] == score(read_mask(mask), prepared(SCENE))
     assert found["metrics"]["iou"] > 0.98 and found["warnings"] == []
     assert (found["view_size"], found["view"], found["light"]) == (256, "camera", "light")
+
+
+SOFT = """
+[camera]
+position = [2.3, 4.0, 3.4]
+target = [0.4, 0.2, -0.2]
+fov_y = 50.0
+[light]
+kind = "directional"
+direction = [0.8, -1.0, -0.4]
+angular_radius = 6.0
+[[mesh]]
+shape = "plane"
+scale = 8.0
+[[mesh]]
+shape = "box"
+scale = [0.8, 1.6, 0.8]
+translate = [-0.4, 0.8, 0.2]
+"""
+
+
+def test_a_mask_of_soft_shadows_is_scored_with_the_error_of_the_truth(shadowbench: Callable, tmp_path: Path) -> None:
+    scene, size = tmp_path / "soft.toml", 96
+    scene.write_text(SOFT)
+    truth = cached_truth(chosen_view(scene, size))
+    shifted = np.roll(truth.visibility, 1, axis=1)
+    files = []
+    for name, visibility in (("exact", truth.visibility), ("shifted", shifted)):
+        files.append(tmp_path / f"{name}.png")
+        write_mask(files[-1], np.where(truth.receivers, visibility, 1))
+    exact, other = (json.loads(shadowbench("score", scene, file, "--json").out) for file in files)
+    assert 0 < exact["truth_error"] < exact["truth_error_pen"] < 0.01 and exact["penumbra"] > 100
+    assert exact["metrics"]["rmse"] == exact["metrics"]["width"] == 0
+    assert other["metrics"]["rmse_pen"] > 10 * exact["truth_error_pen"]
+    printed = [
+        {words[0]: words[1] for line in shadowbench("score", scene, file).out.splitlines() if (words := line.split())}
+        for file in files
+    ]
+    assert printed[0]["rmse"] == f"<{console.number(exact['truth_error'])}"
+    assert printed[0]["rmse_pen"] == printed[0]["noise"] == f"<{console.number(exact['truth_error_pen'])}"
+    assert printed[1]["rmse_pen"] == console.number(other["metrics"]["rmse_pen"])
+    assert "penumbra," in printed[0] and "width" in printed[0]
+    folder = tmp_path / "rows"
+    assert shadowbench("score", scene, files[1], "-o", folder, "--name", "mine").code == 0
+    (row,) = rows_of(folder)
+    assert (row["metrics"], row["width_share"]) == (other["metrics"], other["width_share"])
 
 
 @pytest.mark.parametrize(

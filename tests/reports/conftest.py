@@ -32,7 +32,7 @@ SIDE = 32
 class Cell:
     """A cell with an error and a time; `edge` defaults to a hundred times the error. Times None: not timed.
 
-    `reference_ms`: what the reference took in the cell's block.
+    `reference_ms`: what the reference took in the cell's block; `rmse_pen`: None if the truth has no penumbra.
     """
 
     spec: str
@@ -48,6 +48,7 @@ class Cell:
     version: int = 0
     reference_ms: float = 10.0
     ratio_iqr: float = 0.02
+    rmse_pen: float | None = None
 
     @property
     def key(self) -> str:
@@ -62,6 +63,7 @@ class Cell:
         }  # fmt: skip
         if self.status == "ok":
             values = dict.fromkeys(METRICS, 0.5) | {"iou": None if self.error is None else 1 - self.error}
+            values |= {"rmse": self.rmse_pen and self.rmse_pen / 4, "rmse_pen": self.rmse_pen}
             values["edge_px"] = 100 * self.error if self.edge is None and self.error is not None else self.edge
             score |= {"metrics": values, "receivers": RECEIVERS, "undecided": 3, "work": {"draws": 1}, "facts": {}}
             score |= {"assumptions": ["no light: assumed a sun"], "gpu_bytes": 1, "mask_sha256": "0"}

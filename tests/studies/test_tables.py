@@ -150,6 +150,25 @@ def test_lights_of_one_scene_are_tables_of_their_own() -> None:
     assert list(summary(cells_frame(cells[:1]))) == ["cube"], "one light needs no name"
 
 
+def test_soft_shadows_are_ranked_by_rmse_and_hard_ones_by_iou() -> None:
+    """A truth without penumbrae leaves `rmse_pen` undefined."""
+    cells = [result(0.9, spec="sharp"), result(0.8, spec="wide")]
+    for cell, rmse in zip(cells, (0.2, 0.1), strict=True):
+        cell.score["metrics"] |= {"rmse": rmse}
+    (rows,) = summary(cells_frame(cells)).values()
+    assert [(row.spec, row.soft) for row in rows] == [("sharp", False), ("wide", False)]
+    for cell in cells:
+        cell.score["metrics"] |= {"rmse_pen": 0.5}
+        cell.score.update({"truth_error": 0.01, "truth_error_pen": 0.02, "penumbra": 7, "width_share": None})
+    frame = cells_frame(cells)
+    (rows,) = summary(frame).values()
+    assert [(row.spec, row.soft) for row in rows] == [("wide", True), ("sharp", True)]
+    assert rows[0].values["truth_error_pen"] == Interval(0.02)
+    assert frame["penumbra"].tolist() == [7, 7]
+    _, means = mean_over_scenes({"one": rows, "two": rows})
+    assert [row.spec for row in means] == ["wide", "sharp"]
+
+
 def test_a_spec_that_held_nowhere_takes_no_part_in_the_mean_over_scenes() -> None:
     tables = {
         scene: [

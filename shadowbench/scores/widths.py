@@ -1,0 +1,182 @@
+"""Widths of penumbrae, measured along lines across the truth's shadow edges.
+
+A line starts at an edge pixel and follows the truth's gradient on the receiver's plane, both ways, as long as the
+receiver is that plane and the truth does not fall towards the light by more than its error. The width of truth and
+mask alike is that between visibilities of 0.1 and 0.9, after isotonic smoothing by the mean of the running maximum from
+the dark end and the running minimum from the lit end.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from shadowbench.scores.masks import LEVELS
+
+Single = NDArray[np.float32]
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+MOST = 1000  # crossings, taken evenly from the edge pixels in the order of rows
+FEWEST = 30  # crossings that a width is the median of
+DARK, LIT = 0.1, 0.9  # visibilities between which a penumbra is measured
+REACH = 4  # lines are as long to either side as this part of the image
+SOFT_PX = 3.0  # px, narrowest penumbra of the truth that counts
+WIDE_PX = 4.0  # px, narrowest penumbra that hardening is judged by
+RANGE = 3.0  # least ratio of the 90th and the 10th percentile of the widths for hardening
+ERRORS = 4.0  # standard errors by which the truth may fall towards the light
+FLATNESS = 1e-3  # distance from the plane as a share of that along it
+
+
+@dataclass(frozen=True, eq=False)
+class Crossings:
+    """Lines across a truth's penumbrae, C of those that were tried.
+
+    tried: number of edge pixels; lines: (2, C, K) rows and columns of points a pixel apart, from dark to lit; first,
+    last: (C,) the part of each line that is used; along: (C, K) metres; width: (C,) metres of the truth, width_px: the
+    same in pixels; pixel: (C,) metres along the line that a pixel covers.
+    """
+
+    tried: int
+    lines: Single
+    first: NDArray[np.intp]
+    last: NDArray[np.intp]
+    along: Single
+    width: Floats
+    width_px: Floats
+    pixel: Floats
+
+    def widths_of(self, visibility: Single) -> Floats:
+        """(C,) widths of a mask (H, W) in metres, at least a pixel's; a mask that is lit or dark all along has one."""
+        widths = _widths(_sampled(visibility, self.lines), self.first, self.last, self.along)[0]
+        return np.maximum(widths, self.pixel)
+
+    def hardening(self, widths: Floats) -> tuple[float, float] | None:
+        """Theil–Sen line of (C,) widths over the truth's: slope, and intercept as a share of the truth's median width.
+
+        Over penumbrae wider than WIDE_PX; None if there are too few or their widths vary too little.
+        """
+        wide = self.width_px > WIDE_PX
+        true, drawn = self.width[wide], widths[wide]
+        if len(true) < FEWEST or np.percentile(true, 90) < RANGE * np.percentile(true, 10):
+            return None
+        one, other = np.triu_indices(len(true), 1)
+        apart = true[one] != true[other]
+        one, other = one[apart], other[apart]
+        slope = float(np.median((drawn[one] - drawn[other]) / (true[one] - true[other])))
+        middle = float(np.median(true))
+        return slope, float(np.median(drawn) - slope * middle) / middle
+
+
+def crossings(
+    visibility: Single, standard_error: Single, valid: Mask, edge: Mask, gradient: Single, positions: Floats
+) -> Crossings:
+    """Lines across the penumbrae of a truth. All arrays are (H, W).
+
+    edge: bool, where lines start; gradient: (2, H, W) of visibility per pixel; positions: (H, W, 3) of the surface in
+    metres, finite everywhere.
+    """
+    rows, columns = np.nonzero(edge[1:-1, 1:-1])
+    chosen = np.linspace(0, len(rows) - 1, min(len(rows), MOST)).round().astype(np.intp)
+    starts = np.stack([rows[chosen], columns[chosen]]) + 1
+    normal, direction, flat = _across(starts, gradient, positions)
+    starts, normal, direction = starts[:, flat], normal[flat], direction[:, flat]
+
+    reach = max(visibility.shape) // REACH
+    steps = np.arange(-reach, reach + 1)
+    lines = (starts[..., np.newaxis] + steps * direction[..., np.newaxis]).astype(np.float32)
+    away = np.stack([_sampled(positions[..., axis], lines) for axis in range(3)], axis=-1)
+    away -= positions[tuple(starts)][:, np.newaxis]
+    distance = np.linalg.norm(away, axis=-1)
+    usable = _sampled(valid.astype(np.float32), lines) > 1 - 1e-4
+    usable &= np.abs(np.einsum("ckx,cx->ck", away, normal)) <= FLATNESS * distance
+    truth = _sampled(visibility, lines)
+    slack = ERRORS * _sampled(standard_error, lines) + 1 / LEVELS
+    lit_side = _run(usable[:, reach:], truth[:, reach:], slack[:, reach:])
+    dark_side = _run(usable[:, reach::-1], -truth[:, reach::-1], slack[:, reach::-1])
+    first, last = reach - dark_side, reach + lit_side
+    along = (np.sign(steps) * distance).astype(np.float32)
+    width, width_px = _widths(truth, first, last, along)
+    ends = truth[np.arange(len(first)), first], truth[np.arange(len(last)), last]
+    accepted = (ends[0] < DARK) & (ends[1] > LIT) & (width_px >= SOFT_PX)
+    pixel = (along[:, reach + 1] - along[:, reach - 1]) / 2
+    return Crossings(
+        len(chosen),
+        lines[:, accepted],
+        first[accepted],
+        last[accepted],
+        along[accepted],
+        np.maximum(width, pixel)[accepted],
+        width_px[accepted],
+        pixel[accepted].astype(np.float64),
+    )
+
+
+def _across(starts: NDArray[np.intp], gradient: Single, positions: Floats) -> tuple[Floats, Floats, Mask]:
+    """(S, 3) normal of the plane at each start, (2, S) steps of a pixel along the gradient on it, and where it is flat.
+
+    starts: (2, S) pixels inside the border.
+    """
+    here = positions[tuple(starts)]
+    neighbours = [
+        positions[starts[0] + down, starts[1] + right] - here for down, right in ((1, 0), (-1, 0), (0, 1), (0, -1))
+    ]
+    down, right = (neighbours[0] - neighbours[1]) / 2, (neighbours[2] - neighbours[3]) / 2
+    normal = np.cross(down, right)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        # Steepest in metres: the gradient by pixels, times the inverse of the plane's metric in pixels.
+        metric = np.einsum("isx,jsx->sij", np.stack([down, right]), np.stack([down, right]))
+        slope = gradient[(slice(None), *starts)].astype(np.float64)
+        direction = np.stack(
+            [
+                metric[:, 1, 1] * slope[0] - metric[:, 0, 1] * slope[1],
+                metric[:, 0, 0] * slope[1] - metric[:, 0, 1] * slope[0],
+            ]
+        )
+        direction /= np.hypot(*direction)
+    flat = np.isfinite(normal).all(axis=1) & np.isfinite(direction).all(axis=0)
+    for neighbour in neighbours:
+        off = np.abs(np.einsum("sx,sx->s", neighbour, normal))
+        flat &= off <= FLATNESS * np.linalg.norm(neighbour, axis=1)
+    return normal, direction, flat
+
+
+def _run(usable: Mask, rising: Single, slack: Single) -> NDArray[np.intp]:
+    """(C,) index up to which all points (C, K) are usable and `rising` falls by no more than `slack`."""
+    good = usable & (rising >= np.maximum.accumulate(rising, axis=1) - slack)
+    length: NDArray[np.intp] = np.logical_and.accumulate(good, axis=1).sum(axis=1) - 1
+    return np.maximum(length, 0)
+
+
+def _widths(profiles: Single, first: NDArray[np.intp], last: NDArray[np.intp], along: Single) -> tuple[Floats, Floats]:
+    """(C,) distances between visibilities DARK and LIT on profiles (C, K), in metres and in steps."""
+    index = np.clip(np.arange(profiles.shape[1]), first[:, np.newaxis], last[:, np.newaxis])
+    used = np.take_along_axis(profiles, index, axis=1)
+    highest = np.maximum.accumulate(used, axis=1)
+    lowest = np.minimum.accumulate(used[:, ::-1], axis=1)[:, ::-1]
+    isotonic: Single = (highest + lowest) * np.float32(0.5)
+    (dark, dark_metres), (lit, lit_metres) = (_place(isotonic, level, first, last, along) for level in (DARK, LIT))
+    return lit_metres - dark_metres, lit - dark
+
+
+def _place(
+    rising: Single, level: float, first: NDArray[np.intp], last: NDArray[np.intp], along: Single
+) -> tuple[Floats, Floats]:
+    """(C,) where rising profiles reach a level, in steps and in metres, between `first` and `last`."""
+    rows = np.arange(len(rising))
+    after = np.where(rising[:, -1] >= level, np.argmax(rising >= level, axis=1), last)
+    after = np.clip(after, first, last)
+    before = np.maximum(after - 1, first)
+    low, high = rising[rows, before].astype(np.float64), rising[rows, after].astype(np.float64)
+    share = np.clip((level - low) / np.where(high > low, high - low, 1), 0, 1)
+    share = np.where(high > low, share, 1.0)
+    metres = along[rows, before] + share * (along[rows, after] - along[rows, before])
+    return before + share * (after - before), metres
+
+
+def _sampled(values: NDArray[np.floating], lines: Single) -> Single:
+    """(C, K) bilinear samples at (2, C, K) rows and columns, 0 outside the image."""
+    sampled: Single = ndimage.map_coordinates(values, lines, order=1, mode="constant")
+    return sampled

@@ -1,0 +1,351 @@
+"""Metrics of penumbrae on truths whose scores are known in closed form.
+
+A truth is a ramp of visibility, dark at the left, on a floor that is seen from above at 0.1 m a pixel.
+"""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shadowbench.scores import METRICS, PreparedTruth, score
+
+SIZE = 160
+METRES = 0.1
+Y, X = np.mgrid[:SIZE, :SIZE].astype(float)
+DIAGONAL = (X + Y) / math.sqrt(2)
+
+Scored = Callable[..., dict[str, float | None]]
+
+
+def ramp(width: float | np.ndarray, middle: float = 80.0, across: np.ndarray = X) -> np.ndarray:
+    """Visibility that rises from 0 to 1 over `width` pixels."""
+    return np.clip((across - middle) / width + 0.5, 0, 1)
+
+
+def floor(down: float = METRES, right: float = METRES) -> np.ndarray:
+    return np.stack([X * right, 0 * X, Y * down], axis=-1)
+
+
+@pytest.fixture(scope="session")
+def prepared(truth: Callable[..., PreparedTruth]) -> Callable[..., PreparedTruth]:
+    """A soft truth on the floor."""
+
+    def build(visibility: np.ndarray, positions: np.ndarray | None = None, **given: np.ndarray) -> PreparedTruth:
+        return truth(visibility, positions=lambda: floor() if positions is None else positions, **given)
+
+    return build
+
+
+@pytest.fixture(scope="session")
+def scored(prepared: Callable[..., PreparedTruth]) -> Scored:
+    """Scores of a mask against a soft truth."""
+    return lambda mask, visibility, **given: score(mask, prepared(visibility, **given))
+
+
+WEDGE = ramp(6 + Y / SIZE * 34)
+"""A penumbra that widens from top to bottom."""
+
+
+# The truth itself
+
+
+def test_the_truth_itself_has_no_error_and_hardens_as_it_should(scored: Scored) -> None:
+    scores = scored(WEDGE, WEDGE)
+    for name, metric in METRICS.items():
+        if metric.kind != "hard" and name not in ("iou_soft", "ssim", "ssim_edge", "acne_soft"):
+            assert scores[name] == pytest.approx(1 if metric.better == "near 1" else 0, abs=1e-6), name
+
+
+# Errors
+
+
+@pytest.mark.parametrize("k", [-4, -1, 1, 3])
+def test_a_straight_penumbra_that_moved_by_k_pixels(scored: Scored, k: int) -> None:
+    """Off by k/w on the ramp; P is the 19 columns above 0.02 and below 0.98 and two on either side."""
+    width = 20.0
+    scores = scored(ramp(width, 80.0 + k), ramp(width))
+    column = ramp(width, 80.0 + k)[0] - ramp(width)[0]
+    inside = slice(71 - 2, 89 + 2 + 1)
+    assert np.count_nonzero(column[inside]) >= 19
+    assert scores["rmse_pen"] == pytest.approx(math.sqrt(np.mean(column[inside] ** 2)), abs=2e-5)
+    assert scores["bias_pen"] == pytest.approx(np.mean(column[inside]), abs=2e-5)
+    assert np.sign(scores["bias_pen"]) == -np.sign(k)
+    assert scores["rmse"] == pytest.approx(math.sqrt(np.mean(column**2)), abs=2e-5)
+    assert scores["bleed"] == scores["false_dark"] == 0
+    assert scores["noise"] < 1e-6
+    assert scores["width"] == pytest.approx(0, abs=1e-3)
+
+
+def test_only_the_truth_decides_what_is_penumbra(prepared: Callable[..., PreparedTruth]) -> None:
+    assert np.flatnonzero(prepared(ramp(20)).penumbra[5]).tolist() == list(range(69, 92))
+    assert not prepared(ramp(1e-6, 80.5)).soft
+
+
+def test_umbra_and_full_light_keep_eight_pixels_from_the_rest(prepared: Callable[..., PreparedTruth]) -> None:
+    """The ramp is above 0.01 from column 71, below 0.99 up to 89."""
+    undecided = (X == 20) & (Y == 100) | (X == 140) & (Y == 100)
+    found = prepared(ramp(20), undecided=undecided)
+    assert np.flatnonzero(found.umbra[5]).tolist() == list(range(63))
+    assert np.flatnonzero(found.full_light[5]).tolist() == list(range(98, SIZE))
+    assert np.flatnonzero(found.umbra[108]).tolist() == [*range(12), *range(29, 63)]
+    assert np.flatnonzero(found.full_light[109]).tolist() == list(range(98, SIZE))
+    assert np.flatnonzero(found.full_light[108]).tolist() == [*range(98, 132), *range(149, SIZE)]
+
+
+def test_light_in_the_umbra_bleeds_and_a_blur_of_eight_pixels_does_not(scored: Scored) -> None:
+    truth = ramp(20)  # dark up to column 70
+    assert scored(np.where(truth < 0.01, 0.3, truth), truth)["bleed"] == pytest.approx(0.3, abs=1e-5)
+    assert scored(ramp(36), truth)["bleed"] == 0
+    assert scored(ramp(60), truth)["bleed"] > 0
+
+
+def test_darkness_in_full_light_is_false(scored: Scored) -> None:
+    truth = ramp(20)
+    assert scored(np.where(truth > 0.99, 0.8, truth), truth)["false_dark"] == pytest.approx(0.2, abs=1e-5)
+    assert scored(ramp(36), truth)["false_dark"] == 0
+    assert scored(ramp(60), truth)["false_dark"] > 0
+
+
+# The truth's own error
+
+
+def noisy(amount: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """A ramp sampled with a known standard error, and that error."""
+    exact = ramp(60)
+    error = np.where((exact > 0.1) & (exact < 0.9), amount, 0)
+    return exact + error * np.random.default_rng(seed).standard_normal(exact.shape), error
+
+
+def test_the_error_of_the_truth_is_no_error_of_the_mask(scored: Scored) -> None:
+    sampled, error = noisy(0.02)
+    with_bars, without = (scored(ramp(60), sampled, standard_error=bars) for bars in (error, 0 * error))
+    for name in ("rmse", "rmse_pen", "noise"):
+        assert without[name] > 0.008, name
+        assert with_bars[name] < 0.2 * without[name], name
+    assert with_bars["width"] < 0.05
+    assert with_bars["banding"] < 0.01
+
+
+def test_what_is_left_of_an_error_is_its_own(scored: Scored) -> None:
+    sampled, error = noisy(0.02)
+    exact, wrong = ramp(60), ramp(60, 82.0)
+    assert scored(wrong, sampled, standard_error=error)["rmse_pen"] == pytest.approx(
+        scored(wrong, exact)["rmse_pen"], rel=0.02
+    )
+
+
+# Noise
+
+
+@pytest.mark.parametrize(("across", "low"), [(X, 0.98), (DIAGONAL, 0.9)], ids=["rows", "diagonal"])
+def test_noise_of_a_known_amplitude(scored: Scored, across: np.ndarray, low: float) -> None:
+    """Along a diagonal, samples lie between pixels, whose mean has less noise."""
+    middle = float(across.mean())
+    truth = 0.25 + 0.5 * ramp(400, middle, across)
+    mask = truth + 0.1 * np.random.default_rng(1).choice([-1, 1], truth.shape)
+    assert 0.1 * low < scored(mask, truth)["noise"] < 0.102
+
+
+@pytest.mark.parametrize("across", [X, DIAGONAL, X * 0.8 + Y * 0.6], ids=["rows", "diagonal", "oblique"])
+def test_a_smooth_error_is_no_noise(scored: Scored, across: np.ndarray) -> None:
+    middle = float(across.mean())
+    scores = scored(ramp(40, middle + 3, across), ramp(20, middle, across))
+    assert scores["rmse_pen"] > 0.1
+    assert scores["noise"] < 0.004
+
+
+def test_an_error_that_grows_along_the_penumbra_is_no_noise(scored: Scored) -> None:
+    truth = ramp(40)
+    mask = truth - 0.3 * Y / SIZE * truth * (1 - truth)
+    assert scored(mask, truth)["rmse_pen"] > 0.02
+    assert scored(mask, truth)["noise"] < 1e-3
+
+
+# Banding
+
+
+def test_few_levels_are_bands_and_many_are_not(scored: Scored) -> None:
+    truth = ramp(40)
+    few = np.clip(np.round(truth * 4), 0, 4) / 4
+    flat = np.flatnonzero([few[5, x - 1] == few[5, x + 1] and 0 < few[5, x] < 1 for x in range(1, SIZE - 1)])
+    share = len(flat) / (2 * 2 + 39)  # of columns above 0.02 and below 0.98, and 2 px on either side
+    assert scored(few, truth)["banding"] == pytest.approx(share, abs=1e-6)
+    assert share > 0.4
+    assert scored(np.round(truth * 40) / 40, truth)["banding"] == 0
+    assert scored(truth, truth)["banding"] == 0
+    assert scored((truth > 0.5).astype(float), truth)["banding"] == 0
+
+
+def test_a_step_that_the_truth_cannot_resolve_is_no_band(scored: Scored) -> None:
+    truth = ramp(40)
+    few = np.clip(np.round(truth * 4), 0, 4) / 4
+    assert scored(few, truth, standard_error=np.full(truth.shape, 0.012))["banding"] > 0.4
+    assert scored(few, truth, standard_error=np.full(truth.shape, 0.013))["banding"] == 0
+
+
+# Widths
+
+
+@pytest.mark.parametrize("times", [0.5, 0.75, 1.5, 2.0])
+@pytest.mark.parametrize("across", [X, Y, DIAGONAL], ids=["rows", "columns", "diagonal"])
+def test_a_penumbra_of_twice_the_width_is_one_off(scored: Scored, times: float, across: np.ndarray) -> None:
+    middle = float(across.mean())
+    scores = scored(ramp(16 * times, middle, across), ramp(16, middle, across))
+    assert scores["width"] == pytest.approx(abs(math.log2(times)), abs=0.04)
+
+
+def test_widths_are_in_metres(prepared: Callable[..., PreparedTruth]) -> None:
+    """From 0.1 to 0.9 of a ramp of 20 px are 16 px, on a floor that is seen obliquely."""
+    found = prepared(ramp(20, float(DIAGONAL.mean()), DIAGONAL), floor(down=0.4)).crossings
+    # Steepest in metres: the gradient (1, 1)/√2 by pixels is (1/0.1, 1/0.4)/√2 a metre.
+    expected = 16 / math.hypot(10 / math.sqrt(2), 2.5 / math.sqrt(2))
+    assert np.median(found.width) == pytest.approx(expected, rel=0.02)
+
+
+def test_a_hard_edge_is_as_wide_as_a_pixel(scored: Scored) -> None:
+    truth = ramp(20)
+    assert scored((truth > 0.5).astype(float), truth)["width"] == pytest.approx(4, abs=0.05)
+    assert scored(np.ones_like(truth), truth)["width"] == pytest.approx(4, abs=0.05)
+
+
+def test_dither_about_the_right_width_keeps_it(scored: Scored) -> None:
+    truth = ramp(40)
+    mask = np.clip(truth + np.random.default_rng(2).uniform(-0.05, 0.05, truth.shape) * (truth * (1 - truth) > 0), 0, 1)
+    assert scored(mask, truth)["width"] < 0.1
+
+
+def test_dither_by_one_sample_is_not_as_narrow_as_a_pixel(scored: Scored) -> None:
+    """From the first lit pixel to the last dark one on a line, about 22 px of 32."""
+    mask = np.random.default_rng(3).binomial(1, ramp(40)).astype(float)
+    assert 0.3 < scored(mask, ramp(40))["width"] < 0.8
+
+
+def test_a_penumbra_of_less_than_three_pixels_has_no_width(scored: Scored) -> None:
+    assert scored(ramp(3), ramp(3))["width"] is None
+    assert scored(ramp(4.5), ramp(4.5))["width"] == 0
+
+
+def test_few_crossings_are_no_width(scored: Scored) -> None:
+    for rows, value in ((30, pytest.approx(0, abs=1e-4)), (29, None)):
+        receivers = np.abs(Y - 9.5 - rows / 2) < rows / 2
+        # The first and the last row have neighbours that are no receivers, but lie on the plane.
+        assert scored(ramp(20), ramp(20), receivers=receivers)["width"] == value
+
+
+def test_a_line_ends_where_the_plane_does(prepared: Callable[..., PreparedTruth]) -> None:
+    """A step up at column 84, in the middle of the penumbra, or nearby."""
+    for column, found in ((84, 0), (95, SIZE - 2)):
+        stepped = floor()
+        stepped[:, column:, 1] = 0.5
+        assert len(prepared(ramp(20), stepped).crossings.width) == found
+
+
+@pytest.mark.parametrize(("fall", "error", "counts"), [(0.0, 0, 1), (0.01, 0, 0), (0.01, 0.003, 1), (0.1, 0.003, 0)])
+def test_a_line_ends_where_the_truth_falls_by_more_than_its_error(
+    prepared: Callable[..., PreparedTruth], fall: float, error: float, counts: int
+) -> None:
+    """Visibility rises to 0.8, falls by 0, 0.01 or 0.1, and rises to 1."""
+    truth = np.interp(X, [50, 66, 76, 96], [0, 0.8, 0.8 - fall, 1])
+    found = prepared(truth, standard_error=np.full(X.shape, error)).crossings
+    assert len(found.width) == counts * (SIZE - 2)
+    assert found.tried == SIZE - 2
+
+
+def test_without_positions_no_width_is_known(truth: Callable[..., PreparedTruth]) -> None:
+    scores = score(WEDGE, truth(WEDGE))
+    assert {name for name in ("width", "hardening", "hardening_intercept", "noise") if scores[name] is None} == {
+        "width",
+        "hardening",
+        "hardening_intercept",
+    }
+
+
+# Contact hardening
+
+
+def test_a_blur_of_fixed_width_does_not_harden(scored: Scored) -> None:
+    scores = scored(ramp(20), WEDGE)
+    assert scores["hardening"] == pytest.approx(0, abs=0.02)
+    median = 0.8 * (6 + 34 / 2)
+    assert scores["hardening_intercept"] == pytest.approx(0.8 * 20 / median, rel=0.05)
+
+
+@pytest.mark.parametrize("times", [0.5, 1.25])
+def test_a_penumbra_that_grows_too_slowly_or_too_fast(scored: Scored, times: float) -> None:
+    scores = scored(ramp(times * (6 + Y / SIZE * 34)), WEDGE)
+    assert scores["hardening"] == pytest.approx(times, abs=0.03)
+    assert scores["hardening_intercept"] == pytest.approx(0, abs=0.04)
+
+
+def test_a_penumbra_of_one_width_says_nothing_of_hardening(scored: Scored) -> None:
+    scores = scored(ramp(20), ramp(20))
+    assert scores["width"] == pytest.approx(0, abs=1e-4)
+    assert scores["hardening"] is scores["hardening_intercept"] is None
+
+
+# Laws
+
+
+def soft_view(rng: np.random.Generator) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """A round soft shadow with holes in the receivers, undecided pixels, a known error, and a shifted noisy mask."""
+    side = 64
+    y, x = np.mgrid[:side, :side].astype(float)
+    width = rng.uniform(6, 14)
+    exact = np.clip((np.hypot(x - rng.uniform(26, 38), y - rng.uniform(26, 38)) - 20) / width + 0.5, 0, 1)
+    error = np.where((exact > 0) & (exact < 1), 0.004, 0)
+    view = {
+        "visibility": np.clip(exact + error * rng.standard_normal(exact.shape), 0, 1),
+        "standard_error": error,
+        "receivers": rng.random(exact.shape) < 0.995,
+        "undecided": rng.random(exact.shape) < 0.0005,
+        "cosine": rng.random(exact.shape),
+        "floor": np.stack([x * METRES, 0 * x, y * METRES], axis=-1),
+    }
+    mask = np.clip(np.roll(exact, 1, 1) * rng.uniform(0.9, 1) + rng.normal(0, 0.02, exact.shape), 0, 1)
+    return mask, view
+
+
+def scores_of(truth: Callable[..., PreparedTruth], mask: np.ndarray, view: dict[str, np.ndarray]) -> dict:
+    given = dict(view)
+    positions = given.pop("floor")
+    return score(mask, truth(positions=lambda: positions, **given))
+
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+@given(seeds)
+def test_pixels_that_are_not_scored_never_matter(truth: Callable[..., PreparedTruth], seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    mask, view = soft_view(rng)
+    valid = view["receivers"] & ~view["undecided"]
+    changed = {name: np.where(valid, view[name], rng.random(mask.shape)) for name in ("visibility", "standard_error")}
+    changed |= {"area": view["visibility"], "blocker": np.ones(mask.shape)}
+    before = scores_of(truth, mask, view | {"area": view["visibility"], "blocker": np.ones(mask.shape)})
+    assert scores_of(truth, np.where(valid, mask, rng.random(mask.shape)), view | changed) == before
+
+
+@pytest.mark.parametrize("turn", [np.flipud, np.fliplr, lambda image: np.swapaxes(image, 0, 1), np.rot90])
+@given(seed=seeds)
+def test_turning_mask_and_truth_changes_no_score(
+    truth: Callable[..., PreparedTruth], turn: Callable, seed: int
+) -> None:
+    mask, view = soft_view(np.random.default_rng(seed))
+    before = scores_of(truth, mask, view)
+    after = scores_of(truth, turn(mask), {name: turn(array) for name, array in view.items()})
+    assert before["width"] is not None
+    for name, value in before.items():
+        assert after[name] == (None if value is None else pytest.approx(value, abs=1e-4)), name
+
+
+@given(seed=seeds, scale=st.sampled_from([1e-3, 1e4]))
+def test_the_size_of_the_scene_changes_no_score(truth: Callable[..., PreparedTruth], seed: int, scale: float) -> None:
+    mask, view = soft_view(np.random.default_rng(seed))
+    before = scores_of(truth, mask, view)
+    after = scores_of(truth, mask, view | {"floor": view["floor"] * scale})
+    for name, value in before.items():
+        assert after[name] == (None if value is None else pytest.approx(value, abs=1e-4)), name
