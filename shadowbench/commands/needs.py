@@ -3,7 +3,7 @@
 import typer
 
 from shadowbench.commands import console
-from shadowbench.commands.options import Assets, Json, LightName, Quiet, SceneArgument, Up, ViewName, ViewSize
+from shadowbench.commands.options import Assets, Json, LightName, Quiet, SceneArgument, Sun, Up, ViewName, ViewSize
 
 app = typer.Typer()
 
@@ -16,6 +16,7 @@ def needs(
     light: LightName = None,
     assets: Assets = None,
     up: Up = None,
+    sun: Sun = False,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -31,7 +32,7 @@ def needs(
     from shadowbench.survey.survey import needs as needs_of
 
     with console.Reporter(quiet) as reporter:
-        chosen = reporter.view(scene, view_size, view, light, assets, up)
+        chosen = reporter.view(scene, view_size, view, light, assets, up, sun)
         found = needs_of(chosen)
         if found.pixels < found.view_size**2:
             part = found.pixels / found.view_size**2

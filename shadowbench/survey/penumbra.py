@@ -4,12 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from shadowbench.scenes.model import Floats
+from shadowbench.scenes.model import SUN_RADIUS, Floats
 from shadowbench.survey.footprint import longest
 from shadowbench.survey.sampling import Estimate, Samples
 
-SUN = np.radians(0.533 / 2)
-"""Mean angular radius of the sun, in radians."""
 BULB = 0.03
 """Radius of a common household bulb, in metres (A60: 60 mm across)."""
 
@@ -40,7 +38,7 @@ def penumbra_of(samples: Samples) -> Penumbra | None:
         return None
     sun = light.kind == "directional"
     assumed = light.radius == 0.0
-    radius = light.radius if not assumed else SUN if sun else samples.placement.length(BULB)
+    radius = light.radius if not assumed else SUN_RADIUS if sun else samples.placement.length(BULB)
     width = widths(samples, radius)
     return Penumbra(
         radius=float(radius if sun else radius / samples.placement.scale),

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shadowbench.scenes.model import Light
-from shadowbench.survey.penumbra import BULB, SUN, penumbra_of
+from shadowbench.scenes.model import SUN_RADIUS, Light
+from shadowbench.survey.penumbra import BULB, penumbra_of
 from shadowbench.survey.sampling import sample_view
 from tests.survey.conftest import from_above, plate
 
@@ -30,7 +30,8 @@ def test_under_a_plate_it_is_as_wide_as_the_sun_makes_it_and_longer_the_way_the_
 
 def test_a_sun_without_a_size_is_taken_as_the_real_one() -> None:
     hard, real = (
-        penumbra_of(sample_view(from_above(MESHES, light, size=256))) for light in (ALONG, replace(ALONG, radius=SUN))
+        penumbra_of(sample_view(from_above(MESHES, light, size=256)))
+        for light in (ALONG, replace(ALONG, radius=SUN_RADIUS))
     )
     assert hard is not None and real is not None
     assert hard.assumed and not real.assumed and hard.p95 == real.p95
@@ -62,4 +63,4 @@ def test_a_lamp_without_a_size_is_taken_as_a_bulb() -> None:
 
 def test_without_a_shadow_there_is_no_penumbra() -> None:
     assert penumbra_of(sample_view(from_above([plate(50.0)]))) is None
-    assert np.isfinite(SUN)
+    assert np.isfinite(SUN_RADIUS)
