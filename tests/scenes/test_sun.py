@@ -40,7 +40,10 @@ def test_a_truth_under_the_sun_has_penumbrae_and_a_note_says_why(shadowbench: Ca
     soft, said = visibility("--sun")
     assert set(np.unique(hard)) == {0.0, 1.0} and NOTE not in silent
     assert ((soft > 0.02) & (soft < 0.98)).any() and f"note: {NOTE}\n" in said
-    assert np.array_equal(sb.truth(sb.load("cube-on-plane", sun=True), view_size=96).visibility, soft)
+
+
+def test_a_scene_is_loaded_with_the_sun() -> None:
+    assert [light.soft for sun in (True, False) for light in sb.load("cube-on-plane", sun=sun).lights] == [True, False]
 
 
 @pytest.mark.parametrize(
