@@ -48,6 +48,7 @@ class LightSamples(Technique):
     """
 
     name = "light-samples"
+    picture_scene = "post"
     never_recommended = "draws its technique once for each point of the light: a yardstick, not a real-time technique"
 
     class Params(TechniqueParams):

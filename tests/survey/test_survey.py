@@ -21,6 +21,7 @@ from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import Light, Mesh
 from shadowbench.scenes.views import chosen_view
 from shadowbench.survey.explanations import explanations_of
+from shadowbench.survey.penumbra import POINTS
 from shadowbench.survey.receivers import Receivers, planes_of, receivers_of
 from shadowbench.survey.sampling import Samples, sample_view
 from shadowbench.survey.survey import needs
@@ -196,11 +197,16 @@ def test_rays_are_those_of_the_picture_and_what_is_made_of_all_triangles_is_made
 ) -> None:
     asked: Counter[str] = Counter()
     made: Counter[str] = Counter()
-    ask, crosses = Tracer._run, Geometry.__dict__["crosses"].func
+    crosses = Geometry.__dict__["crosses"].func
 
-    def counted(tracer: Tracer, origins: Any, directions: Any, reach: Any, query: str) -> Any:
-        asked[query] += len(origins)
-        return ask(tracer, origins, directions, reach, query)
+    def counted(query: str) -> Any:
+        ask = getattr(Tracer, query)
+
+        def counting(tracer: Tracer, origins: Any, directions: Any, reach: Any) -> Any:
+            asked[query] += len(origins)
+            return ask(tracer, origins, directions, reach)
+
+        return counting
 
     def computed(geometry: Geometry) -> Any:
         made["normals of triangles"] += len(geometry.faces)
@@ -209,7 +215,8 @@ def test_rays_are_those_of_the_picture_and_what_is_made_of_all_triangles_is_made
     once = cached_property(computed)
     once.__set_name__(Geometry, "crosses")
     monkeypatch.setattr(Geometry, "crosses", once)
-    monkeypatch.setattr(Tracer, "_run", counted)
+    for query in ("nearest", "distance", "occluded"):
+        monkeypatch.setattr(Tracer, query, counted(query))
     rays = []
     for subdivisions in (1, 3, 5):
         asked.clear()
@@ -218,7 +225,8 @@ def test_rays_are_those_of_the_picture_and_what_is_made_of_all_triangles_is_made
         faces = np.asarray(ball.faces, dtype=np.int32)
         view = looking([plate(8.0), Mesh("ball", ball.vertices * 0.4 + (0.0, 0.4, 0.0), faces)], SUN)
         needs(view)
-        assert asked["INTERSECT"] == 64 * 64 + 1, "a ray a pixel, and the one that builds the only tree"
+        assert asked["nearest"] == 64 * 64, "a ray a pixel"
         assert made == {"normals of triangles": len(view.scene.geometry.faces)}
-        rays.append(asked["DISTANCE"])
+        rays.append(asked["distance"])
+        assert asked["occluded"] <= 2 * POINTS * asked["distance"], "to the points of the light"
     assert max(rays) <= 2 * 64 * 64 and max(rays) - min(rays) <= 4, "to the light, however many triangles there are"
