@@ -7,7 +7,6 @@ from shadowbench.gl.gbuffer import download
 from shadowbench.scenes.model import Light
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.truths.embree import INFINITE, RAYS_A_SLICE, Tracer, over_slices
-from shadowbench.truths.light_samples import LightSampler, shifts_of
 
 _STEPS = 4.0  # least ray offset, in float32 steps of the largest coordinate
 _STAGE = 1 << 15  # of random shifts, beyond the truth's: with the same points of the light, the errors would correlate
@@ -69,8 +68,8 @@ class RayTraced(Technique):
         receiver = np.flatnonzero((position[:, 3] * normal[:, 3] > 0.5) & (cosine > 0))
         visibility = np.ones(len(position), dtype=np.float32)
         if self.params.samples > 1 and frame.light.soft:
-            shifts = shifts_of(receiver + part.start, 1, _STAGE)
-            visibility[receiver] = self._seen_share(frame.light, position[receiver], normal[receiver], shifts)
+            pixels = receiver + part.start
+            visibility[receiver] = self._seen_share(frame.light, position[receiver], normal[receiver], pixels)
             return visibility, len(receiver) * self.params.samples
         ahead = self.offset / cosine[receiver]
         origin = position[receiver, :3] + to_light[receiver] * ahead[:, None]
@@ -78,9 +77,11 @@ class RayTraced(Technique):
         visibility[receiver] = ~self.tracer.occluded(origin, to_light[receiver], reach)
         return visibility, len(receiver)
 
-    def _seen_share(self, light: Light, position: np.ndarray, normal: np.ndarray, shifts: np.ndarray) -> np.ndarray:
+    def _seen_share(self, light: Light, position: np.ndarray, normal: np.ndarray, pixels: np.ndarray) -> np.ndarray:
         """(R,) share of the light's points above the horizon that each receiver sees, 1 if none is."""
-        samples = self.params.samples
+        from shadowbench.truths.light_samples import LightSampler, shifts_of  # Numba takes 0.4 s to import
+
+        samples, shifts = self.params.samples, shifts_of(pixels, 1, _STAGE)
         points, normals = (np.ascontiguousarray(array[:, :3].T, dtype=np.float64) for array in (position, normal))
         origins, directions, reach, weight, _ = LightSampler(light).rays(points, normals, shifts, samples, self.offset)
         seen = weight * ~self.tracer.occluded(origins.T, directions.T, reach)
