@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 
 from shadowbench.errors import InputError
-from shadowbench.measure.cells import Cell
-from shadowbench.measure.keys import cell_key
 from shadowbench.scenes.model import View, unit, view_of
 from shadowbench.techniques.light_samples import points_of
 from shadowbench.techniques.registry import techniques
@@ -143,13 +141,10 @@ def test_what_the_inner_technique_cannot_draw_is_declined_in_its_words(device, s
     assert "point light" in str(spec.technique.declines(spec.params, view, device))
 
 
-def test_a_key_rests_on_the_inner_technique_s_sources(monkeypatch) -> None:
+def test_a_spec_knows_the_techniques_that_it_names() -> None:
     spec = parse_spec("light-samples:of=cube-map(preset=course)", techniques())
     assert [one.name for one in spec.techniques] == ["light-samples", "cube-map"]
-    monkeypatch.setattr("shadowbench.measure.keys._sources", lambda technique: technique.name)
-    before = cell_key(Cell(spec), "view", "relative", "renderer")
-    monkeypatch.setattr("shadowbench.measure.keys._sources", lambda technique: technique.name.replace("cube", "c"))
-    assert cell_key(Cell(spec), "view", "relative", "renderer") != before
+    assert spec.text == "light-samples:of=cube-map(bias=constant(world=0.05),filter=pcf-20)"
 
 
 def test_rays_of_all_points_are_counted(sized, build, studio) -> None:
