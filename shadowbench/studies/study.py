@@ -34,8 +34,8 @@ class Study(Strict):
     scenes; assets, up: see `load_scene`. map_size: for specs that name no size; None for each technique's own.
     technique: crossed specs. phases: subtexel offsets of the map's grid to measure, for `technique` entries without
     their own number. views, lights: "file" for the first camera and all lights of a scene, else by name. sun: whether
-    directional lights without a size have the sun's (`with_sun`). time_limit:
-    seconds per cell; memory_limit: GiB. notes: lines to show to the user.
+    directional lights without a size have the sun's (`with_sun`). time_limit: seconds per cell; memory_limit: GiB.
+    notes: lines to show to the user.
     """
 
     not_in_files: ClassVar[frozenset[str]] = frozenset({"assets", "up", "notes"})

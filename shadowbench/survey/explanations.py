@@ -164,7 +164,7 @@ def _penumbra(need: Penumbra, light: LightShape) -> Iterator[Explanation]:
 
 
 def _reach(need: RelevantCasters) -> Explanation:
-    unsure = "" if need.sure else ", as far as the sampled pixels and the light's centre show"
+    unsure = "" if need.sure else ", as far as the samples show"
     return Explanation(
         "casters to leave out",
         f"{need.useless} triangles",
