@@ -16,7 +16,7 @@ from shadowbench.measure.cells import CellRequest, PlacedView
 from shadowbench.measure.scoring import mask_record, prepare_truth
 from shadowbench.measure.session import Session, Unsupported
 from shadowbench.measure.worker import Worker
-from shadowbench.scenes.library import builtin_names
+from shadowbench.scenes.library import hard_names
 from shadowbench.scenes.model import View
 from shadowbench.scenes.views import chosen_view
 from shadowbench.survey.depth import TOLERATED
@@ -71,7 +71,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path, metavar="FILE")
     options = parser.parse_args()
     larger = Path(os.environ.get("SHADOWBENCH_SCENES", "../shared/scenes"))
-    scenes = options.scenes or [*builtin_names(), *(str(larger / name) for name in LARGER)]
+    scenes = options.scenes or [*hard_names(), *(str(larger / name) for name in LARGER)]
     headings = "".join(f"{name:>{width}} {'measured':>9} {'ratio':>6}" for name, _, _, width in COLUMNS)
     print(f"{'scene':18}{headings}")
     rows = []

@@ -159,6 +159,8 @@ def _broken(technique: type[Technique]) -> list[str]:
     """Table of axes along which the technique leaves tolerance, with a column for each kind of light."""
     ranges = pd.read_csv(RANGES)
     ranges = ranges[ranges["spec"] == technique.name]
+    if ranges.empty:  # not swept
+        return []
     broken = ranges[ranges["breaks_at"].notna()]
     if broken.empty:
         return [f"Holds along all {ranges['axis'].nunique()} axes of `shadowbench stress`.", ""]

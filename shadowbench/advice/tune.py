@@ -18,7 +18,7 @@ from shadowbench.measure.machine import write_run_file
 from shadowbench.measure.measurer import Measurer, Reporter
 from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.rows import Result
-from shadowbench.scenes.library import builtin_names
+from shadowbench.scenes.library import hard_names
 from shadowbench.scenes.model import Scene
 from shadowbench.studies.folder import write_cells
 from shadowbench.studies.run import check_sizes
@@ -52,16 +52,17 @@ def tune_parameters(
 ) -> TuningResult:
     """Search a technique's parameters, and compare the result with the default, the presets and the specs `against`.
 
-    scenes: by default all built-in ones; held_out: names of scenes for the comparison, by default every third; params:
-    comma-separated names of parameters, by default DEFAULT_PARAMETERS; map_size: results for several sizes are
-    averaged, as are phases; others: fields of a study, such as `view_size` and `assets`. Writes rows, `table.csv` and
-    `run.json`. Raises InputError for parameters that cannot be searched, CellFailed if the default fails.
+    scenes: by default the built-in ones whose lights have no size; held_out: names of scenes for the comparison, by
+    default every third; params: comma-separated names of parameters, by default DEFAULT_PARAMETERS; map_size: results
+    for several sizes are averaged, as are phases; others: fields of a study, such as `view_size` and `assets`. Writes
+    rows, `table.csv` and `run.json`. Raises InputError for parameters that cannot be searched, CellFailed if the
+    default fails.
     """
     base = _sizeless(spec, map_size)
     names = searched_parameters(base, params)
     compared_specs = {name: _sizeless(other, map_size) for name, other in (_presets(base) | dict(against)).items()}
     study_fields = {"reference": base, "map_size": map_size, "rounds": 0, "phases": phases, **others}
-    study = Study.of(scenes or builtin_names(), [base], **study_fields)
+    study = Study.of(scenes or hard_names(), [base], **study_fields)
     check_folder(folder)
     info = executor.info
     check_sizes(study, info)

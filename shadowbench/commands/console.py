@@ -101,12 +101,19 @@ class Reporter(logging.Handler):
         self._task = self._progress.add_task(name, total=total, what=what)
 
     def view(
-        self, scene: str, size: int | None, view: str | None, light: str | None, assets: Path | None, up: str | None
+        self,
+        scene: str,
+        size: int | None,
+        view: str | None,
+        light: str | None,
+        assets: Path | None,
+        up: str | None,
+        sun: bool,
     ) -> "View":
         """The view that the options name, by default of 512² pixels; notes what is assumed about it."""
         from shadowbench.scenes.views import chosen_view, notes_on
 
-        chosen = chosen_view(scene, size or 512, view, light, assets, up)
+        chosen = chosen_view(scene, size or 512, view, light, assets, up, sun)
         for line in notes_on(chosen, view, light):
             self.note(line)
         return chosen

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from shadowbench.commands import console
-from shadowbench.commands.options import Assets, LightName, Quiet, SceneArgument, Up, ViewName, ViewSize
+from shadowbench.commands.options import Assets, LightName, Quiet, SceneArgument, Sun, Up, ViewName, ViewSize
 
 app = typer.Typer()
 
@@ -20,6 +20,7 @@ def export(
     light: LightName = None,
     assets: Assets = None,
     up: Up = None,
+    sun: Sun = False,
     quiet: Quiet = False,
 ) -> None:
     """Write a scene for your engine: glTF, matrices, truth.
@@ -35,8 +36,8 @@ def export(
 
     check_folder(folder, DESCRIPTION)
     with console.Reporter(quiet) as reporter:
-        chosen = reporter.view(scene, view_size, view, light, assets, up)
-        for line in inexpressible_in_gltf(chosen.scene):
+        chosen = reporter.view(scene, view_size, view, light, assets, up, sun)
+        for line in inexpressible_in_gltf(chosen):
             reporter.note(line)
         model, description, example = export_view(chosen, cached_truth(chosen), folder, scene)
     if not quiet:

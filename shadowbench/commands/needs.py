@@ -3,7 +3,7 @@
 import typer
 
 from shadowbench.commands import console
-from shadowbench.commands.options import Assets, Json, LightName, Quiet, SceneArgument, Up, ViewName, ViewSize
+from shadowbench.commands.options import Assets, Json, LightName, Quiet, SceneArgument, Sun, Up, ViewName, ViewSize
 
 app = typer.Typer()
 
@@ -16,14 +16,15 @@ def needs(
     light: LightName = None,
     assets: Assets = None,
     up: Up = None,
+    sun: Sun = False,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
     """Predict map size, cascades, bias and depth bits.
 
-    Also the number and size of cascades. Predicted without drawing anything, from the geometry and shadow rays for the
-    visible pixels, or for a sample of them; ± is then the standard error. Each prediction comes with its reason. Needs
-    no OpenGL.
+    Also the number and size of cascades, the width of penumbrae and the error of hard shadows. Predicted without
+    drawing anything, from the geometry and shadow rays for the visible pixels, or for a sample of them; ± is the
+    standard error. Each prediction comes with its reason. Needs no OpenGL.
     """
     from dataclasses import asdict
 
@@ -31,7 +32,7 @@ def needs(
     from shadowbench.survey.survey import needs as needs_of
 
     with console.Reporter(quiet) as reporter:
-        chosen = reporter.view(scene, view_size, view, light, assets, up)
+        chosen = reporter.view(scene, view_size, view, light, assets, up, sun)
         found = needs_of(chosen)
         if found.pixels < found.view_size**2:
             part = found.pixels / found.view_size**2

@@ -26,6 +26,10 @@ Up = Annotated[
         help="Up axis of OBJ, PLY, STL and OFF files, which do not specify it  [y].",
     ),
 ]
+Sun = Annotated[
+    bool,
+    typer.Option("--sun", help="Give directional lights without a size that of the sun: an angular radius of 0.2665°."),
+]
 ViewSize = Annotated[
     int | None, typer.Option(metavar="N", min=1, max=16384, help="Width and height of the image in pixels  [512].")
 ]

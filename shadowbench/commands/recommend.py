@@ -6,7 +6,18 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from shadowbench.commands import console
-from shadowbench.commands.options import Assets, Json, LightName, Plugins, Quiet, SceneArgument, Up, ViewName, ViewSize
+from shadowbench.commands.options import (
+    Assets,
+    Json,
+    LightName,
+    Plugins,
+    Quiet,
+    SceneArgument,
+    Sun,
+    Up,
+    ViewName,
+    ViewSize,
+)
 from shadowbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -55,6 +66,7 @@ def recommend(
     plugin: Plugins = None,
     assets: Assets = None,
     up: Up = None,
+    sun: Sun = False,
     output: Annotated[
         Path,
         typer.Option("-o", "--output", metavar="DIR", help="Folder for the measured cells, which later calls reuse."),
@@ -94,7 +106,7 @@ def recommend(
     if export is not None:
         _make_folder(export)
     with console.Reporter(quiet) as reporter, Worker(plugins) as worker:
-        chosen = reporter.view(scene, view_size, view, light, assets, up)
+        chosen = reporter.view(scene, view_size, view, light, assets, up, sun)
         found, info = measure_recommendation(
             chosen, target, known, output, worker, reporter, on_this_machine=on_this_machine
         )

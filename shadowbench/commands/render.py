@@ -6,7 +6,18 @@ from typing import Annotated
 import typer
 
 from shadowbench.commands import completion, console
-from shadowbench.commands.options import SPEC, Assets, LightName, Plugins, Quiet, SceneArgument, Up, ViewName, ViewSize
+from shadowbench.commands.options import (
+    SPEC,
+    Assets,
+    LightName,
+    Plugins,
+    Quiet,
+    SceneArgument,
+    Sun,
+    Up,
+    ViewName,
+    ViewSize,
+)
 from shadowbench.errors import InputError
 
 app = typer.Typer()
@@ -46,6 +57,7 @@ def render(
     plugin: Plugins = None,
     assets: Assets = None,
     up: Up = None,
+    sun: Sun = False,
     quiet: Quiet = False,
 ) -> None:
     """Draw one picture with a technique's shadows.
@@ -73,7 +85,7 @@ def render(
     if tint and spec.technique.name not in tinted:
         raise InputError(f"--tint: {spec.technique.name} has no colours of its own; allowed: {', '.join(tinted)}")
     with console.Reporter(quiet) as reporter:
-        chosen = reporter.view(scene, view_size, view, light, assets, up)
+        chosen = reporter.view(scene, view_size, view, light, assets, up, sun)
     with Worker(plugin or ()) as worker:
         drawn = drawn_once(chosen, spec, worker, name=name, with_map=map is not None, tint=tint)
     if map is not None and drawn.map is None:

@@ -7,7 +7,19 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from shadowbench.commands import completion, console
-from shadowbench.commands.options import SCENE, SPEC, Assets, Json, Plugins, Quiet, Up, ViewName, ViewSize, map_sizes
+from shadowbench.commands.options import (
+    SCENE,
+    SPEC,
+    Assets,
+    Json,
+    Plugins,
+    Quiet,
+    Sun,
+    Up,
+    ViewName,
+    ViewSize,
+    map_sizes,
+)
 from shadowbench.commands.study_tables import print_study
 from shadowbench.errors import InputError
 
@@ -88,6 +100,7 @@ def run(
     plugin: Plugins = None,
     assets: Assets = None,
     up: Up = None,
+    sun: Sun = False,
     profile: Annotated[
         bool, typer.Option("--profile", help="Print the time that each part of the measurement took.")
     ] = False,
@@ -145,6 +158,7 @@ def run(
         light=light,
         assets=assets,
         up=up,
+        sun=sun or None,
     )
     with console.Reporter(quiet) as reporter, Worker(plugin or (), asked.limits) as worker:
         if not scenes and not study:

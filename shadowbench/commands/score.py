@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from shadowbench.commands import console
-from shadowbench.commands.options import Assets, Json, LightName, Quiet, SceneArgument, Up, ViewName
+from shadowbench.commands.options import Assets, Json, LightName, Quiet, SceneArgument, Sun, Up, ViewName
 from shadowbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -53,6 +53,7 @@ def score(
     ] = None,
     assets: Assets = None,
     up: Up = None,
+    sun: Sun = False,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -82,7 +83,7 @@ def score(
         check_folder(output)
     handed = external_mask(scene, mask, lit, shadowed, ambient)
     with console.Reporter(quiet) as reporter:
-        chosen = reporter.view(scene, handed.size, view, light, assets, up)
+        chosen = reporter.view(scene, handed.size, view, light, assets, up, sun)
         accuracy = accuracy_of(handed, chosen)
     drawn = mask or shadowed
     sized = size_mismatch(drawn, chosen) if drawn is not None else None

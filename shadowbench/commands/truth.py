@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from shadowbench.commands import console
-from shadowbench.commands.options import Assets, LightName, Quiet, SceneArgument, Up, ViewName, ViewSize
+from shadowbench.commands.options import Assets, LightName, Quiet, SceneArgument, Sun, Up, ViewName, ViewSize
 
 app = typer.Typer()
 
@@ -24,6 +24,7 @@ def truth(
     light: LightName = None,
     assets: Assets = None,
     up: Up = None,
+    sun: Sun = False,
     quiet: Quiet = False,
 ) -> None:
     """Ray-trace the shadows of a view into NumPy arrays.
@@ -44,7 +45,7 @@ def truth(
 
     check_outputs(".npz", output)
     with console.Reporter(quiet) as reporter:
-        chosen = reporter.view(scene, view_size, view, light, assets, up)
+        chosen = reporter.view(scene, view_size, view, light, assets, up, sun)
         found = cached_truth(chosen, pixel_samples)
     write_truth(output, found)
     if not quiet:

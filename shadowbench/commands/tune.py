@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from shadowbench.commands import completion, console
-from shadowbench.commands.options import SCENE, SPEC, Assets, Json, Plugins, Quiet, Up, ViewSize, listed, map_sizes
+from shadowbench.commands.options import SCENE, SPEC, Assets, Json, Plugins, Quiet, Sun, Up, ViewSize, listed, map_sizes
 
 if TYPE_CHECKING:
     from shadowbench.advice.tune_comparison import Entry, TuningComparison
@@ -36,7 +36,7 @@ def tune(
         typer.Option(
             metavar="SCENE,SCENE,...",
             autocompletion=completion.scenes,
-            help=f"Each is {SCENE}  [all built-in scenes that the technique supports].",
+            help=f"Each is {SCENE}  [all built-in scenes that the technique supports and whose lights have no size].",
         ),
     ] = None,
     held_out: Annotated[
@@ -75,6 +75,7 @@ def tune(
     plugin: Plugins = None,
     assets: Assets = None,
     up: Up = None,
+    sun: Sun = False,
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for the measured cells.")
     ] = Path("results/tune"),
@@ -121,6 +122,7 @@ def tune(
             phases=phases,
             assets=assets,
             up=up,
+            sun=sun,
         )
     if json:
         console.print_json(values(found.tuning))

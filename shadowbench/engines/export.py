@@ -12,7 +12,7 @@ import numpy as np
 from shadowbench.engines.model import glb_of
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
-from shadowbench.scenes.model import Camera, Floats, Light, Scene, View, unit
+from shadowbench.scenes.model import Camera, Floats, Light, View, perpendicular_basis, unit
 from shadowbench.scores.masks import write_mask
 from shadowbench.truths.trace import Truth
 
@@ -40,14 +40,22 @@ def export_view(view: View, truth: Truth, folder: Path, scene_name: str) -> list
     return [model, description, example]
 
 
-def inexpressible_in_gltf(scene: Scene) -> list[str]:
-    """One line for each mesh that casts or receives no shadow, which glTF cannot express."""
-    lines = []
-    for mesh in scene.meshes:
+def inexpressible_in_gltf(view: View) -> list[str]:
+    """One line for each mesh that casts or receives no shadow and for a light's size, which glTF cannot express."""
+    lines = [light_in_gltf(view.light)] if view.light.soft or view.light.kind != view.light.hard_kind else []
+    for mesh in view.scene.meshes:
         lacking = [what for what, holds in (("cast", mesh.casts), ("receive", mesh.receives)) if not holds]
         if lacking:
             lines.append(f"{mesh.name} is to {' and '.join(lacking)} no shadow, which glTF cannot say: see view.json")
     return lines
+
+
+def light_in_gltf(light: Light) -> str:
+    """What stands in glTF for a light that is no point or sun, or has a size."""
+    if light.kind == light.hard_kind:
+        return f"the light {light.name} has a size, which glTF cannot say: see {DESCRIPTION}"
+    spot = f"a spot of {math.degrees(light.frustum_angle or 0.0):.0f}° in {MODEL}"
+    return f"the light {light.name} is a {light.kind}, which glTF cannot say: {spot}; see {DESCRIPTION}"
 
 
 def size_mismatch(given: Path, view: View) -> str | None:
@@ -134,16 +142,25 @@ def describe(view: View, scene_name: str) -> dict[str, Any]:
             "full where no surface faces camera and light",
             "score": shlex.join(["shadowbench", "score", scene_name, "MASK.png", *names]),
         },
-        "assumptions": list(view.scene.notes),
+        "assumptions": [*view.scene.notes, *inexpressible_in_gltf(view)],
     }
 
 
 def _light(light: Light) -> dict[str, Any]:
-    """Light in `view.json`; `direction` is the unit vector in which light travels; null for fields a kind lacks."""
+    """Light in `view.json`; null for fields that its kind lacks.
+
+    direction: unit vector in which the light travels, or a disc's or rectangle's normal; radius: of a sun in degrees as
+    seen from the ground, else in metres; size: width and height of a rectangle in metres; up: unit vector along its
+    height.
+    """
+    directional, rectangle = light.kind == "directional", light.kind == "rectangle"
     return {
         "name": light.name,
         "kind": light.kind,
         "direction": None if light.kind == "point" else unit(light.direction).tolist(),
-        "position": None if light.kind == "directional" else list(light.position),
+        "position": None if directional else list(light.position),
         "cone": math.degrees(light.angle) if light.kind == "spot" else None,
+        "radius": None if rectangle else math.degrees(light.radius) if directional else light.radius,
+        "size": list(light.size) if rectangle else None,
+        "up": perpendicular_basis(-unit(light.direction), light.up)[1].tolist() if rectangle else None,
     }

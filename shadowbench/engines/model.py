@@ -14,9 +14,10 @@ Json = dict[str, Any]
 def glb_of(view: View) -> bytes:
     """Bytes of a .glb with the view's meshes in float32, its camera and its light (KHR_lights_punctual).
 
-    Materials have the mesh's linear base colour and are double-sided. A mesh that casts or receives no shadow has
-    `casts` or `receives` in its node's `extras`, since glTF cannot express it. If the scene is farther from the origin
-    than it is large, nodes are translated to its centre, so that float32 vertices keep their precision.
+    The light has no size there, and a disc or rectangle is a spot of WIDEST_CONE. Materials have the mesh's linear base
+    colour and are double-sided. A mesh that casts or receives no shadow has `casts` or `receives` in its node's
+    `extras`, since glTF cannot express it. If the scene is farther from the origin than it is large, nodes are
+    translated to its centre, so that float32 vertices keep their precision.
     """
     scene = view.scene
     origin = _origin(scene)
@@ -60,10 +61,13 @@ def _material(color: tuple[float, float, float]) -> Json:
 
 
 def _lamp(light: Light) -> Json:
-    lamp: Json = {"name": light.name, "type": light.kind, "color": [1.0, 1.0, 1.0], "intensity": 1.0}
-    if light.kind == "spot":
+    lamp: Json = {"name": light.name, "type": light.hard_kind, "color": [1.0, 1.0, 1.0], "intensity": 1.0}
+    if light.frustum_angle is not None:
         # No falloff: glTF requires the inner cone to be smaller than the outer one.
-        lamp["spot"] = {"innerConeAngle": light.angle / 2 * (1 - 1e-6), "outerConeAngle": light.angle / 2}
+        lamp["spot"] = {
+            "innerConeAngle": light.frustum_angle / 2 * (1 - 1e-6),
+            "outerConeAngle": light.frustum_angle / 2,
+        }
     return lamp
 
 

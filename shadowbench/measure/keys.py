@@ -34,7 +34,7 @@ def cell_key(cell: Cell, view: str, coordinates: Coordinates, renderer: str) -> 
         "view": view,
         "coordinates": coordinates,
         "renderer": renderer,
-        "sources": _sources(cell.spec.technique),
+        "sources": [_sources(technique) for technique in cell.spec.techniques],
     }
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:24]
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.geometry import bounds_of
-from shadowbench.scenes.model import Camera, Floats, Light, Mesh, Scene, Vec3, unit, vec3
+from shadowbench.scenes.model import SUN_RADIUS, Camera, Floats, Light, Mesh, Scene, Vec3, unit, vec3
 
 VIEW_FROM = (1.25, 1.2, 2.7)
 FOV_Y = math.radians(36.0)
@@ -96,6 +96,22 @@ def with_assumptions(scene: Scene, bounds: Floats, where: str) -> Scene:
     if scene.dropped:
         notes.append(f"{where}: {scene.dropped} zero-area triangle(s) left out")
     return replace(scene, cameras=cameras, lights=lights, notes=tuple(notes))
+
+
+def sunlit(light: Light) -> Light:
+    """A directional light without a size with that of the sun; any other light unchanged."""
+    return replace(light, radius=SUN_RADIUS) if light.kind == "directional" and not light.soft else light
+
+
+def with_sun(scene: Scene) -> Scene:
+    """The scene with the sun's size for directional lights without one, and a note on them."""
+    lights = tuple(sunlit(light) for light in scene.lights)
+    names = [light.name for light, given in zip(lights, scene.lights, strict=True) if light is not given]
+    note = f"sun: {scene.name} has no directional light without a size"
+    if names:
+        radius = f"{math.degrees(SUN_RADIUS):.4g}°"
+        note = f"no size of {', '.join(names)} in {scene.name}: assumed the sun's angular radius, {radius}"
+    return replace(scene, lights=lights, notes=(*scene.notes, note))
 
 
 def vector_text(values: Vec3) -> str:

@@ -14,7 +14,7 @@ from pydantic import Field, ValidationError
 from shadowbench.errors import InputError, alternatives
 from shadowbench.scenes.assumed import mesh_bounds, with_assumptions
 from shadowbench.scenes.meshes import Contents, read_meshes
-from shadowbench.scenes.model import Floats, Mesh, Scene
+from shadowbench.scenes.model import Floats, Light, Mesh, Scene
 from shadowbench.scenes.shapes import SHAPES, build_shape
 from shadowbench.scenes.tables import (
     MOST_COPIES,
@@ -71,7 +71,7 @@ def read_scene_file(path: Path, assets: Path | None = None) -> Scene:
         )
     cameras = [camera_from_table(*each) for each in _tables(document.camera, "camera", path.name)]
     _check_unique([camera.name for camera in cameras], f"{path.name}: [[camera]]")
-    lights = [light_from_table(*each) for each in _tables(document.light, "light", path.name)]
+    lights = read_lights(document, path.name)
     _check_unique([light.name for light in lights], f"{path.name}: [[light]]")
     if not document.mesh:
         raise InputError(f"{path.name}: mesh: found none; at least one [[mesh]] is needed")
@@ -108,6 +108,11 @@ def read_scene_file(path: Path, assets: Path | None = None) -> Scene:
         raise InputError(f"{path.name}: all {dropped} triangles have zero area; at least one must have some")
     scene = Scene(name, tuple(meshes), tuple(cameras), tuple(lights), tuple(notes), dropped)
     return with_assumptions(scene, mesh_bounds(meshes, path.name), path.name)
+
+
+def read_lights(document: SceneFile, file: str) -> list[Light]:
+    """The lights of a scene file's tables. Raises InputError that begins with the file's name."""
+    return [light_from_table(*each) for each in _tables(document.light, "light", file)]
 
 
 def _tables(

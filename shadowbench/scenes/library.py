@@ -7,7 +7,7 @@ from pathlib import Path
 from shadowbench.data import data_folder
 from shadowbench.errors import InputError, alternatives
 from shadowbench.scenes.assumed import assumed_ground, assumed_up_note, mesh_bounds, with_assumptions
-from shadowbench.scenes.files import read_document, read_scene_file
+from shadowbench.scenes.files import read_document, read_lights, read_scene_file
 from shadowbench.scenes.meshes import MESH_SUFFIXES, read_meshes
 from shadowbench.scenes.model import Scene
 from shadowbench.scenes.tables import NAME, NAMES, name_from
@@ -67,6 +67,8 @@ def read_mesh_scene(path: Path, up: str | None = None) -> Scene:
         )
     contents = read_meshes(path)
     meshes, notes = list(contents.meshes), list(contents.notes)
+    if contents.lights:
+        notes.append(f"{path.name}: glTF gives lights no size: their shadows are hard")
     if up is None and path.suffix.lower() in WITHOUT_UP:
         notes.append(assumed_up_note(path.name))
     if up == "z":
@@ -83,6 +85,12 @@ def read_mesh_scene(path: Path, up: str | None = None) -> Scene:
 def builtin_names() -> list[str]:
     """Sorted names of the built-in scenes."""
     return sorted(path.stem for path in data_folder("scenes").glob("*.toml"))
+
+
+def hard_names() -> list[str]:
+    """Sorted names of the built-in scenes whose lights have no size."""
+    documents = {name: read_document(data_folder("scenes") / f"{name}.toml") for name in builtin_names()}
+    return [name for name, one in documents.items() if not any(light.soft for light in read_lights(one, name))]
 
 
 def builtin_about(name: str) -> str:

@@ -24,6 +24,8 @@ WIDEST_CONE = 170.0
 """Largest full cone angle of a spot, and of the frustum in which maps draw a disc or rectangle light, in degrees."""
 LONGEST_VIEW_NAME = 200
 """Limit in bytes of UTF-8. File systems allow 255 for a file name, which includes a suffix or a temporary one."""
+SUN_RADIUS = float(np.radians(0.2665))
+"""Mean angular radius of the sun, in radians."""
 NEAREST_TARGET = 1e-12
 """Least distance from a camera to its target, as a share of their coordinates, whose float64 precision is 2e-16."""
 

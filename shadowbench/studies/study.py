@@ -14,6 +14,7 @@ from shadowbench.measure.executor import Limits
 from shadowbench.measure.references import DEFAULT_REFERENCE, reference_name
 from shadowbench.measure.rows import StudyFacts
 from shadowbench.measure.timing import Conditions
+from shadowbench.scenes.assumed import sunlit, with_sun
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, view_of
 from shadowbench.scenes.views import Named, named
@@ -32,8 +33,9 @@ class Study(Strict):
     The fields are those of a study file, except `assets`, `up` and `notes`. scenes: built-in names, paths, or loaded
     scenes; assets, up: see `load_scene`. map_size: for specs that name no size; None for each technique's own.
     technique: crossed specs. phases: subtexel offsets of the map's grid to measure, for `technique` entries without
-    their own number. views, lights: "file" for the first camera and all lights of a scene, else by name. time_limit:
-    seconds per cell; memory_limit: GiB. notes: lines to show to the user.
+    their own number. views, lights: "file" for the first camera and all lights of a scene, else by name. sun: whether
+    directional lights without a size have the sun's (`with_sun`). time_limit: seconds per cell; memory_limit: GiB.
+    notes: lines to show to the user.
     """
 
     not_in_files: ClassVar[frozenset[str]] = frozenset({"assets", "up", "notes"})
@@ -50,6 +52,7 @@ class Study(Strict):
     memory_limit: float = Field(8.0, gt=0, le=4096)
     views: Cameras = ("file",)
     lights: Lights = ("file",)
+    sun: bool = Field(False, strict=True)
     technique: Crossings
     assets: Path | None = None
     up: str | None = None
@@ -128,6 +131,7 @@ class Study(Strict):
             if first != source:
                 both = " and ".join(entry if isinstance(entry, str) else "a loaded scene" for entry in (first, source))
                 raise InputError(f"two scenes are called {scene.name!r}: {both}; names must differ")
+            scene = with_sun(scene) if self.sun else scene
             for camera, light in itertools.product(self.cameras(scene), self.lights_of(scene)):
                 yield Block(view_of(scene, camera, light, self.view_size), self.cells())
 
@@ -137,7 +141,8 @@ class Study(Strict):
 
     def lights_of(self, scene: Scene) -> list[Light]:
         """Lights of the study in a scene; "file" stands for all of the scene's."""
-        return _chosen(self.lights, scene.lights, scene.lights, f"lights of {scene.name}")
+        found = _chosen(self.lights, scene.lights, scene.lights, f"lights of {scene.name}")
+        return [sunlit(light) for light in found] if self.sun else found
 
 
 def _chosen(

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from shadowbench.scenes.model import LightShape
 from shadowbench.survey.cascades import CascadeSizes
 from shadowbench.survey.casters import Casters
 from shadowbench.survey.depth import BIAS_STEPS, CONTACT, BiasNeed, DepthBits
@@ -19,6 +20,8 @@ from shadowbench.survey.texels import Texels
 _LIGHTS = {
     "directional": "parallel rays: one orthographic map, cascades, shadow volumes and projected shadows all support it",
     "spot": "a cone: one perspective map covers it; cascades need parallel rays",
+    "disc": "a panel: one perspective map from its centre covers 170° of what it lights",
+    "rectangle": "a panel: one perspective map from its centre covers 170° of what it lights",
     "point": "it shines all round: a cube map or shadow volumes, as one 2-D map covers less than half of it",
 }
 
@@ -49,7 +52,7 @@ def _rows(needs: Needs) -> Iterator[Explanation]:
     if needs.bias:
         yield from _bias(needs.bias)
     if needs.penumbra:
-        yield _penumbra(needs.penumbra, needs.light == "directional")
+        yield from _penumbra(needs.penumbra, needs.light)
     yield _reach(needs.reach)
 
 
@@ -140,19 +143,28 @@ def _bias(need: BiasNeed) -> Iterator[Explanation]:
         )
 
 
-def _penumbra(need: Penumbra, sun: bool) -> Explanation:
+def _penumbra(need: Penumbra, light: LightShape) -> Iterator[Explanation]:
+    sun = light == "directional"
     size = f"{np.degrees(need.radius) * 2:.2g}° across" if sun else f"of {need.radius:.3g} m radius"
+    if light == "rectangle":
+        size = f"of {need.radius * 2:.3g} m along its longer side"
     whose = f"the {'sun' if sun else 'lamp'} is {size}" + (" (assumed: the scene has no size)" if need.assumed else "")
     enough = "hard shadows suffice" if need.hard_is_enough else "hard shadows are too sharp"
-    return Explanation(
+    yield Explanation(
         "penumbra",
         f"{_value(need.p95)} px",
         f"95th percentile of the penumbra's width, the median is {need.median.value:.3g}: {whose}; {enough}",
     )
+    yield Explanation(
+        "error of hard",
+        _value(need.hard_rmse),
+        "rmse of hard shadows at best: root mean square, over the receivers, of the share of the light that they see "
+        f"less that of its centre, 0 or 1; {_share(need.share)} of the shadow is penumbra",
+    )
 
 
 def _reach(need: RelevantCasters) -> Explanation:
-    unsure = "" if need.sure else ", as far as the sampled pixels show"
+    unsure = "" if need.sure else ", as far as the samples show"
     return Explanation(
         "casters to leave out",
         f"{need.useless} triangles",

@@ -1,31 +1,39 @@
-"""Width of the penumbrae in pixels, for the light's size."""
+"""Penumbrae for the light's size: their width in pixels, their share of the shadow, and the error of hard shadows."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from shadowbench.scenes.model import Floats
+from shadowbench.scenes.model import SUN_RADIUS, Floats, Light
 from shadowbench.survey.footprint import longest
 from shadowbench.survey.sampling import Estimate, Samples
+from shadowbench.truths.embree import RAYS_A_SLICE, over_slices
+from shadowbench.truths.light_samples import LightSampler, scrambles_of
+from shadowbench.truths.trace import OFFSET
 
-SUN = np.radians(0.533 / 2)
-"""Mean angular radius of the sun, in radians."""
 BULB = 0.03
 """Radius of a common household bulb, in metres (A60: 60 mm across)."""
+RECEIVERS = 1 << 16  # most receivers whose visibility is sampled
+POINTS = 16  # of the light, in each of two replications
+_STAGE = 1 << 15  # of random shifts, beyond the truth's
 
 
 @dataclass(frozen=True)
 class Penumbra:
-    """Widths of the penumbrae at the shadows' edges, in pixels, in the widest direction.
+    """The penumbrae of a view. Widths are in pixels, at the shadows' edges, in the widest direction.
 
-    radius: of the light, in radians for a directional one, else in metres; assumed: True if the scene has none; median
-    and p95: over edge pixels.
+    radius: of the light, in radians for a directional one, else in metres; half the longer side of a rectangle;
+    assumed: True if the scene has none; median and p95: widths over edge pixels; share: of the shadow that is penumbra;
+    hard_rmse: root mean square over receivers of visibility less that of the light's centre, the least error of a
+    technique for hard shadows.
     """
 
     radius: float
     assumed: bool
     median: Estimate
     p95: Estimate
+    share: Estimate
+    hard_rmse: Estimate
 
     @property
     def hard_is_enough(self) -> bool:
@@ -34,20 +42,32 @@ class Penumbra:
 
 
 def penumbra_of(samples: Samples) -> Penumbra | None:
-    """The penumbrae for the light's radius, by default that of the sun or a bulb; None without shadow edges."""
-    light, edges = samples.view.light, samples.edges
+    """The penumbrae for the light's size, by default that of the sun or a bulb; None without shadow edges."""
+    edges = samples.edges
     if not len(edges):
         return None
-    sun = light.kind == "directional"
-    assumed = light.radius == 0.0
-    radius = light.radius if not assumed else SUN if sun else samples.placement.length(BULB)
+    light = sized_light(samples)
+    radius = light.radius or max(light.size) / 2
     width = widths(samples, radius)
+    share, hard_rmse = _softness(samples, light)
     return Penumbra(
-        radius=float(radius if sun else radius / samples.placement.scale),
-        assumed=assumed,
+        radius=float(radius if light.kind == "directional" else radius / samples.placement.scale),
+        assumed=not samples.view.light.soft,
         median=samples.estimate(lambda chosen: float(np.median(width[chosen])), edges),
         p95=samples.estimate(lambda chosen: float(np.percentile(width[chosen], 95)), edges),
+        share=share,
+        hard_rmse=hard_rmse,
     )
+
+
+def sized_light(samples: Samples) -> Light:
+    """The light in local coordinates, with the size of the sun or a bulb if it has none."""
+    light, bulb = samples.view.light, samples.placement.length(BULB)
+    if light.soft:
+        return light
+    if light.kind == "rectangle":
+        return replace(light, size=(2 * bulb, 2 * bulb))
+    return replace(light, radius=SUN_RADIUS if light.kind == "directional" else bulb)
 
 
 def widths(samples: Samples, radius: float) -> Floats:
@@ -66,3 +86,43 @@ def widths(samples: Samples, radius: float) -> Floats:
     ]
     with np.errstate(invalid="ignore"):
         return np.where(samples.shadowed, across * longest(*derivatives), 0.0)
+
+
+def _softness(samples: Samples, light: Light) -> tuple[Estimate, Estimate]:
+    """Share of the shadow that is penumbra, and the rmse of exact hard shadows, from up to RECEIVERS samples."""
+    everything = np.arange(len(samples.pixel))
+    if len(everything) > RECEIVERS:
+        everything = np.sort(np.random.default_rng(0).choice(everything, RECEIVERS, replace=False))
+    visibility = _visibility(samples.select(everything), light)
+    hard, mean = ~samples.shadowed[everything], visibility.mean(axis=1)
+    # The product of the errors of two independent estimates has no bias by their variance, as a square would have.
+    squared = (visibility[:, 0] - hard) * (visibility[:, 1] - hard)
+    rmse = float(np.sqrt(max(squared.mean(), 0.0)))
+    # Errors by the points of the light, and by the pixels left out.
+    spread = (visibility[:, 0] - visibility[:, 1]) ** 2 / 2
+    by_points = float((2 * np.maximum(squared, 0.0) * spread + spread**2).mean())
+    by_pixels = float(squared.var()) * (1 - samples.part * len(everything) / len(samples.pixel))
+    error = float(np.sqrt((by_points + by_pixels) / len(squared)))
+    shadow = max(int((mean < 1).sum()), 1)
+    share = int(((mean > 0) & (mean < 1)).sum()) / shadow
+    return (
+        Estimate(share, float(np.sqrt(share * (1 - share) / shadow))),
+        Estimate(rmse, error / (2 * rmse) if rmse else 0.0),
+    )
+
+
+def _visibility(samples: Samples, light: Light) -> Floats:
+    """(R, 2) share of the light that each sample sees, in two replications; 1 if all of it is below its horizon."""
+    sampler = LightSampler(light)
+    low, high = samples.view.scene.geometry.bounds
+    above = OFFSET * float(np.linalg.norm(high - low))
+
+    def work(part: slice) -> Floats:
+        points, normals = (np.ascontiguousarray(array[:, part]) for array in (samples.point, samples.normal))
+        shifts = scrambles_of(samples.pixel[part], 2, _STAGE)
+        origins, directions, reach, weight, _ = sampler.rays(points, normals, shifts, POINTS, above)
+        seen = weight * ~samples.casters.occluded(origins.T, directions.T, reach)
+        total, visible = (array.reshape(-1, 2, POINTS).sum(axis=2, dtype=np.float64) for array in (weight, seen))
+        return np.where(total > 0, visible / np.maximum(total, np.finfo(float).tiny), 1.0)
+
+    return np.concatenate(list(over_slices(work, len(samples.pixel), RAYS_A_SLICE // (2 * POINTS))))

@@ -35,9 +35,9 @@ class Surfaces:
 class Lighting:
     """The light at S surface points.
 
-    receives: (S,) bool, whether the surface faces the light and is inside its cone; to_light: (3, S) unit vectors;
-    distance: (S,) to the light, inf for a directional one; blocker: (S,) distance to the nearest caster towards the
-    light, inf for none and where `receives` is False.
+    receives: (S,) bool, whether the surface faces the light and is inside its cone or before its panel; to_light:
+    (3, S) unit vectors; distance: (S,) to the light, inf for a directional one; blocker: (S,) distance to the nearest
+    caster towards the light, inf for none and where `receives` is False.
     """
 
     receives: Mask
@@ -83,7 +83,7 @@ def lighting(view: View, casters: Tracer, hits: Surfaces, above: float) -> Light
     to_light = to_light / np.maximum(length, np.finfo(float).tiny)
     cosine = dot(hits.normal, to_light)
     receives = cosine > FACING
-    if view.light.kind == "spot":
+    if view.light.cos_half_angle > -1:
         axis = unit(view.light.direction)[:, None]
         receives &= -dot(to_light, axis) >= view.light.cos_half_angle
     ahead = above / np.maximum(cosine, FACING)

@@ -28,7 +28,7 @@ class RelevantCasters:
 
     triangles: number of caster triangles; useless: number of those that cannot shadow any visible receiver; matters:
     (C,) bool over `geometry.caster_faces`, the others. sure: False if not every pixel was sampled, so that receivers
-    between the samples may be missed.
+    between the samples may be missed, or if the light has a size, as only its centre is considered.
     """
 
     triangles: int
@@ -58,7 +58,8 @@ def reach_of(fitted: FittedMap) -> RelevantCasters:
             a, b, c = (coords.take(corner, axis=1) for corner in corners)
             low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
             matters[part] |= ~beyond & _touches(grid, low, high)
-    return RelevantCasters(len(faces), int((~matters).sum()), matters, samples.step == 1)
+    sure = samples.step == 1 and not samples.view.light.soft
+    return RelevantCasters(len(faces), int((~matters).sum()), matters, sure)
 
 
 def _projected(vertices: Floats, space: LightSpace) -> tuple[Floats, Floats]:

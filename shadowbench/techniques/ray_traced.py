@@ -4,16 +4,19 @@ import moderngl
 import numpy as np
 
 from shadowbench.gl.gbuffer import download
+from shadowbench.scenes.model import Light
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
-from shadowbench.truths.embree import INFINITE, Tracer, over_slices
+from shadowbench.truths.embree import INFINITE, RAYS_A_SLICE, Tracer, over_slices
 
 _STEPS = 4.0  # least ray offset, in float32 steps of the largest coordinate
+_STAGE = 1 << 15  # of random shifts, beyond the truth's: with the same points of the light, the errors would correlate
 
 
 class RayTraced(Technique):
     """One shadow ray per pixel on the CPU, timed with its transfers: the slow end of the speed axis.
 
-    Exact except for the G-buffer's float32 positions, which move shadows at contacts and at grazing light.
+    Exact except for the G-buffer's float32 positions, which move shadows at contacts and at grazing light. With more
+    samples, rays to as many points of a light that has a size: noise, which converges to soft shadows.
     """
 
     name = "ray-traced"
@@ -24,6 +27,7 @@ class RayTraced(Technique):
         """Parameters of ray-traced."""
 
         offset: float = param(2e-6, "height of a ray's origin above its surface, as a share of the scene", ge=0, le=1)
+        samples: int = param(1, "points of the light for each pixel; 1 is its centre: hard shadows", ge=1, le=1 << 14)
 
     params: Params
 
@@ -42,7 +46,8 @@ class RayTraced(Technique):
                 download(texture).reshape(-1, 4) for texture in (frame.surface.position, frame.surface.normal)
             )
         with frame.timed("trace", changes="view"):
-            parts = list(over_slices(lambda part: self._trace(frame, position[part], normal[part]), len(position)))
+            size = max(1, RAYS_A_SLICE // self.params.samples)
+            parts = list(over_slices(lambda part: self._trace(frame, part, position, normal), len(position), size))
             visibility = np.concatenate([part for part, _ in parts])
             self.rays = sum(rays for _, rays in parts)
         with frame.timed("upload", changes="view"):
@@ -52,17 +57,33 @@ class RayTraced(Technique):
     def facts(self) -> dict[str, float]:
         return {"rays": float(self.rays)}
 
-    def _trace(self, frame: Frame, position: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, int]:
+    def _trace(self, frame: Frame, part: slice, positions: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, int]:
         """Visibility of some pixels, and the number of rays traced."""
+        position, normal = positions[part], normals[part]
         light, w = (np.asarray(part) for part in frame.light.homogeneous)
         to_light = light - w * position[:, :3].astype(np.float64)
         distance = np.linalg.norm(to_light, axis=1)
         to_light = to_light / np.maximum(distance, np.finfo(float).tiny)[:, None]
         cosine = np.einsum("ij,ij->i", normal[:, :3], to_light)
         receiver = np.flatnonzero((position[:, 3] * normal[:, 3] > 0.5) & (cosine > 0))
+        visibility = np.ones(len(position), dtype=np.float32)
+        if self.params.samples > 1 and frame.light.soft:
+            pixels = receiver + part.start
+            visibility[receiver] = self._seen_share(frame.light, position[receiver], normal[receiver], pixels)
+            return visibility, len(receiver) * self.params.samples
         ahead = self.offset / cosine[receiver]
         origin = position[receiver, :3] + to_light[receiver] * ahead[:, None]
         reach = np.maximum(distance[receiver] - ahead, 0.0) if w else np.full(len(receiver), INFINITE)
-        visibility = np.ones(len(position), dtype=np.float32)
         visibility[receiver] = ~self.tracer.occluded(origin, to_light[receiver], reach)
         return visibility, len(receiver)
+
+    def _seen_share(self, light: Light, position: np.ndarray, normal: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+        """(R,) share of the light's points above the horizon that each receiver sees, 1 if none is."""
+        from shadowbench.truths.light_samples import LightSampler, scrambles_of  # Numba takes 0.4 s to import
+
+        samples, shifts = self.params.samples, scrambles_of(pixels, 1, _STAGE)
+        points, normals = (np.ascontiguousarray(array[:, :3].T, dtype=np.float64) for array in (position, normal))
+        origins, directions, reach, weight, _ = LightSampler(light).rays(points, normals, shifts, samples, self.offset)
+        seen = weight * ~self.tracer.occluded(origins.T, directions.T, reach)
+        total, visible = (array.reshape(-1, samples).sum(axis=1, dtype=np.float64) for array in (weight, seen))
+        return np.where(total > 0, visible / np.maximum(total, np.finfo(float).tiny), 1.0)

@@ -48,6 +48,13 @@ class Spec:
         return f"{self.technique.name}:{items}" if items else self.technique.name
 
     @property
+    def techniques(self) -> "tuple[type[Technique], ...]":
+        """The technique, and those that its parameters name."""
+        values = (getattr(self.params, key) for key in type(self.params).model_fields)
+        inner = (one for value in values if isinstance(value, Spec) for one in value.techniques)
+        return (self.technique, *inner)
+
+    @property
     def map_size(self) -> int | None:
         """The `size` of the technique's map; None for a technique without one."""
         return getattr(self.params, "size", None)
@@ -120,6 +127,9 @@ def format_value(value: Any, full: bool = False) -> str:
     """A parameter's value in spec syntax; `full` includes the parameters of rows that are at their defaults."""
     if isinstance(value, Sum):
         return "+".join(format_value(term, full) for term in value.terms)
+    if isinstance(value, Spec):
+        name, _, items = (value.full_text if full else value.text).partition(":")
+        return f"{name}({items})" if items else name
     if isinstance(value, Row):
         inner = _format_items(value, full)
         return f"{value.name}({inner})" if inner else value.name

@@ -10,7 +10,7 @@ import pytest
 
 from shadowbench.engines.export import export_view, projection_matrix, view_matrix
 from shadowbench.gl.matrices import view_projection
-from shadowbench.scenes.library import builtin_names
+from shadowbench.scenes.library import hard_names
 from shadowbench.scenes.meshes import read_meshes
 from shadowbench.scenes.model import Light, Scene, View, view_of
 from shadowbench.scores.masks import read_mask
@@ -37,7 +37,7 @@ def assert_same_shadows(view: View, folder: Path, truth: Truth | None = None) ->
     assert np.count_nonzero(decided & (truth.visibility != again.visibility)) == 0
 
 
-@pytest.mark.parametrize("name", builtin_names())
+@pytest.mark.parametrize("name", hard_names())
 def test_a_scene_that_is_read_back_has_the_same_shadows(builtin: Callable[..., View], name: str, tmp_path) -> None:
     assert_same_shadows(builtin(name, SIZE), tmp_path)
 
@@ -106,6 +106,25 @@ def test_the_description_says_the_light_and_what_gltf_has_no_word_for(
     assert found["light"]["cone"] == pytest.approx(60)
     assert [mesh["casts"] for mesh in found["meshes"]] == [True, False]
     assert found["mask"]["score"] == "shadowbench score cube-on-plane MASK.png --view camera --light lamp"
+
+
+@pytest.mark.parametrize("name", ["window", "shade", "fence"])
+def test_a_light_s_size_is_in_the_description_and_gltf_has_the_light_at_its_centre(
+    builtin: Callable[..., View], name: str, tmp_path: Path
+) -> None:
+    view = builtin(name, 32)
+    export_view(view, trace(view, 1), tmp_path, name)
+    found = json.loads((tmp_path / "view.json").read_text(encoding="utf-8"))
+    light, read = found["light"], read_back(tmp_path, 32).light
+    assert light["kind"] == view.light.kind
+    assert (read.kind, read.soft, read.angle) == (view.light.hard_kind, False, view.light.frustum_angle or 0.0)
+    assert sum("glTF" in line for line in found["assumptions"]) == 1
+    if name == "window":
+        assert light["size"] == [1.4, 1.0] and light["radius"] is None
+        assert np.dot(light["up"], light["direction"]) == pytest.approx(0, abs=1e-12) and light["up"][1] > 0.5
+    else:
+        assert light["radius"] == pytest.approx(0.02 if name == "shade" else 0.2665)
+        assert light["size"] is None and light["up"] is None
 
 
 def test_the_example_is_a_mask_without_an_error(shadowbench: Callable, tmp_path: Path) -> None:

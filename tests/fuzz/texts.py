@@ -11,7 +11,16 @@ from .cases import OBJ, OUTSIDE, ROOT, Case
 from .toml import dumps
 from .values import PATHS, number, replacement, text, three
 
-TECHNIQUES = ["shadow-map", "cube-map", "cascades", "planar-projection", "shadow-volume", "ray-traced", "unshadowed"]
+TECHNIQUES = [
+    "shadow-map",
+    "cube-map",
+    "cascades",
+    "planar-projection",
+    "shadow-volume",
+    "ray-traced",
+    "unshadowed",
+    "light-samples",
+]
 
 SCENES: list[dict[str, Any]] = [
     tomllib.loads(path.read_text(encoding="utf-8")) for path in sorted((ROOT / "scenes").glob("*.toml"))
@@ -80,7 +89,8 @@ SPECS = [
     "cascades:size=64",
     "shadow-volume",
     "cube-map:size=256,bias=constant(0.005)",
-    "ray-traced",
+    "ray-traced:samples=2",
+    "light-samples:of=shadow-map(size=64,filter=pcf),n=2",
 ]
 
 FACTORS = [0, -1, 0.5, 0.99, 1.01, 2, 3, 10, 1e-3, 1e3, 1e-9, 1e9, 1e-16, 1e16]

@@ -223,6 +223,14 @@ def test_what_of_a_light_is_not_honoured_is_a_line(gltf_file: Gltf, light: dict[
     assert all(word in note for word, note in zip(words, notes, strict=True))
 
 
+def test_lights_of_a_file_given_alone_are_said_to_be_hard_once(gltf_file: Gltf) -> None:
+    def sizes(parts: dict[str, Any]) -> int:
+        return sum("glTF gives lights no size" in note for note in load_scene(gltf_file(**parts)).notes)
+
+    assert sizes(with_light({"type": "point"})) == 1
+    assert sizes({}) == 0
+
+
 @pytest.mark.parametrize(
     "parts",
     [

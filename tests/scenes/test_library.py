@@ -7,7 +7,7 @@ import pytest
 
 from shadowbench.data import data_folder
 from shadowbench.errors import InputError
-from shadowbench.scenes.library import builtin_about, builtin_names, load_scene
+from shadowbench.scenes.library import builtin_about, builtin_names, hard_names, load_scene
 from shadowbench.scenes.model import view_of
 
 
@@ -55,7 +55,22 @@ def test_the_kinds_of_light_are_all_there() -> None:
         "directional",
         "spot",
         "point",
+        "rectangle",
     }
+
+
+def test_a_scene_is_hard_if_no_light_of_it_has_a_size() -> None:
+    soft = set(builtin_names()) - set(hard_names())
+    assert soft == {name for name in builtin_names() if any(light.soft for light in load_scene(name).lights)}
+    assert len(soft) >= 6
+
+
+@pytest.mark.parametrize("name", sorted(set(builtin_names()) - set(hard_names())))
+def test_a_soft_scene_shows_its_penumbra(name: str, truth_of) -> None:
+    """Under a fifth of the picture, so that truths take seconds; the window's fills what is there."""
+    truth = truth_of(name, 128)
+    penumbra = (truth.receivers & (truth.visibility > 0.02) & (truth.visibility < 0.98)).mean()
+    assert 0.02 < penumbra < (0.4 if name == "window" else 0.22)
 
 
 def test_a_built_in_scene_is_also_a_file() -> None:

@@ -6,9 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shadowbench.scenes.model import Light
-from shadowbench.survey.penumbra import BULB, SUN, penumbra_of
+from shadowbench.scenes.assumed import sunlit
+from shadowbench.scenes.model import SUN_RADIUS, Light
+from shadowbench.survey.penumbra import BULB, penumbra_of
 from shadowbench.survey.sampling import sample_view
+from shadowbench.truths.trace import trace
 from tests.survey.conftest import from_above, plate
 
 ALONG = Light("sun", "directional", (0.5, -1.0, 0.0))
@@ -30,7 +32,8 @@ def test_under_a_plate_it_is_as_wide_as_the_sun_makes_it_and_longer_the_way_the_
 
 def test_a_sun_without_a_size_is_taken_as_the_real_one() -> None:
     hard, real = (
-        penumbra_of(sample_view(from_above(MESHES, light, size=256))) for light in (ALONG, replace(ALONG, radius=SUN))
+        penumbra_of(sample_view(from_above(MESHES, light, size=256)))
+        for light in (ALONG, replace(ALONG, radius=SUN_RADIUS))
     )
     assert hard is not None and real is not None
     assert hard.assumed and not real.assumed and hard.p95 == real.p95
@@ -60,6 +63,36 @@ def test_a_lamp_without_a_size_is_taken_as_a_bulb() -> None:
     assert found is not None and found.assumed and found.radius == pytest.approx(BULB)
 
 
+@pytest.mark.parametrize("name", ["post", "shade", "window", "cube-on-plane"])
+def test_the_error_of_hard_shadows_is_that_against_the_truth_within_its_interval(name: str, builtin) -> None:
+    """Of the scene's own light, or under the sun that is assumed; the centre's visibility is the best that is hard."""
+    view = builtin(name, 128)
+    found = penumbra_of(sample_view(view))
+    assert found is not None and found.assumed == (not view.light.soft)
+    light = sunlit(view.light)
+    soft, hard = (trace(replace(view, light=one), 1) for one in (light, replace(light, radius=0.0, size=(0.0, 0.0))))
+    error = (soft.visibility - hard.visibility)[soft.receivers]
+    rmse = float(np.sqrt((error**2).mean()))
+    assert found.hard_rmse.value == pytest.approx(rmse, abs=3 * found.hard_rmse.error + 1e-3 * rmse)
+    assert 0 < found.hard_rmse.error < 0.1 * rmse
+    shadow = soft.visibility[soft.receivers & (soft.visibility < 0.98)]
+    assert found.share.value == pytest.approx((shadow > 0.02).mean(), abs=3 * found.share.error)
+
+
+def test_of_a_large_view_some_pixels_say_how_wrong_hard_shadows_are(builtin) -> None:
+    large, small = (penumbra_of(sample_view(builtin("post", size))) for size in (700, 250))
+    assert large is not None and small is not None
+    assert large.hard_rmse.error > 2 * small.hard_rmse.error, "a part of the pixels stands for all"
+    assert large.hard_rmse.value == pytest.approx(small.hard_rmse.value, abs=4 * large.hard_rmse.error)
+
+
+@pytest.mark.parametrize(("kind", "radius"), [("disc", BULB), ("rectangle", BULB), ("spot", BULB)])
+def test_a_panel_or_spot_without_a_size_is_as_wide_as_a_bulb(kind: str, radius: float) -> None:
+    light = Light("lamp", kind, (0.0, -1.0, 0.0), (-0.4, 3.0, 0.0), math.radians(60.0))
+    found = penumbra_of(sample_view(from_above([plate(50.0), plate(0.1, (-0.2, 1.5, 0.0))], light, size=128)))
+    assert found is not None and found.assumed and found.radius == pytest.approx(radius)
+
+
 def test_without_a_shadow_there_is_no_penumbra() -> None:
     assert penumbra_of(sample_view(from_above([plate(50.0)]))) is None
-    assert np.isfinite(SUN)
+    assert np.isfinite(SUN_RADIUS)

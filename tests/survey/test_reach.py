@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shadowbench.scenes.library import builtin_names
+from shadowbench.scenes.library import hard_names
 from shadowbench.scenes.model import Light, Mesh, View
 from shadowbench.scenes.views import chosen_view
 from shadowbench.survey.maps import fitted_map
@@ -83,9 +83,14 @@ def test_no_shadow_changes_whatever_stands_where(boxes: list, light: Light) -> N
     assert_same_shadows(view)
 
 
-@pytest.mark.parametrize("name", builtin_names())
+@pytest.mark.parametrize("name", hard_names())
 def test_no_shadow_changes_in_our_scenes(name: str) -> None:
     assert_same_shadows(chosen_view(name, 128))
+
+
+def test_what_a_light_s_centre_does_not_see_is_not_surely_useless() -> None:
+    wide = replace(SUN, radius=0.1)
+    assert not reach(from_above([plate(50.0), box(0.3, (0.0, 0.15, 0.0))], wide)).sure
 
 
 def test_a_sampled_view_does_not_claim_to_be_sure() -> None:

@@ -21,6 +21,7 @@ from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import Light, Mesh
 from shadowbench.scenes.views import chosen_view
 from shadowbench.survey.explanations import explanations_of
+from shadowbench.survey.penumbra import POINTS
 from shadowbench.survey.receivers import Receivers, planes_of, receivers_of
 from shadowbench.survey.sampling import Samples, sample_view
 from shadowbench.survey.survey import needs
@@ -198,14 +199,14 @@ def test_rays_are_those_of_the_picture_and_what_is_made_of_all_triangles_is_made
     made: Counter[str] = Counter()
     crosses = Geometry.__dict__["crosses"].func
 
-    def count(name: str) -> None:
-        ask = getattr(Tracer, name)
+    def counted(query: str) -> Any:
+        ask = getattr(Tracer, query)
 
-        def counted(tracer: Tracer, origins: Any, directions: Any, reach: Any) -> Any:
-            asked[name] += len(origins)
+        def counting(tracer: Tracer, origins: Any, directions: Any, reach: Any) -> Any:
+            asked[query] += len(origins)
             return ask(tracer, origins, directions, reach)
 
-        monkeypatch.setattr(Tracer, name, counted)
+        return counting
 
     def computed(geometry: Geometry) -> Any:
         made["normals of triangles"] += len(geometry.faces)
@@ -214,8 +215,8 @@ def test_rays_are_those_of_the_picture_and_what_is_made_of_all_triangles_is_made
     once = cached_property(computed)
     once.__set_name__(Geometry, "crosses")
     monkeypatch.setattr(Geometry, "crosses", once)
-    for name in ("nearest", "distance"):
-        count(name)
+    for query in ("nearest", "distance", "occluded"):
+        monkeypatch.setattr(Tracer, query, counted(query))
     rays = []
     for subdivisions in (1, 3, 5):
         asked.clear()
@@ -227,4 +228,5 @@ def test_rays_are_those_of_the_picture_and_what_is_made_of_all_triangles_is_made
         assert asked["nearest"] == 64 * 64, "a ray a pixel"
         assert made == {"normals of triangles": len(view.scene.geometry.faces)}
         rays.append(asked["distance"])
+        assert asked["occluded"] <= 2 * POINTS * asked["distance"], "to the points of the light"
     assert max(rays) <= 2 * 64 * 64 and max(rays) - min(rays) <= 4, "to the light, however many triangles there are"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shadowbench.scenes.assumed import assumed_camera, assumed_sun, mesh_bounds
-from shadowbench.scenes.library import builtin_names, load_scene
+from shadowbench.scenes.library import hard_names, load_scene
 from shadowbench.scenes.model import View, view_of
 from shadowbench.truths.trace import trace
 
@@ -20,7 +20,7 @@ def test_ray_traced_is_the_truth_but_for_float32_positions(name, builtin, truth_
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in builtin_names() if name not in FAST])
+@pytest.mark.parametrize("name", [name for name in hard_names() if name not in FAST])
 def test_ray_traced_is_the_truth_on_the_other_scenes_too(name, builtin, truth_of, mask, scored) -> None:
     scores = scored(mask("ray-traced", builtin(name, 512)), truth_of(name, 512))
     assert scores["iou"] >= 0.9999

@@ -26,6 +26,13 @@ LIGHTS = {
     "spot": Light("spot", "spot", (1.7, -3.0, -1.5), (-1.7, 3.2, 1.3), 1.0),
     "point": Light("point", "point", position=(-1.0, 2.2, 0.8)),
 }
+SOFT = {
+    "directional": replace(LIGHTS["directional"], radius=0.05),
+    "spot": replace(LIGHTS["spot"], radius=0.2),
+    "point": replace(LIGHTS["point"], radius=0.2),
+    "disc": replace(LIGHTS["spot"], kind="disc", radius=0.3),
+    "rectangle": replace(LIGHTS["spot"], kind="rectangle", size=(0.6, 0.3)),
+}
 # Each pose moves the camera, the light, or both; the third looks from inside a shadow, up at the light.
 CAMERAS = [
     ((2.0, 2.6, 3.7), (0.1, 0.45, -0.45)),
@@ -75,6 +82,32 @@ def test_the_lights_that_it_declares_are_answered_and_the_others_declined_in_wor
         assert reason is None
     else:
         assert reason is not None and f"{kind} light" in reason and "\n" not in reason
+
+
+@pytest.mark.parametrize("shape", SOFT)
+@pytest.mark.parametrize("spec", ALL)
+def test_a_light_with_a_size_is_drawn_by_what_draws_its_kind_and_declined_in_words_by_the_rest(
+    spec, shape, device, studio, build, builtin
+) -> None:
+    """A disc and a rectangle are drawn as spots; what does not face the light's centre, or is behind it, is lit."""
+    scene = builtin("spot-lamp").scene
+    eye, target = CAMERAS[0]
+    view = view_of(scene, Camera("camera", eye, target, 0.9), SOFT[shape], SIZE)
+    parsed = parse_spec(spec, techniques())
+    shot = studio.shot(view)
+    reason = parsed.technique.declines(parsed.params, shot.view, device)
+    if view.light.hard_kind not in parsed.technique.lights:
+        assert reason is not None and "\n" not in reason
+        return
+    assert reason is None
+    mask = build(spec, shot).draw(shot)
+    assert np.isfinite(mask).all() and mask.min() >= 0 and mask.max() <= 1
+    light, w = shot.view.light.homogeneous
+    cosine = np.einsum("ijk,ijk->ij", shot.normal[..., :3], np.asarray(light) - w * shot.position[..., :3])
+    away = (shot.triangle < 0) | (cosine < -1e-6)
+    assert away.any() and (mask[away] == 1).all()
+    if spec != "unshadowed":
+        assert (mask < 0.5).sum() > 50
 
 
 @pytest.mark.parametrize(("spec", "kind"), answered([*ALL, *PRESETS]))

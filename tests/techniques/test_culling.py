@@ -26,7 +26,7 @@ def views(name: str):
 @pytest.mark.parametrize("name", builtin_names())
 def test_a_mask_is_the_same_without_culling(name: str, technique: str, build, studio) -> None:
     for view in views(name):
-        if view.light.kind not in techniques()[technique].lights:
+        if view.light.hard_kind not in techniques()[technique].lights:
             continue
         shot = studio.shot(view)
         size = "size=128," if "size" in techniques()[technique].Params.model_fields else ""

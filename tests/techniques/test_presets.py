@@ -6,11 +6,11 @@ One phase, and 512² pictures, which take a quarter of the time of `run -s prese
 import numpy as np
 import pytest
 
-from shadowbench.scenes.library import builtin_names, load_scene
+from shadowbench.scenes.library import hard_names, load_scene
 from shadowbench.techniques.registry import techniques
 from tests.samples import sampled
 
-SUNNY = [name for name in builtin_names() if load_scene(name).lights[0].kind == "directional"]
+SUNNY = [name for name in hard_names() if load_scene(name).lights[0].kind == "directional"]
 PRESETS = list(techniques()["shadow-map"].presets)
 VIEW_SIZE = 512
 SIZES = [512, 1024, 2048, 4096]

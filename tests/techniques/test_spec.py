@@ -25,6 +25,8 @@ def values_of(field: Any) -> st.SearchStrategy[Any]:
     if isinstance(field.default, Row):
         single = st.one_of([rows(row) for row in field.default.family().table.values()])
         return st.one_of(single, sums(single)) if isinstance(field.default, Bias) else single
+    if isinstance(field.default, Spec):
+        return st.one_of([specs(one) for one in ALL.values() if Spec not in map(type, defaults(one))])
     if get_origin(field.annotation) is Literal:
         return st.sampled_from(get_args(field.annotation))
     if field.annotation is bool:
@@ -39,6 +41,10 @@ def values_of(field: Any) -> st.SearchStrategy[Any]:
     return st.floats(
         low, high, exclude_min="gt" in limits, exclude_max="lt" in limits, allow_nan=False, allow_infinity=False
     )
+
+
+def defaults(technique: type[Technique]) -> list[Any]:
+    return [field.default for field in technique.Params.model_fields.values()]
 
 
 def rows(row: type[Row]) -> st.SearchStrategy[Row]:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shadowbench.scenes.library import builtin_names, load_scene
+from shadowbench.scenes.library import hard_names, load_scene
 from shadowbench.scenes.model import Camera, Light, Scene, Vec3, vec3, view_of
 from shadowbench.truths.trace import trace
 from tests.samples import sampled
@@ -55,7 +55,7 @@ def test_moving_and_scaling_changes_no_decided_pixel(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", sampled(builtin_names(), ["deep-street", "lamp-by-wall", "statue"]))
+@pytest.mark.parametrize("name", sampled(hard_names(), ["deep-street", "lamp-by-wall", "statue"]))
 def test_moving_and_scaling_changes_no_decided_pixel_of_a_large_image(name: str) -> None:
     assert_unchanged(load_scene(name), 1024)
 

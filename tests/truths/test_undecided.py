@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from shadowbench.scenes.library import builtin_names, load_scene
+from shadowbench.scenes.library import builtin_names, hard_names, load_scene
 from shadowbench.scenes.model import Floats, Light, Mesh, View, view_of
 from shadowbench.truths.rays import GRAZING
 from shadowbench.truths.trace import OFFSET, Truth, trace
@@ -25,7 +25,7 @@ def first_view(name: str) -> View:
     return view_of(scene, scene.cameras[0], scene.lights[0], SIZE)
 
 
-SUNNY = [name for name in builtin_names() if first_view(name).light.kind == "directional"]
+SUNNY = [name for name in hard_names() if first_view(name).light.kind == "directional"]
 
 
 @pytest.mark.slow

@@ -1,0 +1,81 @@
+"""--sun: the sun's size for suns that have none."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import shadowbench as sb
+from shadowbench.scenes.assumed import with_sun
+from shadowbench.scenes.library import load_scene
+from shadowbench.scenes.model import Light
+from shadowbench.studies.study import Study
+from shadowbench.techniques.registry import techniques
+from shadowbench.techniques.spec import parse_spec
+
+NOTE = "no size of light in cube-on-plane: assumed the sun's angular radius, 0.2665°"
+
+
+def test_only_directional_lights_without_a_size_get_the_sun_s() -> None:
+    cube = load_scene("cube-on-plane")
+    wide = Light("wide", "directional", (0.0, -1.0, 0.0), radius=0.1)
+    lamp = Light("lamp", "point", position=(0.0, 3.0, 0.0))
+    scene = with_sun(replace(cube, lights=(*cube.lights, wide, lamp)))
+    assert [light.radius for light in scene.lights] == [math.radians(0.2665), 0.1, 0.0]
+    assert scene.notes == (NOTE,)
+    nothing = with_sun(replace(cube, lights=(lamp,)))
+    assert nothing.lights == (lamp,) and "no directional light without a size" in nothing.notes[0]
+
+
+def test_a_truth_under_the_sun_has_penumbrae_and_a_note_says_why(shadowbench: Callable, tmp_path: Path) -> None:
+    def visibility(*words: str) -> tuple[np.ndarray, str]:
+        answer = shadowbench("truth", "cube-on-plane", "-o", tmp_path / "a.npz", "--view-size", "96", *words)
+        assert answer.code == 0
+        return np.load(tmp_path / "a.npz")["visibility"], answer.err
+
+    hard, silent = visibility()
+    soft, said = visibility("--sun")
+    assert set(np.unique(hard)) == {0.0, 1.0} and NOTE not in silent
+    assert ((soft > 0.02) & (soft < 0.98)).any() and f"note: {NOTE}\n" in said
+
+
+def test_a_scene_is_loaded_with_the_sun() -> None:
+    assert [light.soft for sun in (True, False) for light in sb.load("cube-on-plane", sun=sun).lights] == [True, False]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("needs", "cube-on-plane", "--view-size", "32"),
+        ("export", "cube-on-plane", "{0}/out", "--view-size", "32"),
+        ("render", "cube-on-plane", "-t", "ray-traced", "-o", "{0}/a.png", "--view-size", "32"),
+        ("run", "cube-on-plane", "-t", "unshadowed", "--rounds", "0", "--view-size", "32", "-o", "{0}/run"),
+        ("recommend", "cube-on-plane", "--view-size", "32", "--min-iou", "0.5", "-o", "{0}/recommend"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_every_command_with_a_scene_and_a_truth_takes_it(words, shadowbench: Callable, tmp_path: Path) -> None:
+    answer = shadowbench(*(word.format(tmp_path) for word in words), "--sun")
+    assert answer.code == 0 and f"note: {NOTE}\n" in answer.err
+
+
+def test_a_mask_is_scored_under_the_sun(shadowbench: Callable, tmp_path: Path) -> None:
+    assert shadowbench("export", "cube-on-plane", tmp_path, "--view-size", "64", "--sun").code == 0
+    scores = []
+    for sun in (["--sun"], []):
+        answer = shadowbench("score", "cube-on-plane", tmp_path / "truth.png", "--json", *sun)
+        assert answer.code == 0 and (NOTE in answer.err) == bool(sun)
+        scores.append(answer.out)
+    assert scores[0] != scores[1]
+
+
+def test_a_study_gives_it_to_the_lights_of_its_scenes_and_to_its_own() -> None:
+    lamp = Light("noon", "directional", (0.1, -1.0, 0.0))
+    study = Study.of(["cube-on-plane"], [parse_spec("unshadowed", techniques())], lights=("file", lamp), sun=True)
+    blocks = list(study.blocks())
+    assert [block.view.light.radius for block in blocks] == [math.radians(0.2665)] * 2
+    assert NOTE in blocks[0].scene.notes
+    assert not any(block.view.light.soft for block in study.with_(sun=False).blocks())

@@ -1,0 +1,157 @@
+"""Soft shadows from many points of the light: `light-samples`, and `ray-traced` with samples."""
+
+import math
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from shadowbench.errors import InputError
+from shadowbench.scenes.model import View, unit, view_of
+from shadowbench.techniques.light_samples import points_of
+from shadowbench.techniques.registry import techniques
+from shadowbench.techniques.spec import parse_spec
+from shadowbench.truths.trace import Truth, trace
+
+SIZE = 96
+SIZED = {  # built-in scenes under lights with a size
+    "sun": ("cube-on-plane", {"radius": math.radians(3.0)}),
+    "spot": ("spot-lamp", {"radius": 0.15}),
+    "point": ("room-with-lamp", {"radius": 0.1}),
+    "disc": ("spot-lamp", {"kind": "disc", "radius": 0.3}),
+    "rectangle": ("spot-lamp", {"kind": "rectangle", "size": (1.0, 0.5), "up": (0.3, 0.2, -1.0)}),
+}
+
+
+@pytest.fixture(scope="module")
+def sized(builtin):
+    """The view of a scene under a light with a size, and its truth."""
+
+    @lru_cache
+    def make(name: str) -> tuple[View, Truth]:
+        scene, changes = SIZED[name]
+        view = builtin(scene, SIZE)
+        view = view_of(view.scene, view.camera, replace(view.light, **changes), SIZE)
+        return view, trace(view, 1)
+
+    return make
+
+
+def errors(mask: np.ndarray, truth: Truth) -> np.ndarray:
+    """Of the pixels in the penumbra."""
+    penumbra = truth.receivers & ~truth.undecided & (truth.visibility > 0.02) & (truth.visibility < 0.98)
+    assert penumbra.sum() > 100
+    return (mask - truth.visibility)[penumbra]
+
+
+@pytest.mark.parametrize("name", SIZED)
+@pytest.mark.parametrize("spec", ["light-samples:of=ray-traced,n={}", "ray-traced:samples={}"])
+def test_the_error_falls_as_fast_as_that_of_random_points_and_faster(spec, name, sized, mask) -> None:
+    """By points drawn at random, 16 times as many quarter the error, which is √(V(1 − V)/n) in a pixel."""
+    view, truth = sized(name)
+    found = [math.sqrt((errors(mask(spec.format(n), view), truth) ** 2).mean()) for n in (16, 256)]
+    visibility = truth.visibility[truth.receivers & (truth.visibility > 0.02) & (truth.visibility < 0.98)]
+    random = math.sqrt((visibility * (1 - visibility)).mean() / 256)
+    assert found[1] < found[0] / 4
+    assert found[1] < random
+    assert abs(errors(mask(spec.format(256), view), truth).mean()) < found[1]
+
+
+@pytest.mark.parametrize("name", ["sun", "spot"])
+def test_exact_volumes_average_to_what_rays_do(name, sized, mask) -> None:
+    view, truth = sized(name)
+    volumes, rays = (mask(f"light-samples:of={of},n=8", view) for of in ("shadow-volume", "ray-traced"))
+    decided = truth.receivers & ~truth.undecided
+    assert (np.abs(volumes - rays)[decided] > 1e-3).mean() < 0.002
+
+
+@pytest.mark.parametrize("name", SIZED)
+def test_one_sample_is_the_light_s_centre(name, sized, mask) -> None:
+    view, truth = sized(name)
+    hard = trace(view_of(view.scene, view.camera, replace(view.light, radius=0.0, size=(0.0, 0.0)), SIZE), 1)
+    one = mask("ray-traced", view)
+    decided = hard.receivers & ~hard.undecided
+    assert np.isin(one, (0.0, 1.0)).all()
+    assert np.count_nonzero((one != hard.visibility)[decided]) <= 2
+    assert np.array_equal(mask("light-samples:of=ray-traced,n=1", view), one)
+    assert truth.visibility[decided].mean() != one[decided].mean()
+
+
+@pytest.mark.parametrize("scene", ["cube-on-plane", "spot-lamp", "room-with-lamp"])
+def test_under_a_light_without_a_size_more_samples_change_nothing(scene, builtin, mask) -> None:
+    view = builtin(scene, SIZE)
+    assert np.array_equal(mask("ray-traced:samples=16", view), mask("ray-traced", view))
+    assert np.array_equal(mask("light-samples", view), mask("shadow-volume", view))
+
+
+def test_few_shared_points_make_bands_and_few_points_of_each_pixel_s_own_make_noise(sized, mask) -> None:
+    view, truth = sized("sun")
+    penumbra = truth.receivers & (truth.visibility > 0.02) & (truth.visibility < 0.98)
+    shared = mask("light-samples:of=ray-traced,n=4", view)
+    assert set(np.unique(shared[penumbra])) <= {0.0, 0.25, 0.5, 0.75, 1.0}
+    own = mask("ray-traced:samples=4", view)
+    steps = [np.abs(np.diff(image, axis=1))[penumbra[:, 1:] & penumbra[:, :-1]].mean() for image in (shared, own)]
+    assert steps[1] > 1.5 * steps[0]
+
+
+@pytest.mark.parametrize("name", SIZED)
+def test_the_points_lie_on_the_light(name, sized) -> None:
+    light = sized(name)[0].light
+    points = list(points_of(light, 64))
+    assert len(points) == 64 and not any(point.light.soft for point in points)
+    if name == "sun":
+        cosines = [float(unit(point.light.direction) @ unit(light.direction)) for point in points]
+        assert math.cos(light.radius) <= min(cosines) <= max(cosines) <= 1
+        return
+    away = np.array([np.subtract(point.light.position, light.position) for point in points])
+    along = away @ unit(light.direction)
+    if name in ("disc", "rectangle"):
+        assert np.abs(along).max() < 1e-12
+        assert np.abs(away.mean(axis=0)).max() < 0.05
+        reach = light.radius if name == "disc" else math.hypot(*light.size) / 2
+        assert np.linalg.norm(away, axis=1).max() <= reach
+    else:
+        assert np.allclose(np.linalg.norm(away, axis=1), light.radius)
+        assert np.allclose(away / light.radius, [point.normal for point in points])
+
+
+@pytest.mark.parametrize(
+    ("spec", "words"),
+    [
+        ("light-samples:of=sun", "unknown technique 'sun'"),
+        ("light-samples:of=light-samples", "unknown technique 'light-samples'"),
+        ("light-samples:of=shadow-map(2048)", "a value without a name"),
+        ("light-samples:of=shadow-map(sise=2048)", "sise"),
+        ("light-samples:of=shadow-map(size=0)", "size"),
+        ("light-samples:of=shadow-map(preset=none)", "unknown preset"),
+        ("light-samples:of=3", "unknown technique '3'"),
+        ("light-samples:n=0", "n"),
+    ],
+)
+def test_a_mistake_in_the_inner_technique_is_one_line(spec, words) -> None:
+    with pytest.raises(InputError) as error:
+        parse_spec(spec, techniques())
+    assert words in str(error.value) and "\n" not in str(error.value)
+
+
+def test_what_the_inner_technique_cannot_draw_is_declined_in_its_words(device, studio, builtin) -> None:
+    spec = parse_spec("light-samples:of=shadow-map", techniques())
+    view = studio.shot(builtin("room-with-lamp", 32)).view
+    assert "point light" in str(spec.technique.declines(spec.params, view, device))
+
+
+def test_a_spec_knows_the_techniques_that_it_names() -> None:
+    spec = parse_spec("light-samples:of=cube-map(preset=course)", techniques())
+    assert [one.name for one in spec.techniques] == ["light-samples", "cube-map"]
+    assert spec.text == "light-samples:of=cube-map(bias=constant(world=0.05),filter=pcf-20)"
+
+
+def test_rays_of_all_points_are_counted(sized, build, studio) -> None:
+    shot = studio.shot(sized("sun")[0])
+    found = []
+    for spec in ("light-samples:of=ray-traced,n=4", "ray-traced:samples=4", "ray-traced"):
+        one = build(spec, shot)
+        one.draw(shot)
+        found.append(one.technique.facts()["rays"])
+    assert found[1] == 4 * found[2] and found[0] == pytest.approx(found[1], rel=0.02)
