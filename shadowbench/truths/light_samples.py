@@ -59,8 +59,8 @@ class LightSampler:
     ) -> tuple[Single, Single, Single, Single, Single]:
         """Rays to `samples` points of the light from each receiver, in each replication.
 
-        points, normals: (3, R); scrambles: (3, R, replications), see `scrambles_of`; samples: up to
-        MOST_SAMPLES, best a power of 2. Rays start at the height `delta` above the receiver, along the ray or `along_normal`.
+        points, normals: (3, R); scrambles: (3, R, replications), see `scrambles_of`; samples: up to MOST_SAMPLES,
+        best a power of 2. Rays start at the height `delta` above the receiver, along the ray or `along_normal`.
         Returns float32 origins and directions (3, M), reach (M,), weight (M,) and N·ω (M,), M = R · replications ·
         samples in this order. The weight is 0 for points of the light below the receiver's plane.
         """
