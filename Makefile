@@ -4,6 +4,8 @@
 
 bin := .venv/bin
 gl_4_1 := MESA_GL_VERSION_OVERRIDE=4.1FC MESA_GLSL_VERSION_OVERRIDE=410
+# With it in the environment, each of the many processes that tests start would compile the package anew.
+unexport PYTHONDONTWRITEBYTECODE
 two_cores := -n 2 --dist worksteal
 # What another version of OpenGL may break: state and targets, shaders, and what every technique must keep.
 of_4_1 := tests/gl tests/techniques/test_compositions.py tests/techniques/test_contract.py
@@ -50,4 +52,4 @@ wheel: setup
 
 clean:
 	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks build dist results/latest results/stress results/fuzz results/recommend results/recommend-check results/tune
-	find shadowbench tests benchmarks -name __pycache__ -prune -exec rm -rf {} +
+	find shadowbench tests benchmarks examples tools -name __pycache__ -prune -exec rm -rf {} +

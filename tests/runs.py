@@ -138,7 +138,7 @@ class Does(Wild):
 
     def do_hang(self, texture):
         while True:
-            pass
+            time.sleep(1)
 
     def do_eat(self, texture):
         held = [np.ones(8 << 20) for _ in range(48)]

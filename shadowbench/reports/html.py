@@ -6,6 +6,7 @@ import shlex
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -72,8 +73,14 @@ def html_report(runs: Sequence[Run], scenes: Mapping[str, Sequence[Section]], sw
         version=__version__,
         style=(_PAGE / "report.css").read_text(encoding="utf-8"),
         scripts=[(_PAGE / name).read_text(encoding="utf-8") for name in _SCRIPTS],
-        bundle=vl_convert.javascript_bundle(snippet=_GLOBALS),
+        bundle=_bundle(),
     )
+
+
+@cache
+def _bundle() -> str:
+    """Vega and what the page calls of it; it takes two seconds to make."""
+    return vl_convert.javascript_bundle(snippet=_GLOBALS)
 
 
 def _page(parts: Sequence[Part], specs: Sequence[str]) -> dict[str, Any]:

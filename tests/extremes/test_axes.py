@@ -162,7 +162,12 @@ def test_casters_are_as_many_as_said() -> None:
         assert len(np.unique(plates[:, 1])) == 2 * count, "plates touch"
     for count in (1, 12, 1024, 16384):
         assert len(first("triangles", count).scene.meshes[1].faces) == count
+
+
+@pytest.mark.slow
+def test_two_million_triangles_are_two_meshes() -> None:
     two = first("triangles", 2097152).scene.meshes[1:]
+    assert len(two) == 2
     assert sum(len(mesh.faces) for mesh in two) == 2097152
 
 

@@ -17,7 +17,7 @@ from shadowbench.measure.cells import Cell
 from shadowbench.measure.keys import cell_key
 from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.library import load_scene
-from shadowbench.scenes.model import View, view_of
+from shadowbench.scenes.model import Coordinates, View, view_of
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.registry import source_file, techniques
 from shadowbench.techniques.shadow_map import ShadowMap
@@ -28,8 +28,14 @@ FAULTS = tomllib.loads((ROOT / "tests" / "faults" / "faults.toml").read_text(enc
 KNOWN = techniques()
 
 
-def key(spec: str = "shadow-map", view: str = "v", phase: int = 0, renderer: str = "r", **options: str) -> str:
-    return cell_key(Cell(parse_spec(spec, KNOWN), phase), view, options.get("coordinates", "relative"), renderer)  # type: ignore[arg-type]
+def key(
+    spec: str = "shadow-map",
+    view: str = "v",
+    phase: int = 0,
+    renderer: str = "r",
+    coordinates: Coordinates = "relative",
+) -> str:
+    return cell_key(Cell(parse_spec(spec, KNOWN), phase), view, coordinates, renderer)
 
 
 @pytest.fixture

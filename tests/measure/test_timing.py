@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shadowbench.gl.clock import QUERIES, WALL, PassTimes, Sample
+from shadowbench.gl.clock import QUERIES, WALL, Changes, PassTimes, Sample
 from shadowbench.measure.cells import Cell, CellRequest, PlacedView
 from shadowbench.measure.executor import CellFailed, Limits, MemoryExceeded
 from shadowbench.measure.references import reference_name
 from shadowbench.measure.session import Unsupported
 from shadowbench.measure.time_rows import Timing, time_row
 from shadowbench.measure.timing import Conditions, TimingFailure, reference_cell, time_cells
+from shadowbench.scenes.model import LightKind
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import Spec, parse_spec
 
@@ -106,7 +107,7 @@ def timed(worker: Scripted, *names: str, rounds: int = 3, reference: str = REFER
     conditions = Conditions(rounds=rounds, reference=spec(reference))
     view: Any = SimpleNamespace(light=SimpleNamespace(kind="directional"))
     sizes = dict.fromkeys(map(cell, names), 1)
-    found = time_cells(worker, PlacedView(view), conditions, sizes, **options)  # type: ignore[arg-type]
+    found = time_cells(worker, PlacedView(view), conditions, sizes, **options)
     return {one.cell.spec.text: one for one in found}
 
 
@@ -172,9 +173,10 @@ def test_passes_are_totalled_by_what_must_be_drawn_anew() -> None:
     class Three(Scripted):
         def time_passes(self, number: int, name: str) -> PassTimes:
             times = PassTimes()
-            for part, changes, ms in (("map", "light", 1.0), ("fit", "view", 2.0), ("blur", "view", 4.0)):
-                times.add(part, changes, Sample(ms, ms, WALL))  # type: ignore[arg-type]
-            times.add("noise", "frame", Sample(8.0, 8.0, WALL))
+            passes: list[tuple[str, Changes, float]]
+            passes = [("map", "light", 1.0), ("fit", "view", 2.0), ("blur", "view", 4.0), ("noise", "frame", 8.0)]
+            for part, changes, ms in passes:
+                times.add(part, changes, Sample(ms, ms, WALL))
             return times
 
     row = record(Three(), SLOW)
@@ -321,6 +323,9 @@ def test_a_cell_alone_that_eats_memory_is_tried_in_a_fresh_worker(times: int, ki
         ("ray-traced", {"directional": "ray-traced", "spot": "ray-traced", "point": "ray-traced"}),
     ],
 )
-def test_a_kind_of_light_that_the_reference_does_not_answer_has_its_own(chosen: str, names: dict[str, str]) -> None:
-    for kind, name in ({"point": "cube-map:size=1024"} | names).items():
-        assert reference_name(reference_cell(spec(chosen), kind).spec) == name  # type: ignore[arg-type]
+def test_a_kind_of_light_that_the_reference_does_not_answer_has_its_own(
+    chosen: str, names: dict[LightKind, str]
+) -> None:
+    at_a_point: dict[LightKind, str] = {"point": "cube-map:size=1024"}
+    for kind, name in (at_a_point | names).items():
+        assert reference_name(reference_cell(spec(chosen), kind).spec) == name

@@ -157,7 +157,7 @@ def test_png_writes_a_file_for_each_chart(run_folder: Write, shadowbench: Shadow
     assert files == [f"stairs.{SIDE}.{kind}.png" for kind in ("front", "passes", "sizes")]
     for file in files:
         with Image.open(tmp_path / "charts" / file) as image:
-            assert image.width > 1900 and len(np.unique(np.asarray(image).reshape(-1, 3), axis=0)) > 20
+            assert image.width > 1900 and len(image.getcolors(1 << 20)) > 20
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -35,9 +36,9 @@ def shown(made: Sequence[Section], targets: Sequence[Target] = IOU_TARGETS) -> d
     }
 
 
-def elsewhere(cell: Cell, **changes: object) -> Cell:
+def elsewhere(cell: Cell, **changes: Any) -> Cell:
     """A cell in another scene."""
-    return replace(cell, **({"scene": "terrace"} | changes))  # type: ignore[arg-type]
+    return replace(cell, **({"scene": "terrace"} | changes))
 
 
 # One scene

@@ -313,4 +313,4 @@ def test_png_has_the_heat_map_and_a_file_for_each_axis(
     assert files == ["stability.mesh.png", "stability.png"]
     for file in files:
         with Image.open(tmp_path / "charts" / file) as image:
-            assert len(np.unique(np.asarray(image).reshape(-1, 3), axis=0)) > 20
+            assert len(image.getcolors(1 << 20)) > 20

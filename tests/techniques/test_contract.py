@@ -60,7 +60,8 @@ def poses(builtin):
 
 def answered(specs: list[str], kinds: Collection[str] = tuple(LIGHTS)) -> list[tuple[str, str]]:
     """Each spec with each of the kinds of light that its technique declares."""
-    return [(spec, kind) for spec in specs for kind in kinds if kind in techniques()[spec.split(":")[0]].lights]
+    known = techniques()
+    return [(spec, kind) for spec in specs for kind in kinds if kind in known[spec.split(":")[0]].lights]
 
 
 @pytest.mark.parametrize("kind", LIGHTS)
