@@ -107,7 +107,7 @@ def timed(worker: Scripted, *names: str, rounds: int = 3, reference: str = REFER
     conditions = Conditions(rounds=rounds, reference=spec(reference))
     view: Any = SimpleNamespace(light=SimpleNamespace(kind="directional"))
     sizes = dict.fromkeys(map(cell, names), 1)
-    found = time_cells(worker, PlacedView(view), conditions, sizes, **options)
+    found = time_cells(worker, PlacedView(view), conditions, sizes, **options)  # type: ignore[arg-type]  # no info
     return {one.cell.spec.text: one for one in found}
 
 

@@ -1,6 +1,8 @@
 """Leaving out casters: never one that could shadow what is seen, so that a mask is the same to the last bit."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +14,8 @@ from shadowbench.scenes.model import Light, view_of
 from shadowbench.techniques.culling import CasterChunks, kept_ranges, may_shadow
 from shadowbench.techniques.registry import techniques
 
-CULLING = [name for name, technique in techniques().items() if "cull" in technique.Params.model_fields]
+KNOWN = techniques()
+CULLING = [name for name, technique in KNOWN.items() if "cull" in technique.Params.model_fields]
 SIZE = 96
 
 
@@ -22,14 +25,28 @@ def views(name: str):
     return [view_of(scene, camera, light, SIZE) for camera in scene.cameras for light in scene.lights]
 
 
-@pytest.mark.parametrize("technique", CULLING)
-@pytest.mark.parametrize("name", builtin_names())
+def by_turns(able: Mapping[str, Sequence[str]]) -> list[Any]:
+    """Each with each of its own; one of them, by turns, is fast."""
+    return [
+        pytest.param(name, one, marks=[] if one == ones[turn % len(ones)] else pytest.mark.slow)
+        for turn, (name, ones) in enumerate(able.items())
+        for one in ones
+    ]
+
+
+def answering(name: str) -> list[str]:
+    """Techniques that answer a light of a scene."""
+    kinds = {light.kind for light in load_scene(name).lights}
+    return [technique for technique in CULLING if kinds & KNOWN[technique].lights]
+
+
+@pytest.mark.parametrize(("name", "technique"), by_turns({name: answering(name) for name in builtin_names()}))
 def test_a_mask_is_the_same_without_culling(name: str, technique: str, build, studio) -> None:
     for view in views(name):
-        if view.light.kind not in techniques()[technique].lights:
+        if view.light.kind not in KNOWN[technique].lights:
             continue
         shot = studio.shot(view)
-        size = "size=128," if "size" in techniques()[technique].Params.model_fields else ""
+        size = "size=128," if "size" in KNOWN[technique].Params.model_fields else ""
         culled, whole = (build(f"{technique}:{size}cull={cull}", shot).draw(shot) for cull in ("true", "false"))
         assert (culled == whole).all(), view.camera.name
 
@@ -42,28 +59,28 @@ def test_so_it_is_for_larger_meshes(file: str, technique: str, shared_scenes: Pa
     low, high = scene.geometry.bounds
     place = (low + high) / 2 + (high - low).max() * np.array([0.3, 0.5, 0.2])
     for light in (*scene.lights, Light("lamp", "point", position=tuple(place.tolist()))):
-        if light.kind in techniques()[technique].lights:
+        if light.kind in KNOWN[technique].lights:
             shot = studio.shot(view_of(scene, scene.cameras[0], light, 512))
             culled, whole = (build(f"{technique}:cull={cull}", shot).draw(shot) for cull in ("true", "false"))
             assert (culled == whole).all(), light.kind
 
 
-@pytest.mark.parametrize(
-    "spec",
-    [
-        "shadow-map:fit=scene,size=128",
-        "shadow-map:fit=view,size=128,reversed=true",
-        "shadow-map:fit=fixed,size=128",
-        "shadow-map:bias=polygon-offset(-2,-4),size=128",
-        "shadow-map:bias=front-cull,depth=d16,size=128",
-        "cascades:size=128,depth_clamp=false",
-        "cascades:size=128,layers=geometry",
-        "shadow-volume:faces=triangle",
-        "shadow-volume:counter=color",
-    ],
-)
-@pytest.mark.parametrize("name", ["street", "deep-street", "canopy"])
-def test_so_it_is_with_other_parameters(name: str, spec: str, build, studio, device) -> None:
+SCENES = ["street", "deep-street", "canopy"]
+OTHERWISE = [
+    "shadow-map:fit=scene,size=128",
+    "shadow-map:fit=view,size=128,reversed=true",
+    "shadow-map:fit=fixed,size=128",
+    "shadow-map:bias=polygon-offset(-2,-4),size=128",
+    "shadow-map:bias=front-cull,depth=d16,size=128",
+    "cascades:size=128,depth_clamp=false",
+    "cascades:size=128,layers=geometry",
+    "shadow-volume:faces=triangle",
+    "shadow-volume:counter=color",
+]
+
+
+@pytest.mark.parametrize(("spec", "name"), by_turns(dict.fromkeys(OTHERWISE, SCENES)))
+def test_so_it_is_with_other_parameters(spec: str, name: str, build, studio, device) -> None:
     shot = studio.shot(views(name)[0])
     if "reversed" in spec and not device.clip_control:
         spec = spec.replace(",reversed=true", "")

@@ -84,7 +84,7 @@ def lit_by(scene: Scene, kind: str) -> Light:
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", FAST)
 def test_planes_are_shadowed_as_rays_say(name, kind, judged, device) -> None:
-    assert_planes_are_right(load_scene(name), kind, judged, device)
+    assert_planes_are_right(load_scene(name), kind, 256, judged, device)
 
 
 OTHERS = [name for name in builtin_names() if name not in FAST]
@@ -94,11 +94,11 @@ OF_EACH = [(name, KINDS[number % 3]) for number, name in enumerate(OTHERS)]
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "kind"), sampled(product(OTHERS, KINDS), OF_EACH))
 def test_planes_of_every_other_builtin_are_too(name, kind, judged, device) -> None:
-    assert_planes_are_right(load_scene(name), kind, judged, device)
+    assert_planes_are_right(load_scene(name), kind, 512, judged, device)
 
 
-def assert_planes_are_right(scene, kind, judged, device) -> None:
-    view = view_of(scene, scene.cameras[0], lit_by(scene, kind), 512)
+def assert_planes_are_right(scene, kind, size, judged, device) -> None:
+    view = view_of(scene, scene.cameras[0], lit_by(scene, kind), size)
     spec = parse_spec(NAME, techniques())
     if spec.technique.unsupported(spec.params, view, device):
         assert scene.name == "terrain"
