@@ -333,7 +333,7 @@ def test_from_255_layers_on_colour_counts(shape, sun, facts) -> None:
     sides = 2.0 - 0.005 * np.arange(256)
     vertices = [square.vertices * side + (0.0, 1e-3 * i, 0.0) for i, side in enumerate(sides)]
     found = set()
-    for count in (252, 253, 254):  # more than that lie over each other between the pixels
+    for count in (252, 253, 254):  # counted as 254, 255 and 256 layers
         faces = np.concatenate([square.faces + len(square.vertices) * i for i in range(count)]).astype(np.int32)
         fact = facts([Mesh("steps", np.concatenate(vertices[:count]), faces)], sun(90.0))
         if "layers_at_most" in fact:
