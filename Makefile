@@ -22,6 +22,7 @@ setup:
 	@sh tools/setup.sh
 
 demo: setup
+	@echo "Measuring every technique on three scenes: about a minute on two cores without a GPU"
 	@$(bin)/shadowbench run -s benchmarks/demo.toml -o results/demo >/dev/null
 	@$(bin)/shadowbench report results/demo
 	@echo "$(bin)/shadowbench recommend stairs  # the cheapest technique for a scene, or for your .glb, .obj, .ply or .stl"

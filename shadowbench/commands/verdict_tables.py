@@ -33,7 +33,7 @@ def print_verdict(sections: "Sequence[Section]") -> None:
     lines = matrix(found, IOU_TARGETS)
     costs = [(technique, *(_cost(cell, len(sections)) for cell in cells)) for technique, cells in lines.items()]
     console.print_table("", heads, costs, whole=heads)
-    partial = "" if all(one.everywhere for one in found) else " 1 of 2: over the scenes that it supports."
+    partial = f" n of {len(sections)}: over the n that it supports." if any(one.unsupported for one in found) else ""
     console.say(f"{cost_note(sections)}{partial}")
 
 
