@@ -25,7 +25,7 @@ demo: setup
 	@echo "Measuring every technique on three scenes: about a minute on two cores without a GPU"
 	@$(bin)/shadowbench run -s benchmarks/demo.toml -o results/demo >/dev/null
 	@$(bin)/shadowbench report results/demo
-	@echo "$(bin)/shadowbench recommend stairs  # the cheapest technique for a scene, or for your .glb, .obj, .ply or .stl"
+	@echo "$(bin)/shadowbench recommend stairs  # the cheapest technique for it, or for your .glb or .obj"
 	@echo "$(bin)/shadowbench needs stairs      # the map size, the cascades and the bias that it needs"
 	@echo "$(bin)/shadowbench run stairs -t shadow-map:bias=none -t shadow-map  # settings of your choice"
 
