@@ -11,7 +11,7 @@ two_cores := -n 2 --dist worksteal
 of_4_1 := tests/gl tests/techniques/test_compositions.py tests/techniques/test_contract.py
 
 help:
-	@echo "make demo       three scenes, a table and pictures, into results/latest/"
+	@echo "make demo       every technique on three scenes: what is good enough at which cost, and report.html"
 	@echo "make test       lint and the fast tests"
 	@echo "make test-slow  the slow tests; as OpenGL 4.1, all shaders and what every technique must keep"
 	@echo "make test-all   both, with every value of what test-slow takes samples of, and all GL tests as OpenGL 4.1"
@@ -24,9 +24,12 @@ setup:
 	@sh tools/setup.sh
 
 demo: setup
-	@$(bin)/shadowbench run -s benchmarks/demo.toml -o results/latest
-	@echo "Table:    results/latest/table.csv"
-	@echo "Pictures: results/latest/pictures/"
+	@echo "Measuring every technique on three scenes: about a minute on two cores without a GPU"
+	@$(bin)/shadowbench run -s benchmarks/demo.toml -o results/demo >/dev/null
+	@$(bin)/shadowbench report results/demo
+	@echo "$(bin)/shadowbench recommend stairs  # the cheapest technique for it, or for your .glb or .obj"
+	@echo "$(bin)/shadowbench needs stairs      # the map size, the cascades and the bias that it needs"
+	@echo "$(bin)/shadowbench run stairs -t shadow-map:bias=none -t shadow-map  # settings of your choice"
 
 test: lint
 	$(bin)/pytest -q -m "not slow" $(two_cores)
@@ -51,5 +54,5 @@ wheel: setup
 	$(bin)/python tools/wheel.py
 
 clean:
-	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks build dist results/latest results/stress results/fuzz results/recommend results/recommend-check results/tune
+	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks build dist results/demo results/latest results/stress results/fuzz results/recommend results/recommend-check results/tune
 	find shadowbench tests benchmarks examples tools -name __pycache__ -prune -exec rm -rf {} +

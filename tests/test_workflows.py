@@ -1,4 +1,4 @@
-"""Workflows, issue forms and the citation are YAML, and what they name is there."""
+"""Workflows, issue forms and the citation are YAML, and what they and the demo name is there."""
 
 import re
 import shlex
@@ -10,6 +10,9 @@ import yaml
 
 from shadowbench import __version__
 from shadowbench.commands import app
+from shadowbench.scenes.library import load_scene
+from shadowbench.techniques.registry import techniques
+from shadowbench.techniques.spec import parse_spec
 
 ROOT = Path(__file__).resolve().parents[1]
 SUITE, ENGINES = ROOT / ".github" / "workflows" / "ci.yml", ROOT / "docs" / "ci-for-engines.yml"
@@ -39,6 +42,17 @@ def test_the_engines_workflow_has_commands_that_shadowbench_takes() -> None:
     assert [line.split()[1] for line in lines] == ["check", "export", "score", "check", "report"]
     for line in lines:
         parse(line)
+
+
+def test_the_demo_s_next_commands_are_taken() -> None:
+    lines = re.findall(r'(?m)^\t@echo "\$\(bin\)/(shadowbench [^#"]+)', (ROOT / "Makefile").read_text(encoding="utf-8"))
+    assert [line.split()[1] for line in lines] == ["recommend", "needs", "run"]
+    for line in lines:
+        parse(line)
+        _, _, scene, *words = line.split()
+        load_scene(scene)
+        for spec in words[1::2]:
+            parse_spec(spec, techniques(()))
 
 
 @pytest.mark.parametrize("file", FORMS, ids=lambda file: file.stem)

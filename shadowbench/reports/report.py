@@ -8,7 +8,7 @@ import pandas as pd
 from shadowbench.errors import InputError
 from shadowbench.extremes.ranges import points_frame
 from shadowbench.files import check_outputs, replace_file
-from shadowbench.reports.analysis import Section, sections
+from shadowbench.reports.analysis import Section
 from shadowbench.reports.figures import figures
 from shadowbench.reports.html import html_report
 from shadowbench.reports.markdown import markdown_report
@@ -33,9 +33,14 @@ def report_target(output: Path | None, form: str) -> Path:
     return target
 
 
-def write_report(runs: Sequence[Run], sweeps: Sequence[Sweep], target: Path, form: str) -> int:
-    """Write what folders of `run` and of `stress` say, in one of FORMATS; returns how many charts png has, else 0."""
-    scenes, swept = sections(runs), [stability(sweep) for sweep in sweeps]
+def write_report(
+    runs: Sequence[Run], scenes: Mapping[str, Sequence[Section]], sweeps: Sequence[Sweep], target: Path, form: str
+) -> int:
+    """Write what folders of `run` and of `stress` say, in one of FORMATS; returns how many charts png has, else 0.
+
+    scenes: `sections` of the runs.
+    """
+    swept = [stability(sweep) for sweep in sweeps]
     if form == "png":
         return _write_figures(target, scenes, swept)
     text = _text(form, runs, scenes, swept)

@@ -160,6 +160,115 @@ def test_png_writes_a_file_for_each_chart(run_folder: Write, shadowbench: Shadow
             assert image.width > 1900 and len(image.getcolors(1 << 20)) > 20
 
 
+# The verdict in the terminal
+
+RAYS = "60.0 ms ray-traced; without rays"
+
+
+def verdict_of(answer: Any) -> list[str]:
+    """Its lines, with single blanks between words."""
+    assert (answer.code, answer.err) == (0, "")
+    return [" ".join(line.split()) for line in answer.out.splitlines()]
+
+
+def test_the_verdict_names_the_cheapest_for_each_accuracy(
+    run_folder: Write, shadowbench: Shadowbench, tmp_path: Path
+) -> None:
+    told = verdict_of(shadowbench("report", run_folder(), "-o", tmp_path / "report.html"))
+    assert told[:9] == [
+        "scene target cost cheapest",
+        "stairs IoU ≥ 0.95 5.00 ms shadow-map at 512",
+        "IoU ≥ 0.99 20.0 ms shadow-map at 2048",
+        f"IoU ≥ 0.999 {RAYS} none",
+        "",
+        "over 1 scene IoU ≥ 0.95 IoU ≥ 0.99 IoU ≥ 0.999",
+        "shadow-map 5.00 ms 20.0 ms –",
+        "ray-traced 60.0 ms 60.0 ms 60.0 ms",
+        "Cost: frame time of shadows. Times of a software renderer: for trends only, no GPU's. ~ marks a rough time.",
+    ]
+    assert told[9].startswith(f"{tmp_path / 'report.html'}: 9 cells, ") and len(told) == 10
+
+
+def test_the_verdict_over_scenes_counts_those_that_a_technique_supports(
+    run_folder: Write, shadowbench: Shadowbench, tmp_path: Path
+) -> None:
+    lamp = "unsupported: a lamp shines all round"
+    cells = [
+        *CELLS,
+        Cell("shadow-map", 512, None, None, scene="lamp", status=lamp),
+        Cell("cube-map", 512, 0.03, 7.0, scene="lamp"),
+        Cell("cube-map", 1024, 0.005, 9.0, scene="lamp", ratio_iqr=0.3),
+        Cell("shadow-volume", None, 0.0, 9.0, scene="lamp", ratio_iqr=0.3),
+        Cell("ray-traced", None, 0.0, 60.0, scene="lamp"),
+    ]
+    told = verdict_of(shadowbench("report", run_folder(cells), "-o", tmp_path / "report.html"))
+    assert told[4] == "lamp IoU ≥ 0.95 7.00 ms cube-map at 512"
+    assert told[5] == "IoU ≥ 0.99 9.00 ms shadow-volume, or 1 other", "the more accurate of two that cost the same"
+    assert told[8:11] == [
+        "over 2 scenes IoU ≥ 0.95 IoU ≥ 0.99 IoU ≥ 0.999",
+        "ray-traced 60.0 ms 60.0 ms 60.0 ms",
+        "shadow-map 5.00 ms, 1 of 2 – –",
+    ]
+    assert told[-2].endswith("n of 2: over the n that it supports.")
+
+
+def test_the_verdict_says_what_is_out_of_reach_and_what_was_not_timed(
+    run_folder: Write, shadowbench: Shadowbench, tmp_path: Path
+) -> None:
+    cells = [replace(cell, ms=None) for cell in CELLS if cell.spec == "shadow-map"]
+    told = verdict_of(shadowbench("report", run_folder(cells), "-o", tmp_path / "report.html"))
+    assert told[1:4] == [
+        "stairs IoU ≥ 0.95 map 512 shadow-map at 512",
+        "IoU ≥ 0.99 map 2048 shadow-map at 2048",
+        "IoU ≥ 0.999 – none, best 0.995",
+    ]
+    assert told[7].startswith("Nothing here was timed")
+
+
+def test_of_two_machines_each_has_its_verdict(run_folder: Write, shadowbench: Shadowbench, tmp_path: Path) -> None:
+    faster = [replace(cell, ms=cell.ms and cell.ms / 2) for cell in CELLS]
+    folders = run_folder(name="one"), run_folder(faster, name="two", software=False, processor="GPU")
+    told = verdict_of(shadowbench("report", *folders, "-o", tmp_path / "report.html"))
+    heads = [told.index("one, on renderer of A processor"), told.index("two, on renderer of GPU")]
+    assert [told[head + 2] for head in heads] == [
+        "stairs IoU ≥ 0.95 5.00 ms shadow-map at 512",
+        "stairs IoU ≥ 0.95 2.50 ms shadow-map at 512",
+    ]
+
+
+def test_scenes_that_share_a_name_are_told_apart(run_folder: Write, shadowbench: Shadowbench, tmp_path: Path) -> None:
+    folder = run_folder([*CELLS, replace(CELLS[1], version=1)])
+    rows = (folder / "rows.jsonl").read_text(encoding="utf-8").splitlines()
+    *first, score, time = rows
+    (folder / "rows.jsonl").write_text(
+        "\n".join([*first, score.replace(f'"view_size": {SIDE}', '"view_size": 64'), time])
+    )
+    told = verdict_of(shadowbench("report", folder, "-o", tmp_path / "report.html"))
+    assert told[1].startswith(f"stairs, {SIDE}² view IoU ≥ 0.95 ") and told[4].startswith(
+        "stairs, 64² view IoU ≥ 0.95 "
+    )
+
+
+@pytest.mark.parametrize("width", [100, 80])
+def test_the_verdict_on_three_scenes_fits_a_screen(
+    run_folder: Write, shadowbench: Shadowbench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, width: int
+) -> None:
+    monkeypatch.setattr(console.out(), "width", width)
+    scenes = "room-with-lamp", "railings", "street"
+    folder = run_folder([replace(cell, scene=scene) for scene in scenes for cell in CELLS])
+    told = shadowbench("report", folder, "-o", tmp_path / "report.html").out.splitlines()
+    cost = next(line for line in told if line.startswith("Cost: "))
+    table = told[: told.index(cost)]
+    assert len(table) + len(cost) // width + 1 <= 24
+    assert max(map(len, table)) <= width
+
+
+def test_without_a_score_there_is_no_verdict(run_folder: Write, shadowbench: Shadowbench, tmp_path: Path) -> None:
+    told = verdict_of(shadowbench("report", run_folder(CELLS[-2:]), "-o", tmp_path / "report.html"))
+    assert told[0] == "Nothing here has a score."
+    assert shadowbench("report", run_folder(name="again"), "-q", "-o", tmp_path / "report.html").out == ""
+
+
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [

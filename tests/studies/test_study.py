@@ -187,6 +187,15 @@ def test_the_studies_that_speak_of_map_sizes_move_the_grid() -> None:
     assert {c.spec.map_size for c in demo.cells() if c.spec.sizeless_text == webgl} == {512, 4096}
 
 
+def test_the_demo_has_every_technique_and_preset_under_a_sun_and_a_lamp() -> None:
+    demo = read_study(find_study("demo"), KNOWN)
+    assert {spec.technique for spec in demo.specs} == set(KNOWN.values())
+    presets = {f"{name}:preset={preset}" for name, technique in KNOWN.items() for preset in technique.presets}
+    assert {parse_spec(text, KNOWN).sizeless_text for text in presets} <= {spec.sizeless_text for spec in demo.specs}
+    kinds = [block.view.light.kind for block in demo.blocks()]
+    assert len(kinds) == 3 and {"directional", "point"} == set(kinds)
+
+
 def test_a_sweep_multiplies_the_computed_bias(read: ReadStudy) -> None:
     study = read(SCENE + '[[technique]]\nspec = "shadow-map:bias=texel(scale=2)"\nbias_sweep = [0.25, 1, 4]\n')
     assert [spec.params.bias.scale for spec in study.specs] == [0.5, 2, 8]  # type: ignore[attr-defined]
@@ -365,8 +374,8 @@ def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_demo_s_default_errs_less_with_each_larger_map(shadowbench: Callable[..., Any], tmp_path: Path) -> None:
-    command = ("run", "-s", "demo", "-t", "shadow-map", "--phases", "8", "--rounds", "0", "--json", "-o", tmp_path)
+def test_the_default_errs_less_with_each_larger_map(shadowbench: Callable[..., Any], tmp_path: Path) -> None:
+    command = ("run", "-s", "default", "-t", "shadow-map", "--phases", "8", "--rounds", "0", "--json", "-o", tmp_path)
     tables = json.loads(shadowbench(*command).out)
     assert len(tables) == 3
     for rows in tables.values():
