@@ -6,6 +6,7 @@ project = "shadowbench"
 author = "the shadowbench authors"
 release = shadowbench.__version__
 html_title = "shadowbench"
+html_show_copyright = False
 
 extensions = ["myst_parser", "sphinx.ext.autodoc"]
 html_theme = "furo"

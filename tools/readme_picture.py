@@ -19,7 +19,7 @@ from shadowbench.studies.folder import read_folders
 
 ROOT = Path(__file__).resolve().parent.parent
 PICTURE = ROOT / "docs" / "pictures" / "report.png"
-WIDTH, HEIGHT = 1200, 900  # pixels of the window
+WIDTH, HEIGHT = 1200, 800  # pixels of the window
 LARGEST = 300_000  # bytes
 
 
