@@ -1,6 +1,6 @@
 # Everything runs from .venv, which `setup` keeps ready; nothing needs to be installed before `make`.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-slow test-all lint wheel clean
+.PHONY: help setup demo test test-slow test-all lint docs wheel clean
 
 bin := .venv/bin
 gl_4_1 := MESA_GL_VERSION_OVERRIDE=4.1FC MESA_GLSL_VERSION_OVERRIDE=410
@@ -16,6 +16,7 @@ help:
 	@echo "make test-slow  the slow tests; as OpenGL 4.1, all shaders and what every technique must keep"
 	@echo "make test-all   both, with every value of what test-slow takes samples of, and all GL tests as OpenGL 4.1"
 	@echo "make lint       format, ruff, mypy, the arrows between the packages"
+	@echo "make docs       the documentation into build/docs/, a warning or a broken link being an error"
 	@echo "make wheel      sdist and wheel into dist/, once the wheel has run in an empty environment"
 	@echo "make setup      what the others do first: system packages and .venv"
 	@echo "make clean      remove .venv, caches, results/latest/ and results/stress/"
@@ -49,6 +50,10 @@ lint: setup
 	$(bin)/ruff check
 	$(bin)/mypy --no-error-summary
 	$(bin)/lint-imports --no-cache
+
+docs: setup
+	$(bin)/sphinx-build -W --keep-going -n -q -d build/doctrees docs build/docs
+	@echo "Documentation: build/docs/index.html"
 
 wheel: setup
 	$(bin)/python tools/wheel.py

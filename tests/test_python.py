@@ -1,4 +1,4 @@
-"""The package as a library: docs/python.md run as it stands, and what its functions promise."""
+"""The package as a library: docs/how-to/python.md run as it stands, and what its functions promise."""
 
 import os
 import re
@@ -16,7 +16,7 @@ import pytest
 import shadowbench as sb
 from shadowbench.api import _SharedWorker
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "python.md"
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "how-to" / "python.md"
 CODE = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
 
 
@@ -65,7 +65,7 @@ def test_calls_share_one_process_until_it_is_closed_or_others_plug_ins_are_asked
     first = _SharedWorker.worker
     sb.render("stairs", "unshadowed", view_size=16)
     assert _SharedWorker.worker is first
-    example = PAGE.parents[1] / "examples" / "sphere_proxies.py"
+    example = PAGE.parents[2] / "examples" / "sphere_proxies.py"
     sb.render("cube-on-plane", "sphere-proxies", view_size=16, plugins=[example])
     assert _SharedWorker.worker is not first
     sb.close()

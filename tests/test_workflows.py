@@ -15,7 +15,7 @@ from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
 
 ROOT = Path(__file__).resolve().parents[1]
-SUITE, ENGINES = ROOT / ".github" / "workflows" / "ci.yml", ROOT / "docs" / "ci-for-engines.yml"
+SUITE, ENGINES = ROOT / ".github" / "workflows" / "ci.yml", ROOT / "docs" / "how-to" / "ci-for-engines.yml"
 FORMS = sorted((ROOT / ".github" / "ISSUE_TEMPLATE").glob("*.yml"))
 COMMAND = re.compile(r"(?m)^(?:# +| +(?:- )?run: )(shadowbench [^#\n]+)")  # in a step, or in a comment by itself
 

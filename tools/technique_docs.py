@@ -1,4 +1,4 @@
-"""Generates docs/techniques.md and its pictures from the registered techniques; --check reports a stale text.
+"""Generates docs/reference/techniques.md and its pictures from the registered techniques; --check reports a stale text.
 
 Numbers and pictures depend on the renderer, so --check ignores them.
 """
@@ -31,7 +31,7 @@ from shadowbench.truths.cache import cached_truth
 
 ROOT = Path(__file__).resolve().parent.parent
 RANGES = ROOT / "results" / "ranges.csv"  # from a full `shadowbench stress`
-PAGE, PICTURES = ROOT / "docs" / "techniques.md", ROOT / "docs" / "techniques"
+PAGE, PICTURES = ROOT / "docs" / "reference" / "techniques.md", ROOT / "docs" / "pictures" / "techniques"
 SIZE, LARGEST = 512, 250_000  # pixels along a side, bytes of a picture
 SHOWN = {"iou": "IoU", "ssim": "SSIM"}
 FALLBACK = ("cube-on-plane", "room-with-lamp", "spot-lamp")  # a scene for each kind of light
@@ -51,7 +51,7 @@ source code; `shadowbench list techniques` prints the same. A spec is a techniqu
 Pictures have {size}² pixels, at default parameters. The numbers below them were measured on the machine that drew them.
 A technique breaks along an axis if a full `shadowbench stress`, on small scenes of its own, found an IoU below 0.95,
 acne or leak above 1%, or flips of more than 1% of the receivers at true edges.
-[results/ranges.csv](../results/ranges.csv) has all ranges.
+[results/ranges.csv](../../results/ranges.csv) has all ranges.
 """
 
 
@@ -130,7 +130,7 @@ def _page(ours: list[type[Technique]], examples: dict[str, Example]) -> str:
 
 
 def _technique(technique: type[Technique], example: Example) -> str:
-    picture = f"techniques/{technique.name}.png"
+    picture = f"../pictures/techniques/{technique.name}.png"
     file = source_file(technique).resolve().relative_to(ROOT).as_posix()
     numbers = ", ".join(f"{label} {_number(example.scores[key])}" for key, label in SHOWN.items())
     lines = [
@@ -152,7 +152,7 @@ def _technique(technique: type[Technique], example: Example) -> str:
     if technique.presets:
         lines += ["| preset | stands for |", "|---|---|"]
         lines += [f"| `{name}` | `{items}` |" for name, items in technique.presets.items()] + [""]
-    return "\n".join([*lines, f"Source: [{file}](../{file})", ""])
+    return "\n".join([*lines, f"Source: [{file}](../../{file})", ""])
 
 
 def _broken(technique: type[Technique]) -> list[str]:
