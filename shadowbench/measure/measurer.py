@@ -7,7 +7,8 @@ from typing import Protocol
 
 from shadowbench.measure.cells import Block, Cell, PlacedView
 from shadowbench.measure.executor import Executor
-from shadowbench.measure.keys import cell_key, view_key
+from shadowbench.measure.flips import Stepped, flips
+from shadowbench.measure.keys import cell_key, counting_digest, joint_key, view_key
 from shadowbench.measure.machine import machine_key
 from shadowbench.measure.pictures import Pictures
 from shadowbench.measure.profile import Profile
@@ -54,20 +55,23 @@ class Measurer:
         """Results of a block's cells, measured now or found. Reports one step per cell and one per timed cell."""
         placed_view = PlacedView(block.view, self.conditions.coordinates)
         view = view_key(block.view)
-        keys = {cell: self._key(cell, view) for cell in block.cells}
+        stepped = Stepped(block.view, self.conditions.step) if self.conditions.step else None
+        frames = [placed_view, *([PlacedView(stepped.view, self.conditions.coordinates)] if stepped else [])]
+        keys = {cell: self._key(cell, view, stepped) for cell in block.cells}
         missing = sum(self.store.finished_score(key) is None for key in keys.values())
         assumptions, keep_bytes = list(block.scene.notes), int(_KEPT_SHARE * self.executor.limits.bytes)
         requests = [
             ScoreRequest(
                 cell,
                 key,
-                extra_fields={"assumptions": assumptions},
-                keep_bytes=keep_bytes if self.is_timed(cell) else 0,
+                extra_fields={"assumptions": assumptions} | ({"step": stepped.step} if stepped else {}),
+                keep_bytes=keep_bytes if self.is_timed(cell) and not stepped else 0,
             )
             for cell, key in keys.items()
         ]
         name = block.scene.name
-        self._scorer.rows([placed_view], requests, lambda cell: self.reporter.step(f"{name} {cell.spec.text}"))
+        count = stepped.count if stepped else flips
+        self._scorer.rows(frames, requests, lambda cell: self.reporter.step(f"{name} {cell.spec.text}"), count)
         for _ in range(len(keys) - missing):
             self.reporter.step(f"{name}: measured before")
         failures = self._time(placed_view, view, keys)
@@ -78,8 +82,9 @@ class Measurer:
         """Whether a cell is timed. Only phase 0 is: other phases have other errors but the same cost."""
         return self.conditions.rounds > 0 and cell.phase == 0
 
-    def _key(self, cell: Cell, view: str) -> str:
-        return cell_key(cell, view, self.conditions.coordinates, self.executor.info.renderer)
+    def _key(self, cell: Cell, view: str, stepped: Stepped | None = None) -> str:
+        key = cell_key(cell, view, self.conditions.coordinates, self.executor.info.renderer)
+        return joint_key([key, view_key(stepped.view), counting_digest()]) if stepped else key
 
     def _time(self, placed_view: PlacedView, view: str, keys: dict[Cell, str]) -> dict[Cell, str]:
         """Time the successful cells that lack a time. Returns why timing failed, by cell."""
