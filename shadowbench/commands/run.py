@@ -128,7 +128,8 @@ def run(
       ms        time of a frame's shadows; ~ marks a time that varied widely
       × ref     time relative to the reference technique
       MiB       memory of textures and buffers
-    `shadowbench list metrics` has the exact definitions.
+    `shadowbench list metrics` has the exact definitions. A slope, below a table, is the median of the slopes of each
+    view, light and phase.
     """
     import dataclasses
 

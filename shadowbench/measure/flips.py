@@ -35,7 +35,8 @@ FLIPS = Metric(
     "lower",
     "hard",
     "Of the pixels within 2 px of a true edge, the share that switches between lit and shadowed after a small step of "
-    "camera or light (--step) although the truth does not: shimmering.",
+    "camera or light (--step) although the truth does not: shimmering. On an axis of stress, the largest share "
+    "from one frame to the next.",
 )
 ROW_METRICS: Mapping[str, Metric] = {**METRICS, FLIPS.name: FLIPS}
 """All metrics that a row may have: those of its mask, and its flips."""

@@ -75,36 +75,38 @@ def directions(view: View) -> np.ndarray:
 
 @pytest.fixture
 def turned(builtin: Callable[..., View]) -> Callable[..., Frames]:
-    """A vertical edge `at` pixels right of the image's centre, and where the camera has turned, `moved` further."""
+    """An edge `at` pixels right of the centre, or above it, and after the camera has turned, `moved` further."""
     before = builtin("cube-on-plane", SIZE)
     stepped = Stepped(before, "camera")
-    right, _, back = before.camera.basis()
+    *axes, back = before.camera.basis()
     pixel = 2 * np.tan(before.camera.fov_y / 2) / SIZE
 
-    def mask(view: View, at: float) -> np.ndarray:
-        across = np.tensordot(right, directions(view), 1) / -np.tensordot(back, directions(view), 1)
+    def mask(view: View, at: float, axis: int) -> np.ndarray:
+        across = np.tensordot(axes[axis], directions(view), 1) / -np.tensordot(back, directions(view), 1)
         return (across > at * pixel).astype(np.float32)
 
     def truth(visibility: np.ndarray) -> Truth:
         no = np.zeros(visibility.shape, bool)
         return Truth(visibility, ~no, no, visibility, visibility, no.astype(np.int32), visibility, 1.0)
 
-    def make(at: float, moved: float, true_at: float) -> Frames:
-        masks = mask(before, at), mask(stepped.view, at + moved)
-        return stepped, *masks, *(truth(mask(view, true_at)) for view in (before, stepped.view))
+    def make(at: float, moved: float, true_at: float, axis: int = 0) -> Frames:
+        masks = mask(before, at, axis), mask(stepped.view, at + moved, axis)
+        return stepped, *masks, *(truth(mask(view, true_at, axis)) for view in (before, stepped.view))
 
     return make
 
 
+@pytest.mark.parametrize("axis", [0, 1])
 @pytest.mark.parametrize("at", np.linspace(-3.0, 3.0, 13))
-def test_an_edge_that_stays_on_its_surface_does_not_flip_wherever_the_pixels_are(turned, at: float) -> None:
-    stepped, before, after, was, now = turned(at, 0.0, 0.0)
+def test_an_edge_that_stays_on_its_surface_does_not_flip_wherever_the_pixels_are(turned, at: float, axis: int) -> None:
+    stepped, before, after, was, now = turned(at, 0.0, 0.0, axis)
     assert stepped.count([before, after], [was, now]) == 0
     assert len(np.unique(before)) == 2
 
 
-def test_an_edge_that_moves_by_a_pixel_flips_one_column_of_the_four_beside_the_true_one(turned) -> None:
-    stepped, before, after, was, now = turned(0.0, 1.0, 0.0)
+@pytest.mark.parametrize("axis", [0, 1])
+def test_an_edge_that_moves_by_a_pixel_flips_one_line_of_the_four_beside_the_true_one(turned, axis: int) -> None:
+    stepped, before, after, was, now = turned(0.0, 1.0, 0.0, axis)
     assert stepped.count([before, after], [was, now]) == pytest.approx(1 / 4, abs=1 / SIZE)
 
 
