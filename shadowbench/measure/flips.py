@@ -4,6 +4,7 @@ import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -62,7 +63,7 @@ def flips(masks: Sequence[Mask], truths: Sequence[Truth]) -> float | None:
     return max(shares, default=None)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Stepped:
     """A view after a small step; `count` compares it with the view before the step.
 
@@ -74,7 +75,7 @@ class Stepped:
     before: View
     step: Step
 
-    @property
+    @cached_property
     def view(self) -> View:
         """The view after the step."""
         before = self.before
@@ -100,7 +101,7 @@ class Stepped:
         if self.step == "light":
             return flips(masks, truths)
         (before, after), (was, now) = masks, truths
-        rows, columns, inside = self._surroundings()
+        rows, columns, inside = self._surroundings
         steady = inside & was.receivers & ~was.undecided & _near_edge(was)
         flipped = np.ones_like(steady)
         for row, column in itertools.product((rows, rows + 1), (columns, columns + 1)):
@@ -109,6 +110,7 @@ class Stepped:
             flipped &= (after[row, column] < 0.5) != (before < 0.5)
         return float(flipped[steady].mean()) if steady.any() else None
 
+    @cached_property
     def _surroundings(self) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
         """Row and column of the pixel after a step of the camera that lies above and left of each surface point.
 

@@ -57,7 +57,10 @@ class Measurer:
         view = view_key(block.view)
         stepped = Stepped(block.view, self.conditions.step) if self.conditions.step else None
         frames = [placed_view, *([PlacedView(stepped.view, self.conditions.coordinates)] if stepped else [])]
-        keys = {cell: self._key(cell, view, stepped) for cell in block.cells}
+        keys = {cell: self._key(cell, view) for cell in block.cells}
+        if stepped:
+            after = [view_key(stepped.view), counting_digest()]
+            keys = {cell: joint_key([key, *after]) for cell, key in keys.items()}
         missing = sum(self.store.finished_score(key) is None for key in keys.values())
         assumptions, keep_bytes = list(block.scene.notes), int(_KEPT_SHARE * self.executor.limits.bytes)
         requests = [
@@ -82,9 +85,8 @@ class Measurer:
         """Whether a cell is timed. Only phase 0 is: other phases have other errors but the same cost."""
         return self.conditions.rounds > 0 and cell.phase == 0
 
-    def _key(self, cell: Cell, view: str, stepped: Stepped | None = None) -> str:
-        key = cell_key(cell, view, self.conditions.coordinates, self.executor.info.renderer)
-        return joint_key([key, view_key(stepped.view), counting_digest()]) if stepped else key
+    def _key(self, cell: Cell, view: str) -> str:
+        return cell_key(cell, view, self.conditions.coordinates, self.executor.info.renderer)
 
     def _time(self, placed_view: PlacedView, view: str, keys: dict[Cell, str]) -> dict[Cell, str]:
         """Time the successful cells that lack a time. Returns why timing failed, by cell."""
