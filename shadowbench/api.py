@@ -161,6 +161,7 @@ def run(
     light: str | None = None,
     rounds: int | None = None,
     phases: int | None = None,
+    step: str | None = None,
     study: str | None = None,
     plugins: Files = (),
     folder: str | Path | None = None,
@@ -168,9 +169,9 @@ def run(
     """Measure techniques on scenes: one line per cell, with the columns of `table.csv`.
 
     study: a study file or built-in study that gives all other arguments' defaults, `default` for None; light: name
-    of a light, by default each light of a scene in turn; rounds: how often each cell is timed, 0 for no timing;
-    folder: run folder to keep rows, masks and pictures in, or to resume. A cell that fails is a line with that
-    status. Raises InputError.
+    of a light, by default each light of a scene in turn; rounds: how often each cell is timed, 0 for no timing; step:
+    "camera" or "light", which moves a little so that `flips` can be counted; folder: run folder to keep rows, masks and
+    pictures in, or to resume. A cell that fails is a line with that status. Raises InputError.
     """
     files = _paths(plugins)
     known = techniques_with(files)
@@ -182,6 +183,7 @@ def run(
         study=None if study is None else str(instance_of(study, "study", "a name or a file", str, Path)),
         map_size=None if map_size is None else whole_numbers(map_size, "map_size", 1, 65536),
         phases=None if phases is None else whole_number(phases, "phases", 1, 10_000),
+        step=step,
         view=view,
         light=light,
         view_size=None if view_size is None else whole_number(view_size, "view_size", 1, LARGEST),

@@ -6,9 +6,9 @@ from typing import Any
 
 from shadowbench.errors import InputError, alternatives
 from shadowbench.extremes.axes import AXES, value_label
+from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.measure.plugin_output import techniques_with
 from shadowbench.scenes.library import builtin_about, builtin_names
-from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.crossing import Techniques
 from shadowbench.studies.study import find_study, read_study, study_names
 from shadowbench.techniques.params import Row, TechniqueParams, allowed
@@ -87,7 +87,7 @@ def _metrics() -> list[Entry]:
             "tolerance": metric.tolerance,
             "help": metric.help,
         }
-        for metric in METRICS.values()
+        for metric in ROW_METRICS.values()
     ]
 
 

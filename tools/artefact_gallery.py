@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from pages import LABEL, compare, labelled, png
 
 import shadowbench as sb
-from shadowbench.measure.flips import flips
+from shadowbench.measure.flips import FLIPS, ROW_METRICS
 from shadowbench.measure.rendering import Rendering
 from shadowbench.reports.gallery import difference
-from shadowbench.scores.metrics import METRICS
 from shadowbench.truths.trace import Truth
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
@@ -23,10 +22,6 @@ PAGE, SCENES, PICTURES = DOCS / "explanation" / "gallery.md", DOCS / "gallery", 
 SIZE, LARGEST = 256, 40_000  # pixels along a side of a panel, bytes of a picture
 PARTS = 8  # of a panel's side, in which a crop is given
 FRAME = (204, 0, 102)
-FLIPS = (
-    "Share of the pixels near a true edge that switch between lit and shadowed from one frame to the next although the "
-    "truth does not; maximum over consecutive frames."
-)
 HEAD = f"""\
 # Gallery of artefacts
 
@@ -66,12 +61,13 @@ class Artefact:
 
 @dataclass(frozen=True)
 class Drawn:
-    """An artefact's frames, one for each camera of its scene."""
+    """An artefact's frames, one for each camera of its scene, and its metric's values, broken and cured."""
 
     truths: list[Truth]
     traced: list[Rendering]
     broken: list[Rendering]
     cured: list[Rendering]
+    values: tuple[float, float]
 
 
 def artefacts() -> list[Artefact]:
@@ -88,15 +84,18 @@ def draw(artefact: Artefact, size: int) -> Drawn:
         [sb.render(scene, spec, view_size=size, view=view) for view in views]
         for spec in ("ray-traced", artefact.broken, artefact.cured)
     )
-    return Drawn([sb.truth(scene, view_size=size, view=view) for view in views], traced, broken, cured)
-
-
-def value(metric: str, frames: list[Rendering], truths: list[Truth]) -> float:
-    """The value of a metric: over all frames for `flips`, of the first frame for all others."""
-    if metric == "flips":
-        found = flips([frame.visibility for frame in frames], truths)
+    truths = [sb.truth(scene, view_size=size, view=view) for view in views]
+    if artefact.metric == FLIPS.name:
+        specs = [artefact.broken, artefact.cured]
+        values = sb.run(scene, specs, view=views[0], view_size=size, rounds=0, step="camera")[FLIPS.name].tolist()
     else:
-        found = sb.score(frames[0].visibility, truths[0])[metric]
+        values = [value(artefact.metric, frames[0], truths[0]) for frames in (broken, cured)]
+    return Drawn(truths, traced, broken, cured, (values[0], values[1]))
+
+
+def value(metric: str, frame: Rendering, truth: Truth) -> float:
+    """The value of a metric of one frame."""
+    found = sb.score(frame.visibility, truth)[metric]
     if found is None:
         raise SystemExit(f"{metric} is undefined: its denominator is 0")
     return found
@@ -149,7 +148,7 @@ def _framed(panel: NDArray[np.uint8], left: int, top: int, side: int) -> NDArray
 
 def section(artefact: Artefact, measured: str) -> str:
     """An artefact's part of the page."""
-    explained = FLIPS if artefact.metric == "flips" else METRICS[artefact.metric].help
+    explained = ROW_METRICS[artefact.metric].help
     file = artefact.file.relative_to(DOCS.parent).as_posix()
     view = " --view frame-2" if artefact.metric == "flips" else ""
     third = "change since the last frame" if artefact.metric == "flips" else "their difference"
@@ -183,7 +182,7 @@ def _paragraph(text: str) -> str:
 
 def measured(artefact: Artefact, drawn: Drawn) -> str:
     """The metric, broken and cured, and what the cure costs."""
-    broken, cured = (value(artefact.metric, frames, drawn.truths) for frames in (drawn.broken, drawn.cured))
+    broken, cured = drawn.values
     before, after = drawn.broken[0], drawn.cured[0]
     work, memory = after.work["cost"] / before.work["cost"], after.gpu_bytes / before.gpu_bytes
     return _measured(artefact, f"{broken:.4f}", f"{cured:.4f}", f"{work:.2f}", f"{memory:.2f}")

@@ -71,4 +71,5 @@ def _makes(file: Path, folder: Path, results: Sequence[Result], techniques: Tech
         and len(moved.scenes) == len({row["scene"] for row in rows})
         and cells == {(row["full_spec"], row["phase"]) for row in rows}
         and {moved.view_size} == {row["view_size"] for row in rows}
+        and {moved.step} >= {row.get("step") for row in rows if row["status"] == "ok"}
     )

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from shadowbench.check.baseline import Change, Findings, compare
 from shadowbench.check.bless import copy_study, write_baseline
 from shadowbench.errors import InputError
+from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.measure.pictures import write_picture
 from shadowbench.measure.plugin_output import techniques_with
 from shadowbench.measure.rows import Record
 from shadowbench.reports.gallery import difference, read_view
 from shadowbench.reports.words import counted
-from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.folder import IDENTITY, Run, identity, read_runs
 
 _PICTURES = 8  # most difference pictures
@@ -118,7 +118,7 @@ def write_pictures(result: CheckResult) -> list[tuple[Path, bool]]:
         stale.unlink()
     before = {identity(result.score): result.score for result in baseline.results}
     regressed = result.findings.of("regressed", times=False)
-    worst = {identity(change.score): change.score for change in regressed if change.what in METRICS}
+    worst = {identity(change.score): change.score for change in regressed if change.what in ROW_METRICS}
     written: list[tuple[Path, bool]] = []
     for key, score in worst.items():
         after = _difference(run, score, run)

@@ -88,7 +88,7 @@ def check(
 
 def _tolerances(texts: Sequence[str]) -> dict[str, float]:
     """METRIC=X by metric; raises InputError for an unknown metric or an invalid tolerance."""
-    from shadowbench.scores.metrics import METRICS
+    from shadowbench.measure.flips import ROW_METRICS
 
     found = {}
     for text in texts:
@@ -97,8 +97,8 @@ def _tolerances(texts: Sequence[str]) -> dict[str, float]:
             tolerance = float(value)
         except ValueError:
             tolerance = math.nan
-        if name not in METRICS:
-            known = alternatives(name, METRICS, "allowed: METRIC=X, METRIC one of")
+        if name not in ROW_METRICS:
+            known = alternatives(name, ROW_METRICS, "allowed: METRIC=X, METRIC one of")
             raise InputError(f"--tolerance: found {text!r:.60}{known}")
         if not 0 <= tolerance < math.inf:
             raise InputError(f"--tolerance {name}: found {value!r:.40}; allowed: a number, 0 or more")

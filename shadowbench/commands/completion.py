@@ -44,9 +44,14 @@ def axis(incomplete: str) -> list[tuple[str, str]]:
 
 def tolerance(incomplete: str) -> list[str]:
     """`METRIC=` of every metric."""
-    from shadowbench.scores.metrics import METRICS
+    from shadowbench.measure.flips import ROW_METRICS
 
-    return [f"{name}=" for name in METRICS]
+    return [f"{name}=" for name in ROW_METRICS]
+
+
+def step(incomplete: str) -> list[str]:
+    """What takes a small step."""
+    return ["camera", "light"]
 
 
 def up(incomplete: str) -> list[str]:

@@ -75,6 +75,16 @@ def run(
             "--map-size, 1].",
         ),
     ] = None,
+    step: Annotated[
+        str | None,
+        typer.Option(
+            metavar="camera|light",
+            autocompletion=completion.step,
+            help="Draw each cell again after a small step of the camera or the light, and count the pixels that flip "
+            "although the truth does not (shimmering). A step of the camera needs a truth and drawings of three times "
+            "the view size  [the study's; none].",
+        ),
+    ] = None,
     time_again: Annotated[
         bool,
         typer.Option(
@@ -114,10 +124,12 @@ def run(
       acne      share of the lit area, away from edges, that is in shadow
       leak      share of the shadow, away from edges, that is lit
       contact   share of the shadow next to its caster that is lit (peter-panning)
+      flips     share of the pixels near edges that flicker after a step (--step)
       ms        time of a frame's shadows; ~ marks a time that varied widely
       × ref     time relative to the reference technique
       MiB       memory of textures and buffers
-    `shadowbench list metrics` has the exact definitions.
+    `shadowbench list metrics` has the exact definitions. A slope, below a table, is the median of the slopes of each
+    view, light and phase.
     """
     import dataclasses
 
@@ -141,6 +153,7 @@ def run(
         view_size=view_size,
         rounds=rounds,
         phases=phases,
+        step=step,
         view=view,
         light=light,
         assets=assets,

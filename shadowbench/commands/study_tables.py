@@ -20,13 +20,14 @@ _COLUMNS = {  # heading: (value, or "error" for 1 − IoU)
     "acne": "acne",
     "leak": "leak",
     "contact": "contact",
+    "flips": "flips",
     "ms": "frame_ms",
     "× ref": "ratio",
     "MiB": "gpu_bytes",  # five cascades need more memory than one map of the same size
 }
 _WIDE = 110  # characters; a narrower terminal gets the columns that matter most
 _NARROW = ("error", "ssim", "frame_ms", "ratio")
-_OPTIONAL = ("frame_ms", "ratio", "gpu_bytes")  # shown where a row has them
+_OPTIONAL = ("flips", "frame_ms", "ratio", "gpu_bytes")  # shown where a row has them
 
 
 def print_study(found: "StudyResult", folder: Path, quiet: bool) -> None:

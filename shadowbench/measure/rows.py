@@ -92,6 +92,7 @@ class ScoreRow(CellIdentity):
     surface_mismatch: NotRequired[Count]
     assumptions: NotRequired[list[str]]
     flips: NotRequired[FiniteFloat | None]
+    step: NotRequired[str]
 
     content: NotRequired[str]
     input: NotRequired[InputRecord]

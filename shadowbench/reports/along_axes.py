@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from shadowbench.extremes.axes import Axis, Value, value_label
 from shadowbench.extremes.axes.model import NAMES
 from shadowbench.extremes.ranges import TOLERANCES, OperatingRange, failure, value_text
+from shadowbench.measure.flips import row_metrics
 from shadowbench.measure.rows import Record
 from shadowbench.reports.axes import Chart
 from shadowbench.reports.charts import INK_NOW, LOOK, PARAMS, SHOWN, chart_of
@@ -162,7 +163,7 @@ def _point(one: OperatingRange, light: str, row: Record, x: float) -> Chart:
 
 def _errors(row: Record) -> dict[str, float | None]:
     """The metrics that are drawn, None where the row has none."""
-    values = dict(row.get("metrics", {})) | {"flips": row.get("flips")}
+    values = row_metrics(row)
     iou = values.get("iou")
     return {name: (None if iou is None else 1 - iou) if name == ERROR else values.get(name) for name in LIMITS}
 

@@ -17,6 +17,7 @@ from markupsafe import Markup, escape
 from shadowbench import __version__
 from shadowbench.extremes.axes.model import NAMES
 from shadowbench.extremes.ranges import OperatingRange
+from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.reports.along_axes import LIMITS, axis_chart, metrics_along
 from shadowbench.reports.analysis import Section, specs_of
 from shadowbench.reports.gallery import gallery, no_pictures, shots_of_breaks, shots_of_section, side
@@ -35,7 +36,6 @@ from shadowbench.reports.words import (
     times_are,
     tolerances,
 )
-from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.folder import Run, Sweep
 
 _PAGE = Path(__file__).parent / "page"
@@ -67,7 +67,7 @@ def html_report(runs: Sequence[Run], scenes: Mapping[str, Sequence[Section]], sw
         stabilities=[_stability(found, styles, most, f"stability-{at}") for at, found in enumerate(swept)],
         tolerances=tolerances(),
         metrics=[
-            (metric.name, f"{metric.help} {metric.better.capitalize()} is better.") for metric in METRICS.values()
+            (metric.name, f"{metric.help} {metric.better.capitalize()} is better.") for metric in ROW_METRICS.values()
         ],
         command=shlex.join(["shadowbench", *sys.argv[1:]]),
         version=__version__,

@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any
 
+from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.reports.analysis import Configuration, Section, front
 from shadowbench.reports.bias_curve import bias_charts
 from shadowbench.reports.charts import default_size, front_chart, pass_chart, size_chart
@@ -22,7 +23,6 @@ from shadowbench.reports.matrix import (
 from shadowbench.reports.styles import Styles
 from shadowbench.reports.verdict import best_of, cell_texts, cost_note, verdict
 from shadowbench.reports.words import digits, refusals, section_notes, value_of, warned
-from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.folder import Run
 
 _COST, _ERROR = "cost, ms", "1 − IoU"
@@ -33,7 +33,7 @@ _TIMES = {
     "light moves, ms": "light_ms",
     "× reference": "ratio",
 }
-_VALUES = {name: name for name in METRICS if name != "iou"} | _TIMES | {"GPU bytes": "gpu_bytes"}
+_VALUES = {name: name for name in ROW_METRICS if name != "iou"} | _TIMES | {"GPU bytes": "gpu_bytes"}
 DEFAULT_COLUMNS = [_COST, "map", _ERROR, "worst scene", "scenes", "edge_px", "ssim", "acne", "leak"]
 """The columns of a table that show until a reader chooses others."""
 

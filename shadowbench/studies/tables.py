@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from shadowbench.files import replace_file
+from shadowbench.measure.flips import FLIPS, ROW_METRICS
 from shadowbench.measure.rows import Result
 from shadowbench.measure.time_rows import REDRAWN
 from shadowbench.scores.metrics import METRICS
@@ -29,6 +30,7 @@ _MORE = [
     "assumptions",
     "key",
 ]
+_FLIPS = [FLIPS.name, "step"]
 _BOOTSTRAPS = 2000
 
 
@@ -38,7 +40,7 @@ def cells_frame(results: Sequence[Result]) -> pd.DataFrame:
     passes = sorted({key for row in rows for key in row if key.startswith("pass_")})
     work = sorted({key for row in rows for key in row if key.startswith("work_")})
     promised = [*_IDENTITY, *METRICS, *_TIMES, *passes, *work, "gpu_bytes", "prepare_ms", "machine", "command"]
-    ours = [*_MORE, *_MORE_TIMES]
+    ours = [*_MORE, *_FLIPS, *_MORE_TIMES]
     facts = sorted({key for row in rows for key in row if key.startswith("fact_")})
     frame = pd.DataFrame(rows, columns=[*promised, *ours, *facts])
     whole = [*work, "map_size", "n", "gpu_bytes", "receivers", "undecided", "surface_mismatch"]
@@ -53,7 +55,9 @@ def write_table(file: Path, frame: pd.DataFrame) -> None:
 
 def _cell(result: Result) -> dict[str, Any]:
     score, timed = result.score, result.time or {}
-    row = {name: score.get(name) for name in [*_IDENTITY, *_MORE, "gpu_bytes", "command"]} | {"status": result.status}
+    row = {name: score.get(name) for name in [*_IDENTITY, *_MORE, *_FLIPS, "gpu_bytes", "command"]} | {
+        "status": result.status
+    }
     row |= score.get("metrics", {})
     row["assumptions"] = "; ".join(score.get("assumptions", ())) or None
     row |= {f"work_{name}": count for name, count in score.get("work", {}).items()}
@@ -149,7 +153,7 @@ def summary_rows(table: pd.DataFrame) -> list[SummaryRow]:
     for key, group in table.groupby(["spec", "map_size"], sort=False, dropna=False):
         spec, size = cast("tuple[str, float]", key)
         succeeded = group[group["status"] == "ok"]
-        names = [*METRICS, *_TIMES[:4], *_TOTALS, "gpu_bytes"]
+        names = [*ROW_METRICS, *_TIMES[:4], *_TOTALS, "gpu_bytes"]
         values = {name: interval(succeeded[name].tolist()) for name in names}
         refused = tuple(group.loc[group["status"] != "ok", "status"])
         map_size = None if pd.isna(size) else int(size)
@@ -182,7 +186,7 @@ def mean_over_scenes(tables: Mapping[str, Sequence[SummaryRow]]) -> tuple[list[s
     means = [
         SummaryRow(spec, size, sum(row.cells for row in rows), (), values, min(row.phases for row in rows))
         for (spec, size), rows in found.items()
-        for values in [{name: _mean([row.values[name] for row in rows]) for name in METRICS}]
+        for values in [{name: _mean([row.values[name] for row in rows]) for name in ROW_METRICS}]
     ]
     return scenes, sorted(means, key=_error)
 

@@ -14,7 +14,9 @@ from shadowbench.errors import InputError
 from shadowbench.scenes.model import Floats, Placement, View
 from shadowbench.survey.rays import Indices, Mask, lighting, surfaces
 from shadowbench.truths.embree import Tracer, over_slices
-from shadowbench.truths.trace import OFFSET
+from shadowbench.truths.near import NearCasters
+from shadowbench.truths.rays import Receivers
+from shadowbench.truths.trace import GRAZING, OFFSET
 
 LATTICE = 512  # largest number of sampled pixels along a side: all pixels, or every second, third, …
 SAMPLE_FIELDS = ("pixel", "triangle", "point", "normal", "to_light", "distance", "across", "down", "blocker")
@@ -133,4 +135,22 @@ def sample_view(view: View) -> Samples:
             f"view {view.camera.name!r} of {view.scene.name}: no pixel shows a receiver that {view.light.name!r} "
             "shines on; needs are those of the visible receivers"
         )
-    return Samples(view=placed, placement=placement, casters=casters, step=step, **arrays)
+    samples = Samples(view=placed, placement=placement, casters=casters, step=step, **arrays)
+    return replace(samples, blocker=np.minimum(samples.blocker, _near_blockers(samples, above)))
+
+
+def _near_blockers(samples: Samples, height: float) -> Floats:
+    """(R,) distance along L to the nearest caster before the start of the shadow ray, `height` above the surface.
+
+    Computed, as in the truth, where the light is so low that the ray starts more than a pixel away; inf elsewhere.
+    """
+    distance = np.full(len(samples.pixel), np.inf)
+    pixel = np.sqrt(np.minimum((samples.across**2).sum(axis=0), (samples.down**2).sum(axis=0)))
+    low = np.flatnonzero((samples.cosine > GRAZING) & (height > pixel * samples.cosine))
+    if len(low):
+        at, geometry, eye = samples.select(low), samples.view.scene.geometry, np.array(samples.view.camera.position)
+        receivers = Receivers(at.pixel, at.triangle, at.point, at.to_light, at.distance, at.cosine)
+        row, column = np.divmod(at.pixel, -(-samples.view.size // samples.step))
+        pixels = np.stack([column, row])
+        distance[low], _ = NearCasters(geometry).nearest_blockers(receivers, height, pixels, eye[:, None])
+    return distance

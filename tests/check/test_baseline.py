@@ -100,6 +100,21 @@ def test_a_metric_that_some_rows_of_the_baseline_lack_is_compared_in_the_others(
     assert (change.what, change.score["map_size"]) == ("contact", 64)
 
 
+def test_flips_are_compared_after_the_same_step_alone() -> None:
+    def after(step: str, flips: float) -> list[Result]:
+        return [cell(step=step, flips=flips)]
+
+    assert verdicts(after("camera", 0.02), after("camera", 0.01)) == {"flips": "regressed"}
+    assert verdicts(after("camera", 0.0), after("camera", 0.01)) == {"flips": "improved"}
+    for found, before, why in (
+        (after("light", 0.02), after("camera", 0.01), "flips are not compared: one side has them after a step of"),
+        (after("light", 0.02), [cell()], "not compared, since one side lacks them: flips"),
+        ([cell()], after("light", 0.02), "not compared, since one side lacks them: flips"),
+    ):
+        findings = compare(found, before)
+        assert not findings.changes and findings.notes[0].startswith(why)
+
+
 def test_a_side_without_any_metric_is_no_other_version() -> None:
     findings = compare([cell(metrics={})], [cell()])
     assert {change.what for change in findings.changes} == set(METRICS) and not findings.notes

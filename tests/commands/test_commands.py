@@ -125,6 +125,18 @@ def test_a_narrow_table_cuts_no_number(
     assert [line for line in narrow.splitlines() if line.startswith("shadow-map")], "the column of specs"
 
 
+def test_flips_are_a_column_where_a_step_was_made(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    shown = [
+        shadowbench(*CUBE, *more, "-o", tmp_path / name).out.splitlines()[1].split()
+        for name, more in (("still", ()), ("stepped", ("--step", "camera")))
+    ]
+    assert ["flips" in headings for headings in shown] == [False, True]
+    tables = [pd.read_csv(tmp_path / name / "table.csv") for name in ("still", "stepped")]
+    assert tables[0]["flips"].isna().all() and tables[0]["step"].isna().all()
+    assert (tables[1]["step"] == "camera").all() and tables[1]["flips"].between(0, 1).all()
+    assert list(tables[0].columns) == list(tables[1].columns)
+
+
 def test_specs_without_map_sizes_mean_what_they_say(shadowbench: Shadowbench, tmp_path: Path) -> None:
     answer = shadowbench(*CUBE, "-t", "shadow-map", "--json", "-o", tmp_path)
     sizes = {row["map_size"] for row in json.loads(answer.out)["cube-on-plane"]}

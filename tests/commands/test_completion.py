@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 
 from shadowbench.extremes.axes import AXES
+from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.scenes.library import builtin_names
-from shadowbench.scores.metrics import METRICS
 
 Complete = Callable[[str], list[str]]
 
@@ -60,8 +60,9 @@ def test_parameters_of_the_technique_that_is_tuned_are_completed(complete: Compl
 def test_studies_axes_metrics_and_kinds_are_completed(complete: Complete) -> None:
     assert "presets" in complete("run -s ")
     assert complete("stress --axis ") == list(AXES)
-    assert complete("check DIR --tolerance ") == [f"{name}=" for name in METRICS]
+    assert complete("check DIR --tolerance ") == [f"{name}=" for name in ROW_METRICS]
     assert complete("list a") == ["axes"]
     assert complete("list metrics i") == ["iou", "iou_soft"]
     assert complete("report DIR --format h") == ["html"]
     assert complete("run --up ") == ["y", "z"]
+    assert complete("run --step ") == ["camera", "light"]

@@ -143,6 +143,7 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
         ["render", "cube-on-plane", "-t", "unshadowed", "--light", "moon", "-o", "{out}.png"],
         ["light: found 'moon'", "allowed: light"],
     ),
+    "a step of neither camera nor light": ([*RUN, "--step", "box"], ["step", "'box'", "'camera' or 'light'"]),
     "a missing study": (["run", "-s", "{in}/gone.toml", "-o", "{out}"], ["gone.toml", "no such study"]),
     "a broken study": (["run", "-s", "{in}/broken-study.toml", "-o", "{out}"], ["broken-study.toml", "not TOML"]),
     "an unknown field of a study": (

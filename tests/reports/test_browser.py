@@ -493,6 +493,21 @@ def test_it_prints_with_its_tables(visit: Callable[..., Visit], tmp_path: Path) 
     assert page.evaluate("[...document.querySelectorAll('details')].every(node => node.open)")
 
 
+def test_on_paper_no_text_is_smaller_than_nine_points_and_no_table_is_cut(visit: Callable[..., Visit]) -> None:
+    page = visit(703, 1000).page  # A4 without its margins
+    page.emulate_media(media="print")
+    page.evaluate("document.querySelectorAll('details').forEach(node => node.open = true)")
+    sizes = page.evaluate(
+        """[...document.querySelectorAll("body *")]
+        .filter(node => node.checkVisibility() && !node.closest("svg, script, style"))
+        .filter(node => [...node.childNodes].some(one => one.nodeType === 3 && one.textContent.trim()))
+        .map(node => 0.75 * parseFloat(getComputedStyle(node).fontSize))"""
+    )
+    assert len(sizes) > 200 and min(sizes) >= 9
+    for table in page.locator("table.all, table.ranges, table.matrix").all():
+        assert not table.is_visible() or table.evaluate("node => node.getBoundingClientRect().right") <= 703
+
+
 def told(page: Page, mark: Locator) -> str:
     """What the tooltip of a mark says."""
     mark.scroll_into_view_if_needed()

@@ -129,6 +129,17 @@ def test_two_machines_have_charts_of_their_own(run_folder: Write, page_of: Calla
     assert "A processor" in page and "Another processor" in page and "times of renderer of Another processor" in page
 
 
+def test_the_times_of_two_machines_share_no_column_and_no_verdict(
+    run_folder: Write, page_of: Callable[..., str]
+) -> None:
+    slow, fast = (Cell("a", 512, 0.004, ms, machine=machine) for machine, ms in (("m1", 50.0), ("m2", 5.0)))
+    page = page_of(run_folder([slow], name="slow"), run_folder([fast], name="fast", processor="Another processor"))
+    columns = [[row["values"]["cost, ms"][0] for row in part["rows"]] for part in scripts(page)]
+    assert columns == [[50.0], [5.0]]
+    verdicts = re.findall(r'<div class="verdict".*?</div>', page, re.DOTALL)
+    assert [("50.0 ms" in said, "5.00 ms" in said) for said in verdicts] == [(True, False), (False, True)]
+
+
 def test_markdown_has_a_table_for_each_scene(run_folder: Write, shadowbench: Shadowbench, tmp_path: Path) -> None:
     answer = shadowbench("report", run_folder(), "--format", "md", "-o", tmp_path / "table.md")
     assert answer.code == 0

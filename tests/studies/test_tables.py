@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.measure.rows import Result
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.tables import (
@@ -153,8 +154,8 @@ def test_lights_of_one_scene_are_tables_of_their_own() -> None:
 def test_a_spec_that_held_nowhere_takes_no_part_in_the_mean_over_scenes() -> None:
     tables = {
         scene: [
-            SummaryRow("a", 512, 1, (), dict.fromkeys(METRICS, Interval(iou)), 1),
-            SummaryRow("cube-map", 512, 0, ("unsupported: no",), dict.fromkeys(METRICS), 0),
+            SummaryRow("a", 512, 1, (), dict.fromkeys(ROW_METRICS, Interval(iou)), 1),
+            SummaryRow("cube-map", 512, 0, ("unsupported: no",), dict.fromkeys(ROW_METRICS), 0),
         ]
         for scene, iou in (("one", 0.2), ("two", 0.4))
     }
@@ -177,7 +178,7 @@ def test_a_map_that_was_scored_at_one_offset_is_marked() -> None:
 
 
 def test_the_mean_over_scenes_has_the_fewest_phases_of_them() -> None:
-    row = SummaryRow("a", 512, 2, (), dict.fromkeys(METRICS, Interval(0.2)), 2)
+    row = SummaryRow("a", 512, 2, (), dict.fromkeys(ROW_METRICS, Interval(0.2)), 2)
     _, (mean,) = mean_over_scenes({"one": [row], "two": [replace(row, cells=1, phases=1)]})
     assert (mean.cells, mean.phases) == (3, 1)
 

@@ -1,6 +1,7 @@
 """All needs of a scene at once, and the command that prints them."""
 
 import json
+import math
 import subprocess
 import sys
 from collections import Counter
@@ -56,6 +57,25 @@ def test_samples_are_the_receivers_and_shadows_of_the_truth(light: Light) -> Non
     blocked = samples.shadowed & decided[samples.pixel]
     metres = samples.blocker[blocked] / samples.placement.scale
     np.testing.assert_allclose(metres, truth.blocker.ravel()[samples.pixel[blocked]], rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["directional", "spot", "point"])
+def test_the_shadow_of_a_wall_no_higher_than_the_offset_is_seen(kind: Any) -> None:
+    """In light as low as 1:2000, in which a ray that starts above the surface passes over the wall."""
+    slope, height = 0.0005, 5e-6
+    corners = [[0.0, 0.0, -2.0], [0.0, 0.0, 2.0], [0.0, height, 2.0], [0.0, height, -2.0]]
+    wall = Mesh("wall", np.array(corners), np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32))
+    light = Light(kind, kind, (1.0, -slope, 0.0), (-2.0, 2.0 * slope, 0.0), math.radians(60.0))
+    reach = height / slope
+    view = looking([plate(8.0), wall], light, 64, (reach, 1.0, 1e-4), (reach, 0.0, 0.0), math.degrees(3.5 * reach))
+    truth, samples = trace(view, 1), sample_view(view)
+    decided = ~truth.undecided.ravel()[samples.pixel]
+    shadow = truth.visibility.ravel()[samples.pixel] < 0.5
+    assert decided.mean() > 0.9 and 0.2 < shadow.mean() < 0.8
+    np.testing.assert_array_equal(samples.shadowed[decided], shadow[decided])
+    metres = samples.blocker[shadow & decided] / samples.placement.scale
+    np.testing.assert_allclose(metres, truth.blocker.ravel()[samples.pixel[shadow & decided]], rtol=1e-4)
+    assert "map size, edges" in {row.need for row in explanations_of(needs(view))}
 
 
 @pytest.mark.parametrize("length", [1e-170, 1e17])
