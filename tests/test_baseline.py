@@ -15,7 +15,7 @@ from shadowbench.studies.study import read_study
 from shadowbench.techniques.biases import Bias
 from shadowbench.techniques.filters import Filter
 from shadowbench.techniques.fits import Fit
-from shadowbench.techniques.params import Row
+from shadowbench.techniques.params import Component
 from shadowbench.techniques.registry import own_techniques, techniques
 from shadowbench.techniques.splits import Split
 
@@ -49,7 +49,7 @@ def test_every_technique_holds_somewhere(name: str) -> None:
 
 
 @pytest.mark.parametrize("family", [Bias, Filter, Fit, Split])
-def test_every_row_holds_somewhere(family: type[Row]) -> None:
+def test_every_row_holds_somewhere(family: type[Component]) -> None:
     names = {name for name, row in family.table.items() if row.__module__ == family.__module__}
     held = {name for name in names for row in HELD if re.search(rf"[=+]{name}\b", row["full_spec"])}
     assert held == names

@@ -26,7 +26,7 @@ from shadowbench.scenes.model import View
 from shadowbench.studies.crossing import Techniques
 from shadowbench.studies.folder import write_cells
 from shadowbench.studies.study import Study
-from shadowbench.techniques.params import Row
+from shadowbench.techniques.params import Component
 from shadowbench.techniques.spec import Spec
 from shadowbench.truths.cache import cached_truth
 
@@ -125,8 +125,8 @@ def export_choice(found: Recommendation, folder: Path, executor: Executor) -> No
 
 
 def _parameter(value: Any) -> Any:
-    """JSON value of a parameter; a row is an object of its name and parameters."""
-    if isinstance(value, Row):
+    """JSON value of a parameter; a component is an object with its name and parameters."""
+    if isinstance(value, Component):
         return {"name": value.name, **value.model_dump(mode="json")}
     return value.tolist() if hasattr(value, "tolist") else value
 

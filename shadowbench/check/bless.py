@@ -32,7 +32,7 @@ def write_baseline(results: Sequence[Result], folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"{folder}: cannot be made ({error.strerror or error})") from None
+        raise InputError(f"{folder}: cannot be created ({error.strerror or error})") from None
     with replace_file(folder / "rows.jsonl") as temporary:
         lines = (json.dumps({"schema": SCHEMA, **record}, allow_nan=False) + "\n" for record in records)
         temporary.write_text("".join(lines), encoding="utf-8")

@@ -72,17 +72,17 @@ def check(
         _print(found.findings, baseline, time)
     if not quiet:
         for note in found.notes:
-            console.complain(f"note: {note}")
+            console.print_error(f"note: {note}")
     if update:
         study = make_baseline(found.run, baseline)
         if not json and not quiet:
             line = f"{baseline / 'rows.jsonl'}: {counted(len(found.run.results), 'cell')}, the baseline from now on"
-            console.say(f"{line}; study.toml is a copy of {study}" if study else line)
+            console.print_line(f"{line}; study.toml is a copy of {study}" if study else line)
         return
     if pictures and not json and not quiet:
         what = "before and after" if any(before for _, before in pictures) else "after"
         many = f"{counted(len(pictures), 'picture')}, {what}"
-        console.say(f"{pictures[0][0].parent}: {many}: false shadow orange, false light blue")
+        console.print_line(f"{pictures[0][0].parent}: {many}: false shadow orange, false light blue")
     raise typer.Exit(1 if found.failing else 0)
 
 
@@ -117,7 +117,7 @@ def _print(findings: "Findings", baseline: Path, time: bool) -> None:
         if changes:
             _print_changes(title, changes)
     if findings.compared or findings.changes:
-        console.say(_summary(findings, baseline))
+        console.print_line(_summary(findings, baseline))
 
 
 def _summary(findings: "Findings", baseline: Path) -> str:
@@ -153,7 +153,7 @@ def _print_changes(title: str, changes: "list[Change]") -> None:
     numbers = ("map", "before", "", "after", "× tolerance")
     console.print_table(title, columns, rows, numbers=numbers, whole=("what",))
     if len(cells) > _LINES:
-        console.say(f"  and {len(cells) - _LINES} more; --json lists all")
+        console.print_line(f"  and {len(cells) - _LINES} more; --json lists all")
     console.out().print()
 
 

@@ -98,7 +98,7 @@ def recommend(
     else:
         _print(found, info, output)
         if export is not None and found.choice is not None and not quiet:
-            console.say(f"{export}: parameters.json and the GLSL of the choice")
+            console.print_line(f"{export}: parameters.json and the GLSL of the choice")
     raise typer.Exit(0 if found.choice is not None else 1)
 
 
@@ -106,7 +106,7 @@ def _make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"--export {folder}: cannot be made ({error.strerror or error})") from None
+        raise InputError(f"--export {folder}: cannot be created ({error.strerror or error})") from None
 
 
 def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
@@ -132,16 +132,18 @@ def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
     lines = step_lines(found) if found.choice else obstacles(found)
     rough = [_is_rough(found, one) for _, one in shown]
     for line in [*lines, *time_notes(found.reference, rough), *excluded_lines(found)]:
-        console.say(line)
-    console.say(f"{found.measured} of {found.space_size} specs measured; masks and pictures, by key, in {folder}")
+        console.print_line(line)
+    console.print_line(
+        f"{found.measured} of {found.space_size} specs measured; masks and pictures, by key, in {folder}"
+    )
 
 
 def _is_rough(found: "Recommendation", one: "Trial") -> bool:
     """Whether the rounds of a time varied much."""
-    from shadowbench.studies.times import WIDE
+    from shadowbench.studies.times import ROUGH
 
     time = one.result.time if one.result else None
-    return found.unit == "ms" and time is not None and time["ratio_iqr"] > WIDE * time["ratio"]
+    return found.unit == "ms" and time is not None and time["ratio_iqr"] > ROUGH * time["ratio"]
 
 
 def _cells(found: "Recommendation", one: "Trial") -> list[str]:

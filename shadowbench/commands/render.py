@@ -84,4 +84,4 @@ def render(
     if map is not None and drawn.map is not None:
         write_picture(map, np.round(np.clip(drawn.map, 0, 1) * 255).astype(np.uint8))
     if not quiet:
-        console.say(f"{output}: {name} on {chosen.scene.name}")
+        console.print_line(f"{output}: {name} on {chosen.scene.name}")

@@ -97,12 +97,12 @@ def score(
     if quiet:
         return
     for warning in warnings:
-        console.complain(f"warning: {warning}")
+        console.print_error(f"warning: {warning}")
     if diff is not None:
-        console.say(f"{diff}: false shadow orange, false light blue")
+        console.print_line(f"{diff}: false shadow orange, false light blue")
     if output is not None:
         row = f"score, mask and difference of {name} added" if new else f"already holds this score of {name}"
-        console.say(f"{output}: {row}")
+        console.print_line(f"{output}: {row}")
 
 
 def _print(accuracy: "Accuracy") -> None:
@@ -117,4 +117,4 @@ def _print(accuracy: "Accuracy") -> None:
     columns = ("metric", "", "better", "what it is")
     console.print_table(title, columns, rows, numbers=("",), whole=("metric", "better"))
     for line in accuracy.summary():
-        console.say(f"  {line}")
+        console.print_line(f"  {line}")

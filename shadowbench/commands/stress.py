@@ -87,8 +87,10 @@ def stress(
         for spec in (spec.text for spec in specs):
             _print(spec, [one for one in found.ranges if one.spec == spec])
         if not quiet:
-            console.say(f"{output / 'ranges.csv'}: {len(found.ranges)} operating ranges, from {len(found.rows)} cells")
-    console.say_unsupported([str(row["status"]) for row in found.rows])
+            console.print_line(
+                f"{output / 'ranges.csv'}: {len(found.ranges)} operating ranges, from {len(found.rows)} cells"
+            )
+    console.print_unsupported([str(row["status"]) for row in found.rows])
     raise typer.Exit(_exit_code(found.rows))
 
 
@@ -98,7 +100,7 @@ def _print(title: str, ranges: "Sequence[OperatingRange]") -> None:
 
     if not any(one.in_tolerance for one in ranges):
         if ranges:
-            console.say(f"{title}: out of tolerance already at the default value of every axis")
+            console.print_line(f"{title}: out of tolerance already at the default value of every axis")
         return
     lights = [kind for kind in NAMES if any(one.light == kind for one in ranges)]
     rows = []
@@ -120,6 +122,6 @@ def _exit_code(rows: "Sequence[Record]") -> int:
             row, one = found[0]
             place = f"{row['axis']} {row['axis_value']} {row['light']}"
             first = f"{row['spec']} at {place}: {one.text}"
-            console.complain(f"shadowbench: {what} in {len(found)} of {len(rows)} cells; the first: {first}")
+            console.print_error(f"shadowbench: {what} in {len(found)} of {len(rows)} cells; the first: {first}")
             code = verdict
     return code

@@ -40,7 +40,7 @@ def print_study(found: "StudyResult", folder: Path, quiet: bool) -> None:
     times = "; times of a software renderer, not of a GPU" if found.info.software else "; times of this GPU"
     times = times if found.study.rounds else ""
     for scene, rows in tables.items():
-        rough = [row.wide for row in rows if row.values["frame_ms"] is not None]
+        rough = [row.rough for row in rows if row.values["frame_ms"] is not None]
         notes = [*_notes(rows), *time_notes(references[scene], rough)]
         _print_scene(f"{scene}, best first{times}", rows, [fit for fit in fits if fit.scene == scene], notes)
         _print_curves(scene, curves(rows, found.sweep_positions))
@@ -51,10 +51,10 @@ def print_study(found: "StudyResult", folder: Path, quiet: bool) -> None:
     if held and console.out().width < _WIDE:
         dropped = ", ".join(name for name in _columns(held, False) if name not in _columns(held, True))
         where = f"see {folder / 'table.csv'}, or widen the terminal to {_WIDE}"
-        console.say(f"columns left out at a width of {console.out().width} characters ({where}): {dropped}")
+        console.print_line(f"columns left out at a width of {console.out().width} characters ({where}): {dropped}")
     if not quiet:
         beside = "; masks/ and pictures/ are beside it" if (found.frame["status"] == "ok").any() else ""
-        console.say(f"{folder / 'table.csv'}: {counted(len(found.run.rows), 'cell')}{beside}")
+        console.print_line(f"{folder / 'table.csv'}: {counted(len(found.run.rows), 'cell')}{beside}")
 
 
 def _print_scene(title: str, rows: "list[SummaryRow]", fits: "list[Slope]", notes: list[str]) -> None:
@@ -71,13 +71,13 @@ def _print_scene(title: str, rows: "list[SummaryRow]", fits: "list[Slope]", note
         for status, count in Counter(row.refused).items():
             total = row.cells + len(row.refused)
             share = f"{count} of {total} cells " if total > 1 else ""
-            console.say(f"  {row.spec} {row.map_size or ''}: {share}{status}")
+            console.print_line(f"  {row.spec} {row.map_size or ''}: {share}{status}")
     for fit in fits:
         sizes = f"{fit.sizes[0]} to {fit.sizes[-1]}"
         slope = fit.slope.text("{:+.2f}".format) + (", one phase" if fit.phases == 1 else "")
-        console.say(f"  slope of log(1 − IoU) over log(size), {sizes}: {slope}  {fit.spec}")
+        console.print_line(f"  slope of log(1 − IoU) over log(size), {sizes}: {slope}  {fit.spec}")
     for line in notes:
-        console.say(f"  {line}")
+        console.print_line(f"  {line}")
     console.out().print()
 
 
@@ -125,4 +125,4 @@ def _cell(row: "SummaryRow", key: str) -> str:
         return f"{value.median / 2**20:.1f}"
     if key == "error":
         return value.complement().text(console.number)
-    return f"~{console.number(value.median)}" if key == "frame_ms" and row.wide else console.number(value.median)
+    return f"~{console.number(value.median)}" if key == "frame_ms" and row.rough else console.number(value.median)

@@ -72,8 +72,8 @@ def longest(across: Floats, down: Floats) -> Floats:
     # σ² are the eigenvalues of the Gram matrix; the smaller one as a quotient, which avoids cancellation.
     larger = (square_a + square_b + np.hypot(square_a - square_b, 2 * both)) / 2
     determinant = np.maximum(square_a * square_b - both**2, np.finfo(float).tiny)
-    reach: Floats = np.sqrt(larger / determinant)
-    return reach
+    extent: Floats = np.sqrt(larger / determinant)
+    return extent
 
 
 def footprint(samples: Samples, space: LightSpace) -> Footprint:

@@ -56,14 +56,14 @@ class $class_name(Technique):
 
     def build(self, stage):
         """Create programs, textures and targets, independent of camera and light."""
-        self.fitted = maps.FittedView(stage, self.params.fit, self.params.size, reach=0.5)
+        self.fitted = maps.FittedView(stage, self.params.fit, self.params.size, filter_radius=0.5)
         program = stage.program("casters.vert", "depth.frag")
         self.map = maps.CasterMap(stage, program, self.params.size, clamp=self.params.fit.clamps)
         self.resolve = ResolvePass(stage, RESOLVE, self.params)
 
     def draw(self, frame):
         """Draw the timed passes. changes: what invalidates a pass, "light", "view" (camera or light) or "frame"."""
-        with frame.timed("depth", changes=self.params.fit.moves_with):
+        with frame.timed("depth", changes=self.params.fit.invalidated_by):
             self.light_view = self.fitted(frame)
             self.map.draw(frame, [self.light_view])
         with frame.timed("resolve", changes="view"):

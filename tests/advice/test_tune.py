@@ -25,7 +25,7 @@ from shadowbench.advice.tune_scores import (
     significantly_less,
 )
 from shadowbench.advice.tune_search import search_parameters
-from shadowbench.advice.tune_space import DEFAULT_PARAMETERS, REACH, SearchSpace, searched_parameters, span
+from shadowbench.advice.tune_space import DEFAULT_PARAMETERS, SEARCH_FACTOR, SearchSpace, searched_parameters, span
 from shadowbench.advice.tune_split import SceneSplit, split_scenes
 from shadowbench.errors import InputError
 from shadowbench.measure.measurer import Measurer
@@ -85,11 +85,11 @@ def test_what_is_suggested_is_a_spec_that_can_be_written_and_read(seed: int) -> 
             if in_metres(info):
                 assert chosen == info.default
             elif isinstance(chosen, float) and info.default > 0:
-                assert info.default / REACH <= chosen <= info.default * REACH
+                assert info.default / SEARCH_FACTOR <= chosen <= info.default * SEARCH_FACTOR
 
 
 def test_a_number_is_searched_around_its_default_within_its_limits() -> None:
-    biases = {bias.name: bias.model_fields for bias in SearchSpace(SHADOW_MAP, DEFAULT_PARAMETERS).rows("bias")}
+    biases = {bias.name: bias.model_fields for bias in SearchSpace(SHADOW_MAP, DEFAULT_PARAMETERS).components("bias")}
     assert span(biases["slope"]["max"]) == (0.05 / 16, 0.8, True)
     assert span(biases["texel"]["limit"]) == (1, 256, True)
     assert span(biases["constant"]["world"]) is None
@@ -227,7 +227,7 @@ def tune(bench: Any) -> Tune:
             cells = TuningCells(study, Measurer(bench.worker, store, study.conditions(), Notes()))
             blocks = cells.eligible_blocks(home)
             assert [scene.name for scene in scenes_of(blocks)] == list(scenes)
-            space = SearchSpace(home, ("bias",), cells.unsupported_rows(home, ("bias",), blocks))
+            space = SearchSpace(home, ("bias",), cells.unsupported_components(home, ("bias",), blocks))
             return search_parameters(space, cells, blocks, SPLIT, trials, {"none": home.with_(bias="none")})
 
     return run
@@ -275,9 +275,11 @@ def test_rows_that_no_view_takes_are_not_searched(bench: Any, tmp_path: Path) ->
     with closing(RowStore(tmp_path / "rows")) as store:
         cells = TuningCells(study, Measurer(bench.worker, store, study.conditions(), Notes()))
         blocks = cells.eligible_blocks(SHADOW_MAP)
-        refused = cells.unsupported_rows(SHADOW_MAP, DEFAULT_PARAMETERS, blocks)
+        refused = cells.unsupported_components(SHADOW_MAP, DEFAULT_PARAMETERS, blocks)
     assert refused == {"bias": frozenset(), "filter": frozenset({"pcf-20"}), "fit": frozenset()}
-    assert "pcf-20" not in [one.name for one in SearchSpace(SHADOW_MAP, DEFAULT_PARAMETERS, refused).rows("filter")]
+    assert "pcf-20" not in [
+        one.name for one in SearchSpace(SHADOW_MAP, DEFAULT_PARAMETERS, refused).components("filter")
+    ]
 
 
 LITTLE = ("--trials", "3", "--map-size", "64", "--view-size", "48", "--phases", "1")

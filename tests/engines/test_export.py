@@ -122,7 +122,7 @@ def test_the_example_is_a_mask_without_an_error(shadowbench: Callable, tmp_path:
     [
         (("stairs", "{}/new", "--view", "no"), "view: found 'no'; allowed: camera"),
         (("stairs", "{}/new", "--light", "no"), "light: found 'no'; allowed: light"),
-        (("stairs", "{}/file/x"), "cannot be made"),
+        (("stairs", "{}/file/x"), "cannot be created"),
         (("nowhere", "{}/new"), "is no built-in scene"),
     ],
 )

@@ -18,7 +18,7 @@ from PIL import Image
 from shadowbench.extremes.axes import AXES, Value, value_label
 from shadowbench.extremes.axes.model import NAMES
 from shadowbench.reports.analysis import Section, sections
-from shadowbench.reports.stability import Stability, stability
+from shadowbench.reports.stability import Stability, analyse
 from shadowbench.scores.masks import write_mask
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.folder import read_folders, read_runs
@@ -256,7 +256,7 @@ def stability_of(sweep_folder: Callable[..., Path]) -> Callable[..., Stability]:
 
     def make(points: Sequence[Point] = POINTS, **options: Any) -> Stability:
         _, (sweep,) = read_folders([sweep_folder(points, **options)])
-        return stability(sweep)
+        return analyse(sweep)
 
     return make
 
@@ -281,7 +281,7 @@ def scripts(page: str) -> list[Any]:
 
 def galleries(page: str) -> list[Any]:
     """Its pictures, part by part."""
-    found = [script if "places" in script else script.get("gallery") for script in scripts(page)]
+    found = [script if "views" in script else script.get("gallery") for script in scripts(page)]
     return [one for one in found if one]
 
 

@@ -196,7 +196,7 @@ def test_buttons_zoom_and_take_back(visit: Callable[..., Visit]) -> None:
     figure = page.locator("figure:has(.chart.front)").first
 
     def time_axis() -> list[float]:
-        domain: list[float] = figure.locator(".chart").evaluate("place => place.view.scale('x').domain()")
+        domain: list[float] = figure.locator(".chart").evaluate("element => element.view.scale('x').domain()")
         return domain
 
     whole = time_axis()
@@ -213,7 +213,7 @@ def test_shift_and_wheel_zoom_a_chart_and_the_wheel_alone_scrolls(visit: Callabl
     page = visit().page
     chart = page.locator(".chart.front").first
     chart.scroll_into_view_if_needed()
-    read = "place => place.view.scale('x').domain()"
+    read = "element => element.view.scale('x').domain()"
     whole, before = chart.evaluate(read), page.evaluate("scrollY")
     chart.hover()
     page.mouse.wheel(0, 200)
@@ -236,7 +236,7 @@ def test_eight_specs_at_most_are_shown_each_with_a_look_of_its_own(visit: Callab
     def looks() -> dict[str, tuple[str, str]]:
         """By spec, the colour and the outline of its points."""
         found = page.locator(".chart.sizes").evaluate(
-            """place => place.view.data("source_0").filter(one => one.shown)
+            """element => element.view.data("source_0").filter(one => one.shown)
             .map(one => [one.spec, [one.color, one.shape]])"""
         )
         return {spec: (color, shape) for spec, (color, shape) in found}
@@ -352,7 +352,7 @@ def test_zoom_and_pan_are_those_of_both_sides(visit: Callable[..., Visit]) -> No
     page.mouse.move(frame["x"] + 0.7 * frame["width"], frame["y"] + 160)
     page.mouse.up()
     now = moved(now)
-    assert box.locator(".under").inner_text().startswith("pixel ")
+    assert box.locator(".readout").inner_text().startswith("pixel ")
     box.get_by_role("button", name="Zoom out").press("Enter")
     now = moved(now)
     stage.press("0")
@@ -362,7 +362,7 @@ def test_zoom_and_pan_are_those_of_both_sides(visit: Callable[..., Visit]) -> No
 def test_thumbnails_show_the_errors_and_lead_to_them(visit: Callable[..., Visit]) -> None:
     page = visit().page
     choose_scene(page, "cube-on-plane, 512² view")
-    sheet = page.locator("#wrong .sheet")
+    sheet = page.locator("#errors .sheet")
     assert sheet.locator("button").count() == len(set(page.evaluate("first.cells.map((cell) => cell.spec)")))
 
     def stained(button: Locator) -> bool:
@@ -377,8 +377,8 @@ def test_thumbnails_show_the_errors_and_lead_to_them(visit: Callable[..., Visit]
     page.wait_for_function("() => first.scale > 1")
     assert page.locator("#viewer .tag.a").inner_text() == name
     assert page.locator("#viewer").get_by_role("radio", name="difference").is_checked()
-    page.locator("#wrong-size").select_option("4096")
-    page.wait_for_function("() => document.querySelector('#wrong .sheet').textContent.includes('at 4096')")
+    page.locator("#errors-size").select_option("4096")
+    page.wait_for_function("() => document.querySelector('#errors .sheet').textContent.includes('at 4096')")
 
 
 # The table
@@ -527,7 +527,7 @@ def test_metric_and_light_are_choices_of_all_axes(visit: Callable[..., Visit]) -
         """Choose, wait until all is drawn, give the lines of the first axis."""
         page.locator(f"select[data-signal={name}]").select_option(value)
         page.evaluate(
-            """Promise.all([...document.querySelectorAll(".chart.axis")].map((place) => place.view.runAsync()))
+            """Promise.all([...document.querySelectorAll(".chart.axis")].map((element) => element.view.runAsync()))
             .then(() => null)"""
         )
         paths: list[str] = marks(first, "line").evaluate_all("nodes => nodes.map((node) => node.getAttribute('d'))")
@@ -549,10 +549,10 @@ def test_metric_and_light_are_choices_of_all_axes(visit: Callable[..., Visit]) -
 def test_a_break_shows_its_picture_and_whoever_breaks_there(visit: Callable[..., Visit]) -> None:
     page = visit().page
     box = page.locator("#stability .viewer")
-    place = box.locator("select.place")
-    place.select_option("map-size 16 texels, sun")
+    view = box.locator("select.view")
+    view.select_option("map-size 16 texels, sun")
     assert box.locator(".tag.a").inner_text() == "shadow-map" and box.locator(".tag.b").inner_text() == "truth"
-    assert "leak" in box.locator(".said.a").inner_text()
+    assert "leak" in box.locator(".caption.a").inner_text()
     box.get_by_role("radio", name="difference").check()
     page.wait_for_timeout(500)
     assert pixels(box.locator("canvas.a")) != pixels(box.locator("canvas.b"))

@@ -23,7 +23,7 @@ from tests.reports.conftest import CELLS, SIDE, Cell, galleries, image_of, scrip
 
 Shadowbench = Callable[..., Any]
 Write = Callable[..., Path]
-SOFTWARE = "for trends only, no GPU's"
+SOFTWARE = "for trends only, not representative of a GPU"
 
 
 def test_a_page_shows_machine_command_assumptions_and_statuses(run_folder: Write, page_of: Callable[..., str]) -> None:
@@ -74,9 +74,9 @@ def test_every_cell_has_its_pictures_in_the_page(run_folder: Write, page_of: Cal
     assert len(shown["cells"]) == len(held) and shown["notes"] == []
     for cell in shown["cells"]:
         assert cell["mask"].startswith("data:image/webp;base64,") and cell["picture"] is None
-    (place,) = shown["places"].values()
-    assert list(shown["places"]) == ["camera, sun"] and list(place) == ["truth", "undecided", "lit", "ambient"]
-    assert all(image.startswith("data:image/webp;base64,") for image in place.values())
+    (view,) = shown["views"].values()
+    assert list(shown["views"]) == ["camera, sun"] and list(view) == ["truth", "undecided", "lit", "ambient"]
+    assert all(image.startswith("data:image/webp;base64,") for image in view.values())
 
 
 def test_where_a_view_has_no_shading_its_cells_show_their_own_pictures(
@@ -91,7 +91,7 @@ def test_where_a_view_has_no_shading_its_cells_show_their_own_pictures(
 
 def test_a_folder_without_pictures_says_so(run_folder: Write, page_of: Callable[..., str]) -> None:
     page = page_of(run_folder())
-    assert galleries(page) == [] and "holds neither pictures/ nor masks/" in page
+    assert galleries(page) == [] and "has neither pictures/ nor masks/" in page
 
 
 def test_pictures_that_lack_are_named(run_folder: Write, page_of: Callable[..., str]) -> None:
@@ -99,16 +99,16 @@ def test_pictures_that_lack_are_named(run_folder: Write, page_of: Callable[..., 
     for file in [*(folder / "pictures").iterdir(), *(folder / "truth").iterdir()]:
         file.unlink()
     (shown,) = galleries(page_of(folder))
-    assert shown["notes"] == ["run has no truth and no shading of some of these cells."]
+    assert shown["notes"] == ["run has no truth and no shading for some of these cells."]
 
 
 def test_many_pictures_are_shown_smaller(
     run_folder: Write, page_of: Callable[..., str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(gallery, "PIXELS", 7 * SIDE * SIDE // 4)
-    monkeypatch.setattr(gallery, "_SMALLEST", 4)
+    monkeypatch.setattr(gallery, "MAX_PIXELS", 7 * SIDE * SIDE // 4)
+    monkeypatch.setattr(gallery, "_MIN_SIZE", 4)
     (shown,) = galleries(page_of(run_folder(pictures=True)))
-    assert shown["notes"] == [f"Shown at {SIDE // 2}² of {SIDE}² pixels."]
+    assert shown["notes"] == [f"Scaled down from {SIDE}² to {SIDE // 2}² pixels."]
     assert {image_of(cell["mask"]).size for cell in shown["cells"]} == {(SIDE // 2, SIDE // 2)}
 
 

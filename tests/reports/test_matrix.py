@@ -7,8 +7,17 @@ from pathlib import Path
 import pytest
 
 from shadowbench.reports.analysis import Section, front, sections
-from shadowbench.reports.matrix import EDGE_TARGETS, IOU_TARGETS, Target, candidates, cheapest, equals, matrix, over_all
-from shadowbench.reports.parts import parts_of
+from shadowbench.reports.matrix import (
+    EDGE_TARGETS,
+    IOU_TARGETS,
+    Target,
+    candidates,
+    cheapest,
+    cost_matrix,
+    mean_section,
+    ties,
+)
+from shadowbench.reports.panels import panels_of
 from shadowbench.reports.verdict import cell_texts, cost_note, verdict
 from shadowbench.studies.folder import read_runs
 from tests.reports.conftest import CELLS, Cell
@@ -29,7 +38,7 @@ def measured(run_folder: Callable[..., Path]) -> Make:
 
 def shown(made: Sequence[Section], targets: Sequence[Target] = IOU_TARGETS) -> dict[str, list[str]]:
     """By technique, what its cells say."""
-    lines = matrix(candidates(made), targets)
+    lines = cost_matrix(candidates(made), targets)
     return {
         name: [" ".join(filter(None, cell_texts(cell, len(made)))) for cell in cells] for name, cells in lines.items()
     }
@@ -66,8 +75,8 @@ def test_what_costs_as_much_within_the_noise_is_said_to(measured: Make, ms: floa
     made = measured(Cell("a", 512, 0.004, 5.0, ratio_iqr=spread), Cell("b", 512, 0.004, ms, ratio_iqr=spread))
     found = candidates(made)
     best = cheapest(found, Target(0.99))
-    assert best is not None and best.whole.spec == "a"
-    assert [one.whole.spec for one in equals(found, best, Target(0.99))] == (["b"] if same else [])
+    assert best is not None and best.mean.spec == "a"
+    assert [one.mean.spec for one in ties(found, best, Target(0.99))] == (["b"] if same else [])
     assert ("; as cheap within the noise: `b at 512`" in verdict(made)[0]) == same
 
 
@@ -81,10 +90,10 @@ def test_where_nothing_was_timed_the_smallest_map_that_does_stands_in(measured: 
     made = measured(*cells)
     assert shown(made)["shadow-map"] == ["map 512 shadow-map at 512", "map 2048 shadow-map at 2048", "– best 0.995"]
     assert shown(made)["ray-traced"][2] == "no map ray-traced"
-    assert cost_note(made) == "Nothing here was timed: in place of a cost the smallest map that does."
+    assert cost_note(made) == "Nothing here was timed: the cost is the size of the smallest map that suffices."
     alone = measured(*(cell for cell in cells if cell.spec == "shadow-map"), name="alone")
     assert verdict(alone) == [
-        "99% of the shadow right: `shadow-map at 2048` is the smallest map that does.",
+        "99% of the shadow right: `shadow-map at 2048` is the smallest map that suffices.",
         "Nothing gets 99.9% right.",
     ]
 
@@ -97,8 +106,8 @@ def test_over_scenes_one_setting_must_reach_it_in_each_and_costs_their_mean(meas
     made = measured(small, large, elsewhere(small, error=0.04), elsewhere(large, ms=11.0))
     assert shown(made) == {"a": ["5.00 ms a at 512", "10.0 ms a at 1024", "– at best in 0 of 2 scenes"]}
     assert verdict(made)[0] == "99% of the shadow right in all 2 scenes: `a at 1024` is the cheapest, 10.0 ms a frame."
-    (small_one,) = [one for one in candidates(made) if one.whole.map_size == 512]
-    assert small_one.worst.startswith("terrace")
+    (small_one,) = [one for one in candidates(made) if one.mean.map_size == 512]
+    assert small_one.worst_scene.startswith("terrace")
 
 
 def test_what_a_scene_refuses_is_an_answer_only_where_nothing_answers_all(measured: Make) -> None:
@@ -110,7 +119,7 @@ def test_what_a_scene_refuses_is_an_answer_only_where_nothing_answers_all(measur
     assert verdict(made) == [
         "99% of the shadow right in all 2 scenes: `b at 512` is the cheapest, 50.0 ms a frame.",
         "Nothing gets 99.9% right.",
-        "`a at 512` does for 5.00 ms in the 1 of 2 scenes that it supports.",
+        "`a at 512` suffices for 5.00 ms in the 1 of 2 scenes that it supports.",
     ]
 
 
@@ -137,7 +146,7 @@ def test_what_was_timed_in_some_scenes_alone_has_no_cost_and_stands_behind(measu
 def test_the_section_of_all_scenes_holds_means_of_what_answers_everywhere(measured: Make) -> None:
     one, other = Cell("a", 512, 0.004, 5.0), Cell("b", 512, 0.002, 9.0)
     made = measured(one, other, elsewhere(one, error=0.008, ms=7.0))
-    section = over_all(made)
+    section = mean_section(made)
     (mean,) = section.configurations
     assert mean.label == "a at 512" and mean.value("frame_ms") == 6.0
     assert mean.error is not None and mean.error.median == pytest.approx(0.006)
@@ -187,9 +196,10 @@ def test_rough_times_and_software_are_said(measured: Make) -> None:
     made = measured(Cell("a", 512, 0.004, 5.0, ratio_iqr=0.4))
     assert "~5.00 ms a frame" in verdict(made)[0]
     assert cost_note(made) == (
-        "Cost: frame time of shadows. Times of a software renderer: for trends only, no GPU's. ~ marks a rough time."
+        "Cost: frame time of shadows. Times of a software renderer: for trends only, not representative of a GPU. "
+        "~ marks a rough time."
     )
-    assert "no GPU's" not in cost_note(measured(Cell("a", 512, 0.004, 5.0), name="gpu", software=False))
+    assert "representative" not in cost_note(measured(Cell("a", 512, 0.004, 5.0), name="gpu", software=False))
 
 
 def test_the_times_of_two_machines_share_no_matrix(run_folder: Callable[..., Path]) -> None:
@@ -199,7 +209,7 @@ def test_the_times_of_two_machines_share_no_matrix(run_folder: Callable[..., Pat
     costs = [
         cells[1]["cost"]
         for index, run in enumerate(runs)
-        for part in parts_of(run, index, every)
-        for _, cells in part.matrix
+        for panel in panels_of(run, index, every)
+        for _, cells in panel.matrix
     ]
     assert costs == ["50.0 ms", "5.00 ms"]

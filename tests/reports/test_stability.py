@@ -17,8 +17,8 @@ from shadowbench.extremes.axes.model import NAMES
 from shadowbench.extremes.ranges import TOLERANCES, value_text
 from shadowbench.reports import gallery
 from shadowbench.reports.along_axes import LIMITS, axis_chart, axis_figure, metrics_along
-from shadowbench.reports.gallery import Shot, side
-from shadowbench.reports.heat_map import NOTHING, heat_map, is_dark, shade
+from shadowbench.reports.gallery import GalleryCell, size_limit
+from shadowbench.reports.heat_map import UNSUPPORTED_COLOR, heat_map, is_dark, share_color
 from shadowbench.reports.stability import Stability
 from shadowbench.reports.styles import styles_of
 from shadowbench.reports.words import range_text, stability_headline
@@ -46,19 +46,19 @@ def points(chart: Chart, spec: str) -> dict[str, Chart]:
 def test_a_point_that_was_measured_again_counts_once_as_it_was_last(stability_of: Make) -> None:
     found = stability_of([*POINTS, Point("shadow-map", "elevation", 0.2, version=1)])
     assert found.sweep.older == 1
-    assert found.at["shadow-map", "elevation", "directional"].share == 1
+    assert found.range_at["shadow-map", "elevation", "directional"].share == 1
 
 
 def test_a_range_that_was_stopped_before_home_is_left_out_and_said(stability_of: Make) -> None:
     found = stability_of([*swept("shadow-map", "elevation"), *swept("shadow-map", "gap")[:1]])
     assert [axis.name for axis in found.axes] == ["elevation"]
-    assert stability_headline(found)[-1] == "Left out as unfinished: 1, the first `shadow-map` along gap."
+    assert stability_headline(found)[-1] == "Left out as unfinished: 1 sweep, the first of `shadow-map` along gap."
 
 
 def test_what_this_version_does_not_sweep_is_left_out_and_said(stability_of: Make) -> None:
     found = stability_of([*swept("a", "elevation"), Point("a", "weather", 3.0), Point("a", "elevation", 12.5)])
     assert [one.share for one in found.ranges] == [1]
-    assert stability_headline(found)[-1] == "Left out as not of this version's axes: 2 cells."
+    assert stability_headline(found)[-1] == "Left out because this version has no such axis or value: 2 cells."
 
 
 # The heat map
@@ -114,13 +114,13 @@ def luminance(color: str) -> float:
 
 
 def test_colours_differ_in_grey_and_carry_their_text() -> None:
-    lights = [luminance(shade(share)) for share in np.linspace(0, 1, 21)]
+    lights = [luminance(share_color(share)) for share in np.linspace(0, 1, 21)]
     assert (np.diff(lights) > 0.01).all()
     for share in np.linspace(0, 1, 201):
-        ground, ink = luminance(shade(share)), 1.0 if is_dark(share) else 0.0
+        ground, ink = luminance(share_color(share)), 1.0 if is_dark(share) else 0.0
         bright, dim = max(ground, ink), min(ground, ink)
         assert (bright + 0.05) / (dim + 0.05) >= 4.5, share  # level AA
-    assert NOTHING not in {shade(share) for share in np.linspace(0, 1, 1001)}
+    assert UNSUPPORTED_COLOR not in {share_color(share) for share in np.linspace(0, 1, 1001)}
 
 
 # Lines
@@ -154,7 +154,7 @@ def test_a_point_tells_value_scores_and_failure(stability_of: Make) -> None:
     found = points(axis_of(stability_of([one for one in POINTS if one.light != "spot"]), "elevation"), "shadow-map")
     assert found["0.2°"]["scores"] == "1 − IoU 0.200, acne 0.250, leak 0"
     assert found["0.2°"]["verdict"] == "out of tolerance: acne 25.00%" and found["0.2°"]["broken"]
-    assert found["50°"]["verdict"] == "holds" and not found["50°"]["broken"]
+    assert found["50°"]["verdict"] == "in tolerance" and not found["50°"]["broken"]
 
 
 def test_what_was_not_measured_is_no_point(stability_of: Make) -> None:
@@ -185,7 +185,7 @@ def test_a_paper_has_every_metric_of_an_axis(stability_of: Make) -> None:
 
 def test_every_break_that_drew_has_its_pictures(sweep_folder: Write, page_of: Callable[..., str]) -> None:
     (shown,) = galleries(page_of(sweep_folder(pictures=True)))
-    places = {(one["spec"], one["place"]) for one in shown["cells"]}
+    places = {(one["spec"], one["view"]) for one in shown["cells"]}
     assert places == {
         ("shadow-map", "elevation 0.2°, sun"),
         ("shadow-map", "map-size 16 texels, sun"),
@@ -194,8 +194,8 @@ def test_every_break_that_drew_has_its_pictures(sweep_folder: Write, page_of: Ca
     }
     for one in shown["cells"]:
         assert one["mask"].startswith("data:image/webp;base64,")
-        assert all(image.startswith("data:image/webp;base64,") for image in shown["places"][one["place"]].values())
-    assert "acne 25.00%: IoU 0.80000" in {one["said"] for one in shown["cells"]}
+        assert all(image.startswith("data:image/webp;base64,") for image in shown["views"][one["view"]].values())
+    assert "acne 25.00%: IoU 0.80000" in {one["caption"] for one in shown["cells"]}
 
 
 def test_a_break_is_shown_with_its_own_mask_in_its_own_scene(sweep_folder: Write, page_of: Callable[..., str]) -> None:
@@ -205,13 +205,13 @@ def test_a_break_is_shown_with_its_own_mask_in_its_own_scene(sweep_folder: Write
         (one.spec, f"{one.axis} {value_text(AXES[one.axis], one.value)}, {NAMES[one.light]}"): one.key for one in POINTS
     }
     for one in shown["cells"]:
-        key = keys[one["spec"], one["place"]]
+        key = keys[one["spec"], one["view"]]
         mask = read_mask(folder / "masks" / f"{key}.png")
         assert np.abs(pixels(one["mask"])[..., 0] - 255 * mask).max() <= 1
         (row,) = [point.record() for point in POINTS if point.key == key]
         stem = ".".join(str(row[name]) for name in ("scene", "view", "light", "view_size"))
         for kind in ("lit", "ambient"):
-            shading = pixels(shown["places"][one["place"]][kind])
+            shading = pixels(shown["views"][one["view"]][kind])
             assert np.abs(shading - color_of(f"{stem}.{kind}.png")).mean() < 6, "lossy"
 
 
@@ -219,13 +219,11 @@ def test_the_floor_is_no_subject(stability_of: Make, sweep_folder: Write, page_o
     floor = [replace(one, iou=0.0, leak=1.0) for one in swept("unshadowed", "elevation")]
     found = stability_of([*POINTS, *floor])
     assert found.ranges and found.ranges == stability_of(name="without").ranges
-    assert stability_headline(found)[-1] == (
-        "Left out as the floor that every score is read against: 21 cells unshadowed."
-    )
+    assert stability_headline(found)[-1] == "Left out because `unshadowed` is out of tolerance by design: 21 cells."
     page = page_of(sweep_folder([*POINTS, *floor], name="page", pictures=True))
     (shown,) = galleries(page)
     assert "unshadowed" not in {one["spec"] for one in shown["cells"]}
-    assert stability_headline(stability_of(floor, name="alone"))[0] == "Nothing here has a range."
+    assert stability_headline(stability_of(floor, name="alone"))[0] == "No spec has an operating range."
 
 
 def pixels(uri: str) -> np.ndarray:
@@ -239,11 +237,11 @@ def test_a_break_without_a_picture_is_named(sweep_folder: Write, page_of: Callab
 
 
 def test_small_pictures_keep_their_size_where_large_ones_must_shrink(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(gallery, "PIXELS", 100**2 + 2 * 300**2)
-    monkeypatch.setattr(gallery, "_SMALLEST", 8)
-    shots = [Shot({"view_size": size}, "", None, "", "") for size in (100, 512, 1024)]
-    assert side(shots) == 300
-    assert side(shots[:1]) > 100
+    monkeypatch.setattr(gallery, "MAX_PIXELS", 100**2 + 2 * 300**2)
+    monkeypatch.setattr(gallery, "_MIN_SIZE", 8)
+    cells = [GalleryCell({"view_size": size}, "", None, "", "") for size in (100, 512, 1024)]
+    assert size_limit(cells) == 300
+    assert size_limit(cells[:1]) > 100
 
 
 # Formats
@@ -266,12 +264,12 @@ def test_the_table_of_a_page_has_every_range_in_the_heat_map_s_colours(
     found = stability_of()
     assert sorted(told) == sorted(range_text(one) for one in found.ranges)
     assert "<b>map size</b> (texels)" in table and AXES["map-size"].invariant in table
-    assert table.count(f"background: {NOTHING}") == 1 and f"background: {shade(1)}" in table
+    assert table.count(f"background: {UNSUPPORTED_COLOR}") == 1 and f"background: {share_color(1)}" in table
 
 
 def test_runs_and_sweeps_share_a_page(run_folder: Write, sweep_folder: Write, page_of: Callable[..., str]) -> None:
     page = page_of(run_folder(pictures=True), sweep_folder(pictures=True))
-    assert "what accuracy costs, and where each breaks</h1>" in page
+    assert "the cost of accuracy, and where each breaks</h1>" in page
     assert len(galleries(page)) == 2 and "Pareto front" in page and 'id="stability"' in page
     ids = re.findall(r' id="([^"]+)"', re.sub(r"<script>.*?</script>", "", page, flags=re.DOTALL))
     assert len(set(ids)) == len(ids)
@@ -279,7 +277,7 @@ def test_runs_and_sweeps_share_a_page(run_folder: Write, sweep_folder: Write, pa
 
 def test_two_sweeps_have_a_part_each(sweep_folder: Write, page_of: Callable[..., str]) -> None:
     page = page_of(sweep_folder(name="one"), sweep_folder(name="two"))
-    assert page.count('<h3 class="machine">') == 2 and "No pictures: one holds neither" in page
+    assert page.count('<h3 class="machine">') == 2 and "No pictures: one has neither" in page
 
 
 def test_markdown_has_a_table_for_each_spec(sweep_folder: Write, shadowbench: Shadowbench, tmp_path: Path) -> None:

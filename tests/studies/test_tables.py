@@ -185,5 +185,5 @@ def test_the_mean_over_scenes_has_the_fewest_phases_of_them() -> None:
 @pytest.mark.parametrize(("iqr", "rough"), [(None, False), (0.99, False), (1.0, False), (1.01, True)])
 def test_a_time_whose_middle_half_spans_more_than_a_third_of_it_is_rough(iqr: float | None, rough: bool) -> None:
     values = {"frame_ms": Interval(3.0), "frame_iqr_ms": None if iqr is None else Interval(iqr)}
-    assert SummaryRow("a", 512, 1, (), values, 1).wide is rough
-    assert not SummaryRow("a", 512, 1, (), {"frame_iqr_ms": Interval(9.0)}, 1).wide
+    assert SummaryRow("a", 512, 1, (), values, 1).rough is rough
+    assert not SummaryRow("a", 512, 1, (), {"frame_iqr_ms": Interval(9.0)}, 1).rough

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from shadowbench.measure.rows import Result
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.tables import cells_frame, reference_times, summary
-from shadowbench.studies.times import DRIFT, WIDE, ReferenceTime, normalise_times, pareto_front, time_notes
+from shadowbench.studies.times import DRIFT, ROUGH, ReferenceTime, normalise_times, pareto_front, time_notes
 
 
 def timed(
@@ -122,10 +122,10 @@ def test_a_reference_that_costs_more_in_another_view_or_light_says_nothing_of_th
     assert (reference.shortest_ms, reference.longest_ms) == (30, 40), "of the view whose blocks differ"
 
 
-@pytest.mark.parametrize(("spread", "wide"), [(0.99 * WIDE, False), (1.01 * WIDE, True)])
+@pytest.mark.parametrize(("spread", "wide"), [(0.99 * ROUGH, False), (1.01 * ROUGH, True)])
 def test_a_time_whose_own_rounds_spread_is_marked(spread: float, wide: bool) -> None:
     (row,) = summary(cells_frame([timed("a", 30.0, iqr=3 * spread)]))["cube"]
-    assert row.wide is wide
+    assert row.rough is wide
 
 
 def test_notes_name_the_reference_and_the_mark() -> None:

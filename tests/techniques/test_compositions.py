@@ -13,7 +13,7 @@ import pytest
 from shadowbench.data import data_folder
 from shadowbench.errors import InputError
 from shadowbench.scenes.model import Light, view_of
-from shadowbench.techniques.params import Row
+from shadowbench.techniques.params import Component
 from shadowbench.techniques.registry import own_techniques, techniques
 from shadowbench.techniques.spec import parse_spec
 
@@ -31,7 +31,7 @@ def values(name: str, annotation: Any) -> list[str]:
         return ["false", "true"]
     if get_origin(annotation) is Literal:
         return list(get_args(annotation))
-    if isinstance(annotation, type) and issubclass(annotation, Row):
+    if isinstance(annotation, type) and issubclass(annotation, Component):
         return [row for row in annotation.table if row != "+"] + MORE.get(name, [])
     return []
 

@@ -13,7 +13,7 @@ from shadowbench.techniques.biases import BeforeDivide, Bias, Constant, PolygonO
 from shadowbench.techniques.filters import PCF, PCF20, Dither4, Filter, Hard, Hardware
 from shadowbench.techniques.fits import Fit, FixedFit, SceneFit
 from shadowbench.techniques.grammar import parse_value
-from shadowbench.techniques.params import Row
+from shadowbench.techniques.params import Component
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import Spec, format_value, parse_spec
 
@@ -22,7 +22,7 @@ ALL = techniques()
 
 def values_of(field: Any) -> st.SearchStrategy[Any]:
     """Values that a field of a parameter model allows."""
-    if isinstance(field.default, Row):
+    if isinstance(field.default, Component):
         single = st.one_of([rows(row) for row in field.default.family().table.values()])
         return st.one_of(single, sums(single)) if isinstance(field.default, Bias) else single
     if get_origin(field.annotation) is Literal:
@@ -41,7 +41,7 @@ def values_of(field: Any) -> st.SearchStrategy[Any]:
     )
 
 
-def rows(row: type[Row]) -> st.SearchStrategy[Row]:
+def rows(row: type[Component]) -> st.SearchStrategy[Component]:
     return st.builds(row, **{key: values_of(field) for key, field in row.model_fields.items()})
 
 
@@ -80,7 +80,7 @@ def test_what_is_written_is_what_is_read(name: str, data: st.DataObject) -> None
 
 @pytest.mark.parametrize("family", [Bias, Filter, Fit])
 @given(data=st.data())
-def test_every_row_is_read_as_it_is_written(family: type[Row], data: st.DataObject) -> None:
+def test_every_row_is_read_as_it_is_written(family: type[Component], data: st.DataObject) -> None:
     row = data.draw(st.one_of([rows(one) for one in family.table.values()]))
     assert family.from_value(format_value(row)) == family.from_value(format_value(row, full=True)) == row
 
