@@ -22,7 +22,7 @@ def test_importing_the_package_imports_no_other() -> None:
     assert imported_by("import shadowbench") == {"shadowbench"}
 
 
-def test_help_imports_what_reads_the_command_line_alone() -> None:
+def test_help_imports_only_the_command_line_parser() -> None:
     found = imported_by("from shadowbench.commands import main; main()", "--help")
     assert {"shadowbench", "typer"} <= found <= {"shadowbench"} | OF_THE_COMMAND_LINE
 

@@ -25,7 +25,7 @@ def parse(line: str) -> None:
         command.make_context(name, words, parent=context).close()
 
 
-def test_the_suite_s_workflow_runs_what_ci_runs() -> None:
+def test_the_workflow_runs_the_same_commands_as_ci() -> None:
     (job,) = yaml.safe_load(SUITE.read_text(encoding="utf-8"))["jobs"].values()
     assert "bash .ci/run" in [step.get("run") for step in job["steps"]]
     assert (ROOT / ".ci" / "run").is_file()
@@ -42,7 +42,7 @@ def test_the_engines_workflow_has_commands_that_shadowbench_takes() -> None:
 
 
 @pytest.mark.parametrize("file", FORMS, ids=lambda file: file.stem)
-def test_an_issue_form_asks_for_something(file: Path) -> None:
+def test_issue_forms_have_required_fields(file: Path) -> None:
     form = yaml.safe_load(file.read_text(encoding="utf-8"))
     assert form["name"] and form["description"]
     assert all(field["attributes"]["label"] for field in form["body"] if field["type"] != "markdown")

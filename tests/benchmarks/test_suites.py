@@ -54,7 +54,7 @@ def test_every_technique_is_timed_at_every_map_size() -> None:
 
 
 @pytest.mark.slow
-def test_a_selection_carries_its_scores_and_two_saved_runs_can_be_compared(tmp_path: Path) -> None:
+def test_a_benchmark_selection_saves_its_scores_and_two_runs_can_be_compared(tmp_path: Path) -> None:
     suite, storage = "benchmarks/test_techniques.py", f"--benchmark-storage={tmp_path / 'saved'}"
     chosen = "cube-on-plane and (unshadowed or (shadow-map and (512 or 1024)))"
     for number in range(2):
@@ -79,7 +79,7 @@ def test_a_selection_carries_its_scores_and_two_saved_runs_can_be_compared(tmp_p
 
 
 @pytest.mark.slow
-def test_growth_is_fitted_printed_and_saved(tmp_path: Path) -> None:
+def test_the_exponent_of_growth_is_fitted_printed_and_saved(tmp_path: Path) -> None:
     file = tmp_path / "growth.json"
     chosen = "(test_triangles and unshadowed and (1280 or 20480)) or (test_a_cell and (512 or 1024))"
     printed = bench("benchmarks", "-k", chosen, f"--benchmark-json={file}")
@@ -98,7 +98,7 @@ def test_growth_is_fitted_printed_and_saved(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_what_is_unsupported_is_skipped_with_the_reason() -> None:
+def test_unsupported_cells_are_skipped_with_the_reason() -> None:
     printed = bench("benchmarks/test_techniques.py", "-rs", "-k", "cube-on-plane and cube-map-512")
     assert "a directional light has no position to look around from" in printed
     assert "1 skipped" in printed

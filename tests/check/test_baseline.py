@@ -100,7 +100,7 @@ def test_a_metric_that_some_rows_of_the_baseline_lack_is_compared_in_the_others(
     assert (change.what, change.score["map_size"]) == ("contact", 64)
 
 
-def test_a_side_without_any_metric_is_no_other_version() -> None:
+def test_a_row_without_metrics_is_not_of_another_version() -> None:
     findings = compare([cell(metrics={})], [cell()])
     assert {change.what for change in findings.changes} == set(METRICS) and not findings.notes
 
@@ -123,7 +123,7 @@ def test_the_order_of_parameters_is_no_part_of_a_cells_identity() -> None:
     assert compare([cell(full_spec="shadow-map:size=2,bias=slope(max=1,min=0)")], [then]).compared == 0
 
 
-def test_a_cell_that_no_longer_holds_has_regressed() -> None:
+def test_a_cell_that_is_no_longer_ok_has_regressed() -> None:
     failed, declined = cell("failed: crashed"), cell("unsupported: no light")
     for bad in (failed, declined):
         assert verdicts([bad], [cell()]) == {"status": "regressed"}

@@ -161,7 +161,7 @@ def test_a_folder_that_was_timed_again_is_compared_with_itself(tmp_path: Path, s
         assert (ranking["cells"], ranking["sharp"], ranking["tau"]) == (4, 6, tau)
 
 
-def test_what_cannot_be_compared_is_one_line(tmp_path: Path, shadowbench: Callable[..., Any]) -> None:
+def test_runs_that_cannot_be_compared_are_one_line(tmp_path: Path, shadowbench: Callable[..., Any]) -> None:
     run = ["run", "cube-on-plane", "-t", "unshadowed", "--view-size", "16", "--rounds", "0", "-q", "-o"]
     assert shadowbench(*run, tmp_path / "a").code == shadowbench(*run, tmp_path / "b").code == 0
     for arguments, expected in (

@@ -125,7 +125,7 @@ def test_a_narrow_table_cuts_no_number(
     assert [line for line in narrow.splitlines() if line.startswith("shadow-map")], "the column of specs"
 
 
-def test_specs_without_map_sizes_mean_what_they_say(shadowbench: Shadowbench, tmp_path: Path) -> None:
+def test_specs_without_map_sizes_use_their_defaults(shadowbench: Shadowbench, tmp_path: Path) -> None:
     answer = shadowbench(*CUBE, "-t", "shadow-map", "--json", "-o", tmp_path)
     sizes = {row["map_size"] for row in json.loads(answer.out)["cube-on-plane"]}
     assert sizes == {None, 64, 1024}
@@ -172,7 +172,7 @@ def test_a_quiet_doctor_says_what_is_there_and_no_more(shadowbench: Shadowbench)
     assert less == said[:-1]
 
 
-def test_a_cache_that_cannot_be_is_one_note(
+def test_a_cache_that_cannot_be_created_is_one_note(
     shadowbench: Shadowbench, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     (tmp_path / "file").touch()
@@ -281,7 +281,7 @@ def test_cells_that_fail_are_exit_3_and_named(shadowbench: Shadowbench, wild: Pa
     assert "while timed: ZeroDivisionError" in late.out
 
 
-def test_what_a_plug_in_prints_stays_off_stdout(shadowbench: Shadowbench, wild: Path, tmp_path: Path) -> None:
+def test_plug_in_output_does_not_go_to_stdout(shadowbench: Shadowbench, wild: Path, tmp_path: Path) -> None:
     loud = tmp_path / "loud.py"
     loud.write_text("print('loading')\n" + wild.read_text())
     answer = shadowbench(*CUBE, "-t", "does:what=print", "--plugin", loud, "--json", "-o", tmp_path / "out")
@@ -494,7 +494,7 @@ def test_help_groups_every_command_and_cuts_no_summary(
     assert "..." not in "".join(panels.values())
 
 
-def test_listed_axes_are_those_of_the_sweep(shadowbench: Shadowbench) -> None:
+def test_listed_axes_are_those_that_stress_sweeps(shadowbench: Shadowbench) -> None:
     listed = {row["name"]: row for row in json.loads(shadowbench("list", "axes", "--json").out)}
     assert list(listed) == list(AXES)
     for name, row in listed.items():

@@ -330,7 +330,9 @@ def test_tune_takes_an_up_axis_too(shadowbench: Callable[..., Any], tmp_path: Pa
     assert "--up z: cube-on-plane says what is up" in answer.err
 
 
-def test_rows_of_somebody_else_are_left_alone(shadowbench: Callable[..., Any], tmp_path: Path) -> None:
+def test_a_rows_file_of_another_program_is_an_error_and_is_kept(
+    shadowbench: Callable[..., Any], tmp_path: Path
+) -> None:
     (tmp_path / "rows.jsonl").write_text("mine")
     answer = shadowbench("run", "cube-on-plane", "-t", "unshadowed", "--view-size", "16", "-o", tmp_path)
     assert answer.code == 2
@@ -368,11 +370,13 @@ def test_an_internal_error_is_exit_3(shadowbench: Callable[..., Any], monkeypatc
 
 
 @pytest.mark.parametrize("option", ["-q", "--quiet", "--json", "--map-size"])
-def test_an_option_before_the_command_is_told_where_it_goes(shadowbench: Callable[..., Any], option: str) -> None:
+def test_an_option_before_the_command_is_an_error_with_the_right_place(
+    shadowbench: Callable[..., Any], option: str
+) -> None:
     answer = shadowbench(option, "run", "cube-on-plane")
     assert (answer.code, answer.out) == (2, "")
     assert answer.err == f"shadowbench: {option} goes after the command: shadowbench COMMAND … {option}\n"
 
 
-def test_an_option_that_no_command_has_is_told_nothing_of_the_kind(shadowbench: Callable[..., Any]) -> None:
+def test_an_unknown_option_has_no_such_hint(shadowbench: Callable[..., Any]) -> None:
     assert "after the command" not in shadowbench("--no-such", "run").err

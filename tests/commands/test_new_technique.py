@@ -12,7 +12,7 @@ Shadowbench = Callable[..., Any]
 
 @pytest.mark.parametrize("name", ["my-shadows", "CLASS_name", "x"])
 @pytest.mark.parametrize("scene", ["cube-on-plane", "spot-lamp"])
-def test_what_it_writes_runs_as_it_is(shadowbench: Shadowbench, tmp_path: Path, name: str, scene: str) -> None:
+def test_a_new_technique_runs_unmodified(shadowbench: Shadowbench, tmp_path: Path, name: str, scene: str) -> None:
     answer = shadowbench("new-technique", name, "-o", tmp_path)
     file = tmp_path / f"{name}.py"
     assert answer.code == 0 and f"-t {name} -t shadow-map --plugin {file}" in answer.out

@@ -77,7 +77,7 @@ def test_a_hard_mask_is_measured_too(name: str, drawn: Callable, comparison: Cal
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_what_lies_where_it_should_is_not_shifted(name: str, drawn: Callable, comparison: Callable) -> None:
+def test_an_aligned_mask_has_no_shift(name: str, drawn: Callable, comparison: Callable) -> None:
     exact = drawn(name)
     for mask in (exact, blurred(exact, 2), with_acne(exact, 0.1), np.ones_like(exact), drawn(name, hard=True)):
         assert estimate_shift(comparison(mask, name)) is None

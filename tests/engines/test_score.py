@@ -52,7 +52,7 @@ def test_every_metric_is_printed_and_is_that_of_a_run(shadowbench: Callable, mas
         (lambda mask: mask[:, :200], "found 200 × 256 pixels; allowed: a square"),
     ],
 )
-def test_what_is_turned_inverted_or_not_square_is_refused(
+def test_rotated_inverted_or_non_square_masks_are_refused(
     shadowbench: Callable, drawn: Callable, tmp_path: Path, turn: Callable, fault: str
 ) -> None:
     write_mask(tmp_path / "bad.png", turn(drawn(SCENE)))

@@ -78,7 +78,7 @@ def planted() -> list[Change]:
 FAULTS, HARMLESS = planted(), changes("harmless.toml")
 
 
-def test_there_are_enough_of_them() -> None:
+def test_there_are_enough_faults() -> None:
     names = [change.name for change in FAULTS + HARMLESS]
     assert len(FAULTS) >= 20 and len(HARMLESS) >= 10 and len(set(names)) == len(names)
     assert {change.technique for change in FAULTS} == {one.name for one in own_techniques()}
@@ -88,7 +88,7 @@ EDITS = [*(edit for change in FAULTS + HARMLESS for edit in change.edits), MOVED
 
 
 @pytest.mark.parametrize("edit", EDITS, ids=lambda edit: edit[0])
-def test_what_a_change_replaces_is_there_exactly_once(edit: Edit) -> None:
+def test_the_text_that_a_fault_replaces_occurs_exactly_once(edit: Edit) -> None:
     file, before, after = edit
     assert (ROOT / file).read_text(encoding="utf-8").count(before) == 1, f"{file}: {before!r}"
     assert before != after

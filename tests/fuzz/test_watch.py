@@ -104,7 +104,7 @@ def test_a_command_that_misbehaves_is_a_failure(
     assert line in found.line
 
 
-def test_a_command_that_behaves_is_none() -> None:
+def test_a_correct_command_is_no_finding() -> None:
     for said in (["shadowbench: y"], ["note: x", "note: z", "shadowbench: y"]):
         assert command.answer(2, said, 0, 1.0, {"out": 0}, {"out": 0}) == ("refusal", "shadowbench: y", True)
     assert command.answer(0, ["note: x"], 0, 1.0, {"out": 0}, {"out": 1, "out/a.npz": 1}).kind == "result"

@@ -96,7 +96,7 @@ def test_a_ridge_is_two_planes_unless_it_is_within_the_tolerance(bend, planes) -
     assert sum(plane.share for plane in found) == pytest.approx(1.0)
 
 
-def test_bent_surfaces_are_none() -> None:
+def test_curved_surfaces_are_no_planes() -> None:
     assert planes_of(*load_scene("terrain").meshes, least=0.001) == ()
     assert planes_of(grid(64, lambda x, z: 0.002 * x * x), least=0.04) == ()
 
@@ -181,7 +181,7 @@ SMALL = {
 
 @pytest.mark.parametrize("tolerance", [5e-7, 1e-5])
 @pytest.mark.parametrize("small", SMALL)
-def test_what_lies_close_to_a_plane_does_not_lose_it(small, tolerance, shape) -> None:
+def test_nearby_triangles_do_not_hide_a_plane(small, tolerance, shape) -> None:
     size, kind, scale, place = SMALL[small]
     fine = {"subdivisions": 6} if small == "fine ball" else {}
     meshes = shape("plane", size), shape("box", 1.0, (-1.0, 0.5, 0.0)), shape(kind, scale, place, **fine)
@@ -190,7 +190,7 @@ def test_what_lies_close_to_a_plane_does_not_lose_it(small, tolerance, shape) ->
     assert ground.thickness <= tolerance * np.linalg.norm([size, 1.0, size]) * 1.01
 
 
-def test_of_two_sheets_that_are_almost_one_each_is_found(shape) -> None:
+def test_two_nearly_coincident_sheets_are_both_found(shape) -> None:
     for gap in (3.0, 8.0):
         sheets = [shape("plane", 8.0), shape("plane", 8.0, (0.0, gap * 1e-5 * 8 * 2**0.5, 0.0))]
         found = planes_of(*sheets, tolerance=1e-5)

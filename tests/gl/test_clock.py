@@ -30,7 +30,7 @@ def busy(device: Device, program):
     device.free((vertices, target))
 
 
-def test_a_frame_takes_time_and_passes_too(device: Device, busy) -> None:
+def test_frames_and_passes_have_times_above_zero(device: Device, busy) -> None:
     clock = Clock(device)
 
     def frame() -> None:

@@ -238,7 +238,7 @@ def test_a_planted_fault_changes_the_keys_of_its_technique(edit: Callable[..., N
 
 
 @pytest.mark.parametrize("room", ["reports", "commands", "advice", "check", "extremes", "engines", "survey"])
-def test_no_edit_above_what_measures_changes_a_key(edit: Callable[..., None], room: str) -> None:
+def test_edits_to_reports_and_commands_change_no_key(edit: Callable[..., None], room: str) -> None:
     before = {name: key(name) for name in KNOWN}
     files = sorted((ROOT / "shadowbench" / room).rglob("*.py"))
     assert files
@@ -303,7 +303,7 @@ def test_the_whole_package_of_a_plug_in_is_in_its_key(half: Path, tmp_path: Path
     assert len(set(found)) == 4
 
 
-def test_what_the_package_of_a_plug_in_imports_of_ours_is_in_its_key(
+def test_modules_that_a_plug_in_package_imports_from_shadowbench_are_in_its_key(
     half: Path, tmp_path: Path, edit: Callable[..., None], plugged: Callable[..., str]
 ) -> None:
     package = tmp_path / "package"

@@ -52,7 +52,7 @@ def test_a_reason_without_end_is_cut(worker: Worker) -> None:
     assert line.startswith("reasons reasons ") and line.endswith("…") and len(line) == LONGEST_QUOTE
 
 
-def test_what_is_printed_is_passed_on_to_stderr_and_cut(worker: Worker, capfd: pytest.CaptureFixture[str]) -> None:
+def test_worker_output_goes_to_stderr_truncated(worker: Worker, capfd: pytest.CaptureFixture[str]) -> None:
     draw(worker, "what=print-much")
     draw(worker, "what=print")
     worker.stop()
@@ -64,16 +64,14 @@ def test_what_is_printed_is_passed_on_to_stderr_and_cut(worker: Worker, capfd: p
     assert plugin_output.MAX_CHARACTERS <= len(err) <= plugin_output.MAX_CHARACTERS + 100
 
 
-def test_what_is_printed_before_a_crash_is_read(worker: Worker, capfd: pytest.CaptureFixture[str]) -> None:
+def test_output_before_a_crash_is_read(worker: Worker, capfd: pytest.CaptureFixture[str]) -> None:
     draw(worker, "what=print")
     with pytest.raises(CellFailed, match="SIGABRT"):
         draw(worker, "what=abort")
     assert "loud\nlouder\n" in capfd.readouterr().err
 
 
-def test_what_a_plugin_prints_while_it_is_loaded_is_cut(
-    shadowbench: Callable[..., Any], tmp_path: Path, half: Path
-) -> None:
+def test_plug_in_output_while_loading_is_truncated(shadowbench: Callable[..., Any], tmp_path: Path, half: Path) -> None:
     file = tmp_path / "loud.py"
     file.write_text("import sys\nprint('x' * 50_000_000)\nsys.stderr.write('y' * 50_000_000)\n" + half.read_text())
     answer = shadowbench("list", "techniques", "--plugin", file)

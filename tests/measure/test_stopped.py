@@ -72,7 +72,7 @@ def assert_gone(family: list[psutil.Process]) -> None:
         [(0, GATE, 0), (3, GATE, 3), (1, LATE_GATE, 4)],
     ),
 )
-def test_a_killed_run_goes_on_as_if_nothing_had_been(
+def test_a_killed_run_resumes_with_the_same_results(
     start: Any,
     arguments: Any,
     undisturbed: Any,

@@ -85,7 +85,7 @@ def test_a_machine_s_key_has_its_renderer_and_its_clock(bench: Any) -> None:
     assert len({machine_key(other) for other in others}) == 3
 
 
-def test_what_lacks_a_ratio_is_timed_again_when_the_reference_answers(
+def test_cells_without_a_ratio_are_timed_again_once_the_reference_succeeds(
     added: Added, bench: Any, wild: Path, tmp_path: Path, records: Records
 ) -> None:
     text = HALVES.replace("REFERENCE", "does:what=lack")

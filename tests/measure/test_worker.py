@@ -93,7 +93,7 @@ class Wire:
         return self.sent.pop(0)
 
 
-def test_a_scene_crosses_once_until_another_does() -> None:
+def test_a_scene_is_sent_once_until_another_is_sent() -> None:
     wire: Any = Wire()
     here, there = Pipe(wire), Pipe(wire)
     first, second = (chosen_view(name, 16) for name in ("cube-on-plane", "stairs"))
@@ -108,7 +108,7 @@ def test_a_scene_crosses_once_until_another_does() -> None:
         assert np.array_equal(scene.geometry.vertices, view.scene.geometry.vertices)
 
 
-def test_a_worker_that_was_replaced_is_told_of_the_scene_again(wild: Path) -> None:
+def test_a_replaced_worker_is_sent_the_scene_again(wild: Path) -> None:
     at = PlacedView(chosen_view("cube-on-plane", 16))
     with Worker([wild]) as worker:
         before = worker.call(Session.draw, at, CellRequest("shadow-map:size=16"))
@@ -118,7 +118,7 @@ def test_a_worker_that_was_replaced_is_told_of_the_scene_again(wild: Path) -> No
     assert np.array_equal(before.visibility, after.visibility)
 
 
-def test_a_view_is_opened_when_it_is_asked_about() -> None:
+def test_a_view_is_opened_on_first_use() -> None:
     """In any order, and again after another: nobody opens it first."""
     views = [PlacedView(chosen_view(name, 16)) for name in ("cube-on-plane", "stairs")]
     views.append(PlacedView(chosen_view("stairs", 16), "absolute"))

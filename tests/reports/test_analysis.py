@@ -47,7 +47,7 @@ def test_no_error_is_drawn_below_every_error_there_can_be(section_of: Callable[.
     assert 0 < section_of().half_pixel < 1 / RECEIVERS
 
 
-def test_what_has_no_number_is_named_and_is_nowhere_else(section_of: Callable[..., Section]) -> None:
+def test_configurations_without_a_score_are_listed_separately(section_of: Callable[..., Section]) -> None:
     section = section_of((*CELLS, Cell("void", 512, None, 3.0)))
     assert sorted(unscored(section)) == [
         ("cube-map at 512", "failed: the worker died"),
@@ -57,7 +57,7 @@ def test_what_has_no_number_is_named_and_is_nowhere_else(section_of: Callable[..
     assert {one.technique for one in section.scored} == {"unshadowed", "shadow-map", "ray-traced"}
 
 
-def test_what_a_mask_from_elsewhere_seemed_to_be_is_told(run_folder: Callable[..., Path]) -> None:
+def test_warnings_about_external_masks_are_reported(run_folder: Callable[..., Path]) -> None:
     folder = run_folder()
     rows = [json.loads(line) for line in (folder / "rows.jsonl").read_text().splitlines()]
     rows[0]["input"] = {"warnings": ["seems shifted by 1 px up; scored as it is"]}
@@ -121,7 +121,7 @@ def test_every_time_of_a_cell_that_varied_is_marked_and_no_metric(section_of: Ca
     assert marks["slow"] == [True, True, False, False] and not any(marks["fast"])
 
 
-def test_maps_of_one_phase_are_called_so(section_of: Callable[..., Section]) -> None:
+def test_maps_scored_in_one_phase_have_a_note(section_of: Callable[..., Section]) -> None:
     def note(*cells: Cell, name: str) -> str:
         return section_notes(section_of(cells, name=name))[0]
 

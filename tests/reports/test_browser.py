@@ -120,7 +120,7 @@ def settled(page: Page) -> None:
     page.evaluate("first.done")
 
 
-def test_it_is_small_enough_to_be_sent(report: Path) -> None:
+def test_the_report_is_small_enough_to_be_sent(report: Path) -> None:
     assert report.stat().st_size < LARGEST
 
 
@@ -486,7 +486,7 @@ def test_every_control_is_reached_by_keys_and_named(visit: Callable[..., Visit])
     assert page.evaluate("getComputedStyle(document.activeElement).outlineStyle") == "solid"
 
 
-def test_it_prints_with_its_tables(visit: Callable[..., Visit], tmp_path: Path) -> None:
+def test_the_report_prints_with_its_tables(visit: Callable[..., Visit], tmp_path: Path) -> None:
     page = visit().page
     page.pdf(path=tmp_path / "report.pdf", format="A4")
     assert (tmp_path / "report.pdf").read_bytes().startswith(b"%PDF")
@@ -546,7 +546,7 @@ def test_metric_and_light_are_choices_of_all_axes(visit: Callable[..., Visit]) -
         assert box is not None and box["width"] > 300
 
 
-def test_a_break_shows_its_picture_and_whoever_breaks_there(visit: Callable[..., Visit]) -> None:
+def test_a_breaking_point_shows_its_picture(visit: Callable[..., Visit]) -> None:
     page = visit().page
     box = page.locator("#stability .viewer")
     view = box.locator("select.view")

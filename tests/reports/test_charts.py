@@ -136,7 +136,7 @@ def test_the_page_says_so_too_and_counts_one_thing_as_one(
     assert not re.search(r"\b1 (cells|pictures|records|times|configurations)\b", page)
 
 
-def test_what_was_not_timed_has_no_chart_of_times(section_of: Callable[..., Section]) -> None:
+def test_without_times_there_is_no_chart_of_times(section_of: Callable[..., Section]) -> None:
     section = section_of([Cell("a", 512, 0.1, None)])
     styles = styles_of(specs_of([section]), legend=True)
     assert front_chart(section, styles) is None and pass_chart(section, 512) is None
@@ -167,5 +167,5 @@ def test_a_swept_bias_has_a_chart_with_a_line_for_each_map_size(run_folder: Call
     assert {"×0.5", "×1", "×4", "512", "1024"} <= set(texts(chart))
 
 
-def test_what_was_not_swept_has_no_chart_of_its_bias(section_of: Callable[..., Section]) -> None:
+def test_without_a_bias_sweep_there_is_no_bias_chart(section_of: Callable[..., Section]) -> None:
     assert bias_charts(section_of()) == []

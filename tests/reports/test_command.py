@@ -45,7 +45,7 @@ def test_the_verdict_and_the_matrix_are_in_the_page_itself(run_folder: Write, pa
     assert re.findall(r'class="(\w+)" aria', cells) == ["all", "all", "none"]
 
 
-def test_a_table_has_what_it_is_sorted_by_beside_what_it_shows(run_folder: Write, page_of: Callable[..., str]) -> None:
+def test_table_values_have_sort_keys_and_texts(run_folder: Write, page_of: Callable[..., str]) -> None:
     (part,) = scripts(page_of(run_folder()))
     row = next(row for row in part["rows"] if row["spec"] == "shadow-map" and row["map"] == 512)
     assert row["values"]["cost, ms"] == [5.0, "5.00"] and row["values"]["map"] == [512, "512"]
@@ -79,9 +79,7 @@ def test_every_cell_has_its_pictures_in_the_page(run_folder: Write, page_of: Cal
     assert all(image.startswith("data:image/webp;base64,") for image in view.values())
 
 
-def test_where_a_view_has_no_shading_its_cells_show_their_own_pictures(
-    run_folder: Write, page_of: Callable[..., str]
-) -> None:
+def test_without_shading_images_cells_show_their_own_pictures(run_folder: Write, page_of: Callable[..., str]) -> None:
     folder = run_folder(pictures=True)
     for file in (folder / "truth").glob("*.lit.png"):
         file.unlink()
@@ -94,7 +92,7 @@ def test_a_folder_without_pictures_says_so(run_folder: Write, page_of: Callable[
     assert galleries(page) == [] and "has neither pictures/ nor masks/" in page
 
 
-def test_pictures_that_lack_are_named(run_folder: Write, page_of: Callable[..., str]) -> None:
+def test_missing_pictures_are_named(run_folder: Write, page_of: Callable[..., str]) -> None:
     folder = run_folder(pictures=True)
     for file in [*(folder / "pictures").iterdir(), *(folder / "truth").iterdir()]:
         file.unlink()
@@ -198,7 +196,7 @@ def test_cells_of_earlier_commands_are_counted_in_a_note(
     assert shadowbench(*words).err == ""
 
 
-def test_what_is_read_is_shown_before_the_first_chart(
+def test_the_progress_of_reading_and_drawing_is_shown(
     run_folder: Write, shadowbench: Shadowbench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     terminal = Console(file=io.StringIO(), force_terminal=True, width=300)

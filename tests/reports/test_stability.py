@@ -49,13 +49,13 @@ def test_a_point_that_was_measured_again_counts_once_as_it_was_last(stability_of
     assert found.range_at["shadow-map", "elevation", "directional"].share == 1
 
 
-def test_a_range_that_was_stopped_before_home_is_left_out_and_said(stability_of: Make) -> None:
+def test_a_sweep_that_stopped_before_its_default_value_is_left_out_with_a_note(stability_of: Make) -> None:
     found = stability_of([*swept("shadow-map", "elevation"), *swept("shadow-map", "gap")[:1]])
     assert [axis.name for axis in found.axes] == ["elevation"]
     assert stability_headline(found)[-1] == "Left out as unfinished: 1 sweep, the first of `shadow-map` along gap."
 
 
-def test_what_this_version_does_not_sweep_is_left_out_and_said(stability_of: Make) -> None:
+def test_rows_at_unknown_axes_or_values_are_left_out_with_a_note(stability_of: Make) -> None:
     found = stability_of([*swept("a", "elevation"), Point("a", "weather", 3.0), Point("a", "elevation", 12.5)])
     assert [one.share for one in found.ranges] == [1]
     assert stability_headline(found)[-1] == "Left out because this version has no such axis or value: 2 cells."
@@ -64,7 +64,7 @@ def test_what_this_version_does_not_sweep_is_left_out_and_said(stability_of: Mak
 # The heat map
 
 
-def test_the_share_is_that_of_the_values_around_home(stability_of: Make) -> None:
+def test_the_share_is_that_of_the_values_around_the_default(stability_of: Make) -> None:
     found = cells(heat_map(stability_of()))
     shares = {place: one["share"] for place, one in found.items()}
     assert shares == {
@@ -79,7 +79,7 @@ def test_the_share_is_that_of_the_values_around_home(stability_of: Make) -> None
     }
 
 
-def test_a_cell_says_what_holds_or_how_it_breaks(stability_of: Make) -> None:
+def test_a_heat_map_cell_has_the_operating_range_or_the_failure(stability_of: Make) -> None:
     found = cells(heat_map(stability_of()))
     assert found["shadow-map, spot", "elevation"]["text"] == "0.1…89.9"
     assert found["shadow-map, sun", "elevation"]["text"] == "0.5…89.9\nnot 0.2\nacne 25.0%"
@@ -102,7 +102,7 @@ def test_the_heat_map_is_drawn_with_every_text(stability_of: Make) -> None:
     assert {"shadow-map, spot", "unsupported", "0.5…89.9\nnot 0.2\nacne 25.0%", "volume"} <= set(said)
 
 
-def test_rows_stand_best_first(stability_of: Make) -> None:
+def test_rows_are_ordered_best_first(stability_of: Make) -> None:
     assert stability_of().specs == ["shadow-map", "cube-map", "planar-projection"]
 
 
@@ -133,7 +133,7 @@ def test_lines_run_in_the_order_of_the_axis(stability_of: Make) -> None:
         assert places == sorted(places) and len(set(places)) == len(places)
 
 
-def test_positive_values_over_decades_stand_by_their_logarithm_and_others_a_step_apart(stability_of: Make) -> None:
+def test_positive_values_over_decades_are_spaced_logarithmically_and_others_evenly(stability_of: Make) -> None:
     found = stability_of()
     sizes = points(axis_of(found, "map-size"), "shadow-map")
     steps = np.diff([one["x"] for one in sizes.values()])
@@ -157,7 +157,7 @@ def test_a_point_tells_value_scores_and_failure(stability_of: Make) -> None:
     assert found["50°"]["verdict"] == "in tolerance" and not found["50°"]["broken"]
 
 
-def test_what_was_not_measured_is_no_point(stability_of: Make) -> None:
+def test_unmeasured_values_have_no_point(stability_of: Make) -> None:
     found = stability_of()
     refused = points(axis_of(found, "map-size"), "shadow-map")["8192 texels"]
     crashed = points(axis_of(found, "volume-wall"), "shadow-map")["0 m"]
@@ -183,7 +183,7 @@ def test_a_paper_has_every_metric_of_an_axis(stability_of: Make) -> None:
 # Pictures
 
 
-def test_every_break_that_drew_has_its_pictures(sweep_folder: Write, page_of: Callable[..., str]) -> None:
+def test_every_breaking_point_with_a_mask_has_its_pictures(sweep_folder: Write, page_of: Callable[..., str]) -> None:
     (shown,) = galleries(page_of(sweep_folder(pictures=True)))
     places = {(one["spec"], one["view"]) for one in shown["cells"]}
     assert places == {
@@ -198,7 +198,9 @@ def test_every_break_that_drew_has_its_pictures(sweep_folder: Write, page_of: Ca
     assert "acne 25.00%: IoU 0.80000" in {one["caption"] for one in shown["cells"]}
 
 
-def test_a_break_is_shown_with_its_own_mask_in_its_own_scene(sweep_folder: Write, page_of: Callable[..., str]) -> None:
+def test_a_breaking_point_is_shown_with_the_mask_and_shading_of_its_scene(
+    sweep_folder: Write, page_of: Callable[..., str]
+) -> None:
     folder = sweep_folder(pictures=True)
     (shown,) = galleries(page_of(folder))
     keys = {
@@ -215,7 +217,9 @@ def test_a_break_is_shown_with_its_own_mask_in_its_own_scene(sweep_folder: Write
             assert np.abs(shading - color_of(f"{stem}.{kind}.png")).mean() < 6, "lossy"
 
 
-def test_the_floor_is_no_subject(stability_of: Make, sweep_folder: Write, page_of: Callable[..., str]) -> None:
+def test_unshadowed_has_no_operating_range(
+    stability_of: Make, sweep_folder: Write, page_of: Callable[..., str]
+) -> None:
     floor = [replace(one, iou=0.0, leak=1.0) for one in swept("unshadowed", "elevation")]
     found = stability_of([*POINTS, *floor])
     assert found.ranges and found.ranges == stability_of(name="without").ranges
@@ -231,7 +235,7 @@ def pixels(uri: str) -> np.ndarray:
     return np.asarray(image_of(uri).convert("RGB")).astype(float)
 
 
-def test_a_break_without_a_picture_is_named(sweep_folder: Write, page_of: Callable[..., str]) -> None:
+def test_a_breaking_point_without_a_picture_is_listed(sweep_folder: Write, page_of: Callable[..., str]) -> None:
     page = page_of(sweep_folder(pictures=True))
     assert "<code>shadow-map at volume-wall 0 m,<wbr> sun</code> failed: crashed" in page
 

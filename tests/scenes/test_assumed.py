@@ -65,7 +65,7 @@ def test_a_floor_that_faces_down_is_no_ground(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("suffix", ["obj", "ply", "stl", "off"])
-def test_a_file_that_does_not_say_what_is_up_is_turned_when_asked(tmp_path: Path, suffix: str) -> None:
+def test_a_file_without_an_up_axis_is_rotated_by_the_option(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"post.{suffix}"
     place = trimesh.transformations.translation_matrix((1, 2, 5))
     trimesh.creation.box(extents=(1, 3, 10), transform=place).export(path)

@@ -81,7 +81,7 @@ def test_the_length_of_up_changes_nothing(length: float) -> None:
 
 
 @pytest.mark.parametrize("apart", [1e-170, 1e-17, 1e-13])
-def test_a_target_that_rounding_takes_to_the_camera_is_told(apart: float) -> None:
+def test_a_target_that_rounds_to_the_camera_position_is_an_error(apart: float) -> None:
     """Seen from the scene's centre both are at one place, and the camera looks nowhere."""
     floor = Mesh("floor", FLOOR.vertices + np.array([0.0, 0.0, 1.7]), FLOOR.faces)
     camera = Camera("camera", (0.0, 0.0, 0.0), (apart, 0.0, 0.0), 0.6)

@@ -79,7 +79,7 @@ places = st.tuples(st.floats(-3, 3), st.floats(-1, 3), st.floats(-3, 3))
 
 @settings(max_examples=40, deadline=None)
 @given(st.lists(st.tuples(st.floats(0.05, 1.0), places), min_size=1, max_size=6), st.sampled_from(LIGHTS))
-def test_no_shadow_changes_whatever_stands_where(boxes: list, light: Light) -> None:
+def test_translated_scenes_keep_their_shadows(boxes: list, light: Light) -> None:
     view = looking([plate(8.0), *(box(side, center) for side, center in boxes)], light, size=32, eye=(0.9, 2.0, 1.5))
     assert_same_shadows(view)
 
@@ -89,5 +89,5 @@ def test_no_shadow_changes_in_our_scenes(name: str) -> None:
     assert_same_shadows(chosen_view(name, 128))
 
 
-def test_a_sampled_view_does_not_claim_to_be_sure() -> None:
+def test_a_sampled_view_marks_its_result_as_uncertain() -> None:
     assert not relevant(from_above([plate(50.0), box(0.3, (0.0, 0.15, 0.0))], SUN, size=1024)).sure

@@ -54,7 +54,7 @@ def compositions(technique: Any) -> Iterator[str]:
 
 
 @pytest.mark.parametrize("technique", own_techniques(), ids=lambda technique: technique.name)
-def test_every_composition_links(technique, builtin, studio, build, device) -> None:
+def test_every_combination_of_components_compiles(technique, builtin, studio, build, device) -> None:
     scene = builtin("cube-on-plane").scene
     light = next(light for kind, light in LIGHTS.items() if kind in technique.lights)
     shot = studio.shot(view_of(scene, scene.cameras[0], light, 16))

@@ -128,9 +128,7 @@ def test_drawing_twice_gives_the_same_bits(spec, kind, studio, build, poses) -> 
 
 
 @pytest.mark.parametrize(("spec", "kind"), answered(ALL))
-def test_what_does_not_receive_stays_lit_and_what_does_not_cast_casts_nothing(
-    spec, kind, studio, build, shape, looking
-) -> None:
+def test_receive_and_cast_flags_are_respected(spec, kind, studio, build, shape, looking) -> None:
     silent = [shape("plane", 6.0, receives=False), shape("box", 1.0, (0.0, 0.5, 0.0), receives=False)]
     view = looking(silent, LIGHTS[kind], SIZE)
     shot = studio.shot(view)

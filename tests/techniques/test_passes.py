@@ -47,7 +47,7 @@ def test_passes_depend_on_what_they_must(spec: str, studio, build, builtin) -> N
 @pytest.mark.parametrize(
     ("spec", "kind"), [*CASES, ("shadow-map:fit=scene", "directional"), ("shadow-map:fit=fixed", "spot")]
 )
-def test_what_changes_with_the_light_alone_is_not_drawn_again_for_another_camera(
+def test_passes_that_change_with_the_light_are_not_redrawn_for_another_camera(
     spec: str, kind: str, studio, build, builtin, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """With nothing drawn in the passes that say so, a moved camera still finds what a fresh build draws."""

@@ -190,7 +190,7 @@ def test_a_technique_takes_fewer_than_60_lines_with_its_shader(plugin: Plugin) -
     assert sum(len(file.read_text(encoding="utf-8").splitlines()) for file in plugin.files) < 60
 
 
-def test_it_is_listed_with_its_parameters(plugin: Plugin) -> None:
+def test_a_plug_in_is_listed_with_its_parameters(plugin: Plugin) -> None:
     listed = {row["name"]: row for row in json.loads(plugin.command("list", "techniques", "--json"))}
     assert {plugin.technique, "shadow-map", "unshadowed"} <= set(listed)
     assert listed[plugin.technique]["parameters"]
@@ -199,7 +199,7 @@ def test_it_is_listed_with_its_parameters(plugin: Plugin) -> None:
         assert f"{parameter['name']} = {parameter['default']}" in printed
 
 
-def test_it_gives_a_row_that_is_nearer_the_truth_than_no_shadow(plugin: Plugin, tmp_path: Path) -> None:
+def test_a_plug_in_scores_better_than_no_shadow(plugin: Plugin, tmp_path: Path) -> None:
     plugin.command(
         "run", "cube-on-plane", "-t", plugin.technique, "-t", "unshadowed",
         "--view-size", str(SIZE), "--rounds", "1", "-o", tmp_path,

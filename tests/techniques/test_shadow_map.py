@@ -51,7 +51,7 @@ def pairwise(choices: dict[str, list[str]]) -> list[dict[str, str]]:
 CELLS = pairwise(CHOICES)
 
 
-def test_pairs_are_all_met() -> None:
+def test_every_pair_of_settings_occurs() -> None:
     for a, b in product(CHOICES, repeat=2):
         if a != b:
             assert {(cell[a], cell[b]) for cell in CELLS} == set(product(CHOICES[a], CHOICES[b]))

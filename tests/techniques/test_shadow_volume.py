@@ -66,7 +66,7 @@ def test_counting_before_and_behind_agree_where_the_camera_is_in_the_light(name,
     assert np.array_equal(mask("shadow-volume:count=z-pass", view), mask(SILHOUETTE, view))
 
 
-def test_counting_from_an_eye_in_the_shade_is_wrong(mask, builtin, truth_of, scored) -> None:
+def test_z_pass_from_an_eye_in_shadow_is_wrong(mask, builtin, truth_of, scored) -> None:
     view, truth = builtin("inside-volume"), truth_of("inside-volume")
     assert scored(mask(SILHOUETTE, view), truth)["iou"] >= 0.9995
     assert scored(mask("shadow-volume:count=z-pass", view), truth)["iou"] < 0.5
@@ -220,7 +220,7 @@ def test_wrong_pixels_have_grazing_light_or_an_edge(spec, most, at_grazing, draw
 
 
 @pytest.mark.parametrize("kind", ["directional", "point"])
-def test_pages_of_a_book_cast_though_three_meet_at_its_back(kind, shape, looking, mask) -> None:
+def test_pages_of_a_book_that_share_an_edge_cast(kind, shape, looking, mask) -> None:
     back = [[0.0, 0.2, -0.5], [0.0, 0.2, 0.5]]
     tips = [[np.cos(angle), 0.2 + np.sin(angle), z] for angle in (0.4, 1.4, 2.3) for z in (-0.5, 0.5)]
     faces = [[0, 1, 3], [0, 3, 2], [1, 0, 5], [0, 4, 5], [0, 1, 7], [0, 7, 6]]  # wound without a rule
@@ -272,7 +272,7 @@ def nested(shape, count: int) -> list[Mesh]:
     ids=["sun", "lamp"],
 )
 @pytest.mark.parametrize("count", [1, 100, 255, 256, 257, 512])
-def test_inside_any_number_of_spheres_is_shade(count, light, shape, looking, studio, build) -> None:
+def test_inside_any_number_of_spheres_is_shadow(count, light, shape, looking, studio, build) -> None:
     shot = studio.shot(looking(nested(shape, count), light, 48, (0.0, 0.9, 0.9)))
     ground = (shot.triangle >= 0) & (shot.triangle < 2)
     assert ground.sum() > 200
@@ -356,7 +356,7 @@ def test_casters_may_be_flat_as_the_light_sees_them(direction, shape, looking, s
 
 
 @pytest.mark.parametrize("spec", [DEPTH, f"{TRIANGLE},build=cpu,compare=depth"])
-def test_what_the_light_alone_decides_is_not_redrawn_for_the_camera(spec, studio, build, builtin) -> None:
+def test_passes_that_depend_on_the_light_alone_are_not_redrawn_for_the_camera(spec, studio, build, builtin) -> None:
     shot = studio.shot(builtin("statue", 64))
     one = build(spec, shot)
     changes = one.clock.passes(lambda: one.draw(shot)).changes

@@ -67,7 +67,7 @@ def test_where_no_receiver_is_seen_there_is_a_map_all_the_same(looking, sun, sha
     assert np.isfinite(shown.to_map()).all() and shown.near < shown.far and min(shown.texel) > 0
 
 
-def test_a_lamp_within_the_scene_sees_from_a_millionth_of_its_reach(looking, spot, shape) -> None:
+def test_the_near_plane_of_a_spot_inside_the_scene_is_a_millionth_of_the_scene(looking, spot, shape) -> None:
     """The reach: the scene's width and its own distance from the origin."""
     view = looking([shape("box", 4.0)], spot((0.5, 1.5, 0.0), (0.5, 0.0, 0.0), 60.0), eye=(1.0, 1.0, 1.0))
     found = SceneFit().receiver_bounds(light_space(view.light), context(view, view.scene))

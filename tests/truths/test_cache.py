@@ -204,7 +204,7 @@ def test_single_array_in_a_truth_s_place_is_made_again(view: View, empty_folder:
     ["(60000000, 60000000)", f"({2**70},)", "(32, 32", "(32,\n  32)"],
     ids=["more than fits", "more than numbers hold", "unfinished", "indented"],
 )
-def test_header_of_an_array_that_cannot_be_is_made_again(claimed: str, view: View, empty_folder: Path) -> None:
+def test_a_truth_with_an_impossible_array_header_is_traced_again(claimed: str, view: View, empty_folder: Path) -> None:
     first = cached_truth(view)
     (file,) = empty_folder.iterdir()
     with zipfile.ZipFile(file) as whole:
@@ -219,7 +219,7 @@ def test_header_of_an_array_that_cannot_be_is_made_again(claimed: str, view: Vie
     assert kept is not None, "it has healed"
 
 
-def test_compression_that_nobody_knows_is_made_again(view: View, empty_folder: Path) -> None:
+def test_a_truth_with_unknown_compression_is_traced_again(view: View, empty_folder: Path) -> None:
     first = cached_truth(view)
     (file,) = empty_folder.iterdir()
     content = bytearray(file.read_bytes())
@@ -257,7 +257,7 @@ def test_oldest_truths_go_first(view: View, empty_folder: Path, monkeypatch: pyt
     assert not oldest.exists()
 
 
-def test_a_truth_that_another_process_forgot_is_passed_over(
+def test_a_truth_deleted_by_another_process_is_skipped(
     view: View, empty_folder: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     (empty_folder / "gone.npz").symlink_to("nowhere")  # listed, and no longer there
