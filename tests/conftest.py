@@ -1,4 +1,4 @@
-"""What all tests share: larger scenes, a truth cache of their own, the GL device and views on it."""
+"""Fixtures shared by all tests: larger scenes, a truth cache, the GL device and views drawn on it."""
 
 import hashlib
 import os

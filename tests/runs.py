@@ -1,4 +1,4 @@
-"""Studies written for one test, plug-ins that behave and misbehave, and runs of both."""
+"""A pytest plugin with fixtures for studies, for plug-ins, correct and misbehaving, and for runs of both."""
 
 import json
 import os

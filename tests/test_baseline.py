@@ -1,4 +1,4 @@
-"""The committed baseline: what it holds, and that the sources still do as well as it says."""
+"""The committed baseline: its contents, and that the current sources are no worse."""
 
 import json
 import os

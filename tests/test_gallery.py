@@ -1,4 +1,4 @@
-"""Each scene of the gallery shows its artefact where the text says, the metric sees it, and the cure cures it."""
+"""The artefact gallery: each scene shows its artefact where the text says, in its metric, and its cure removes it."""
 
 import re
 import subprocess

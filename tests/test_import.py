@@ -1,4 +1,4 @@
-"""The command answers at once: heavy packages are imported where they are needed."""
+"""Start-up: heavy packages are imported only where needed."""
 
 import subprocess
 import sys

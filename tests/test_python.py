@@ -1,4 +1,4 @@
-"""The package as a library: docs/python.md run as it stands, and what its functions promise."""
+"""The Python API: the examples of docs/python.md, and the promises of its functions."""
 
 import os
 import re

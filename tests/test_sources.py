@@ -1,4 +1,4 @@
-"""The code that a result rests on, by imports."""
+"""The source files that a result depends on, found by imports."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Workflows, issue forms and the citation are YAML, and what they name is there."""
+"""Workflows, issue forms and the citation are valid YAML, and refer to existing commands and files."""
 
 import re
 import shlex

@@ -64,7 +64,7 @@ def check(
             f"{folder} and {baseline} have no cell in common: {_apart(run, reference_run)}; allowed: runs of the "
             "same scenes, specs, map sizes and view size"
         )
-    failing = findings.of("regressed", times=False) + (findings.of("regressed", times=True) if time else [])
+    failing = findings.with_verdict("regressed", times=False) + (findings.of("regressed", times=True) if time else [])
     notes = list(findings.notes)
     if time and not findings.timed:
         notes.append("no time was compared: the baseline has none of this machine, clock and reference")
@@ -117,7 +117,7 @@ def write_pictures(result: CheckResult) -> list[tuple[Path, bool]]:
     for stale in folder.glob("*.png"):
         stale.unlink()
     before = {identity(result.score): result.score for result in baseline.results}
-    regressed = result.findings.of("regressed", times=False)
+    regressed = result.findings.with_verdict("regressed", times=False)
     worst = {identity(change.score): change.score for change in regressed if change.what in METRICS}
     written: list[tuple[Path, bool]] = []
     for key, score in worst.items():
@@ -158,10 +158,10 @@ def values(findings: Findings) -> dict[str, Any]:
         "compared": findings.compared,
         "equal_masks": findings.equal,
         "timed": findings.timed,
-        "regressed": _values(findings.of("regressed", times=False)),
-        "improved": _values(findings.of("improved", times=False)),
-        "slower": _values(findings.of("regressed", times=True)),
-        "faster": _values(findings.of("improved", times=True)),
+        "regressed": _values(findings.with_verdict("regressed", times=False)),
+        "improved": _values(findings.with_verdict("improved", times=False)),
+        "slower": _values(findings.with_verdict("regressed", times=True)),
+        "faster": _values(findings.with_verdict("improved", times=True)),
     }
 
 

@@ -109,10 +109,10 @@ def _tolerances(texts: Sequence[str]) -> dict[str, float]:
 def _print(findings: "Findings", baseline: Path, time: bool) -> None:
     times = "; ratios to the reference" + ("" if time else "; a warning only (--time makes it fail)")
     for title, changes in (
-        ("regressed, worst first", findings.of("regressed", times=False)),
-        (f"slower{times}", findings.of("regressed", times=True)),
-        ("improved, largest change first", findings.of("improved", times=False)),
-        (f"faster{times}", findings.of("improved", times=True)),
+        ("regressed, worst first", findings.with_verdict("regressed", times=False)),
+        (f"slower{times}", findings.with_verdict("regressed", times=True)),
+        ("improved, largest change first", findings.with_verdict("improved", times=False)),
+        (f"faster{times}", findings.with_verdict("improved", times=True)),
     ):
         if changes:
             _print_changes(title, changes)
@@ -126,10 +126,10 @@ def _summary(findings: "Findings", baseline: Path) -> str:
 
     missing = [change for change in findings.changes if change.after == MISSING]
     counts = {
-        "regressed": len(_by_cell(findings.of("regressed", times=False))) - len(missing),
+        "regressed": len(_by_cell(findings.with_verdict("regressed", times=False))) - len(missing),
         "missing": len(missing),
-        "improved": len(_by_cell(findings.of("improved", times=False))),
-        "slower": len(_by_cell(findings.of("regressed", times=True))),
+        "improved": len(_by_cell(findings.with_verdict("improved", times=False))),
+        "slower": len(_by_cell(findings.with_verdict("regressed", times=True))),
     }
     said = [f"{count} {what}" for what, count in counts.items() if count or what in ("regressed", "improved")]
     same = f", {findings.equal} of them identical" if findings.equal else ""

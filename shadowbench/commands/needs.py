@@ -19,11 +19,10 @@ def needs(
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Predict map size, cascades, bias and depth bits.
+    """Predict the map size, cascades, bias and depth bits that a scene needs.
 
-    Also the number and size of cascades. Predicted without drawing anything, from the geometry and shadow rays for the
-    visible pixels, or for a sample of them; ± is then the standard error. Each prediction comes with its reason. Needs
-    no OpenGL.
+    Nothing is drawn: predictions follow from the geometry and from shadow rays for the visible pixels, or for a sample
+    of them; ± is then the standard error. Each prediction has its reason. Needs no OpenGL.
     """
     from dataclasses import asdict
 

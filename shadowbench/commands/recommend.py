@@ -65,7 +65,7 @@ def recommend(
     \b
     Lines of the table
       choice   the cheapest spec that meets the target
-      next     per technique, the cheapest spec that meets it, the choice excepted
+      next     the cheapest spec of every other technique that meets the target
       misses   the most accurate spec of a technique that never meets the target
       closest  the most accurate spec of all, if none meets the target
     Columns

@@ -63,7 +63,7 @@ def stress(
       0.1…89.9°                 the whole operating range
       all 7                     every value, of an axis without an order
       breaks at 2°: acne 3.10%  the first value out of tolerance, and the reason
-      refused: 1e5              values that the technique does not support
+      unsupported: 1e5          values that the technique does not support
       3 of 20 values            number of values measured, with --quick
     """
     from shadowbench.extremes.ranges import ranges_frame

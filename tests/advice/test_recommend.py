@@ -1,4 +1,4 @@
-"""`recommend` from the command line: what it chooses, says, keeps and refuses."""
+"""`recommend` as a command: its choice, its output, its files and its errors."""
 
 import json
 import re

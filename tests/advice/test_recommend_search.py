@@ -1,4 +1,4 @@
-"""The search finds the cheapest spec that meets a target, with few measurements, where costs and errors are smooth."""
+"""The search of `recommend`: it finds the cheapest spec that meets a target, with few measurements."""
 
 import dataclasses
 import math

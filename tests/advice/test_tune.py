@@ -1,4 +1,4 @@
-"""Tuning: what is searched, that the search finds what is better and repeats, and what is said of scenes held out."""
+"""`tune`: its search space, its search, which is repeatable, and the comparison on held-out scenes."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""What scoring costs, counted: the truth's side of it is found once a view."""
+"""The cost of scoring, by counted calls: a truth is prepared once per view."""
 
 from collections import Counter
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""`pytest benchmarks` as its users call it: a selection, in a process of its own, saved and compared."""
+"""`pytest benchmarks` in a subprocess: a selection is run, saved and compared."""
 
 import csv
 import json

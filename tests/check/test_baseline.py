@@ -1,4 +1,4 @@
-"""What a check calls worse, better, or nothing at all."""
+"""Comparison with a baseline: what is worse, better or unchanged."""
 
 import math
 import statistics

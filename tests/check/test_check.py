@@ -1,4 +1,4 @@
-"""`check`: what it prints, draws, writes and answers."""
+"""`check` as a command: its output, pictures, files and exit codes."""
 
 import json
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Two runs compared, of known times; and of a study that is run twice."""
+"""`repeat`: two runs with known times compared, and a study that is run twice."""
 
 import json
 from collections.abc import Callable

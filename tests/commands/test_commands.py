@@ -1,4 +1,4 @@
-"""The commands: what they print, write and answer."""
+"""The commands: their output, files and exit codes."""
 
 import csv
 import json

@@ -1,4 +1,4 @@
-"""Shell completion, asked as bash asks: by the words so far and the number of the one to complete."""
+"""Shell completion, called as bash does: with the words so far and the index of the one to complete."""
 
 from collections.abc import Callable
 from typing import Any

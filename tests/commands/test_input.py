@@ -1,4 +1,4 @@
-"""What a user can get wrong at the command line: exit 2, one line that says what, where and what is allowed."""
+"""Invalid command lines: exit code 2, and one line with what was found, where, and what is allowed."""
 
 import base64
 import errno

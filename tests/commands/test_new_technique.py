@@ -1,4 +1,4 @@
-"""`new-technique` from nothing to a row."""
+"""`new-technique`: the file that it writes can be measured."""
 
 import csv
 from collections.abc import Callable

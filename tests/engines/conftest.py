@@ -1,4 +1,4 @@
-"""Masks as another renderer might draw them, and the command line."""
+"""Masks as other renderers might draw them, and the command line."""
 
 from collections.abc import Callable
 from functools import lru_cache

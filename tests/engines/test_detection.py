@@ -1,4 +1,4 @@
-"""What is turned, inverted, shifted or encoded is found; what is merely bad is not taken for it."""
+"""Detection of rotated, inverted, shifted and encoded masks, without false alarms for inaccurate ones."""
 
 from collections.abc import Callable
 

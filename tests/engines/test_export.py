@@ -1,4 +1,4 @@
-"""An exported view is the view: read back it has the same shadows, and its matrices lead to the same pixels."""
+"""`export`: the exported view, read back, has the same shadows, and its matrices give the same pixels."""
 
 import json
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Visibility of masks and screenshots: decoded, in linear light, and refused where it cannot be."""
+"""Visibility from masks and screenshots: decoded to linear light, and refused if it cannot be."""
 
 import os
 import struct

@@ -1,4 +1,4 @@
-"""The pytest plug-in, in a suite of its own, as an engine would have it."""
+"""The pytest plug-in, used in a test suite as an engine would."""
 
 import re
 import subprocess

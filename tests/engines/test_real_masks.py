@@ -1,4 +1,4 @@
-"""Masks of real renderers: ours, good and bad, raise no false alarm, and VTK's goes through `export` and `score`."""
+"""Masks of real renderers: ours, good and bad, raise no false alarm; those of VTK work with `export` and `score`."""
 
 import json
 import subprocess

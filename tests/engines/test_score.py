@@ -1,4 +1,4 @@
-"""`shadowbench score`: what is printed, refused, warned of, drawn and kept."""
+"""`score` as a command: its output, errors, warnings, pictures and rows."""
 
 import json
 import subprocess

@@ -1,4 +1,4 @@
-"""The axes of `stress`: what each changes, and that every value of it can be judged."""
+"""The axes of `stress`: what each one varies, and that a mask can be scored at every value."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Measures cells by the sources in a folder as they are at that moment, each time in a fork of this process.
+"""Measures cells with the current sources of a folder, each time in a fork of this process.
 
 `python forked.py SOURCES` holds the libraries and nothing of ours, so that what is imported for one run is gone before
 the next. It reads a request a line, [scenes, specs, phases, study, folder], and answers [exit code, what was printed].

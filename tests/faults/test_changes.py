@@ -1,5 +1,7 @@
-"""Planted faults: the sources are changed in a copy, one change at a time, and the change's technique runs its cells of
-the committed baseline. `check` catches every fault and names the technique, and passes every harmless rewriting."""
+"""Planted faults: `check` catches each of them and names its technique, and passes every harmless change.
+
+The sources are changed in a copy, one change at a time; then the technique's cells of the committed baseline are run.
+"""
 
 import json
 import os

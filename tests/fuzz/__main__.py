@@ -1,4 +1,4 @@
-"""python -m tests.fuzz --count 10000 --meshes 1000: every generated file gives a result or one clear line."""
+"""Fuzzing: python -m tests.fuzz --count 10000 --meshes 1000. Every file must give a result or one clear line."""
 
 import argparse
 import hashlib

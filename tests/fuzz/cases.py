@@ -1,4 +1,4 @@
-"""One generated input: the files of a folder, and which of them is given to shadowbench."""
+"""One generated input: the files of a folder, and the one given to shadowbench."""
 
 from dataclasses import dataclass, field
 from pathlib import Path

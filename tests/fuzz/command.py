@@ -1,4 +1,4 @@
-"""What the command line does with one case, seen from outside: exit code, lines, files, memory and time."""
+"""The outcome of a command for one case, observed from outside: exit code, output, files, memory and time."""
 
 import shutil
 import subprocess

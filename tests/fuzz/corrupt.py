@@ -1,4 +1,4 @@
-"""Small valid mesh files of each format, and ways to spoil them. A number makes the file: nothing is left to chance."""
+"""Small valid mesh files of each format, and deterministic ways to corrupt them."""
 
 import base64
 import json

@@ -1,4 +1,4 @@
-"""Cases given to processes that may die or hang: such a case is named, and another process takes over."""
+"""A pool of processes that run cases; if one dies or hangs, its case is reported and it is replaced."""
 
 import multiprocessing
 import resource

@@ -1,4 +1,4 @@
-"""The watchers see what they watch for: a read elsewhere, a write, a hang, a death, memory, a traceback."""
+"""The fuzzer detects misbehaviour: stray reads and writes, hangs, crashes, excessive memory, tracebacks."""
 
 import os
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Scene files, study files and specs: valid ones with absurd values, keys and structure, and plain nonsense."""
+"""Scene files, study files and specs: valid ones with absurd values, keys and structure, and random text."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""TOML written from Python values, absurd ones too: the standard library only reads it."""
+"""Writes Python values, including absurd ones, as TOML, which the standard library only reads."""
 
 import datetime
 import json

@@ -1,4 +1,4 @@
-"""What shadowbench does with one case, seen from inside: a result, a refusal of one line, or a failure.
+"""The outcome of shadowbench for one case, observed in the same process: a result, a one-line error, or a failure.
 
 Run in a process of its own (see pool.py), whose address space is limited, with an ear for every file and socket opened.
 """

@@ -1,4 +1,4 @@
-"""The space of a light and a map's view of it: what each number says of the others."""
+"""Light space and light views: the relations between their numbers."""
 
 import math
 

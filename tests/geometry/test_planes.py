@@ -1,4 +1,4 @@
-"""Planar receivers are found by geometry: coplanar, large, wherever and however large the scene is."""
+"""Detection of planar receivers: coplanar and large, at any position and scale of the scene."""
 
 import numpy as np
 import pytest

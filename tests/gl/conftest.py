@@ -1,4 +1,4 @@
-"""Programs of a few lines of GLSL, and targets to draw them into."""
+"""Short GLSL programs, and targets to draw them into."""
 
 from collections.abc import Callable, Iterator
 

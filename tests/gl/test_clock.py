@@ -1,4 +1,4 @@
-"""Times are taken where they are asked for, and work is counted exactly."""
+"""Timing of passes, and exact counts of work."""
 
 from collections.abc import Callable
 from contextlib import nullcontext

@@ -1,4 +1,4 @@
-"""The context, what the driver says of itself, and the entry points that moderngl lacks."""
+"""The OpenGL context, the driver's properties, and entry points that moderngl lacks."""
 
 import gc
 import re

@@ -1,4 +1,4 @@
-"""The G-buffer shows what rays see, pixel for pixel."""
+"""The G-buffer agrees with camera rays in every pixel."""
 
 import math
 from dataclasses import replace

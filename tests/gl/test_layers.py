@@ -1,4 +1,4 @@
-"""Layered maps, stencil and blending: what moderngl lacks or hides."""
+"""Layered maps, stencil and blending, for which moderngl has no or partial support."""
 
 import moderngl
 import numpy as np

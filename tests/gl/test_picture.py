@@ -1,4 +1,4 @@
-"""Pictures for people: what of a light they may depend on."""
+"""Shaded pictures, and the properties of a light that they depend on."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Uniforms, samplers and fixed-function state as shaders meet them."""
+"""Uniforms, samplers and fixed-function state of programs."""
 
 import ctypes
 from dataclasses import replace

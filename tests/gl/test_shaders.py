@@ -1,4 +1,4 @@
-"""Shader texts composed from includes, slots and defines."""
+"""Shader texts composed of includes, slots and defines."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Depth targets have the precision they are named after."""
+"""Depth targets have the precision that their format names."""
 
 from collections.abc import Callable
 

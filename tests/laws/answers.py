@@ -1,4 +1,4 @@
-"""What a technique or the truth answers to a view, and which pixels of it hang on rounding."""
+"""Masks of techniques and truths for a view, and the pixels that depend on rounding."""
 
 from dataclasses import dataclass, replace
 from itertools import product

@@ -1,4 +1,4 @@
-"""The laws: what may be done to a view, and why no shadow may answer.
+"""The laws: changes of a view that must not change its shadows, and why.
 
 Each takes a view in file coordinates and random numbers, and gives the changed view. The camera's planes go along: they
 are the camera's, though a view takes them from the scene. A docstring's first line is the law as the table has it, and

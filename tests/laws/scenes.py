@@ -1,4 +1,4 @@
-"""Little random scenes: a few casters over a ground, a slope or nothing, under a sun, a lamp or a spot.
+"""Small random scenes: a few casters over a ground, a slope or nothing, under a sun, a lamp or a spot.
 
 All coordinates are multiples of 2⁻²⁰ below 2⁴. They fit a float32, and moving them by such multiples or scaling them by
 powers of two rounds nothing, in float64 or after the placement.

@@ -1,4 +1,4 @@
-"""The table of laws: what each subject claims of each law, and on what ground.
+"""The table of laws: what each technique and the truth claim about each law, with reasons.
 
 A subject is the truth, or one of our own techniques with what its name says, its fit above all; other parameters are
 the defaults. A technique that nobody has argued for stands in the table by itself, without a claim.

@@ -1,4 +1,4 @@
-"""Each claim of the table, on little random scenes; and that each kind of claim can fail."""
+"""The claims of the table of laws, tested on small random scenes; and that every kind of claim can fail."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""Plug-ins that crash, hang, eat, raise and lie: each costs its own cell only."""
+"""Plug-ins that crash, hang, exhaust memory, raise or return invalid masks: only their own cells fail."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Run folders from elsewhere, each spoilt in one place: one line that names the file, and never a traceback."""
+"""Run folders with one defect each: one line that names the file, and never a traceback."""
 
 import json
 import re

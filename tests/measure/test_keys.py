@@ -1,4 +1,4 @@
-"""Keys: everything that a result rests on, and nothing else."""
+"""Row keys: they depend on everything that affects a result, and on nothing else."""
 
 import importlib.util
 import shutil

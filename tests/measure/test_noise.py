@@ -1,4 +1,4 @@
-"""One cell timed as if it were two: the arithmetic on known times."""
+"""Timing noise, from one cell timed as if it were two; with known times."""
 
 from collections import Counter
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Folders of an older and of a newer version with rows of schema 1: today's commands read them (docs/schema.md)."""
+"""Folders of an older and a newer version with rows of schema 1, which commands must read (docs/schema.md)."""
 
 import csv
 import json

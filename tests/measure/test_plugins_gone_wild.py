@@ -1,4 +1,4 @@
-"""What a plug-in says is cut, and what it started ends with the worker."""
+"""Misbehaving plug-ins: their output is truncated, and their processes end with the worker."""
 
 import os
 import time

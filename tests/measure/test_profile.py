@@ -1,4 +1,4 @@
-"""Where a run's time goes: every second in one place."""
+"""`--profile`: every second of a run is counted once."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Rows on disk: whole lines or none, the last of a key counts, nobody else's file is touched."""
+"""The row store: complete lines or none, the last row of a key counts, and other programs' files are not touched."""
 
 import json
 import subprocess

@@ -1,4 +1,4 @@
-"""A session's own doing around a technique: what it times, and how it counts frames; without GL."""
+"""A session: what it times around a technique, and how it counts frames; without GL."""
 
 from functools import partial
 from itertools import chain, repeat

@@ -1,4 +1,4 @@
-"""Runs that are killed or stopped: the next call goes on, nothing is measured twice, no worker is left behind."""
+"""Runs that are killed or interrupted: the next one resumes, measures nothing twice, and no worker is left behind."""
 
 import json
 import os

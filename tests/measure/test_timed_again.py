@@ -1,4 +1,4 @@
-"""What is timed again: other rounds, reference or machine, a ratio that was missing; and what a lost worker costs."""
+"""Repeated timing: after changed rounds, reference or machine, for missing ratios, and after a worker is lost."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The arithmetic of times and the order in which they are taken, on a worker that answers known numbers."""
+"""The order and arithmetic of timing, on a worker that returns known times."""
 
 from collections import Counter
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""The worker as a program of its own, and what crosses the pipe to it."""
+"""The worker process, and the data sent over its pipe."""
 
 import subprocess
 import sys

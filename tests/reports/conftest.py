@@ -1,4 +1,4 @@
-"""Run folders written for one test: rows as a run makes them, with the numbers that a test asks for."""
+"""Run folders for reports: rows as written by a run, with given scores and times."""
 
 import base64
 import hashlib

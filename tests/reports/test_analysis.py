@@ -1,4 +1,4 @@
-"""The Pareto front, and what stands without a number."""
+"""Sections of a report: the Pareto front, medians, notes, and configurations without a score."""
 
 import json
 from collections.abc import Callable

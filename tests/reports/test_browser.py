@@ -1,4 +1,4 @@
-"""The report of a run and a sweep in a real browser: it draws, answers, prints, and asks nothing of a network."""
+"""The report of a run and a sweep in a real browser: charts, interaction, print, and no network access."""
 
 import shutil
 import subprocess

@@ -1,4 +1,4 @@
-"""Charts: nothing falls off an axis, and no axis holds the times of two machines."""
+"""Charts of a report: every value lies on its axes, and times of different machines are never combined."""
 
 import math
 import re

@@ -1,4 +1,4 @@
-"""`shadowbench report`: every format from run folders, and what is missing is said."""
+"""`report` as a command: every format, and notes on missing data."""
 
 import csv
 import io

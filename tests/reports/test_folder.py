@@ -1,4 +1,4 @@
-"""Folders as they are found: whole, cut short, measured twice, moved between machines, or of no kind at all."""
+"""Reading of run folders: complete, truncated, measured twice, moved between machines, or of another kind."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""What reaches which accuracy at the least cost: the matrix and the verdict, from rows whose answer is known."""
+"""The cost matrix and the verdict, for rows with a known answer."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The stability page: what a sweep's heat map, lines, tables and pictures say is what its rows hold."""
+"""Stability in reports: heat map, charts, tables and pictures agree with the rows of a sweep."""
 
 import csv
 import io

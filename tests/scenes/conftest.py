@@ -1,4 +1,4 @@
-"""Scene files, mesh files and glTF documents written for one test."""
+"""Fixtures that write scene files, mesh files and glTF documents."""
 
 import base64
 import json

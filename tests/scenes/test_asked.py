@@ -1,4 +1,4 @@
-"""Scenes made for one technique at its best or its worst hold what their `about` promises."""
+"""Built-in scenes that are the best or worst case of a technique have the properties that their `about` states."""
 
 from collections.abc import Callable
 

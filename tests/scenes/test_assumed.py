@@ -1,4 +1,4 @@
-"""What is assumed for a mesh file given alone."""
+"""Assumptions about a mesh file without a scene file: ground, camera and light."""
 
 import math
 from collections.abc import Callable

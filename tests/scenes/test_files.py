@@ -1,4 +1,4 @@
-"""Scene files: what they may say, and one line for what they may not."""
+"""Scene files: their fields, and one-line errors for invalid ones."""
 
 import math
 import os

@@ -1,4 +1,4 @@
-"""A glTF's cameras, lights and limits."""
+"""glTF files: cameras, lights, nodes, notes and errors."""
 
 import math
 from collections.abc import Callable

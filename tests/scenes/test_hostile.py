@@ -1,4 +1,4 @@
-"""Files made to hang, to fill the memory, to read what is not theirs, or to steer a terminal: each is one line."""
+"""Hostile files, made to hang, to exhaust memory, to read other files or to control a terminal: each is one line."""
 
 import json
 import os

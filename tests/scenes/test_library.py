@@ -1,4 +1,4 @@
-"""The built-in scenes, and how a scene is named."""
+"""The built-in scenes, and how scenes are found by name."""
 
 from pathlib import Path
 

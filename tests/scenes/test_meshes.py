@@ -1,4 +1,4 @@
-"""What mesh files hold is loaded whole, or refused in one line."""
+"""Mesh files: read completely, or refused in one line."""
 
 import logging
 import struct

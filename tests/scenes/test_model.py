@@ -1,4 +1,4 @@
-"""Views: what the camera's planes may and may not cut."""
+"""Views: near and far planes of the camera."""
 
 import math
 

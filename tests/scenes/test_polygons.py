@@ -1,4 +1,4 @@
-"""Faces of many corners: concave, with bridged holes, bent, crossing themselves; in each format that has them."""
+"""Polygonal faces: concave, with bridged holes, bent, self-intersecting; in every format that has them."""
 
 import struct
 from collections import Counter

@@ -1,4 +1,4 @@
-"""Shapes stand where the promise puts them, closed and outward."""
+"""Built-in shapes: position, size, closed surface and outward orientation."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Studies without a command line: what options make of a file's study, and scenes that are loaded already."""
+"""Studies from options and loaded scenes, without a command line."""
 
 from collections.abc import Callable
 from pathlib import Path

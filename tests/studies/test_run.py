@@ -1,4 +1,4 @@
-"""A study run end to end in this process: its rows, its files, and what is not measured twice."""
+"""A study run in this process: its rows, its files, and that nothing is measured twice."""
 
 import csv
 import json

@@ -1,4 +1,4 @@
-"""One folder for several commands: `table.csv` has the newest row of every cell, `run.json` the last command's keys."""
+"""A folder of several commands: the newest row of every cell, and the keys of the last command."""
 
 import csv
 import json

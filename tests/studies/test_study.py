@@ -1,4 +1,4 @@
-"""Study files: what is crossed with what, and one line for what may not stand there."""
+"""Study files: crossed parameters, and one-line errors for invalid fields."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""Bias sweeps of study files: what is multiplied, and the curve of acne and contact that is printed of it."""
+"""Bias sweeps: the multiplied biases, and the printed curve of acne and contact."""
 
 import csv
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Tables: medians with their intervals, and slopes, of known numbers."""
+"""Tables: medians with confidence intervals, and slopes, of known values."""
 
 from dataclasses import replace
 from typing import Any

@@ -1,4 +1,4 @@
-"""Times of different blocks, side by side by one time of their reference."""
+"""Normalisation of times from different blocks to one reference time."""
 
 from typing import Any
 

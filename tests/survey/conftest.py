@@ -1,4 +1,4 @@
-"""Scenes of which every need is known: plates and boxes over a ground, seen from above or from a side."""
+"""Scenes with known needs: plates and boxes over a ground, seen from above or from a side."""
 
 import math
 from collections.abc import Callable, Sequence

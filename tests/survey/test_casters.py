@@ -1,4 +1,4 @@
-"""Outlines and closedness, against trimesh and against what volumes are made of."""
+"""Silhouette edges and closed parts, compared with trimesh and with shadow volumes."""
 
 import numpy as np
 import pytest

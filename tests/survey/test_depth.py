@@ -1,4 +1,4 @@
-"""Gaps, formats and biases that can be worked out by hand."""
+"""Depth gaps, formats and biases for which closed forms exist."""
 
 import math
 from collections.abc import Callable

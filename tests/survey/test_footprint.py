@@ -1,4 +1,4 @@
-"""Pixels and texels against each other: by differences between neighbours, and by throwing edges at a grid."""
+"""Footprints of texels in pixels, compared with finite differences and with random edges on a grid."""
 
 import numpy as np
 import pytest

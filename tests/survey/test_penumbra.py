@@ -1,4 +1,4 @@
-"""Penumbras that are known: similar triangles, in pixels of a picture of known width."""
+"""Penumbra widths, compared with similar triangles."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""All needs of a scene at once, and the command that prints them."""
+"""`needs`: all needs of a scene, and the command that prints them."""
 
 import json
 import subprocess

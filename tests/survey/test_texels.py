@@ -1,4 +1,4 @@
-"""Map sizes that follow from the picture alone."""
+"""Needed map sizes that follow from the image size alone."""
 
 from collections.abc import Callable
 

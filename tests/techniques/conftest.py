@@ -1,4 +1,4 @@
-"""Techniques built and drawn by hand, and small scenes whose shadows are known."""
+"""Techniques built and drawn without a worker, and small scenes with known shadows."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence

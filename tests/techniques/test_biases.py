@@ -1,4 +1,4 @@
-"""Biases: what keeps a plane from shadowing itself, by closed forms; and what too little or too much of one costs.
+"""Biases on a plane, compared with closed forms, and the effects of too little or too much bias.
 
 On a lone inclined plane everything is lit, so every pixel in shadow is acne. Parameters are given in full: a tuned
 default must not change what a formula promises. A receiver's float32 position is off by half a step of a depth near 1,

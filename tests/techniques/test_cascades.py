@@ -1,4 +1,4 @@
-"""Cascades: where the frustum is cut, what each map shows, which one answers, and what a moving camera changes."""
+"""Cascades: splits, fits, selection, and stability under camera motion."""
 
 import math
 from collections.abc import Callable

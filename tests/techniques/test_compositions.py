@@ -1,4 +1,4 @@
-"""Every composition of our shaders compiles and links. `make test-slow` asks that of OpenGL 4.1 too.
+"""Every combination of shader components compiles and links; under `make test-slow` with OpenGL 4.1 too.
 
 Choices that a shader's text depends on, by an include slot or a define, are crossed; the others are tried alone.
 """

@@ -1,4 +1,4 @@
-"""What every registered technique must keep, whatever it computes."""
+"""The contract of every registered technique, whatever it computes."""
 
 import ctypes
 import gc

@@ -1,4 +1,4 @@
-"""Cube maps: shadows in every direction by closed forms, lookups against NumPy, biases on faces and corners."""
+"""Cube maps: shadows compared with closed forms, lookups with NumPy, biases on faces and at corners."""
 
 import math
 from itertools import product

@@ -1,4 +1,4 @@
-"""Seams between a cube map's faces: shadow edges are no worse at them than elsewhere, and planted faults are found.
+"""Seams of cube maps: shadow edges are no worse there than elsewhere, and planted faults are found.
 
 Everything is measured where the map has it: in texels of the face that a pixel's receiver lies on.
 """

@@ -1,4 +1,4 @@
-"""Leaving out casters: never one that could shadow what is seen, so that a mask is the same to the last bit."""
+"""Caster culling: masks are identical with and without it."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Which part of a light's space a map shows."""
+"""Fits: the part of light space that a map covers."""
 
 import math
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The lookup in a 2-D map, against NumPy: the map's texels as read back, and the G-buffer's positions.
+"""Lookups in a 2-D map, compared with NumPy on the map's texels and the G-buffer's positions.
 
 Nothing of the shader is used. Pixels are left out whose answer hangs on float32: where a texel's edge or a depth's tie
 is nearer than rounding can tell.

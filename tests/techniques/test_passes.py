@@ -1,4 +1,4 @@
-"""What each pass says it depends on: totals for a still scene, a moving camera and a moving light rest on it."""
+"""The inputs that each pass declares, which totals for a still scene, a moving camera and a moving light rely on."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,4 +1,4 @@
-"""Projected shadows: exact on planes, absent from everything else, and nothing behind the light or below the plane."""
+"""Planar projection: exact on planes, no shadow elsewhere, none from casters behind the light or below the plane."""
 
 import math
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""Plug-ins as other people write them: a package with an entry point, and a single file."""
+"""Plug-ins as users write them: a package with an entry point, and a single file."""
 
 import csv
 import json

@@ -1,4 +1,4 @@
-"""The shipped default against settings as they are published, over all built-in scenes with a sun.
+"""The default shadow map compared with published presets, over all built-in scenes with a sun.
 
 One phase, and 512² pictures, which take a quarter of the time of `run -s presets` and rank alike.
 """

@@ -1,4 +1,4 @@
-"""Techniques come by name from three places, and a broken one is named."""
+"""Registration of techniques: built in, from entry points and from files; broken ones are named."""
 
 import textwrap
 from importlib.metadata import EntryPoint

@@ -1,4 +1,4 @@
-"""The shadow map's settings, good and bad: each does what it is there to show."""
+"""Settings of the shadow map, good and bad: each has the effect that it demonstrates."""
 
 from itertools import product
 

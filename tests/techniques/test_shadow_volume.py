@@ -1,4 +1,4 @@
-"""Shadow volumes: exact but for pixels that the rasteriser's grid lets in, however they are extruded and counted."""
+"""Shadow volumes: exact except for pixels affected by the rasteriser's grid, for every extrusion and counting."""
 
 from dataclasses import dataclass, replace
 

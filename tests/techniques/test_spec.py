@@ -1,4 +1,4 @@
-"""Specs: what is written is what is read, and every mistake is told in one line."""
+"""Specs: formatting and parsing are inverse, and every mistake is a one-line error."""
 
 from typing import Any, Literal, get_args, get_origin
 

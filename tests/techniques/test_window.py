@@ -1,4 +1,4 @@
-"""What a map shows of a box, and of nothing: closed forms, without a device."""
+"""Light-space windows of maps, compared with closed forms; without a device."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Small scenes made in a line, how they are viewed, and what float64 alone says of them."""
+"""Small scenes, views of them, and their exact shadows in float64."""
 
 import math
 from collections.abc import Callable, Sequence

@@ -1,4 +1,4 @@
-"""What each array of a truth says, on scenes where it is known."""
+"""The arrays of a truth, on scenes with known values."""
 
 import math
 from collections.abc import Callable

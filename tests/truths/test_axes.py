@@ -1,4 +1,4 @@
-"""The truth's own check: no decided pixel is wrong at any value of any axis of `stress`.
+"""Accuracy of the truth at every axis value of `stress`: no decided pixel is wrong.
 
 `make test-slow` asks the ends of each axis, `make test-all` every value.
 """

@@ -1,4 +1,4 @@
-"""A truth is traced once for what it depends on."""
+"""The truth cache: a truth is traced once for its inputs."""
 
 import os
 import zipfile

@@ -1,4 +1,4 @@
-"""Which pixels are receivers, and which meshes cast."""
+"""The pixels that are receivers, and the meshes that cast."""
 
 import math
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""How much of an image nobody can decide: next to nothing, or scores would rest on what is left."""
+"""Undecided pixels are so few that they do not affect scores."""
 
 import math
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Views at the limits of what can be seen."""
+"""Views at extremes of size, position and direction."""
 
 from collections.abc import Callable
 
