@@ -64,7 +64,9 @@ def check(
             f"{folder} and {baseline} have no cell in common: {_apart(run, reference_run)}; allowed: runs of the "
             "same scenes, specs, map sizes and view size"
         )
-    failing = findings.with_verdict("regressed", times=False) + (findings.of("regressed", times=True) if time else [])
+    failing = findings.with_verdict("regressed", times=False) + (
+        findings.with_verdict("regressed", times=True) if time else []
+    )
     notes = list(findings.notes)
     if time and not findings.timed:
         notes.append("no time was compared: the baseline has none of this machine, clock and reference")

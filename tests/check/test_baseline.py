@@ -216,5 +216,5 @@ def test_the_worst_comes_first() -> None:
     findings = compare([cell(metrics=moved), cell("failed: x", size=64)], [cell(), cell(size=64)])
     assert [change.what for change in findings.changes] == ["status", "iou", "ssim"]
     assert math.isinf(findings.changes[0].excess)
-    assert [change.what for change in findings.of("regressed", times=False)] == ["status", "iou", "ssim"]
-    assert findings.of("regressed", times=True) == []
+    assert [change.what for change in findings.with_verdict("regressed", times=False)] == ["status", "iou", "ssim"]
+    assert findings.with_verdict("regressed", times=True) == []

@@ -173,7 +173,7 @@ class Cells:
         """What `check` says of the changed sources, worst first."""
         with self.copy.changed(change.edits):
             self.copy.measured(change.scenes, self.specs(change), change.phases, self.folder / "changed")
-        return check(self.folder / "changed", baseline).findings.of("regressed", times=False)
+        return check(self.folder / "changed", baseline).findings.with_verdict("regressed", times=False)
 
     def unchanged(self, change: Change, of: Regressed, baseline: Path) -> bool:
         """Whether the unchanged sources give one regressed cell its rows of the baseline."""
