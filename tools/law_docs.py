@@ -59,7 +59,7 @@ def _table() -> Iterator[str]:
 
 
 def _kinds() -> Iterator[str]:
-    yield "| claim | what holds |\n|---|---|"
+    yield "| claim | meaning |\n|---|---|"
     yield from (f"| {'–' if kind == 'none' else kind} | {what} |" for kind, what in KINDS.items())
     yield f"\n{DECIDED}"
 

@@ -136,7 +136,7 @@ class Outcome:
 
     code: int | None = None
     failed: str = ""
-    said: str = ""
+    report: str = ""
     seconds: Counter[str] = field(default_factory=Counter)
 
 
@@ -153,7 +153,7 @@ class Watch:
     def pytest_runtest_logreport(self, report: Any) -> None:  # noqa: D102
         self.outcome.seconds[report.nodeid] += report.duration
         if report.failed and not self.outcome.failed:
-            self.outcome.failed, self.outcome.said = report.nodeid, str(report.longrepr)
+            self.outcome.failed, self.outcome.report = report.nodeid, str(report.longrepr)
 
 
 def run_tests(end: Connection, tests: Sequence[str], mutant: Mutant, order: dict[str, tuple[float, ...]]) -> None:

@@ -177,7 +177,7 @@ def _family(family: type[Component], ours: list[type[Technique]]) -> str:
         for key, info in one.Params.model_fields.items()
         if isinstance(info.default, family)
     ]
-    lines = [f"## {_title(family)}", "", f"What may stand as {', '.join(users)}.", ""]
+    lines = [f"## {_title(family)}", "", f"Allowed values of {', '.join(users)}.", ""]
     for row in family.table.values():
         maps = sorted(getattr(row, "maps", ()))
         served = [f"Maps: {', '.join(maps)}.", ""] if maps else []

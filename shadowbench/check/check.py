@@ -61,8 +61,8 @@ def check(
     findings = compare(run.results, reference_run.results if reference_run else (), tolerances)
     if findings.compared == 0 and not update:
         raise InputError(
-            f"{folder} and {baseline} have no cell in common: {_apart(run, reference_run)}; allowed: runs of the "
-            "same scenes, specs, map sizes and view size"
+            f"{folder} and {baseline} have no cell in common: {_differing_fields(run, reference_run)}; allowed: runs "
+            "of the same scenes, specs, map sizes and view size"
         )
     failing = findings.with_verdict("regressed", times=False) + (
         findings.with_verdict("regressed", times=True) if time else []
@@ -81,8 +81,8 @@ def check(
     return CheckResult(run, reference_run, findings, tuple(failing), tuple(notes))
 
 
-def _apart(run: Run, baseline: Run | None) -> str:
-    """The fields that keep two runs' cells apart: those of which no value stands in both."""
+def _differing_fields(run: Run, baseline: Run | None) -> str:
+    """Text on the identity fields in which no cell of a run agrees with any of the baseline."""
     sides = [zip(*(identity(row) for row in side.rows), strict=True) for side in (run, baseline) if side]
     fields = []
     for name, here, there in zip(("spec", *IDENTITY), *(map(set, side) for side in sides), strict=True):

@@ -131,9 +131,9 @@ def _summary(findings: "Findings", baseline: Path) -> str:
         "improved": len(_by_cell(findings.with_verdict("improved", times=False))),
         "slower": len(_by_cell(findings.with_verdict("regressed", times=True))),
     }
-    said = [f"{count} {what}" for what, count in counts.items() if count or what in ("regressed", "improved")]
+    parts = [f"{count} {what}" for what, count in counts.items() if count or what in ("regressed", "improved")]
     same = f", {findings.equal} of them identical" if findings.equal else ""
-    return f"{counted(findings.compared, 'cell')} compared with {baseline}{same}: {', '.join(said)}"
+    return f"{counted(findings.compared, 'cell')} compared with {baseline}{same}: {', '.join(parts)}"
 
 
 def _by_cell(changes: "Sequence[Change]") -> "dict[tuple[Any, ...], list[Change]]":

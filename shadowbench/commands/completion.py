@@ -50,7 +50,7 @@ def tolerance(incomplete: str) -> list[str]:
 
 
 def up(incomplete: str) -> list[str]:
-    """Axes that may point up."""
+    """Values of `--up`."""
     return ["y", "z"]
 
 

@@ -65,7 +65,7 @@ def recommend(
     \b
     Lines of the table
       choice   the cheapest spec that meets the target
-      next     the cheapest spec of every other technique that meets the target
+      next     of each technique, the cheapest spec that meets the target, other than the choice
       misses   the most accurate spec of a technique that never meets the target
       closest  the most accurate spec of all, if none meets the target
     Columns
@@ -114,7 +114,7 @@ def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
     from shadowbench.studies.times import time_notes
 
     by = "work" if found.unit == "work" else "this machine's times" if info.software else "this GPU's times"
-    said = "; times of a software renderer are not those of a GPU" if info.software else ""
+    caveat = "; times of a software renderer are not those of a GPU" if info.software else ""
     cost = "work" if found.unit == "work" else "ms"
     numbers = ("map", found.target.metric, cost, "× choice", "MiB")
     columns = ("", "spec", *numbers, "key")
@@ -126,7 +126,7 @@ def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
     for one in found.runners_up:
         if one is not found.closest:
             shown.append(("next" if one.error <= found.target.limit else "misses", one))
-    title = f"{found.view.scene.name}, {found.target}, by {by}{said}"
+    title = f"{found.view.scene.name}, {found.target}, by {by}{caveat}"
     rows = [(place, *_cells(found, one)) for place, one in shown]
     console.print_table(title, columns, rows, numbers=numbers, whole=columns)
     lines = step_lines(found) if found.choice else obstacles(found)

@@ -153,7 +153,7 @@ def run(
             reporter.note(f"{cells} cells in {on}: about {seconds:.0f} s on two cores without a GPU")
         found = measure(asked, output, worker, reporter, time_again=time_again, profile=profile)
     if found.run.earlier and not quiet:
-        console.print_error(f"note: {output}: {_found_before(found.run)}")
+        console.print_error(f"note: {output}: {_earlier_cells_note(found.run)}")
     if json:
         tables = summary(found.frame)
         console.print_json({scene: [dataclasses.asdict(row) for row in rows] for scene, rows in tables.items()})
@@ -170,8 +170,8 @@ def run(
     raise typer.Exit(3 if failed else 0)
 
 
-def _found_before(run: "Run") -> str:
-    """What the folder holds beside the cells of this command."""
+def _earlier_cells_note(run: "Run") -> str:
+    """A note on the cells of earlier commands in the folder."""
     from shadowbench.reports.words import counted
 
     rows = [row for row in run.rows if row["key"] in run.earlier]

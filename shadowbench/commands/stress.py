@@ -63,7 +63,7 @@ def stress(
       0.1…89.9°                 the whole operating range
       all 7                     every value, of an axis without an order
       breaks at 2°: acne 3.10%  the first value out of tolerance, and the reason
-      unsupported: 1e5          values that the technique does not support
+      refused: 1e5              values that the technique does not support
       3 of 20 values            number of values measured, with --quick
     """
     from shadowbench.extremes.ranges import ranges_frame
@@ -76,8 +76,8 @@ def stress(
 
     axes = select_axes(axis or ())
     known = techniques_with(plugin or ())
-    asked = tuple(dict.fromkeys(parse_spec(text, known) for text in techniques or ()))
-    specs = asked or default_specs(known.values())
+    chosen = tuple(dict.fromkeys(parse_spec(text, known) for text in techniques or ()))
+    specs = chosen or default_specs(known.values())
     with console.Reporter(quiet) as reporter, Worker(plugin or (), LIMITS) as worker:
         found = walk(specs, axes, output, worker, reporter, quick=quick)
     if json:
@@ -95,7 +95,7 @@ def stress(
 
 
 def _print(title: str, ranges: "Sequence[OperatingRange]") -> None:
-    """A line for each axis, a column for each kind of light; a single line for a spec that never is in tolerance."""
+    """Print a line for each axis and a column for each kind of light; one line for a spec never in tolerance."""
     from shadowbench.extremes.axes.model import NAMES
 
     if not any(one.in_tolerance for one in ranges):

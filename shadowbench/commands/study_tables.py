@@ -47,9 +47,9 @@ def print_study(found: "StudyResult", folder: Path, quiet: bool) -> None:
     scenes, means = mean_over_scenes(tables)
     if len(scenes) > 1:
         _print_scene(f"mean over the {len(scenes)} scenes in which every cell was drawn", means, [], [])
-    held = [row for rows in tables.values() for row in rows if row.cells]
-    if held and console.out().width < _WIDE:
-        dropped = ", ".join(name for name in _columns(held, False) if name not in _columns(held, True))
+    drawn = [row for rows in tables.values() for row in rows if row.cells]
+    if drawn and console.out().width < _WIDE:
+        dropped = ", ".join(name for name in _columns(drawn, False) if name not in _columns(drawn, True))
         where = f"see {folder / 'table.csv'}, or widen the terminal to {_WIDE}"
         console.print_line(f"columns left out at a width of {console.out().width} characters ({where}): {dropped}")
     if not quiet:
@@ -58,13 +58,13 @@ def print_study(found: "StudyResult", folder: Path, quiet: bool) -> None:
 
 
 def _print_scene(title: str, rows: "list[SummaryRow]", fits: "list[Slope]", notes: list[str]) -> None:
-    """A line for each spec and map size that was drawn, best first; then what was not, the slopes, and notes."""
+    """Print a table: a line for each spec and map size, best first; then unsuccessful cells, slopes and notes."""
     columns = _columns(rows, console.out().width < _WIDE)
-    held = [
+    lines = [
         (row.spec, str(row.map_size or ""), *(_cell(row, key) for key in columns.values())) for row in rows if row.cells
     ]
-    if held:
-        console.print_table(title, ("spec", "map", *columns), held, numbers=("map", *columns))
+    if lines:
+        console.print_table(title, ("spec", "map", *columns), lines, numbers=("map", *columns))
     else:
         console.out().print(title, markup=False)
     for row in rows:
@@ -82,7 +82,7 @@ def _print_scene(title: str, rows: "list[SummaryRow]", fits: "list[Slope]", note
 
 
 def _notes(rows: "list[SummaryRow]") -> list[str]:
-    """How many cells the medians of a table are over, and which maps were scored in one phase only."""
+    """Notes on the number of cells behind the medians, and on maps scored in one phase only."""
     from shadowbench.studies.tables import phase_note
 
     cells = max(row.cells for row in rows)
@@ -101,7 +101,7 @@ def _columns(rows: "Sequence[SummaryRow]", narrow: bool) -> dict[str, str]:
 
 
 def _print_curves(scene: str, found: "list[Curve]") -> None:
-    """A line for each factor of a swept bias, in ascending order: acne falls, contact rises."""
+    """Print a line for each factor of a bias sweep, in ascending order: acne falls, peter-panning rises."""
     if not found:
         return
     rows = []

@@ -109,7 +109,7 @@ class OperatingRange:
         """Text for tables: `plain`, the unsupported values, and the number of values swept if not all."""
         notes = [self.plain]
         if self.in_tolerance and self.unsupported:
-            notes.append(f"unsupported: {', '.join(map(value_label, self.unsupported))}")
+            notes.append(f"refused: {', '.join(map(value_label, self.unsupported))}")
         if len(self.swept) < len(self.axis.values):
             notes.append(f"{len(self.swept)} of {len(self.axis.values)} values")
         return "; ".join(notes)

@@ -100,7 +100,7 @@ def test_unsupported_values_end_a_range_without_a_break() -> None:
     rows = [row(MAP_SIZE, value, "unsupported: too large" if value > 4096 else "ok") for value in MAP_SIZE.values]
     found = operating_range(MAP_SIZE, rows)
     assert (
-        found.text == "16…4096 texels; unsupported: 8192, 16384"
+        found.text == "16…4096 texels; refused: 8192, 16384"
         and found.breaks == ()
         and found.unsupported == (8192, 16384)
     )
