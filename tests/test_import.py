@@ -7,7 +7,7 @@ OF_THE_COMMAND_LINE = {"typer", "click", "shellingham", "annotated_doc", "typing
 
 
 def imported_by(code: str, *arguments: str, after: str = "pass") -> set[str]:
-    """The packages that are none of Python's own and that some code imports, after other code."""
+    """Third-party packages imported by some code after other code."""
     told = (
         f"import sys; {after}; before = set(sys.modules)\n"
         f"try:\n    {code}\nexcept SystemExit: pass\n"

@@ -194,6 +194,6 @@ def test_an_answer_is_that_of_its_own_call(script: str) -> None:
 
 
 def test_names_of_functions_stay_when_the_rooms_behind_them_are_imported() -> None:
-    """A package sets each module of its own that is imported as an attribute of itself."""
+    """Importing a submodule sets it as an attribute of the package."""
     for name in ("truth", "needs", "stress", "run", "render", "score", "load", "recommend", "close"):
         assert callable(getattr(sb, name)), name

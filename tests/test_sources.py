@@ -10,7 +10,7 @@ from shadowbench.sources import code_digest, import_closure
 
 @pytest.fixture
 def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A package in place of ours: `low` imports nothing, `middle` imports it within a function, `high` imports that."""
+    """A test package: `low` imports nothing, `middle` imports `low` within a function, `high` imports `middle`."""
     root = tmp_path / "house"
     (root / "room").mkdir(parents=True)
     for name, text in {

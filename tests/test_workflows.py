@@ -18,7 +18,7 @@ COMMAND = re.compile(r"(?m)^(?:# +| +(?:- )?run: )(shadowbench [^#\n]+)")  # in 
 
 
 def parse(line: str) -> None:
-    """Raises a UsageError for a command line that shadowbench does not take."""
+    """Raises UsageError for an invalid command line."""
     group = typer.main.get_command(app)
     with group.make_context("shadowbench", shlex.split(line)[1:]) as context:
         name, command, words = group.resolve_command(context, [*context._protected_args, *context.args])

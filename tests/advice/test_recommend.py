@@ -183,7 +183,7 @@ def test_without_casters_it_is_one_line(
 def test_in_a_picture_wholly_in_shadow_drawing_no_shadow_meets_no_target(
     shadowbench: Callable[..., Any], tmp_path: Path, target: tuple[str, str], ground: float
 ) -> None:
-    """It has no edge to be off; the table is a plane for the technique on the smaller ground only."""
+    """Such a mask has no edge; `planar-projection` finds the table's plane on the smaller ground only."""
     file = tmp_path / "dark.toml"
     file.write_text(DARK_TABLE.format(ground=ground))
     answer = shadowbench("recommend", file, "--view-size", "64", "-o", tmp_path / "rows", "--json", *target)

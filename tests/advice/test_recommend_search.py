@@ -30,13 +30,13 @@ FILTERS = {"hard": 1.0, "hardware": 1.0, "pcf": 1.3, "pcf(taps=5)": 1.8}
 
 
 def sun_space() -> list[Spec]:
-    """What the model has formulas for."""
+    """The specs for which `Model` has formulas."""
     space = [spec for spec in full_space(KNOWN, "directional", 16384) if getattr(spec.params, "depth", "d16") == "d16"]
     return [spec for spec in space if spec.map_size is None or point_of(spec).filter in FILTERS]
 
 
 class Model:
-    """Costs and errors by formula; what is asked for is kept."""
+    """Costs and errors by formula; records the specs that are measured."""
 
     def __init__(self, sharpness: float, spread: float, slope: float, vertices: float, volume: float) -> None:
         self.sharpness, self.spread, self.slope = sharpness, spread, slope
@@ -119,7 +119,7 @@ def test_a_spec_with_unsuccessful_cells_is_skipped() -> None:
 
 @pytest.mark.parametrize("limit", [0.0, 1e-9])
 def test_a_target_without_any_error_is_searched_for_among_maps(limit: float) -> None:
-    """Errors come in whole pixels of the shadow: below one there is none, and predictions never are 0."""
+    """Errors are multiples of a pixel of the shadow; predictions are never 0."""
     pixel = 1 / 5000
 
     class Counted(Model):
@@ -201,7 +201,7 @@ def test_a_spec_without_a_comparable_edge_is_named_and_meets_no_target(
 
 
 def test_costs_on_a_machine_are_ratios_times_one_reference_time() -> None:
-    """Each cell is timed in a block of its own: what the machine did meanwhile must not choose between them."""
+    """Each cell is timed in a separate block, so that the load of the machine must not affect the choice."""
     target = Target("iou", 0.9, budget_ms=9.0)
     specs = [parse_spec(f"shadow-map:size={size}", KNOWN) for size in (512, 1024)]
 

@@ -140,7 +140,7 @@ A, D = (SHADOW_MAP.with_(bias=f"texel(scale={scale})") for scale in (1.1, 1.4))
 
 
 def found_by_search(tuned: Spec, errors: dict[Spec, float]) -> SearchResult:
-    """What a search would give whose specs have such an error in every scene, and A twice the cost."""
+    """A search result whose specs have these errors in every scene; A costs twice as much as the others."""
 
     def scores(scenes: Sequence[str]) -> dict[Spec, Any]:
         return {
@@ -216,7 +216,7 @@ SPLIT = SceneSplit(("cube-on-plane",), ("sphere-and-torus",))
 
 @pytest.fixture
 def tune(bench: Any) -> Tune:
-    """Tunes the bias of a spec on one little scene, held out another; `bench.calls` are then the worker's."""
+    """Tunes the bias of a spec on one small scene, with another held out; `bench.calls` records the calls."""
 
     def run(text: str, trials: int, folder: Path) -> TuningComparison:
         home = replace(parse_spec(text, KNOWN), explicit=frozenset())
@@ -234,7 +234,7 @@ def tune(bench: Any) -> Tune:
 
 
 class Notes:
-    """A reporter that listens to nothing."""
+    """A reporter that discards everything."""
 
     def note(self, line: str) -> None: ...
 

@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def bench(*arguments: str | Path, cwd: Path = ROOT) -> str:
-    """What pytest prints; its exit code is 0. It is told nothing of the workers that this suite may run in."""
+    """Output of a pytest run that succeeds; without the environment variables of xdist."""
     ours = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
     command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *map(str, arguments)]
     done = subprocess.run(command, cwd=cwd, env=ours, capture_output=True, text=True, timeout=280)
@@ -33,7 +33,7 @@ def entries(file: Path) -> dict[str, dict[str, Any]]:
 
 
 def run(folder: Path, spec: str) -> dict[str, str]:
-    """The line of a cell in the table of `shadowbench run`."""
+    """A cell's line in the table of `shadowbench run`."""
     command = [sys.executable, "-m", "shadowbench", "run", "cube-on-plane", "-t", spec, "--rounds", "0", "-q"]
     subprocess.run([*command, "-o", str(folder)], check=True, capture_output=True, timeout=200)
     with (folder / "table.csv").open(newline="") as stream:

@@ -197,7 +197,7 @@ def test_a_time_that_is_just_as_far_as_is_significant_is_no_change(monkeypatch: 
 
 
 def test_without_a_tolerance_or_a_spread_a_millionth_of_a_millionth_is_the_unit() -> None:
-    """So that nothing is divided by zero, and the larger move still comes first."""
+    """So that nothing is divided by zero, and the larger change still comes first."""
     moved = compare([cell(metrics=GOOD | {"iou": 0.4})], [cell()], {"iou": 0.0})
     assert [change.excess for change in moved.changes] == pytest.approx([0.5e12])
     steady = TIME | {"ratio_iqr": 0.0}

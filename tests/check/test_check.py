@@ -308,7 +308,7 @@ def test_a_scene_that_is_changed_back_has_its_first_results(shadowbench: Shadowb
     scene, folder, baseline = tmp_path / "changing.toml", tmp_path / "now", tmp_path / "baseline"
 
     def run(text: str) -> bytes:
-        """The picture of the truth after a run of this text."""
+        """The truth's image after a run of this scene file."""
         scene.write_text(text)
         words = ["-t", "shadow-map:size=64", "--view-size", "32", "--rounds", "0", "-o", folder, "--quiet"]
         assert shadowbench("run", scene, *words).code == 0

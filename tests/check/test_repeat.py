@@ -26,7 +26,7 @@ def result(
 
 
 def rows(*ratios: float, spread: float = 0.0, **of: Any) -> list[Result]:
-    """Cells called 0, 1, 2, … of these ratios."""
+    """Cells named 0, 1, 2, … with these ratios."""
     return [result(str(number), ratio, spread, **of) for number, ratio in enumerate(ratios)]
 
 
@@ -102,7 +102,7 @@ spec = "ray-traced"
 
 
 def with_ratios(file: Path) -> None:
-    """Times as they would be on a machine without noise: what was measured here is no part of the test."""
+    """Times as on a machine without noise, in place of measured ones."""
     lines = [json.loads(line) for line in file.read_text().splitlines()]
     times = [line for line in lines if line["kind"] == "time"]
     assert len(times) == 4

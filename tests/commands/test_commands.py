@@ -57,7 +57,7 @@ def test_a_spec_that_names_its_size_keeps_it_and_that_is_said(shadowbench: Shado
 
 
 def test_one_phase_is_called_so(shadowbench: Shadowbench, tmp_path: Path) -> None:
-    """What speaks of map sizes has eight phases unless told otherwise; specs alone have one."""
+    """Options with map sizes imply eight phases by default; specs alone imply one."""
     sizes = ("run", "cube-on-plane", "-t", "shadow-map", "--map-size", "64,128", "--phases", "1", *SMALL)
     alone = shadowbench(*sizes, "-o", tmp_path / "sizes").out
     assert ", one phase  shadow-map\n" in alone and "  scored in one phase" in alone

@@ -43,7 +43,7 @@ def test_a_name_that_is_taken_is_refused(shadowbench: Shadowbench, tmp_path: Pat
 
 @pytest.mark.parametrize("name", ["numpy", "shadowbench", "typing", "class", "import"])
 def test_a_name_of_python_s_own_is_refused(shadowbench: Shadowbench, tmp_path: Path, name: str) -> None:
-    """A file of that name would stand before the module wherever somebody starts Python beside it."""
+    """A file of that name would hide the module when Python is started in its folder."""
     answer = shadowbench("new-technique", name, "-o", tmp_path)
     assert answer.code == 2 and "allowed: " in answer.err and not list(tmp_path.iterdir())
 

@@ -54,7 +54,7 @@ def test_no_mask_of_ours_is_taken_for_turned_shifted_or_encoded(
 
 @pytest.fixture(scope="module")
 def vtk_python(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A Python of its own with VTK, and nothing of ours."""
+    """A separate Python with VTK and without shadowbench."""
     folder = tmp_path_factory.mktemp("vtk")
     venv.create(folder, with_pip=True)
     python = folder / ("Scripts" if sys.platform == "win32" else "bin") / "python"

@@ -20,7 +20,7 @@ SCENE = "stairs"
 
 @pytest.fixture
 def mask(drawn: Callable, tmp_path: Path) -> Path:
-    """What a good engine would hand over."""
+    """A correct mask."""
     write_mask(tmp_path / "mask.png", drawn(SCENE))
     return tmp_path / "mask.png"
 

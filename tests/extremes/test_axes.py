@@ -65,7 +65,7 @@ def test_values_are_written_shortly() -> None:
     ids=AXES,
 )
 def test_every_axis_value_shows_light_and_shadow(axis: Axis) -> None:
-    """What shows no shadow, or nothing else, measures nothing."""
+    """A view without shadow, or wholly in shadow, would measure nothing."""
     for light in axis.lights:
         for value in axis.values:
             truth = trace(replace(axis.at(value, light).views[0], size=SMALL), pixel_samples=1)

@@ -28,13 +28,13 @@ ELEVATION, MESH, MAP_SIZE = AXES["elevation"], AXES["mesh"], AXES["map-size"]
 
 
 def short(axis: Axis, *values: float | str) -> Axis:
-    """An axis of its home and some other values, under the sun alone."""
+    """An axis with its default and some other values, under a sun only."""
     kept = tuple(value for value in axis.values if value in (axis.default, *values))
     return replace(axis, values=kept, quick=kept, lights=("directional",))
 
 
 def row(axis: Axis, value: float | str, status: str = "ok", **metrics: float | None) -> dict[str, Any]:
-    """What a row says of a value; metrics that are not named are perfect."""
+    """A row at an axis value; metrics that are not given are perfect."""
     perfect = {"iou": 1.0, "acne": 0.0, "leak": 0.0}
     about = {"technique": "t", "home_spec": "t", "light_kind": "directional", "axis": axis.name, "axis_value": value}
     return {**about, "status": status, "metrics": perfect | metrics} if status == "ok" else {**about, "status": status}
@@ -161,7 +161,7 @@ def test_an_axis_of_parameters_is_swept_for_techniques_that_have_them(bench: Any
 
 
 class Swept:
-    """A sweep of a few specs along short axes."""
+    """A sweep of a few specs along short axes, with its rows."""
 
     def __init__(self, bench: Any, folder: Path, specs: list[str], *axes: Axis) -> None:
         self.steps: list[str] = []
@@ -263,7 +263,7 @@ def test_the_picture_of_a_break_is_drawn_with_the_mask_beside_it(bench: Any, tmp
 
 
 def test_faces_turned_away_from_the_light_can_be_told_apart(bench: Any, tmp_path: Path) -> None:
-    """The box of the base scene has two that are seen: alike, they would look like its shadow."""
+    """Two such faces of the base scene's box are visible; equally dark, they would look like its shadow."""
     bench.worker.limits = Limits()
     (row,) = Swept(bench, tmp_path, ["unshadowed"], short(ELEVATION)).rows
     colors = np.asarray(Image.open(tmp_path / "pictures" / f"{row['key']}.png"), float)

@@ -19,7 +19,7 @@ WARM = ("shadowbench.studies.measure", "shadowbench.measure.session", "scipy.ndi
 
 
 def measured(scenes: list[str], specs: list[str], phases: int, study: str, folder: str) -> None:
-    """What `run` does, but with the session in this process."""
+    """Like `run`, but with the session in this process."""
     from shadowbench.measure.executor import Limits
     from shadowbench.measure.session import Session
     from shadowbench.studies.measure import measure, study_from_options
@@ -27,7 +27,7 @@ def measured(scenes: list[str], specs: list[str], phases: int, study: str, folde
     from shadowbench.techniques.spec import parse_spec
 
     class Here:
-        """The executor: what a technique raises ends the run."""
+        """An executor that lets exceptions of techniques end the run."""
 
         limits = Limits()
 

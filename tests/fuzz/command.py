@@ -17,7 +17,7 @@ SMALL = ["--view-size", "16", "-o"]
 
 
 def commanded(case: Case) -> Verdict:
-    """The verdict on `truth` of a scene or mesh, `run` of a study or a spec."""
+    """The verdict on a command: `truth` for a scene or mesh, `run` for a study or spec."""
     root = Path(tempfile.mkdtemp(prefix="fuzz-"))
     try:
         main = case.write(root)

@@ -51,7 +51,7 @@ def test_a_reader_that_misbehaves_is_a_failure(
 
 
 def misbehave(case: Case, watch: Watch) -> Verdict:
-    """In a process of the pool."""
+    """Misbehaves in a process of the pool."""
     if case.text == "hang":
         while True:
             pass

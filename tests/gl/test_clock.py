@@ -70,7 +70,7 @@ Queried = Callable[..., Clock]
 
 @pytest.fixture
 def queried() -> Queried:
-    """A GPU's clock whose queries answer these nanoseconds, one after the other; each span takes 10 ms by the wall."""
+    """A GPU clock whose queries return these nanoseconds in turn; each span takes 10 ms by the wall clock."""
     ticks = iter(0.01 * number for number in range(100))
 
     def make(*nanoseconds: int) -> Clock:

@@ -21,7 +21,7 @@ BYTES = {"d16": 2, "d24": 3, "d32f": 4}
 
 @pytest.fixture
 def at_depth(device: Device, program):
-    """Draws a depth over the whole of a target."""
+    """Draws a constant depth over a whole target."""
     flat = program("void main() {}", AT_DEPTH)
     vertices = device.context.vertex_array(flat.linked, [])
 

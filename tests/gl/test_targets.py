@@ -25,7 +25,7 @@ FLOAT_ROUNDING = 2.0**-23  # of depth · 2 − 1, and of the way back, in the pi
 
 @pytest.fixture
 def stored(device: Device, program) -> Callable[..., np.ndarray]:
-    """What a target of a format keeps of a depth drawn over all of it."""
+    """The depth stored by a target of a format when a depth is drawn over all of it."""
     flat = program("void main() {}", AT_DEPTH)
     vertices = device.context.vertex_array(flat.linked, [])
 

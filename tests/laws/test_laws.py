@@ -108,7 +108,7 @@ def subset(case: Case) -> None:
 
 
 def within(case: Case) -> None:
-    """A permutation test: if the change were but one more shift of the grid, chance would fail it once in 6435."""
+    """A permutation test: if the change only shifted the grid, it would fail by chance once in 6435."""
     assert case.subject.spec is not None
     errors = []
     for view in case.views:
@@ -120,7 +120,7 @@ def within(case: Case) -> None:
 
 
 def agree(case: Case) -> None:
-    """On a map so fine, under a bias so large, that most kernels agree."""
+    """With so fine a map and so large a bias that most kernels agree."""
     assert case.subject.spec is not None
     masks = []
     for rows in (Hard(), *(PCF(taps=taps) for taps in (3, 5, 7))):
@@ -145,7 +145,7 @@ CHECKS: dict[str, Callable[[Case], None]] = {
 
 @cache
 def shadowed(little: Little) -> bool:
-    """Whether there is something to see."""
+    """Whether the view shows a shadow."""
     return bool(traced(little.view(32)).shadow.mean() > SHADOWED)
 
 

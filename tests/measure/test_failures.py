@@ -43,14 +43,14 @@ def spec(text: str) -> str:
 
 @pytest.fixture(scope="module")
 def study_text() -> str:
-    """Every misdeed between two techniques that are well."""
+    """A study of every kind of misbehaviour between two correct techniques."""
     misdeeds = "".join(spec(f"does:what={what}") for what in EXPECTED if what != "hang")
     return HEAD + spec("shadow-map:size=64") + misdeeds + spec("half") + spec("shadow-map:size=128")
 
 
 @pytest.fixture(scope="module")
 def survivors(bench: Any, study_text: str, tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """The frame of cells of that study, and of what hangs."""
+    """The table of cells of that study, including hanging ones."""
     folder = tmp_path_factory.mktemp("failures")
     texts = [study_text, HANGS + spec("does:what=hang")]
     results = [result for text in texts for result in bench.run(bench.study(folder, text), folder / "out")]

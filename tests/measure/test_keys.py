@@ -34,7 +34,7 @@ def key(spec: str = "shadow-map", view: str = "v", phase: int = 0, renderer: str
 
 @pytest.fixture
 def fresh() -> Iterator[Callable[[], None]]:
-    """Forgets the digests of sources, which a process reads once."""
+    """Clears the cached digests of sources."""
     keys._sources.cache_clear()
     yield keys._sources.cache_clear
     keys._sources.cache_clear()
@@ -137,7 +137,7 @@ def test_names_and_colours_are_not_in_the_key(cube: View) -> None:
 
 @pytest.fixture
 def shaders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A copy of the shaders that keys read in place of ours."""
+    """A copy of the shaders, which keys use instead of the originals."""
     copy = tmp_path / "shaders"
     shutil.copytree(data.data_folder("shaders"), copy)
     monkeypatch.setattr(keys, "data_folder", lambda kind: tmp_path / kind)
@@ -202,7 +202,7 @@ EDITED = [
 
 @pytest.fixture
 def edit(monkeypatch: pytest.MonkeyPatch, fresh: Callable[[], None]) -> Callable[..., None]:
-    """Has files read from now on as if a line had been added, without touching them: others may be reading it."""
+    """Makes files read as if a line were appended, without writing to them, as other processes may read them."""
     read = Path.read_bytes
 
     def edited(*files: Path) -> None:
@@ -258,7 +258,7 @@ def load(file: Path, name: str = "Half") -> type[Technique]:
 
 @pytest.fixture
 def plugged(fresh: Callable[[], None]) -> Callable[..., str]:
-    """The key of a technique of a file, read anew."""
+    """The key of a technique loaded again from a file."""
 
     def read(file: Path, name: str = "Half") -> str:
         fresh()

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="process groups, and 
 
 @pytest.fixture
 def worker(wild: Path) -> Iterator[Worker]:
-    """A worker whose calls may take so long and so much."""
+    """A worker with these limits of time and memory."""
     with Worker([wild], Limits(20.0, 1 << 30)) as worker:
         yield worker
 
@@ -91,7 +91,7 @@ def test_a_plugin_that_cannot_be_loaded_says_so_in_a_line_that_ends(
 
 
 def sleepers(file: Path) -> list[psutil.Process]:
-    """What runs with the environment of this test, whoever its parent is by now."""
+    """Processes with the environment of this test, whatever their parent."""
     found = []
     for process in psutil.process_iter():
         try:
@@ -103,7 +103,7 @@ def sleepers(file: Path) -> list[psutil.Process]:
 
 
 def end(file: Path) -> bool:
-    """Whether all that runs with the environment of this test ends soon."""
+    """Whether all processes with the environment of this test end soon."""
     for _ in range(200):
         if not sleepers(file):
             return True

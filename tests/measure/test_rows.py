@@ -199,7 +199,7 @@ def test_a_process_that_opened_a_lock_before_its_release_does_not_write_with_the
     lock = row_store.fcntl.flock
 
     def late(file: Any, operation: int) -> None:
-        """Locks what the second has opened, but only after the first has gone and a third has come."""
+        """Delays the second process's lock until the first has released the file and a third has locked a new one."""
         monkeypatch.setattr(row_store.fcntl, "flock", lock)
         first.close()
         holders.append(RowStore(tmp_path))

@@ -21,7 +21,7 @@ AT: Any = None  # the view, which is always open
 
 
 class Bare(Session):
-    """A session without a device; its only technique notes the index of every frame that it draws."""
+    """A session without a device, whose technique records the index of every frame drawn."""
 
     def __init__(self) -> None:
         context = SimpleNamespace(finish=lambda: None, enable_only=lambda flags: None, wireframe=False)

@@ -22,7 +22,7 @@ HALVES = SMALL.replace('"shadow-map:size=64"', '"half"').replace('reference = "u
 
 @pytest.fixture
 def added(bench: Any, tmp_path: Path, records: Records) -> Added:
-    """Runs a study into one folder; the score and time records that it adds."""
+    """Runs a study into one folder; returns the score and time records added."""
     folder = tmp_path / "out"
 
     def run(text: str) -> tuple[int, int]:

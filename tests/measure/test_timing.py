@@ -41,7 +41,7 @@ def cell(text: str) -> Cell:
 
 @dataclass
 class Scripted:
-    """In place of the worker: `clock` names the clock of the n-th sample, `fails` says what a call raises."""
+    """A scripted worker. clock: name of the n-th sample's clock; fails: exception that a call raises."""
 
     clock: Callable[[int], str] = lambda number: WALL
     fails: Callable[[str, str | None], Exception | None] = lambda method, name: None
@@ -102,7 +102,7 @@ Found = dict[str, Timing | TimingFailure]
 
 
 def timed(worker: Scripted, *names: str, rounds: int = 3, reference: str = REFERENCE, **options: Any) -> Found:
-    """What is said of each cell, by its spec."""
+    """The result of timing each cell, by spec."""
     conditions = Conditions(rounds=rounds, reference=spec(reference))
     view: Any = SimpleNamespace(light=SimpleNamespace(kind="directional"))
     sizes = dict.fromkeys(map(cell, names), 1)

@@ -81,7 +81,7 @@ def test_each_spec_is_read_once_in_a_process(start: Callable[..., Any], tmp_path
 
 
 class Wire:
-    """A connection to itself; what was sent and not yet read."""
+    """A connection to itself, with the data sent but not yet received."""
 
     def __init__(self) -> None:
         self.sent: list[bytes] = []
@@ -119,7 +119,7 @@ def test_a_replaced_worker_is_sent_the_scene_again(wild: Path) -> None:
 
 
 def test_a_view_is_opened_on_first_use() -> None:
-    """In any order, and again after another: nobody opens it first."""
+    """Calls open it implicitly, in any order, and again after another view."""
     views = [PlacedView(chosen_view(name, 16)) for name in ("cube-on-plane", "stairs")]
     views.append(PlacedView(chosen_view("stairs", 16), "absolute"))
     with Worker() as worker:

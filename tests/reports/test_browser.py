@@ -25,7 +25,7 @@ LARGEST = 8e6  # bytes
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The report of a small study and of a small sweep, made by the commands that make them."""
+    """The report on a small study and a small sweep, written by the commands."""
     folder = tmp_path_factory.mktemp("report")
     shadowbench = [sys.executable, "-m", "shadowbench"]
     # Each cell is timed thrice in place of nine times: nothing here depends on how well.
@@ -53,7 +53,7 @@ def browser() -> Iterator[Browser]:
 
 @dataclass
 class Visit:
-    """A page that is open, what it complained of, and what it asked for beside itself."""
+    """An open page, its console messages and errors, and the URLs it requested."""
 
     page: Page
     complaints: list[str] = field(default_factory=list)
@@ -62,7 +62,7 @@ class Visit:
 
 @pytest.fixture
 def visit(browser: Browser, report: Path) -> Iterator[Callable[..., Visit]]:
-    """Opens the report and waits until its charts are drawn; after the test nothing may have gone wrong."""
+    """Opens the report and waits until its charts are drawn; errors and network requests fail the test."""
     visits: list[Visit] = []
 
     def open_at(width: int = 1280, height: int = 900) -> Visit:
@@ -234,7 +234,7 @@ def test_eight_specs_at_most_are_shown_each_with_a_look_of_its_own(visit: Callab
     on, off = legend.locator("[aria-pressed=true]"), legend.locator("[aria-pressed=false]")
 
     def looks() -> dict[str, tuple[str, str]]:
-        """By spec, the colour and the outline of its points."""
+        """Colour and shape of the points, by spec."""
         found = page.locator(".chart.sizes").evaluate(
             """element => element.view.data("source_0").filter(one => one.shown)
             .map(one => [one.spec, [one.color, one.shape]])"""
@@ -494,7 +494,7 @@ def test_the_report_prints_with_its_tables(visit: Callable[..., Visit], tmp_path
 
 
 def told(page: Page, mark: Locator) -> str:
-    """What the tooltip of a mark says."""
+    """The text of a mark's tooltip."""
     mark.scroll_into_view_if_needed()
     mark.hover(force=True)
     tooltip = page.locator("#vg-tooltip-element.visible")

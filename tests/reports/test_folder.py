@@ -36,7 +36,7 @@ def test_times_of_another_machine_do_not_stand_beside_the_last(run_folder: Write
 
 
 def table(folder: Path, *cells: Cell) -> None:
-    """A `table.csv` that names these cells, as the last command leaves it."""
+    """Write a `table.csv` with these cells."""
     (folder / "table.csv").write_text("key\n" + "".join(f"{cell.key}\n" for cell in cells))
 
 
@@ -88,7 +88,7 @@ def test_cells_of_earlier_commands_are_known(run_folder: Write) -> None:
 
 
 def last_command(folder: Path, *cells: Cell) -> None:
-    """A `run.json` that lists these cells."""
+    """Make `run.json` list these cells."""
     about = json.loads((folder / "run.json").read_text())
     (folder / "run.json").write_text(json.dumps(about | {"keys": [cell.key for cell in cells]}))
 

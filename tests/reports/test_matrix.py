@@ -28,7 +28,7 @@ UNSUPPORTED = "unsupported: a lamp shines all round"
 
 @pytest.fixture
 def measured(run_folder: Callable[..., Path]) -> Make:
-    """The sections of a run with these cells, a scene each."""
+    """The sections of a run with these cells, one per scene."""
 
     def make(*cells: Cell, **options: object) -> list[Section]:
         return [section for parts in sections(read_runs([run_folder(cells, **options)])).values() for section in parts]
@@ -37,7 +37,7 @@ def measured(run_folder: Callable[..., Path]) -> Make:
 
 
 def shown(made: Sequence[Section], targets: Sequence[Target] = IOU_TARGETS) -> dict[str, list[str]]:
-    """By technique, what its cells say."""
+    """The texts of the cost matrix's cells, by technique."""
     lines = cost_matrix(candidates(made), targets)
     return {
         name: [" ".join(filter(None, cell_texts(cell, len(made)))) for cell in cells] for name, cells in lines.items()
@@ -71,7 +71,7 @@ def test_of_two_configurations_with_equal_cost_the_more_accurate_one_is_named(me
 
 @pytest.mark.parametrize(("ms", "spread", "same"), [(5.1, 0.02, True), (5.3, 0.02, False), (5.3, 0.05, True)])
 def test_ties_within_the_noise_of_times_are_named(measured: Make, ms: float, spread: float, same: bool) -> None:
-    """The middle halves of the rounds, 10 ms · spread wide, overlap."""
+    """The interquartile ranges, 10 ms · spread wide, overlap."""
     made = measured(Cell("a", 512, 0.004, 5.0, ratio_iqr=spread), Cell("b", 512, 0.004, ms, ratio_iqr=spread))
     found = candidates(made)
     best = cheapest(found, Target(0.99))

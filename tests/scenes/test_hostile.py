@@ -103,7 +103,7 @@ def test_a_pipe_is_not_waited_for(tmp_path: Path, scene_file: Write, gltf_file: 
 
 @pytest.fixture
 def outside(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder beside the scene's, with bytes that would do."""
+    """A folder beside the scene's, with valid buffer data."""
     folder = tmp_path_factory.mktemp("outside")
     positions = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], dtype=np.float32)
     (folder / "part.bin").write_bytes(positions.tobytes() + np.arange(3, dtype=np.uint32).tobytes())

@@ -36,7 +36,7 @@ def test_a_built_in_scene_is_whole(name: str) -> None:
 
 @pytest.mark.parametrize("name", builtin_names())
 def test_no_large_face_lies_along_the_light(name: str) -> None:
-    """N·L of 0 leaves the truth to rounding."""
+    """With N·L = 0 the truth would depend on rounding."""
     scene = load_scene(name)
     geometry = scene.geometry
     a, b, c = (geometry.vertices[geometry.faces[:, k]] for k in range(3))

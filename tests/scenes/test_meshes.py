@@ -204,7 +204,7 @@ def test_a_draco_file_is_decoded(tmp_path: Path) -> None:
 
 
 def draco(tmp_path: Path) -> tuple[Path, bytes, int]:
-    """A compressed ball, its bytes, and where in them Draco's begin."""
+    """A compressed sphere: its bytes, and the offset of the Draco data."""
     scene = trimesh.Scene(trimesh.creation.icosphere(subdivisions=2))
     data = trimesh.exchange.gltf.export_glb(scene, extension_draco=True)
     return tmp_path / "ball.glb", data, data.index(b"DRACO")

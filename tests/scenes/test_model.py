@@ -82,7 +82,7 @@ def test_the_length_of_up_changes_nothing(length: float) -> None:
 
 @pytest.mark.parametrize("apart", [1e-170, 1e-17, 1e-13])
 def test_a_target_that_rounds_to_the_camera_position_is_an_error(apart: float) -> None:
-    """Seen from the scene's centre both are at one place, and the camera looks nowhere."""
+    """Relative to the scene's centre both round to the same point, so that there is no view direction."""
     floor = Mesh("floor", FLOOR.vertices + np.array([0.0, 0.0, 1.7]), FLOOR.faces)
     camera = Camera("camera", (0.0, 0.0, 0.0), (apart, 0.0, 0.0), 0.6)
     with pytest.raises(InputError, match=r"camera 'camera' of floor: position and target are \S+ m apart") as error:

@@ -166,7 +166,7 @@ def test_the_outline_of_the_triangles_is_the_ring_also_at_corners_on_straight_li
 
 
 def test_a_corner_seen_edge_on_is_kept(mesh_file: MeshFile) -> None:
-    """Of the five corners one stands, along the mean normal, on the way back to the next."""
+    """One of the five corners lies on an edge that is parallel to the mean normal."""
     text = "v -500 0 500\nv 500 0 500\nv 500 0 -500\nv -500 0 -500\nv 0 500 -500\nf 1// 2// 3// 4// 5//\n"
     contents = read_meshes(mesh_file("a.obj", text))
     corners = corners_of(contents)

@@ -341,6 +341,6 @@ def test_a_mask_of_another_size_is_refused(truth):
 
 
 def test_nan_is_refused_even_where_it_is_not_scored(truth):
-    """It tells of a broken shader, wherever it stands."""
+    """NaN indicates a broken shader at any pixel."""
     with pytest.raises(ValueError, match="NaN or infinite in 1"):
         score([[1, np.nan]], truth([[1, 1]], receivers=np.array([[True, False]])))

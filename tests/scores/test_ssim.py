@@ -86,7 +86,7 @@ def test_empty_regions_do_not_dilute_ssim(truth, half_plane):
 
 
 def test_ssim_prefers_a_displaced_edge_to_a_smooth_one_as_its_help_states(truth, disc):
-    """Why ssim_edge and edge_px stand beside it."""
+    """This is why ssim_edge and edge_px exist as well."""
     smooth = score(uniform_filter(disc(40), 5), truth(disc(40)))
     displaced = score(disc(40, right=1), truth(disc(40)))
     assert displaced["ssim"] > smooth["ssim"]

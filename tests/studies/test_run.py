@@ -42,7 +42,7 @@ spec = "shadow-map"
 
 
 class Run:
-    """One run of a study, its table written."""
+    """Result of one run of a study, with its table."""
 
     def __init__(self, bench: Any, folder: Path, text: str = STUDY) -> None:
         self.folder = folder
@@ -323,7 +323,7 @@ def test_without_any_shadow_there_is_no_iou(bench: Any, tmp_path: Path, name: st
 
 
 def extreme(bench: Any, tmp_path: Path, scene: str, text: str = SMALL) -> dict[str, dict[str, str]]:
-    """Cells by technique of a study on a scene of this text."""
+    """Cells of a study on this scene file, by technique."""
     (tmp_path / "files").mkdir()
     (tmp_path / "files" / "extreme.toml").write_text(scene)
     run = Run(bench, tmp_path / "out", text.replace("cube-on-plane", "extreme.toml"))

@@ -29,7 +29,7 @@ def result(
     phase: int = 0,
     **of: Any,
 ) -> Result:
-    """A cell's rows; further words are the time's."""
+    """A cell's rows; keywords: fields of the time record."""
     score = {
         "scene": "cube", "view": view, "light": light, "phase": phase, "technique": "t", "spec": spec, "map_size": size,
         "view_size": 8, "renderer": "r", "status": "ok", "key": "k", "metrics": dict.fromkeys(METRICS) | {"iou": iou},
@@ -81,7 +81,7 @@ def test_an_interval_excludes_a_fortieth_of_the_resampled_medians_on_either_side
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     class Ramp:
-        """In place of chance: resamples whose medians are 0, 1, 2, …"""
+        """A random generator whose resamples have medians 0, 1, 2, …"""
 
         def choice(self, values: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
             assert shape[1] == len(values)
@@ -142,7 +142,7 @@ def test_times_that_were_added_are_columns_after_all_others() -> None:
 
 
 def test_lights_of_one_scene_are_tables_of_their_own() -> None:
-    """What answers the sun alone must not stand beside medians over lamps too."""
+    """Techniques that support only a sun must not be compared with medians that include lamps."""
     cells = [result(0.9), result(0.5, light="lamp"), result(0.8, spec="cascades")]
     tables = summary(cells_frame(cells))
     assert {title: [row.spec for row in rows] for title, rows in tables.items()} == {

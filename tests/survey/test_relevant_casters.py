@@ -24,7 +24,7 @@ def relevant(view: View) -> RelevantCasters:
 
 
 def without(view: View, useless: np.ndarray) -> View:
-    """The view where some triangles, by index, cast no longer; all is seen as it was."""
+    """The view with some triangles, by index, no longer casting; visibility to the camera is unchanged."""
     geometry = view.scene.geometry
     casts = geometry.casts.copy()
     casts[useless] = False
@@ -38,7 +38,7 @@ def without(view: View, useless: np.ndarray) -> View:
 
 
 def assert_same_shadows(view: View) -> int:
-    """The truth with and without what is useless; how many triangles that is."""
+    """Assert that the truth does not change without the irrelevant casters; returns their number."""
     found = relevant(view)
     useless = np.flatnonzero(view.scene.geometry.casts)[~found.matters]
     assert found.sure and found.useless == len(useless)

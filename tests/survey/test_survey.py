@@ -80,7 +80,7 @@ def test_planes_cover_a_box_on_a_ground_and_nothing_of_a_sphere() -> None:
 
 
 def test_planes_too_small_for_the_scene_count_for_nothing_even_if_nothing_else_is_visible() -> None:
-    """A table that fills the picture is no plane for the technique beside 400 m of ground: it draws no shadow there."""
+    """A table that fills the picture is too small beside 400 m of ground to be a plane for `planar-projection`."""
     table, above = box(1.0, (0.0, -0.5, 0.0)), box(0.1, (0.0, 0.3, 0.0), "above")
     seen = from_above([plate(400.0, (0.0, -1.0, 0.0)), table, above], SUN, width=0.8)
     found = seen_by(sample_view(seen))

@@ -20,7 +20,7 @@ from shadowbench.techniques.spec import parse_spec
 
 @dataclass(eq=False)
 class Built:
-    """A technique on its stage, from build to release."""
+    """A technique built on a stage."""
 
     technique: Technique
     stage: Stage

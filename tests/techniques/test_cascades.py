@@ -172,7 +172,7 @@ def test_every_receiver_in_view_lies_in_a_box(name: str, box: str, studio, build
 
 
 def held_by(one, shot, slack: float = 0.0) -> np.ndarray:
-    """The first layer whose box holds a pixel's position with the filter's reach, or the number of layers."""
+    """The first layer whose box contains a pixel's position and the filter radius, or the number of layers."""
     technique = one.technique
     layer = np.full(shot.triangle.shape, len(technique.light_views))
     for number, light_view in reversed(list(enumerate(technique.light_views))):
@@ -189,7 +189,7 @@ def tinted(one) -> np.ndarray:
 
 
 def colors_of(tint: np.ndarray, layer: np.ndarray, sure: np.ndarray) -> list[tuple[float, ...]]:
-    """The colour of each layer, which must be one."""
+    """The colour of each layer, which must be uniform."""
     found = [np.unique(tint[sure & (layer == number)], axis=0) for number in np.unique(layer[sure])]
     assert all(len(colors) == 1 for colors in found)
     return [tuple(colors[0]) for colors in found]

@@ -26,7 +26,7 @@ MORE = {"bias": ["receiver-plane(gradient=derivative)"], "filter": ["pcf(taps=5)
 
 
 def values(name: str, annotation: Any) -> list[str]:
-    """What a field of a technique's parameters may be; nothing for numbers."""
+    """Allowed values of a parameter; empty for numbers."""
     if annotation is bool:
         return ["false", "true"]
     if get_origin(annotation) is Literal:
@@ -41,7 +41,7 @@ def shapes_a_text(name: str) -> bool:
 
 
 def compositions(technique: Any) -> Iterator[str]:
-    """Specs, those without meaning among them."""
+    """Specs, including invalid ones."""
     fields = {name: values(name, info.annotation) for name, info in technique.Params.model_fields.items()}
     fields = {name: several for name, several in fields.items() if several}
     crossed = {name: several for name, several in fields.items() if shapes_a_text(name)}

@@ -59,7 +59,7 @@ def poses(builtin):
 
 
 def answered(specs: list[str], kinds: Collection[str] = tuple(LIGHTS)) -> list[tuple[str, str]]:
-    """Each spec with each of the kinds of light that its technique declares."""
+    """Pairs of a spec and a kind of light that its technique supports."""
     return [(spec, kind) for spec in specs for kind in kinds if kind in techniques()[spec.split(":")[0]].lights]
 
 
@@ -149,7 +149,7 @@ def test_a_scene_without_casters_is_lit(spec, kind, studio, build, shape, lookin
 
 @pytest.mark.parametrize(("spec", "kind"), answered(ALL))
 def test_a_view_without_receivers_is_all_1(spec, kind, studio, build, shape, looking) -> None:
-    """Seen from below, the light above: nothing in view is turned to it."""
+    """Seen from below under a light above, no visible surface faces the light."""
     view = looking([shape("plane", 6.0)], LIGHTS[kind], SIZE, eye=(1.0, -3.0, 1.0))
     shot = studio.shot(view)
     assert (shot.triangle >= 0).any()

@@ -107,7 +107,7 @@ def test_geometry_shader_and_six_passes_give_the_same_bits(name, items, builtin,
 
 
 class CubeLookup:
-    """Which texels of a technique's faces directions from the light fall on; nothing of the shaders is used."""
+    """Texels of a cube map that directions from the light fall on, computed independently of the shaders."""
 
     def __init__(self, technique, shot, bias: float) -> None:
         self.away = shot.position[..., :3] - np.asarray(shot.view.light.position)

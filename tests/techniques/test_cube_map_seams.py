@@ -40,7 +40,7 @@ class EdgePixels:
     seam: np.ndarray
 
     def count(self, mask: np.ndarray) -> np.ndarray:
-        """[[pixels, wrong ones] at seams, [pixels, wrong ones] elsewhere]."""
+        """[[pixels, wrong pixels] at seams, the same elsewhere]."""
         wrong = (mask[self.decided] < 0.5) != self.dark
         parts = [self.edge & self.seam, self.edge & ~self.seam]
         return np.array([[part.sum(), (part & wrong).sum()] for part in parts])

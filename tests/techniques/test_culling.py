@@ -101,7 +101,7 @@ boxes = st.tuples(places, places).map(lambda ends: np.stack([np.minimum(*ends), 
 @settings(max_examples=300, deadline=None, derandomize=True)
 @given(box=boxes, inside=places, along=st.floats(0.0, 2.0), seen=places, turn=places, w=st.sampled_from([0.0, 1.0]))
 def test_casters_between_a_receiver_and_the_light_are_kept(box, inside, along, seen, turn, w) -> None:
-    """From a point of a caster's box on, away from the light, to a receiver within any half-spaces that hold it."""
+    """For receivers behind a point of a caster's box, in any convex region that contains them."""
     caster = box[0] + (inside + 1) / 2 * (box[1] - box[0])
     light = seen * 3 if w else seen / max(np.linalg.norm(seen), 1e-3)
     receiver = caster + along * (w * caster - light)

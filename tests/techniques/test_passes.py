@@ -50,7 +50,7 @@ def test_passes_depend_on_what_they_must(spec: str, studio, build, builtin) -> N
 def test_passes_that_change_with_the_light_are_not_redrawn_for_another_camera(
     spec: str, kind: str, studio, build, builtin, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """With nothing drawn in the passes that say so, a moved camera still finds what a fresh build draws."""
+    """With these passes disabled, a moved camera still gives the mask of a fresh build."""
     first, second = (studio.shot(seen(builtin, camera, LIGHTS[kind])) for camera in (0, 1))
     expected = build(spec, second).draw(second)
     one = build(spec, first)

@@ -46,7 +46,7 @@ class Judged:
 
 @pytest.fixture
 def judged(studio, build):
-    """A spec's shadow on a view, with what a ray says."""
+    """A spec's mask of a view beside the truth."""
 
     def judge(view: View, spec: str = NAME, shot=None) -> Judged:
         shot, truth = shot or studio.shot(view), trace(view, pixel_samples=1)

@@ -135,7 +135,7 @@ SIZE = 128
 
 @dataclass(frozen=True)
 class Plugin:
-    """A technique of somebody's: its name, its files, and how `shadowbench` gets to know it."""
+    """A plug-in: its technique, files, and the options that load it."""
 
     technique: str
     files: tuple[Path, ...]
@@ -144,7 +144,7 @@ class Plugin:
     least_iou: float  # a little below what was found
 
     def command(self, *arguments: str | Path) -> str:
-        """What `shadowbench …` prints, in a process of its own."""
+        """Output of `shadowbench …` in a separate process."""
         done = subprocess.run(
             [sys.executable, "-m", "shadowbench", *map(str, arguments), *self.flags],
             env=os.environ | {"PYTHONPATH": self.python_path},
@@ -158,7 +158,7 @@ class Plugin:
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Plugin:
-    """A package as pip would leave it, without pip: its folder, and the record of it with the entry point."""
+    """An installed package, made without pip: its folder, and metadata with the entry point."""
     site = tmp_path_factory.mktemp("site")
     package, record = site / "blobs", site / "blobs-1.0.dist-info"
     package.mkdir()

@@ -20,7 +20,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def kept() -> dict[tuple[str, int], dict[str, float]]:
-    """What was found, by spec and map size."""
+    """Mean scores, by spec and map size."""
     return {}
 
 

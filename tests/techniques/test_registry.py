@@ -44,7 +44,7 @@ def plugin(folder: Path, text: str, file: str = "dusk.py") -> Path:
 
 @pytest.fixture
 def entry_point(monkeypatch: pytest.MonkeyPatch):
-    """Pretends that a package is installed whose entry point has this value."""
+    """Simulates an installed package with this entry point."""
 
     def install(value: str) -> None:
         point = EntryPoint("theirs", value, registry.GROUP)

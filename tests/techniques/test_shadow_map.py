@@ -27,7 +27,7 @@ CHOICES = {
 
 
 def pairwise(choices: dict[str, list[str]]) -> list[dict[str, str]]:
-    """Few combinations in which every two values of different keys meet, chosen greedily and always alike."""
+    """Few combinations that contain every pair of values of different keys, chosen greedily and deterministically."""
     keys = list(choices)
     missing = {
         frozenset([(a, x), (b, y)])

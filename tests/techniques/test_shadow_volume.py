@@ -83,7 +83,7 @@ def test_small_views_are_exact(name, mask, builtin, truth_of) -> None:
 def test_24_bits_of_depth_are_too_few_behind_a_near_plane_of_a_ten_thousandth(
     mask, builtin, truth_of, monkeypatch
 ) -> None:
-    """What the near plane is pulled for: the camera stands in the room."""
+    """The reason for moving the near plane: the camera is inside a room."""
     view, truth = builtin("spot-lamp"), truth_of("spot-lamp")
     assert wrong(mask(DEPTH, view), truth).sum() <= 1
     monkeypatch.setattr(module.ShadowVolume, "_with_tight_near", lambda self, frame: frame.view)
@@ -137,7 +137,7 @@ def test_an_edge_a_quarter_of_a_degree_from_the_light_has_a_wall(shape, looking,
 
 @dataclass(frozen=True)
 class Drawn:
-    """What one way of drawing gets wrong in a view: its IoU, and counts of wrong pixels.
+    """Errors of one variant of shadow volumes in a view: IoU, and counts of wrong pixels.
 
     grazing: those where N·L is below 0.001, and lit: the others; unexplained: those away from every edge and in no low
     light. other: pixels that single triangles, in place of silhouettes, draw otherwise, as a share of the decided.
@@ -171,7 +171,7 @@ def with_triangles(spec: str) -> str:
 
 @pytest.fixture(scope="module")
 def kept() -> dict[tuple[str, str], Drawn]:
-    """What was drawn of built-in scenes, by spec and name."""
+    """Cached results for built-in scenes, by spec and name."""
     return {}
 
 
@@ -284,7 +284,7 @@ def test_inside_any_number_of_spheres_is_shadow(count, light, shape, looking, st
 
 
 def test_256_layers_would_be_none_in_8_bits(shape, looking, sun, studio, build, monkeypatch) -> None:
-    """What the count of layers is there to prevent."""
+    """The overflow that counting layers prevents."""
     monkeypatch.setattr(module, "MOST_LAYERS", 1000)
     for count, expected in ((255, 0), (256, 1), (257, 0)):
         shot = studio.shot(looking(nested(shape, count), sun(), 48, (0.0, 0.9, 0.9)))

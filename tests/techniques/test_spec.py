@@ -52,7 +52,7 @@ def sums(single: st.SearchStrategy[Bias]) -> st.SearchStrategy[Bias]:
 
 
 def specs(technique: type[Technique]) -> st.SearchStrategy[Spec]:
-    """Specs of values each of which is legal, and that do not contradict each other."""
+    """Specs of valid and compatible values."""
     fields = {key: values_of(field) for key, field in technique.Params.model_fields.items()}
     found = st.fixed_dictionaries(fields).map(lambda values: _spec(technique, values))
     return found.filter(lambda spec: spec is not None)

@@ -88,7 +88,7 @@ def test_the_near_plane_of_a_spot_inside_the_scene_is_a_millionth_of_the_scene(l
 def test_the_position_step_is_half_a_float32_spacing_of_the_farthest_place(
     shape, kind, place, extent, farthest
 ) -> None:
-    """Rounding to nearest moves a place by no more; a lamp outside the scene is such a place, a sun is none."""
+    """Rounding to nearest moves a position by no more; the position of a lamp counts too."""
     hull = SceneHull(Scene("test", (shape("box", [2 * extent, extent, extent]),), (), ()))
     light = Light(kind, kind, (0.0, -1.0, 0.0), (0.0, -place, place / 2), 1.0)
     assert hull.position_step(light) == np.spacing(np.float32(farthest)) / 2

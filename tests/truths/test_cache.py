@@ -16,7 +16,7 @@ from shadowbench.truths.trace import Truth, trace
 
 
 class TracedAgainError(Exception):
-    """Tracing was not to happen."""
+    """Raised if a truth is traced unexpectedly."""
 
 
 @pytest.fixture(autouse=True)
@@ -239,7 +239,7 @@ def test_pipe_in_a_truth_s_place_is_not_waited_for(view: View, empty_folder: Pat
 
 
 def test_every_truth_passes_its_check(view: View, tmp_path: Path) -> None:
-    """Also of a lamp, which shines on a part, and of a view that misses the scene in most pixels."""
+    """Including a lamp, which lights only a part, and a view that misses the scene in most pixels."""
     lamp = Light("lamp", "spot", (0.0, -1.0, 0.0), position=(0.3, 2.0, 0.2), angle=0.8)
     back = np.subtract(view.camera.position, view.camera.target) * 20 + view.camera.target
     away = replace(view.camera, position=tuple(back), near=None, far=None)
@@ -276,7 +276,7 @@ def test_folder_is_made(view: View, tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 @pytest.fixture
 def below_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A cache folder that nobody can make, root neither."""
+    """A cache folder that cannot be created, not even by root."""
     (tmp_path / "file").write_text("mine")
     monkeypatch.setenv("SHADOWBENCH_CACHE", str(tmp_path / "file" / "cache"))
     return tmp_path / "file" / "cache"
