@@ -204,7 +204,7 @@ def outcomes(
                     outcome = Outcome()
                 mutant, process, _ = running.pop(pipe)
                 end_group(process)
-                refused = NO_INTEGER.search(outcome.said) or (not outcome.failed and outcome.code != 0)
+                refused = NO_INTEGER.search(outcome.report) or (not outcome.failed and outcome.code != 0)
                 if mutant.instead and refused:
                     waiting.appendleft(mutant.instead)
                 else:
@@ -270,7 +270,7 @@ def main() -> int:
         for of in {tuple(of) for of in tests.values()}:
             ((_, control),) = outcomes([UNCHANGED], of, 1, Counter())
             if control.code != 0:
-                print(f"{' '.join(of)} fails without a fault: {control.failed}\n{control.said}")
+                print(f"{' '.join(of)} fails without a fault: {control.failed}\n{control.report}")
                 return 2
             controls[of] = control.seconds
         for module, of in tests.items():

@@ -117,7 +117,7 @@ def tolerances() -> str:
 
 
 def stability_headline(found: Stability) -> list[str]:
-    """Sentences on how many axes each spec is in tolerance along, and on the cells that are left out."""
+    """Sentences on the number of axes along which each spec is in tolerance, and on cells left out."""
     counts = {
         spec: (complete_count(ranges), len(ranges))
         for spec in found.specs

@@ -23,7 +23,7 @@ DISPLACEMENTS = np.array([0.250, 0.218, 0.182, 0.159, 0.168, 0.181])
 
 @dataclass(frozen=True, eq=False)
 class Footprint:
-    """R samples in map coordinates, whose unit is one of light space until `scaled`.
+    """R samples in map coordinates, with derivatives by pixels; in units of light space, until `scaled`.
 
     coords: (3, R) u, v and distance along the light's axis, as in `Box`; jacobian: (2, 2, R) d(u, v)/d(x, y), with x
     and y in pixels, y downwards; slope: (2, R) derivative of the receiver plane's distance by u and v.
