@@ -82,7 +82,7 @@ class ShadowAccuracy:
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """`--shadow-diffs DIR`."""
+    """Add the option `--shadow-diffs DIR`, a folder for difference pictures."""
     parser.getgroup("shadowbench").addoption(
         "--shadow-diffs",
         metavar="DIR",

@@ -43,7 +43,7 @@ def axis(incomplete: str) -> list[tuple[str, str]]:
 
 
 def tolerance(incomplete: str) -> list[str]:
-    """`METRIC=` of every metric."""
+    """Metric names, each followed by `=`."""
     from shadowbench.scores.metrics import METRICS
 
     return [f"{name}=" for name in METRICS]

@@ -81,7 +81,7 @@ class Frame:
 
     @property
     def light_uniform(self) -> tuple[float, float, float, float]:
-        """`light` of receiver.glsl: unit vector towards a directional light with w = 0, or a position with w = 1."""
+        """Uniform `light` of receiver.glsl: unit vector towards a directional light, w = 0, or a position, w = 1."""
         xyz, w = self.light.homogeneous
         return (*xyz, w)
 

@@ -176,7 +176,7 @@ def storable_region(light_view: LightView, bias: Bias) -> Floats:
 
 
 def far_distance(view: LightView) -> float:
-    """`far_distance` of `linear_depth.glsl`: w at the far plane."""
+    """The uniform `far_distance` of `linear_depth.glsl`: w at the far plane."""
     return view.far if view.space.perspective else 1.0
 
 
