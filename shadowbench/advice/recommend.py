@@ -93,10 +93,10 @@ def _unit(target: Target, info: DeviceInfo, on_this_machine: bool) -> Unit:
     if target.budget_ms is not None:
         raise InputError(
             f"--budget-ms: {info.renderer} is a software renderer, whose times are not a GPU's; --on-this-machine "
-            "takes them for what they are"
+            "ranks by them nevertheless"
         )
     if not info.pipeline_statistics:
-        raise InputError(f"{info.renderer} counts no work; allowed: --on-this-machine, which ranks by its times")
+        raise InputError(f"{info.renderer} does not count work; allowed: --on-this-machine, which ranks by its times")
     return "work"
 
 

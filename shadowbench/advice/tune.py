@@ -66,7 +66,7 @@ def tune_parameters(
     info = executor.info
     check_sizes(study, info)
     if not info.pipeline_statistics:
-        raise InputError(f"{info.renderer} counts no invocations, so there is no cost to tune for")
+        raise InputError(f"{info.renderer} does not count shader invocations, so that there is no cost to minimise")
     with closing(RowStore(folder)) as store:
         cells = TuningCells(study, Measurer(executor, store, study.conditions(), reporter))
         blocks = cells.eligible_blocks(base)

@@ -64,7 +64,7 @@ def render(
     from shadowbench.techniques.spec import parse_spec
 
     if len(technique) > 1:
-        raise InputError(f"--technique: found {' and '.join(technique)}; allowed: one, and several with `run`")
+        raise InputError(f"--technique: found {' and '.join(technique)}; allowed: one; `run` takes several")
     check_outputs(".png", output, mask, map)
     (name,) = technique
     known = techniques_with(plugin or ())

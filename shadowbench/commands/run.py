@@ -130,7 +130,9 @@ def run(
     stray = [scene for scene in scenes or () if scene.isdecimal()]
     if map_size is not None and stray:
         together = ",".join([map_size, *stray])
-        raise InputError(f"--map-size: found {map_size!r:.60} and {stray[0]!r:.60} apart; allowed: {together}")
+        raise InputError(
+            f"--map-size: found {map_size!r:.60} and {stray[0]!r:.60} as separate arguments; allowed: {together}"
+        )
     known = techniques_with(plugin or ())
     asked = study_from_options(
         known,

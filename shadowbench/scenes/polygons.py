@@ -85,7 +85,7 @@ def triangulated(polygons: Polygons, where: str) -> tuple[Integers, Integers, li
         work += int((counts[chosen[waiting]] ** 2).sum())
         if work > MOST_CORNERS**2:
             raise InputError(
-                f"{where}: concave polygons of up to {counts[chosen[waiting]].max()} corners take too long to cut; "
+                f"{where}: concave polygons of up to {counts[chosen[waiting]].max()} corners take too long to triangulate; "
                 f"allowed is one of {MOST_CORNERS} corners, or several whose squared counts add up to {MOST_CORNERS**2}"
             )
         for k in waiting:

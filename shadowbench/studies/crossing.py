@@ -62,7 +62,7 @@ def cross(table: dict[str, Any], techniques: Techniques, where: str, notes: list
             raise InputError(f"{where}: {key}: found an empty list; allowed: one value or more")
     count = math.prod(len(choices) for choices in lists.values()) * max(1, len(factors))
     if count > MOST_SPECS:
-        raise InputError(f"{where}: its lists cross to {count} specs; allowed are at most {MOST_SPECS}")
+        raise InputError(f"{where}: its lists combine to {count} specs; allowed are at most {MOST_SPECS}")
     made: list[Spec] = []
     sweeps: list[BiasSweep] = []
     dropped: list[InputError] = []

@@ -131,6 +131,6 @@ def sample_view(view: View) -> Samples:
     if not len(arrays["pixel"]):
         raise InputError(
             f"view {view.camera.name!r} of {view.scene.name}: no pixel shows a receiver that {view.light.name!r} "
-            "shines on; needs are those of the visible receivers"
+            "lights; needs are those of the visible receivers"
         )
     return Samples(view=placed, placement=placement, casters=casters, step=step, **arrays)

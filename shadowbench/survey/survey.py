@@ -41,9 +41,7 @@ class Needs:
 def needs(view: View) -> Needs:
     """The needs of a view from `view_of`. Raises InputError if there is no caster or no visible receiver."""
     if not len(view.scene.geometry.caster_faces):
-        raise InputError(
-            f"{view.scene.name}: no mesh casts a shadow, so that nothing needs a technique but `unshadowed`"
-        )
+        raise InputError(f"{view.scene.name}: no mesh casts a shadow, so that `unshadowed` suffices")
     # Work that grows with the triangles runs in one other thread; more threads were not faster.
     with ThreadPoolExecutor(1) as pool:
         planes = pool.submit(planes_of, view.scene)

@@ -76,7 +76,7 @@ def write_technique(name: str, folder: Path) -> Path:
     words = f"letters, digits, _ and -, at most {LONGEST_NAME} of them, the first a letter"
     class_name = "".join(part[:1].upper() + part[1:] for part in re.split("[-_]", name))
     if not _NAME.fullmatch(name) or keyword.iskeyword(class_name) or keyword.iskeyword(name):
-        raise InputError(f"new-technique: found {name!r:.90}; allowed: {words}, and no word of Python")
+        raise InputError(f"new-technique: found {name!r:.90}; allowed: {words}, and not a Python keyword")
     if re.fullmatch(r"\w+", name) and find_spec(name) is not None:
         raise InputError(f"new-technique: {name}.py would hide the module {name} of Python's; allowed: another name")
     if name in techniques():

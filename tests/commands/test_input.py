@@ -104,13 +104,13 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
     "a broken glTF": (["run", "{in}/broken.gltf", "-o", "{out}"], ["broken.gltf"]),
     "a glTF of nothing": (["run", "{in}/nothing.gltf", "-o", "{out}"], ["nothing.gltf", "no triangles"]),
     "Draco that fails": (["truth", "{in}/draco.gltf", "-o", "{out}.npz"], ["draco.gltf"]),
-    "a camera that looks at nothing": (
+    "a camera that shows nothing": (
         ["run", "{in}/away.toml", "-t", "unshadowed", "--view-size", "16", "-o", "{out}"],
-        ["camera 'camera'", "away", "looks at nothing"],
+        ["camera 'camera'", "away", "shows nothing"],
     ),
     "a truth of nothing": (
         ["truth", "{in}/away.toml", "--view-size", "16", "-o", "{out}.npz"],
-        ["camera 'camera'", "away", "looks at nothing"],
+        ["camera 'camera'", "away", "shows nothing"],
     ),
     "an unknown technique": ([*RUN, "-t", "no-map"], ["no-map", "shadow-map", "unshadowed"]),
     "an unknown parameter": ([*RUN, "-t", "shadow-map:taps=3"], ["taps", "filter"]),
@@ -279,7 +279,7 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
     "a near miss of nothing": ([*RUN, "-t", "shadow-map:zzz=3"], ["unknown field 'zzz'; allowed: fit, size"]),
     **{
         f"an up axis for {arguments[0]} of a scene that has one": (
-            [*arguments, "--up", "z"], ["--up z", "cube-on-plane says what is up", ".stl"]
+            [*arguments, "--up", "z"], ["--up z", "cube-on-plane specifies its up axis", ".stl"]
         )
         for arguments in (
             ["run", "cube-on-plane", "-t", "unshadowed", "-o", "{out}"],
@@ -327,7 +327,7 @@ def test_bad_input_is_one_line_and_exit_2(
 def test_tune_takes_an_up_axis_too(shadowbench: Callable[..., Any], tmp_path: Path) -> None:
     answer = shadowbench("tune", "-t", "shadow-map", "--scenes", "cube-on-plane", "--up", "z", "-o", tmp_path)
     assert answer.code == 2
-    assert "--up z: cube-on-plane says what is up" in answer.err
+    assert "--up z: cube-on-plane specifies its up axis" in answer.err
 
 
 def test_a_rows_file_of_another_program_is_an_error_and_is_kept(

@@ -82,9 +82,9 @@ def test_a_file_without_an_up_axis_is_rotated_by_the_option(tmp_path: Path, suff
 @pytest.mark.parametrize(
     ("reference", "up", "words"),
     [
-        ("cube-on-plane", "z", "cube-on-plane says what is up; .*.obj .ply .stl .off"),
-        ("scene.toml", "y", r"scene.toml says what is up; .* rotate = \[-90, 0, 0\]"),
-        ("model.gltf", "z", "model.gltf says what is up"),
+        ("cube-on-plane", "z", "cube-on-plane specifies its up axis; .*.obj .ply .stl .off"),
+        ("scene.toml", "y", r"scene.toml specifies its up axis; .* rotate = \[-90, 0, 0\]"),
+        ("model.gltf", "z", "model.gltf specifies its up axis"),
         ("model.obj", "x", "found 'x'; allowed: y, z"),
         ("model.obj", "Z", "found 'Z'; allowed: y, z"),
     ],

@@ -198,7 +198,7 @@ def test_a_hidden_node_hides_meshes_and_lights_below_it_and_no_camera(gltf_file:
 
 def test_a_file_whose_triangles_are_all_hidden_says_so(gltf_file: Gltf) -> None:
     hidden = {"KHR_node_visibility": {"visible": False}}
-    with pytest.raises(InputError, match=r"model\.gltf: all 1 triangles are of hidden nodes; .* visible"):
+    with pytest.raises(InputError, match=r"model\.gltf: all 1 triangles belong to hidden nodes; .* visible"):
         read_meshes(gltf_file(nodes=[{"mesh": 0, "extensions": hidden}]))
 
 
@@ -232,7 +232,7 @@ def test_ignored_light_properties_are_notes(gltf_file: Gltf, light: dict[str, An
         {"extensionsUsed": ["CESIUM_RTC", "KHR_materials_ior", "EXT_mesh_gpu_instancing"]},
     ],
 )
-def test_an_extension_that_is_not_honoured_is_a_line(gltf_file: Gltf, parts: dict[str, Any]) -> None:
+def test_an_unsupported_extension_is_an_error(gltf_file: Gltf, parts: dict[str, Any]) -> None:
     assert read_meshes(gltf_file(**parts)).notes == ("model.gltf: drawn as if the file did not use CESIUM_RTC",)
 
 

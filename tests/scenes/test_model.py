@@ -68,7 +68,9 @@ def test_planes_of_a_file_are_kept_inside_the_bounds_and_clamped_to_them() -> No
 
 def test_planes_that_leave_out_the_scene_are_said() -> None:
     camera = Camera("camera", (0.0, 3.0, 8.0), (0.0, 0.0, 0.0), 0.6, near=500.0, far=900.0)
-    with pytest.raises(InputError, match=r"looks at nothing: its planes 500\.0 and 900\.0 m leave out the scene"):
+    with pytest.raises(
+        InputError, match=r"shows nothing: its near and far planes, 500\.0 and 900\.0 m, exclude the scene"
+    ):
         view_of(Scene("floor", (FLOOR,), (camera,), (SUN,)), camera, SUN, 64)
 
 

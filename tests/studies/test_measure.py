@@ -95,5 +95,5 @@ def test_a_view_is_drawn_once(bench: Bench) -> None:
     drawn = render(view, SMALL, bench.worker, name="shadow-map", with_map=True)
     assert drawn.visibility.shape == (32, 32) and drawn.map is not None and drawn.map.shape == (64, 64)
     lamp = chosen_view("room-with-lamp", 32)
-    with pytest.raises(InputError, match="shadow-map does not go with room-with-lamp: a point light"):
+    with pytest.raises(InputError, match="shadow-map does not support room-with-lamp: a point light"):
         render(lamp, SMALL, bench.worker, name="shadow-map")

@@ -142,7 +142,7 @@ def test_without_casters_there_is_nothing_to_need() -> None:
 
 
 def test_without_receivers_there_is_nothing_to_need() -> None:
-    with pytest.raises(InputError, match="no pixel shows a receiver that 'sun' shines on"):
+    with pytest.raises(InputError, match="no pixel shows a receiver that 'sun' lights"):
         needs(looking([plate(8.0, receives=False)], SUN))
     with pytest.raises(InputError, match="no pixel shows a receiver"):
         needs(from_above([plate(8.0)], Light("sun", "directional", (0.0, 1.0, 0.0))))

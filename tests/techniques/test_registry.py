@@ -180,7 +180,7 @@ def test_a_plugin_that_is_not_there_or_no_python(tmp_path: Path) -> None:
     [
         ("nothing_of_this_name:A", "cannot be imported"),
         ("shadowbench.techniques.shadow_map:Nobody", "cannot be imported"),
-        ("shadowbench.techniques.shadow_map:np", "no subclass of Technique"),
+        ("shadowbench.techniques.shadow_map:np", "not a subclass of Technique"),
         ("shadowbench.techniques.base:Technique", "has no name"),
     ],
 )
