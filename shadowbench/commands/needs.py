@@ -19,9 +19,9 @@ def needs(
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Predict the map size, cascades, bias and depth bits that a scene needs.
+    """Predict map size, cascades, bias and depth bits.
 
-    Nothing is drawn: predictions follow from the geometry and from shadow rays for the visible pixels, or for a sample
+    These are what the scene needs. Nothing is drawn: predictions follow from the geometry and from shadow rays for the visible pixels, or for a sample
     of them; ± is then the standard error. Each prediction has its reason. Needs no OpenGL.
     """
     from dataclasses import asdict

@@ -241,7 +241,7 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
     "a missing assets folder": ([*RUN[:1], "{in}/good.toml", "--assets", "{in}/none", "-o", "{out}"], ["--assets"]),
     "map sizes by spaces": (
         ["run", "cube-on-plane", "--map-size", "512", "1024", "2048", "-o", "{out}"],
-        ["--map-size", "'512' and '1024' apart", "allowed: 512,1024,2048"],
+        ["--map-size", "'512' and '1024' as separate arguments", "allowed: 512,1024,2048"],
     ),
     "a run into somebody's folder": ([*RUN[:-1], "{in}"], ["/in: found other files, such as away.toml", "rows.jsonl"]),
     "a sweep into somebody's folder": (["stress", "--quick", "-o", "{in}"], ["/in: found other files", "rows.jsonl"]),

@@ -230,7 +230,8 @@ def test_errors_are_told_by_their_kind(comparison: Callable, prepared: Callable)
         (
             (),
             f"found neither a mask nor screenshots of {SCENE}; allowed: shadowbench score {SCENE} MASK.png, or "
-            f"shadowbench score {SCENE} --lit LIT.png --shadowed SHADOWED.png; `shadowbench export` writes the scene to draw",
+            f"shadowbench score {SCENE} --lit LIT.png --shadowed SHADOWED.png; `shadowbench export` "
+            "writes the scene to draw",
         ),
         (("{mask}", "--lit", "{mask}"), "found MASK and --lit; allowed: MASK, or"),
         (("--lit", "{mask}"), "found --lit; allowed"),

@@ -87,7 +87,9 @@ def test_a_target_that_rounds_to_the_camera_position_is_an_error(apart: float) -
     """Relative to the scene's centre both round to the same point, so that there is no view direction."""
     floor = Mesh("floor", FLOOR.vertices + np.array([0.0, 0.0, 1.7]), FLOOR.faces)
     camera = Camera("camera", (0.0, 0.0, 0.0), (apart, 0.0, 0.0), 0.6)
-    with pytest.raises(InputError, match=r"camera 'camera' of floor: position and target are \S+ m apart") as error:
+    with pytest.raises(
+        InputError, match=r"camera 'camera' of floor: position and target are only \S+ m apart"
+    ) as error:
         view_of(Scene("floor", (floor,), (camera,), (SUN,)), camera, SUN, 64)
     assert "they must be at least 1.7e-12 m apart here" in str(error.value)
 
