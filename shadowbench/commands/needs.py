@@ -21,8 +21,8 @@ def needs(
 ) -> None:
     """Predict map size, cascades, bias and depth bits.
 
-    These are what the scene needs. Nothing is drawn: predictions follow from the geometry and from shadow rays for the visible pixels, or for a sample
-    of them; ± is then the standard error. Each prediction has its reason. Needs no OpenGL.
+    Nothing is drawn: what the scene needs follows from the geometry and from shadow rays for the visible pixels, or for
+    a sample of them; ± is then the standard error. Each prediction has its reason. Needs no OpenGL.
     """
     from dataclasses import asdict
 
