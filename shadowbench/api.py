@@ -123,7 +123,7 @@ def render(
     plugins: Files = (),
     tint: bool = False,
 ) -> Rendering:
-    """Draw a view with a technique: `visibility`, `picture` and `map`, with its work counts and GPU memory.
+    """Draw a view with a technique; returns its visibility, shaded picture, shadow map, work counts and GPU memory.
 
     map: (H, W) linear depth in [0, 1], 0 is near; for `cube-map` the faces unfolded into a cross (3 · size, 4 · size),
     for `cascades` the layers side by side (size, count · size); None for a technique without a map.
@@ -168,7 +168,7 @@ def run(
 ) -> pd.DataFrame:
     """Measure techniques on scenes: one line per cell, with the columns of `table.csv`.
 
-    study: a study file or built-in study that gives all other arguments' defaults, `default` for None; light: name
+    study: a study file or built-in study, `default` for None, with the defaults of all other arguments; light: name
     of a light, by default each light of a scene in turn; rounds: how often each cell is timed, 0 for no timing; step:
     "camera" or "light", which moves a little so that `flips` can be counted; folder: run folder to keep rows, masks and
     pictures in, or to resume. A cell that fails is a line with that status. Raises InputError.

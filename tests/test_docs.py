@@ -1,4 +1,4 @@
-"""The documentation says what the code does, and its links lead somewhere."""
+"""The documentation agrees with the code, and its links are valid."""
 
 import re
 import shutil
@@ -24,7 +24,7 @@ def page() -> str:
 
 
 def anchors(file: Path) -> set[str]:
-    """The anchors that a page's headings make, those of the page that it includes too."""
+    """The anchors of a page's headings, and of those of the page that it includes."""
     text = file.read_text(encoding="utf-8")
     included = [anchor for name in INCLUDED.findall(text) for anchor in anchors(file.parent / name)]
     headings = re.findall(r"^#+ (.+)$", text, re.MULTILINE)

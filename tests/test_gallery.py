@@ -1,4 +1,4 @@
-"""Each scene of the gallery shows its artefact where the text says, the metric sees it, and the cure cures it."""
+"""The artefact gallery: each scene shows its artefact where the text says, in its metric, and its cure removes it."""
 
 import re
 import subprocess
@@ -70,7 +70,7 @@ def test_the_metric_sees_the_artefact_and_its_cure(scene: str) -> None:
 
 
 @pytest.mark.parametrize("scene", ARTEFACTS)
-def test_what_the_cure_puts_right_lies_where_the_text_says(scene: str) -> None:
+def test_the_cure_fixes_the_pixels_that_the_text_names(scene: str) -> None:
     cured = wrong(scene, drawn(scene).broken) & ~wrong(scene, drawn(scene).cured)
     region = getattr(prepare_truth(drawn(scene).truths[0]), WHERE[scene])
     assert cured.any() and region[cured].mean() >= 0.9
@@ -101,12 +101,12 @@ def test_a_map_that_repeats_casts_shadows_where_there_is_no_caster() -> None:
 
 
 @pytest.mark.parametrize("scene", FREE)
-def test_a_cure_that_is_a_matter_of_arithmetic_asks_for_no_more_work_or_memory(scene: str) -> None:
+def test_a_cure_by_arithmetic_alone_costs_no_more_work_or_memory(scene: str) -> None:
     before, after = drawn(scene).broken[0], drawn(scene).cured[0]
     assert after.work["cost"] <= 1.01 * before.work["cost"] and after.gpu_bytes == before.gpu_bytes
 
 
-def test_lengths_of_the_text_are_those_of_the_scenes() -> None:
+def test_lengths_in_the_text_match_the_scenes() -> None:
     late, seam = drawn("peter-panning").broken[0].facts, drawn("cascade-seams").broken[0].facts
     assert (round(late["depth_range_m"]), round(late["bias_m"], 2)) == (39, 0.19)
     assert (round(seam["bias_1_m"], 2), round(seam["bias_2_m"], 2)) == (0.12, 0.48)
@@ -115,7 +115,7 @@ def test_lengths_of_the_text_are_those_of_the_scenes() -> None:
     assert 1 / grazed.cosine[SIZE // 4, SIZE // 2] == pytest.approx(6, abs=0.3)
 
 
-def test_where_the_eye_is_in_a_volume_light_and_shadow_change_places() -> None:
+def test_z_pass_with_the_eye_in_a_volume_inverts_light_and_shadow() -> None:
     assert wrong("eye-in-volume", drawn("eye-in-volume").broken).sum() == (
         prepare_truth(drawn("eye-in-volume").truths[0]).pixels
     )

@@ -1,4 +1,4 @@
-"""Workflows, issue forms and the citation are YAML, and what they and the demo name is there."""
+"""Workflows, issue forms and the citation are valid YAML, and name, as the demo does, commands that exist."""
 
 import re
 import shlex
@@ -21,14 +21,14 @@ COMMAND = re.compile(r"(?m)^(?:# +| +(?:- )?run: )(shadowbench [^#\n]+)")  # in 
 
 
 def parse(line: str) -> None:
-    """Raises a UsageError for a command line that shadowbench does not take."""
+    """Raises UsageError for an invalid command line."""
     group = typer.main.get_command(app)
     with group.make_context("shadowbench", shlex.split(line)[1:]) as context:
         name, command, words = group.resolve_command(context, [*context._protected_args, *context.args])
         command.make_context(name, words, parent=context).close()
 
 
-def test_the_suite_s_workflow_runs_what_ci_runs() -> None:
+def test_the_workflow_runs_the_same_commands_as_ci() -> None:
     (job,) = yaml.safe_load(SUITE.read_text(encoding="utf-8"))["jobs"].values()
     assert "bash .ci/run" in [step.get("run") for step in job["steps"]]
     assert (ROOT / ".ci" / "run").is_file()
@@ -56,7 +56,7 @@ def test_the_demo_s_next_commands_are_taken() -> None:
 
 
 @pytest.mark.parametrize("file", FORMS, ids=lambda file: file.stem)
-def test_an_issue_form_asks_for_something(file: Path) -> None:
+def test_issue_forms_have_required_fields(file: Path) -> None:
     form = yaml.safe_load(file.read_text(encoding="utf-8"))
     assert form["name"] and form["description"]
     assert all(field["attributes"]["label"] for field in form["body"] if field["type"] != "markdown")

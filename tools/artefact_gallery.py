@@ -1,4 +1,4 @@
-"""Makes docs/explanation/gallery.md and its pictures from docs/gallery/artefacts.toml; --check reports a stale text."""
+"""Generates docs/explanation/gallery.md and its pictures from docs/gallery/artefacts.toml; --check finds stale text."""
 
 import argparse
 import sys
@@ -41,7 +41,7 @@ Akenine-Möller, Haines, Hoffman, Pesce, Iwanicki and Hillaire, 4th edition, 201
 
 @dataclass(frozen=True)
 class Artefact:
-    """A row of artefacts.toml. `crop`: left, top and side of the part that is enlarged, in parts of the panel."""
+    """An entry of artefacts.toml. crop: left, top and side of the enlarged part, in units of 1/PARTS of the panel."""
 
     name: str
     scene: str
@@ -55,7 +55,7 @@ class Artefact:
 
     @property
     def file(self) -> Path:
-        """Its scene's file."""
+        """Path of its scene file."""
         return SCENES / f"{self.scene}.toml"
 
 
@@ -71,13 +71,13 @@ class Drawn:
 
 
 def artefacts() -> list[Artefact]:
-    """All of artefacts.toml, in its order."""
+    """All artefacts, in the order of artefacts.toml."""
     tables = tomllib.loads((SCENES / "artefacts.toml").read_text(encoding="utf-8"))["artefact"]
     return [Artefact(**table) for table in tables]
 
 
 def draw(artefact: Artefact, size: int) -> Drawn:
-    """The truth, and the view as ray traced, broken and cured; `size` is in pixels along a side."""
+    """Truth, and renderings by ray tracing and with the broken and cured settings; size: pixels along a side."""
     scene = sb.load(artefact.file)
     views = [camera.name for camera in scene.cameras]
     traced, broken, cured = (
@@ -120,7 +120,7 @@ def _panels(artefact: Artefact, drawn: Drawn, index: int) -> NDArray[np.uint8]:
 
 
 def _difference(drawn: Drawn, index: int) -> NDArray[np.uint8]:
-    """From the truth; of a frame with a predecessor, from that, where the truth does not change."""
+    """Difference from the truth or, after the first frame, from the previous one where the truth is unchanged."""
     now, mask = drawn.truths[index], drawn.broken[index].visibility
     if not index:
         return difference(mask, now.visibility, now.undecided)
@@ -139,7 +139,7 @@ def _column(title: str, panel: NDArray[np.uint8], crop: tuple[int, int, int] | N
 
 
 def _framed(panel: NDArray[np.uint8], left: int, top: int, side: int) -> NDArray[np.uint8]:
-    """A copy with a line one pixel wide along the inside of a square."""
+    """A copy with a square drawn by a line one pixel wide."""
     framed, inside = panel.copy(), np.s_[top + 1 : top + side - 1, left + 1 : left + side - 1]
     framed[top : top + side, left : left + side] = FRAME
     framed[inside] = panel[inside]
@@ -147,7 +147,7 @@ def _framed(panel: NDArray[np.uint8], left: int, top: int, side: int) -> NDArray
 
 
 def section(artefact: Artefact, measured: str) -> str:
-    """An artefact's part of the page."""
+    """The section of an artefact."""
     explained = ROW_METRICS[artefact.metric].help
     file = artefact.file.relative_to(DOCS.parent).as_posix()
     view = " --view frame-2" if artefact.metric == "flips" else ""
@@ -181,7 +181,7 @@ def _paragraph(text: str) -> str:
 
 
 def measured(artefact: Artefact, drawn: Drawn) -> str:
-    """The metric, broken and cured, and what the cure costs."""
+    """A line with the metric of both settings and the cost of the cure."""
     broken, cured = drawn.values
     before, after = drawn.broken[0], drawn.cured[0]
     work, memory = after.work["cost"] / before.work["cost"], after.gpu_bytes / before.gpu_bytes
@@ -196,7 +196,7 @@ def _measured(artefact: Artefact, broken: str, cured: str, work: str, memory: st
 
 
 def page(lines: dict[str, str]) -> str:
-    """The whole page; `lines` are the measured ones, by scene."""
+    """The whole page; lines: those of `measured`, by scene."""
     contents = [f"- [{one.name}](#{_anchor(one.name)})" for one in artefacts()]
     return "\n".join([HEAD, *contents, "", *(section(one, lines[one.scene]) for one in artefacts())])
 
@@ -206,7 +206,7 @@ def _anchor(name: str) -> str:
 
 
 def main() -> int:
-    """Write page and pictures, or with --check compare the page, whose numbers it leaves out."""
+    """Write the page and pictures, or with --check compare the page without its numbers."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--check", action="store_true", help="exit 1 if the committed text is stale; draws nothing")
     if parser.parse_args().check:

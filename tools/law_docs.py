@@ -59,14 +59,14 @@ def _table() -> Iterator[str]:
 
 
 def _kinds() -> Iterator[str]:
-    yield "| claim | what holds |\n|---|---|"
+    yield "| claim | meaning |\n|---|---|"
     yield from (f"| {'–' if kind == 'none' else kind} | {what} |" for kind, what in KINDS.items())
     yield f"\n{DECIDED}"
 
 
 def _laws() -> Iterator[str]:
     for number, (name, law) in enumerate(LAWS.items(), start=1):
-        yield f"## {number}. {name[0].upper()}{name[1:]}\n\n{law.says} {law.why}\n"
+        yield f"## {number}. {name[0].upper()}{name[1:]}\n\n{law.text} {law.why}\n"
         grounds: dict[tuple[str, str], list[str]] = {}
         for one, subject, claim in claims():
             if one == name:

@@ -14,6 +14,7 @@ from pages import png
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
+from shadowbench.reports.analysis import sections
 from shadowbench.reports.report import write_report
 from shadowbench.studies.folder import read_folders
 
@@ -26,11 +27,11 @@ LARGEST = 300_000  # bytes
 def main() -> None:
     """Make the report in a temporary folder, open it, and keep what the window shows."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("folder", metavar="DIR", type=Path, nargs="?", default=ROOT / "results" / "latest")
+    parser.add_argument("folder", metavar="DIR", type=Path, nargs="?", default=ROOT / "results" / "demo")
     runs, sweeps = read_folders([parser.parse_args().folder])
     with tempfile.TemporaryDirectory() as scratch:
         report = Path(scratch) / "report.html"
-        write_report(runs, sweeps, report, "html")
+        write_report(runs, sections(runs), sweeps, report, "html")
         shown = Image.open(io.BytesIO(_first_screen(report))).convert("RGB")
     PICTURE.write_bytes(png([np.asarray(shown)], LARGEST))
     print(PICTURE)

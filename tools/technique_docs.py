@@ -24,7 +24,7 @@ from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Light, Scene, View, view_of
 from shadowbench.scores.metrics import score
 from shadowbench.techniques.base import Technique
-from shadowbench.techniques.params import Row, TechniqueParams, allowed
+from shadowbench.techniques.params import Component, TechniqueParams, allowed
 from shadowbench.techniques.registry import source_file, techniques
 from shadowbench.techniques.spec import format_value
 from shadowbench.truths.cache import cached_truth
@@ -170,14 +170,14 @@ def _broken(technique: type[Technique]) -> list[str]:
     return [*lines, ""]
 
 
-def _family(family: type[Row], ours: list[type[Technique]]) -> str:
+def _family(family: type[Component], ours: list[type[Technique]]) -> str:
     users = [
         f"`{key}` of [{one.name}](#{one.name})"
         for one in ours
         for key, info in one.Params.model_fields.items()
         if isinstance(info.default, family)
     ]
-    lines = [f"## {_title(family)}", "", f"What may stand as {', '.join(users)}.", ""]
+    lines = [f"## {_title(family)}", "", f"Allowed values of {', '.join(users)}.", ""]
     for row in family.table.values():
         maps = sorted(getattr(row, "maps", ()))
         served = [f"Maps: {', '.join(maps)}.", ""] if maps else []
@@ -185,13 +185,13 @@ def _family(family: type[Row], ours: list[type[Technique]]) -> str:
     return "\n".join(lines)
 
 
-def _parameters(model: type[TechniqueParams] | type[Row], none: str) -> list[str]:
+def _parameters(model: type[TechniqueParams] | type[Component], none: str) -> list[str]:
     if not model.model_fields:
         return [none, ""] if none else []
     lines = ["| parameter | allowed | default | what |", "|---|---|---|---|"]
     for key, info in model.model_fields.items():
         values = allowed(info)
-        if isinstance(info.default, Row):
+        if isinstance(info.default, Component):
             family = info.default.family()
             values = f"one of the [{_title(family).lower()}](#{_title(family).lower()})"
         cells = (f"`{key}`", values or "any number", f"`{format_value(info.default)}`", info.description or "")
@@ -199,13 +199,13 @@ def _parameters(model: type[TechniqueParams] | type[Row], none: str) -> list[str
     return [*lines, ""]
 
 
-def _families(models: Iterable[type[TechniqueParams]]) -> list[type[Row]]:
-    """Families of row parameters, without duplicates, in the order of first use."""
+def _families(models: Iterable[type[TechniqueParams]]) -> list[type[Component]]:
+    """Families of component parameters, without duplicates, in the order of first use."""
     defaults = [info.default for model in models for info in model.model_fields.values()]
-    return list(dict.fromkeys(default.family() for default in defaults if isinstance(default, Row)))
+    return list(dict.fromkeys(default.family() for default in defaults if isinstance(default, Component)))
 
 
-def _title(family: type[Row]) -> str:
+def _title(family: type[Component]) -> str:
     name = family.__name__
     return name + ("es" if name.endswith("s") else "s")
 

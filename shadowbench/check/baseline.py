@@ -52,8 +52,8 @@ class Findings:
     timed: int
     notes: tuple[str, ...] = field(default=())
 
-    def of(self, verdict: Verdict, times: bool) -> list[Change]:
-        """Changes with a verdict, either those of times or all others."""
+    def with_verdict(self, verdict: Verdict, times: bool) -> list[Change]:
+        """Changes with a verdict, either in times or in anything else."""
         return [change for change in self.changes if change.verdict == verdict and (change.what == "time") == times]
 
 

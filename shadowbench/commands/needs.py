@@ -21,9 +21,8 @@ def needs(
 ) -> None:
     """Predict map size, cascades, bias and depth bits.
 
-    Also the number and size of cascades. Predicted without drawing anything, from the geometry and shadow rays for the
-    visible pixels, or for a sample of them; ± is then the standard error. Each prediction comes with its reason. Needs
-    no OpenGL.
+    Nothing is drawn: what the scene needs follows from the geometry and from shadow rays for the visible pixels, or for
+    a sample of them; ± is then the standard error. Each prediction has its reason. Needs no OpenGL.
     """
     from dataclasses import asdict
 

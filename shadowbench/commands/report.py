@@ -70,9 +70,9 @@ def report(
     for run in runs:
         if run.earlier:
             which = f"{len(run.earlier)} of {len(run.rows)} cells are of earlier commands"
-            console.complain(f"note: {run.folder}: {which}")
+            console.print_error(f"note: {run.folder}: {which}")
         if len(runs) > 1:
-            console.say(f"{run.label}, on {run.renderer}")
+            console.print_line(f"{run.label}, on {run.renderer}")
         print_verdict([section for parts in scenes.values() for section in parts if section.run is run])
     if format == "png":
         what = counted(charts, "chart")
@@ -80,4 +80,4 @@ def report(
         size = target.stat().st_size
         cells = counted(sum(len(one.rows) for one in (*runs, *sweeps)), "cell")
         what = f"{cells}, {f'{size / 1e6:.1f} MB' if size >= 1e6 else f'{size / 1e3:.0f} kB'}"
-    console.say(f"{target}: {what}")
+    console.print_line(f"{target}: {what}")

@@ -7,56 +7,56 @@ from shadowbench.commands import console
 
 if TYPE_CHECKING:
     from shadowbench.reports.analysis import Section
-    from shadowbench.reports.matrix import Candidate, Cell
+    from shadowbench.reports.matrix import Candidate, CostCell
 
 
 def print_verdict(sections: "Sequence[Section]") -> None:
     """The cheapest setting for each IoU in each scene of one run, then each technique's cost over all its scenes."""
-    from shadowbench.reports.matrix import IOU_TARGETS, candidates, line, matrix
+    from shadowbench.reports.matrix import IOU_TARGETS, candidates, cost_matrix, cost_row
     from shadowbench.reports.verdict import cost_note, target_name
     from shadowbench.reports.words import counted
 
     found = candidates(sections)
     if not found:
-        console.say("Nothing here has a score.")
+        console.print_line("Nothing here has a score.")
         return
     scenes = [section.scene for section in sections]
     rows = []
     for section in sections:
         own = candidates([section])
         names = [section.scene if scenes.count(section.scene) == 1 else section.title, *[""] * len(IOU_TARGETS)]
-        for name, cell in zip(names, line(own, IOU_TARGETS), strict=False):
+        for name, cell in zip(names, cost_row(own, IOU_TARGETS), strict=False):
             rows.append((name, target_name(cell.target), *_cheapest(cell, own)))
     console.print_table("", ("scene", "target", "cost", "cheapest"), rows, numbers=("cost",), whole=("target",))
     console.out().print()
     heads = [f"over {counted(len(sections), 'scene')}", *map(target_name, IOU_TARGETS)]
-    lines = matrix(found, IOU_TARGETS)
+    lines = cost_matrix(found, IOU_TARGETS)
     costs = [(technique, *(_cost(cell, len(sections)) for cell in cells)) for technique, cells in lines.items()]
     console.print_table("", heads, costs, whole=heads)
     partial = f" n of {len(sections)}: over the n that it supports." if any(one.unsupported for one in found) else ""
-    console.say(f"{cost_note(sections)}{partial}")
+    console.print_line(f"{cost_note(sections)}{partial}")
 
 
-def _cheapest(cell: "Cell", found: "Sequence[Candidate]") -> tuple[str, str]:
+def _cheapest(cell: "CostCell", found: "Sequence[Candidate]") -> tuple[str, str]:
     """The cost and the setting in one scene; also what needs no rays, or the number of settings that cost the same."""
     from shadowbench.reports.matrix import cheapest
-    from shadowbench.reports.verdict import cell_texts, cost_text
-    from shadowbench.reports.words import RAY_TRACED, counted
+    from shadowbench.reports.verdict import RAY_TRACED, cell_texts, cost_text
+    from shadowbench.reports.words import counted
 
     cost, label, note = cell_texts(cell, 1)
     if cell.cheapest is None:
         return cost, f"none, {note}"
-    if cell.cheapest.whole.technique == RAY_TRACED:
-        other = cheapest([one for one in found if one.whole.technique != RAY_TRACED], cell.target)
-        return cost, f"{label}; without rays {f'{other.whole.label}, {cost_text(other)}' if other else 'none'}"
-    return cost, f"{label}, or {counted(len(cell.equals), 'other')}" if cell.equals else label
+    if cell.cheapest.mean.technique == RAY_TRACED:
+        other = cheapest([one for one in found if one.mean.technique != RAY_TRACED], cell.target)
+        return cost, f"{label}; without rays {f'{other.mean.label}, {cost_text(other)}' if other else 'none'}"
+    return cost, f"{label}, or {counted(len(cell.ties), 'other')}" if cell.ties else label
 
 
-def _cost(cell: "Cell", scenes: int) -> str:
+def _cost(cell: "CostCell", scenes: int) -> str:
     """What a technique costs, and in how many scenes if it does not support all; – if no setting reaches the target."""
     from shadowbench.reports.verdict import cost_text
 
     best = cell.cheapest
     if best is None:
         return "–"
-    return cost_text(best) if len(best.held) == scenes else f"{cost_text(best)}, {len(best.held)} of {scenes}"
+    return cost_text(best) if len(best.by_scene) == scenes else f"{cost_text(best)}, {len(best.by_scene)} of {scenes}"

@@ -14,7 +14,7 @@ from shadowbench.measure.flips import FLIPS, ROW_METRICS
 from shadowbench.measure.rows import Result
 from shadowbench.measure.time_rows import REDRAWN
 from shadowbench.scores.metrics import METRICS
-from shadowbench.studies.times import WIDE, ReferenceTime, normalise_times
+from shadowbench.studies.times import ROUGH, ReferenceTime, normalise_times
 
 _IDENTITY = ["scene", "view", "light", "phase", "technique", "spec", "map_size", "view_size", "renderer", "status"]
 _TIMES = ["frame_ms", "frame_iqr_ms", "added_ms", "ratio", "n", "clock"]
@@ -102,10 +102,10 @@ class SummaryRow:
     phases: int
 
     @property
-    def wide(self) -> bool:
+    def rough(self) -> bool:
         """Whether the IQR of the time is so large that it is only a rough estimate."""
         ms, iqr = self.values.get("frame_ms"), self.values.get("frame_iqr_ms")
-        return ms is not None and iqr is not None and iqr.median > WIDE * ms.median
+        return ms is not None and iqr is not None and iqr.median > ROUGH * ms.median
 
     @property
     def single_phase(self) -> bool:

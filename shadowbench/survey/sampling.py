@@ -96,15 +96,15 @@ class Samples:
         """Share of the view's pixels that were sampled."""
         return float(min(1.0, (-(-self.view.size // self.step) / self.view.size) ** 2))
 
-    def estimate(self, statistic: Callable[[Indices], float], of: Indices) -> Estimate:
-        """A statistic of some samples, with its standard error from the scatter over random groups of them.
+    def estimate(self, statistic: Callable[[Indices], float], chosen: Indices) -> Estimate:
+        """A statistic of chosen samples, with its standard error from the scatter over random groups of them.
 
         The error is 0 if every pixel was sampled: it is that of the view, not of other cameras.
         """
-        value = statistic(of)
-        if self.step == 1 or len(of) < 2 * GROUPS:
+        value = statistic(chosen)
+        if self.step == 1 or len(chosen) < 2 * GROUPS:
             return Estimate(value, 0.0 if self.step == 1 else None)
-        groups = np.array_split(np.random.default_rng(0).permutation(of), GROUPS)
+        groups = np.array_split(np.random.default_rng(0).permutation(chosen), GROUPS)
         scatter = np.array([statistic(np.sort(group)) for group in groups])
         return Estimate(value, float(scatter.std(ddof=1) / np.sqrt(GROUPS) * np.sqrt(1 - self.part)))
 
@@ -133,7 +133,7 @@ def sample_view(view: View) -> Samples:
     if not len(arrays["pixel"]):
         raise InputError(
             f"view {view.camera.name!r} of {view.scene.name}: no pixel shows a receiver that {view.light.name!r} "
-            "shines on; needs are those of the visible receivers"
+            "lights; needs are those of the visible receivers"
         )
     samples = Samples(view=placed, placement=placement, casters=casters, step=step, **arrays)
     return replace(samples, blocker=np.minimum(samples.blocker, _near_blockers(samples, above)))

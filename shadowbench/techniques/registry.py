@@ -99,12 +99,12 @@ def _defined_in(module: ModuleType) -> list[type[Technique]]:
 
 def _checked(technique: object, where: str) -> type[Technique]:
     if not (inspect.isclass(technique) and issubclass(technique, Technique)):
-        raise InputError(f"{where}: {technique!r} is no subclass of Technique")
+        raise InputError(f"{where}: {technique!r} is not a subclass of Technique")
     if not _named(technique):
         raise InputError(f"{where}: {technique.__name__} has no name")
     if not re.fullmatch(WORD, technique.name) or len(technique.name) > LONGEST_NAME:
         allowed = f"letters, digits, _ and -, at most {LONGEST_NAME} of them"
-        raise InputError(f"{where}: the name {technique.name!r:.90} is no word; allowed: {allowed}")
+        raise InputError(f"{where}: the name {technique.name!r:.90} is not a valid name; allowed: {allowed}")
     missing = sorted(technique.__abstractmethods__)
     if missing:
         raise InputError(f"{where}: {technique.__name__} lacks {', '.join(missing)}")

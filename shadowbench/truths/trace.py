@@ -83,9 +83,7 @@ def trace(view: View, pixel_samples: int = 4, light_samples: int = 1) -> Truth:
     first = list(over_slices(trace_rows, view.size, rows_a_slice))
     triangle = np.concatenate([part for part, _ in first])
     if not (triangle >= 0).any():
-        raise InputError(
-            f"camera {view.camera.name!r} of {view.scene.name} looks at nothing: no pixel shows a triangle"
-        )
+        raise InputError(f"camera {view.camera.name!r} of {view.scene.name} shows nothing: no pixel shows a triangle")
     diagonal = _diagonal(placed, np.array([extent for _, extent in first]))
     delta = OFFSET * diagonal
     near = NearCasters(placed.scene.geometry)

@@ -1,4 +1,4 @@
-"""Shell completion, asked as bash asks: by the words so far and the number of the one to complete."""
+"""Shell completion, called as bash does: with the words so far and the index of the one to complete."""
 
 from collections.abc import Callable
 from typing import Any
@@ -14,7 +14,7 @@ Complete = Callable[[str], list[str]]
 
 @pytest.fixture
 def complete(shadowbench: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> Complete:
-    """What completes a line, whose last word is the one to complete."""
+    """Completions of the last word of a line."""
 
     def ask(line: str) -> list[str]:
         monkeypatch.setenv("_SHADOWBENCH_COMPLETE", "complete_bash")

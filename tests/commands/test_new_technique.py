@@ -1,4 +1,4 @@
-"""`new-technique` from nothing to a row."""
+"""`new-technique`: the file that it writes can be measured."""
 
 import csv
 from collections.abc import Callable
@@ -11,7 +11,7 @@ Shadowbench = Callable[..., Any]
 
 
 @pytest.mark.parametrize("name", ["my-shadows", "CLASS_name", "x"])
-def test_what_it_writes_runs_as_it_is(shadowbench: Shadowbench, tmp_path: Path, name: str) -> None:
+def test_a_new_technique_runs_unmodified(shadowbench: Shadowbench, tmp_path: Path, name: str) -> None:
     answer = shadowbench("new-technique", name, "-o", tmp_path)
     file = tmp_path / f"{name}.py"
     assert answer.code == 0 and f"-t {name} -t shadow-map --plugin {file}" in answer.out
@@ -43,7 +43,7 @@ def test_a_name_that_is_taken_is_refused(shadowbench: Shadowbench, tmp_path: Pat
 
 @pytest.mark.parametrize("name", ["numpy", "shadowbench", "typing", "class", "import"])
 def test_a_name_of_python_s_own_is_refused(shadowbench: Shadowbench, tmp_path: Path, name: str) -> None:
-    """A file of that name would stand before the module wherever somebody starts Python beside it."""
+    """A file of that name would hide the module when Python is started in its folder."""
     answer = shadowbench("new-technique", name, "-o", tmp_path)
     assert answer.code == 2 and "allowed: " in answer.err and not list(tmp_path.iterdir())
 

@@ -1,4 +1,4 @@
-"""What is turned, inverted, shifted or encoded is found; what is merely bad is not taken for it."""
+"""Detection of rotated, inverted, shifted and encoded masks, without false alarms for inaccurate ones."""
 
 from collections.abc import Callable
 
@@ -86,7 +86,7 @@ def test_a_hard_mask_is_measured_too(name: str, size: int, drawn: Callable, comp
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_what_lies_where_it_should_is_not_shifted(name: str, size: int, drawn: Callable, comparison: Callable) -> None:
+def test_an_aligned_mask_has_no_shift(name: str, size: int, drawn: Callable, comparison: Callable) -> None:
     exact = drawn(name, size)
     for mask in (exact, blurred(exact, 2), with_acne(exact, 0.1), np.ones_like(exact), drawn(name, size, hard=True)):
         assert estimate_shift(comparison(mask, name)) is None

@@ -1,4 +1,4 @@
-"""The arithmetic of times and the order in which they are taken, on a worker that answers known numbers."""
+"""The order and arithmetic of timing, on a worker that returns known times."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -42,7 +42,7 @@ def cell(text: str) -> Cell:
 
 @dataclass
 class Scripted:
-    """In place of the worker: `clock` names the clock of the n-th sample, `fails` says what a call raises."""
+    """A scripted worker. clock: name of the n-th sample's clock; fails: exception that a call raises."""
 
     clock: Callable[[int], str] = lambda number: WALL
     fails: Callable[[str, str | None], Exception | None] = lambda method, name: None
@@ -103,7 +103,7 @@ Found = dict[str, Timing | TimingFailure]
 
 
 def timed(worker: Scripted, *names: str, rounds: int = 3, reference: str = REFERENCE, **options: Any) -> Found:
-    """What is said of each cell, by its spec."""
+    """The result of timing each cell, by spec."""
     conditions = Conditions(rounds=rounds, reference=spec(reference))
     view: Any = SimpleNamespace(light=SimpleNamespace(kind="directional"))
     sizes = dict.fromkeys(map(cell, names), 1)
@@ -126,12 +126,12 @@ def test_a_frame_s_time_is_the_median_and_its_spread_the_quartiles() -> None:
     assert (row["frame_ms"], row["frame_iqr_ms"], row["n"]) == (30, 65 - 25, 3)
 
 
-def test_what_a_cell_adds_is_over_the_floor_of_the_same_round() -> None:
+def test_added_time_is_the_time_above_unshadowed_in_the_same_round() -> None:
     assert record(Scripted(), SLOW)["added_ms"] == np.median([30 - 1, 20 - 2, 100 - 9]) == 29
     assert record(Scripted(), FLOOR)["added_ms"] == 0
 
 
-def test_a_ratio_is_the_cell_over_the_reference_of_the_same_round() -> None:
+def test_a_ratio_is_the_cell_time_over_the_reference_time_of_the_same_round() -> None:
     row = record(Scripted(), SLOW)
     assert row["ratio"] == np.median([30 / 10, 20 / 40, 100 / 20]) == 3
     assert row["ratio_iqr"] == (3 + 5) / 2 - (0.5 + 3) / 2
@@ -141,7 +141,7 @@ def test_a_ratio_is_the_cell_over_the_reference_of_the_same_round() -> None:
     assert (itself["ratio"], itself["ratio_iqr"]) == (1, 0)
 
 
-def test_rounds_go_over_all_cells_that_are_held() -> None:
+def test_rounds_visit_all_kept_cells() -> None:
     worker = Scripted()
     timed(worker, SLOW, FAST)
     group = [FLOOR, REFERENCE, SLOW, FAST]
@@ -200,7 +200,7 @@ def test_each_cell_has_its_own_preparation() -> None:
     assert [row_of(one)["prepare_ms"] for one in found.values() if isinstance(one, Timing)] == [300, 400]
 
 
-def test_the_wall_stands_beside_a_query_and_nowhere_else() -> None:
+def test_wall_time_is_recorded_only_beside_a_query() -> None:
     queried = record(Scripted(clock=lambda number: QUERIES), SLOW)
     assert (queried["clock"], queried["frame_ms"], queried["wall_ms"]) == (QUERIES, 30, 37)
     walled = record(Scripted(), SLOW)
@@ -244,7 +244,7 @@ def test_a_view_that_cannot_be_opened_costs_the_times_of_its_cells() -> None:
 
 
 @pytest.mark.parametrize("method", ["prepare_timing", "time_frame", "time_passes"])
-def test_a_floor_that_fails_costs_the_times_of_its_cells(method: str) -> None:
+def test_a_failing_unshadowed_reference_costs_only_times(method: str) -> None:
     found = timed(Scripted(fails=crash(method, FLOOR)), SLOW, FAST)
     assert {name: isinstance(one, TimingFailure) and one.reason for name, one in found.items()} == dict.fromkeys(
         [SLOW, FAST], "the floor, unshadowed: crashed: SIGSEGV"
@@ -272,7 +272,7 @@ def test_a_row_says_why_it_has_no_ratio(method: str, error: Exception, status: s
     assert (row["ratio"], row["ratio_iqr"], row["no_ratio"], row["n"]) == (None, None, status, 3)
 
 
-def test_a_cell_that_lacks_only_its_ratio_is_timed_when_the_reference_answers() -> None:
+def test_a_cell_without_a_ratio_is_timed_once_the_reference_succeeds() -> None:
     lacking = {cell(SLOW)}
     answers = timed(Scripted(), SLOW, FAST, without_ratio=lacking)
     assert [type(one) for one in answers.values()] == [Timing, Timing]
@@ -280,7 +280,7 @@ def test_a_cell_that_lacks_only_its_ratio_is_timed_when_the_reference_answers() 
     assert {name: type(one) for name, one in fails.items()} == {REFERENCE: TimingFailure, FAST: Timing}
 
 
-def test_a_worker_that_cannot_let_go_is_stopped_and_the_times_stand() -> None:
+def test_a_worker_that_does_not_exit_is_killed_and_its_times_are_kept() -> None:
     worker = Scripted(fails=crash("release_timed"))
     assert isinstance(timed(worker, SLOW)[SLOW], Timing)
     assert worker.calls[-2:] == [("release_timed", None), ("stop", None)]

@@ -1,4 +1,4 @@
-"""`shadowbench report`: every format from run folders, and what is missing is said."""
+"""`report` as a command: every format, and notes on missing data."""
 
 import csv
 import io
@@ -23,7 +23,7 @@ from tests.reports.conftest import CELLS, SIDE, Cell, galleries, image_of, scrip
 
 Shadowbench = Callable[..., Any]
 Write = Callable[..., Path]
-SOFTWARE = "for trends only, no GPU's"
+SOFTWARE = "for trends only, not representative of a GPU"
 
 
 def test_a_page_shows_machine_command_assumptions_and_statuses(run_folder: Write, page_of: Callable[..., str]) -> None:
@@ -45,7 +45,7 @@ def test_the_verdict_and_the_matrix_are_in_the_page_itself(run_folder: Write, pa
     assert re.findall(r'class="(\w+)" aria', cells) == ["all", "all", "none"]
 
 
-def test_a_table_has_what_it_is_sorted_by_beside_what_it_shows(run_folder: Write, page_of: Callable[..., str]) -> None:
+def test_table_values_have_sort_keys_and_texts(run_folder: Write, page_of: Callable[..., str]) -> None:
     (part,) = scripts(page_of(run_folder()))
     row = next(row for row in part["rows"] if row["spec"] == "shadow-map" and row["map"] == 512)
     assert row["values"]["cost, ms"] == [5.0, "5.00"] and row["values"]["map"] == [512, "512"]
@@ -74,14 +74,12 @@ def test_every_cell_has_its_pictures_in_the_page(run_folder: Write, page_of: Cal
     assert len(shown["cells"]) == len(held) and shown["notes"] == []
     for cell in shown["cells"]:
         assert cell["mask"].startswith("data:image/webp;base64,") and cell["picture"] is None
-    (place,) = shown["places"].values()
-    assert list(shown["places"]) == ["camera, sun"] and list(place) == ["truth", "undecided", "lit", "ambient"]
-    assert all(image.startswith("data:image/webp;base64,") for image in place.values())
+    (view,) = shown["views"].values()
+    assert list(shown["views"]) == ["camera, sun"] and list(view) == ["truth", "undecided", "lit", "ambient"]
+    assert all(image.startswith("data:image/webp;base64,") for image in view.values())
 
 
-def test_where_a_view_has_no_shading_its_cells_show_their_own_pictures(
-    run_folder: Write, page_of: Callable[..., str]
-) -> None:
+def test_without_shading_images_cells_show_their_own_pictures(run_folder: Write, page_of: Callable[..., str]) -> None:
     folder = run_folder(pictures=True)
     for file in (folder / "truth").glob("*.lit.png"):
         file.unlink()
@@ -91,24 +89,24 @@ def test_where_a_view_has_no_shading_its_cells_show_their_own_pictures(
 
 def test_a_folder_without_pictures_says_so(run_folder: Write, page_of: Callable[..., str]) -> None:
     page = page_of(run_folder())
-    assert galleries(page) == [] and "holds neither pictures/ nor masks/" in page
+    assert galleries(page) == [] and "has neither pictures/ nor masks/" in page
 
 
-def test_pictures_that_lack_are_named(run_folder: Write, page_of: Callable[..., str]) -> None:
+def test_missing_pictures_are_named(run_folder: Write, page_of: Callable[..., str]) -> None:
     folder = run_folder(pictures=True)
     for file in [*(folder / "pictures").iterdir(), *(folder / "truth").iterdir()]:
         file.unlink()
     (shown,) = galleries(page_of(folder))
-    assert shown["notes"] == ["run has no truth and no shading of some of these cells."]
+    assert shown["notes"] == ["run has no truth and no shading for some of these cells."]
 
 
 def test_many_pictures_are_shown_smaller(
     run_folder: Write, page_of: Callable[..., str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(gallery, "PIXELS", 7 * SIDE * SIDE // 4)
-    monkeypatch.setattr(gallery, "_SMALLEST", 4)
+    monkeypatch.setattr(gallery, "MAX_PIXELS", 7 * SIDE * SIDE // 4)
+    monkeypatch.setattr(gallery, "_MIN_SIZE", 4)
     (shown,) = galleries(page_of(run_folder(pictures=True)))
-    assert shown["notes"] == [f"Shown at {SIDE // 2}² of {SIDE}² pixels."]
+    assert shown["notes"] == [f"Scaled down from {SIDE}² to {SIDE // 2}² pixels."]
     assert {image_of(cell["mask"]).size for cell in shown["cells"]} == {(SIDE // 2, SIDE // 2)}
 
 
@@ -318,7 +316,7 @@ def test_cells_of_earlier_commands_are_counted_in_a_note(
     assert shadowbench(*words).err == ""
 
 
-def test_what_is_read_is_shown_before_the_first_chart(
+def test_the_progress_of_reading_and_drawing_is_shown(
     run_folder: Write, shadowbench: Shadowbench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     terminal = Console(file=io.StringIO(), force_terminal=True, width=300)

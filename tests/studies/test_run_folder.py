@@ -1,4 +1,4 @@
-"""One folder for several commands: `table.csv` has the newest row of every cell, `run.json` the last command's keys."""
+"""A folder of several commands: the newest row of every cell, and the keys of the last command."""
 
 import csv
 import json
@@ -66,7 +66,7 @@ def test_a_second_command_leaves_the_cells_of_the_first_in_table_and_report(
     assert shadowbench("check", out, "--baseline", baseline).code == 0
 
 
-def test_a_scene_changed_and_changed_back_stays_what_it_is_under_later_commands(
+def test_later_commands_keep_the_rows_of_a_scene_that_was_changed_back(
     shadowbench: Shadowbench, tmp_path: Path
 ) -> None:
     scene, out = tmp_path / "moving.toml", tmp_path / "out"

@@ -1,4 +1,4 @@
-"""All needs of a scene at once, and the command that prints them."""
+"""`needs`: all needs of a scene, and the command that prints them."""
 
 import json
 import math
@@ -91,7 +91,7 @@ def seen_by(samples: Samples) -> Receivers:
     return receivers_of(samples, planes_of(samples.view.scene))
 
 
-def test_planes_hold_all_of_a_box_on_a_ground_and_none_of_a_ball() -> None:
+def test_planes_cover_a_box_on_a_ground_and_nothing_of_a_sphere() -> None:
     flat = seen_by(sample_view(looking([plate(8.0), box(0.8, (0.0, 0.4, 0.0))], SUN)))
     assert flat.planar.value == 1.0 and flat.projection_suffices
     made = trimesh.creation.icosphere(4)
@@ -99,8 +99,8 @@ def test_planes_hold_all_of_a_box_on_a_ground_and_none_of_a_ball() -> None:
     assert seen_by(sample_view(looking([ball], SUN))).planar.value < 0.2
 
 
-def test_planes_too_small_for_the_whole_hold_nothing_though_they_are_all_that_is_seen() -> None:
-    """A table that fills the picture is no plane for the technique beside 400 m of ground: it draws no shadow there."""
+def test_planes_too_small_for_the_scene_count_for_nothing_even_if_nothing_else_is_visible() -> None:
+    """A table that fills the picture is too small beside 400 m of ground to be a plane for `planar-projection`."""
     table, above = box(1.0, (0.0, -0.5, 0.0)), box(0.1, (0.0, 0.3, 0.0), "above")
     seen = from_above([plate(400.0, (0.0, -1.0, 0.0)), table, above], SUN, width=0.8)
     found = seen_by(sample_view(seen))
@@ -114,7 +114,7 @@ def test_planes_too_small_for_the_whole_hold_nothing_though_they_are_all_that_is
     assert alone.planar.value == 1.0 and alone.planes == 2
 
 
-def test_planes_beyond_the_largest_that_are_taken_hold_nothing() -> None:
+def test_planes_beyond_the_maximum_count_are_ignored() -> None:
     most = PlanarProjection.Params().count
     far = [plate(3.0, (0.0, -1.0 - k, 0.0), f"plate {k}") for k in range(most)]
     for below, planar in ((far[1:], 1.0), (far, 0.0)):
@@ -123,7 +123,7 @@ def test_planes_beyond_the_largest_that_are_taken_hold_nothing() -> None:
 
 
 @pytest.mark.parametrize("name", builtin_names())
-def test_what_lies_on_planes_lies_on_those_that_projection_draws(name: str, device: Device, studio: Any) -> None:
+def test_receivers_on_planes_are_covered_by_planar_projection(name: str, device: Device, studio: Any) -> None:
     view = chosen_view(name, 64)
     shot = studio.shot(view)
     folder = shader_folder(PlanarProjection)
@@ -140,7 +140,7 @@ def test_what_lies_on_planes_lies_on_those_that_projection_draws(name: str, devi
     assert found.planes == len(np.unique(seen[seen >= 0]))
 
 
-def test_one_plane_holds_and_two_hold() -> None:
+def test_one_and_two_planes_are_found() -> None:
     def reason(*meshes: Mesh) -> str:
         return {row.need: row.reason for row in explanations_of(needs(from_above(meshes, SUN)))}["receivers"]
 
@@ -162,7 +162,7 @@ def test_without_casters_there_is_nothing_to_need() -> None:
 
 
 def test_without_receivers_there_is_nothing_to_need() -> None:
-    with pytest.raises(InputError, match="no pixel shows a receiver that 'sun' shines on"):
+    with pytest.raises(InputError, match="no pixel shows a receiver that 'sun' lights"):
         needs(looking([plate(8.0, receives=False)], SUN))
     with pytest.raises(InputError, match="no pixel shows a receiver"):
         needs(from_above([plate(8.0)], Light("sun", "directional", (0.0, 1.0, 0.0))))
@@ -190,7 +190,7 @@ def test_the_command_prints_a_table_and_json(shadowbench: Callable[..., Any]) ->
     assert {row["need"] for row in found["told"]} >= FOUND
 
 
-def test_the_command_says_how_much_it_looked_at(shadowbench: Callable[..., Any]) -> None:
+def test_needs_prints_the_number_of_sampled_pixels(shadowbench: Callable[..., Any]) -> None:
     answer = shadowbench("needs", "cube-on-plane", "--view-size", "1024")
     assert answer.code == 0 and "25.0% of the pixels" in answer.err and "±" in answer.out
 

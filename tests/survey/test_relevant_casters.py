@@ -1,4 +1,4 @@
-"""Casters that are said to reach nothing: without them, the truth stays the same."""
+"""Casters reported as irrelevant: removing them leaves the truth unchanged."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import Light, Mesh, View
 from shadowbench.scenes.views import chosen_view
 from shadowbench.survey.maps import fitted_map
-from shadowbench.survey.reach import RelevantCasters, reach_of
+from shadowbench.survey.relevant_casters import RelevantCasters, relevant_casters
 from shadowbench.survey.sampling import sample_view
 from shadowbench.truths.trace import trace
 from tests.survey.conftest import LIGHTS, box, from_above, looking, plate
@@ -19,12 +19,12 @@ from tests.survey.conftest import LIGHTS, box, from_above, looking, plate
 SUN = Light("sun", "directional", (0.5, -1.0, 0.0))
 
 
-def reach(view: View) -> RelevantCasters:
-    return reach_of(fitted_map(sample_view(view)))
+def relevant(view: View) -> RelevantCasters:
+    return relevant_casters(fitted_map(sample_view(view)))
 
 
 def without(view: View, useless: np.ndarray) -> View:
-    """The view where some triangles, by index, cast no longer; all is seen as it was."""
+    """The view with some triangles, by index, no longer casting; visibility to the camera is unchanged."""
     geometry = view.scene.geometry
     casts = geometry.casts.copy()
     casts[useless] = False
@@ -38,8 +38,8 @@ def without(view: View, useless: np.ndarray) -> View:
 
 
 def assert_same_shadows(view: View) -> int:
-    """The truth with and without what is useless; how many triangles that is."""
-    found = reach(view)
+    """Assert that the truth does not change without the irrelevant casters; returns their number."""
+    found = relevant(view)
     useless = np.flatnonzero(view.scene.geometry.casts)[~found.matters]
     assert found.sure and found.useless == len(useless)
     if len(useless):
@@ -52,25 +52,26 @@ def assert_same_shadows(view: View) -> int:
 def test_a_box_whose_shadow_falls_outside_the_picture_is_left_out() -> None:
     seen, unseen = box(0.3, (0.0, 0.15, 0.0), "seen"), box(0.3, (3.0, 0.15, 0.0), "unseen")
     view = from_above([plate(50.0), seen, unseen], SUN)
-    found = reach(view)
+    found = relevant(view)
     assert found.useless == 12 and not found.matters[14:].any() and found.matters[2:14].any()
     assert assert_same_shadows(view) == 12
 
 
 def test_a_box_outside_the_picture_that_shadows_into_it_stays() -> None:
     tall = box(0.3, (-2.0, 4.0, 0.0))  # four metres up, and its shadow two metres on
-    assert reach(from_above([plate(50.0), tall], SUN)).useless == 0
+    assert relevant(from_above([plate(50.0), tall], SUN)).useless == 0
 
 
 def test_a_box_below_all_that_is_seen_is_left_out() -> None:
     assert (
-        reach(from_above([plate(50.0), box(0.3, (0.0, -1.0, 0.0))], SUN)).matters.tolist() == [True] * 2 + [False] * 12
+        relevant(from_above([plate(50.0), box(0.3, (0.0, -1.0, 0.0))], SUN)).matters.tolist()
+        == [True] * 2 + [False] * 12
     )
 
 
 def test_a_box_behind_a_spot_is_left_out() -> None:
     spot = Light("spot", "spot", (0.0, -1.0, 0.0), (0.0, 3.0, 0.0), 1.0)
-    assert reach(from_above([plate(50.0), box(0.3, (0.0, 4.0, 0.0))], spot)).useless == 12
+    assert relevant(from_above([plate(50.0), box(0.3, (0.0, 4.0, 0.0))], spot)).useless == 12
 
 
 places = st.tuples(st.floats(-3, 3), st.floats(-1, 3), st.floats(-3, 3))
@@ -78,7 +79,7 @@ places = st.tuples(st.floats(-3, 3), st.floats(-1, 3), st.floats(-3, 3))
 
 @settings(max_examples=40, deadline=None)
 @given(st.lists(st.tuples(st.floats(0.05, 1.0), places), min_size=1, max_size=6), st.sampled_from(LIGHTS))
-def test_no_shadow_changes_whatever_stands_where(boxes: list, light: Light) -> None:
+def test_translated_scenes_keep_their_shadows(boxes: list, light: Light) -> None:
     view = looking([plate(8.0), *(box(side, center) for side, center in boxes)], light, size=32, eye=(0.9, 2.0, 1.5))
     assert_same_shadows(view)
 
@@ -88,5 +89,5 @@ def test_no_shadow_changes_in_our_scenes(name: str) -> None:
     assert_same_shadows(chosen_view(name, 128))
 
 
-def test_a_sampled_view_does_not_claim_to_be_sure() -> None:
-    assert not reach(from_above([plate(50.0), box(0.3, (0.0, 0.15, 0.0))], SUN, size=1024)).sure
+def test_a_sampled_view_marks_its_result_as_uncertain() -> None:
+    assert not relevant(from_above([plate(50.0), box(0.3, (0.0, 0.15, 0.0))], SUN, size=1024)).sure

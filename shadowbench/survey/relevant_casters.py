@@ -37,7 +37,7 @@ class RelevantCasters:
     sure: bool
 
 
-def reach_of(fitted: FittedMap) -> RelevantCasters:
+def relevant_casters(fitted: FittedMap) -> RelevantCasters:
     """The casters that can be between the light and a visible receiver."""
     samples = fitted.samples
     geometry = samples.view.scene.geometry
