@@ -7,13 +7,13 @@ from shadowbench.commands import console
 
 if TYPE_CHECKING:
     from shadowbench.reports.analysis import Section
-    from shadowbench.reports.matrix import Candidate, CostCell
+    from shadowbench.reports.matrix import CostCell
 
 
 def print_verdict(sections: "Sequence[Section]") -> None:
     """The cheapest setting for each IoU in each scene of one run, then each technique's cost over all its scenes."""
     from shadowbench.reports.matrix import IOU_TARGETS, candidates, cost_matrix, cost_row
-    from shadowbench.reports.verdict import cost_note, target_name
+    from shadowbench.reports.verdict import cost_note, real_time, target_name
     from shadowbench.reports.words import counted
 
     found = candidates(sections)
@@ -23,10 +23,10 @@ def print_verdict(sections: "Sequence[Section]") -> None:
     scenes = [section.scene for section in sections]
     rows = []
     for section in sections:
-        own = candidates([section])
+        own = real_time(candidates([section]))
         names = [section.scene if scenes.count(section.scene) == 1 else section.title, *[""] * len(IOU_TARGETS)]
         for name, cell in zip(names, cost_row(own, IOU_TARGETS), strict=False):
-            rows.append((name, target_name(cell.target), *_cheapest(cell, own)))
+            rows.append((name, target_name(cell.target), *_cheapest(cell)))
     console.print_table("", ("scene", "target", "cost", "cheapest"), rows, numbers=("cost",), whole=("target",))
     console.out().print()
     heads = [f"over {counted(len(sections), 'scene')}", *map(target_name, IOU_TARGETS)]
@@ -37,18 +37,14 @@ def print_verdict(sections: "Sequence[Section]") -> None:
     console.print_line(f"{cost_note(sections)}{partial}")
 
 
-def _cheapest(cell: "CostCell", found: "Sequence[Candidate]") -> tuple[str, str]:
-    """The cost and the setting in one scene; also what needs no rays, or the number of settings that cost the same."""
-    from shadowbench.reports.matrix import cheapest
-    from shadowbench.reports.verdict import RAY_TRACED, cell_texts, cost_text
+def _cheapest(cell: "CostCell") -> tuple[str, str]:
+    """The cost and the setting in one scene, and the number of other settings that cost the same."""
+    from shadowbench.reports.verdict import cell_texts
     from shadowbench.reports.words import counted
 
     cost, label, note = cell_texts(cell, 1)
     if cell.cheapest is None:
         return cost, f"none, {note}"
-    if cell.cheapest.mean.technique == RAY_TRACED:
-        other = cheapest([one for one in found if one.mean.technique != RAY_TRACED], cell.target)
-        return cost, f"{label}; without rays {f'{other.mean.label}, {cost_text(other)}' if other else 'none'}"
     return cost, f"{label}, or {counted(len(cell.ties), 'other')}" if cell.ties else label
 
 

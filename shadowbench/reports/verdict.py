@@ -7,35 +7,48 @@ from shadowbench.reports.matrix import IOU_TARGETS, Candidate, CostCell, Target,
 from shadowbench.reports.words import EDGE_NAMES, counted, digits, sentence, time_source, value_of
 
 _MAIN = Target(0.99)
-RAY_TRACED = "ray-traced"  # its name, without importing Embree
+_RAY_TRACED = "ray-traced"  # its name, without importing Embree
 
 
 def verdict(sections: Sequence[Section]) -> list[str]:
-    """The sentences of the verdict on one scene, or on all scenes of a run; configurations are in backticks."""
-    found = [one for one in candidates(sections) if (one.mean.value("iou") or 0.0) > 0]
+    """The sentences of the verdict on one scene, or on all scenes of a run; configurations are in backticks.
+
+    Ray tracing, which runs on the CPU as the truth does, is only named for scale.
+    """
+    everything = candidates(sections)
+    found = [one for one in real_time(everything) if (one.mean.value("iou") or 0.0) > 0]
     where = "" if len(sections) == 1 else f" in all {len(sections)} scenes"
     complete = [one for one in found if one.in_all_scenes]
     if not found:
-        return ["Nothing here has a score."]
+        traced = _ray_traced(everything)
+        return ["No real-time technique here has a score.", *traced] if traced else ["Nothing here has a score."]
     main = _main_target(complete)
     if main is None:
         lines = [f"Nothing measured gets {_share_right(IOU_TARGETS[0])}{where}."]
         lines.append(f"Closest: {_closest_text(closest(found, IOU_TARGETS[0]), len(sections))}.")
-        return [*lines, *_where_supported(found, IOU_TARGETS[0], None)]
+        return [*lines, *_where_supported(found, IOU_TARGETS[0], None), *_ray_traced(everything)]
     best = cheapest(complete, main)
     assert best is not None
     line = f"{_share_right(main)}{where}: {_cost_phrase(best)}"
     tied = [one for one in ties(complete, best, main) if one.mean.technique != best.mean.technique]
     if tied:
         line += f"; as cheap within the noise: {', '.join(f'`{one.mean.label}`' for one in tied[:2])}"
-    if best.mean.technique == RAY_TRACED:
-        line += _without_ray_tracing(complete, main)
-    return [f"{line}.", *_next_target(complete, main, best), *_where_supported(found, main, best)]
+    return [
+        f"{line}.",
+        *_next_target(complete, main, best),
+        *_where_supported(found, main, best),
+        *_ray_traced(everything),
+    ]
+
+
+def real_time(found: Sequence[Candidate]) -> list[Candidate]:
+    """The candidates that are real-time techniques: all but ray tracing on the CPU."""
+    return [one for one in found if one.mean.technique != _RAY_TRACED]
 
 
 def verdict_candidate(found: Sequence[Candidate]) -> Candidate | None:
     """The candidate that the verdict names first, or the most accurate if no target is met; None without candidates."""
-    complete = [one for one in found if one.in_all_scenes]
+    complete = [one for one in real_time(found) if one.in_all_scenes]
     main = _main_target(complete)
     return next(iter(found), None) if main is None else cheapest(complete, main)
 
@@ -94,9 +107,10 @@ def _cost_phrase(one: Candidate) -> str:
     return f"`{one.mean.label}` is the cheapest, {value_of(one.mean, 'frame_ms')} ms a frame"
 
 
-def _without_ray_tracing(complete: Sequence[Candidate], target: Target) -> str:
-    other = cheapest([one for one in complete if one.mean.technique != RAY_TRACED], target)
-    return "; nothing else does" if other is None else f"; without ray tracing `{other.mean.label}`, {cost_text(other)}"
+def _ray_traced(found: Sequence[Candidate]) -> list[str]:
+    """A sentence on the cost of ray tracing, if it was measured and timed in all scenes."""
+    traced = next((one for one in found if one.mean.technique == _RAY_TRACED and one.in_all_scenes and one.ms), None)
+    return [] if traced is None else [f"For scale: ray tracing on the CPU takes {cost_text(traced)}."]
 
 
 def _next_target(complete: Sequence[Candidate], main: Target, best: Candidate) -> list[str]:

@@ -74,12 +74,12 @@ def _from_file(file: Path) -> list[type[Technique]]:
     # The hash keeps files of the same name in different folders apart.
     name = f"shadowbench_plugin_{file.stem}_{hashlib.sha256(str(file).encode()).hexdigest()[:8]}"
     spec = importlib.util.spec_from_file_location(name, file)
-    if spec is None or spec.loader is None:
+    if spec is None:
         raise InputError(f"--plugin {file}: not a Python file (.py)")
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module  # pydantic and inspect look up the file's classes there
     try:
-        spec.loader.exec_module(module)
+        exec(compile(file.read_bytes(), file, "exec"), module.__dict__)  # an import would leave __pycache__ beside it
     except (Exception, SystemExit) as error:  # executing a foreign file may raise anything
         raise InputError(f"--plugin {file}: {_summary(error)}") from error
     own = _defined_in(module)

@@ -60,7 +60,8 @@ class Watch:
 
     @contextmanager
     def over(self, *folders: Path) -> Iterator[None]:
-        own = [sys.prefix, sys.base_prefix, str(ROOT / "shadowbench"), str(ROOT / "scenes"), str(ROOT / "benchmarks"),
+        own = [os.path.realpath(sys.prefix), os.path.realpath(sys.base_prefix),
+               str(ROOT / "shadowbench"), str(ROOT / "scenes"), str(ROOT / "benchmarks"),
                os.devnull, "/proc/self", f"/proc/{os.getpid()}", "/sys/", "/etc/localtime", "/usr/"]  # fmt: skip
         self.allowed = (*own, *(str(folder.resolve()) for folder in folders))
         self.seen.clear()
