@@ -7,6 +7,8 @@ gl_4_1 := MESA_GL_VERSION_OVERRIDE=4.1FC MESA_GLSL_VERSION_OVERRIDE=410
 # With it in the environment, each of the many processes that tests start would compile the package anew.
 unexport PYTHONDONTWRITEBYTECODE
 two_cores := -n 2 --dist worksteal
+# Of the fast tests, many wait for a process to end or to hang: a third worker uses that time.
+fast := -n 3 --dist worksteal
 # What another version of OpenGL may break: state and targets, shaders, and what every technique must keep.
 of_4_1 := tests/gl tests/techniques/test_compositions.py tests/techniques/test_contract.py
 
@@ -33,7 +35,7 @@ demo: setup
 	@echo "$(bin)/shadowbench run stairs -t shadow-map:bias=none -t shadow-map  # settings of your choice"
 
 test: lint
-	$(bin)/pytest -q -m "not slow" $(two_cores)
+	$(bin)/pytest -q -m "not slow" $(fast)
 
 test-slow:
 	@sh tools/setup.sh chromium

@@ -35,6 +35,7 @@ def test_the_page_runs_as_a_script_without_a_guard(tmp_path: Path) -> None:
     assert "'iou': 0.9" in done.stdout and "did you mean 'shadow-map'" in done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("default")  # of Jupyter's own
 def test_the_page_runs_in_a_notebook_and_a_truth_is_a_picture_there(tmp_path: Path) -> None:
     book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(part) for part in CODE])

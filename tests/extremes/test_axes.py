@@ -1,8 +1,10 @@
 """The axes of `stress`: what each one varies, and that a mask can be scored at every value."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -64,10 +66,20 @@ def test_values_are_written_shortly() -> None:
     [pytest.param(axis, marks=pytest.mark.slow if axis.name == "triangles" else []) for axis in AXES.values()],
     ids=AXES,
 )
-def test_every_axis_value_shows_light_and_shadow(axis: Axis) -> None:
+def test_the_ends_of_an_axis_show_light_and_shadow(axis: Axis) -> None:
+    assert_light_and_shadow(axis, (axis.values[0], axis.values[-1]))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("axis", AXES.values(), ids=AXES)
+def test_every_value_between_shows_light_and_shadow(axis: Axis) -> None:
+    assert_light_and_shadow(axis, axis.values[1:-1])
+
+
+def assert_light_and_shadow(axis: Axis, values: Sequence[Any]) -> None:
     """A view without shadow, or wholly in shadow, would measure nothing."""
     for light in axis.lights:
-        for value in axis.values:
+        for value in values:
             truth = trace(replace(axis.at(value, light).views[0], size=SMALL), pixel_samples=1)
             judged = truth.receivers & ~truth.undecided
             shadow = judged & (truth.visibility < 0.5)
