@@ -1,19 +1,24 @@
 # Everything runs from .venv, which `setup` keeps ready; nothing needs to be installed before `make`.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-slow test-all lint wheel clean
+.PHONY: help setup demo test test-slow test-all lint docs wheel clean
 
 bin := .venv/bin
 gl_4_1 := MESA_GL_VERSION_OVERRIDE=4.1FC MESA_GLSL_VERSION_OVERRIDE=410
+# With it in the environment, each of the many processes that tests start would compile the package anew.
+unexport PYTHONDONTWRITEBYTECODE
 two_cores := -n 2 --dist worksteal
+# Of the fast tests, many wait for a process to end or to hang: a third worker uses that time.
+fast := -n 3 --dist worksteal
 # What another version of OpenGL may break: state and targets, shaders, and what every technique must keep.
 of_4_1 := tests/gl tests/techniques/test_compositions.py tests/techniques/test_contract.py
 
 help:
-	@echo "make demo       three scenes, a table and pictures, into results/latest/"
+	@echo "make demo       every technique on three scenes: what is good enough at which cost, and report.html"
 	@echo "make test       lint and the fast tests"
 	@echo "make test-slow  the slow tests; as OpenGL 4.1, all shaders and what every technique must keep"
 	@echo "make test-all   both, with every value of what test-slow takes samples of, and all GL tests as OpenGL 4.1"
 	@echo "make lint       format, ruff, mypy, the arrows between the packages"
+	@echo "make docs       the documentation into build/docs/, a warning or a broken link being an error"
 	@echo "make wheel      sdist and wheel into dist/, once the wheel has run in an empty environment"
 	@echo "make setup      what the others do first: system packages and .venv"
 	@echo "make clean      remove .venv, caches, results/latest/ and results/stress/"
@@ -22,12 +27,15 @@ setup:
 	@sh tools/setup.sh
 
 demo: setup
-	@$(bin)/shadowbench run -s benchmarks/demo.toml -o results/latest
-	@echo "Table:    results/latest/table.csv"
-	@echo "Pictures: results/latest/pictures/"
+	@echo "Measuring every technique on three scenes: about a minute on two cores without a GPU"
+	@$(bin)/shadowbench run -s benchmarks/demo.toml -o results/demo >/dev/null
+	@$(bin)/shadowbench report results/demo
+	@echo "$(bin)/shadowbench recommend stairs  # the cheapest technique for it, or for your .glb or .obj"
+	@echo "$(bin)/shadowbench needs stairs      # the map size, the cascades and the bias that it needs"
+	@echo "$(bin)/shadowbench run stairs -t shadow-map:bias=none -t shadow-map  # settings of your choice"
 
 test: lint
-	$(bin)/pytest -q -m "not slow" $(two_cores)
+	$(bin)/pytest -q -m "not slow" $(fast)
 
 test-slow:
 	@sh tools/setup.sh chromium
@@ -45,9 +53,13 @@ lint: setup
 	$(bin)/mypy --no-error-summary
 	$(bin)/lint-imports --no-cache
 
+docs: setup
+	$(bin)/sphinx-build -W --keep-going -n -q -d build/doctrees docs build/docs
+	@echo "Documentation: build/docs/index.html"
+
 wheel: setup
 	$(bin)/python tools/wheel.py
 
 clean:
-	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks build dist results/latest results/stress results/fuzz results/recommend results/recommend-check results/tune
-	find shadowbench tests benchmarks -name __pycache__ -prune -exec rm -rf {} +
+	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks build dist results/demo results/latest results/stress results/fuzz results/recommend results/recommend-check results/tune
+	find shadowbench tests benchmarks examples tools -name __pycache__ -prune -exec rm -rf {} +

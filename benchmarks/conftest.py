@@ -105,7 +105,7 @@ def growth(request: pytest.FixtureRequest) -> Growth:
 
 @pytest.fixture(scope="session")
 def scene_file() -> Callable[[str], str | Path]:
-    """Argument of `load_scene` for a built-in scene, or a mesh in the folder of larger scenes, which is elsewhere."""
+    """Argument of `load_scene` for a built-in scene, or a mesh in the folder of larger scenes."""
 
     def find(name: str) -> str | Path:
         if "." not in name:

@@ -34,14 +34,14 @@ class ExponentialShadowMap(Technique):
         blur: int = param(3, "taps along a side of the box blur, odd", ge=1, le=31)
 
     def build(self, stage):
-        self.fitted = FittedView(stage, self.params.fit, self.params.size, reach=self.params.blur / 2 + 0.5)
+        self.fitted = FittedView(stage, self.params.fit, self.params.size, filter_radius=self.params.blur / 2 + 0.5)
         program = stage.program("casters.vert", STORE, params=self.params)
         self.map = CasterMap(stage, program, self.params.size, components=1, clamp=self.params.fit.clamps)
         self.blur = BoxBlur(stage, self.map.contents, self.params.blur)
         self.resolve = ResolvePass(stage, RESOLVE, self.params)
 
     def draw(self, frame):
-        with frame.timed("map", changes=self.params.fit.moves_with):
+        with frame.timed("map", changes=self.params.fit.invalidated_by):
             self.light_view = self.fitted(frame)
             self.map.draw(frame, [self.light_view])
             self.blur()

@@ -70,7 +70,7 @@ class VarianceShadowMap(Technique):
     def build(self, stage):
         params = self.params
         self.stage = stage
-        self.fitted = FittedView(stage, params.fit, params.size, reach=params.blur / 2)
+        self.fitted = FittedView(stage, params.fit, params.size, filter_radius=params.blur / 2)
         self.map = CasterMap(
             stage, stage.program("casters.vert", STORE), params.size, components=2, clamp=params.fit.clamps
         )
@@ -78,7 +78,7 @@ class VarianceShadowMap(Technique):
         self.resolve = ResolvePass(stage, RESOLVE, params)
 
     def draw(self, frame):
-        moves = self.params.fit.moves_with
+        moves = self.params.fit.invalidated_by
         with frame.timed("fit", changes=moves):
             self.light_view = self.fitted(frame)
         with frame.timed("depth", changes=moves):

@@ -124,7 +124,7 @@ def render(
     plugins: Files = (),
     tint: bool = False,
 ) -> Rendering:
-    """Draw a view with a technique: `visibility`, `picture` and `map`, with its work counts and GPU memory.
+    """Draw a view with a technique; returns its visibility, shaded picture, shadow map, work counts and GPU memory.
 
     map: (H, W) linear depth in [0, 1], 0 is near; for `cube-map` the faces unfolded into a cross (3 · size, 4 · size),
     for `cascades` the layers side by side (size, count · size); None for a technique without a map.
@@ -162,16 +162,17 @@ def run(
     light: str | None = None,
     rounds: int | None = None,
     phases: int | None = None,
+    step: str | None = None,
     study: str | None = None,
     plugins: Files = (),
     folder: str | Path | None = None,
 ) -> pd.DataFrame:
     """Measure techniques on scenes: one line per cell, with the columns of `table.csv`.
 
-    study: a study file or built-in study that gives all other arguments' defaults, `default` for None; light: name
-    of a light, by default each light of a scene in turn; rounds: how often each cell is timed, 0 for no timing;
-    folder: run folder to keep rows, masks and pictures in, or to resume. A cell that fails is a line with that
-    status. Raises InputError.
+    study: a study file or built-in study, `default` for None, with the defaults of all other arguments; light: name
+    of a light, by default each light of a scene in turn; rounds: how often each cell is timed, 0 for no timing; step:
+    "camera" or "light", which moves a little so that `flips` can be counted; folder: run folder to keep rows, masks and
+    pictures in, or to resume. A cell that fails is a line with that status. Raises InputError.
     """
     files = _paths(plugins)
     known = techniques_with(files)
@@ -183,6 +184,7 @@ def run(
         study=None if study is None else str(instance_of(study, "study", "a name or a file", str, Path)),
         map_size=None if map_size is None else whole_numbers(map_size, "map_size", 1, 65536),
         phases=None if phases is None else whole_number(phases, "phases", 1, 10_000),
+        step=step,
         view=view,
         light=light,
         view_size=None if view_size is None else whole_number(view_size, "view_size", 1, LARGEST),

@@ -11,7 +11,7 @@ from shadowbench.errors import InputError
 
 
 def as_list(value: Any, name: str, allowed: str, *types: type) -> list[Any]:
-    """A single value of some types as a list, or the values of a list, array or Series."""
+    """The values of a list, array or Series as a list, or a single value of the given types as a list of one."""
     if isinstance(value, types):
         return [value]
     values = list(value) if isinstance(value, Iterable) and not isinstance(value, str | bytes) else [value]
@@ -22,7 +22,7 @@ def as_list(value: Any, name: str, allowed: str, *types: type) -> list[Any]:
 
 
 def whole_number(value: Any, name: str, least: int, most: int) -> int:
-    """An int from a whole number of any library."""
+    """The value, a whole number of any numeric library, as an int from `least` to `most`."""
     try:
         number = None if isinstance(value, bool) else operator.index(value)
     except TypeError:
@@ -33,7 +33,7 @@ def whole_number(value: Any, name: str, least: int, most: int) -> int:
 
 
 def whole_numbers(value: Any, name: str, least: int, most: int) -> list[int]:
-    """At least one whole number, given alone or as several."""
+    """One or several whole numbers, as a list of ints; at least one."""
     entries = as_list(value, name, "whole numbers", int, np.integer)
     if not entries:
         raise InputError(f"{name}: found none; allowed: one or several, or None for the study's")
@@ -41,14 +41,14 @@ def whole_numbers(value: Any, name: str, least: int, most: int) -> list[int]:
 
 
 def number(value: Any, name: str) -> float:
-    """A float from a real number of any library."""
+    """The value, a real number of any numeric library, as a float."""
     if isinstance(value, bool | str | bytes) or not hasattr(value, "__float__"):
         raise _input_error(name, value, "a number")
     return float(value)
 
 
 def instance_of(value: Any, name: str, allowed: str, *types: type) -> Any:
-    """The value, if it is of one of the types."""
+    """The value unchanged, checked to be of one of the types."""
     if not isinstance(value, types):
         raise _input_error(name, value, allowed)
     return value

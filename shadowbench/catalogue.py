@@ -6,12 +6,12 @@ from typing import Any
 
 from shadowbench.errors import InputError, alternatives
 from shadowbench.extremes.axes import AXES, value_label
+from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.measure.plugin_output import techniques_with
 from shadowbench.scenes.library import builtin_about, builtin_names
-from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.crossing import Techniques
 from shadowbench.studies.study import find_study, read_study, study_names
-from shadowbench.techniques.params import Row, TechniqueParams, allowed
+from shadowbench.techniques.params import Component, TechniqueParams, allowed
 from shadowbench.techniques.spec import format_value
 
 Entry = dict[str, Any]
@@ -59,8 +59,8 @@ def _techniques(known: Techniques) -> list[Entry]:
     ]
 
 
-def _parameters(model: type[TechniqueParams] | type[Row]) -> list[Entry]:
-    """Name, default, allowed values and help of every field; a field of rows lists them with their own parameters."""
+def _parameters(model: type[TechniqueParams] | type[Component]) -> list[Entry]:
+    """Name, default, allowed values and help of every field; a component field lists its family with parameters."""
     found = []
     for name, info in model.model_fields.items():
         entry: Entry = {
@@ -69,10 +69,10 @@ def _parameters(model: type[TechniqueParams] | type[Row]) -> list[Entry]:
             "allowed": allowed(info),
             "help": info.description,
         }
-        if isinstance(info.default, Row):
+        if isinstance(info.default, Component):
             entry["values"] = [
-                {"name": row.name, "help": " ".join((row.__doc__ or "").split()), "parameters": _parameters(row)}
-                for row in info.default.family().table.values()
+                {"name": one.name, "help": " ".join((one.__doc__ or "").split()), "parameters": _parameters(one)}
+                for one in info.default.family().table.values()
             ]
         found.append(entry)
     return found
@@ -87,7 +87,7 @@ def _metrics() -> list[Entry]:
             "tolerance": metric.tolerance,
             "help": metric.help,
         }
-        for metric in METRICS.values()
+        for metric in ROW_METRICS.values()
     ]
 
 

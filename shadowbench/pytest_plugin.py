@@ -18,12 +18,12 @@ class Score(float):
     """A metric's value; pytest explains what is wrong with the mask when a comparison with it fails."""
 
     name: str
-    of: "ShadowAccuracy"
+    accuracy: "ShadowAccuracy"
 
-    def __new__(cls, value: float, name: str, of: "ShadowAccuracy") -> "Score":
-        """A number that remembers which metric it is, of which mask."""
+    def __new__(cls, value: float, name: str, accuracy: "ShadowAccuracy") -> "Score":
+        """A number with the metric's name and the scores of the mask."""
         score = super().__new__(cls, value)
-        score.name, score.of = name, of
+        score.name, score.accuracy = name, accuracy
         return score
 
 
@@ -82,7 +82,7 @@ class ShadowAccuracy:
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """`--shadow-diffs DIR`."""
+    """Add the option `--shadow-diffs DIR`, a folder for difference pictures."""
     parser.getgroup("shadowbench").addoption(
         "--shadow-diffs",
         metavar="DIR",
@@ -97,7 +97,7 @@ def pytest_assertrepr_compare(op: str, left: object, right: object) -> list[str]
     if score is None:
         return None
     sides = [f"{side.name} {float(side):.5g}" if isinstance(side, Score) else repr(side) for side in (left, right)]
-    return [f"{sides[0]} {op} {sides[1]} ({score.of!r})", *score.of.explain()]
+    return [f"{sides[0]} {op} {sides[1]} ({score.accuracy!r})", *score.accuracy.explain()]
 
 
 @pytest.hookimpl(wrapper=True)

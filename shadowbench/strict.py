@@ -22,7 +22,7 @@ DEEPEST = 20
 def read_toml(path: Path, where: str, missing: str = "no such file") -> dict[str, Any]:
     """Read a TOML file whose integers fit in 64 bits and whose nesting is at most DEEPEST.
 
-    Raises InputError, its message beginning with `where` or the path, for any other or too large a file.
+    Raises InputError, its message beginning with `where` or the path, for other files and for too large ones.
     """
     try:
         if not path.is_file():  # reading a named pipe would block

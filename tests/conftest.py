@@ -1,4 +1,4 @@
-"""What all tests share: larger scenes, a truth cache of their own, the GL device and views on it."""
+"""Fixtures shared by all tests: larger scenes, a truth cache, the GL device and views drawn on it."""
 
 import hashlib
 import os
@@ -38,7 +38,7 @@ if settings.get_current_profile_name() == "default":  # neither CI's nor that of
 
 @pytest.fixture(scope="session")
 def shared_scenes() -> Path:
-    """Folder of larger scenes, which do not travel with the repository."""
+    """Folder of larger scenes, which are not in the repository."""
     root = Path(__file__).resolve().parents[1]
     folder = root / os.environ.get("SHADOWBENCH_SCENES", "../shared/scenes")
     if not folder.is_dir():
@@ -48,7 +48,7 @@ def shared_scenes() -> Path:
 
 @pytest.fixture(scope="session", autouse=True)
 def truth_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """A truth cache of this session's own, which all processes of xdist share, unless SHADOWBENCH_CACHE names one."""
+    """A truth cache for this session, shared by all xdist processes, unless SHADOWBENCH_CACHE names one."""
     folder = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
         folder = folder.parent
@@ -60,7 +60,7 @@ def truth_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def only_device() -> Device:
-    """The context of this process. Tests take `device`, which sees to it that it is current."""
+    """The context of this process. Tests use `device`, which makes it current."""
     return open_device()
 
 
@@ -75,7 +75,7 @@ def device(only_device: Device) -> Iterator[Device]:
 
 @dataclass(eq=False)
 class Shot:
-    """A view on the device. `view` is in local coordinates, `filed` in the file's; images have row 0 at the top."""
+    """A view with its G-buffer. view: in local coordinates; filed: in file coordinates; row 0 is at the top."""
 
     filed: View
     view: View
@@ -97,7 +97,7 @@ class Shot:
 
 
 class Studio:
-    """Puts views on the device; what it made is freed after the test."""
+    """Draws G-buffers of views; they are freed after the test."""
 
     def __init__(self, device: Device) -> None:
         self.device = device
@@ -125,7 +125,7 @@ class Studio:
 
 @pytest.fixture
 def studio(device: Device) -> Iterator[Studio]:
-    """Where views are put on the device."""
+    """Draws G-buffers of views."""
     studio = Studio(device)
     yield studio
     studio.release()
@@ -170,7 +170,7 @@ def shape() -> Callable[..., Mesh]:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a command answered."""
+    """Result of a command: exit code, stdout and stderr."""
 
     code: int
     out: str
@@ -178,7 +178,7 @@ class Answer:
 
 
 def key_of(*parts: object) -> str:
-    """A key as rows have one."""
+    """A key with the format of row keys."""
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:24]
 
 

@@ -1,4 +1,4 @@
-"""Studies written for one test, plug-ins that behave and misbehave, and runs of both."""
+"""A pytest plugin with fixtures for studies, for plug-ins, correct and misbehaving, and for runs of both."""
 
 import json
 import os
@@ -138,7 +138,7 @@ class Does(Wild):
 
     def do_hang(self, texture):
         while True:
-            pass
+            time.sleep(1)
 
     def do_eat(self, texture):
         held = [np.ones(8 << 20) for _ in range(48)]
@@ -258,7 +258,7 @@ class Does(Wild):
 
 @dataclass
 class Notebook:
-    """A reporter that keeps what it is told."""
+    """A reporter that records its calls."""
 
     notes: list[str] = field(default_factory=list)
     steps: list[str] = field(default_factory=list)
@@ -275,7 +275,7 @@ class Notebook:
 
 @dataclass
 class Bench:
-    """A worker with plug-ins, and studies run on it in this process."""
+    """A worker with plug-ins; runs studies on it in this process."""
 
     worker: Worker
     plugins: Sequence[Path]
@@ -292,7 +292,7 @@ class Bench:
         return read_study(file, self.techniques)
 
     def run(self, study: Study, folder: Path) -> list[Result]:
-        """The results; `calls` are then those that the worker got."""
+        """Run a study; returns the results. Afterwards `calls` has the worker's calls."""
         self.worker.limits = Limits(study.time_limit, int(study.memory_limit * 2**30))
         self.calls.clear()
         self.notebook = Notebook()
@@ -337,7 +337,7 @@ def bench(half: Path, wild: Path) -> Iterator[Bench]:
 
 @dataclass
 class Started:
-    """A `shadowbench` of its own, in a session of its own, so that Ctrl-C reaches it and its worker alone."""
+    """A `shadowbench` process in its own session, so that Ctrl-C reaches only it and its worker."""
 
     process: subprocess.Popen[str]
 
@@ -345,7 +345,7 @@ class Started:
         return psutil.Process(self.process.pid).children(recursive=True)
 
     def until(self, reached: Callable[[], bool]) -> None:
-        """Wait for a condition that will come true, or for the end of the process, which is wrong."""
+        """Wait until a condition is true; fails if the process ends before."""
         while not reached():
             assert self.process.poll() is None, self.process.communicate()
             time.sleep(0.005)
@@ -357,7 +357,7 @@ class Started:
 
 @pytest.fixture
 def start() -> Iterator[Callable[..., Started]]:
-    """Starts `shadowbench …`; what is still there at the end of the test is killed."""
+    """Starts `shadowbench …`; processes left at the end of the test are killed."""
     started: list[Started] = []
 
     def begin(*arguments: str | Path, **environment: str | Path) -> Started:
@@ -382,7 +382,7 @@ def start() -> Iterator[Callable[..., Started]]:
 
 @pytest.fixture
 def changed_default(monkeypatch: pytest.MonkeyPatch) -> Callable[..., AbstractContextManager[None]]:
-    """Within it, a parameter of a technique has another default, for specs that are read there."""
+    """Context in which a parameter of a technique has another default."""
 
     def read_anew(technique: type[Technique]) -> None:
         technique.Params.model_rebuild(force=True)

@@ -1,4 +1,4 @@
-"""What `make test-slow` takes of a long list of parameters, of which `make test-all` takes every one."""
+"""The subset of long parameter lists that `make test-slow` runs; `make test-all` runs every parameter."""
 
 from collections.abc import Collection, Iterable
 from typing import Any

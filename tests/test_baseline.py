@@ -1,4 +1,4 @@
-"""The committed baseline: what it holds, and that the sources still do as well as it says."""
+"""The committed baseline: its contents, and that the current sources are no worse."""
 
 import json
 import os
@@ -15,7 +15,7 @@ from shadowbench.studies.study import read_study
 from shadowbench.techniques.biases import Bias
 from shadowbench.techniques.filters import Filter
 from shadowbench.techniques.fits import Fit
-from shadowbench.techniques.params import Row
+from shadowbench.techniques.params import Component
 from shadowbench.techniques.registry import own_techniques, techniques
 from shadowbench.techniques.splits import Split
 
@@ -29,11 +29,11 @@ def named(full_spec: str) -> tuple[Any, ...]:
     return identity({"full_spec": full_spec})
 
 
-def test_it_is_small() -> None:
+def test_the_baseline_is_small() -> None:
     assert sum(file.stat().st_size for file in BASELINE.iterdir()) < 200_000
 
 
-def test_it_has_the_cells_of_its_study() -> None:
+def test_the_baseline_has_the_cells_of_its_study() -> None:
     assert len({row["scene"] for row in ROWS}) == len(STUDY.scenes)
     for scene in {row["scene"] for row in ROWS}:
         cells = {named(cell.spec.full_text) for cell in STUDY.cells()}
@@ -42,14 +42,14 @@ def test_it_has_the_cells_of_its_study() -> None:
 
 
 @pytest.mark.parametrize("name", [one.name for one in own_techniques()])
-def test_every_technique_holds_somewhere(name: str) -> None:
+def test_every_technique_is_successful_somewhere_in_the_baseline(name: str) -> None:
     if name not in {cell.spec.technique.name for cell in STUDY.cells()}:
         pytest.skip(f"the baseline's study leaves out {name}")
     assert name in {row["technique"] for row in HELD}
 
 
 @pytest.mark.parametrize("family", [Bias, Filter, Fit, Split])
-def test_every_row_holds_somewhere(family: type[Row]) -> None:
+def test_every_component_occurs_in_the_baseline(family: type[Component]) -> None:
     names = {name for name, row in family.table.items() if row.__module__ == family.__module__}
     held = {name for name in names for row in HELD if re.search(rf"[=+]{name}\b", row["full_spec"])}
     assert held == names

@@ -1,4 +1,4 @@
-"""The plug-ins in examples/ draw what they say, through `run` as anybody calls it."""
+"""The plug-ins in examples/, measured by `run`."""
 
 import csv
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""The command answers at once: heavy packages are imported where they are needed."""
+"""Start-up: heavy packages are imported only where needed."""
 
 import subprocess
 import sys
@@ -7,7 +7,7 @@ OF_THE_COMMAND_LINE = {"typer", "click", "shellingham", "annotated_doc", "typing
 
 
 def imported_by(code: str, *arguments: str, after: str = "pass") -> set[str]:
-    """The packages that are none of Python's own and that some code imports, after other code."""
+    """Third-party packages imported by some code after other code."""
     told = (
         f"import sys; {after}; before = set(sys.modules)\n"
         f"try:\n    {code}\nexcept SystemExit: pass\n"
@@ -22,7 +22,7 @@ def test_importing_the_package_imports_no_other() -> None:
     assert imported_by("import shadowbench") == {"shadowbench"}
 
 
-def test_help_imports_what_reads_the_command_line_alone() -> None:
+def test_help_imports_only_the_command_line_parser() -> None:
     found = imported_by("from shadowbench.commands import main; main()", "--help")
     assert {"shadowbench", "typer"} <= found <= {"shadowbench"} | OF_THE_COMMAND_LINE
 

@@ -14,7 +14,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
 @pytest.fixture(scope="module")
 def tool() -> ModuleType:
-    """What `make wheel` runs."""
+    """The tool that `make wheel` runs."""
     spec = importlib.util.spec_from_file_location("wheel", ROOT / "tools" / "wheel.py")
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)

@@ -1,4 +1,4 @@
-"""The package as a library: docs/python.md run as it stands, and what its functions promise."""
+"""The Python API: the examples of docs/how-to/python.md, and the promises of its functions."""
 
 import os
 import re
@@ -16,7 +16,7 @@ import pytest
 import shadowbench as sb
 from shadowbench.api import _SharedWorker
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "python.md"
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "how-to" / "python.md"
 CODE = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
 
 
@@ -35,6 +35,7 @@ def test_the_page_runs_as_a_script_without_a_guard(tmp_path: Path) -> None:
     assert "'iou': 0.9" in done.stdout and "did you mean 'shadow-map'" in done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("default")  # of Jupyter's own
 def test_the_page_runs_in_a_notebook_and_a_truth_is_a_picture_there(tmp_path: Path) -> None:
     book = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(part) for part in CODE])
@@ -43,7 +44,7 @@ def test_the_page_runs_in_a_notebook_and_a_truth_is_a_picture_there(tmp_path: Pa
     assert sum("image/png" in data for data in shown) == 1
 
 
-def test_a_drawing_is_that_of_the_command(shadowbench, tmp_path: Path) -> None:
+def test_render_draws_the_same_mask_as_the_command(shadowbench, tmp_path: Path) -> None:
     spec, mask = "cascades:count=2,size=64", tmp_path / "mask.png"
     shadowbench("render", "cube-on-plane", "-t", spec, "-o", tmp_path / "a.png", "--mask", mask, "--view-size", 64)
     drawn = sb.render("cube-on-plane", spec, view_size=64)
@@ -65,7 +66,7 @@ def test_calls_share_one_process_until_it_is_closed_or_others_plug_ins_are_asked
     first = _SharedWorker.worker
     sb.render("stairs", "unshadowed", view_size=16)
     assert _SharedWorker.worker is first
-    example = PAGE.parents[1] / "examples" / "sphere_proxies.py"
+    example = PAGE.parents[2] / "examples" / "sphere_proxies.py"
     sb.render("cube-on-plane", "sphere-proxies", view_size=16, plugins=[example])
     assert _SharedWorker.worker is not first
     sb.close()
@@ -110,7 +111,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("wrong", WRONG)
-def test_what_is_no_argument_is_one_line(wrong: str) -> None:
+def test_an_unexpected_argument_is_one_line(wrong: str) -> None:
     with pytest.raises(sb.InputError, match=r"^[^\n]{10,200}$"):
         WRONG[wrong]()
 
@@ -121,7 +122,7 @@ def test_numbers_and_lists_of_other_libraries_are_taken() -> None:
     assert table["map_size"].tolist() == [16, 32, 16, 32]
 
 
-def test_what_a_scene_is_made_of_cannot_change_under_what_is_kept_of_it() -> None:
+def test_arrays_of_a_scene_are_read_only() -> None:
     with pytest.raises(ValueError, match="read-only"):
         sb.load("stairs").meshes[0].vertices[:] *= 2
 
@@ -194,6 +195,6 @@ def test_an_answer_is_that_of_its_own_call(script: str) -> None:
 
 
 def test_names_of_functions_stay_when_the_rooms_behind_them_are_imported() -> None:
-    """A package sets each module of its own that is imported as an attribute of itself."""
+    """Importing a submodule sets it as an attribute of the package."""
     for name in ("truth", "needs", "stress", "run", "render", "score", "load", "recommend", "close"):
         assert callable(getattr(sb, name)), name

@@ -1,4 +1,4 @@
-"""The code that a result rests on, by imports."""
+"""The source files that a result depends on, found by imports."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ from shadowbench.sources import code_digest, import_closure
 
 @pytest.fixture
 def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A package in place of ours: `low` imports nothing, `middle` imports it within a function, `high` imports that."""
+    """A test package: `low` imports nothing, `middle` imports `low` within a function, `high` imports `middle`."""
     root = tmp_path / "house"
     (root / "room").mkdir(parents=True)
     for name, text in {
@@ -26,7 +26,7 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return root
 
 
-def test_what_is_imported_counts_wherever_the_import_stands(package: Path) -> None:
+def test_imports_inside_functions_are_part_of_a_key(package: Path) -> None:
     names = [str(file.relative_to(package)) for file in import_closure(package / "high.py")]
     assert names == ["high.py", "middle.py", "room/low.py"]
 
@@ -48,7 +48,7 @@ def test_a_digest_is_of_text_of_what_is_imported_and_of_its_libraries(
     assert digest() != numpy_one
 
 
-def test_a_folder_beside_counts_with_all_its_shaders(package: Path, tmp_path: Path) -> None:
+def test_all_shaders_of_a_folder_beside_a_plug_in_are_in_its_key(package: Path, tmp_path: Path) -> None:
     folder = tmp_path / "shaders"
     folder.mkdir()
     before = code_digest(package / "high.py", extra_files=[folder])

@@ -1,4 +1,4 @@
-"""Workflows, issue forms and the citation are YAML, and what they name is there."""
+"""Workflows, issue forms and the citation are valid YAML, and name, as the demo does, commands that exist."""
 
 import re
 import shlex
@@ -10,22 +10,25 @@ import yaml
 
 from shadowbench import __version__
 from shadowbench.commands import app
+from shadowbench.scenes.library import load_scene
+from shadowbench.techniques.registry import techniques
+from shadowbench.techniques.spec import parse_spec
 
 ROOT = Path(__file__).resolve().parents[1]
-SUITE, ENGINES = ROOT / ".github" / "workflows" / "ci.yml", ROOT / "docs" / "ci-for-engines.yml"
+SUITE, ENGINES = ROOT / ".github" / "workflows" / "ci.yml", ROOT / "docs" / "how-to" / "ci-for-engines.yml"
 FORMS = sorted((ROOT / ".github" / "ISSUE_TEMPLATE").glob("*.yml"))
 COMMAND = re.compile(r"(?m)^(?:# +| +(?:- )?run: )(shadowbench [^#\n]+)")  # in a step, or in a comment by itself
 
 
 def parse(line: str) -> None:
-    """Raises a UsageError for a command line that shadowbench does not take."""
+    """Raises UsageError for an invalid command line."""
     group = typer.main.get_command(app)
     with group.make_context("shadowbench", shlex.split(line)[1:]) as context:
         name, command, words = group.resolve_command(context, [*context._protected_args, *context.args])
         command.make_context(name, words, parent=context).close()
 
 
-def test_the_suite_s_workflow_runs_what_ci_runs() -> None:
+def test_the_workflow_runs_the_same_commands_as_ci() -> None:
     (job,) = yaml.safe_load(SUITE.read_text(encoding="utf-8"))["jobs"].values()
     assert "bash .ci/run" in [step.get("run") for step in job["steps"]]
     assert (ROOT / ".ci" / "run").is_file()
@@ -41,8 +44,19 @@ def test_the_engines_workflow_has_commands_that_shadowbench_takes() -> None:
         parse(line)
 
 
+def test_the_demo_s_next_commands_are_taken() -> None:
+    lines = re.findall(r'(?m)^\t@echo "\$\(bin\)/(shadowbench [^#"]+)', (ROOT / "Makefile").read_text(encoding="utf-8"))
+    assert [line.split()[1] for line in lines] == ["recommend", "needs", "run"]
+    for line in lines:
+        parse(line)
+        _, _, scene, *words = line.split()
+        load_scene(scene)
+        for spec in words[1::2]:
+            parse_spec(spec, techniques(()))
+
+
 @pytest.mark.parametrize("file", FORMS, ids=lambda file: file.stem)
-def test_an_issue_form_asks_for_something(file: Path) -> None:
+def test_issue_forms_have_required_fields(file: Path) -> None:
     form = yaml.safe_load(file.read_text(encoding="utf-8"))
     assert form["name"] and form["description"]
     assert all(field["attributes"]["label"] for field in form["body"] if field["type"] != "markdown")

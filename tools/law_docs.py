@@ -1,4 +1,4 @@
-"""Generates docs/laws.md from the table checked by tests/laws; --check reports whether the page is stale."""
+"""Generates docs/explanation/laws.md from the table checked by tests/laws; --check reports a stale one."""
 
 import argparse
 import difflib
@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGE = ROOT / "docs" / "laws.md"
+PAGE = ROOT / "docs" / "explanation" / "laws.md"
 sys.path.insert(0, str(ROOT))  # `tests` is not installed
 
 from tests.laws.changes import LAWS  # noqa: E402
@@ -59,14 +59,14 @@ def _table() -> Iterator[str]:
 
 
 def _kinds() -> Iterator[str]:
-    yield "| claim | what holds |\n|---|---|"
+    yield "| claim | meaning |\n|---|---|"
     yield from (f"| {'–' if kind == 'none' else kind} | {what} |" for kind, what in KINDS.items())
     yield f"\n{DECIDED}"
 
 
 def _laws() -> Iterator[str]:
     for number, (name, law) in enumerate(LAWS.items(), start=1):
-        yield f"## {number}. {name[0].upper()}{name[1:]}\n\n{law.says} {law.why}\n"
+        yield f"## {number}. {name[0].upper()}{name[1:]}\n\n{law.text} {law.why}\n"
         grounds: dict[tuple[str, str], list[str]] = {}
         for one, subject, claim in claims():
             if one == name:
@@ -92,7 +92,9 @@ def anchor(number: int, name: str) -> str:
 def main() -> int:
     """Run the command; returns 1 with --check and a stale page, else 0."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--check", action="store_true", help="exit with 1 if docs/laws.md is stale; write nothing")
+    parser.add_argument(
+        "--check", action="store_true", help="exit with 1 if docs/explanation/laws.md is stale; write nothing"
+    )
     made = page().rstrip("\n") + "\n"
     if parser.parse_args().check:
         found = PAGE.read_text(encoding="utf-8") if PAGE.exists() else ""

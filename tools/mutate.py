@@ -136,7 +136,7 @@ class Outcome:
 
     code: int | None = None
     failed: str = ""
-    said: str = ""
+    report: str = ""
     seconds: Counter[str] = field(default_factory=Counter)
 
 
@@ -153,7 +153,7 @@ class Watch:
     def pytest_runtest_logreport(self, report: Any) -> None:  # noqa: D102
         self.outcome.seconds[report.nodeid] += report.duration
         if report.failed and not self.outcome.failed:
-            self.outcome.failed, self.outcome.said = report.nodeid, str(report.longrepr)
+            self.outcome.failed, self.outcome.report = report.nodeid, str(report.longrepr)
 
 
 def run_tests(end: Connection, tests: Sequence[str], mutant: Mutant, order: dict[str, tuple[float, ...]]) -> None:
@@ -204,7 +204,7 @@ def outcomes(
                     outcome = Outcome()
                 mutant, process, _ = running.pop(pipe)
                 end_group(process)
-                refused = NO_INTEGER.search(outcome.said) or (not outcome.failed and outcome.code != 0)
+                refused = NO_INTEGER.search(outcome.report) or (not outcome.failed and outcome.code != 0)
                 if mutant.instead and refused:
                     waiting.appendleft(mutant.instead)
                 else:
@@ -270,7 +270,7 @@ def main() -> int:
         for of in {tuple(of) for of in tests.values()}:
             ((_, control),) = outcomes([UNCHANGED], of, 1, Counter())
             if control.code != 0:
-                print(f"{' '.join(of)} fails without a fault: {control.failed}\n{control.said}")
+                print(f"{' '.join(of)} fails without a fault: {control.failed}\n{control.report}")
                 return 2
             controls[of] = control.seconds
         for module, of in tests.items():

@@ -1,4 +1,4 @@
-"""What the tools that make pages of docs/ share: small PNGs, labels, and whether a committed page is stale."""
+"""Helpers of the tools that generate pages of docs/: small PNGs, labels, and detection of stale pages."""
 
 import difflib
 import io
@@ -16,7 +16,7 @@ NUMBERS = re.compile(r"-?\d+\.\d+|…")
 
 
 def labelled(tile: NDArray[np.uint8], text: str) -> NDArray[np.uint8]:
-    """A (H, W, 3) picture with a line of text over its top LABEL rows."""
+    """A (H, W, 3) picture with a line of text drawn over its top LABEL rows."""
     image = Image.fromarray(tile)
     draw = ImageDraw.Draw(image)
     draw.rectangle((0, 0, image.width, LABEL), fill=(255, 255, 255))
@@ -25,9 +25,9 @@ def labelled(tile: NDArray[np.uint8], text: str) -> NDArray[np.uint8]:
 
 
 def png(frames: Sequence[NDArray[np.uint8]], largest: int) -> bytes:
-    """An optimised PNG of a (H, W, 3) picture, or one that moves; in 256 colours, then 16, where it would be too large.
+    """PNG of (H, W, 3) frames, animated if there are several; with 256 or 16 colours if it would be too large.
 
-    SystemExit where even that takes more than `largest` bytes.
+    largest: in bytes. Raises SystemExit if 16 colours are still too large.
     """
     film = Image.fromarray(np.vstack(frames))
     for image in (film, film.quantize(256), film.quantize(16)):
@@ -42,15 +42,15 @@ def png(frames: Sequence[NDArray[np.uint8]], largest: int) -> bytes:
 
 
 def without_numbers(page: str) -> str:
-    """A page as `compare` sees it: lines of measured numbers keep their names alone."""
+    """A page with the numbers in its lines of measurements removed, for `compare`."""
     return "\n".join(NUMBERS.sub("…", line) if line.startswith("Measured") else line for line in page.splitlines())
 
 
-def compare(file: Path, made: str, tool: str) -> int:
-    """0, or 1 and the difference printed, where a committed page is not what its tool makes."""
+def compare(file: Path, generated: str, tool: str) -> int:
+    """Compare a committed page with the generated one: 0, or if stale 1, with the difference printed."""
     committed = file.read_text(encoding="utf-8") if file.exists() else ""
-    old, new = without_numbers(committed).splitlines(), without_numbers(made).splitlines()
-    lines = list(difflib.unified_diff(old, new, file.name, "as it should be", lineterm="", n=0))
+    old, new = without_numbers(committed).splitlines(), without_numbers(generated).splitlines()
+    lines = list(difflib.unified_diff(old, new, file.name, "generated", lineterm="", n=0))
     if lines:
         print("\n".join(lines))
         print(f"stale: run python tools/{tool}", file=sys.stderr)

@@ -1,52 +1,53 @@
-"""Draws docs/shadows.png: a published setting, the default and the ray-traced truth, with errors in colour."""
+"""Takes docs/pictures/report.png, the first screen of a report on the demo; needs Chromium.
 
+python tools/readme_picture.py [DIR]: DIR is a run folder, by default results/latest, where `make demo` leaves its own.
+"""
+
+import argparse
+import io
+import shutil
+import tempfile
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
-from pages import labelled
+from pages import png
 from PIL import Image
+from playwright.sync_api import sync_playwright
 
-from shadowbench.measure.cells import CellRequest, PlacedView
-from shadowbench.measure.scoring import prepare_truth
-from shadowbench.measure.session import Session
-from shadowbench.measure.worker import Worker
-from shadowbench.scenes.library import load_scene
-from shadowbench.scenes.model import view_of
-from shadowbench.scores.metrics import score
-from shadowbench.truths.cache import cached_truth
+from shadowbench.reports.analysis import sections
+from shadowbench.reports.report import write_report
+from shadowbench.studies.folder import read_folders
 
-SCENES = ("sphere-and-torus", "stairs")
-SPECS = ("shadow-map:preset=course", "shadow-map", "ray-traced")
-SIZE = 420
-FALSE_SHADOW, FALSE_LIGHT = (213, 94, 0), (0, 114, 178)  # distinguishable with colour vision deficiency
+ROOT = Path(__file__).resolve().parent.parent
+PICTURE = ROOT / "docs" / "pictures" / "report.png"
+WIDTH, HEIGHT = 1200, 800  # pixels of the window
+LARGEST = 300_000  # bytes
 
 
 def main() -> None:
-    """Draw every spec in every scene, mark wrong pixels, and combine all into one image."""
-    rows = [_row(worker, name) for name in SCENES for worker in [Worker()]]
-    sheet = Image.fromarray(np.vstack(rows))
-    file = Path(__file__).resolve().parent.parent / "docs" / "shadows.png"
-    file.parent.mkdir(exist_ok=True)
-    sheet.save(file, optimize=True)
-    print(file)
+    """Make the report in a temporary folder, open it, and keep what the window shows."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", metavar="DIR", type=Path, nargs="?", default=ROOT / "results" / "demo")
+    runs, sweeps = read_folders([parser.parse_args().folder])
+    with tempfile.TemporaryDirectory() as scratch:
+        report = Path(scratch) / "report.html"
+        write_report(runs, sections(runs), sweeps, report, "html")
+        shown = Image.open(io.BytesIO(_first_screen(report))).convert("RGB")
+    PICTURE.write_bytes(png([np.asarray(shown)], LARGEST))
+    print(PICTURE)
 
 
-def _row(worker: Worker, name: str) -> NDArray[np.uint8]:
-    scene = load_scene(name)
-    view = view_of(scene, scene.cameras[0], scene.lights[0], SIZE)
-    truth = cached_truth(view)
-    prepared = prepare_truth(truth)
-    tiles = []
-    with worker:
-        for spec in SPECS:
-            rendering = worker.call(Session.draw, PlacedView(view), CellRequest(spec))
-            tile = rendering.picture.copy()
-            shadow, decided = rendering.visibility < 0.5, truth.receivers & ~truth.undecided
-            tile[decided & shadow & (truth.visibility > 0.5)] = FALSE_SHADOW
-            tile[decided & ~shadow & (truth.visibility < 0.5)] = FALSE_LIGHT
-            tiles.append(labelled(tile, f"{spec}   IoU {score(rendering.visibility, prepared)['iou']:.3f}"))
-    return np.hstack(tiles)
+def _first_screen(report: Path) -> bytes:
+    """A screenshot, as PNG."""
+    with sync_playwright() as playwright:
+        chromium = shutil.which("chromium")
+        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT}, color_scheme="light")
+        page.goto(report.as_uri())
+        page.evaluate("window.drawn")
+        taken = page.screenshot()
+        browser.close()
+    return taken
 
 
 if __name__ == "__main__":

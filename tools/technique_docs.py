@@ -1,4 +1,4 @@
-"""Generates docs/techniques.md and its pictures from the registered techniques; --check reports a stale text.
+"""Generates docs/reference/techniques.md and its pictures from the registered techniques; --check reports a stale text.
 
 Numbers and pictures depend on the renderer, so --check ignores them.
 """
@@ -24,14 +24,14 @@ from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Light, Scene, View, view_of
 from shadowbench.scores.metrics import score
 from shadowbench.techniques.base import Technique
-from shadowbench.techniques.params import Row, TechniqueParams, allowed
+from shadowbench.techniques.params import Component, TechniqueParams, allowed
 from shadowbench.techniques.registry import source_file, techniques
 from shadowbench.techniques.spec import format_value
 from shadowbench.truths.cache import cached_truth
 
 ROOT = Path(__file__).resolve().parent.parent
 RANGES = ROOT / "results" / "ranges.csv"  # from a full `shadowbench stress`
-PAGE, PICTURES = ROOT / "docs" / "techniques.md", ROOT / "docs" / "techniques"
+PAGE, PICTURES = ROOT / "docs" / "reference" / "techniques.md", ROOT / "docs" / "pictures" / "techniques"
 SIZE, LARGEST = 512, 250_000  # pixels along a side, bytes of a picture
 SHOWN = {"iou": "IoU", "ssim": "SSIM"}
 FALLBACK = ("cube-on-plane", "room-with-lamp", "spot-lamp")  # a scene for each kind of light
@@ -51,7 +51,7 @@ source code; `shadowbench list techniques` prints the same. A spec is a techniqu
 Pictures have {size}² pixels, at default parameters. The numbers below them were measured on the machine that drew them.
 A technique breaks along an axis if a full `shadowbench stress`, on small scenes of its own, found an IoU below 0.95,
 acne or leak above 1%, or flips of more than 1% of the receivers at true edges.
-[results/ranges.csv](../results/ranges.csv) has all ranges.
+[results/ranges.csv](../../results/ranges.csv) has all ranges.
 """
 
 
@@ -130,7 +130,7 @@ def _page(ours: list[type[Technique]], examples: dict[str, Example]) -> str:
 
 
 def _technique(technique: type[Technique], example: Example) -> str:
-    picture = f"techniques/{technique.name}.png"
+    picture = f"../pictures/techniques/{technique.name}.png"
     file = source_file(technique).resolve().relative_to(ROOT).as_posix()
     numbers = ", ".join(f"{label} {_number(example.scores[key])}" for key, label in SHOWN.items())
     lines = [
@@ -152,7 +152,7 @@ def _technique(technique: type[Technique], example: Example) -> str:
     if technique.presets:
         lines += ["| preset | stands for |", "|---|---|"]
         lines += [f"| `{name}` | `{items}` |" for name, items in technique.presets.items()] + [""]
-    return "\n".join([*lines, f"Source: [{file}](../{file})", ""])
+    return "\n".join([*lines, f"Source: [{file}](../../{file})", ""])
 
 
 def _broken(technique: type[Technique]) -> list[str]:
@@ -172,14 +172,14 @@ def _broken(technique: type[Technique]) -> list[str]:
     return [*lines, ""]
 
 
-def _family(family: type[Row], ours: list[type[Technique]]) -> str:
+def _family(family: type[Component], ours: list[type[Technique]]) -> str:
     users = [
         f"`{key}` of [{one.name}](#{one.name})"
         for one in ours
         for key, info in one.Params.model_fields.items()
         if isinstance(info.default, family)
     ]
-    lines = [f"## {_title(family)}", "", f"What may stand as {', '.join(users)}.", ""]
+    lines = [f"## {_title(family)}", "", f"Allowed values of {', '.join(users)}.", ""]
     for row in family.table.values():
         maps = sorted(getattr(row, "maps", ()))
         served = [f"Maps: {', '.join(maps)}.", ""] if maps else []
@@ -187,13 +187,13 @@ def _family(family: type[Row], ours: list[type[Technique]]) -> str:
     return "\n".join(lines)
 
 
-def _parameters(model: type[TechniqueParams] | type[Row], none: str) -> list[str]:
+def _parameters(model: type[TechniqueParams] | type[Component], none: str) -> list[str]:
     if not model.model_fields:
         return [none, ""] if none else []
     lines = ["| parameter | allowed | default | what |", "|---|---|---|---|"]
     for key, info in model.model_fields.items():
         values = allowed(info)
-        if isinstance(info.default, Row):
+        if isinstance(info.default, Component):
             family = info.default.family()
             values = f"one of the [{_title(family).lower()}](#{_title(family).lower()})"
         cells = (f"`{key}`", values or "any number", f"`{format_value(info.default)}`", info.description or "")
@@ -201,13 +201,13 @@ def _parameters(model: type[TechniqueParams] | type[Row], none: str) -> list[str
     return [*lines, ""]
 
 
-def _families(models: Iterable[type[TechniqueParams]]) -> list[type[Row]]:
-    """Families of row parameters, without duplicates, in the order of first use."""
+def _families(models: Iterable[type[TechniqueParams]]) -> list[type[Component]]:
+    """Families of component parameters, without duplicates, in the order of first use."""
     defaults = [info.default for model in models for info in model.model_fields.values()]
-    return list(dict.fromkeys(default.family() for default in defaults if isinstance(default, Row)))
+    return list(dict.fromkeys(default.family() for default in defaults if isinstance(default, Component)))
 
 
-def _title(family: type[Row]) -> str:
+def _title(family: type[Component]) -> str:
     name = family.__name__
     return name + ("es" if name.endswith("s") else "s")
 

@@ -1,6 +1,6 @@
 """Builds the sdist and, from it, the wheel; tries the wheel in an empty environment and copies both to dist/.
 
-python tools/wheel.py [-o DIR]: what does not build, install or run stops it, and nothing is copied.
+python tools/wheel.py [-o DIR]: a failed build, installation or test run stops it, and nothing is copied.
 """
 
 import argparse

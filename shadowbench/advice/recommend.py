@@ -26,7 +26,7 @@ from shadowbench.scenes.model import View
 from shadowbench.studies.crossing import Techniques
 from shadowbench.studies.folder import write_cells
 from shadowbench.studies.study import Study
-from shadowbench.techniques.params import Row
+from shadowbench.techniques.params import Component
 from shadowbench.techniques.spec import Spec
 from shadowbench.truths.cache import cached_truth
 
@@ -105,10 +105,10 @@ def _unit(target: Target, info: DeviceInfo, on_this_machine: bool) -> Unit:
     if target.budget_ms is not None:
         raise InputError(
             f"--budget-ms: {info.renderer} is a software renderer, whose times are not a GPU's; --on-this-machine "
-            "takes them for what they are"
+            "ranks by them nevertheless"
         )
     if not info.pipeline_statistics:
-        raise InputError(f"{info.renderer} counts no work; allowed: --on-this-machine, which ranks by its times")
+        raise InputError(f"{info.renderer} does not count work; allowed: --on-this-machine, which ranks by its times")
     return "work"
 
 
@@ -137,8 +137,8 @@ def export_choice(found: Recommendation, folder: Path, executor: Executor) -> No
 
 
 def _parameter(value: Any) -> Any:
-    """JSON value of a parameter; a row is an object of its name and parameters."""
-    if isinstance(value, Row):
+    """JSON value of a parameter; a component is an object with its name and parameters."""
+    if isinstance(value, Component):
         return {"name": value.name, **value.model_dump(mode="json")}
     return value.tolist() if hasattr(value, "tolist") else value
 

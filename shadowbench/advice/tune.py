@@ -67,12 +67,12 @@ def tune_parameters(
     info = executor.info
     check_sizes(study, info)
     if not info.pipeline_statistics:
-        raise InputError(f"{info.renderer} counts no invocations, so there is no cost to tune for")
+        raise InputError(f"{info.renderer} does not count shader invocations, so that there is no cost to minimise")
     with closing(RowStore(folder)) as store:
         cells = TuningCells(study, Measurer(executor, store, study.conditions(), reporter))
         blocks = cells.eligible_blocks(base)
         split = split_scenes([scene.name for scene in scenes_of(blocks)], held_out)
-        space = SearchSpace(base, names, cells.unsupported_rows(base, names, blocks))
+        space = SearchSpace(base, names, cells.unsupported_components(base, names, blocks))
         found = search_parameters(space, cells, blocks, split, trials, compared_specs)
     results = tuple(cells.results.values())
     write_run_file(folder / "run.json", info, [], study.facts, [result.score for result in results])

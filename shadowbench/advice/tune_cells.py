@@ -4,7 +4,7 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 
-from shadowbench.advice.tune_space import rows_of
+from shadowbench.advice.tune_space import family_of
 from shadowbench.measure.cells import Block, Cell, PlacedView
 from shadowbench.measure.measurer import Measurer, Reporter
 from shadowbench.measure.rows import Record, Result
@@ -54,15 +54,17 @@ class TuningCells:
         at = PlacedView(block.view, self.study.coordinates)
         return self.measurer.executor.call(Session.unsupported, at, Cell(spec).request)
 
-    def unsupported_rows(self, spec: Spec, names: Sequence[str], blocks: Sequence[Block]) -> dict[str, frozenset[str]]:
-        """By parameter, the rows with which a spec does not support one of the kinds of light present in the blocks."""
+    def unsupported_components(
+        self, spec: Spec, names: Sequence[str], blocks: Sequence[Block]
+    ) -> dict[str, frozenset[str]]:
+        """By parameter, the components with which a spec does not support some kind of light in the blocks."""
         views = list({block.view.light.kind: block for block in blocks}.values())
         fields = type(spec.params).model_fields
         return {
             name: frozenset(
-                row.name
-                for row in rows_of(fields[name])
-                if any(self.unsupported_reason(spec.with_(**{name: row()}), block) is not None for block in views)
+                one.name
+                for one in family_of(fields[name])
+                if any(self.unsupported_reason(spec.with_(**{name: one()}), block) is not None for block in views)
             )
             for name in names
         }

@@ -1,6 +1,6 @@
 """Search space of `tune`, derived from a technique's parameters, and conversion of its points to specs and back.
 
-A row parameter is a choice among its family, with the chosen row's parameters below it: a conditional space.
+A component parameter is a choice within its family; the chosen component adds its own parameters to the space.
 """
 
 import inspect
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 from pydantic.fields import FieldInfo
 
 from shadowbench.errors import InputError, alternatives
-from shadowbench.techniques.params import Row, TechniqueParams, in_metres
+from shadowbench.techniques.params import Component, TechniqueParams, in_metres
 from shadowbench.techniques.spec import Spec
 
 if TYPE_CHECKING:
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 DEFAULT_PARAMETERS = ("bias", "filter", "fit")
 """Parameters searched by default, if a technique has them."""
 
-REACH = 16.0
-"""Numbers are searched from default / REACH to default · REACH, on a log scale, within their limits."""
+SEARCH_FACTOR = 16.0
+"""Numbers are searched on a log scale from default / SEARCH_FACTOR to default · SEARCH_FACTOR, within their limits."""
 
 DIGITS = 3  # significant digits of searched numbers, for readable specs
 
@@ -31,17 +31,17 @@ Span = tuple[float, float, bool]  # lowest, highest, whether on a log scale
 class SearchSpace:
     """Search space over some parameters of a spec; its other parameters are fixed.
 
-    excluded_rows: by parameter, names of rows that are excluded; fixed: by path, choices that are fixed.
+    excluded: by parameter, names of components that are excluded; fixed: by path, choices that are fixed.
     """
 
     def __init__(
         self,
         base: Spec,
         names: Sequence[str],
-        excluded_rows: Mapping[str, frozenset[str]] | None = None,
+        excluded: Mapping[str, frozenset[str]] | None = None,
         fixed: Mapping[str, Any] | None = None,
     ) -> None:
-        self.base, self.names, self._excluded_rows, self._fixed = base, tuple(names), excluded_rows or {}, fixed or {}
+        self.base, self.names, self._excluded, self._fixed = base, tuple(names), excluded or {}, fixed or {}
         self._fields = {name: base.technique.Params.model_fields[name] for name in names}
 
     def spec(self, trial: "Trial") -> Spec:
@@ -61,23 +61,26 @@ class SearchSpace:
     def around(self, spec: Spec) -> "SearchSpace":
         """The subspace of the numeric parameters, with all choices fixed to those of a spec of this space."""
         fixed = {coordinate.path: coordinate.value for coordinate in self._coordinates(spec) or () if coordinate.choice}
-        return SearchSpace(self.base, self.names, self._excluded_rows, fixed)
+        return SearchSpace(self.base, self.names, self._excluded, fixed)
 
     def _coordinates(self, spec: Spec) -> "list[Coordinate] | None":
         if spec.technique is not self.base.technique:
             return None
         return self._coordinates_of(spec.params, self._fields, "")
 
-    def rows(self, name: str) -> list[type[Row]]:
-        """Rows that a parameter is chosen from; empty if it is no row parameter."""
-        return [row for row in rows_of(self._fields[name]) if row.name not in self._excluded_rows.get(name, ())]
+    def components(self, name: str) -> list[type[Component]]:
+        """Components that a parameter is chosen from; empty if it is not a component parameter."""
+        return [one for one in family_of(self._fields[name]) if one.name not in self._excluded.get(name, ())]
 
     def _suggest(self, trial: "Trial", path: str, info: FieldInfo) -> Any:
-        if rows_of(info):
-            table = {row.name: row for row in (self.rows(path) if path in self._fields else rows_of(info))}
-            row = table[self._choice(trial, path, list(table))]
-            return row(
-                **{key: self._suggest(trial, f"{path}.{row.name}.{key}", own) for key, own in row.model_fields.items()}
+        if family_of(info):
+            table = {one.name: one for one in (self.components(path) if path in self._fields else family_of(info))}
+            component = table[self._choice(trial, path, list(table))]
+            return component(
+                **{
+                    key: self._suggest(trial, f"{path}.{component.name}.{key}", own)
+                    for key, own in component.model_fields.items()
+                }
             )
         choices = choices_of(info)
         if choices:
@@ -95,16 +98,16 @@ class SearchSpace:
         return self._fixed[path] if path in self._fixed else trial.suggest_categorical(path, choices)
 
     def _coordinates_of(
-        self, params: TechniqueParams | Row, fields: Mapping[str, FieldInfo], prefix: str
+        self, params: TechniqueParams | Component, fields: Mapping[str, FieldInfo], prefix: str
     ) -> "list[Coordinate] | None":
         coordinates: list[Coordinate] = []
         for name, info in fields.items():
             value, path = getattr(params, name), prefix + name
-            if isinstance(value, Row):
-                if type(value) not in rows_of(info):  # a sum of biases
+            if isinstance(value, Component):
+                if type(value) not in family_of(info):  # a sum of biases
                     return None
                 inner = self._coordinates_of(value, type(value).model_fields, f"{path}.{value.name}.")
-                if inner is None or value.name in self._excluded_rows.get(path, ()):
+                if inner is None or value.name in self._excluded.get(path, ()):
                     return None
                 coordinates += [Coordinate(path, value.name, True), *inner]
                 continue
@@ -128,14 +131,14 @@ class Coordinate:
     choice: bool
 
 
-def rows_of(info: FieldInfo) -> list[type[Row]]:
-    """All rows of a field's family; empty if it is no row field."""
+def family_of(info: FieldInfo) -> list[type[Component]]:
+    """All components of a field's family; empty if it is not a component field."""
     family = info.annotation
-    return list(family.table.values()) if inspect.isclass(family) and issubclass(family, Row) else []
+    return list(family.table.values()) if inspect.isclass(family) and issubclass(family, Component) else []
 
 
 def choices_of(info: FieldInfo) -> list[Any]:
-    """Values of a Boolean or literal field; empty for a number or a row."""
+    """Values of a Boolean or literal field; empty for a number or a component."""
     if info.annotation is bool:
         return [False, True]
     return list(get_args(info.annotation)) if get_origin(info.annotation) is Literal else []
@@ -150,7 +153,7 @@ def span(info: FieldInfo) -> Span | None:
         return None
     low, high = _limit(info, "ge", "gt"), _limit(info, "le", "lt")
     if info.default > 0:
-        least, most = info.default / REACH, info.default * REACH
+        least, most = info.default / SEARCH_FACTOR, info.default * SEARCH_FACTOR
         if info.annotation is int:
             least = max(1, round(least))
         return (least if low is None else max(low, least), most if high is None else min(high, most), True)
@@ -182,7 +185,15 @@ def searched_parameters(base: Spec, text: str | None) -> tuple[str, ...]:
 
 
 def _searchable(info: FieldInfo) -> bool:
-    return bool(rows_of(info) or choices_of(info) or span(info))
+    return bool(family_of(info) or choices_of(info) or span(info))
 
 
-__all__ = ["DEFAULT_PARAMETERS", "REACH", "SearchSpace", "choices_of", "rows_of", "searched_parameters", "span"]
+__all__ = [
+    "DEFAULT_PARAMETERS",
+    "SEARCH_FACTOR",
+    "SearchSpace",
+    "choices_of",
+    "family_of",
+    "searched_parameters",
+    "span",
+]

@@ -8,8 +8,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from shadowbench.measure.flips import FLIPS, ROW_METRICS, row_metrics
 from shadowbench.measure.rows import Record, Result
-from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.folder import identity
 
 EXACT = ("draws", "primitives", "gpu_bytes", "reads", "rays")  # work counts that are deterministic on a renderer
@@ -52,8 +52,8 @@ class Findings:
     timed: int
     notes: tuple[str, ...] = field(default=())
 
-    def of(self, verdict: Verdict, times: bool) -> list[Change]:
-        """Changes with a verdict, either those of times or all others."""
+    def with_verdict(self, verdict: Verdict, times: bool) -> list[Change]:
+        """Changes with a verdict, either in times or in anything else."""
         return [change for change in self.changes if change.verdict == verdict and (change.what == "time") == times]
 
 
@@ -61,13 +61,17 @@ def compare(found: Sequence[Result], baseline: Sequence[Result], tolerances: Map
     """Compare every cell of the baseline with the cell of the same identity; tolerances: overrides by metric name."""
     now = {identity(result.score): result for result in found}
     then = {identity(result.score): result for result in baseline}
-    allowed = {name: tolerances.get(name, metric.tolerance) for name, metric in METRICS.items()}
-    sides = [{name for result in side for name in result.score.get("metrics", {})} for side in (found, baseline)]
-    lacking = [name for name in METRICS if all(sides) and sum(name in side for side in sides) == 1]
+    allowed = {name: tolerances.get(name, metric.tolerance) for name, metric in ROW_METRICS.items()}
+    sides = [{name for result in side for name in row_metrics(result.score)} for side in (found, baseline)]
+    lacking = [name for name in ROW_METRICS if all(sides) and sum(name in side for side in sides) == 1]
     allowed = {name: tolerance for name, tolerance in allowed.items() if name not in lacking}
+    notes: list[str] = []
+    steps = [{result.score.get("step") for result in side if FLIPS.name in result.score} for side in (found, baseline)]
+    if all(steps) and steps[0] != steps[1]:
+        del allowed[FLIPS.name]
+        notes.append("flips are not compared: one side has them after a step of the camera, the other of the light")
     changes: list[Change] = []
     equal = timed = 0
-    notes: list[str] = []
     for key, old in then.items():
         new = now.get(key)
         if new is None:
@@ -99,7 +103,8 @@ def _same_mask(old: Record, new: Record, names: Iterable[str]) -> bool:
     """Whether masks and common scores are equal; an equal mask may have been scored against another truth."""
     if old.get("mask_sha256") is None or old["mask_sha256"] != new.get("mask_sha256"):
         return False
-    return all(old["metrics"][name] == new["metrics"].get(name) for name in names if name in old["metrics"])
+    before, after = row_metrics(old), row_metrics(new)
+    return all(before[name] == after.get(name) for name in names if name in before)
 
 
 def _status(old: Result, new: Result) -> Iterator[Change]:
@@ -110,16 +115,17 @@ def _status(old: Result, new: Result) -> Iterator[Change]:
 
 
 def _metrics(old: Record, new: Record, allowed: Mapping[str, float]) -> Iterator[Change]:
+    then, now = row_metrics(old), row_metrics(new)
     for name, tolerance in allowed.items():
-        if name not in old["metrics"]:  # a row of an older version beside newer ones
+        if name not in then:  # a row of an older version beside newer ones
             continue
-        before, after = old["metrics"][name], new["metrics"].get(name)
+        before, after = then[name], now.get(name)
         if before is None and after is None:
             continue
         if before is None or after is None:  # the truth changed, a mask lost all its edges, or a row is broken
             yield Change(new, name, before, after, "regressed", math.inf)
             continue
-        worse = METRICS[name].worse(before, after)
+        worse = ROW_METRICS[name].worse(before, after)
         if abs(worse) > tolerance:
             verdict: Verdict = "regressed" if worse > 0 else "improved"
             yield Change(new, name, before, after, verdict, abs(worse) / max(tolerance, 1e-12))

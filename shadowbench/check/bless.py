@@ -19,12 +19,12 @@ def write_baseline(results: Sequence[Result], folder: Path) -> None:
     Raises InputError if there is no cell, if a cell failed, and if the folder cannot be written.
     """
     if not results:
-        raise InputError("--update: found no cell; allowed: a run that has one or more, those of its last command")
+        raise InputError("--update: found no cell; allowed: a run whose last command measured one or more")
     failed = [result for result in results if result.status.startswith("failed")]
     if failed:
         first = f"{failed[0].score['scene']} {failed[0].score['spec']}: {failed[0].status}"
         raise InputError(
-            f"--update: found {len(failed)} cells that failed, the first {first}; allowed: a run where none did"
+            f"--update: found {len(failed)} cells that failed, the first {first}; allowed: a run without failed cells"
         )
     # The command line is left out: it may name local paths, and comparisons do not use it.
     scores = [{name: value for name, value in result.score.items() if name != "command"} for result in results]
@@ -32,7 +32,7 @@ def write_baseline(results: Sequence[Result], folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"{folder}: cannot be made ({error.strerror or error})") from None
+        raise InputError(f"{folder}: cannot be created ({error.strerror or error})") from None
     with replace_file(folder / "rows.jsonl") as temporary:
         lines = (json.dumps({"schema": SCHEMA, **record}, allow_nan=False) + "\n" for record in records)
         temporary.write_text("".join(lines), encoding="utf-8")
@@ -71,4 +71,5 @@ def _makes(file: Path, folder: Path, results: Sequence[Result], techniques: Tech
         and len(moved.scenes) == len({row["scene"] for row in rows})
         and cells == {(row["full_spec"], row["phase"]) for row in rows}
         and {moved.view_size} == {row["view_size"] for row in rows}
+        and {moved.step} >= {row.get("step") for row in rows if row["status"] == "ok"}
     )

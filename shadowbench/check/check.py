@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from shadowbench.check.baseline import Change, Findings, compare
 from shadowbench.check.bless import copy_study, write_baseline
 from shadowbench.errors import InputError
+from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.measure.pictures import write_picture
 from shadowbench.measure.plugin_output import techniques_with
 from shadowbench.measure.rows import Record
 from shadowbench.reports.gallery import difference, read_view
 from shadowbench.reports.words import counted
-from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.folder import IDENTITY, Run, identity, read_runs
 
 _PICTURES = 8  # most difference pictures
@@ -61,10 +61,12 @@ def check(
     findings = compare(run.results, reference_run.results if reference_run else (), tolerances)
     if findings.compared == 0 and not update:
         raise InputError(
-            f"{folder} and {baseline} have no cell in common: {_apart(run, reference_run)}; allowed: runs of the "
-            "same scenes, specs, map sizes and view size"
+            f"{folder} and {baseline} have no cell in common: {_differing_fields(run, reference_run)}; allowed: runs "
+            "of the same scenes, specs, map sizes and view size"
         )
-    failing = findings.of("regressed", times=False) + (findings.of("regressed", times=True) if time else [])
+    failing = findings.with_verdict("regressed", times=False) + (
+        findings.with_verdict("regressed", times=True) if time else []
+    )
     notes = list(findings.notes)
     if time and not findings.timed:
         notes.append("no time was compared: the baseline has none of this machine, clock and reference")
@@ -79,8 +81,8 @@ def check(
     return CheckResult(run, reference_run, findings, tuple(failing), tuple(notes))
 
 
-def _apart(run: Run, baseline: Run | None) -> str:
-    """The fields that keep two runs' cells apart: those of which no value stands in both."""
+def _differing_fields(run: Run, baseline: Run | None) -> str:
+    """Text on the identity fields in which no cell of a run agrees with any of the baseline."""
     sides = [zip(*(identity(row) for row in side.rows), strict=True) for side in (run, baseline) if side]
     fields = []
     for name, here, there in zip(("spec", *IDENTITY), *(map(set, side) for side in sides), strict=True):
@@ -117,8 +119,8 @@ def write_pictures(result: CheckResult) -> list[tuple[Path, bool]]:
     for stale in folder.glob("*.png"):
         stale.unlink()
     before = {identity(result.score): result.score for result in baseline.results}
-    regressed = result.findings.of("regressed", times=False)
-    worst = {identity(change.score): change.score for change in regressed if change.what in METRICS}
+    regressed = result.findings.with_verdict("regressed", times=False)
+    worst = {identity(change.score): change.score for change in regressed if change.what in ROW_METRICS}
     written: list[tuple[Path, bool]] = []
     for key, score in worst.items():
         after = _difference(run, score, run)
@@ -158,10 +160,10 @@ def values(findings: Findings) -> dict[str, Any]:
         "compared": findings.compared,
         "equal_masks": findings.equal,
         "timed": findings.timed,
-        "regressed": _values(findings.of("regressed", times=False)),
-        "improved": _values(findings.of("improved", times=False)),
-        "slower": _values(findings.of("regressed", times=True)),
-        "faster": _values(findings.of("improved", times=True)),
+        "regressed": _values(findings.with_verdict("regressed", times=False)),
+        "improved": _values(findings.with_verdict("improved", times=False)),
+        "slower": _values(findings.with_verdict("regressed", times=True)),
+        "faster": _values(findings.with_verdict("improved", times=True)),
     }
 
 

@@ -1,6 +1,6 @@
-"""The command line: one file per command, which parses arguments, calls what computes, and prints.
+"""The command line: one file per command, which parses arguments, calls the computation and prints.
 
-The modules that compute are imported in the function bodies, so that help and usage errors are fast.
+Modules that compute are imported in function bodies, so that help and usage errors are fast.
 """
 
 import os

@@ -72,23 +72,23 @@ def check(
         _print(found.findings, baseline, time)
     if not quiet:
         for note in found.notes:
-            console.complain(f"note: {note}")
+            console.print_error(f"note: {note}")
     if update:
         study = make_baseline(found.run, baseline)
         if not json and not quiet:
             line = f"{baseline / 'rows.jsonl'}: {counted(len(found.run.results), 'cell')}, the baseline from now on"
-            console.say(f"{line}; study.toml is a copy of {study}" if study else line)
+            console.print_line(f"{line}; study.toml is a copy of {study}" if study else line)
         return
     if pictures and not json and not quiet:
         what = "before and after" if any(before for _, before in pictures) else "after"
         many = f"{counted(len(pictures), 'picture')}, {what}"
-        console.say(f"{pictures[0][0].parent}: {many}: false shadow orange, false light blue")
+        console.print_line(f"{pictures[0][0].parent}: {many}: false shadow orange, false light blue")
     raise typer.Exit(1 if found.failing else 0)
 
 
 def _tolerances(texts: Sequence[str]) -> dict[str, float]:
     """METRIC=X by metric; raises InputError for an unknown metric or an invalid tolerance."""
-    from shadowbench.scores.metrics import METRICS
+    from shadowbench.measure.flips import ROW_METRICS
 
     found = {}
     for text in texts:
@@ -97,8 +97,8 @@ def _tolerances(texts: Sequence[str]) -> dict[str, float]:
             tolerance = float(value)
         except ValueError:
             tolerance = math.nan
-        if name not in METRICS:
-            known = alternatives(name, METRICS, "allowed: METRIC=X, METRIC one of")
+        if name not in ROW_METRICS:
+            known = alternatives(name, ROW_METRICS, "allowed: METRIC=X, METRIC one of")
             raise InputError(f"--tolerance: found {text!r:.60}{known}")
         if not 0 <= tolerance < math.inf:
             raise InputError(f"--tolerance {name}: found {value!r:.40}; allowed: a number, 0 or more")
@@ -109,15 +109,15 @@ def _tolerances(texts: Sequence[str]) -> dict[str, float]:
 def _print(findings: "Findings", baseline: Path, time: bool) -> None:
     times = "; ratios to the reference" + ("" if time else "; a warning only (--time makes it fail)")
     for title, changes in (
-        ("regressed, worst first", findings.of("regressed", times=False)),
-        (f"slower{times}", findings.of("regressed", times=True)),
-        ("improved, largest change first", findings.of("improved", times=False)),
-        (f"faster{times}", findings.of("improved", times=True)),
+        ("regressed, worst first", findings.with_verdict("regressed", times=False)),
+        (f"slower{times}", findings.with_verdict("regressed", times=True)),
+        ("improved, largest change first", findings.with_verdict("improved", times=False)),
+        (f"faster{times}", findings.with_verdict("improved", times=True)),
     ):
         if changes:
             _print_changes(title, changes)
     if findings.compared or findings.changes:
-        console.say(_summary(findings, baseline))
+        console.print_line(_summary(findings, baseline))
 
 
 def _summary(findings: "Findings", baseline: Path) -> str:
@@ -126,14 +126,14 @@ def _summary(findings: "Findings", baseline: Path) -> str:
 
     missing = [change for change in findings.changes if change.after == MISSING]
     counts = {
-        "regressed": len(_by_cell(findings.of("regressed", times=False))) - len(missing),
+        "regressed": len(_by_cell(findings.with_verdict("regressed", times=False))) - len(missing),
         "missing": len(missing),
-        "improved": len(_by_cell(findings.of("improved", times=False))),
-        "slower": len(_by_cell(findings.of("regressed", times=True))),
+        "improved": len(_by_cell(findings.with_verdict("improved", times=False))),
+        "slower": len(_by_cell(findings.with_verdict("regressed", times=True))),
     }
-    said = [f"{count} {what}" for what, count in counts.items() if count or what in ("regressed", "improved")]
+    parts = [f"{count} {what}" for what, count in counts.items() if count or what in ("regressed", "improved")]
     same = f", {findings.equal} of them identical" if findings.equal else ""
-    return f"{counted(findings.compared, 'cell')} compared with {baseline}{same}: {', '.join(said)}"
+    return f"{counted(findings.compared, 'cell')} compared with {baseline}{same}: {', '.join(parts)}"
 
 
 def _by_cell(changes: "Sequence[Change]") -> "dict[tuple[Any, ...], list[Change]]":
@@ -153,7 +153,7 @@ def _print_changes(title: str, changes: "list[Change]") -> None:
     numbers = ("map", "before", "", "after", "× tolerance")
     console.print_table(title, columns, rows, numbers=numbers, whole=("what",))
     if len(cells) > _LINES:
-        console.say(f"  and {len(cells) - _LINES} more; --json lists all")
+        console.print_line(f"  and {len(cells) - _LINES} more; --json lists all")
     console.out().print()
 
 

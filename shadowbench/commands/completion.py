@@ -43,14 +43,19 @@ def axis(incomplete: str) -> list[tuple[str, str]]:
 
 
 def tolerance(incomplete: str) -> list[str]:
-    """`METRIC=` of every metric."""
-    from shadowbench.scores.metrics import METRICS
+    """Metric names, each followed by `=`."""
+    from shadowbench.measure.flips import ROW_METRICS
 
-    return [f"{name}=" for name in METRICS]
+    return [f"{name}=" for name in ROW_METRICS]
+
+
+def step(incomplete: str) -> list[str]:
+    """What takes a small step."""
+    return ["camera", "light"]
 
 
 def up(incomplete: str) -> list[str]:
-    """Axes that may point up."""
+    """Values of `--up`."""
     return ["y", "z"]
 
 
@@ -102,7 +107,7 @@ def _parameters(
     model: "type[BaseModel]", before: str, text: str, more: dict[str, Iterable[str]]
 ) -> Iterator[str | tuple[str, str]]:
     """`before` and `text` with the last parameter completed: those of `model`, and `more` by their values."""
-    from shadowbench.techniques.params import Row
+    from shadowbench.techniques.params import Component
 
     last = _last_begin(text)
     before, (key, equals, value) = before + text[:last], text[last:].partition("=")
@@ -113,13 +118,13 @@ def _parameters(
         return
     before += f"{key}="
     default: Any = fields[key].default if key in fields else None
-    if isinstance(default, Row):
-        rows = default.family().table
-        row, bracket, inner = value.partition("(")
-        if bracket and row in rows:
-            yield from _parameters(rows[row], f"{before}{row}(", inner, {})
+    if isinstance(default, Component):
+        family = default.family().table
+        name, bracket, inner = value.partition("(")
+        if bracket and name in family:
+            yield from _parameters(family[name], f"{before}{name}(", inner, {})
         else:
-            yield from (before + name for name in rows if name != "+")
+            yield from (before + one for one in family if one != "+")
     else:
         yield from (before + one for one in (_choices(fields[key]) if key in fields else more.get(key, ())))
 

@@ -35,12 +35,12 @@ def err() -> "Console":
     return Console(stderr=True, highlight=False)
 
 
-def say(line: str) -> None:
+def print_line(line: str) -> None:
     """Print a line of the result on stdout."""
     out().print(line, markup=False, soft_wrap=True)
 
 
-def complain(line: str) -> None:
+def print_error(line: str) -> None:
     """Print a line on stderr."""
     err().print(line, markup=False, soft_wrap=True)
 
@@ -92,7 +92,7 @@ class Reporter(logging.Handler):
         """Print a note, unless it was printed before."""
         if not self._quiet and line not in self._noted:
             self._noted.add(line)
-            complain(f"note: {printable(line)}")
+            print_error(f"note: {printable(line)}")
 
     def stage(self, name: str, total: int, what: str = "") -> None:
         """Replace the progress bar by one of `total` steps; what: text after it."""
@@ -124,11 +124,11 @@ class Reporter(logging.Handler):
             self._progress.update(self._task, advance=1, what=what)
 
 
-def say_unsupported(statuses: Sequence[str]) -> None:
-    """If all cells are unsupported, say so on stderr, as the command's last line."""
+def print_unsupported(statuses: Sequence[str]) -> None:
+    """If all cells are unsupported, print that on stderr, as the command's last line."""
     if statuses and all(status.startswith("unsupported") for status in statuses):
         which = "the only cell is" if len(statuses) == 1 else f"all {len(statuses)} cells are"
-        complain(f"shadowbench: nothing was drawn, {which} {statuses[0]}")
+        print_error(f"shadowbench: nothing was drawn, {which} {statuses[0]}")
 
 
 def print_table(

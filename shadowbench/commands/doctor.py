@@ -25,7 +25,7 @@ def doctor(json: Json = False, quiet: Quiet = False) -> None:
         for title, values in found.items():
             console.out().print(title.replace("_", " "))
             for name, value in values.items():
-                console.say(f"  {name.replace('_', ' ')}: {value}")
+                console.print_line(f"  {name.replace('_', ' ')}: {value}")
         if missing:
             console.out().print("no technique can be drawn here; `truth`, `needs` and `score` work")
         elif "problem" in found["truth_cache"]:

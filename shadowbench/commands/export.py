@@ -43,6 +43,6 @@ def export(
     if not quiet:
         meshes = chosen.scene.meshes
         triangles = sum(len(mesh.faces) for mesh in meshes)
-        console.say(f"{model}: {len(meshes)} meshes, {triangles} triangles, the camera, the light")
-        console.say(f"{description}: matrices, size, conventions")
-        console.say(f"{example}: the ray-traced mask, as an example")
+        console.print_line(f"{model}: {len(meshes)} meshes, {triangles} triangles, the camera, the light")
+        console.print_line(f"{description}: matrices, size, conventions")
+        console.print_line(f"{example}: the ray-traced mask, as an example")

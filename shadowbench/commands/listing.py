@@ -55,7 +55,7 @@ def list_things(
 
 
 def _print_techniques(rows: list[dict[str, Any]]) -> None:
-    """Techniques with their parameters and presets; then each bias, filter and fit with its own parameters."""
+    """Print techniques with their parameters and presets; then biases, filters and fits with theirs."""
     console.out().print(f"A spec is written name:parameter=value,… such as {EXAMPLE}", markup=False)
     console.out().print(f"Biases that are applied together are joined by a plus: {TOGETHER}\n", markup=False)
     families: list[tuple[str, list[dict[str, Any]]]] = []
@@ -77,7 +77,7 @@ def _print_techniques(rows: list[dict[str, Any]]) -> None:
 
 
 def _print_axes(rows: list[dict[str, Any]], title: str) -> None:
-    """For each axis what it varies, its values, and its default value."""
+    """Print what each axis varies, its values and its default value."""
     if title:
         console.out().print(title, markup=False)
     for row in rows:

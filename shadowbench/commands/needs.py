@@ -22,9 +22,9 @@ def needs(
 ) -> None:
     """Predict map size, cascades, bias and depth bits.
 
-    Also the number and size of cascades, the width of penumbrae and the error of hard shadows. Predicted without
-    drawing anything, from the geometry and shadow rays for the visible pixels, or for a sample of them; ± is the
-    standard error. Each prediction comes with its reason. Needs no OpenGL.
+    Map size, cascades, depth bits, bias, the width of penumbrae and the error of hard shadows. Nothing is drawn: they
+    follow from the geometry and from shadow rays for the visible pixels, or for a sample of them; ± is then the
+    standard error. Each prediction has its reason. Needs no OpenGL.
     """
     from dataclasses import asdict
 

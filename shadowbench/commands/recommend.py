@@ -84,7 +84,7 @@ def recommend(
     \b
     Lines of the table
       choice   the cheapest spec that meets the target
-      next     per technique, the cheapest spec that meets it, the choice excepted
+      next     of each technique, the cheapest spec that meets the target, other than the choice
       misses   the most accurate spec of a technique that never meets the target
       closest  the most accurate spec of all, if none meets the target
     Columns
@@ -117,7 +117,7 @@ def recommend(
     else:
         _print(found, info, output)
         if export is not None and found.choice is not None and not quiet:
-            console.say(f"{export}: parameters.json and the GLSL of the choice")
+            console.print_line(f"{export}: parameters.json and the GLSL of the choice")
     raise typer.Exit(0 if found.choice is not None else 1)
 
 
@@ -125,7 +125,7 @@ def _make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"--export {folder}: cannot be made ({error.strerror or error})") from None
+        raise InputError(f"--export {folder}: cannot be created ({error.strerror or error})") from None
 
 
 def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
@@ -133,7 +133,7 @@ def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
     from shadowbench.studies.times import time_notes
 
     by = "work" if found.unit == "work" else "this machine's times" if info.software else "this GPU's times"
-    said = "; times of a software renderer are not those of a GPU" if info.software else ""
+    caveat = "; times of a software renderer are not those of a GPU" if info.software else ""
     cost = "work" if found.unit == "work" else "ms"
     numbers = ("map", found.target.metric, cost, "× choice", "MiB")
     columns = ("", "spec", *numbers, "key")
@@ -145,22 +145,24 @@ def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
     for one in found.runners_up:
         if one is not found.closest:
             shown.append(("next" if one.error <= found.target.limit else "misses", one))
-    title = f"{found.view.scene.name}, {found.target}, by {by}{said}"
+    title = f"{found.view.scene.name}, {found.target}, by {by}{caveat}"
     rows = [(place, *_cells(found, one)) for place, one in shown]
     console.print_table(title, columns, rows, numbers=numbers, whole=columns)
     lines = step_lines(found) if found.choice else obstacles(found)
     rough = [_is_rough(found, one) for _, one in shown]
     for line in [*lines, *time_notes(found.reference, rough), *excluded_lines(found)]:
-        console.say(line)
-    console.say(f"{found.measured} of {found.space_size} specs measured; masks and pictures, by key, in {folder}")
+        console.print_line(line)
+    console.print_line(
+        f"{found.measured} of {found.space_size} specs measured; masks and pictures, by key, in {folder}"
+    )
 
 
 def _is_rough(found: "Recommendation", one: "Trial") -> bool:
     """Whether the rounds of a time varied much."""
-    from shadowbench.studies.times import WIDE
+    from shadowbench.studies.times import ROUGH
 
     time = one.result.time if one.result else None
-    return found.unit == "ms" and time is not None and time["ratio_iqr"] > WIDE * time["ratio"]
+    return found.unit == "ms" and time is not None and time["ratio_iqr"] > ROUGH * time["ratio"]
 
 
 def _cells(found: "Recommendation", one: "Trial") -> list[str]:

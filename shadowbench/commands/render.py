@@ -76,7 +76,7 @@ def render(
     from shadowbench.techniques.spec import parse_spec
 
     if len(technique) > 1:
-        raise InputError(f"--technique: found {' and '.join(technique)}; allowed: one, and several with `run`")
+        raise InputError(f"--technique: found {' and '.join(technique)}; allowed: one; `run` takes several")
     check_outputs(".png", output, mask, map)
     (name,) = technique
     known = techniques_with(plugin or ())
@@ -96,4 +96,4 @@ def render(
     if map is not None and drawn.map is not None:
         write_picture(map, np.round(np.clip(drawn.map, 0, 1) * 255).astype(np.uint8))
     if not quiet:
-        console.say(f"{output}: {name} on {chosen.scene.name}")
+        console.print_line(f"{output}: {name} on {chosen.scene.name}")

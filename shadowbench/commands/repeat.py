@@ -67,11 +67,11 @@ def _print(found: "RepeatResult", quiet: bool) -> None:
         rows.append((one.block, str(one.cells), str(one.sharp), str(one.swapped), *taus))
     console.print_table("", (block, *numbers), rows, numbers=numbers, whole=(block,))
     for name in found.unequal:
-        console.say(f"  work differs: {name}")
+        console.print_line(f"  work differs: {name}")
     if quiet:
         return
     apart = f"{100 * (LEAST_RATIO - 1):.0f}%"
-    console.say(
+    console.print_line(
         f"τ: Kendall's tau over the pairs whose times differ by more than {apart}, with interquartile ranges that do "
         f"not overlap, in both runs; {'at least' if found.rankings_agree else 'not everywhere at least'} {LEAST_TAU}"
     )

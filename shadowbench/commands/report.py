@@ -48,7 +48,12 @@ def report(
     From `run` folders: error against time, the fastest setting for each accuracy, time of each pass, pictures beside
     the truth. From `stress` folders: operating ranges, metrics along each axis, pictures at the breaking points.
     Nothing is measured. Times of different folders are never drawn on one axis.
+
+    Of each `run` folder it prints the cheapest setting for each IoU in each scene, and what each technique costs over
+    all scenes; – if no setting reaches the IoU wherever the technique is supported.
     """
+    from shadowbench.commands.verdict_tables import print_verdict
+    from shadowbench.reports.analysis import sections
     from shadowbench.reports.report import report_target, write_report
     from shadowbench.reports.words import counted
     from shadowbench.studies.folder import read_folders
@@ -58,17 +63,21 @@ def report(
         reporter.stage("reading", 1, ", ".join(map(str, folders)))
         runs, sweeps = read_folders(folders)
         reporter.stage("charts and pictures", 1, str(target))
-        charts = write_report(runs, sweeps, target, format)
+        scenes = sections(runs)
+        charts = write_report(runs, scenes, sweeps, target, format)
     if quiet:
         return
     for run in runs:
         if run.earlier:
             which = f"{len(run.earlier)} of {len(run.rows)} cells are of earlier commands"
-            console.complain(f"note: {run.folder}: {which}")
+            console.print_error(f"note: {run.folder}: {which}")
+        if len(runs) > 1:
+            console.print_line(f"{run.label}, on {run.renderer}")
+        print_verdict([section for parts in scenes.values() for section in parts if section.run is run])
     if format == "png":
         what = counted(charts, "chart")
     else:
         size = target.stat().st_size
         cells = counted(sum(len(one.rows) for one in (*runs, *sweeps)), "cell")
         what = f"{cells}, {f'{size / 1e6:.1f} MB' if size >= 1e6 else f'{size / 1e3:.0f} kB'}"
-    console.say(f"{target}: {what}")
+    console.print_line(f"{target}: {what}")

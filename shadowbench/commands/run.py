@@ -87,6 +87,16 @@ def run(
             "--map-size, 1].",
         ),
     ] = None,
+    step: Annotated[
+        str | None,
+        typer.Option(
+            metavar="camera|light",
+            autocompletion=completion.step,
+            help="Draw each cell again after a small step of the camera or the light, and count the pixels that flip "
+            "although the truth does not (shimmering). A step of the camera needs a truth and drawings of three times "
+            "the view size  [the study's; none].",
+        ),
+    ] = None,
     time_again: Annotated[
         bool,
         typer.Option(
@@ -127,10 +137,12 @@ def run(
       acne      share of the lit area, away from edges, that is in shadow
       leak      share of the shadow, away from edges, that is lit
       contact   share of the shadow next to its caster that is lit (peter-panning)
+      flips     share of the pixels near edges that flicker after a step (--step)
       ms        time of a frame's shadows; ~ marks a time that varied widely
       × ref     time relative to the reference technique
       MiB       memory of textures and buffers
-    `shadowbench list metrics` has the exact definitions.
+    `shadowbench list metrics` has the exact definitions. A slope, below a table, is the median of the slopes of each
+    view, light and phase.
     """
     import dataclasses
 
@@ -143,7 +155,9 @@ def run(
     stray = [scene for scene in scenes or () if scene.isdecimal()]
     if map_size is not None and stray:
         together = ",".join([map_size, *stray])
-        raise InputError(f"--map-size: found {map_size!r:.60} and {stray[0]!r:.60} apart; allowed: {together}")
+        raise InputError(
+            f"--map-size: found {map_size!r:.60} and {stray[0]!r:.60} as separate arguments; allowed: {together}"
+        )
     known = techniques_with(plugin or ())
     asked = study_from_options(
         known,
@@ -154,6 +168,7 @@ def run(
         view_size=view_size,
         rounds=rounds,
         phases=phases,
+        step=step,
         view=view,
         light=light,
         assets=assets,
@@ -167,7 +182,7 @@ def run(
             reporter.note(f"{cells} cells in {on}: about {seconds:.0f} s on two cores without a GPU")
         found = measure(asked, output, worker, reporter, time_again=time_again, profile=profile)
     if found.run.earlier and not quiet:
-        console.complain(f"note: {output}: {_found_before(found.run)}")
+        console.print_error(f"note: {output}: {_earlier_cells_note(found.run)}")
     if json:
         tables = summary(found.frame)
         console.print_json({scene: [dataclasses.asdict(row) for row in rows] for scene, rows in tables.items()})
@@ -176,16 +191,16 @@ def run(
     if profile:
         _print_profile(found.seconds)
     statuses = list(found.frame["status"])
-    console.say_unsupported(statuses)
+    console.print_unsupported(statuses)
     failed = [status for status in statuses if status.startswith("failed")]
     if failed:
         first = failed[0].removeprefix("failed: ")
-        console.complain(f"shadowbench: {len(failed)} of {len(statuses)} cells failed; the first: {first}")
+        console.print_error(f"shadowbench: {len(failed)} of {len(statuses)} cells failed; the first: {first}")
     raise typer.Exit(3 if failed else 0)
 
 
-def _found_before(run: "Run") -> str:
-    """What the folder holds beside the cells of this command."""
+def _earlier_cells_note(run: "Run") -> str:
+    """A note on the cells of earlier commands in the folder."""
     from shadowbench.reports.words import counted
 
     rows = [row for row in run.rows if row["key"] in run.earlier]
@@ -199,8 +214,8 @@ def _print_profile(seconds: Mapping[str, float]) -> None:
 
     total = sum(seconds.values())
     for activity, value in sorted(seconds.items(), key=lambda item: -item[1]):
-        console.complain(f"{activity:<9} {value:8.2f} s  {value / total:6.1%}  {ACTIVITIES[activity]}")
-    console.complain(
+        console.print_error(f"{activity:<9} {value:8.2f} s  {value / total:6.1%}  {ACTIVITIES[activity]}")
+    console.print_error(
         f"{total:.2f} s in all: {share(seconds):.1%} in GL passes, ray tracing and scoring, "
         f"{share(seconds, (*MEASURING, 'prepare')):.1%} with the preparation that prepare_ms measures"
     )

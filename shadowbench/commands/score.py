@@ -62,7 +62,7 @@ def score(
     Compares them with the ray-traced shadows of the scene; needs no OpenGL. `shadowbench export` writes the scene to
     draw. A mask that is flipped, inverted or not square is refused; one that seems shifted or sRGB-encoded is scored
     unchanged, with a warning. Below the metrics, the wrong pixels are listed by kind of error, most pixels first; the
-    line `displaced edge` covers those pixels only, whereas edge_px and edge_p95 cover all edges, those of leaks too.
+    line `displaced edge` covers those pixels only, whereas edge_px and edge_p95 cover all edges, also of leaks.
     """
     from shadowbench.engines.accuracy import accuracy_of
     from shadowbench.engines.difference import write_difference
@@ -98,12 +98,12 @@ def score(
     if quiet:
         return
     for warning in warnings:
-        console.complain(f"warning: {warning}")
+        console.print_error(f"warning: {warning}")
     if diff is not None:
-        console.say(f"{diff}: false shadow orange, false light blue")
+        console.print_line(f"{diff}: false shadow orange, false light blue")
     if output is not None:
         row = f"score, mask and difference of {name} added" if new else f"already holds this score of {name}"
-        console.say(f"{output}: {row}")
+        console.print_line(f"{output}: {row}")
 
 
 def _print(accuracy: "Accuracy") -> None:
@@ -120,4 +120,4 @@ def _print(accuracy: "Accuracy") -> None:
     columns = ("metric", "", "better", "what it is")
     console.print_table(title, columns, rows, numbers=("",), whole=("metric", "better"))
     for line in accuracy.summary():
-        console.say(f"  {line}")
+        console.print_line(f"  {line}")

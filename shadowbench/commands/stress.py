@@ -76,8 +76,8 @@ def stress(
 
     axes = select_axes(axis or ())
     known = techniques_with(plugin or ())
-    asked = tuple(dict.fromkeys(parse_spec(text, known) for text in techniques or ()))
-    specs = asked or default_specs(known.values())
+    chosen = tuple(dict.fromkeys(parse_spec(text, known) for text in techniques or ()))
+    specs = chosen or default_specs(known.values())
     with console.Reporter(quiet) as reporter, Worker(plugin or (), LIMITS) as worker:
         found = walk(specs, axes, output, worker, reporter, quick=quick)
     if json:
@@ -87,18 +87,20 @@ def stress(
         for spec in (spec.text for spec in specs):
             _print(spec, [one for one in found.ranges if one.spec == spec])
         if not quiet:
-            console.say(f"{output / 'ranges.csv'}: {len(found.ranges)} operating ranges, from {len(found.rows)} cells")
-    console.say_unsupported([str(row["status"]) for row in found.rows])
+            console.print_line(
+                f"{output / 'ranges.csv'}: {len(found.ranges)} operating ranges, from {len(found.rows)} cells"
+            )
+    console.print_unsupported([str(row["status"]) for row in found.rows])
     raise typer.Exit(_exit_code(found.rows))
 
 
 def _print(title: str, ranges: "Sequence[OperatingRange]") -> None:
-    """A line for each axis, a column for each kind of light; a single line for a spec that never is in tolerance."""
+    """Print a line for each axis and a column for each kind of light; one line for a spec never in tolerance."""
     from shadowbench.extremes.axes.model import NAMES
 
     if not any(one.in_tolerance for one in ranges):
         if ranges:
-            console.say(f"{title}: out of tolerance already at the default value of every axis")
+            console.print_line(f"{title}: out of tolerance already at the default value of every axis")
         return
     lights = [kind for kind in NAMES if any(one.light == kind for one in ranges)]
     rows = []
@@ -120,6 +122,6 @@ def _exit_code(rows: "Sequence[Record]") -> int:
             row, one = found[0]
             place = f"{row['axis']} {row['axis_value']} {row['light']}"
             first = f"{row['spec']} at {place}: {one.text}"
-            console.complain(f"shadowbench: {what} in {len(found)} of {len(rows)} cells; the first: {first}")
+            console.print_error(f"shadowbench: {what} in {len(found)} of {len(rows)} cells; the first: {first}")
             code = verdict
     return code

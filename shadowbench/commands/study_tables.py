@@ -22,6 +22,7 @@ _COLUMNS = {  # heading: (value, or "error" for 1 − IoU)
     "acne": "acne",
     "leak": "leak",
     "contact": "contact",
+    "flips": "flips",
     "ms": "frame_ms",
     "× ref": "ratio",
     "MiB": "gpu_bytes",  # five cascades need more memory than one map of the same size
@@ -29,7 +30,7 @@ _COLUMNS = {  # heading: (value, or "error" for 1 − IoU)
 _WIDE = 110  # characters; a narrower terminal gets the columns that matter most
 _NARROW = ("rmse", "rmse_pen", "error", "ssim", "frame_ms", "ratio")
 _OF_SOFT = ("rmse", "rmse_pen")  # shown where the truth has penumbrae
-_OPTIONAL = ("frame_ms", "ratio", "gpu_bytes")  # shown where a row has them
+_OPTIONAL = ("flips", "frame_ms", "ratio", "gpu_bytes")  # shown where a row has them
 
 
 def print_study(found: "StudyResult", folder: Path, quiet: bool) -> None:
@@ -43,7 +44,7 @@ def print_study(found: "StudyResult", folder: Path, quiet: bool) -> None:
     times = "; times of a software renderer, not of a GPU" if found.info.software else "; times of this GPU"
     times = times if found.study.rounds else ""
     for scene, rows in tables.items():
-        rough = [row.wide for row in rows if row.values["frame_ms"] is not None]
+        rough = [row.rough for row in rows if row.values["frame_ms"] is not None]
         notes = [*_notes(rows), *time_notes(references[scene], rough)]
         ranked = ", best first by RMSE" if any(row.soft for row in rows) else ", best first"
         _print_scene(f"{scene}{ranked}{times}", rows, [fit for fit in fits if fit.scene == scene], notes)
@@ -51,42 +52,42 @@ def print_study(found: "StudyResult", folder: Path, quiet: bool) -> None:
     scenes, means = mean_over_scenes(tables)
     if len(scenes) > 1:
         _print_scene(f"mean over the {len(scenes)} scenes in which every cell was drawn", means, [], [])
-    held = [row for rows in tables.values() for row in rows if row.cells]
-    if held and console.out().width < _WIDE:
-        dropped = ", ".join(name for name in _columns(held, False) if name not in _columns(held, True))
+    drawn = [row for rows in tables.values() for row in rows if row.cells]
+    if drawn and console.out().width < _WIDE:
+        dropped = ", ".join(name for name in _columns(drawn, False) if name not in _columns(drawn, True))
         where = f"see {folder / 'table.csv'}, or widen the terminal to {_WIDE}"
-        console.say(f"columns left out at a width of {console.out().width} characters ({where}): {dropped}")
+        console.print_line(f"columns left out at a width of {console.out().width} characters ({where}): {dropped}")
     if not quiet:
         beside = "; masks/ and pictures/ are beside it" if (found.frame["status"] == "ok").any() else ""
-        console.say(f"{folder / 'table.csv'}: {counted(len(found.run.rows), 'cell')}{beside}")
+        console.print_line(f"{folder / 'table.csv'}: {counted(len(found.run.rows), 'cell')}{beside}")
 
 
 def _print_scene(title: str, rows: "list[SummaryRow]", fits: "list[Slope]", notes: list[str]) -> None:
-    """A line for each spec and map size that was drawn, best first; then what was not, the slopes, and notes."""
+    """Print a table: a line for each spec and map size, best first; then unsuccessful cells, slopes and notes."""
     columns = _columns(rows, console.out().width < _WIDE)
-    held = [
+    lines = [
         (row.spec, str(row.map_size or ""), *(_cell(row, key) for key in columns.values())) for row in rows if row.cells
     ]
-    if held:
-        console.print_table(title, ("spec", "map", *columns), held, numbers=("map", *columns))
+    if lines:
+        console.print_table(title, ("spec", "map", *columns), lines, numbers=("map", *columns))
     else:
         console.out().print(title, markup=False)
     for row in rows:
         for status, count in Counter(row.refused).items():
             total = row.cells + len(row.refused)
             share = f"{count} of {total} cells " if total > 1 else ""
-            console.say(f"  {row.spec} {row.map_size or ''}: {share}{status}")
+            console.print_line(f"  {row.spec} {row.map_size or ''}: {share}{status}")
     for fit in fits:
         sizes = f"{fit.sizes[0]} to {fit.sizes[-1]}"
         slope = fit.slope.text("{:+.2f}".format) + (", one phase" if fit.phases == 1 else "")
-        console.say(f"  slope of log(1 − IoU) over log(size), {sizes}: {slope}  {fit.spec}")
+        console.print_line(f"  slope of log(1 − IoU) over log(size), {sizes}: {slope}  {fit.spec}")
     for line in notes:
-        console.say(f"  {line}")
+        console.print_line(f"  {line}")
     console.out().print()
 
 
 def _notes(rows: "list[SummaryRow]") -> list[str]:
-    """How many cells the medians of a table are over, and which maps were scored in one phase only."""
+    """Notes on the number of cells behind the medians, and on maps scored in one phase only."""
     from shadowbench.studies.tables import phase_note
 
     cells = max(row.cells for row in rows)
@@ -106,7 +107,7 @@ def _columns(rows: "Sequence[SummaryRow]", narrow: bool) -> dict[str, str]:
 
 
 def _print_curves(scene: str, found: "list[Curve]") -> None:
-    """A line for each factor of a swept bias, in ascending order: acne falls, contact rises."""
+    """Print a line for each factor of a bias sweep, in ascending order: acne falls, peter-panning rises."""
     if not found:
         return
     rows = []
@@ -135,4 +136,4 @@ def _cell(row: "SummaryRow", key: str) -> str:
         return f"{value.median / 2**20:.1f}"
     if key == "error":
         return value.complement().text(console.number)
-    return f"~{console.number(value.median)}" if key == "frame_ms" and row.wide else console.number(value.median)
+    return f"~{console.number(value.median)}" if key == "frame_ms" and row.rough else console.number(value.median)

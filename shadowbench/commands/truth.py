@@ -52,4 +52,4 @@ def truth(
         receivers, shadowed = int(found.receivers.sum()), int((found.visibility < 0.5).sum())
         undecided = int((found.receivers & found.undecided).sum())
         pixels = f"{receivers} of {found.receivers.size} pixels show a receiver"
-        console.say(f"{output}: {pixels}, {shadowed} in shadow, {undecided} undecided")
+        console.print_line(f"{output}: {pixels}, {shadowed} in shadow, {undecided} undecided")

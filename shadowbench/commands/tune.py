@@ -129,10 +129,10 @@ def tune(
     else:
         _print(found.tuning)
         if not quiet:
-            console.say(f"{output / 'table.csv'}: {counted(len(found.results), 'cell')}")
+            console.print_line(f"{output / 'table.csv'}: {counted(len(found.results), 'cell')}")
     failed = [one.status for one in found.results if one.status.startswith("failed")]
     if failed:
-        console.complain(f"shadowbench: {len(failed)} of {len(found.results)} cells failed; the first: {failed[0]}")
+        console.print_error(f"shadowbench: {len(failed)} of {len(found.results)} cells failed; the first: {failed[0]}")
     raise typer.Exit(3 if failed else 0)
 
 
@@ -150,7 +150,7 @@ def _print(found: "TuningComparison") -> None:
         "error: √((1 − IoU) · (1 − SSIM)), geometric mean over scenes; / tuned: relative to the tuned spec, median "
         "over scenes"
     )
-    console.say(verdict(found))
+    console.print_line(verdict(found))
 
 
 def _print_entries(title: str, entries: "Sequence[Entry]") -> None:

@@ -153,7 +153,7 @@ def _uniform(comparison: Comparison) -> str | None:
 
 
 def seems_unrelated(comparison: Comparison) -> bool:
-    """Whether a mask's shadow and the truth's are there, and lie beside each other."""
+    """Whether the shadows of mask and truth, neither empty, hardly overlap."""
     mask, truth = comparison.shadow, comparison.truth.shadow
     common, smaller = np.count_nonzero(mask & truth), min(np.count_nonzero(mask), np.count_nonzero(truth))
     return bool(common < _COMMON * smaller and common < _ALIKE_IOU * np.count_nonzero(mask | truth))

@@ -29,7 +29,7 @@ def export_view(view: View, truth: Truth, folder: Path, scene_name: str) -> list
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"{folder}: cannot be made ({error.strerror or error})") from None
+        raise InputError(f"{folder}: cannot be created ({error.strerror or error})") from None
     model, description, example = (folder / name for name in (MODEL, DESCRIPTION, EXAMPLE))
     with replace_file(model) as temporary:
         temporary.write_bytes(glb_of(view))

@@ -131,7 +131,7 @@ def external_mask(
         command = f"shadowbench score {shlex.quote(scene)}"
         raise InputError(
             f"score: found neither a mask nor screenshots of {scene:.200}; allowed: {command} MASK.png, or "
-            f"{command} --lit LIT.png --shadowed SHADOWED.png; shadowbench export says what to draw"
+            f"{command} --lit LIT.png --shadowed SHADOWED.png; `shadowbench export` writes the scene to draw"
         )
     given = {"MASK": mask, "--lit": lit, "--shadowed": shadowed, "--ambient": ambient}
     found = " and ".join(key for key, value in given.items() if value is not None)

@@ -8,6 +8,7 @@ from typing import Any
 import pandas as pd
 
 from shadowbench.extremes.axes.model import Axis, Value, value_label
+from shadowbench.measure.flips import row_metrics
 from shadowbench.measure.rows import Record
 from shadowbench.scores.metrics import METRICS
 
@@ -52,13 +53,13 @@ def failure(row: Record) -> Failure | None:
         return Failure(kind, text=reason)
     if status != "ok":
         return None
-    values = dict(row["metrics"]) | {"flips": row.get("flips")}
+    values = row_metrics(row)
     if values["iou"] is None:
         return Failure("unjudged", text="neither the truth nor the mask has a shadow that is decided")
     exceeded = {
-        name: values[name]
+        name: value
         for name, limit in TOLERANCES.items()
-        if values[name] is not None and (values[name] < limit if name == "iou" else values[name] > limit)
+        if (value := values.get(name)) is not None and (value < limit if name == "iou" else value > limit)
     }
     shares = {name: value for name, value in exceeded.items() if name != "iou"}
     if shares:

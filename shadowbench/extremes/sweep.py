@@ -1,7 +1,5 @@
 """Sweeps of `stress`: a row for each spec at each value of each axis, drawn in a worker that may crash."""
 
-import hashlib
-import json
 from collections.abc import Iterable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -11,7 +9,7 @@ from shadowbench.extremes.axes import Axis, Setting, Value, value_label
 from shadowbench.extremes.ranges import failure
 from shadowbench.measure.cells import Cell, PlacedView
 from shadowbench.measure.executor import Executor
-from shadowbench.measure.keys import cell_key, view_key
+from shadowbench.measure.keys import cell_key, joint_key, view_key
 from shadowbench.measure.measurer import Reporter
 from shadowbench.measure.pictures import Pictures
 from shadowbench.measure.row_store import RowStore
@@ -77,7 +75,7 @@ class Sweep:
         The row's key includes the point, since several axes share the base scene as one of their values.
         """
         parts = [cell_key(Cell(spec), view, setting.coordinates, self.executor.info.renderer) for view in views]
-        key = json.dumps([point.axis.name, point.value, point.light, parts])
+        key = joint_key([point.axis.name, point.value, point.light, parts])
         axis_fields = {
             "axis": point.axis.name,
             "axis_value": point.value,
@@ -86,9 +84,7 @@ class Sweep:
             "home_spec": base.text,
         }
         too_large = self._too_large(point, base, spec)
-        return ScoreRequest(
-            Cell(spec), hashlib.sha256(key.encode()).hexdigest()[:24], axis_fields, unsupported=too_large
-        )
+        return ScoreRequest(Cell(spec), key, axis_fields, unsupported=too_large)
 
     def _too_large(self, point: Point, base: Spec, spec: Spec) -> str | None:
         """Why a map must not be allocated: it exceeds the device's map size or the worker's memory; None if it may.

@@ -153,10 +153,10 @@ def _edges(faces: Indices, first: Indices, second: Indices) -> Indices:
 def _surface(topology: Topology, chosen: NDArray[np.bool_]) -> Surface:
     """The triangles and edges of the chosen parts."""
 
-    def by_part(of: Indices) -> tuple[Indices, Indices]:
-        """Indices of the chosen parts' rows, ordered by part, and each part's end; of: the part of each row."""
-        order = np.argsort(of, kind="stable")
-        return order[chosen[of[order]]], np.cumsum(np.bincount(of, minlength=len(chosen))[chosen])
+    def by_part(part_of_row: Indices) -> tuple[Indices, Indices]:
+        """Indices of the rows that belong to chosen parts, ordered by part, and the end of each part."""
+        order = np.argsort(part_of_row, kind="stable")
+        return order[chosen[part_of_row[order]]], np.cumsum(np.bincount(part_of_row, minlength=len(chosen))[chosen])
 
     own, face_ends = by_part(topology.part)
     mine, edge_ends = by_part(topology.part[topology.half_edges[:, 0] // 3])

@@ -1,1 +1,1 @@
-"""OpenGL: the context, shaders, the G-buffer, render targets and clocks. The only room that uses PyGLM."""
+"""OpenGL: the context, shaders, the G-buffer, render targets and clocks. The only subpackage that uses PyGLM."""

@@ -50,7 +50,7 @@ class DepthTexture:
         self.device.raw("glBindTexture", _BINDINGS[self.kind], self.glo)
 
     def read(self) -> NDArray[np.float32]:
-        """(layers, size, size) stored depths, row 0 at the bottom (OpenGL order); of a cube's faces at the top."""
+        """(layers, size, size) stored depths; row 0 is at the bottom (OpenGL order), for a cube's faces at the top."""
         depths = np.empty((self.layers, self.size, self.size), dtype=np.float32)
         self.use()
         images = [*depths] if self.kind == "cube" else [depths]

@@ -1,18 +1,54 @@
 """Temporal stability: pixels that flip between lit and shadowed from frame to frame while the truth does not."""
 
 import itertools
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter
 
+from shadowbench.scenes.model import View, perpendicular_basis, unit, vec3
+from shadowbench.scores.comparison import Comparison
+from shadowbench.scores.metrics import METRICS, Metric
 from shadowbench.truths.trace import Truth
 
 EDGE = 2  # pixels around a true edge in which flips are counted
+FINER = 3
+"""Pixels along a side, after a step of the camera, for one before it."""
+RIGHT, UP = 0.5, 0.3  # pixels by which a step moves the image
+
+Step = Literal["camera", "light"]
+Mask = NDArray[np.float32]
+Count = Callable[[Sequence[Mask], Sequence[Truth]], float | None]
 
 
-def flips(masks: Sequence[NDArray[np.float32]], truths: Sequence[Truth]) -> float | None:
+def _of_one_mask(comparison: Comparison) -> None:
+    """One mask has no flips: they are counted between the frames before and after a step."""
+
+
+FLIPS = Metric(
+    "flips",
+    _of_one_mask,
+    "lower",
+    "hard",
+    "Of the pixels within 2 px of a true edge, the share that switches between lit and shadowed after a small step of "
+    "camera or light (--step) although the truth does not: shimmering. On an axis of stress, the largest share "
+    "from one frame to the next.",
+)
+ROW_METRICS: Mapping[str, Metric] = {**METRICS, FLIPS.name: FLIPS}
+"""All metrics that a row may have: those of its mask, and its flips."""
+
+
+def row_metrics(row: Mapping[str, Any]) -> dict[str, float | None]:
+    """Metrics of a score row by name, with its flips if they were measured; empty for a cell without scores."""
+    return dict(row.get("metrics", {})) | ({FLIPS.name: row[FLIPS.name]} if FLIPS.name in row else {})
+
+
+def flips(masks: Sequence[Mask], truths: Sequence[Truth]) -> float | None:
     """Largest share, over pairs of frames, of edge pixels that flip between lit and shadowed while the truth does not.
 
     masks: (N, N) visibility of each frame. Edge pixels are decided receivers within EDGE pixels of a true edge in both
@@ -25,6 +61,71 @@ def flips(masks: Sequence[NDArray[np.float32]], truths: Sequence[Truth]) -> floa
         if steady.any():
             shares.append(float(((before < 0.5) != (after < 0.5))[steady].mean()))
     return max(shares, default=None)
+
+
+@dataclass(frozen=True, eq=False)
+class Stepped:
+    """A view after a small step; `count` compares it with the view before the step.
+
+    A step of the camera turns it by a fraction of a pixel, so that all surfaces stay visible. The image after it is
+    FINER times as fine: pixels show other points of a surface than before, and would flip along every edge, even of a
+    shadow map that does not move, if the nearest one were compared. A step of the light moves it by the same angle.
+    """
+
+    before: View
+    step: Step
+
+    @cached_property
+    def view(self) -> View:
+        """The view after the step."""
+        before = self.before
+        camera, light = before.camera, before.light
+        pixel = 2 * math.tan(camera.fov_y / 2) / before.size  # as an angle
+        distance = float(np.linalg.norm(np.subtract(camera.position, camera.target)))
+        if self.step == "camera":
+            offset = distance * pixel * (np.array([RIGHT, UP, 0.0]) @ camera.basis())
+            turned = replace(camera, target=vec3(np.add(camera.target, offset)))
+            return replace(before, camera=turned, size=FINER * before.size)
+        across = pixel * (np.array([RIGHT, UP, 0.0]) @ perpendicular_basis(-unit(light.direction), camera.up))
+        if light.kind == "directional":
+            return replace(before, light=replace(light, direction=vec3(unit(light.direction) + across)))
+        reach = float(np.linalg.norm(np.subtract(light.position, camera.target)))
+        return replace(before, light=replace(light, position=vec3(np.add(light.position, reach * across))))
+
+    def count(self, masks: Sequence[Mask], truths: Sequence[Truth]) -> float | None:
+        """`flips` between the masks before and after the step.
+
+        After a step of the camera, a pixel flips if it differs from all four pixels around its surface point, and its
+        truth from none of them.
+        """
+        if self.step == "light":
+            return flips(masks, truths)
+        (before, after), (was, now) = masks, truths
+        rows, columns, inside = self._surroundings
+        steady = inside & was.receivers & ~was.undecided & _near_edge(was)
+        flipped = np.ones_like(steady)
+        for row, column in itertools.product((rows, rows + 1), (columns, columns + 1)):
+            steady &= now.receivers[row, column] & ~now.undecided[row, column]
+            steady &= now.visibility[row, column] == was.visibility
+            flipped &= (after[row, column] < 0.5) != (before < 0.5)
+        return float(flipped[steady].mean()) if steady.any() else None
+
+    @cached_property
+    def _surroundings(self) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
+        """Row and column of the pixel after a step of the camera that lies above and left of each surface point.
+
+        (N, N) each; also whether all four pixels around the point are inside the image.
+        """
+        size, fine = self.before.size, FINER * self.before.size
+        half = math.tan(self.before.camera.fov_y / 2)
+        x, y = np.meshgrid(*(half * (1 - (2 * np.arange(size) + 1) / size) * sign for sign in (-1, 1)))
+        to_turned = self.before.camera.basis() @ self.view.camera.basis().T
+        right, up, back = np.moveaxis(np.stack([x, y, -np.ones_like(x)], axis=-1) @ to_turned, -1, 0)
+        column, row = (
+            np.floor((1 + side / half) / 2 * fine - 0.5).astype(np.intp) for side in (-right / back, up / back)
+        )
+        inside = (row >= 0) & (column >= 0) & (row < fine - 1) & (column < fine - 1)
+        return row.clip(0, fine - 2), column.clip(0, fine - 2), inside
 
 
 def _near_edge(truth: Truth) -> NDArray[np.bool_]:

@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 
 from shadowbench.data import data_folder
-from shadowbench.measure import scoring, session
+from shadowbench.measure import flips, scoring, session
 from shadowbench.measure.cells import Cell
 from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.model import Coordinates, View
@@ -37,6 +37,16 @@ def cell_key(cell: Cell, view: str, coordinates: Coordinates, renderer: str) -> 
         "sources": [_sources(technique) for technique in cell.spec.techniques],
     }
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:24]
+
+
+def joint_key(parts: Sequence[object]) -> str:
+    """Hex key of what depends on several keys or other values, which JSON must be able to hold."""
+    return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:24]
+
+
+def counting_digest() -> str:
+    """Digest of the sources that count flips, which cells without a step do not depend on."""
+    return code_digest(Path(str(flips.__file__)))
 
 
 @cache

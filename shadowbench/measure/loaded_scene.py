@@ -12,7 +12,7 @@ from shadowbench.techniques.base import Frame, Stage, Technique
 
 
 class LoadedScene:
-    """Buffers and passes of a scene on the GPU, in the coordinates it is drawn in."""
+    """A scene on the GPU: its buffers and passes, in the coordinates in which it is drawn."""
 
     def __init__(self, device: Device, file_scene: Scene, coordinates: Coordinates) -> None:
         self.file_scene, self.coordinates = file_scene, coordinates

@@ -7,7 +7,8 @@ from typing import Protocol
 
 from shadowbench.measure.cells import Block, Cell, PlacedView
 from shadowbench.measure.executor import Executor
-from shadowbench.measure.keys import cell_key, view_key
+from shadowbench.measure.flips import Stepped, flips
+from shadowbench.measure.keys import cell_key, counting_digest, joint_key, view_key
 from shadowbench.measure.machine import machine_key
 from shadowbench.measure.pictures import Pictures
 from shadowbench.measure.profile import Profile
@@ -54,20 +55,26 @@ class Measurer:
         """Results of a block's cells, measured now or found. Reports one step per cell and one per timed cell."""
         placed_view = PlacedView(block.view, self.conditions.coordinates)
         view = view_key(block.view)
+        stepped = Stepped(block.view, self.conditions.step) if self.conditions.step else None
+        frames = [placed_view, *([PlacedView(stepped.view, self.conditions.coordinates)] if stepped else [])]
         keys = {cell: self._key(cell, view) for cell in block.cells}
+        if stepped:
+            after = [view_key(stepped.view), counting_digest()]
+            keys = {cell: joint_key([key, *after]) for cell, key in keys.items()}
         missing = sum(self.store.finished_score(key) is None for key in keys.values())
         assumptions, keep_bytes = list(block.scene.notes), int(_KEPT_SHARE * self.executor.limits.bytes)
         requests = [
             ScoreRequest(
                 cell,
                 key,
-                extra_fields={"assumptions": assumptions},
-                keep_bytes=keep_bytes if self.is_timed(cell) else 0,
+                extra_fields={"assumptions": assumptions} | ({"step": stepped.step} if stepped else {}),
+                keep_bytes=keep_bytes if self.is_timed(cell) and not stepped else 0,
             )
             for cell, key in keys.items()
         ]
         name = block.scene.name
-        self._scorer.rows([placed_view], requests, lambda cell: self.reporter.step(f"{name} {cell.spec.text}"))
+        count = stepped.count if stepped else flips
+        self._scorer.rows(frames, requests, lambda cell: self.reporter.step(f"{name} {cell.spec.text}"), count)
         for _ in range(len(keys) - missing):
             self.reporter.step(f"{name}: measured before")
         failures = self._time(placed_view, view, keys)

@@ -10,21 +10,21 @@ from shadowbench.scenes.model import Scene
 
 
 class _Pickler(pickle.Pickler):
-    """Pickler that sends `stands_for(thing)` in place of a thing unless that is None."""
+    """Pickler that sends `stand_in(thing)` instead of a thing, unless that is None."""
 
-    stands_for: Callable[[object], Any]
+    stand_in: Callable[[object], Any]
 
     def persistent_id(self, thing: object) -> Any:
-        return self.stands_for(thing)
+        return self.stand_in(thing)
 
 
 class _Unpickler(pickle.Unpickler):
-    """Unpickler that replaces what was sent in place of a thing by `load_as` of it."""
+    """Unpickler that converts a stand-in back to its thing by `restore`."""
 
-    load_as: Callable[[Any], object]
+    restore: Callable[[Any], object]
 
     def persistent_load(self, sent: Any) -> object:
-        return self.load_as(sent)
+        return self.restore(sent)
 
 
 class Pipe:
@@ -38,14 +38,14 @@ class Pipe:
         """Pickle and send a thing. Raises BrokenPipeError or ConnectionResetError if the other end is closed."""
         buffer = io.BytesIO()
         pickler = _Pickler(buffer, pickle.HIGHEST_PROTOCOL)
-        pickler.stands_for = self._scene_out
+        pickler.stand_in = self._scene_out
         pickler.dump(thing)
         self.connection.send_bytes(buffer.getbuffer())
 
     def receive(self) -> Any:
         """Wait for the next thing and return it. Raises EOFError if the other end is closed."""
         unpickler = _Unpickler(io.BytesIO(self.connection.recv_bytes()))
-        unpickler.load_as = self._scene_in
+        unpickler.restore = self._scene_in
         return unpickler.load()
 
     def _scene_out(self, thing: object) -> tuple[bytes | None] | None:

@@ -97,6 +97,7 @@ class ScoreRow(CellIdentity):
     surface_mismatch: NotRequired[Count]
     assumptions: NotRequired[list[str]]
     flips: NotRequired[FiniteFloat | None]
+    step: NotRequired[str]
 
     content: NotRequired[str]
     input: NotRequired[InputRecord]
@@ -273,7 +274,7 @@ def read_rows(file: Path) -> tuple[list[Record], int]:
     lines = text[:end].split(b"\n")[:-1]
     rows = [_row(file, number, line) for number, line in enumerate(lines, start=1)]
     if not (torn.startswith(_HEAD) or _HEAD.startswith(torn)):
-        raise InputError(f"{file} line {len(lines) + 1}: found no row; allowed: a row of schema {SCHEMA}")
+        raise InputError(f"{file} line {len(lines) + 1}: found no valid row; allowed: a row of schema {SCHEMA}")
     return rows, end
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from shadowbench.measure.cells import Cell, CellRequest, PlacedView
 from shadowbench.measure.executor import CellFailed, Executor, MemoryExceeded, status_of
-from shadowbench.measure.flips import flips
+from shadowbench.measure.flips import Count, flips
 from shadowbench.measure.pictures import Pictures
 from shadowbench.measure.profile import Profile
 from shadowbench.measure.rendering import Rendering
@@ -48,11 +48,14 @@ class _ScoringView:
     placed_view: PlacedView
     profile: Profile
     executor: Executor
+    scored: bool
 
     @cached_property
     def truth(self) -> Truth:
+        """The truth; its `area` is only sampled if masks are scored against it."""
         with self.profile.activity("truth"):
-            return cached_truth(self.placed_view.view)
+            view = self.placed_view.view
+            return cached_truth(view) if self.scored else cached_truth(view, pixel_samples=1)
 
     @cached_property
     def prepared(self) -> PreparedTruth:
@@ -89,13 +92,14 @@ class Scorer:
         frames: Sequence[PlacedView],
         requests: Sequence[ScoreRequest],
         on_made: Callable[[Cell], object] = lambda cell: None,
+        count: Count = flips,
     ) -> list[Record]:
         """Score rows in the order of the requests, made now or found in the store.
 
         frames: the view; several frames are an animation, of which the first is scored and all are checked for flips;
-        on_made: called with each cell as its row is made.
+        on_made: called with each cell as its row is made; count: counts the flips.
         """
-        views = [_ScoringView(placed_view, self.profile, self.executor) for placed_view in frames]
+        views = [_ScoringView(frame, self.profile, self.executor, scored=frame is frames[0]) for frame in frames]
         missing: dict[str, ScoreRequest] = {}
         for request in requests:
             if self.store.finished_score(request.key) is None:
@@ -105,7 +109,7 @@ class Scorer:
                 writer.add(partial(self.pictures.write_truth, frames[0].view, views[0].truth))
             shading_written = False
             for request in missing.values():
-                row, rendering = self._make_row(views, request, writer)
+                row, rendering = self._make_row(views, request, writer, count)
                 if self.pictures is None or (self.writes_images is not None and not self.writes_images(row)):
                     rendering = None
                 elif rendering is not None and not shading_written:
@@ -117,7 +121,7 @@ class Scorer:
         return [self.store.scores[request.key] for request in requests]
 
     def _make_row(
-        self, views: Sequence[_ScoringView], request: ScoreRequest, writer: Writer
+        self, views: Sequence[_ScoringView], request: ScoreRequest, writer: Writer, count: Count
     ) -> tuple[Record, Rendering | None]:
         """Row of a cell, and the rendering of its first frame; None if the cell was unsupported or failed."""
         first, cell = views[0], _identity(request.cell, views[0].placed_view)
@@ -136,7 +140,7 @@ class Scorer:
         extra_fields = dict(request.extra_fields)
         if later:
             masks = [frame.visibility for frame in (rendering, *later)]
-            extra_fields["flips"] = flips(masks, [view.truth for view in views])
+            extra_fields["flips"] = count(masks, [view.truth for view in views])
         measurement = Measurement(mask, rendering.gpu_bytes, rendering.work, rendering.facts)
         return make(measurement, extra_fields=extra_fields), rendering
 

@@ -158,7 +158,7 @@ class Session:
         """Draw a cell once and read the images back. Raises Unsupported, or any exception of the technique.
 
         tinted: multiply the technique's debug colours, if any, into the picture; keep: the built cell stays for
-        `prepare_timing` as long as all kept cells of the view together take at most so many bytes, else it is released.
+        `prepare_timing` if all kept cells of the view together take at most this many bytes, else it is released.
         """
         open_view = self._ensure_open(placed_view)
         built = self._kept.pop(request, None) or self._build(open_view, request)

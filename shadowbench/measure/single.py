@@ -24,6 +24,6 @@ def render(
     try:
         return executor.call(Session.draw, PlacedView(view), Cell(spec).request, with_map=with_map, tinted=tint)
     except Unsupported as reason:
-        raise InputError(f"{name} does not go with {view.scene.name}: {reason}") from None
+        raise InputError(f"{name} does not support {view.scene.name}: {reason}") from None
     except CellFailed as reason:
         raise ShadowbenchError(f"{name} on {view.scene.name} failed: {reason}") from None

@@ -7,6 +7,7 @@ from typing import Concatenate
 from shadowbench.gl.clock import PassTimes, Sample
 from shadowbench.measure.cells import Cell, PlacedView
 from shadowbench.measure.executor import CellFailed, Executor, MemoryExceeded, P, R, status_of
+from shadowbench.measure.flips import Step
 from shadowbench.measure.references import DEFAULT_REFERENCE, reference_for, reference_name
 from shadowbench.measure.session import Session, Unsupported
 from shadowbench.measure.time_rows import Times, Timing
@@ -22,13 +23,14 @@ class Conditions:
     """Settings of a measurement besides the cell and its view.
 
     rounds: how often each cell is timed, 0 for no timing; reference: spec that times are divided by; time_again: time
-    cells again that have a time; the rows keep both.
+    cells again that have a time; the rows keep both; step: what moves to count flips, None to count none.
     """
 
     coordinates: Coordinates = "relative"
     rounds: int = 0
     reference: Spec = DEFAULT_REFERENCE
     time_again: bool = False
+    step: Step | None = None
 
 
 def reference_cell(reference: Spec, kind: LightKind) -> Cell:

@@ -1,4 +1,4 @@
-"""The metrics of a sweep along an axis as Vega-Lite, a line for each technique and kind of light."""
+"""Vega-Lite charts of a sweep's metrics along an axis, a line for each spec and kind of light."""
 
 import json
 import math
@@ -7,9 +7,10 @@ from collections.abc import Sequence
 from shadowbench.extremes.axes import Axis, Value, value_label
 from shadowbench.extremes.axes.model import NAMES
 from shadowbench.extremes.ranges import TOLERANCES, OperatingRange, failure, value_text
+from shadowbench.measure.flips import row_metrics
 from shadowbench.measure.rows import Record
 from shadowbench.reports.axes import Chart
-from shadowbench.reports.charts import INK_NOW, LOOK, PARAMS, SHOWN, chart_of
+from shadowbench.reports.charts import BASE_CHART, INK_SIGNAL, PARAMS, SHOWN_ONLY, chart_of
 from shadowbench.reports.stability import Stability
 from shadowbench.reports.styles import Styles
 from shadowbench.reports.words import digits
@@ -19,20 +20,20 @@ ERROR = "1 − IoU"
 LIMITS: dict[str, float] = {ERROR: round(1 - TOLERANCES["iou"], 9)} | {
     name: limit for name, limit in TOLERANCES.items() if name != "iou"
 }
-"""The metrics that are drawn along axes, all errors, and the most of each that is in tolerance."""
+"""The metrics in charts along axes, all of them errors, with the largest value of each that is in tolerance."""
 ALL_LIGHTS = "all"
 _DASHES: dict[LightKind, list[int]] = {"directional": [1, 0], "spot": [7, 4], "point": [2, 3]}
 
 
 def axis_chart(found: Stability, axis: Axis, styles: Styles) -> Chart:
-    """The metric `metric` along an axis, a line a spec and light; a page sets `metric` and `light`."""
+    """The chart of one metric along an axis; the page sets its signals `metric` and `light`."""
     chart = chart_of(f"Metrics along {axis.name}, {found.sweep.label}", *_along(found, axis, styles, "metric"), 230)
     signals = [{"name": "metric", "value": ERROR}, {"name": "light", "value": ALL_LIGHTS}]
     return {**chart, "params": [*chart["params"], *signals]}
 
 
 def axis_figure(found: Stability, axis: Axis, styles: Styles) -> Chart:
-    """All metrics along an axis, one below the other, for a paper."""
+    """A figure of all metrics along an axis, in panels one below the other."""
     panels = []
     for name in metrics_along(found, axis):
         values, layer = _along(found, axis, styles, f"'{name}'")
@@ -46,37 +47,46 @@ def axis_figure(found: Stability, axis: Axis, styles: Styles) -> Chart:
             }
         )
     params = [*PARAMS, {"name": "light", "value": ALL_LIGHTS}]
-    return {**LOOK, "description": f"Metrics along {axis.name}", "params": params, "vconcat": panels}
+    return {**BASE_CHART, "description": f"Metrics along {axis.name}", "params": params, "vconcat": panels}
 
 
 def metrics_along(found: Stability, axis: Axis) -> list[str]:
-    """The metrics that have a value somewhere on an axis."""
+    """The metrics that have a value anywhere on an axis."""
     rows = [row for one in found.ranges if one.axis is axis for row in found.rows_of(one)]
     return [name for name in LIMITS if any(_errors(row)[name] is not None for row in rows)]
 
 
 def _along(found: Stability, axis: Axis, styles: Styles, metric: str) -> tuple[list[Chart], list[Chart]]:
-    """Points and layers of one panel; `metric` is an expression that names what is drawn."""
+    """The data and layers of one panel; metric: Vega expression of the metric's name."""
     ranges = [
-        (kind, found.at[spec, axis.name, kind]) for spec, kind in found.lines if (spec, axis.name, kind) in found.at
+        (kind, found.range_at[spec, axis.name, kind])
+        for spec, kind in found.series
+        if (spec, axis.name, kind) in found.range_at
     ]
     swept = [value for value in axis.values if any(value in one.swept for _, one in ranges)]
-    places = _places(axis, swept)
+    positions = _positions(axis, swept)
     points = [
-        _point(one, NAMES[kind], row, places[row["axis_value"]]) for kind, one in ranges for row in found.rows_of(one)
+        _point(one, NAMES[kind], row, positions[row["axis_value"]])
+        for kind, one in ranges
+        for row in found.rows_of(one)
     ]
     channels = styles.channels(one.spec for _, one in ranges)
     at, labels = (
-        json.dumps(list(places.values())),
+        json.dumps(list(positions.values())),
         json.dumps([value_label(value) for value in swept], ensure_ascii=False),
     )
     x = {
         "field": "x",
         "type": "quantitative",
-        "title": f"{axis.name}{f', {axis.unit}' if axis.unit else ''}; home: {value_label(axis.default)}",
-        "scale": {"domain": [min(places.values()), max(places.values())], "nice": False, "zero": False, "padding": 12},
+        "title": f"{axis.name}{f', {axis.unit}' if axis.unit else ''}; default: {value_label(axis.default)}",
+        "scale": {
+            "domain": [min(positions.values()), max(positions.values())],
+            "nice": False,
+            "zero": False,
+            "padding": 12,
+        },
         "axis": {
-            "values": list(places.values()),
+            "values": list(positions.values()),
             "labelExpr": f"{labels}[indexof({at}, datum.value)]",
             "labelOverlap": "greedy",
             "grid": True,
@@ -95,19 +105,19 @@ def _along(found: Stability, axis: Axis, styles: Styles, metric: str) -> tuple[l
         "legend": {"orient": "bottom", "symbolType": "stroke"} if styles.legend else None,
         "scale": {"domain": list(NAMES.values()), "range": [_DASHES[kind] for kind in NAMES]},
     }
-    chosen = {"filter": f"light == '{ALL_LIGHTS}' || datum.light == light"}
-    drawn = [chosen, SHOWN, {"calculate": f"datum[{metric}]", "as": "y"}, {"filter": "isValid(datum.y)"}]
+    light_filter = {"filter": f"light == '{ALL_LIGHTS}' || datum.light == light"}
+    transform = [light_filter, SHOWN_ONLY, {"calculate": f"datum[{metric}]", "as": "y"}, {"filter": "isValid(datum.y)"}]
     tooltip = [{"field": name} for name in ("spec", "light", "at", "scores", "verdict")]
     limit = {"data": {"values": [LIMITS]}, "transform": [{"calculate": f"datum[{metric}]", "as": "y"}]}
     layer: list[Chart] = [
-        {**limit, "mark": {"type": "rule", "color": INK_NOW, "strokeDash": [2, 2]}, "encoding": {"y": y}},
+        {**limit, "mark": {"type": "rule", "color": INK_SIGNAL, "strokeDash": [2, 2]}, "encoding": {"y": y}},
         {
             **limit,
-            "mark": {"type": "text", "align": "left", "dx": 3, "dy": -6, "fontSize": 10.5, "color": INK_NOW},
+            "mark": {"type": "text", "align": "left", "dx": 3, "dy": -6, "fontSize": 10.5, "color": INK_SIGNAL},
             "encoding": {"x": {"value": 0}, "y": y, "text": {"value": "tolerance"}},
         },
         {
-            "transform": drawn,
+            "transform": transform,
             "mark": {"type": "line", "strokeWidth": 1.6},
             "encoding": {
                 "x": x,
@@ -119,18 +129,18 @@ def _along(found: Stability, axis: Axis, styles: Styles, metric: str) -> tuple[l
             },
         },
         {
-            "transform": drawn,
+            "transform": transform,
             "mark": {"type": "point", "filled": True, "size": 44, "strokeWidth": 1.2, "cursor": "crosshair"},
             "encoding": {
                 "x": x,
                 "y": y,
                 **channels,
-                "stroke": {"condition": {"test": "datum.broken", "value": INK_NOW}, "value": None},
+                "stroke": {"condition": {"test": "datum.broken", "value": INK_SIGNAL}, "value": None},
                 "tooltip": tooltip,
             },
         },
         {
-            "transform": [chosen, SHOWN, {"filter": "datum.ended"}],
+            "transform": [light_filter, SHOWN_ONLY, {"filter": "datum.ended"}],
             "mark": {"type": "text", "text": "✕", "fontSize": 14, "fontWeight": "bold", "cursor": "crosshair"},
             "encoding": {"x": x, "y": {"value": 7}, "color": channels["color"], "tooltip": tooltip},
         },
@@ -139,11 +149,11 @@ def _along(found: Stability, axis: Axis, styles: Styles, metric: str) -> tuple[l
 
 
 def _point(one: OperatingRange, light: str, row: Record, x: float) -> Chart:
-    """A row as the data of a chart; metrics that have no value are null."""
+    """The chart data of a row; metrics without a value are None."""
     broken, status = failure(row), str(row["status"])
     errors = _errors(row)
     if status == "ok":
-        verdict = "holds" if broken is None else f"out of tolerance: {broken}"
+        verdict = "in tolerance" if broken is None else f"out of tolerance: {broken}"
         scores = ", ".join(f"{name} {digits(value)}" for name, value in errors.items() if value is not None)
     else:
         verdict, scores = status, "none"
@@ -161,14 +171,14 @@ def _point(one: OperatingRange, light: str, row: Record, x: float) -> Chart:
 
 
 def _errors(row: Record) -> dict[str, float | None]:
-    """The metrics that are drawn, None where the row has none."""
-    values = dict(row.get("metrics", {})) | {"flips": row.get("flips")}
+    """The metrics in charts, by name; None without a value."""
+    values = row_metrics(row)
     iou = values.get("iou")
     return {name: (None if iou is None else 1 - iou) if name == ERROR else values.get(name) for name in LIMITS}
 
 
-def _places(axis: Axis, values: Sequence[Value]) -> dict[Value, float]:
-    """Where values stand, in the axis' own order: by logarithm where they span a decade, else one step apart."""
+def _positions(axis: Axis, values: Sequence[Value]) -> dict[Value, float]:
+    """Coordinates of values, in the order of the axis: logarithmic if they span a decade, else at equal distances."""
     numbers = [float(value) for value in values if not isinstance(value, str)]
     if len(numbers) < len(values) or len(numbers) < 2 or min(numbers) <= 0 or max(numbers) < 10 * min(numbers):
         return {value: float(index) for index, value in enumerate(values)}

@@ -1,4 +1,4 @@
-"""What rows say of a scene: its configurations, their Pareto front, and which accuracies they reach."""
+"""The results of each run, scene and light: configurations, and their Pareto front."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,13 +9,10 @@ from shadowbench.studies.folder import Run
 from shadowbench.studies.tables import Interval, SummaryRow, interval, summary_rows, titles
 from shadowbench.studies.times import ReferenceTime, normalise_times, pareto_front
 
-IOU_STEPS = (0.95, 0.99, 0.999)
-EDGE_STEPS = (1.0, 0.5, 0.25)
-
 
 @dataclass(frozen=True)
-class Pass:
-    """The median time of a pass, by the table's reference, and when it has to be drawn again."""
+class PassTime:
+    """Median time of a rendering pass, relative to the table's reference; changes: what invalidates its result."""
 
     name: str
     ms: float
@@ -24,46 +21,46 @@ class Pass:
 
 @dataclass(frozen=True, eq=False)
 class Configuration:
-    """A spec at a map size, with the medians of its cells over views, lights and phases."""
+    """A spec at one map size. row: medians over its views, lights and phases."""
 
     technique: str
     full_spec: str
     row: SummaryRow
-    passes: tuple[Pass, ...]
+    passes: tuple[PassTime, ...]
 
     @property
     def spec(self) -> str:
-        """As it was written, without the map's size."""
+        """The spec as written by the user, without the map size."""
         return self.row.spec
 
     @property
     def map_size(self) -> int | None:
-        """Texels along a side of the map; None without a map."""
+        """Side of the shadow map in texels; None without a map."""
         return self.row.map_size
 
     @property
     def label(self) -> str:
-        """Spec and map size, as people say it."""
+        """Spec and map size, as in `shadow-map at 1024`."""
         return f"{self.spec} at {self.map_size}" if self.map_size else self.spec
 
     @property
     def error(self) -> Interval | None:
-        """1 − IoU."""
+        """1 − IoU; None without a score."""
         iou = self.row.values["iou"]
         return None if iou is None else iou.complement()
 
     def value(self, name: str) -> float | None:
-        """The median of a metric or a time (`frame_ms`, …); None where there is none."""
+        """Median of a metric or time such as `frame_ms`; None if it was not measured."""
         found = self.row.values[name]
         return None if found is None else found.median
 
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """What one run measured in one scene under one light.
+    """Results of one run in one scene under one light.
 
-    `frame` has its times by one time of `reference`, which is None where nothing has a ratio; `configurations` stand
-    best first; `floor` is where no error is drawn.
+    frame: the run's cells, with times normalised to `reference`, which is None if no cell has a time ratio;
+    configurations: best first.
     """
 
     run: Run
@@ -74,41 +71,41 @@ class Section:
     configurations: tuple[Configuration, ...]
 
     @property
-    def held(self) -> list[Configuration]:
+    def scored(self) -> list[Configuration]:
         """The configurations with a score."""
         return [one for one in self.configurations if one.error is not None]
 
     @property
     def soft(self) -> bool:
         """Whether its shadows have penumbrae, so that the configurations are ranked by `rmse`."""
-        return any(one.row.soft for one in self.held)
+        return any(one.row.soft for one in self.scored)
 
     @property
     def timed(self) -> list[Configuration]:
-        """Those with a score and a time."""
-        return [one for one in self.held if one.value("frame_ms") is not None]
+        """The configurations with a score and a time."""
+        return [one for one in self.scored if one.value("frame_ms") is not None]
 
     @property
-    def floor(self) -> float:
-        """Half a pixel's worth of error: below every error there can be but none, which a log axis has no place for."""
+    def half_pixel(self) -> float:
+        """Error of half a wrong pixel, at which charts draw an error of 0, since a log axis has no zero."""
         receivers = self.frame["receivers"].dropna()
         return 0.5 / float(receivers.max()) if len(receivers) else 1e-7
 
     @property
     def file_stem(self) -> str:
-        """What files about it begin with: scene, light, view size, and coordinates unless they are the usual ones."""
+        """Start of the names of its chart files: scene, light, view size, and `absolute` for absolute coordinates."""
         first = self.frame.iloc[0]
         stem = f"{self.scene.replace(', ', '.')}.{first['view_size']}"
         return stem + (".absolute" if first["coordinates"] == "absolute" else "")
 
     @property
-    def cells(self) -> int:
-        """The most cells (views × phases) behind one configuration."""
+    def max_cells(self) -> int:
+        """Largest number of cells (views × phases) of any configuration."""
         return max((one.row.cells for one in self.configurations), default=0)
 
 
 def sections(runs: Sequence[Run]) -> dict[str, list[Section]]:
-    """By title, the sections of every run that measured it. Other lights, view sizes or coordinates are another."""
+    """The sections of all runs, by title. Different lights, view sizes or coordinates are different sections."""
     found: dict[str, list[Section]] = {}
     for run in runs:
         for (scene, size, coordinates), measured in run.frame.groupby(
@@ -122,13 +119,13 @@ def sections(runs: Sequence[Run]) -> dict[str, list[Section]]:
 
 
 def specs_of(sections: Sequence[Section]) -> list[str]:
-    """Every spec that their runs measured, in that order."""
+    """All specs that the sections' runs measured, in the order in which they were measured."""
     return list(dict.fromkeys(str(spec) for section in sections for spec in section.run.frame["spec"]))
 
 
 def _configurations(run: Run, frame: pd.DataFrame) -> list[Configuration]:
     return [
-        Configuration(str(group["technique"].iloc[0]), str(group["full_spec"].iloc[0]), row, _passes(run, group))
+        Configuration(str(group["technique"].iloc[0]), str(group["full_spec"].iloc[0]), row, _pass_times(run, group))
         for row in summary_rows(frame)
         for group in [frame[(frame["spec"] == row.spec) & _of_size(frame["map_size"], row.map_size)]]
     ]
@@ -138,32 +135,20 @@ def _of_size(sizes: "pd.Series[int]", size: int | None) -> "pd.Series[bool]":
     return sizes.isna() if size is None else sizes.eq(size).fillna(False)
 
 
-def _passes(run: Run, group: pd.DataFrame) -> tuple[Pass, ...]:
+def _pass_times(run: Run, group: pd.DataFrame) -> tuple[PassTime, ...]:
     times = [run.results[int(index)].time for index in group.index]
     names = list(dict.fromkeys(name for time in times if time for name in time["passes"]))
     passes = []
     for name in names:
-        held = [time["passes"][name] for time in times if time and name in time["passes"]]
+        records = [time["passes"][name] for time in times if time and name in time["passes"]]
         median = interval(group[f"pass_{name}_ms"].tolist())
         if median is not None:
-            passes.append(Pass(name, median.median, str(held[0].get("changes", "frame"))))
+            passes.append(PassTime(name, median.median, str(records[0].get("changes", "frame"))))
     return tuple(passes)
 
 
 def front(section: Section) -> list[Configuration]:
-    """The configurations that none beats in both error and time, fastest and least accurate first."""
+    """The Pareto-optimal configurations in error and time, fastest and least accurate first."""
     timed = section.timed
     points = [(one.row.values["frame_ms"], one.error) for one in timed]
     return [timed[index] for index in pareto_front([(ms.median, error.median) for ms, error in points if ms and error])]
-
-
-def reaches_iou(one: Configuration, step: float) -> bool:
-    """Whether the median IoU is the step or better."""
-    value = one.value("iou")
-    return value is not None and value >= step
-
-
-def reaches_edge(one: Configuration, step: float) -> bool:
-    """Whether the shadows' edges are off by the step's pixels or less."""
-    value = one.value("edge_px")
-    return value is not None and value <= step

@@ -1,4 +1,4 @@
-"""Configurations as points, and logarithmic axes that hold them all, those without any error too."""
+"""Chart data of configurations, and logarithmic axes for errors and times, on which an error of 0 has a place."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -9,20 +9,20 @@ from shadowbench.reports.words import digits
 Chart = dict[str, Any]
 
 
-def point_of(section: Section, one: Configuration) -> Chart:
-    """A configuration that has a score as the data of a chart: numbers to place it, texts to tell what it is."""
+def chart_point(section: Section, one: Configuration) -> Chart:
+    """The chart data of a scored configuration: coordinates, and texts for its tooltip."""
     error = one.error
-    assert error is not None  # only what has a score is drawn
+    assert error is not None  # only scored configurations are drawn
     ms, iqr, ratio = (one.value(name) for name in ("frame_ms", "frame_iqr_ms", "ratio"))
-    rough = "; rough" if one.row.wide else ""
+    rough = "; rough" if one.row.rough else ""
     return {
-        **texts_of(one),
+        **tooltip_texts(one),
         "full spec": one.full_spec,
         "size": one.map_size,
         "error": error.median,
-        "drawn": max(error.median, section.floor),
-        "low": max(error.median if error.low is None else error.low, section.floor),
-        "high": max(error.median if error.high is None else error.high, section.floor),
+        "drawn": max(error.median, section.half_pixel),
+        "low": max(error.median if error.low is None else error.low, section.half_pixel),
+        "high": max(error.median if error.high is None else error.high, section.half_pixel),
         "ms": ms,
         "time": "not timed"
         if ms is None
@@ -33,8 +33,8 @@ def point_of(section: Section, one: Configuration) -> Chart:
     }
 
 
-def texts_of(one: Configuration) -> Chart:
-    """What is said of a configuration that has a score, wherever it is a point."""
+def tooltip_texts(one: Configuration) -> Chart:
+    """The tooltip texts of a scored configuration that all charts share."""
     error = one.error
     assert error is not None
     return {
@@ -48,8 +48,8 @@ def texts_of(one: Configuration) -> Chart:
     }
 
 
-def label(points: Sequence[Chart]) -> None:
-    """Give the points of a front their labels, but where one would lie on the last."""
+def label_points(points: Sequence[Chart]) -> None:
+    """Add labels to the points of a Pareto front, except where one would overlap the previous label."""
     last: Chart | None = None
     for point in sorted(points, key=lambda point: point["ms"]):
         near = last is not None and point["ms"] < 1.2 * last["ms"] and point["drawn"] > 0.6 * last["drawn"]
@@ -63,7 +63,7 @@ def _text(one: Configuration, name: str) -> str:
 
 
 def error_axis(values: Sequence[float]) -> Chart:
-    """The y channel of charts of errors, `values` being all that is drawn."""
+    """The y channel of an error chart; values: all errors drawn."""
     return {
         "field": "drawn",
         "type": "quantitative",
@@ -73,10 +73,10 @@ def error_axis(values: Sequence[float]) -> Chart:
 
 
 def log_axis(channel: str, values: Sequence[float]) -> Chart:
-    """Scale and axis with some air around the values; over many decades only powers of ten are labelled."""
+    """A logarithmic scale and axis with a margin; over many decades only powers of ten are labelled."""
     decades = f"log(domain('{channel}')[1] / domain('{channel}')[0]) / LN10"
     leading = "round(datum.value / pow(10, floor(log(datum.value) / LN10 + 1e-9)))"
-    wanted = f"{leading} == 1 || {decades} < 2.2 && indexof([2, 5], {leading}) >= 0 || {decades} < 0.8"
+    labelled = f"{leading} == 1 || {decades} < 2.2 && indexof([2, 5], {leading}) >= 0 || {decades} < 0.8"
     return {
         "scale": {
             "type": "log",
@@ -85,19 +85,19 @@ def log_axis(channel: str, values: Sequence[float]) -> Chart:
         },
         "axis": {
             "grid": True,
-            "gridOpacity": {"condition": {"test": wanted, "value": 1}, "value": 0},
-            "labelExpr": f"{wanted} ? format(datum.value, '.6~r') : ''",
+            "gridOpacity": {"condition": {"test": labelled, "value": 1}, "value": 0},
+            "labelExpr": f"{labelled} ? format(datum.value, '.6~r') : ''",
             "labelOverlap": True,
         },
     }
 
 
-def zero_rule(section: Section, points: Sequence[Chart]) -> list[Chart]:
-    """Where no error is drawn, and words that say so; nothing if there is no such point."""
+def zero_error_rule(section: Section, points: Sequence[Chart]) -> list[Chart]:
+    """The labelled line at which an error of 0 is drawn; empty if no point has one."""
     if all(point["error"] > 0 for point in points):
         return []
-    y = {"datum": section.floor, "type": "quantitative"}
-    words = f"no wrong pixel: drawn at half a pixel ({digits(section.floor)})"
+    y = {"datum": section.half_pixel, "type": "quantitative"}
+    text = f"no wrong pixel: drawn at half a pixel ({digits(section.half_pixel)})"
     return [
         {
             "data": {"values": [{}]},
@@ -116,6 +116,6 @@ def zero_rule(section: Section, points: Sequence[Chart]) -> list[Chart]:
                 "opacity": 0.75,
                 "clip": True,
             },
-            "encoding": {"x": {"value": 0}, "y": y, "text": {"value": words}},
+            "encoding": {"x": {"value": 0}, "y": y, "text": {"value": text}},
         },
     ]

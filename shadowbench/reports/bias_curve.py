@@ -1,26 +1,26 @@
-"""Acne against contact as a bias is multiplied: a chart for each spec that a study swept, a line for each map size."""
+"""Charts of bias sweeps: acne against peter-panning over bias factors, one per swept spec, with a line per map size."""
 
 from shadowbench.reports.analysis import Configuration, Section
-from shadowbench.reports.axes import Chart, texts_of
-from shadowbench.reports.charts import INK_NOW, chart_of
+from shadowbench.reports.axes import Chart, tooltip_texts
+from shadowbench.reports.charts import INK_SIGNAL, chart_of
 from shadowbench.reports.styles import COLORS
 from shadowbench.studies.sweeps import Curve, curves
 
 _TICKS = (0.0, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
-_LINEAR_BELOW = 1e-3  # where a share is drawn in proportion: a logarithm has no place for none
+_LINEAR_BELOW = 1e-3  # the scale is linear below this share and logarithmic above, so that it includes 0
 _TOOLTIP = ("spec", "map", "× bias", "acne", "contact", "1 − IoU", "SSIM")
 
 
 def bias_charts(section: Section) -> list[tuple[str, Chart]]:
-    """By swept spec, its chart; none where no bias was swept, or none that lacks acne or contact."""
-    found = curves([one.row for one in section.held], section.run.sweep_positions)
-    homes = dict.fromkeys(one.base for one in found)
-    made = [(home, _chart(section, home, [one for one in found if one.base == home])) for home in homes]
-    return [(home, chart) for home, chart in made if chart is not None]
+    """Pairs of a swept spec and its chart; specs without values of acne and contact are left out."""
+    found = curves([one.row for one in section.scored], section.run.sweep_positions)
+    bases = dict.fromkeys(one.base for one in found)
+    charts = [(base, _chart(section, base, [one for one in found if one.base == base])) for base in bases]
+    return [(base, chart) for base, chart in charts if chart is not None]
 
 
-def _chart(section: Section, home: str, found: list[Curve]) -> Chart | None:
-    by_row = {id(one.row): one for one in section.held}
+def _chart(section: Section, base: str, found: list[Curve]) -> Chart | None:
+    by_row = {id(one.row): one for one in section.scored}
     points = [
         point for curve in found for factor, row in curve.rows if (point := _point(curve, factor, by_row[id(row)]))
     ]
@@ -46,16 +46,16 @@ def _chart(section: Section, home: str, found: list[Curve]) -> Chart | None:
                 "x": x,
                 "y": y,
                 "color": color,
-                "stroke": {"condition": {"test": "datum.best", "value": INK_NOW}, "value": None},
+                "stroke": {"condition": {"test": "datum.best", "value": INK_SIGNAL}, "value": None},
                 "tooltip": tooltip,
             },
         },
         {
-            "mark": {"type": "text", "align": "left", "dx": 7, "dy": -7, "fontSize": 11, "color": INK_NOW},
+            "mark": {"type": "text", "align": "left", "dx": 7, "dy": -7, "fontSize": 11, "color": INK_SIGNAL},
             "encoding": {"x": x, "y": y, "text": {"field": "× bias"}},
         },
     ]
-    return chart_of(f"Acne against contact of {home} in {section.title}", points, layer, 320)
+    return chart_of(f"Acne against contact of {base} in {section.title}", points, layer, 320)
 
 
 def _point(curve: Curve, factor: float, one: Configuration) -> Chart | None:
@@ -63,7 +63,7 @@ def _point(curve: Curve, factor: float, one: Configuration) -> Chart | None:
     if acne is None or contact is None:
         return None
     return {
-        **texts_of(one),
+        **tooltip_texts(one),
         "× bias": f"×{factor:g}",
         "factor": factor,
         "best": factor == curve.best,

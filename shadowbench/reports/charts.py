@@ -1,19 +1,19 @@
-"""The charts of a section as Vega-Lite: one description for the page, where it is alive, and for the PNG of a paper."""
+"""Vega-Lite charts of a section, for the interactive page and for PNG figures."""
 
 from collections.abc import Sequence
 
 from shadowbench.reports.analysis import Section, front
-from shadowbench.reports.axes import Chart, error_axis, label, log_axis, point_of, zero_rule
+from shadowbench.reports.axes import Chart, chart_point, error_axis, label_points, log_axis, zero_error_rule
 from shadowbench.reports.styles import COLORS, INK, Styles
-from shadowbench.reports.words import digits, section_notes, times_are
+from shadowbench.reports.words import digits, section_notes, time_source
 
 _GRID = "#e6e6e6"
 _BAR = 36
 _PASS_TIMES = [
-    "ms of passes timed one by one,",
+    "ms; passes are timed separately,",
     "each finished before the next,",
     "so that their sum may exceed the frame;",
-    "tick: the whole frame, timed apart",
+    "tick: the whole frame, timed separately",
 ]
 _TOOLTIP = [
     "spec",
@@ -33,51 +33,51 @@ _TOOLTIP = [
 
 
 def front_chart(section: Section, styles: Styles) -> Chart | None:
-    """Error against time: every configuration faint, the Pareto front bold; None where nothing was timed."""
+    """Error against frame time of all configurations, with the Pareto front emphasised; None without times."""
     best = front(section)
-    points = [{**point_of(section, one), "front": one in best} for one in section.timed]
+    points = [{**chart_point(section, one), "front": one in best} for one in section.timed]
     if not points:
         return None
-    label([point for point in points if point["front"]])
+    label_points([point for point in points if point["front"]])
     title = f"frame time, ms{' (software renderer)' if section.run.software else ''}"
     x = {"field": "ms", "type": "quantitative", "title": title, **log_axis("x", [point["ms"] for point in points])}
     y = error_axis([point["drawn"] for point in points])
-    on_front, told = [{"filter": "datum.front"}], [{"field": name} for name in _TOOLTIP]
+    on_front, tooltip = [{"filter": "datum.front"}], [{"field": name} for name in _TOOLTIP]
     layer: list[Chart] = [
-        *zero_rule(section, points),
+        *zero_error_rule(section, points),
         {
             "transform": on_front,
-            "mark": {"type": "line", "interpolate": "step-after", "color": INK_NOW, "strokeWidth": 2, "clip": True},
+            "mark": {"type": "line", "interpolate": "step-after", "color": INK_SIGNAL, "strokeWidth": 2, "clip": True},
             "encoding": {"x": x, "y": y, "order": {"field": "ms"}},
         },
         {
             "transform": [{"filter": "datum.front && datum.shown === false"}],
-            "mark": {"type": "point", "filled": True, "color": INK_NOW, "size": 25, "clip": True},
-            "encoding": {"x": x, "y": y, "tooltip": told},
+            "mark": {"type": "point", "filled": True, "color": INK_SIGNAL, "size": 25, "clip": True},
+            "encoding": {"x": x, "y": y, "tooltip": tooltip},
         },
         {
             "params": [_ZOOM],
-            "transform": [SHOWN],
+            "transform": [SHOWN_ONLY],
             "mark": {"type": "point", "filled": True, "clip": True, "strokeWidth": 1.5, "cursor": "crosshair"},
             "encoding": {
                 "x": x,
                 "y": y,
                 **styles.channels(one.spec for one in section.timed),
                 "size": {"condition": {"test": "datum.front", "value": 140}, "value": 60},
-                "stroke": {"condition": {"test": "datum.front", "value": INK_NOW}, "value": None},
+                "stroke": {"condition": {"test": "datum.front", "value": INK_SIGNAL}, "value": None},
                 "opacity": {"condition": {"test": "datum.front", "value": 1}, "value": 0.55},
-                "tooltip": told,
+                "tooltip": tooltip,
             },
         },
         {
-            "transform": [*on_front, SHOWN],
+            "transform": [*on_front, SHOWN_ONLY],
             "mark": {
                 "type": "text",
                 "align": "left",
                 "dx": 8,
                 "dy": -9,
                 "fontSize": 11,
-                "color": INK_NOW,
+                "color": INK_SIGNAL,
                 "clip": True,
             },
             "encoding": {"x": x, "y": y, "text": {"field": "label"}},
@@ -87,8 +87,8 @@ def front_chart(section: Section, styles: Styles) -> Chart | None:
 
 
 def size_chart(section: Section, styles: Styles) -> Chart | None:
-    """Error against map size, a line for each spec, with intervals where it has several cells; None without maps."""
-    points = [point_of(section, one) for one in section.held]
+    """Error against map size, a line per spec, with confidence intervals over its cells; None without maps."""
+    points = [chart_point(section, one) for one in section.scored]
     sizes = sorted({point["size"] for point in points if point["size"]})
     if not sizes:
         return None
@@ -104,10 +104,10 @@ def size_chart(section: Section, styles: Styles) -> Chart | None:
     }
     channels = styles.channels(point["spec"] for point in points)
     color = channels["color"]
-    mapped, unmapped = [{"filter": "datum.size"}, SHOWN], [{"filter": "!datum.size"}, SHOWN]
+    mapped, unmapped = [{"filter": "datum.size"}, SHOWN_ONLY], [{"filter": "!datum.size"}, SHOWN_ONLY]
     tooltip = [{"field": name} for name in _TOOLTIP]
     layer: list[Chart] = [
-        *zero_rule(section, points),
+        *zero_error_rule(section, points),
         {
             "transform": unmapped,
             "mark": {"type": "rule", "strokeDash": [6, 4], "strokeWidth": 2},
@@ -144,42 +144,42 @@ def size_chart(section: Section, styles: Styles) -> Chart | None:
 
 
 def pass_chart(section: Section, size: int | None) -> Chart | None:
-    """The time of each pass of every spec at one map size or without a map; None where no pass was timed.
+    """Stacked bars of the pass times of specs at one map size and of those without a map; None without times.
 
-    Passes are stacked as their spec draws them, one after the other.
+    Passes are stacked in the order in which they are drawn.
     """
     shown = sorted(
         (one for one in section.timed if one.passes and one.map_size in (None, size)),
         key=lambda one: one.value("frame_ms") or 0.0,
     )
-    names = list(dict.fromkeys(made.name for one in section.timed for made in one.passes))
+    names = list(dict.fromkeys(timed.name for one in section.timed for timed in one.passes))
     if not shown:
         return None
     bars = [
         {
             "spec": one.spec,
             "row": row,
-            "pass": made.name,
+            "pass": timed.name,
             "rank": rank,
-            "ms": made.ms,
-            "time": f"{digits(made.ms)} ms",
-            "again": _CHANGES.get(made.changes, made.changes),
+            "ms": timed.ms,
+            "time": f"{digits(timed.ms)} ms",
+            "redrawn": _CHANGES.get(timed.changes, timed.changes),
             "frame": one.value("frame_ms"),
-            "whole": f"{digits(one.value('frame_ms') or 0)} ms",
-            "first": made is one.passes[0],
+            "whole frame": f"{digits(one.value('frame_ms') or 0)} ms",
+            "first": timed is one.passes[0],
         }
         for row, one in enumerate(shown)
-        for rank, made in enumerate(one.passes)
+        for rank, timed in enumerate(one.passes)
     ]
-    marks = [COLORS[index % len(COLORS)] for index in range(len(names))]
+    colors = [COLORS[index % len(COLORS)] for index in range(len(names))]
     y = {"field": "row", "type": "ordinal", "axis": None, "scale": {"paddingInner": 0.55, "paddingOuter": 0.4}}
-    where = f"map size {size}" if size else "no maps"
+    at_size = f"map size {size}" if size else "no maps"
     x = {"field": "ms", "type": "quantitative", "title": _PASS_TIMES}
-    first = [{"filter": "datum.first"}, SHOWN]
+    first = [{"filter": "datum.first"}, SHOWN_ONLY]
     layer: list[Chart] = [
         {
-            "transform": [SHOWN],
-            "mark": {"type": "bar", "stroke": PAPER_NOW, "strokeWidth": 0.8},
+            "transform": [SHOWN_ONLY],
+            "mark": {"type": "bar", "stroke": PAPER_SIGNAL, "strokeWidth": 0.8},
             "encoding": {
                 "y": y,
                 "x": {**x, "stack": "zero"},
@@ -187,20 +187,20 @@ def pass_chart(section: Section, size: int | None) -> Chart | None:
                 "color": {
                     "field": "pass",
                     "title": None,
-                    "scale": {"domain": names, "range": marks},
+                    "scale": {"domain": names, "range": colors},
                     "legend": {"orient": "top", "columns": {"expr": "max(2, floor(width / 110))"}},
                 },
-                "tooltip": [{"field": name} for name in ("spec", "pass", "time", "again", "whole")],
+                "tooltip": [{"field": name} for name in ("spec", "pass", "time", "redrawn", "whole frame")],
             },
         },
         {
             "transform": first,
             "mark": {
                 "type": "tick",
-                "color": INK_NOW,
+                "color": INK_SIGNAL,
                 "thickness": 3,
                 "bandSize": 20,
-                "stroke": PAPER_NOW,
+                "stroke": PAPER_SIGNAL,
                 "opacity": 1,
             },
             "encoding": {"y": y, "x": {"field": "frame", "type": "quantitative"}},
@@ -212,32 +212,32 @@ def pass_chart(section: Section, size: int | None) -> Chart | None:
                 "align": "left",
                 "baseline": "bottom",
                 "yOffset": -10,
-                "color": INK_NOW,
+                "color": INK_SIGNAL,
                 "fontSize": 11,
             },
             "encoding": {"y": y, "x": {"datum": 0}, "text": {"field": "spec"}},
         },
     ]
-    made = chart_of(f"Time of each pass in {section.title}, {where}", bars, layer, _BAR * len(shown) + 12)
-    return {**made, "usermeta": {"row": _BAR}}  # from which a page that shows fewer takes its height
+    chart = chart_of(f"Time of each pass in {section.title}, {at_size}", bars, layer, _BAR * len(shown) + 12)
+    return {**chart, "usermeta": {"row": _BAR}}  # the page scales the height by the number of rows shown
 
 
 def default_size(section: Section) -> int | None:
-    """The map size that a chart of one size shows: the middle one, or the lesser of two; None without maps."""
+    """The map size of charts that show one: the median size, rounded down; None without maps."""
     sizes = sorted({one.map_size for one in section.timed if one.map_size})
     return sizes[(len(sizes) - 1) // 2] if sizes else None
 
 
-def figure(chart: Chart, section: Section) -> Chart:
-    """The chart as it stands alone in a paper: with a title, and a width; its legend is in it."""
-    return titled(chart, section.title, f"{section.run.renderer}; {times_are(section.run)}", *section_notes(section))
+def section_figure(chart: Chart, section: Section) -> Chart:
+    """A chart as a standalone figure, titled with the section, its renderer and its notes."""
+    return titled(chart, section.title, f"{section.run.renderer}; {time_source(section.run)}", *section_notes(section))
 
 
-def titled(chart: Chart, title: str, *below: str, width: int | None = 760) -> Chart:
-    """The chart with a title, lines below that, and a width; None for one whose panels have theirs."""
-    head = {"text": title, "subtitle": below, "anchor": "start", "offset": 10}
+def titled(chart: Chart, title: str, *subtitle: str, width: int | None = 760) -> Chart:
+    """A chart with a title, subtitle lines and a width; None for a chart whose panels have widths."""
+    heading = {"text": title, "subtitle": subtitle, "anchor": "start", "offset": 10}
     sized = {} if width is None else {"width": width}
-    return {**chart, **sized, "autosize": "pad", "padding": 12, "title": head}
+    return {**chart, **sized, "autosize": "pad", "padding": 12, "title": heading}
 
 
 _CHANGES = {
@@ -245,7 +245,7 @@ _CHANGES = {
     "view": "when light or camera moves",
     "frame": "every frame",
 }
-# A wheel alone scrolls the page, and so does a finger; the page has buttons for both.
+# Wheel and touch alone scroll the page; the page has buttons for zoom and reset.
 _ZOOM = {
     "name": "zoom",
     "bind": "scales",
@@ -255,12 +255,12 @@ _ZOOM = {
         "translate": "[pointerdown[event.pointerType !== 'touch'], window:pointerup] > window:pointermove!",
     },
 }
-# A page in the dark sets these two.
-INK_NOW, PAPER_NOW = {"expr": "ink"}, {"expr": "paper"}
-# A page hides specs that are beyond what its charts hold.
-SHOWN = {"filter": "datum.shown !== false"}
+# Signals that the page sets to the colours of its theme.
+INK_SIGNAL, PAPER_SIGNAL = {"expr": "ink"}, {"expr": "paper"}
+# The page shows only some specs at a time.
+SHOWN_ONLY = {"filter": "datum.shown !== false"}
 
-LOOK: Chart = {
+BASE_CHART: Chart = {
     "$schema": "https://vega.github.io/schema/vega-lite/v6.json",
     "config": {
         "background": "white",
@@ -274,9 +274,9 @@ PARAMS: list[Chart] = [{"name": "ink", "value": INK}, {"name": "paper", "value":
 
 
 def chart_of(about: str, values: Sequence[Chart], layer: Sequence[Chart], height: int) -> Chart:
-    """What every chart has: a description for those who do not see it, a width that follows the page, one look."""
+    """A layered chart in the common style; about: alternative text; values: its data; height: in pixels."""
     return {
-        **LOOK,
+        **BASE_CHART,
         "description": about,
         "width": "container",
         "height": height,

@@ -1,4 +1,4 @@
-"""The charts as PNG files, for papers."""
+"""The charts of a report as PNG figures for papers."""
 
 import io
 import re
@@ -11,22 +11,21 @@ from shadowbench.reports.along_axes import axis_figure
 from shadowbench.reports.analysis import Section, specs_of
 from shadowbench.reports.axes import Chart
 from shadowbench.reports.bias_curve import bias_charts
-from shadowbench.reports.charts import default_size, figure, front_chart, pass_chart, size_chart, titled
+from shadowbench.reports.charts import default_size, front_chart, pass_chart, section_figure, size_chart, titled
 from shadowbench.reports.heat_map import heat_map
 from shadowbench.reports.stability import Stability
 from shadowbench.reports.styles import styles_of
 from shadowbench.reports.words import tolerances
 
 _SCALE = 2.5  # 760 units of width become 1900 pixels: 16 cm at 300 dots an inch
-_CELL = 64  # units of a heat map's cell, in which its text has room
+_CELL = 64  # width of a heat map's cell in units, enough for its text
 
 
 def figures(scenes: Mapping[str, Sequence[Section]], swept: Sequence[Stability]) -> Iterator[tuple[str, bytes]]:
-    """File name and PNG of every chart.
+    """Generate (file name, PNG bytes) of every chart.
 
-    SCENE.VIEW-SIZE.front.png, .sizes.png, .passes.png, of each bias that was swept .bias-1.png, and where there are
-    several runs the run's label before the kind; of a sweep stability.png and stability.AXIS.png, with its label
-    likewise.
+    Per section: SCENE.VIEW-SIZE.KIND.png, where KIND is front, sizes, passes, or bias-1, … for bias sweeps; per sweep:
+    stability.png and stability.AXIS.png. With several runs or sweeps, their label comes before the last part.
     """
     every = [section for parts in scenes.values() for section in parts]
     several = len({section.run.label for section in every}) > 1
@@ -39,9 +38,9 @@ def figures(scenes: Mapping[str, Sequence[Section]], swept: Sequence[Stability])
             ("passes", pass_chart(section, default_size(section))),
         ):
             if chart is not None:
-                yield _file(f"{stem}.{kind}"), _png(figure(chart, section))
-        for number, (home, chart) in enumerate(bias_charts(section), start=1):
-            yield _file(f"{stem}.bias-{number}"), _png(titled(chart, section.title, f"bias of {home}, multiplied"))
+                yield _file(f"{stem}.{kind}"), _png(section_figure(chart, section))
+        for number, (base, chart) in enumerate(bias_charts(section), start=1):
+            yield _file(f"{stem}.bias-{number}"), _png(titled(chart, section.title, f"bias of {base}, multiplied"))
     for found in swept:
         stem = "stability" + (f".{found.sweep.label}" if len(swept) > 1 else "")
         styles = styles_of(found.specs, legend=True)
@@ -59,11 +58,11 @@ def _file(name: str) -> str:
 
 
 def _png(chart: Chart) -> bytes:
-    return _small(vl_convert.vegalite_to_png(chart, scale=_SCALE))
+    return _compressed(vl_convert.vegalite_to_png(chart, scale=_SCALE))
 
 
-def _small(png: bytes) -> bytes:
-    """The same picture in a fifth of the bytes: without transparency, and packed with more care."""
+def _compressed(png: bytes) -> bytes:
+    """The same image without transparency and better compressed: about a fifth of the size."""
     file = io.BytesIO()
     with Image.open(io.BytesIO(png)) as image:
         image.convert("RGB").save(file, format="PNG", optimize=True, dpi=(72 * _SCALE, 72 * _SCALE))

@@ -1,7 +1,7 @@
-"""Images of cells, as small as a page can carry them: masks, and what a page blends them with.
+"""Pictures of cells for the HTML page, compressed and encoded as data URIs.
 
-A page shades a mask itself, from its view lit and in shadow everywhere, and takes differences from the truth: a cell
-costs it one small mask.
+Only a mask is stored per cell. The page's script shades it, from images of the view without shadow and in full shadow,
+and computes its difference from the truth.
 """
 
 import base64
@@ -27,138 +27,140 @@ from shadowbench.scores.difference import difference_over
 from shadowbench.scores.masks import read_mask
 from shadowbench.studies.folder import Folder
 
-PIXELS = 160 * 1024 * 1024  # of all masks in a report, 28 MB of pure noise: more, or larger ones, are shown smaller
-_SMALLEST = 128  # pixels a side
-_STEPS = 16  # of a difference's colour
+MAX_PIXELS = 160 * 1024 * 1024  # of all masks in a report, 28 MB if they are noise; larger masks are scaled down
+_MIN_SIZE = 128  # pixels along a side
+_STEPS = 16  # quantisation of a difference's colour, for compression
 
 
 @dataclass(frozen=True)
-class Shot:
-    """A cell whose pictures are shown. `place` says where it stands; cells of one place share a truth.
+class GalleryCell:
+    """A cell whose picture is shown.
 
-    `said`: what stands above its pictures.
+    view_name: camera and light, or axis value and light; cells of the same view share a truth. caption: text below the
+    picture.
     """
 
     row: Record
     spec: str
     map_size: int | None
-    place: str
-    said: str
+    view_name: str
+    caption: str
 
     @property
     def truth(self) -> str:
-        """The name of its truth's file, without `.png`."""
+        """Name of the file of its truth, without `.png`."""
         return ".".join(str(self.row[name]) for name in ("scene", "view", "light", "view_size"))
 
 
 @dataclass(frozen=True)
 class Gallery:
-    """What a page needs to show pictures; images are data URIs, None where the folder lacks the file.
+    """The pictures of a section or sweep as JSON data; images are data URIs, None if the file is missing.
 
-    `cells`: dicts of spec, map size, place, IoU, what is said, mask, and the picture where a view has no shading;
-    `places`: by place, its truth, undecided pixels, and the view lit and in shadow everywhere. `notes` say what is
-    lacking, and what is shown smaller than it is.
+    cells: dicts of spec, size, view, iou, caption, mask, and picture, used if the view has no shading images; views: by
+    view name, images of the truth, the undecided pixels, and the view without shadow (lit) and in full shadow
+    (ambient); notes: on missing files and on scaling.
     """
 
     cells: tuple[dict[str, Any], ...]
-    places: dict[str, dict[str, str | None]]
+    views: dict[str, dict[str, str | None]]
     notes: tuple[str, ...]
 
 
-def shots_of_section(section: Section) -> list[Shot]:
-    """The cells that held, in their first phase, by view and light."""
+def scored_cells(section: Section) -> list[GalleryCell]:
+    """The successful cells of a section, of its first phase only."""
     times = section.frame["frame_ms"]
     cells = [(section.run.results[int(index)], float(times[index])) for index in section.frame.index]
-    held = [(result.score, ms) for result, ms in cells if result.score["status"] == "ok"]
-    first = min((score.get("phase") or 0 for score, _ in held), default=0)
+    scored = [(result.score, ms) for result, ms in cells if result.score["status"] == "ok"]
+    first = min((score.get("phase") or 0 for score, _ in scored), default=0)
     software = " (software renderer)" if section.run.software else ""
-    shots = []
-    for score, ms in held:
+    found = []
+    for score, ms in scored:
         if (score.get("phase") or 0) != first:
             continue
         iou, edge = (score["metrics"].get(name) for name in ("iou", "edge_px"))
-        said = [
+        caption = [
             _iou(iou),
             "edge –" if edge is None else f"edge {digits(edge)} px",
             "not timed" if math.isnan(ms) else f"{digits(ms)} ms{software}",
         ]
-        place = f"{score['view']}, {score['light']}"
-        shots.append(Shot(score, score["spec"], score["map_size"], place, ", ".join(said)))
-    return shots
+        view_name = f"{score['view']}, {score['light']}"
+        found.append(GalleryCell(score, score["spec"], score["map_size"], view_name, ", ".join(caption)))
+    return found
 
 
-def shots_of_breaks(found: Stability) -> list[Shot]:
-    """The cells at which ranges end and which drew something, by axis, value and light."""
-    shots = []
-    for one, broken, row in found.breaking_points():
+def breaking_cells(stability: Stability) -> list[GalleryCell]:
+    """The cells at the breaking points of a sweep that have a picture."""
+    found = []
+    for one, broken, row in stability.breaking_points():
         if row["status"] == "ok":
-            place = f"{one.axis.name} {value_text(one.axis, broken.value)}, {row['light']}"
-            shots.append(Shot(row, one.spec, None, place, f"{broken.failure}: {_iou(row['metrics'].get('iou'))}"))
-    return shots
+            view_name = f"{one.axis.name} {value_text(one.axis, broken.value)}, {row['light']}"
+            caption = f"{broken.failure}: {_iou(row['metrics'].get('iou'))}"
+            found.append(GalleryCell(row, one.spec, None, view_name, caption))
+    return found
 
 
-def side(shots: Iterable[Shot]) -> int:
-    """The most pixels a side at which the pictures of all cells stay within PIXELS: small ones keep their size."""
-    areas = sorted(int(shot.row["view_size"]) ** 2 for shot in shots)
-    left = PIXELS
+def size_limit(cells: Iterable[GalleryCell]) -> int:
+    """Side in pixels to which larger pictures are scaled down, so that all together have at most MAX_PIXELS."""
+    areas = sorted(int(cell.row["view_size"]) ** 2 for cell in cells)
+    remaining = MAX_PIXELS
     for index, area in enumerate(areas):
-        fair = left / (len(areas) - index)
-        if area > fair:
-            return max(_SMALLEST, int(fair**0.5))
-        left -= area
+        share = remaining / (len(areas) - index)
+        if area > share:
+            return max(_MIN_SIZE, int(share**0.5))
+        remaining -= area
     return 1 << 14
 
 
-def gallery(folder: Path, shots: Sequence[Shot], most: int) -> Gallery | None:
-    """The images that a folder holds of some cells, at most `most` pixels a side; None where it holds none.
+def gallery(folder: Path, cells: Sequence[GalleryCell], max_size: int) -> Gallery | None:
+    """The pictures of cells from a folder, scaled down to at most `max_size` pixels a side; None if it has none.
 
-    InputError for a file that is no mask or picture.
+    Raises InputError for a file that is not a valid mask or picture.
     """
-    one_of_each = {shot.place: shot for shot in shots}
-    places = {place: _place(folder / "truth", shot, most) for place, shot in one_of_each.items()}
+    one_per_view = {cell.view_name: cell for cell in cells}
+    views = {name: _view(folder / "truth", cell, max_size) for name, cell in one_per_view.items()}
     with ThreadPoolExecutor() as threads:
-        cells = list(threads.map(lambda shot: _cell(shot, folder, places[shot.place], most), shots))
-    if not any(cell["picture"] or cell["mask"] for cell in cells):
+        pictures = list(threads.map(lambda cell: _cell(cell, folder, views[cell.view_name], max_size), cells))
+    if not any(picture["picture"] or picture["mask"] for picture in pictures):
         return None
-    lacks = {
-        "mask": any(cell["mask"] is None for cell in cells),
-        "truth": any(place["truth"] is None for place in places.values()),
-        "shading": any(places[cell["place"]]["lit"] is None and cell["picture"] is None for cell in cells),
+    absent = {
+        "mask": any(picture["mask"] is None for picture in pictures),
+        "truth": any(view["truth"] is None for view in views.values()),
+        "shading": any(views[one["view"]]["lit"] is None and one["picture"] is None for one in pictures),
     }
-    lacking = " and no ".join(name for name, some in lacks.items() if some)
-    size = max(int(shot.row["view_size"]) for shot in shots)
+    missing = " and no ".join(name for name, some in absent.items() if some)
+    size = max(int(cell.row["view_size"]) for cell in cells)
     notes = (
-        f"{folder.name} has no {lacking} of some of these cells." if lacking else "",
-        f"Shown at {most}² of {size}² pixels." if most < size else "",
+        f"{folder.name} has no {missing} for some of these cells." if missing else "",
+        f"Scaled down from {size}² to {max_size}² pixels." if max_size < size else "",
     )
-    return Gallery(tuple(cells), places, tuple(filter(None, notes)))
+    return Gallery(tuple(pictures), views, tuple(filter(None, notes)))
 
 
 def no_pictures(folder: Folder) -> str:
-    """Why nothing of a folder is shown."""
-    return f"No pictures: {folder.folder.name} holds neither pictures/ nor masks/ of these cells."
+    """A note that a folder has no pictures."""
+    return f"No pictures: {folder.folder.name} has neither pictures/ nor masks/ of these cells."
 
 
-def _place(folder: Path, shot: Shot, most: int) -> dict[str, str | None]:
-    size = int(shot.row["view_size"])
-    masks = {"truth": folder / f"{shot.truth}.png", "undecided": folder / f"{shot.truth}.undecided.png"}
-    shading = {kind: folder / f"{shot.truth}.{kind}.png" for kind in ("lit", "ambient")}
-    return {kind: _mask(file, size, most) for kind, file in masks.items()} | {
-        kind: _picture(file, most) for kind, file in shading.items()
+def _view(folder: Path, cell: GalleryCell, max_size: int) -> dict[str, str | None]:
+    size = int(cell.row["view_size"])
+    masks = {"truth": folder / f"{cell.truth}.png", "undecided": folder / f"{cell.truth}.undecided.png"}
+    shading = {kind: folder / f"{cell.truth}.{kind}.png" for kind in ("lit", "ambient")}
+    return {kind: _mask(file, size, max_size) for kind, file in masks.items()} | {
+        kind: _picture(file, max_size) for kind, file in shading.items()
     }
 
 
-def _cell(shot: Shot, folder: Path, place: dict[str, str | None], most: int) -> dict[str, Any]:
-    picture, mask = (folder / kind / f"{shot.row['key']}.png" for kind in ("pictures", "masks"))
-    shaded = mask.exists() and place["lit"] is not None
+def _cell(cell: GalleryCell, folder: Path, view: dict[str, str | None], max_size: int) -> dict[str, Any]:
+    picture, mask = (folder / kind / f"{cell.row['key']}.png" for kind in ("pictures", "masks"))
+    shaded = mask.exists() and view["lit"] is not None
     return {
-        "spec": shot.spec,
-        "size": shot.map_size,
-        "place": shot.place,
-        "iou": _iou(shot.row["metrics"].get("iou")),
-        "said": shot.said,
-        "mask": _mask(mask, int(shot.row["view_size"]), most),
-        "picture": None if shaded else _picture(picture, most),
+        "spec": cell.spec,
+        "size": cell.map_size,
+        "view": cell.view_name,
+        "iou": _iou(cell.row["metrics"].get("iou")),
+        "caption": cell.caption,
+        "mask": _mask(mask, int(cell.row["view_size"]), max_size),
+        "picture": None if shaded else _picture(picture, max_size),
     }
 
 
@@ -169,9 +171,10 @@ def _iou(value: float | None) -> str:
 def difference(
     mask: NDArray[np.float32], truth: NDArray[np.float32], undecided: NDArray[np.bool_] | None
 ) -> NDArray[np.uint8]:
-    """False shadow in one colour, false light in another, over the truth in pale grey; undecided pixels stay grey.
+    """The difference picture of a mask: false shadow orange, false light blue, over the truth in pale grey.
 
-    mask, truth: (N, N) visibility in [0, 1]; the colour is as strong as the error. Returns (N, N, 3) uint8 sRGB.
+    mask, truth: (N, N) visibility in [0, 1]; undecided: (N, N), pixels that stay grey. The opacity of the colour is
+    the size of the error. Returns (N, N, 3) uint8 sRGB.
     """
     signed = np.rint((mask - truth) * _STEPS) / _STEPS
     if undecided is not None:
@@ -180,7 +183,7 @@ def difference(
 
 
 def read_view(file: Path, size: int) -> NDArray[np.float32]:
-    """A mask of a view, (size, size) as `read_mask` gives it; InputError for one of another size."""
+    """Read a mask of a view, (size, size) float32 visibility. Raises InputError for another size."""
     visibility = read_mask(file)
     if visibility.shape != (size, size):
         found = " × ".join(map(str, reversed(visibility.shape)))
@@ -188,25 +191,25 @@ def read_view(file: Path, size: int) -> NDArray[np.float32]:
     return visibility
 
 
-def _mask(file: Path, size: int, most: int) -> str | None:
+def _mask(file: Path, size: int, max_size: int) -> str | None:
     if not file.exists():
         return None
     grey = Image.fromarray(np.rint(read_view(file, size) * 255).astype(np.uint8))
-    return _webp(_shrunk(grey, most), lossless=True)
+    return _webp(_scaled_down(grey, max_size), lossless=True)
 
 
-def _picture(file: Path, most: int) -> str | None:
+def _picture(file: Path, max_size: int) -> str | None:
     if not file.exists():
         return None
     try:
         with Image.open(file, formats=["PNG"]) as image:
-            return _webp(_shrunk(image.convert("RGB"), most), lossless=False)
+            return _webp(_scaled_down(image.convert("RGB"), max_size), lossless=False)
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError):
         raise InputError(f"{file}: cannot be read as an image; allowed: a PNG") from None
 
 
-def _shrunk(image: Image.Image, most: int) -> Image.Image:
-    return image if image.width <= most else image.resize((most, most), Image.Resampling.BOX)
+def _scaled_down(image: Image.Image, max_size: int) -> Image.Image:
+    return image if image.width <= max_size else image.resize((max_size, max_size), Image.Resampling.BOX)
 
 
 def _webp(image: Image.Image, lossless: bool) -> str:

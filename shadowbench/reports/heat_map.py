@@ -1,4 +1,4 @@
-"""The heat map of a sweep as Vega-Lite: how much of each axis every technique holds."""
+"""The Vega-Lite heat map of a sweep: share of each axis' values at which a technique is in tolerance."""
 
 import json
 import re
@@ -9,18 +9,18 @@ from shadowbench.extremes.axes.model import NAMES
 from shadowbench.extremes.ranges import Failure, OperatingRange
 from shadowbench.reports.axes import Chart
 from shadowbench.reports.charts import chart_of
-from shadowbench.reports.stability import Line, Stability
+from shadowbench.reports.stability import Series, Stability
 from shadowbench.reports.words import digits
 
 SHADES = ("#8a3200", "#f2a777", "#e6f0f7")
-"""Of a share of 0, ½ and 1: also told apart in grey, and by those who see no red or green."""
-_DARK = 0.19
-NOTHING = "#dedede"
-"""Of what a technique refuses."""
+"""Colours of shares 0, ½ and 1; distinguishable in greyscale and by the colour-blind."""
+_DARK = 0.19  # share below which text on the colour is white
+UNSUPPORTED_COLOR = "#dedede"
+"""Colour of unsupported axes."""
 
 
-def shade(share: float) -> str:
-    """The colour of a share, as the heat map's scale has it."""
+def share_color(share: float) -> str:
+    """The hex colour of a share in [0, 1] on the heat map's scale."""
     at = min(max(share, 0.0), 1.0) * (len(SHADES) - 1)
     low = min(int(at), len(SHADES) - 2)
     ends = [[int(SHADES[low + k][1 + 2 * c : 3 + 2 * c], 16) for c in range(3)] for k in range(2)]
@@ -28,29 +28,29 @@ def shade(share: float) -> str:
 
 
 def is_dark(share: float) -> bool:
-    """Whether text on that colour must be white; on the others black has a contrast of 4.5 and more."""
+    """Whether text on the colour of a share must be white, so that the contrast is at least 4.5."""
     return share < _DARK
 
 
 def heat_map(found: Stability) -> Chart:
-    """Share of each axis' values that hold, by spec and light."""
+    """The heat map: rows are specs by kind of light, columns are axes."""
     cells = []
-    for spec, kind in found.lines:
+    for spec, kind in found.series:
         for axis in found.axes:
-            one = found.at.get((spec, axis.name, kind))
+            one = found.range_at.get((spec, axis.name, kind))
             if one is not None:
                 cell = {"row": _row((spec, kind)), "axis": axis.name, "share": one.share}
                 cells.append({**cell, "text": _cell_text(one)})
-    rows = [_row(line) for line in found.lines]
-    deep = max((row.count("\n") for row in rows), default=0) + 1
-    # Labels of several lines grow downwards.
+    rows = [_row(series) for series in found.series]
+    label_lines = max((row.count("\n") for row in rows), default=0) + 1
+    # Multi-line labels extend downwards; the offsets centre them.
     offsets = [
         {"test": f"length(split(datum.value, '\\n')) == {count}", "value": -6 * (count - 1)}
-        for count in range(2, deep + 1)
+        for count in range(2, label_lines + 1)
     ]
     headings = {axis.name: _heading(axis) for axis in found.axes}
-    tall = max((len(one) for one in headings.values()), default=1)
-    headings = {name: [""] * (tall - len(one)) + one for name, one in headings.items()}
+    heading_lines = max((len(one) for one in headings.values()), default=1)
+    headings = {name: [""] * (heading_lines - len(one)) + one for name, one in headings.items()}
     y = {
         "field": "row",
         "type": "ordinal",
@@ -76,14 +76,14 @@ def heat_map(found: Stability) -> Chart:
             "labelExpr": f"{json.dumps(headings, ensure_ascii=False)}[datum.value]",
             "labelAngle": 0,
             "labelFontSize": 10,
-            "labelPadding": 12 * tall - 7,  # lines grow downwards
+            "labelPadding": 12 * heading_lines - 7,  # multi-line labels extend downwards
             "labelLimit": 120,
             "ticks": False,
             "domain": False,
         },
         "scale": {"paddingInner": 0.05, "paddingOuter": 0.02},
     }
-    refused = [{"filter": "datum.share === null"}]
+    unsupported = [{"filter": "datum.share === null"}]
     layer: list[Chart] = [
         {
             "transform": [{"filter": "datum.share !== null"}],
@@ -94,7 +94,7 @@ def heat_map(found: Stability) -> Chart:
                 "color": {
                     "field": "share",
                     "type": "quantitative",
-                    "title": "share of the axis' values that hold",
+                    "title": "share of the axis' values in tolerance",
                     "scale": {"domain": [0, 0.5, 1], "range": list(SHADES), "interpolate": "rgb"},
                     "legend": {
                         "orient": "bottom",
@@ -109,12 +109,12 @@ def heat_map(found: Stability) -> Chart:
             },
         },
         {
-            "transform": refused,
-            "mark": {"type": "rect", "color": NOTHING},
+            "transform": unsupported,
+            "mark": {"type": "rect", "color": UNSUPPORTED_COLOR},
             "encoding": {"x": x, "y": y},
         },
         {
-            "transform": refused,
+            "transform": unsupported,
             "mark": {"type": "rule", "color": "#8c8c8c"},
             "encoding": {
                 "x": {**x, "bandPosition": 0},
@@ -144,14 +144,14 @@ def heat_map(found: Stability) -> Chart:
         }
     )
     about = f"Operating range of every technique along every axis, {found.sweep.label}"
-    deep = max([deep, *(str(cell["text"]).count("\n") + 1 for cell in cells)])
-    return chart_of(about, cells, layer, (12 * deep + 6) * len(rows))
+    lines = max([label_lines, *(str(cell["text"]).count("\n") + 1 for cell in cells)])
+    return chart_of(about, cells, layer, (12 * lines + 6) * len(rows))
 
 
-def _row(line: Line) -> str:
-    """The name of a row, its spec and its light, broken between parameters where it is long."""
+def _row(series: Series) -> str:
+    """The label of a row, its spec and light; long labels have line breaks between parameters."""
     lines = [""]
-    for piece in re.findall(r"[^,:]*[,:]?", f"{line[0]}, {NAMES[line[1]]}"):
+    for piece in re.findall(r"[^,:]*[,:]?", f"{series[0]}, {NAMES[series[1]]}"):
         if lines[-1] and len(lines[-1]) + len(piece) > 30:
             lines.append("")
         lines[-1] += piece
@@ -159,29 +159,31 @@ def _row(line: Line) -> str:
 
 
 def _heading(axis: Axis) -> list[str]:
-    """The lines of an axis' name, which end with its unit."""
+    """The lines of a column heading: the axis' name and unit."""
     return [*axis.name.split("-"), *textwrap.wrap(axis.unit, 10)]
 
 
 def _cell_text(one: OperatingRange) -> str:
-    """A range in the width of a cell: what holds, where that ends, how it breaks; the unit stands above."""
+    """Short text of a range: the values in tolerance, where it breaks, and how; without the unit."""
     if one.share is None:
         return "unsupported"
-    held = f"{len(one.in_tolerance)} of {len(one.swept)}"
+    in_tolerance = f"{len(one.in_tolerance)} of {len(one.swept)}"
     if one.axis.ordered and one.in_tolerance:
-        held = "…".join(
+        in_tolerance = "…".join(
             dict.fromkeys(value_label(end) for end in sorted({float(one.in_tolerance[0]), float(one.in_tolerance[-1])}))
         )
     if not one.breaks:
-        return held if one.axis.ordered else f"all {len(one.in_tolerance)}"
-    hows = list(dict.fromkeys(_short(broken.failure) for broken in one.breaks))
-    how = hows[0] if len(hows) == 1 else ", ".join(dict.fromkeys(broken.failure.kind for broken in one.breaks))
+        return in_tolerance if one.axis.ordered else f"all {len(one.in_tolerance)}"
+    failures = list(dict.fromkeys(_short(broken.failure) for broken in one.breaks))
+    failure = (
+        failures[0] if len(failures) == 1 else ", ".join(dict.fromkeys(broken.failure.kind for broken in one.breaks))
+    )
     where = [f"{'or' if k else 'not'} {value_label(broken.value)}" for k, broken in enumerate(one.breaks)]
-    return "\n".join([*([held] if one.in_tolerance else []), *(where if one.axis.ordered else []), how])
+    return "\n".join([*([in_tolerance] if one.in_tolerance else []), *(where if one.axis.ordered else []), failure])
 
 
-def _short(broken: Failure) -> str:
-    """A failure with no more digits than a cell has room for."""
-    if broken.amount is None:
-        return broken.kind
-    return f"IoU {broken.amount:.2f}" if broken.kind == "iou" else f"{broken.kind} {digits(100 * broken.amount)}%"
+def _short(failure: Failure) -> str:
+    """Text of a failure that fits into a cell."""
+    if failure.amount is None:
+        return failure.kind
+    return f"IoU {failure.amount:.2f}" if failure.kind == "iou" else f"{failure.kind} {digits(100 * failure.amount)}%"

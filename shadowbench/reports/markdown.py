@@ -3,23 +3,23 @@
 from collections.abc import Iterable, Mapping, Sequence
 
 from shadowbench.reports.analysis import Section, front
-from shadowbench.reports.matrix import EDGE_TARGETS, IOU_TARGETS, candidates, matrix
+from shadowbench.reports.matrix import EDGE_TARGETS, IOU_TARGETS, candidates, cost_matrix
 from shadowbench.reports.stability import Stability
 from shadowbench.reports.verdict import cell_texts, target_name, verdict
 from shadowbench.reports.words import (
+    breaks_without_picture,
     digits,
-    ended,
-    machine_facts,
+    mask_warnings,
     range_tables,
     range_text,
-    refusals,
+    run_facts,
     section_notes,
     sentence,
     stability_headline,
-    times_are,
+    time_source,
     tolerances,
+    unscored,
     value_of,
-    warned,
 )
 from shadowbench.studies.folder import Run, Sweep
 
@@ -36,7 +36,7 @@ _COLUMNS = {
 
 
 def markdown_report(runs: Sequence[Run], scenes: Mapping[str, Sequence[Section]], swept: Sequence[Stability]) -> str:
-    """A verdict over all scenes; by scene verdict, configurations (the front bold), cost of accuracy. Then ranges."""
+    """The Markdown text of a report: verdicts, configurations and costs, over all scenes and by scene; then ranges."""
     blocks: list[str] = []
     for run in runs:
         ours = [section for parts in scenes.values() for section in parts if section.run is run]
@@ -52,12 +52,12 @@ def markdown_report(runs: Sequence[Run], scenes: Mapping[str, Sequence[Section]]
     for found in swept:
         blocks.append("## Stability" + (f": {_cell(found.sweep.label)}" if len(swept) > 1 else ""))
         blocks += _stability(found)
-    blocks.append("## How it was made")
+    blocks.append("## How the results were measured")
     everything: list[Run | Sweep] = [*runs, *(found.sweep for found in swept)]
     for one in everything:
         blocks.append(f"### {_cell(one.label)}")
-        times = [("times are", times_are(one))] if isinstance(one, Run) else []
-        facts = [*machine_facts(one), *times, *(("assumed", note) for note in one.assumptions)]
+        times = [("times", time_source(one))] if isinstance(one, Run) else []
+        facts = [*run_facts(one), *times, *(("assumed", note) for note in one.assumptions)]
         blocks.append("\n".join(f"- {name}: {_fact(name, value)}" for name, value in facts))
     return "\n\n".join(blocks) + "\n"
 
@@ -65,30 +65,30 @@ def markdown_report(runs: Sequence[Run], scenes: Mapping[str, Sequence[Section]]
 def _section(section: Section) -> list[str]:
     blocks = verdict([section])
     if section.timed:
-        blocks.append(f"*{sentence(times_are(section.run))}* Bold: on the Pareto front of error and time.")
+        blocks.append(f"*{sentence(time_source(section.run))}* Bold: on the Pareto front of error and time.")
     blocks += [_cell(sentence(line)) for line in section_notes(section)]
     best = front(section)
     columns = (_OF_SOFT if section.soft else {}) | _COLUMNS
     rows = [
         [_bold(f"`{one.spec}`", one in best), str(one.map_size or ""), error.text(digits)]
         + [value_of(one, name) for name in columns.values()]
-        for one in section.held
+        for one in section.scored
         if (error := one.error)
     ]
     if rows:
         blocks.append(_table(["spec", "map", "1 − IoU", *columns], rows))
     blocks += _costs([section])
-    blocks += [f"- `{label}`: {_cell(status)}" for label, status in refusals(section)]
-    blocks += [f"- {_cell(line)}" for line in warned(section)]
+    blocks += [f"- `{label}`: {_cell(status)}" for label, status in unscored(section)]
+    blocks += [f"- {_cell(line)}" for line in mask_warnings(section)]
     return blocks
 
 
 def _costs(sections: Sequence[Section]) -> list[str]:
-    """The matrix of techniques and accuracies; none where nothing has a score."""
+    """The cost matrix; empty if nothing has a score."""
     targets = (*IOU_TARGETS, *EDGE_TARGETS)
     lines = [
         [technique, *(_cost(*cell_texts(cell, len(sections))) for cell in cells)]
-        for technique, cells in matrix(candidates(sections), targets).items()
+        for technique, cells in cost_matrix(candidates(sections), targets).items()
     ]
     return [_table(["cost of accuracy", *map(target_name, targets)], lines)] if lines else []
 
@@ -98,21 +98,21 @@ def _cost(cost: str, label: str, note: str) -> str:
 
 
 def _stability(found: Stability) -> list[str]:
-    blocks = [*stability_headline(found), f"Tolerance: {tolerances()}. In brackets: values that hold, of those swept."]
+    blocks = [*stability_headline(found), f"Tolerance: {tolerances()}. In brackets: the number of values in tolerance."]
     for spec, lights, rows in range_tables(found):
         blocks.append(f"### `{spec}`")
         lines = [[axis, *("" if one is None else range_text(one) for one in ranges)] for axis, ranges in rows]
         blocks.append(_table(["axis", *lights], lines))
-    return [*blocks, *(f"- `{label}`: {_cell(status)}" for label, status in ended(found))]
+    return [*blocks, *(f"- `{label}`: {_cell(status)}" for label, status in breaks_without_picture(found))]
 
 
-def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = [head, ["---"] + ["---:"] * (len(head) - 1), *rows]
+def _table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = [headings, ["---"] + ["---:"] * (len(headings) - 1), *rows]
     return "\n".join(f"| {' | '.join(_cell(cell) for cell in line)} |" for line in lines)
 
 
 def _cell(text: str) -> str:
-    """Text that cannot end a table's cell or line."""
+    """Text escaped for a table cell: on one line, and without cell separators."""
     return " ".join(text.replace("|", "\\|").split())
 
 
@@ -120,5 +120,5 @@ def _fact(name: str, value: str) -> str:
     return f"`{value}`" if name == "command" else _cell(value)
 
 
-def _bold(text: str, wanted: bool) -> str:
-    return f"**{text}**" if wanted else text
+def _bold(text: str, bold: bool) -> str:
+    return f"**{text}**" if bold else text

@@ -1,4 +1,4 @@
-"""What reaches an accuracy at the least cost, by technique: in one scene, or in every scene of a run."""
+"""The cost of accuracy: the cheapest configuration of each technique for each target, in one or several scenes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from statistics import fmean
 
 import pandas as pd
 
-from shadowbench.reports.analysis import EDGE_STEPS, IOU_STEPS, Configuration, Section, reaches_edge, reaches_iou
+from shadowbench.reports.analysis import Configuration, Section
 from shadowbench.studies.tables import Interval, SummaryRow
 from shadowbench.techniques.unshadowed import Unshadowed
 
@@ -15,104 +15,109 @@ ALL_SCENES = "all scenes"
 
 @dataclass(frozen=True)
 class Target:
-    """An accuracy: an IoU of so much or more, or (`edges`) edges that are off by so many pixels or less."""
+    """A required accuracy: a minimum IoU or, if `edges`, a maximum distance of the shadows' edges in pixels."""
 
     limit: float
     edges: bool = False
 
     def met_by(self, one: Configuration) -> bool:
-        """Whether a configuration's median reaches it."""
-        return (reaches_edge if self.edges else reaches_iou)(one, self.limit)
+        """Whether a configuration's median meets the target; False without a score."""
+        value = one.value("edge_px" if self.edges else "iou")
+        return value is not None and (value <= self.limit if self.edges else value >= self.limit)
 
 
-IOU_TARGETS = tuple(Target(step) for step in IOU_STEPS)
-EDGE_TARGETS = tuple(Target(step, edges=True) for step in EDGE_STEPS)
+IOU_TARGETS = tuple(Target(limit) for limit in (0.95, 0.99, 0.999))
+EDGE_TARGETS = tuple(Target(limit, edges=True) for limit in (1.0, 0.5, 0.25))
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A configuration over scenes.
+    """A configuration over one or more scenes.
 
-    `whole`: its means over the scenes in `held`, by title, where it has a score. `unsupported`: titles of those that
-    its technique declines; `lacking`: of those where it failed, has no score or was not asked.
+    mean: means over the scenes with a score; by_scene: its results there, by scene title; unsupported: titles of the
+    scenes that its technique does not support; missing: titles of those where it failed, has no score or was not
+    measured.
     """
 
-    whole: Configuration
-    held: dict[str, Configuration]
+    mean: Configuration
+    by_scene: dict[str, Configuration]
     unsupported: tuple[str, ...]
-    lacking: tuple[str, ...]
+    missing: tuple[str, ...]
 
     @property
-    def everywhere(self) -> bool:
+    def in_all_scenes(self) -> bool:
         """Whether it has a score in every scene."""
-        return not self.unsupported and not self.lacking
+        return not self.unsupported and not self.missing
 
     @property
     def ms(self) -> float | None:
-        """Mean frame time over its scenes; None unless all of them were timed."""
-        return self.whole.value("frame_ms")
+        """Mean frame time over its scenes; None unless it was timed in all of them."""
+        return self.mean.value("frame_ms")
 
     @property
-    def worst(self) -> str:
-        """The title of the scene in which its IoU is least."""
-        return min(self.held, key=lambda title: self.held[title].value("iou") or 0.0)
+    def worst_scene(self) -> str:
+        """Title of the scene with the lowest IoU."""
+        return min(self.by_scene, key=lambda title: self.by_scene[title].value("iou") or 0.0)
 
-    def reaches(self, target: Target) -> bool:
-        """Whether it reaches a target wherever its technique answers."""
-        return not self.lacking and bool(self.held) and self.met(target) == len(self.held)
+    def meets(self, target: Target) -> bool:
+        """Whether it meets a target in every scene that its technique supports."""
+        return not self.missing and bool(self.by_scene) and self.scenes_met(target) == len(self.by_scene)
 
-    def met(self, target: Target) -> int:
-        """In how many scenes it reaches a target."""
-        return sum(target.met_by(one) for one in self.held.values())
+    def scenes_met(self, target: Target) -> int:
+        """Number of scenes in which it meets a target."""
+        return sum(target.met_by(one) for one in self.by_scene.values())
 
     def as_cheap_as(self, other: "Candidate") -> bool:
-        """Whether the middle halves of the rounds of both overlap: that one costs less may be noise."""
-        (low, high), (least, most) = _span(self), _span(other)
-        return low <= most and least <= high
+        """Whether the interquartile ranges of both times overlap, so that the difference may be noise."""
+        (low, high), (other_low, other_high) = _interquartile_range(self), _interquartile_range(other)
+        return low <= other_high and other_low <= high
 
 
-def _span(one: Candidate) -> tuple[float, float]:
-    ms, iqr = one.ms or 0.0, one.whole.value("frame_iqr_ms") or 0.0
+def _interquartile_range(one: Candidate) -> tuple[float, float]:
+    ms, iqr = one.ms or 0.0, one.mean.value("frame_iqr_ms") or 0.0
     return ms - iqr / 2, ms + iqr / 2
 
 
 @dataclass(frozen=True)
-class Cell:
-    """A technique at a target: the cheapest that reaches it, None for none, and what comes nearest.
+class CostCell:
+    """The cheapest candidate that meets a target, None if none does, and the closest candidate.
 
-    `equals`: others of the same technique that cost as much, within the noise of their times.
+    ties: other candidates that cost as much, within the noise of the times.
     """
 
     target: Target
     cheapest: Candidate | None
-    nearest: Candidate
-    equals: tuple[Candidate, ...] = ()
+    closest: Candidate
+    ties: tuple[Candidate, ...] = ()
 
 
 def candidates(sections: Sequence[Section]) -> list[Candidate]:
-    """Every configuration with a score in some of a run's scenes, those with one in all of them first, best first."""
+    """All configurations with a score in at least one section of a run.
+
+    Those with a score in every section come first, then those with scores in the most; equal ones by mean IoU.
+    """
     by_key: dict[tuple[str, int | None], dict[str, Configuration]] = {}
     for section in sections:
         for one in section.configurations:
             by_key.setdefault((one.spec, one.map_size), {})[section.title] = one
+    titles = [section.title for section in sections]
     found = []
     for parts in by_key.values():
-        held = {title: one for title, one in parts.items() if one.error is not None and not one.row.refused}
-        declined = tuple(title for title, one in parts.items() if title not in held and _declined(one))
-        titles = [section.title for section in sections]
-        lacking = tuple(title for title in titles if title not in held and title not in declined)
-        if held:
-            found.append(Candidate(_mean(list(held.values())), held, declined, lacking))
-    return sorted(found, key=lambda one: (not one.everywhere, -len(one.held), -(one.whole.value("iou") or 0.0)))
+        scored = {title: one for title, one in parts.items() if one.error is not None and not one.row.refused}
+        unsupported = tuple(title for title, one in parts.items() if title not in scored and _unsupported(one))
+        missing = tuple(title for title in titles if title not in scored and title not in unsupported)
+        if scored:
+            found.append(Candidate(_mean(list(scored.values())), scored, unsupported, missing))
+    return sorted(found, key=lambda one: (not one.in_all_scenes, -len(one.by_scene), -(one.mean.value("iou") or 0.0)))
 
 
-def _declined(one: Configuration) -> bool:
-    refused = one.row.refused
-    return not one.row.cells and bool(refused) and all(status.startswith("unsupported") for status in refused)
+def _unsupported(one: Configuration) -> bool:
+    statuses = one.row.refused
+    return not one.row.cells and bool(statuses) and all(status.startswith("unsupported") for status in statuses)
 
 
 def _mean(parts: Sequence[Configuration]) -> Configuration:
-    """One configuration's means over scenes; what some of them lack has none."""
+    """Means of one configuration over scenes; a value that is missing in one of them is None."""
     if len(parts) == 1:
         return parts[0]
     first = parts[0]
@@ -125,63 +130,61 @@ def _mean(parts: Sequence[Configuration]) -> Configuration:
     return Configuration(first.technique, first.full_spec, row, ())
 
 
-def over_all(sections: Sequence[Section]) -> Section:
-    """A section of what has a score in every scene of a run: means over them."""
+def mean_section(sections: Sequence[Section]) -> Section:
+    """Means over the scenes of a run, as a section; only of configurations with a score in every scene."""
     first = sections[0]
-    held = tuple(one.whole for one in candidates(sections) if one.everywhere)
+    means = tuple(one.mean for one in candidates(sections) if one.in_all_scenes)
     frame = pd.concat([section.frame for section in sections])
-    return Section(first.run, ALL_SCENES, ALL_SCENES, frame, None, held)
+    return Section(first.run, ALL_SCENES, ALL_SCENES, frame, None, means)
 
 
 def cheapest(found: Sequence[Candidate], target: Target) -> Candidate | None:
-    """What reaches a target at the least cost: in the most scenes, then in the least time, or with the smallest map.
+    """The cheapest candidate that meets a target; None if none does.
 
-    Of two that cost the same, the more accurate one. What was not timed costs more than what was.
+    Support for more scenes comes first, then the lower frame time, or the smaller map if not timed. Timed candidates
+    come before others; of two with equal cost, the more accurate one is returned.
     """
-    able = [one for one in found if one.reaches(target)]
+    able = [one for one in found if one.meets(target)]
     return min(able, key=_cost, default=None)
 
 
 def _cost(one: Candidate) -> tuple[int, bool, float, float, str]:
-    cost = one.ms if one.ms is not None else float(one.whole.map_size or 0)
-    return -len(one.held), one.ms is None, cost, -(one.whole.value("iou") or 0.0), one.whole.label
+    cost = one.ms if one.ms is not None else float(one.mean.map_size or 0)
+    return -len(one.by_scene), one.ms is None, cost, -(one.mean.value("iou") or 0.0), one.mean.label
 
 
-def equals(found: Sequence[Candidate], best: Candidate, target: Target) -> tuple[Candidate, ...]:
-    """The others that reach a target in as many scenes and cost as much as the best, within the noise of times."""
+def ties(found: Sequence[Candidate], best: Candidate, target: Target) -> tuple[Candidate, ...]:
+    """Other candidates that meet a target in as many scenes as the best, at a cost equal within the noise of times."""
     if best.ms is None:
         return ()
-    able = (one for one in found if one is not best and one.reaches(target) and len(one.held) == len(best.held))
+    able = (one for one in found if one is not best and one.meets(target) and len(one.by_scene) == len(best.by_scene))
     return tuple(one for one in able if one.ms is not None and one.as_cheap_as(best))
 
 
-def nearest(found: Sequence[Candidate], target: Target) -> Candidate:
-    """What reaches a target in the most scenes, and of those the most accurate."""
-    return max(found, key=lambda one: (one.met(target), one.whole.value("iou") or 0.0))
+def closest(found: Sequence[Candidate], target: Target) -> Candidate:
+    """The candidate that meets a target in the most scenes; of several, the most accurate."""
+    return max(found, key=lambda one: (one.scenes_met(target), one.mean.value("iou") or 0.0))
 
 
-def line(found: Sequence[Candidate], targets: Sequence[Target]) -> list[Cell]:
-    """The cheapest of some configurations for each target; of none, nothing."""
+def cost_row(found: Sequence[Candidate], targets: Sequence[Target]) -> list[CostCell]:
+    """A cell for each target; empty without candidates."""
     cells = []
     for target in targets if found else ():
         best = cheapest(found, target)
-        same = () if best is None else equals(found, best, target)
-        cells.append(Cell(target, best, nearest(found, target), same))
+        equal = () if best is None else ties(found, best, target)
+        cells.append(CostCell(target, best, closest(found, target), equal))
     return cells
 
 
-def matrix(found: Sequence[Candidate], targets: Sequence[Target]) -> dict[str, list[Cell]]:
-    """By technique, the cheapest for each target; first the technique that is cheapest at the middle one.
-
-    `unshadowed` takes no part.
-    """
-    techniques = dict.fromkeys(one.whole.technique for one in found if one.whole.technique != Unshadowed.name)
-    lines = {name: line([one for one in found if one.whole.technique == name], targets) for name in techniques}
-    return dict(sorted(lines.items(), key=lambda one: _rank(one[1])))
+def cost_matrix(found: Sequence[Candidate], targets: Sequence[Target]) -> dict[str, list[CostCell]]:
+    """A row of cells for each technique except `unshadowed`, ordered by cost at the middle target."""
+    techniques = dict.fromkeys(one.mean.technique for one in found if one.mean.technique != Unshadowed.name)
+    rows = {name: cost_row([one for one in found if one.mean.technique == name], targets) for name in techniques}
+    return dict(sorted(rows.items(), key=lambda item: _rank(item[1])))
 
 
-def _rank(cells: Sequence[Cell]) -> list[tuple[int, bool, float, float, str]]:
-    """By what the middle target costs, then the next easier; what reaches none stands last."""
+def _rank(cells: Sequence[CostCell]) -> list[tuple[int, bool, float, float, str]]:
+    """Sort key: the cost at the middle target, then at the easier ones; a target that is not met ranks last."""
     never = (0, True, float("inf"), 0.0, "")
     middle = len(cells) // 2
     order = [*cells[middle::-1], *cells[middle + 1 :]]

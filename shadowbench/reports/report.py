@@ -1,4 +1,4 @@
-"""What `report` computes: folders of runs and of sweeps as one page, as tables, as cells of all, or as charts."""
+"""Reports on run and sweep folders: an HTML page, Markdown tables, a CSV of all cells, or PNG charts."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -8,20 +8,20 @@ import pandas as pd
 from shadowbench.errors import InputError
 from shadowbench.extremes.ranges import points_frame
 from shadowbench.files import check_outputs, replace_file
-from shadowbench.reports.analysis import Section, sections
+from shadowbench.reports.analysis import Section
 from shadowbench.reports.figures import figures
 from shadowbench.reports.html import html_report
 from shadowbench.reports.markdown import markdown_report
-from shadowbench.reports.stability import Stability, stability
+from shadowbench.reports.stability import Stability, analyse
 from shadowbench.studies.folder import Run, Sweep
 
 FORMATS = ("html", "md", "csv", "png")
 
 
 def report_target(output: Path | None, form: str) -> Path:
-    """Where a report in one of FORMATS goes: a file, for png a folder; `report` with the format's suffix for None.
+    """The output of a report in one of FORMATS: a file, or for png a folder; by default `report` with a suffix.
 
-    Raises InputError for another format, and for an output that cannot be written.
+    Raises InputError for other formats, and if the output cannot be written.
     """
     if form not in FORMATS:
         raise InputError(f"--format: found {form!r:.60}; allowed: {', '.join(FORMATS)}")
@@ -33,27 +33,32 @@ def report_target(output: Path | None, form: str) -> Path:
     return target
 
 
-def write_report(runs: Sequence[Run], sweeps: Sequence[Sweep], target: Path, form: str) -> int:
-    """Write what folders of `run` and of `stress` say, in one of FORMATS; returns how many charts png has, else 0."""
-    scenes, swept = sections(runs), [stability(sweep) for sweep in sweeps]
+def write_report(
+    runs: Sequence[Run], scenes: Mapping[str, Sequence[Section]], sweeps: Sequence[Sweep], target: Path, form: str
+) -> int:
+    """Write a report on runs and sweeps in one of FORMATS; returns the number of charts for png, else 0.
+
+    scenes: `sections` of the runs.
+    """
+    swept = [analyse(sweep) for sweep in sweeps]
     if form == "png":
         return _write_figures(target, scenes, swept)
     text = _text(form, runs, scenes, swept)
-    with replace_file(target) as beside:
-        beside.write_text(text, encoding="utf-8")
+    with replace_file(target) as temporary:
+        temporary.write_text(text, encoding="utf-8")
     return 0
 
 
 def _text(form: str, runs: Sequence[Run], scenes: Mapping[str, Sequence[Section]], swept: Sequence[Stability]) -> str:
     if form == "csv":
-        return _joined(runs, swept).to_csv(index=False)
+        return _all_cells(runs, swept).to_csv(index=False)
     return html_report(runs, scenes, swept) if form == "html" else markdown_report(runs, scenes, swept)
 
 
-def _joined(runs: Sequence[Run], swept: Sequence[Stability]) -> pd.DataFrame:
-    """The cells of all folders: `run`, `processor`, `software`, then the columns of each `table.csv`.
+def _all_cells(runs: Sequence[Run], swept: Sequence[Stability]) -> pd.DataFrame:
+    """The cells of all folders: columns `run`, `processor`, `software`, then those of `table.csv`.
 
-    Those of a sweep have `range` too, the operating range that a cell is part of.
+    Cells of a sweep also have `range`, the operating range along their axis.
     """
     tables = [(run, run.frame) for run in runs] + [(found.sweep, _points(found)) for found in swept]
     frames = [
@@ -67,7 +72,7 @@ def _joined(runs: Sequence[Run], swept: Sequence[Stability]) -> pd.DataFrame:
 
 def _points(found: Stability) -> pd.DataFrame:
     rows = found.sweep.rows
-    ranges = [found.at.get((row["home_spec"], row["axis"], row["light_kind"])) for row in rows]
+    ranges = [found.range_at.get((row["home_spec"], row["axis"], row["light_kind"])) for row in rows]
     return points_frame(rows).assign(range=pd.Series([one and one.text for one in ranges], dtype=object))
 
 
@@ -75,10 +80,10 @@ def _write_figures(folder: Path, scenes: Mapping[str, Sequence[Section]], swept:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"{folder}: cannot be made ({error.strerror or error})") from error
+        raise InputError(f"{folder}: cannot be created ({error.strerror or error})") from error
     count = 0
     for name, picture in figures(scenes, swept):
-        with replace_file(folder / name) as beside:
-            beside.write_bytes(picture)
+        with replace_file(folder / name) as temporary:
+            temporary.write_bytes(picture)
         count += 1
     return count

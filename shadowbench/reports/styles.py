@@ -1,4 +1,4 @@
-"""What a spec looks like in every chart of a report."""
+"""The colours and point shapes of specs in charts."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -7,13 +7,13 @@ from typing import Any
 from shadowbench.techniques.unshadowed import Unshadowed
 
 INK = "#1a1a1a"
-# Okabe & Ito 2008, "Color Universal Design", without black and the yellow that white paper swallows, and ten of L* 36
-# to 84, each as far as can be from the others and white, by CIEDE2000; the first eight show on black too.
+# Okabe & Ito 2008, "Color Universal Design", without black and yellow, which is too faint on white, and ten more with
+# L* from 36 to 84, as far apart as possible by CIEDE2000; the first eight are also visible on black.
 COLORS = (
     *("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8976FF", "#898989"),
     *("#8900C4", "#626200", "#B1D83B", "#B1003B", "#FFB19D", "#006262", "#D8C4FF", "#9DD8C4"),
 )
-# The outlines of Vega's point shapes, within ±6.
+# SVG paths of Vega's point shapes, within ±6.
 OUTLINES = {
     "circle": "M6,0A6,6 0 1 1 -6,0A6,6 0 1 1 6,0",
     "square": "M-5,-5H5V5H-5Z",
@@ -25,24 +25,24 @@ OUTLINES = {
     "triangle-left": "M-6,0L5,6V-6Z",
 }
 SHAPES = tuple(OUTLINES)
-MOST = 8
-"""How many specs the charts of a page show at a time, each with a colour and a shape that no other has."""
+MAX_SHOWN = 8
+"""Number of specs that the charts of a page show at a time, each with a unique colour and shape."""
 _LEGEND = {"orient": "bottom", "columns": 2, "labelLimit": 340, "symbolOpacity": 1, "symbolSize": 80}
 
 
 @dataclass(frozen=True)
 class Styles:
-    """A colour and a shape for each spec, the same in every chart of a report.
+    """The colour and shape of each spec, the same in every chart of a report.
 
-    `legend`: whether each chart has its own, with all specs. A page has one for all: its script fills in `color`,
-    `shape` and `shown` of each point.
+    legend: whether each chart has a legend of all specs; otherwise the page's script adds `color`, `shape` and `shown`
+    to each point, by its common legend.
     """
 
     specs: tuple[str, ...]
     legend: bool
 
     def channels(self, shown: Iterable[str]) -> dict[str, Any]:
-        """Colour and shape by spec, with one legend for both."""
+        """The colour and shape channels of a chart; shown: its specs."""
         if not self.legend:
             return {channel: {"field": channel, "type": "nominal", "scale": None} for channel in ("color", "shape")}
         wanted = set(shown)
@@ -52,17 +52,17 @@ class Styles:
             for at, channel in enumerate(("color", "shape"))
         }
 
-    def mark(self, spec: str) -> tuple[str, str]:
-        """Its colour and its shape; where colours come again, it is with another shape."""
+    def color_and_shape(self, spec: str) -> tuple[str, str]:
+        """The colour and shape of a spec; if colours repeat, the shape differs."""
         index = self.specs.index(spec)
         return COLORS[index % len(COLORS)], SHAPES[(index + index // len(COLORS)) % len(SHAPES)]
 
     def _scale(self, specs: Sequence[str], at: int) -> dict[str, Any]:
-        return {"domain": specs, "range": [self.mark(spec)[at] for spec in specs]}
+        return {"domain": specs, "range": [self.color_and_shape(spec)[at] for spec in specs]}
 
 
 def styles_of(specs: Iterable[str], legend: bool) -> Styles:
-    """Styles for specs: first one of each technique, then the others as they were measured, `unshadowed` last."""
+    """Styles of specs, in the order of the legend: first one of each technique, then the others, `unshadowed` last."""
     every = list(dict.fromkeys(specs))
     first = {spec.partition(":")[0]: spec for spec in reversed(every)}.values()
     return Styles(tuple(sorted(every, key=lambda spec: (spec == Unshadowed.name, spec not in first))), legend)

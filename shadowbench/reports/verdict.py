@@ -1,128 +1,143 @@
-"""The answer in a sentence or two: what reaches which accuracy at which cost, from rows, and how far to trust it."""
+"""The verdict: sentences that name the cheapest configuration for an accuracy, and the texts of the cost matrix."""
 
 from collections.abc import Sequence
 
 from shadowbench.reports.analysis import Section
-from shadowbench.reports.matrix import IOU_TARGETS, Candidate, Cell, Target, candidates, cheapest, equals, nearest
-from shadowbench.reports.words import EDGE_NAMES, RAY_TRACED, counted, digits, sentence, times_are, value_of
+from shadowbench.reports.matrix import IOU_TARGETS, Candidate, CostCell, Target, candidates, cheapest, closest, ties
+from shadowbench.reports.words import EDGE_NAMES, counted, digits, sentence, time_source, value_of
 
 _MAIN = Target(0.99)
+_RAY_TRACED = "ray-traced"  # its name, without importing Embree
 
 
 def verdict(sections: Sequence[Section]) -> list[str]:
-    """Sentences, `…` being specs: of one scene, or of every scene of a run."""
-    found = [one for one in candidates(sections) if (one.whole.value("iou") or 0.0) > 0]
+    """The sentences of the verdict on one scene, or on all scenes of a run; configurations are in backticks.
+
+    Ray tracing, which runs on the CPU as the truth does, is only named for scale.
+    """
+    everything = candidates(sections)
+    found = [one for one in real_time(everything) if (one.mean.value("iou") or 0.0) > 0]
     where = "" if len(sections) == 1 else f" in all {len(sections)} scenes"
-    whole = [one for one in found if one.everywhere]
+    complete = [one for one in found if one.in_all_scenes]
     if not found:
-        return ["Nothing here has a score."]
-    main = _main_target(whole)
+        traced = _ray_traced(everything)
+        return ["No real-time technique here has a score.", *traced] if traced else ["Nothing here has a score."]
+    main = _main_target(complete)
     if main is None:
-        lines = [f"Nothing measured gets {right(IOU_TARGETS[0])}{where}."]
-        lines.append(f"Closest: {_closest(nearest(found, IOU_TARGETS[0]), len(sections))}.")
-        return [*lines, *_where_supported(found, IOU_TARGETS[0], None)]
-    best = cheapest(whole, main)
+        lines = [f"Nothing measured gets {_share_right(IOU_TARGETS[0])}{where}."]
+        lines.append(f"Closest: {_closest_text(closest(found, IOU_TARGETS[0]), len(sections))}.")
+        return [*lines, *_where_supported(found, IOU_TARGETS[0], None), *_ray_traced(everything)]
+    best = cheapest(complete, main)
     assert best is not None
-    line = f"{right(main)}{where}: {_price(best)}"
-    ties = [one for one in equals(whole, best, main) if one.whole.technique != best.whole.technique]
-    if ties:
-        line += f"; as cheap within the noise: {', '.join(f'`{one.whole.label}`' for one in ties[:2])}"
-    if best.whole.technique == RAY_TRACED:
-        line += _without_rays(whole, main)
-    return [f"{line}.", *_harder(whole, main, best), *_where_supported(found, main, best)]
+    line = f"{_share_right(main)}{where}: {_cost_phrase(best)}"
+    tied = [one for one in ties(complete, best, main) if one.mean.technique != best.mean.technique]
+    if tied:
+        line += f"; as cheap within the noise: {', '.join(f'`{one.mean.label}`' for one in tied[:2])}"
+    return [
+        f"{line}.",
+        *_next_target(complete, main, best),
+        *_where_supported(found, main, best),
+        *_ray_traced(everything),
+    ]
 
 
-def best_of(found: Sequence[Candidate]) -> Candidate | None:
-    """What the verdict names first; the most accurate where no target is reached, None where nothing has a score."""
-    whole = [one for one in found if one.everywhere]
-    main = _main_target(whole)
-    return next(iter(found), None) if main is None else cheapest(whole, main)
+def real_time(found: Sequence[Candidate]) -> list[Candidate]:
+    """The candidates that are real-time techniques: all but ray tracing on the CPU."""
+    return [one for one in found if one.mean.technique != _RAY_TRACED]
+
+
+def verdict_candidate(found: Sequence[Candidate]) -> Candidate | None:
+    """The candidate that the verdict names first, or the most accurate if no target is met; None without candidates."""
+    complete = [one for one in real_time(found) if one.in_all_scenes]
+    main = _main_target(complete)
+    return next(iter(found), None) if main is None else cheapest(complete, main)
 
 
 def cost_note(sections: Sequence[Section]) -> str:
-    """What a cost is: of times how far to trust them."""
+    """A note on what the costs are, and how far their times can be trusted."""
     run = sections[0].run
     if not any(section.timed for section in sections):
-        return "Nothing here was timed: in place of a cost the smallest map that does."
+        return "Nothing here was timed: the cost is the size of the smallest map that suffices."
     mean = "mean frame time of shadows over these scenes" if len(sections) > 1 else "frame time of shadows"
-    return f"Cost: {mean}. {sentence(times_are(run))} ~ marks a rough time."
+    return f"Cost: {mean}. {sentence(time_source(run))} ~ marks a rough time."
 
 
-def _main_target(whole: Sequence[Candidate]) -> Target | None:
-    """The target that a verdict begins with: IoU 0.99, or where nothing reaches it 0.95."""
-    return next((target for target in (_MAIN, IOU_TARGETS[0]) if cheapest(whole, target) is not None), None)
+def _main_target(complete: Sequence[Candidate]) -> Target | None:
+    """The target of the verdict's first sentence: IoU 0.99, or 0.95 if no candidate meets that; else None."""
+    return next((target for target in (_MAIN, IOU_TARGETS[0]) if cheapest(complete, target) is not None), None)
 
 
-def right(target: Target) -> str:
-    """An IoU as people say it."""
+def _share_right(target: Target) -> str:
     return f"{100 * target.limit:g}% of the shadow right"
 
 
 def target_name(target: Target) -> str:
-    """An accuracy as the head of a column."""
+    """A target as a column heading: `IoU ≥ 0.99`, `edge ≤ ½ px`."""
     return f"edge ≤ {EDGE_NAMES[target.limit]}" if target.edges else f"IoU ≥ {target.limit:g}"
 
 
 def cost_text(one: Candidate) -> str:
-    """What it costs: milliseconds a frame, or, of what was not timed, the map that it takes."""
+    """A candidate's cost: the frame time or, if it was not timed, the map size."""
     if one.ms is not None:
-        return f"{value_of(one.whole, 'frame_ms')} ms"
-    return f"map {one.whole.map_size}" if one.whole.map_size else "no map"
+        return f"{value_of(one.mean, 'frame_ms')} ms"
+    return f"map {one.mean.map_size}" if one.mean.map_size else "no map"
 
 
-def cell_texts(cell: Cell, scenes: int) -> tuple[str, str, str]:
-    """Cost, the configuration that it is of, and a note; of what is out of reach a dash, and the best there is."""
+def cell_texts(cell: CostCell, scenes: int) -> tuple[str, str, str]:
+    """Texts of a cell of the cost matrix: cost, configuration, and a note.
+
+    If no candidate meets the target: a dash, nothing, and the best accuracy.
+    """
     best = cell.cheapest
     if best is None and scenes > 1:
-        return "–", "", f"at best in {cell.nearest.met(cell.target)} of {scenes} scenes"
+        return "–", "", f"at best in {cell.closest.scenes_met(cell.target)} of {scenes} scenes"
     if best is None:
-        iou, edge = cell.nearest.whole.value("iou"), cell.nearest.whole.value("edge_px")
+        iou, edge = cell.closest.mean.value("iou"), cell.closest.mean.value("edge_px")
         if cell.target.edges:
             return "–", "", "no edge" if edge is None else f"best {digits(edge)} px"
         return "–", "", "no IoU" if iou is None else f"best {iou:.4g}"
-    note = "" if len(best.held) == scenes else f"in the {len(best.held)} of {scenes} scenes that it supports"
-    return cost_text(best), best.whole.label, note
+    note = "" if len(best.by_scene) == scenes else f"in the {len(best.by_scene)} of {scenes} scenes that it supports"
+    return cost_text(best), best.mean.label, note
 
 
-def _price(one: Candidate) -> str:
+def _cost_phrase(one: Candidate) -> str:
     if one.ms is None:
-        size = one.whole.map_size
-        return f"`{one.whole.label}` is {'the smallest map that does' if size else 'enough, without a map'}"
-    return f"`{one.whole.label}` is the cheapest, {value_of(one.whole, 'frame_ms')} ms a frame"
+        size = one.mean.map_size
+        return f"`{one.mean.label}` is {'the smallest map that suffices' if size else 'sufficient, without a map'}"
+    return f"`{one.mean.label}` is the cheapest, {value_of(one.mean, 'frame_ms')} ms a frame"
 
 
-def _without_rays(whole: Sequence[Candidate], target: Target) -> str:
-    other = cheapest([one for one in whole if one.whole.technique != RAY_TRACED], target)
-    return (
-        "; nothing else does" if other is None else f"; without ray tracing `{other.whole.label}`, {cost_text(other)}"
-    )
+def _ray_traced(found: Sequence[Candidate]) -> list[str]:
+    """A sentence on the cost of ray tracing, if it was measured and timed in all scenes."""
+    traced = next((one for one in found if one.mean.technique == _RAY_TRACED and one.in_all_scenes and one.ms), None)
+    return [] if traced is None else [f"For scale: ray tracing on the CPU takes {cost_text(traced)}."]
 
 
-def _harder(whole: Sequence[Candidate], main: Target, best: Candidate) -> list[str]:
-    """What the next target costs over the main one."""
+def _next_target(complete: Sequence[Candidate], main: Target, best: Candidate) -> list[str]:
+    """A sentence on the cost of the next higher accuracy; none at the highest."""
     target = next((one for one in IOU_TARGETS if one.limit > main.limit), None)
     if target is None:
         return []
-    found = cheapest(whole, target)
+    found = cheapest(complete, target)
     if found is None:
         return [f"Nothing gets {100 * target.limit:g}% right."]
     if found is best:
-        return [f"`{best.whole.label}` gets {100 * target.limit:g}% right too."]
+        return [f"`{best.mean.label}` gets {100 * target.limit:g}% right too."]
     factor = f" (× {digits(found.ms / best.ms)})" if found.ms and best.ms else ""
-    return [f"{100 * target.limit:g}% takes `{found.whole.label}`, {cost_text(found)}{factor}."]
+    return [f"{100 * target.limit:g}% takes `{found.mean.label}`, {cost_text(found)}{factor}."]
 
 
 def _where_supported(found: Sequence[Candidate], target: Target, best: Candidate | None) -> list[str]:
-    """What is cheaper, or does at all, in those scenes that its technique answers."""
-    some = [one for one in found if not one.everywhere]
+    """A sentence on the cheapest candidate that does not support all scenes, if it is cheaper than the best."""
+    some = [one for one in found if not one.in_all_scenes]
     partial = cheapest(some, target)
     if partial is None or (best is not None and (best.ms is None or partial.ms is None or partial.ms >= best.ms)):
         return []
-    held, of = len(partial.held), counted(len(partial.held) + len(partial.unsupported), "scene")
-    return [f"`{partial.whole.label}` does for {cost_text(partial)} in the {held} of {of} that it supports."]
+    met, of = len(partial.by_scene), counted(len(partial.by_scene) + len(partial.unsupported), "scene")
+    return [f"`{partial.mean.label}` suffices for {cost_text(partial)} in the {met} of {of} that it supports."]
 
 
-def _closest(one: Candidate, scenes: int) -> str:
+def _closest_text(one: Candidate, scenes: int) -> str:
     if scenes > 1:
-        return f"`{one.whole.label}`, in {one.met(IOU_TARGETS[0])} of them"
-    return f"`{one.whole.label}`, {100 * (one.whole.value('iou') or 0.0):.3g}% right"
+        return f"`{one.mean.label}`, in {one.scenes_met(IOU_TARGETS[0])} of them"
+    return f"`{one.mean.label}`, {100 * (one.mean.value('iou') or 0.0):.3g}% right"

@@ -66,7 +66,7 @@ def read_scene_file(path: Path, assets: Path | None = None) -> Scene:
     name = document.name or path.stem
     if not NAME.fullmatch(name):
         raise InputError(
-            f"{path.name!r:.90}: a scene without a name is called after its file; "
+            f"{path.name!r:.90}: a scene without a name is named after its file; "
             f'rename the file or add name = "…" at its top, {NAMES}'
         )
     cameras = [camera_from_table(*each) for each in _tables(document.camera, "camera", path.name)]

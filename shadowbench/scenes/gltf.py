@@ -164,16 +164,16 @@ def lights_of(layout: Layout, where: str) -> tuple[list[Light], list[str]]:
         else:
             raise InputError(f"{where}: light {name}: type {kind!r:.40}; allowed: directional, point, spot")
         if data.range is not None and kind != "directional":
-            notes.append(f"{where}: light {name}: range {data.range:g} m not honoured: it reaches everywhere")
+            notes.append(f"{where}: light {name}: range {data.range:g} m ignored: it reaches everywhere")
         if data.intensity == 0.0:
-            notes.append(f"{where}: light {name}: intensity 0 not honoured: it shines and casts shadows")
+            notes.append(f"{where}: light {name}: intensity 0 ignored: it shines and casts shadows")
     return lights, notes
 
 
 def _pose(node: Node, where: str, what: str) -> tuple[Floats, Floats]:
     """(3,) position of a node, and (3,) unit vector along its −z axis."""
     if not np.isfinite(node.matrix).all() or not node.matrix[:3, 2].any() or not node.matrix[:3, 1].any():
-        raise InputError(f"{where}: {what}: its node's transform leaves it no direction")
+        raise InputError(f"{where}: {what}: its node's transform is singular, so that it has no direction")
     return node.matrix[:3, 3], unit(-node.matrix[:3, 2])
 
 
@@ -191,7 +191,9 @@ def check_supported(layout: Layout, where: str) -> None:
     """Raise InputError for features without which the geometry would be wrong."""
     for extension in layout.extensionsRequired:
         if not HONOURED.fullmatch(extension):
-            raise InputError(f"{where}: extensionsRequired: {extension!r:.60} cannot be honoured; save it without")
+            raise InputError(
+                f"{where}: extensionsRequired: {extension!r:.60} is not supported; save the file without it"
+            )
     for mesh in layout.meshes:
         for primitive in mesh.primitives:
             mode, mesh_where = primitive.mode, f"{where}: mesh {mesh.name or ''!r}"
@@ -200,7 +202,7 @@ def check_supported(layout: Layout, where: str) -> None:
                 raise InputError(f"{mesh_where}: {found}; allowed: triangles and strips")
             used = [primitive.attributes.get("POSITION"), primitive.indices]
             if any(layout.accessors[index].sparse is not None for index in used if index is not None):
-                raise InputError(f"{mesh_where}: sparse accessors cannot be honoured")
+                raise InputError(f"{mesh_where}: sparse accessors are not supported")
 
 
 def notes_on(layout: Layout, where: str) -> list[str]:

@@ -33,7 +33,7 @@ def load_scene(source: str | Path, assets: Path | None = None, up: str | None = 
     if "\0" in text or not text or len(text) > LONGEST_PATH:
         raise InputError(f"scene {text!r:.60}: neither a built-in scene nor a path")
     if not _is_utf8(text):
-        raise InputError(f"{text!r:.200}: the path is no UTF-8; rename the file or folder")
+        raise InputError(f"{text!r:.200}: the path is not valid UTF-8; rename the file or folder")
     if assets is not None and not assets.is_dir():
         raise InputError(f"--assets {assets}: no such folder")
     if suffix == ".toml":
@@ -52,8 +52,8 @@ def _check_up(up: str, source: str) -> None:
     if Path(source).suffix.lower() not in WITHOUT_UP:
         kinds = " ".join(WITHOUT_UP)
         raise InputError(
-            f"--up {up}: {source:.200} says what is up; allowed with mesh files that do not ({kinds}); "
-            "a scene file turns its meshes by rotate = [-90, 0, 0]"
+            f"--up {up}: {source:.200} specifies its up axis; allowed for mesh files that do not ({kinds}); "
+            "a scene file rotates its meshes by rotate = [-90, 0, 0]"
         )
 
 
@@ -62,7 +62,7 @@ def read_mesh_scene(path: Path, up: str | None = None) -> Scene:
     name = name_from(path.stem)
     if not NAME.fullmatch(name):
         raise InputError(
-            f"{path.name!r:.90}: a mesh file alone is a scene called after it; rename the file, to {NAMES}, "
+            f"{path.name!r:.90}: the scene of a mesh file is named after it; rename the file to {NAMES}, "
             f'or name it in a scene file with name = "…"'
         )
     contents = read_meshes(path)

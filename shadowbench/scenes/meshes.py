@@ -181,7 +181,7 @@ def _gltf(path: Path, where: str) -> tuple[list[MeshInstance], list[Camera], lis
             for k, (triangles, color) in enumerate(rows, 1):
                 instances.append(MeshInstance(name if len(rows) == 1 else f"{name} {k}", triangles, node.matrix, color))
     if hidden and not any(len(instance.triangles.faces) for instance in instances):
-        raise InputError(f"{where}: all {hidden} triangles are of hidden nodes; at least one must be visible")
+        raise InputError(f"{where}: all {hidden} triangles belong to hidden nodes; at least one must be visible")
     cameras, camera_notes = gltf.cameras_of(layout, where)
     lights, light_notes = gltf.lights_of(layout, where)
     return instances, cameras, lights, [*gltf.notes_on(layout, where), *camera_notes, *light_notes]

@@ -295,8 +295,8 @@ def view_of(scene: Scene, camera: Camera, light: Light, size: int) -> View:
     least = NEAREST_TARGET * float(np.abs([camera.position, camera.target, (low + high) / 2]).max())
     if distance < least:
         raise InputError(
-            f"camera {camera.name!r} of {scene.name}: position and target are {distance:.3g} m apart, which rounding "
-            f"may turn anywhere; they must be at least {least:.3g} m apart here"
+            f"camera {camera.name!r} of {scene.name}: position and target are only {distance:.3g} m apart, so that "
+            f"rounding may change the direction; they must be at least {least:.3g} m apart here"
         )
     farthest = float(np.linalg.norm(np.maximum(np.abs(low - position), np.abs(high - position))))
     nearest = float(np.linalg.norm(np.maximum(np.maximum(low - position, position - high), 0.0)))
@@ -306,13 +306,13 @@ def view_of(scene: Scene, camera: Camera, light: Light, size: int) -> View:
     far = farthest if camera.far is None else min(max(camera.far, nearest), farthest)
     if near >= far:
         raise InputError(
-            f"camera {camera.name!r} of {scene.name} looks at nothing: its planes {camera.near} and {camera.far} m "
-            f"leave out the scene, which lies between {nearest:.4g} and {farthest:.4g} m"
+            f"camera {camera.name!r} of {scene.name} shows nothing: its near and far planes, {camera.near} and "
+            f"{camera.far} m, exclude the scene, which lies between {nearest:.4g} and {farthest:.4g} m"
         )
     view = View(scene, replace(camera, near=near, far=far), light, size)
     if (taken := len(view.name.encode())) > LONGEST_VIEW_NAME:
         raise InputError(
-            f"scene {scene.name!r}, camera {camera.name!r}, light {light.name!r}: their names, which call files, take "
-            f"{taken} bytes together; allowed are {LONGEST_VIEW_NAME}"
+            f"scene {scene.name!r}, camera {camera.name!r}, light {light.name!r}: their names, which are parts of "
+            f"file names, take {taken} bytes together; allowed are {LONGEST_VIEW_NAME}"
         )
     return view

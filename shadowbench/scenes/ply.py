@@ -55,7 +55,7 @@ def read_ply(data: bytes, where: str) -> Polygons:
     """The faces of a PLY file. Raises InputError for an invalid header, or fewer rows than it announces."""
     end = END.search(data, 0, LONGEST_HEADER)
     if not data.startswith(b"ply") or end is None:
-        raise InputError(f"{where}: is no PLY: 'ply' and 'end_header' must stand around its header")
+        raise InputError(f"{where}: is not a PLY: its header must begin with 'ply' and end with 'end_header'")
     order, elements = _header(data[: end.start()].decode("utf-8", errors="replace"), where)
     columns: dict[tuple[str, str], Column] = {}
     body, at = data[end.end() :], 0
@@ -114,7 +114,7 @@ def _header(text: str, where: str) -> tuple[Order, list[Element]]:
             ):
                 elements[-1].properties.append(Property(name, np.dtype(TYPES[kind]), np.dtype(TYPES[length])))
             case _:
-                raise InputError(f"{where}: line {number}: {line!r:.60} makes no sense in the header of a PLY")
+                raise InputError(f"{where}: line {number}: {line!r:.60} is not valid in the header of a PLY")
     if order is None:
         raise InputError(f"{where}: found no format; allowed: {', '.join(ORDERS)}")
     for element in elements:

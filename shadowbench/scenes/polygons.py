@@ -85,8 +85,9 @@ def triangulated(polygons: Polygons, where: str) -> tuple[Integers, Integers, li
         work += int((counts[chosen[waiting]] ** 2).sum())
         if work > MOST_CORNERS**2:
             raise InputError(
-                f"{where}: concave polygons of up to {counts[chosen[waiting]].max()} corners take too long to cut; "
-                f"allowed is one of {MOST_CORNERS} corners, or several whose squared counts add up to {MOST_CORNERS**2}"
+                f"{where}: concave polygons of up to {counts[chosen[waiting]].max()} corners take too long to "
+                f"triangulate; allowed is one of {MOST_CORNERS} corners, or several whose squared counts add up to "
+                f"{MOST_CORNERS**2}"
             )
         for k in waiting:
             polygon = chosen[k]

@@ -12,7 +12,7 @@ from shadowbench.errors import InputError, alternatives
 from shadowbench.strict import explain
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.biases import Bias
-from shadowbench.techniques.params import Row
+from shadowbench.techniques.params import Component
 from shadowbench.techniques.spec import Spec, format_value, parse_spec
 
 Techniques = Mapping[str, type[Technique]]
@@ -62,7 +62,7 @@ def cross(table: dict[str, Any], techniques: Techniques, where: str, notes: list
             raise InputError(f"{where}: {key}: found an empty list; allowed: one value or more")
     count = math.prod(len(choices) for choices in lists.values()) * max(1, len(factors))
     if count > MOST_SPECS:
-        raise InputError(f"{where}: its lists cross to {count} specs; allowed are at most {MOST_SPECS}")
+        raise InputError(f"{where}: its lists combine to {count} specs; allowed are at most {MOST_SPECS}")
     made: list[Spec] = []
     sweeps: list[BiasSweep] = []
     dropped: list[InputError] = []
@@ -122,13 +122,13 @@ def _with_bias_times(spec: Spec, factor: float) -> Spec:
     """The spec with its bias multiplied by a factor. Raises InputError if it has no bias that can be multiplied."""
     bias = getattr(spec.params, "bias", None)
     if not isinstance(bias, Bias) or not any(term.swept for term in bias.terms):
-        found = f", found bias={format_value(bias)}" if isinstance(bias, Row) else ""
+        found = f", found bias={format_value(bias)}" if isinstance(bias, Component) else ""
         raise InputError(f"bias_sweep: {spec.technique.name} has no bias here that can be multiplied{found}")
     try:
-        row = bias.scaled(factor)
+        scaled = bias.scaled(factor)
     except ValidationError as error:
         raise explain(f"bias_sweep {factor:g}: {format_value(bias)}", error) from None
-    return spec.with_(bias=row)
+    return spec.with_(bias=scaled)
 
 
 def parse_spec_at(text: str, techniques: Techniques, where: str) -> Spec:

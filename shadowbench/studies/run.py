@@ -7,6 +7,7 @@ from pathlib import Path
 
 from shadowbench.errors import InputError
 from shadowbench.measure.executor import Executor
+from shadowbench.measure.flips import FINER
 from shadowbench.measure.measurer import Measurer, Reporter
 from shadowbench.measure.pictures import Pictures
 from shadowbench.measure.profile import Profile
@@ -71,7 +72,8 @@ def run_study(
 def check_sizes(study: Study, info: DeviceInfo) -> None:
     """Raises InputError if a map or the view is larger than the device allows."""
     largest = max(study.reference.map_size or 0, *(cell.spec.map_size or 0 for cell in study.cells()))
-    for what, size in (("map size", largest), ("view size", study.view_size)):
+    finer = FINER if study.step == "camera" else 1
+    for what, size in (("map size", largest), ("view size", finer * study.view_size)):
         if size > info.max_map_size:
             raise InputError(f"{what} {size}: {info.renderer} allows 1 to {info.max_map_size}")
 

@@ -11,6 +11,7 @@ from shadowbench.data import data_folder
 from shadowbench.errors import InputError, alternatives
 from shadowbench.measure.cells import Block, Cell
 from shadowbench.measure.executor import Limits
+from shadowbench.measure.flips import Step
 from shadowbench.measure.references import DEFAULT_REFERENCE, reference_name
 from shadowbench.measure.rows import StudyFacts
 from shadowbench.measure.timing import Conditions
@@ -33,9 +34,9 @@ class Study(Strict):
     The fields are those of a study file, except `assets`, `up` and `notes`. scenes: built-in names, paths, or loaded
     scenes; assets, up: see `load_scene`. map_size: for specs that name no size; None for each technique's own.
     technique: crossed specs. phases: subtexel offsets of the map's grid to measure, for `technique` entries without
-    their own number. views, lights: "file" for the first camera and all lights of a scene, else by name. sun: whether
-    directional lights without a size have the sun's (`with_sun`). time_limit: seconds per cell; memory_limit: GiB.
-    notes: lines to show to the user.
+    their own number. step: what moves a little to count flips, None to count none. views, lights: "file" for the first
+    camera and all lights of a scene, else by name. sun: whether directional lights without a size have the sun's
+    (`with_sun`). time_limit: seconds per cell; memory_limit: GiB. notes: lines to show to the user.
     """
 
     not_in_files: ClassVar[frozenset[str]] = frozenset({"assets", "up", "notes"})
@@ -46,6 +47,7 @@ class Study(Strict):
     view_size: int = Field(512, ge=1, le=16384, strict=True)
     rounds: int = Field(9, ge=0, le=10_000, strict=True)
     phases: int = Field(1, ge=1, le=10_000, strict=True)
+    step: Step | None = None
     coordinates: Coordinates = "relative"
     reference: Reference = DEFAULT_REFERENCE
     time_limit: float = Field(120.0, gt=0, le=86_400)
@@ -91,7 +93,7 @@ class Study(Strict):
 
     def conditions(self, time_again: bool = False) -> Conditions:
         """Measurement settings of the cells."""
-        return Conditions(self.coordinates, self.rounds, self.reference, time_again)
+        return Conditions(self.coordinates, self.rounds, self.reference, time_again, self.step)
 
     @property
     def limits(self) -> Limits:

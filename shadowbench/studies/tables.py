@@ -10,10 +10,11 @@ import numpy as np
 import pandas as pd
 
 from shadowbench.files import replace_file
+from shadowbench.measure.flips import FLIPS, ROW_METRICS
 from shadowbench.measure.rows import Result
 from shadowbench.measure.time_rows import REDRAWN
 from shadowbench.scores.metrics import METRICS
-from shadowbench.studies.times import WIDE, ReferenceTime, normalise_times
+from shadowbench.studies.times import ROUGH, ReferenceTime, normalise_times
 
 _IDENTITY = ["scene", "view", "light", "phase", "technique", "spec", "map_size", "view_size", "renderer", "status"]
 _TIMES = ["frame_ms", "frame_iqr_ms", "added_ms", "ratio", "n", "clock"]
@@ -30,6 +31,7 @@ _MORE = [
     "assumptions",
     "key",
 ]
+_FLIPS = [FLIPS.name, "step"]
 _BOOTSTRAPS = 2000
 
 
@@ -39,7 +41,7 @@ def cells_frame(results: Sequence[Result]) -> pd.DataFrame:
     passes = sorted({key for row in rows for key in row if key.startswith("pass_")})
     work = sorted({key for row in rows for key in row if key.startswith("work_")})
     promised = [*_IDENTITY, *METRICS, *_TIMES, *passes, *work, "gpu_bytes", "prepare_ms", "machine", "command"]
-    ours = [*_MORE, *_SOFT, *_MORE_TIMES]
+    ours = [*_MORE, *_FLIPS, *_SOFT, *_MORE_TIMES]
     facts = sorted({key for row in rows for key in row if key.startswith("fact_")})
     frame = pd.DataFrame(rows, columns=[*promised, *ours, *facts])
     whole = [*work, "map_size", "n", "gpu_bytes", "receivers", "undecided", "surface_mismatch", "penumbra"]
@@ -54,7 +56,7 @@ def write_table(file: Path, frame: pd.DataFrame) -> None:
 
 def _cell(result: Result) -> dict[str, Any]:
     score, timed = result.score, result.time or {}
-    row = {name: score.get(name) for name in [*_IDENTITY, *_MORE, *_SOFT, "gpu_bytes", "command"]} | {
+    row = {name: score.get(name) for name in [*_IDENTITY, *_MORE, *_FLIPS, *_SOFT, "gpu_bytes", "command"]} | {
         "status": result.status
     }
     row |= score.get("metrics", {})
@@ -101,10 +103,10 @@ class SummaryRow:
     phases: int
 
     @property
-    def wide(self) -> bool:
+    def rough(self) -> bool:
         """Whether the IQR of the time is so large that it is only a rough estimate."""
         ms, iqr = self.values.get("frame_ms"), self.values.get("frame_iqr_ms")
-        return ms is not None and iqr is not None and iqr.median > WIDE * ms.median
+        return ms is not None and iqr is not None and iqr.median > ROUGH * ms.median
 
     @property
     def soft(self) -> bool:
@@ -157,7 +159,7 @@ def summary_rows(table: pd.DataFrame) -> list[SummaryRow]:
     for key, group in table.groupby(["spec", "map_size"], sort=False, dropna=False):
         spec, size = cast("tuple[str, float]", key)
         succeeded = group[group["status"] == "ok"]
-        names = [*METRICS, *_SOFT[:2], *_TIMES[:4], *_TOTALS, "gpu_bytes"]
+        names = [*ROW_METRICS, *_SOFT[:2], *_TIMES[:4], *_TOTALS, "gpu_bytes"]
         values = {name: interval(succeeded[name].tolist()) for name in names}
         refused = tuple(group.loc[group["status"] != "ok", "status"])
         map_size = None if pd.isna(size) else int(size)
@@ -190,7 +192,7 @@ def mean_over_scenes(tables: Mapping[str, Sequence[SummaryRow]]) -> tuple[list[s
     means = [
         SummaryRow(spec, size, sum(row.cells for row in rows), (), values, min(row.phases for row in rows))
         for (spec, size), rows in found.items()
-        for values in [{name: _mean([row.values.get(name) for row in rows]) for name in [*METRICS, *_SOFT[:2]]}]
+        for values in [{name: _mean([row.values.get(name) for row in rows]) for name in [*ROW_METRICS, *_SOFT[:2]]}]
     ]
     return scenes, sorted(means, key=_error)
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-WIDE = 1 / 3
+ROUGH = 1 / 3
 """IQR of a time relative to its median above which the time is marked as rough."""
 
 DRIFT = 1.25

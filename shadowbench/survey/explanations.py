@@ -11,8 +11,8 @@ from shadowbench.survey.casters import Casters
 from shadowbench.survey.depth import BIAS_STEPS, CONTACT, BiasNeed, DepthBits
 from shadowbench.survey.maps import REFERENCE_SIZE
 from shadowbench.survey.penumbra import Penumbra
-from shadowbench.survey.reach import RelevantCasters
 from shadowbench.survey.receivers import Receivers
+from shadowbench.survey.relevant_casters import RelevantCasters
 from shadowbench.survey.sampling import Estimate
 from shadowbench.survey.survey import Needs
 from shadowbench.survey.texels import Texels

@@ -23,7 +23,7 @@ DISPLACEMENTS = np.array([0.250, 0.218, 0.182, 0.159, 0.168, 0.181])
 
 @dataclass(frozen=True, eq=False)
 class Footprint:
-    """R samples in map coordinates, whose unit is one of light space until `scaled`.
+    """R samples in map coordinates, with derivatives by pixels; in units of light space, until `scaled`.
 
     coords: (3, R) u, v and distance along the light's axis, as in `Box`; jacobian: (2, 2, R) d(u, v)/d(x, y), with x
     and y in pixels, y downwards; slope: (2, R) derivative of the receiver plane's distance by u and v.
@@ -72,8 +72,8 @@ def longest(across: Floats, down: Floats) -> Floats:
     # σ² are the eigenvalues of the Gram matrix; the smaller one as a quotient, which avoids cancellation.
     larger = (square_a + square_b + np.hypot(square_a - square_b, 2 * both)) / 2
     determinant = np.maximum(square_a * square_b - both**2, np.finfo(float).tiny)
-    reach: Floats = np.sqrt(larger / determinant)
-    return reach
+    extent: Floats = np.sqrt(larger / determinant)
+    return extent
 
 
 def footprint(samples: Samples, space: LightSpace) -> Footprint:

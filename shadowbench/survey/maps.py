@@ -39,8 +39,8 @@ class FittedMap:
         return self.footprint.scaled(self.extent)
 
     @cached_property
-    def reach(self) -> Floats:
-        """(R,) largest extent in pixels of a map of one texel; divided by `texels(size)`, that of a texel."""
+    def single_texel_extent(self) -> Floats:
+        """(R,) largest extent in pixels of the texel of a 1 × 1 map; divide by `texels(size)` for larger maps."""
         return self.unit.longest
 
     def texels(self, size: float) -> float:

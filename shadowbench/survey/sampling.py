@@ -14,6 +14,8 @@ from shadowbench.errors import InputError
 from shadowbench.scenes.model import Floats, Placement, View
 from shadowbench.survey.rays import Indices, Mask, lighting, surfaces
 from shadowbench.truths.embree import Tracer, over_slices
+from shadowbench.truths.near import NearCasters
+from shadowbench.truths.rays import GRAZING, Receivers
 from shadowbench.truths.trace import OFFSET
 
 LATTICE = 512  # largest number of sampled pixels along a side: all pixels, or every second, third, …
@@ -94,15 +96,15 @@ class Samples:
         """Share of the view's pixels that were sampled."""
         return float(min(1.0, (-(-self.view.size // self.step) / self.view.size) ** 2))
 
-    def estimate(self, statistic: Callable[[Indices], float], of: Indices) -> Estimate:
-        """A statistic of some samples, with its standard error from the scatter over random groups of them.
+    def estimate(self, statistic: Callable[[Indices], float], chosen: Indices) -> Estimate:
+        """A statistic of chosen samples, with its standard error from the scatter over random groups of them.
 
         The error is 0 if every pixel was sampled: it is that of the view, not of other cameras.
         """
-        value = statistic(of)
-        if self.step == 1 or len(of) < 2 * GROUPS:
+        value = statistic(chosen)
+        if self.step == 1 or len(chosen) < 2 * GROUPS:
             return Estimate(value, 0.0 if self.step == 1 else None)
-        groups = np.array_split(np.random.default_rng(0).permutation(of), GROUPS)
+        groups = np.array_split(np.random.default_rng(0).permutation(chosen), GROUPS)
         scatter = np.array([statistic(np.sort(group)) for group in groups])
         return Estimate(value, float(scatter.std(ddof=1) / np.sqrt(GROUPS) * np.sqrt(1 - self.part)))
 
@@ -131,6 +133,24 @@ def sample_view(view: View) -> Samples:
     if not len(arrays["pixel"]):
         raise InputError(
             f"view {view.camera.name!r} of {view.scene.name}: no pixel shows a receiver that {view.light.name!r} "
-            "shines on; needs are those of the visible receivers"
+            "lights; needs are those of the visible receivers"
         )
-    return Samples(view=placed, placement=placement, casters=casters, step=step, **arrays)
+    samples = Samples(view=placed, placement=placement, casters=casters, step=step, **arrays)
+    return replace(samples, blocker=np.minimum(samples.blocker, _near_blockers(samples, above)))
+
+
+def _near_blockers(samples: Samples, height: float) -> Floats:
+    """(R,) distance along L to the nearest caster before the start of the shadow ray, `height` above the surface.
+
+    Computed, as in the truth, where the light is so low that the ray starts more than a pixel away; inf elsewhere.
+    """
+    distance = np.full(len(samples.pixel), np.inf)
+    pixel = np.sqrt(np.minimum((samples.across**2).sum(axis=0), (samples.down**2).sum(axis=0)))
+    low = np.flatnonzero((samples.cosine > GRAZING) & (height > pixel * samples.cosine))
+    if len(low):
+        at, geometry, eye = samples.select(low), samples.view.scene.geometry, np.array(samples.view.camera.position)
+        receivers = Receivers(at.pixel, at.triangle, at.point, at.to_light, at.distance, at.cosine)
+        row, column = np.divmod(at.pixel, -(-samples.view.size // samples.step))
+        pixels = np.stack([column, row])
+        distance[low], _ = NearCasters(geometry).nearest_blockers(receivers, height, pixels, eye[:, None])
+    return distance

@@ -10,8 +10,8 @@ from shadowbench.survey.casters import Casters, casters_of
 from shadowbench.survey.depth import BiasNeed, DepthBits, bias_of, bits_of, depths_of
 from shadowbench.survey.maps import fitted_map
 from shadowbench.survey.penumbra import Penumbra, penumbra_of
-from shadowbench.survey.reach import RelevantCasters, reach_of
 from shadowbench.survey.receivers import Receivers, planes_of, receivers_of
+from shadowbench.survey.relevant_casters import RelevantCasters, relevant_casters
 from shadowbench.survey.sampling import sample_view
 from shadowbench.survey.texels import Texels, texels_of
 
@@ -41,16 +41,14 @@ class Needs:
 def needs(view: View) -> Needs:
     """The needs of a view from `view_of`. Raises InputError if there is no caster or no visible receiver."""
     if not len(view.scene.geometry.caster_faces):
-        raise InputError(
-            f"{view.scene.name}: no mesh casts a shadow, so that nothing needs a technique but `unshadowed`"
-        )
+        raise InputError(f"{view.scene.name}: no mesh casts a shadow, so that `unshadowed` suffices")
     # Work that grows with the triangles runs in one other thread; more threads were not faster.
     with ThreadPoolExecutor(1) as pool:
         planes = pool.submit(planes_of, view.scene)
         casters = pool.submit(lambda: casters_of(view.placed()[0]))
         samples = sample_view(view)
         fitted = fitted_map(samples)
-        reach = pool.submit(reach_of, fitted)
+        reach = pool.submit(relevant_casters, fitted)
         texels = texels_of(fitted)
         depths = depths_of(fitted)
         return Needs(

@@ -32,9 +32,9 @@ class Texels:
 def texels_of(fitted: FittedMap) -> Texels:
     """The needed size of one map, or of a cube's faces."""
     samples, everything = fitted.samples, fitted.all_samples
-    p95 = samples.estimate(lambda chosen: float(np.percentile(fitted.reach[chosen], 95)), everything)
+    p95 = samples.estimate(lambda chosen: float(np.percentile(fitted.single_texel_extent[chosen], 95)), everything)
     # A maximum has no standard error: a pixel that was not sampled may exceed it.
-    largest = Estimate(float(fitted.reach.max()), None if samples.step > 1 else 0.0)
+    largest = Estimate(float(fitted.single_texel_extent.max()), None if samples.step > 1 else 0.0)
     return Texels(
         largest=largest.times(1 / fitted.texels(REFERENCE_SIZE)),
         p95=p95.times(1 / fitted.texels(REFERENCE_SIZE)),

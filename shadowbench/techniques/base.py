@@ -11,7 +11,7 @@ map that the casters are rendered into.
     int, bool               #define KEY 1024; a bool is 1 or 0
     choice (Literal)        #define KEY_CHOICE 1, with _ in place of -
     float                   uniform float key, if the shader declares it; with metres=True in local lengths
-    row (a bias, a filter)  #include <key> includes its file; its own parameters are named KEY_TAPS, key_scale
+    component (a bias, …)   #include <key> includes its file; its own parameters are named KEY_TAPS, key_scale
 
 and `uniform float metre` is one metre in local lengths. `receiver.glsl` reads a pixel's position, normal, N·L and the
 direction to the light from the G-buffer; `map.glsl` computes its shadow-map coordinates from the uniforms of
@@ -81,7 +81,7 @@ class Frame:
 
     @property
     def light_uniform(self) -> tuple[float, float, float, float]:
-        """`light` of receiver.glsl: unit vector towards a directional light with w = 0, or a position with w = 1."""
+        """Uniform `light` of receiver.glsl: unit vector towards a directional light, w = 0, or a position, w = 1."""
         xyz, w = self.light.homogeneous
         return (*xyz, w)
 

@@ -1,16 +1,16 @@
-"""Depth biases against self-shadowing (acne): a row each and, if it needs one, a shader file in `bias/`."""
+"""Depth biases against self-shadowing (acne): a class each and, where needed, a shader file in `bias/`."""
 
 from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, model_validator
 
 from shadowbench.techniques.grammar import Call, parse_value
-from shadowbench.techniques.params import Row, param
+from shadowbench.techniques.params import Component, param
 
 MapKind = Literal["2d", "array", "cube"]
 
 
-class Bias(Row):
+class Bias(Component):
     """Base class of the biases.
 
     maps: the supported kinds of shadow map; swept: the parameters that a study's `bias_sweep` multiplies. Several
@@ -22,7 +22,7 @@ class Bias(Row):
     shader = "bias/none.glsl"
 
     @classmethod
-    def from_value(cls, value: "Row | str | Call") -> "Bias":
+    def from_value(cls, value: "Component | str | Call") -> "Bias":
         """The bias or sum of biases of a value in a spec. Raises ValueError with the allowed names."""
         value = parse_value(value) if isinstance(value, str) else value
         if isinstance(value, Call) and value.name == "+":
@@ -175,7 +175,7 @@ class Texel(Bias):
 class Sum(Bias):
     """The sum of two biases, `polygon-offset(2,4)+before-divide(0.01)`: their offsets and depths add up.
 
-    Not a named row; specs form it with `+`. `second` may be a sum.
+    Not in the table of biases; specs form it with `+`. `second` may be a sum.
     """
 
     shader = "bias/sum.glsl"

@@ -18,7 +18,7 @@ from shadowbench.scenes.model import View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.biases import Bias, Texel
 from shadowbench.techniques.filters import Filter, Hardware
-from shadowbench.techniques.maps import MAP_GRID, CasterMap, map_textures, map_uniforms, unsupported_rows
+from shadowbench.techniques.maps import MAP_GRID, CasterMap, map_textures, map_uniforms, unsupported_components
 from shadowbench.techniques.params import one_of
 from shadowbench.techniques.resolve import ResolvePass
 from shadowbench.techniques.splits import PracticalSplit, Split
@@ -87,7 +87,7 @@ class Cascades(Technique):
         assert isinstance(params, cls.Params)
         if view.light.kind != "directional":
             return f"a {view.light.kind} light shines from a place; cascades follow a directional one"
-        incompatible = unsupported_rows("array", params.bias, params.filter)
+        incompatible = unsupported_components("array", params.bias, params.filter)
         return incompatible or unsupported_map(device, params.size, params.depth, "array", params.count)
 
     @classmethod
@@ -99,7 +99,7 @@ class Cascades(Technique):
         params = self.params
         self.stage = stage
         self.hull = SceneHull(stage.scene)
-        self.reach = params.filter.radius(params.size)
+        self.filter_radius = params.filter.radius(params.size)
         self.defines = {"LAYERS": params.count, "MAP_ARRAY": 1}
         if params.layers == "geometry":
             texts = ("cascades/layers.vert", "depth.frag", "cascades/layers.geom")
@@ -139,7 +139,7 @@ class Cascades(Technique):
         return slices(frame.camera, depths, params.blend if params.select == "depth" else 0.0)
 
     def _box(self, space: LightSpace, part: Slice, shift: tuple[float, float]) -> Box:
-        params, padding = self.params, self.reach + 1
+        params, padding = self.params, self.filter_radius + 1
         # With depth clamping a longer range would only cost depth precision and enlarge biases in units of depth.
         depth_factor = 1.0 if params.depth_clamp else params.z_mult
         if params.box != "sphere":
@@ -154,7 +154,7 @@ class Cascades(Technique):
         return window(Box(middle - half, middle + half), space, params.size, padding, shift)
 
     def _uniforms(self, frame: Frame) -> dict[str, Value]:
-        values = map_uniforms(self.light_views) | {"filter_radius": self.reach, "depth_step": self.map.step}
+        values = map_uniforms(self.light_views) | {"filter_radius": self.filter_radius, "depth_step": self.map.step}
         values["position_step"] = self.hull.position_step(frame.light)
         if self.params.select == "depth":
             forward = -frame.camera.basis()[2]

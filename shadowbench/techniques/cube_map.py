@@ -14,7 +14,7 @@ from shadowbench.scenes.model import Floats, View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.biases import Bias, Texel
 from shadowbench.techniques.filters import Filter, Hardware
-from shadowbench.techniques.maps import MAP_GRID, CasterMap, map_textures, unsupported_rows
+from shadowbench.techniques.maps import MAP_GRID, CasterMap, map_textures, unsupported_components
 from shadowbench.techniques.params import one_of
 from shadowbench.techniques.resolve import ResolvePass
 
@@ -61,7 +61,7 @@ class CubeMap(Technique):
         assert isinstance(params, cls.Params)
         if view.light.kind == "directional":
             return "a directional light has no position to look around from"
-        return unsupported_rows("cube", params.bias, params.filter) or unsupported_map(
+        return unsupported_components("cube", params.bias, params.filter) or unsupported_map(
             device, params.size, params.depth, "cube"
         )
 

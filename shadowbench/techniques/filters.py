@@ -1,12 +1,12 @@
-"""Shadow-map filters, the compared texels and their weights: a row and a shader file in `filter/` each."""
+"""Shadow-map filters: the compared texels and their weights. Each has a class and a shader file in `filter/`."""
 
 from typing import ClassVar, Literal
 
 from shadowbench.techniques.biases import MapKind
-from shadowbench.techniques.params import Row, param
+from shadowbench.techniques.params import Component, param
 
 
-class Filter(Row):
+class Filter(Component):
     """Base class of the filters. `maps`: the supported kinds of shadow map."""
 
     maps: ClassVar[frozenset[MapKind]] = frozenset({"2d", "array"})

@@ -1,4 +1,4 @@
-"""Fits, the part of light space that a shadow map covers: a row each. All but `fixed` pad it by the filter radius."""
+"""Fits: the part of light space that a shadow map covers. All but `fixed` pad it by the filter radius."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -11,7 +11,7 @@ from shadowbench.geometry.hull import SceneHull
 from shadowbench.geometry.lights import Box, LightSpace, LightView, light_space, window
 from shadowbench.gl.clock import Changes
 from shadowbench.scenes.model import Floats, Placement, View
-from shadowbench.techniques.params import Row, param
+from shadowbench.techniques.params import Component, param
 
 VisibleBoundsFunction = Callable[[LightSpace], Box | None]
 
@@ -26,7 +26,7 @@ class FitContext:
     visible_bounds: VisibleBoundsFunction
 
 
-class Fit(Row):
+class Fit(Component):
     """Base class of the fits.
 
     clamps: whether casters in front of the near plane are clamped to it, as near and far bound the receivers only.
@@ -35,7 +35,7 @@ class Fit(Row):
     clamps: ClassVar[bool] = True
 
     @property
-    def moves_with(self) -> Changes:
+    def invalidated_by(self) -> Changes:
         """What invalidates the map: "light" motion, or "view" (camera or light motion)."""
         return "view"
 
@@ -78,7 +78,7 @@ class FixedFit(Fit):
         return LightView(space, Box(low + step, high + step), size)
 
     @property
-    def moves_with(self) -> Changes:
+    def invalidated_by(self) -> Changes:
         return "light"
 
 
@@ -93,7 +93,7 @@ class SceneFit(Fit):
         return _region(space, context, [])
 
     @property
-    def moves_with(self) -> Changes:
+    def invalidated_by(self) -> Changes:
         return "light"
 
 

@@ -39,11 +39,11 @@ class FittedParams(TechniqueParams):
 
 
 class FittedView:
-    """Fits the light view of one 2-D map to each frame. `reach`: radius of a lookup, in texels."""
+    """Fits the light view of one 2-D map to each frame. filter_radius: of a lookup, in texels."""
 
-    def __init__(self, stage: Stage, fit: Fit, size: int, reach: float) -> None:
+    def __init__(self, stage: Stage, fit: Fit, size: int, filter_radius: float) -> None:
         self.hull = SceneHull(stage.scene)
-        self._stage, self._fit, self._size, self._padding = stage, fit, size, reach + 1
+        self._stage, self._fit, self._size, self._padding = stage, fit, size, filter_radius + 1
         self._bounds = VisibleBounds(stage)
 
     def __call__(self, frame: Frame) -> LightView:
@@ -147,11 +147,11 @@ class BoxBlur:
             self._draw.draw(target, {"source": (source, Sampling())})
 
 
-def unsupported_rows(kind: MapKind, bias: Bias, filter: Filter) -> str | None:
+def unsupported_components(kind: MapKind, bias: Bias, filter: Filter) -> str | None:
     """Why bias or filter does not support a kind of map; None if both do."""
     names = {"2d": "a 2-D map", "array": "an array of maps", "cube": "a cube map"}
-    rows: tuple[Bias | Filter, ...] = (*bias.terms, filter)
-    return next((f"{row.name} has no meaning for {names[kind]}" for row in rows if kind not in row.maps), None)
+    parts: tuple[Bias | Filter, ...] = (*bias.terms, filter)
+    return next((f"{part.name} has no meaning for {names[kind]}" for part in parts if kind not in part.maps), None)
 
 
 def caster_state(bias: Bias, clamp: bool = True, reversed_depth: bool = False) -> State:
@@ -176,7 +176,7 @@ def storable_region(light_view: LightView, bias: Bias) -> Floats:
 
 
 def far_distance(view: LightView) -> float:
-    """`far_distance` of `linear_depth.glsl`: w at the far plane."""
+    """The uniform `far_distance` of `linear_depth.glsl`: w at the far plane."""
     return view.far if view.space.perspective else 1.0
 
 

@@ -1,7 +1,7 @@
 """Parameters of techniques. One pydantic field defines the spec key, shader define or uniform, help, docs and column.
 
-A `Row` is a registered choice with parameters of its own (a bias, a filter, a fit): a subclass with a `name` is added
-to its family's table, and becomes an option of every technique with a field of that family.
+A `Component` is a bias, filter, fit or split, with parameters of its own. Defining a subclass with a `name` adds it to
+its family's table, and so to the allowed values of every technique parameter of that family.
 """
 
 from collections.abc import Callable
@@ -25,7 +25,7 @@ def param(default: Any, help: str, *, metres: bool = False, values: str = "", **
 
 
 def allowed(info: FieldInfo) -> str:
-    """The allowed values of a parameter as text: `d16, d24, d32f` or `≥ 0, metres`; empty for a row."""
+    """The allowed values of a parameter as text: `d16, d24, d32f` or `≥ 0, metres`; empty for a component."""
     if isinstance(info.json_schema_extra, dict) and info.json_schema_extra.get("values"):
         return str(info.json_schema_extra["values"])
     choices = get_args(info.annotation) if get_origin(info.annotation) is Literal else ()
@@ -52,29 +52,29 @@ class TechniqueParams(Strict):
     """Base class of every technique's parameters."""
 
 
-class Row(Strict):
-    """Base class of the families of registered choices; a subclass with a `name` is added to its family's table."""
+class Component(Strict):
+    """Base class of biases, filters, fits and splits; a subclass with a `name` is added to its family's table."""
 
     name: ClassVar[str]
-    shader: ClassVar[str] = ""  # the file that fills the include slot of the row's field
+    shader: ClassVar[str] = ""  # the file that fills the include slot of the parameter
     table: ClassVar[dict[str, type[Self]]]
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
         super().__pydantic_init_subclass__(**kwargs)
-        if Row in cls.__bases__:
+        if Component in cls.__bases__:
             cls.table = {}
         elif "name" in cls.__dict__:
             cls.table[cls.name] = cls  # type: ignore[assignment]  # Self is a subclass of the family here
 
     @classmethod
-    def family(cls) -> "type[Row]":
-        """The family of a row."""
-        return next(base for base in cls.__mro__ if Row in base.__bases__)
+    def family(cls) -> "type[Component]":
+        """The family of a component: `Bias`, `Filter`, `Fit` or `Split`."""
+        return next(base for base in cls.__mro__ if Component in base.__bases__)
 
     @classmethod
-    def from_value(cls, value: "Row | str | Call") -> Self:
-        """The row of a value in a spec. Raises ValueError with the allowed names."""
+    def from_value(cls, value: "Component | str | Call") -> Self:
+        """The component that a value in a spec names. Raises ValueError with the allowed names."""
         if isinstance(value, cls):
             return value
         if isinstance(value, str):
@@ -85,10 +85,10 @@ class Row(Strict):
             raise ValueError(f"{family}s cannot be added, only biases can; allowed: one of {', '.join(cls.table)}")
         if call.name not in cls.table:
             raise ValueError(f"unknown {cls.__name__.lower()} {call.name!r}{alternatives(call.name, cls.table)}")
-        row = cls.table[call.name]
-        return row(**call.keywords(list(row.model_fields)))
+        component = cls.table[call.name]
+        return component(**call.keywords(list(component.model_fields)))
 
 
-def one_of(family: type[Row]) -> Callable[[Any], Any]:
-    """The validator of a field whose value is a row of a family: `bias: Annotated[Bias, one_of(Bias)]`."""
+def one_of(family: type[Component]) -> Callable[[Any], Any]:
+    """The validator of a field whose value is a component of a family: `bias: Annotated[Bias, one_of(Bias)]`."""
     return BeforeValidator(family.from_value)  # type: ignore[return-value]  # pydantic calls it a validator, not a callable

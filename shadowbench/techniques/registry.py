@@ -74,12 +74,12 @@ def _from_file(file: Path) -> list[type[Technique]]:
     # The hash keeps files of the same name in different folders apart.
     name = f"shadowbench_plugin_{file.stem}_{hashlib.sha256(str(file).encode()).hexdigest()[:8]}"
     spec = importlib.util.spec_from_file_location(name, file)
-    if spec is None or spec.loader is None:
+    if spec is None:
         raise InputError(f"--plugin {file}: not a Python file (.py)")
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module  # pydantic and inspect look up the file's classes there
     try:
-        spec.loader.exec_module(module)
+        exec(compile(file.read_bytes(), file, "exec"), module.__dict__)  # an import would leave __pycache__ beside it
     except (Exception, SystemExit) as error:  # executing a foreign file may raise anything
         raise InputError(f"--plugin {file}: {_summary(error)}") from error
     own = _defined_in(module)
@@ -99,12 +99,12 @@ def _defined_in(module: ModuleType) -> list[type[Technique]]:
 
 def _checked(technique: object, where: str) -> type[Technique]:
     if not (inspect.isclass(technique) and issubclass(technique, Technique)):
-        raise InputError(f"{where}: {technique!r} is no subclass of Technique")
+        raise InputError(f"{where}: {technique!r} is not a subclass of Technique")
     if not _named(technique):
         raise InputError(f"{where}: {technique.__name__} has no name")
     if not re.fullmatch(WORD, technique.name) or len(technique.name) > LONGEST_NAME:
         allowed = f"letters, digits, _ and -, at most {LONGEST_NAME} of them"
-        raise InputError(f"{where}: the name {technique.name!r:.90} is no word; allowed: {allowed}")
+        raise InputError(f"{where}: the name {technique.name!r:.90} is not a valid name; allowed: {allowed}")
     missing = sorted(technique.__abstractmethods__)
     if missing:
         raise InputError(f"{where}: {technique.__name__} lacks {', '.join(missing)}")

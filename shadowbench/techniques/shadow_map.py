@@ -21,7 +21,7 @@ from shadowbench.techniques.maps import (
     FittedView,
     map_textures,
     map_uniforms,
-    unsupported_rows,
+    unsupported_components,
 )
 from shadowbench.techniques.params import one_of
 from shadowbench.techniques.resolve import ResolvePass
@@ -68,13 +68,15 @@ class ShadowMap(Technique):
             return "a point light shines all round, one 2-D map sees less than half of it"
         if params.reversed and not device.clip_control:
             return "reversed depth needs clip control (OpenGL 4.5)"
-        return unsupported_rows("2d", params.bias, params.filter) or unsupported_map(device, params.size, params.depth)
+        return unsupported_components("2d", params.bias, params.filter) or unsupported_map(
+            device, params.size, params.depth
+        )
 
     def build(self, stage: Stage) -> None:
         params = self.params
         self.stage = stage
-        self.reach = params.filter.radius(params.size)
-        self.fitted = FittedView(stage, params.fit, params.size, self.reach)
+        self.filter_radius = params.filter.radius(params.size)
+        self.fitted = FittedView(stage, params.fit, params.size, self.filter_radius)
         self.map = CasterMap(
             stage,
             stage.program("casters.vert", "depth.frag"),
@@ -88,7 +90,7 @@ class ShadowMap(Technique):
         self.resolve = ResolvePass(stage, "shadow-map/resolve.frag", params)
 
     def draw(self, frame: Frame) -> moderngl.Texture:
-        params, moves = self.params, self.params.fit.moves_with
+        params, moves = self.params, self.params.fit.invalidated_by
         with frame.timed("fit", changes=moves):
             self.light_view = self.fitted(frame)
         with frame.timed("depth", changes=moves):
@@ -97,7 +99,7 @@ class ShadowMap(Technique):
             return self.resolve(
                 frame,
                 map_textures(self.map.texture, params.wrap, params.reversed),
-                filter_radius=self.reach,
+                filter_radius=self.filter_radius,
                 depth_step=self.map.step,
                 position_step=self.fitted.hull.position_step(frame.light),
                 **map_uniforms([self.light_view], params.reversed),

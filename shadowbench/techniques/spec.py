@@ -15,7 +15,7 @@ from shadowbench.errors import InputError, alternatives
 from shadowbench.strict import explain
 from shadowbench.techniques.biases import Sum
 from shadowbench.techniques.grammar import Call, Reader
-from shadowbench.techniques.params import Row, TechniqueParams
+from shadowbench.techniques.params import Component, TechniqueParams
 
 if TYPE_CHECKING:
     from shadowbench.techniques.base import Technique
@@ -124,13 +124,13 @@ def _validated(technique: "type[Technique]", values: dict[str, Any], where: str)
 
 
 def format_value(value: Any, full: bool = False) -> str:
-    """A parameter's value in spec syntax; `full` includes the parameters of rows that are at their defaults."""
+    """A parameter's value in spec syntax; `full` includes the parameters of components that are at their defaults."""
     if isinstance(value, Sum):
         return "+".join(format_value(term, full) for term in value.terms)
     if isinstance(value, Spec):
         name, _, items = (value.full_text if full else value.text).partition(":")
         return f"{name}({items})" if items else name
-    if isinstance(value, Row):
+    if isinstance(value, Component):
         inner = _format_items(value, full)
         return f"{value.name}({inner})" if inner else value.name
     if isinstance(value, bool):
@@ -138,7 +138,7 @@ def format_value(value: Any, full: bool = False) -> str:
     return repr(value) if isinstance(value, float) else str(value)
 
 
-def _format_items(params: TechniqueParams | Row, full: bool = False, skip: str | None = None) -> str:
+def _format_items(params: TechniqueParams | Component, full: bool = False, skip: str | None = None) -> str:
     values = {key: getattr(params, key) for key in type(params).model_fields if key != skip}
     return ",".join(
         f"{key}={format_value(value, full)}"

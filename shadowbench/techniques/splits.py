@@ -4,10 +4,10 @@ import numpy as np
 
 from shadowbench.geometry.slices import PRACTICAL_WEIGHT, practical_depths
 from shadowbench.scenes.model import Floats
-from shadowbench.techniques.params import Row, param
+from shadowbench.techniques.params import Component, param
 
 
-class Split(Row):
+class Split(Component):
     """Base class of the split schemes."""
 
     def depths(self, near: float, far: float, count: int) -> Floats:

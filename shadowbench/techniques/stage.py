@@ -24,7 +24,7 @@ from shadowbench.gl.targets import (
     stencil_target,
 )
 from shadowbench.scenes.model import Placement, Scene
-from shadowbench.techniques.params import Row, TechniqueParams, in_metres
+from shadowbench.techniques.params import Component, TechniqueParams, in_metres
 
 _COMPONENT_BYTES = {"f1": 1, "f2": 2, "f4": 4, "i4": 4, "u4": 4}
 
@@ -194,15 +194,15 @@ class Stage:
 
 
 def _shader_values(
-    params: TechniqueParams | Row, placement: Placement, prefix: str = ""
+    params: TechniqueParams | Component, placement: Placement, prefix: str = ""
 ) -> tuple[dict[str, str], dict[str, str], dict[str, float]]:
-    """(defines, include slots, uniforms) of parameters, including those of nested rows."""
+    """(defines, include slots, uniforms) of parameters, including those of components."""
     defines: dict[str, str] = {}
     slots: dict[str, str] = {}
     uniforms: dict[str, float] = {}
     for key, field in type(params).model_fields.items():
         value, name = getattr(params, key), prefix + key.replace("-", "_")
-        if isinstance(value, Row):
+        if isinstance(value, Component):
             inner_defines, inner_slots, inner_uniforms = _shader_values(value, placement, f"{name}_")
             defines |= inner_defines
             slots |= inner_slots

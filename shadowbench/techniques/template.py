@@ -56,14 +56,14 @@ class $class_name(Technique):
 
     def build(self, stage):
         """Create programs, textures and targets, independent of camera and light."""
-        self.fitted = maps.FittedView(stage, self.params.fit, self.params.size, reach=0.5)
+        self.fitted = maps.FittedView(stage, self.params.fit, self.params.size, filter_radius=0.5)
         program = stage.program("casters.vert", "depth.frag")
         self.map = maps.CasterMap(stage, program, self.params.size, clamp=self.params.fit.clamps)
         self.resolve = ResolvePass(stage, RESOLVE, self.params)
 
     def draw(self, frame):
         """Draw the timed passes. changes: what invalidates a pass, "light", "view" (camera or light) or "frame"."""
-        with frame.timed("depth", changes=self.params.fit.moves_with):
+        with frame.timed("depth", changes=self.params.fit.invalidated_by):
             self.light_view = self.fitted(frame)
             self.map.draw(frame, [self.light_view])
         with frame.timed("resolve", changes="view"):
@@ -76,7 +76,7 @@ def write_technique(name: str, folder: Path) -> Path:
     words = f"letters, digits, _ and -, at most {LONGEST_NAME} of them, the first a letter"
     class_name = "".join(part[:1].upper() + part[1:] for part in re.split("[-_]", name))
     if not _NAME.fullmatch(name) or keyword.iskeyword(class_name) or keyword.iskeyword(name):
-        raise InputError(f"new-technique: found {name!r:.90}; allowed: {words}, and no word of Python")
+        raise InputError(f"new-technique: found {name!r:.90}; allowed: {words}, and not a Python keyword")
     if re.fullmatch(r"\w+", name) and find_spec(name) is not None:
         raise InputError(f"new-technique: {name}.py would hide the module {name} of Python's; allowed: another name")
     if name in techniques():

@@ -97,9 +97,7 @@ def _visible_triangles(view: View, rays: ViewRays) -> tuple[Indices, float]:
     parts = list(over_slices(trace_rows, view.size, rows_a_slice(view.size)))
     triangle = np.concatenate([part for part, _ in parts])
     if not (triangle >= 0).any():
-        raise InputError(
-            f"camera {view.camera.name!r} of {view.scene.name} looks at nothing: no pixel shows a triangle"
-        )
+        raise InputError(f"camera {view.camera.name!r} of {view.scene.name} shows nothing: no pixel shows a triangle")
     return triangle, _diagonal(view, np.array([extent for _, extent in parts]))
 
 

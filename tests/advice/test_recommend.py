@@ -1,4 +1,4 @@
-"""`recommend` from the command line: what it chooses, says, keeps and refuses."""
+"""`recommend` as a command: its choice, its output, its files and its errors."""
 
 import json
 import re
@@ -147,7 +147,7 @@ def test_export_writes_parameters_and_whole_shaders(shadowbench: Callable[..., A
         (("--view", "nowhere"), "nowhere"),
     ],
 )
-def test_what_nothing_could_mean_is_one_line(
+def test_invalid_option_values_are_one_line(
     shadowbench: Callable[..., Any], tmp_path: Path, options: tuple[str, ...], said: str
 ) -> None:
     answer = shadowbench("recommend", "cube-on-plane", "-o", tmp_path / "rows", *options)
@@ -202,10 +202,10 @@ def test_without_casters_it_is_one_line(
 
 @pytest.mark.parametrize("ground", [400.0, 40.0])
 @pytest.mark.parametrize("target", [("--max-edge-px", "0.5"), ("--min-iou", "1")])
-def test_a_picture_that_is_dark_all_over_is_not_met_by_drawing_no_shadow(
+def test_in_a_picture_wholly_in_shadow_drawing_no_shadow_meets_no_target(
     shadowbench: Callable[..., Any], tmp_path: Path, target: tuple[str, str], ground: float
 ) -> None:
-    """It has no edge to be off; the table is a plane for the technique on the smaller ground only."""
+    """Such a mask has no edge; `planar-projection` finds the table's plane on the smaller ground only."""
     file = tmp_path / "dark.toml"
     file.write_text(DARK_TABLE.format(ground=ground))
     answer = shadowbench("recommend", file, "--view-size", "64", "-o", tmp_path / "rows", "--json", *target)

@@ -1,4 +1,4 @@
-"""The search finds the cheapest spec that meets a target, with few measurements, where costs and errors are smooth."""
+"""The search of `recommend`: it finds the cheapest spec that meets a target, with few measurements."""
 
 import dataclasses
 import math
@@ -30,13 +30,13 @@ FILTERS = {"hard": 1.0, "hardware": 1.0, "pcf": 1.3, "pcf(taps=5)": 1.8}
 
 
 def sun_space() -> list[Spec]:
-    """What the model has formulas for."""
+    """The specs for which `Model` has formulas."""
     space = [spec for spec in full_space(KNOWN, "directional", 16384) if getattr(spec.params, "depth", "d16") == "d16"]
     return [spec for spec in space if spec.map_size is None or point_of(spec).filter in FILTERS]
 
 
 class Model:
-    """Costs and errors by formula; what is asked for is kept."""
+    """Costs and errors by formula; records the specs that are measured."""
 
     def __init__(self, sharpness: float, spread: float, slope: float, vertices: float, volume: float) -> None:
         self.sharpness, self.spread, self.slope = sharpness, spread, slope
@@ -76,7 +76,7 @@ def search_for(model: Model, limit: float, space: list[Spec], start: float = 102
     limit=st.sampled_from([0.1, 0.05, 0.02, 0.01]),
     start=st.sampled_from([300, 1000, 9000]),
 )
-def test_where_errors_are_smooth_the_cheapest_is_found_with_a_fifth_of_the_measurements(
+def test_smooth_errors_let_the_search_find_the_cheapest_with_a_fifth_of_the_measurements(
     sharpness: float, spread: float, slope: float, vertices: float, volume: float, limit: float, start: float
 ) -> None:
     model, space = Model(sharpness, spread, slope, vertices, volume), sun_space()
@@ -102,7 +102,7 @@ def test_no_map_is_drawn_where_something_costs_less_than_reading_one() -> None:
     assert all(point_of(spec).size is None for spec in model.asked)
 
 
-def test_a_spec_that_does_not_hold_is_passed_over() -> None:
+def test_a_spec_with_unsuccessful_cells_is_skipped() -> None:
     model = Model(sharpness=10, spread=1, slope=1, vertices=0, volume=300)
     cascades: list[Spec] = []
 
@@ -119,7 +119,7 @@ def test_a_spec_that_does_not_hold_is_passed_over() -> None:
 
 @pytest.mark.parametrize("limit", [0.0, 1e-9])
 def test_a_target_without_any_error_is_searched_for_among_maps(limit: float) -> None:
-    """Errors come in whole pixels of the shadow: below one there is none, and predictions never are 0."""
+    """Errors are multiples of a pixel of the shadow; predictions are never 0."""
     pixel = 1 / 5000
 
     class Counted(Model):
@@ -182,7 +182,7 @@ def texels_cost(spec: Spec, metrics: dict[str, float | None]) -> Result:
     return Result(row | {"metrics": {"acne": 0.0, **metrics}}, None)
 
 
-def test_what_has_no_edge_to_compare_is_said_so_and_relaxes_no_target(
+def test_a_spec_without_a_comparable_edge_is_named_and_meets_no_target(
     builtin: Callable[..., View], truth_of: Callable[..., Truth]
 ) -> None:
     known = {name: KNOWN[name] for name in ("shadow-map", "unshadowed")}
@@ -200,8 +200,8 @@ def test_what_has_no_edge_to_compare_is_said_so_and_relaxes_no_target(
     assert obstacles(none)[0].endswith(": no edges to compare, and other shadows")
 
 
-def test_on_a_machine_costs_are_ratios_by_one_time_of_the_reference() -> None:
-    """Each cell is timed in a block of its own: what the machine did meanwhile must not choose between them."""
+def test_costs_on_a_machine_are_ratios_times_one_reference_time() -> None:
+    """Each cell is timed in a separate block, so that the load of the machine must not affect the choice."""
     target = Target("iou", 0.9, budget_ms=9.0)
     specs = [parse_spec(f"shadow-map:size={size}", KNOWN) for size in (512, 1024)]
 
@@ -219,7 +219,7 @@ def test_on_a_machine_costs_are_ratios_by_one_time_of_the_reference() -> None:
     assert (reference.name, reference.ms, reference.drifted) == ("r", 12, True)
 
 
-def test_of_two_that_cost_alike_the_one_of_fewer_bytes_is_chosen() -> None:
+def test_of_two_specs_with_equal_cost_the_one_with_fewer_bytes_is_chosen() -> None:
     space = [parse_spec(f"shadow-map:depth={depth}", KNOWN) for depth in ("d32f", "d16")]
     bytes_of = {space[0]: 4, space[1]: 2}
     search = Search(
@@ -243,7 +243,7 @@ def street(builtin: Callable[..., View]) -> Needs:
     return needs(builtin("street", 128))
 
 
-def test_the_space_holds_what_answers_the_light_and_says_what_does_not() -> None:
+def test_the_search_space_has_the_techniques_that_support_the_light() -> None:
     names = {spec.technique.name for spec in full_space(KNOWN, "point", 16384)}
     assert names >= {"cube-map", "shadow-volume", "planar-projection"}
     out = {one.what for one in unavailable(KNOWN, "point")}
@@ -253,7 +253,7 @@ def test_the_space_holds_what_answers_the_light_and_says_what_does_not() -> None
     assert {spec.map_size for spec in specs_of(KNOWN["shadow-map"], 100)} == {100}
 
 
-def test_needs_leave_one_depth_format(street: Needs) -> None:
+def test_the_needed_bits_leave_one_depth_format(street: Needs) -> None:
     space = full_space(KNOWN, "directional", 16384)
     assert street.bits is not None
     for bits, kept in ((16, "d16"), (24, "d32f"), (32, "d32f"), (None, "d32f")):
@@ -283,25 +283,25 @@ def test_projection_is_left_out_only_where_planes_cannot_hold_the_shadow(street:
     assert not is_tried(planar=0.5, shadowed=0.1, least=None, planes=0)
 
 
-def test_by_work_no_volume_draws_depth_besides(street: Needs) -> None:
+def test_ranking_by_work_drops_the_volumes_with_a_depth_pass(street: Needs) -> None:
     space = full_space(KNOWN, "directional", 16384)
     for by_work, count in ((True, 1), (False, 2)):
         left, _ = prune(space, street, 0.9, by_work)
         assert sum(spec.technique.name == "shadow-volume" for spec in left) == count
 
 
-def test_a_group_is_first_looked_at_where_needs_say(street: Needs) -> None:
+def test_a_group_is_first_measured_at_the_predicted_map_size(street: Needs) -> None:
     assert street.texels.edge_size is not None and street.cascades is not None and street.cascades.edge_size is not None
     assert start_size(parse_spec("shadow-map", KNOWN), street) == street.texels.edge_size.value
     assert start_size(parse_spec("cascades:count=3", KNOWN), street) == street.cascades.edge_size[3]
 
 
-def test_every_spec_of_the_space_is_one() -> None:
+def test_every_spec_of_the_search_space_is_unique() -> None:
     texts = [spec.full_text for spec in full_space(KNOWN, "spot", 16384)]
     assert len(texts) == len(set(texts))
 
 
-def test_where_nothing_meets_the_target_the_closest_is_told_and_what_stands_in_the_way(
+def test_without_a_match_the_closest_spec_and_the_obstacle_are_named(
     builtin: Callable[..., View], truth_of: Callable[..., Truth]
 ) -> None:
     known = {name: KNOWN[name] for name in ("shadow-map", "unshadowed")}

@@ -1,4 +1,4 @@
-"""Tuning: what is searched, that the search finds what is better and repeats, and what is said of scenes held out."""
+"""`tune`: its search space, its search, which is repeatable, and the comparison on held-out scenes."""
 
 import json
 import math
@@ -25,7 +25,7 @@ from shadowbench.advice.tune_scores import (
     significantly_less,
 )
 from shadowbench.advice.tune_search import search_parameters
-from shadowbench.advice.tune_space import DEFAULT_PARAMETERS, REACH, SearchSpace, searched_parameters, span
+from shadowbench.advice.tune_space import DEFAULT_PARAMETERS, SEARCH_FACTOR, SearchSpace, searched_parameters, span
 from shadowbench.advice.tune_split import SceneSplit, split_scenes
 from shadowbench.errors import InputError
 from shadowbench.measure.measurer import Measurer
@@ -73,7 +73,7 @@ def test_published_constants_of_the_shadow_map_lie_in_its_space() -> None:
 
 
 @given(seed=st.integers(0, 10_000))
-def test_what_is_suggested_is_a_spec_that_can_be_written_and_read(seed: int) -> None:
+def test_suggested_specs_survive_formatting_and_parsing(seed: int) -> None:
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     study = optuna.create_study(sampler=optuna.samplers.RandomSampler(seed=seed))
     spec = SearchSpace(SHADOW_MAP, DEFAULT_PARAMETERS).spec(study.ask())
@@ -85,11 +85,11 @@ def test_what_is_suggested_is_a_spec_that_can_be_written_and_read(seed: int) -> 
             if in_metres(info):
                 assert chosen == info.default
             elif isinstance(chosen, float) and info.default > 0:
-                assert info.default / REACH <= chosen <= info.default * REACH
+                assert info.default / SEARCH_FACTOR <= chosen <= info.default * SEARCH_FACTOR
 
 
 def test_a_number_is_searched_around_its_default_within_its_limits() -> None:
-    biases = {bias.name: bias.model_fields for bias in SearchSpace(SHADOW_MAP, DEFAULT_PARAMETERS).rows("bias")}
+    biases = {bias.name: bias.model_fields for bias in SearchSpace(SHADOW_MAP, DEFAULT_PARAMETERS).components("bias")}
     assert span(biases["slope"]["max"]) == (0.05 / 16, 0.8, True)
     assert span(biases["texel"]["limit"]) == (1, 256, True)
     assert span(biases["constant"]["world"]) is None
@@ -140,7 +140,7 @@ A, D = (SHADOW_MAP.with_(bias=f"texel(scale={scale})") for scale in (1.1, 1.4))
 
 
 def found_by_search(tuned: Spec, errors: dict[Spec, float]) -> SearchResult:
-    """What a search would give whose specs have such an error in every scene, and A twice the cost."""
+    """A search result whose specs have these errors in every scene; A costs twice as much as the others."""
 
     def scores(scenes: Sequence[str]) -> dict[Spec, Any]:
         return {
@@ -152,7 +152,7 @@ def found_by_search(tuned: Spec, errors: dict[Spec, float]) -> SearchResult:
     return SearchResult(SceneSplit(("b", "c"), ("a", "d")), tuned, [A], others, scores("bc"), scores("ad"))
 
 
-def test_what_was_found_is_set_beside_the_default_and_others() -> None:
+def test_tuned_specs_are_compared_with_the_default_and_others() -> None:
     found = compare(found_by_search(A, {A: 0.01, SHADOW_MAP: 0.02, D: 0.04}))
     assert (found.tuned.spec, found.tuned.name, found.front) == (A, "tuned", (found.tuned,))
     assert found.tuned.cost == pytest.approx(2, rel=0.01)
@@ -164,13 +164,13 @@ def test_what_was_found_is_set_beside_the_default_and_others() -> None:
     assert other.iou_ratio is not None and other.iou_ratio.median == pytest.approx(4)
 
 
-def test_a_default_that_stands_is_the_tuned_after_the_best_at_each_cost() -> None:
+def test_a_tuned_default_comes_last_on_the_front() -> None:
     stands = compare(found_by_search(SHADOW_MAP, {A: 0.01, SHADOW_MAP: 0.02, D: 0.04}))
     assert [(one.spec, one.name) for one in stands.front] == [(A, ""), (SHADOW_MAP, "tuned")]
     assert stands.tuned.spec == SHADOW_MAP and stands.tuned.held_out == stands.others[0].held_out
 
 
-def test_what_fails_on_a_scene_held_out_is_set_beside_nothing() -> None:
+def test_a_spec_that_fails_on_a_held_out_scene_is_not_compared() -> None:
     found = compare(found_by_search(A, {A: 0.01, SHADOW_MAP: 0.02}))
     assert [one.name for one in found.others] == ["default"] and found.tuned.spec == A
 
@@ -193,12 +193,12 @@ def test_a_scene_is_one_observation_however_many_views_it_has() -> None:
     assert error.low == pytest.approx(0.001) and error.high == pytest.approx(0.1)
 
 
-def test_iou_and_ssim_weigh_alike_and_no_error_is_below_the_least() -> None:
+def test_iou_and_ssim_have_equal_weight_and_errors_have_a_lower_bound() -> None:
     scores = scene_scores([row("a", 0.01, ssim=0.0001), row("b", 0.0)])
     assert np.exp(log_error(scores)).to_list() == pytest.approx([0.001, MIN_ERROR])
 
 
-def test_cells_that_did_not_hold_or_have_no_score_take_no_part() -> None:
+def test_cells_without_a_score_are_left_out() -> None:
     without = {**row("b", 0.1), "metrics": {**row("b", 0.1)["metrics"], "iou": None}}
     assert list(scene_scores([row("a", 0.1), row("c", 0.1, status="failed: hung"), without]).index) == ["a"]
 
@@ -216,7 +216,7 @@ SPLIT = SceneSplit(("cube-on-plane",), ("sphere-and-torus",))
 
 @pytest.fixture
 def tune(bench: Any) -> Tune:
-    """Tunes the bias of a spec on one little scene, held out another; `bench.calls` are then the worker's."""
+    """Tunes the bias of a spec on one small scene, with another held out; `bench.calls` records the calls."""
 
     def run(text: str, trials: int, folder: Path) -> TuningComparison:
         home = replace(parse_spec(text, KNOWN), explicit=frozenset())
@@ -227,14 +227,14 @@ def tune(bench: Any) -> Tune:
             cells = TuningCells(study, Measurer(bench.worker, store, study.conditions(), Notes()))
             blocks = cells.eligible_blocks(home)
             assert [scene.name for scene in scenes_of(blocks)] == list(scenes)
-            space = SearchSpace(home, ("bias",), cells.unsupported_rows(home, ("bias",), blocks))
+            space = SearchSpace(home, ("bias",), cells.unsupported_components(home, ("bias",), blocks))
             return search_parameters(space, cells, blocks, SPLIT, trials, {"none": home.with_(bias="none")})
 
     return run
 
 
 class Notes:
-    """A reporter that listens to nothing."""
+    """A reporter that discards everything."""
 
     def note(self, line: str) -> None: ...
 
@@ -275,17 +275,17 @@ def test_rows_that_no_view_takes_are_not_searched(bench: Any, tmp_path: Path) ->
     with closing(RowStore(tmp_path / "rows")) as store:
         cells = TuningCells(study, Measurer(bench.worker, store, study.conditions(), Notes()))
         blocks = cells.eligible_blocks(SHADOW_MAP)
-        refused = cells.unsupported_rows(SHADOW_MAP, DEFAULT_PARAMETERS, blocks)
+        refused = cells.unsupported_components(SHADOW_MAP, DEFAULT_PARAMETERS, blocks)
     assert refused == {"bias": frozenset(), "filter": frozenset({"pcf-20"}), "fit": frozenset()}
-    assert "pcf-20" not in [one.name for one in SearchSpace(SHADOW_MAP, DEFAULT_PARAMETERS, refused).rows("filter")]
+    assert "pcf-20" not in [
+        one.name for one in SearchSpace(SHADOW_MAP, DEFAULT_PARAMETERS, refused).components("filter")
+    ]
 
 
 LITTLE = ("--trials", "3", "--map-size", "64", "--view-size", "48", "--phases", "1")
 
 
-def test_the_command_prints_and_keeps_what_it_found(
-    shadowbench: Callable[..., Any], half: Path, tmp_path: Path
-) -> None:
+def test_tune_prints_and_saves_its_result(shadowbench: Callable[..., Any], half: Path, tmp_path: Path) -> None:
     scenes = ("--scenes", "cube-on-plane,spot-lamp,lamp-by-wall", "--held-out", "spot-lamp")
     tune = ("tune", "-t", "shadow-map", *scenes, *LITTLE, "--plugin", half, "--against", "half", "-o", tmp_path / "t")
     answer = shadowbench(*tune, "--json")

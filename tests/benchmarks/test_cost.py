@@ -1,4 +1,4 @@
-"""What scoring costs, counted: the truth's side of it is found once a view."""
+"""The cost of scoring, by counted calls: a truth is prepared once per view."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -11,7 +11,9 @@ from shadowbench.scores import prepared, thresholded
 from shadowbench.truths.trace import Truth
 
 
-def test_what_only_the_truth_decides_is_found_once(truth_of: Callable[..., Truth], monkeypatch: Any) -> None:
+def test_values_that_depend_only_on_the_truth_are_computed_once(
+    truth_of: Callable[..., Truth], monkeypatch: Any
+) -> None:
     counts: Counter[str] = Counter()
 
     def counted(module: Any, name: str) -> None:

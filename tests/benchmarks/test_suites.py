@@ -1,4 +1,4 @@
-"""`pytest benchmarks` as its users call it: a selection, in a process of its own, saved and compared."""
+"""`pytest benchmarks` in a subprocess: a selection is run, saved and compared."""
 
 import csv
 import json
@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def bench(*arguments: str | Path, cwd: Path = ROOT) -> str:
-    """What pytest prints; its exit code is 0. It is told nothing of the workers that this suite may run in."""
+    """Output of a pytest run that succeeds; without the environment variables of xdist."""
     ours = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
     command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *map(str, arguments)]
     done = subprocess.run(command, cwd=cwd, env=ours, capture_output=True, text=True, timeout=280)
@@ -33,7 +33,7 @@ def entries(file: Path) -> dict[str, dict[str, Any]]:
 
 
 def run(folder: Path, spec: str) -> dict[str, str]:
-    """The line of a cell in the table of `shadowbench run`."""
+    """A cell's line in the table of `shadowbench run`."""
     command = [sys.executable, "-m", "shadowbench", "run", "cube-on-plane", "-t", spec, "--rounds", "0", "-q"]
     subprocess.run([*command, "-o", str(folder)], check=True, capture_output=True, timeout=200)
     with (folder / "table.csv").open(newline="") as stream:
@@ -54,7 +54,7 @@ def test_every_technique_is_timed_at_every_map_size() -> None:
 
 
 @pytest.mark.slow
-def test_a_selection_carries_its_scores_and_two_saved_runs_can_be_compared(tmp_path: Path) -> None:
+def test_a_benchmark_selection_saves_its_scores_and_two_runs_can_be_compared(tmp_path: Path) -> None:
     suite, storage = "benchmarks/test_techniques.py", f"--benchmark-storage={tmp_path / 'saved'}"
     chosen = "cube-on-plane and (unshadowed or (shadow-map and (512 or 1024)))"
     for number in range(2):
@@ -79,7 +79,7 @@ def test_a_selection_carries_its_scores_and_two_saved_runs_can_be_compared(tmp_p
 
 
 @pytest.mark.slow
-def test_growth_is_fitted_printed_and_saved(tmp_path: Path) -> None:
+def test_the_exponent_of_growth_is_fitted_printed_and_saved(tmp_path: Path) -> None:
     file = tmp_path / "growth.json"
     chosen = "(test_triangles and unshadowed and (1280 or 20480)) or (test_a_cell and (512 or 1024))"
     printed = bench("benchmarks", "-k", chosen, f"--benchmark-json={file}")
@@ -98,7 +98,7 @@ def test_growth_is_fitted_printed_and_saved(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_what_is_unsupported_is_skipped_with_the_reason() -> None:
+def test_unsupported_cells_are_skipped_with_the_reason() -> None:
     printed = bench("benchmarks/test_techniques.py", "-rs", "-k", "cube-on-plane and cube-map-512")
     assert "a directional light has no position to look around from" in printed
     assert "1 skipped" in printed

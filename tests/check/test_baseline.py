@@ -1,4 +1,4 @@
-"""What a check calls worse, better, or nothing at all."""
+"""Comparison with a baseline: what is worse, better or unchanged."""
 
 import math
 import statistics
@@ -100,7 +100,22 @@ def test_a_metric_that_some_rows_of_the_baseline_lack_is_compared_in_the_others(
     assert (change.what, change.score["map_size"]) == ("contact", 64)
 
 
-def test_a_side_without_any_metric_is_no_other_version() -> None:
+def test_flips_are_compared_after_the_same_step_alone() -> None:
+    def after(step: str, flips: float) -> list[Result]:
+        return [cell(step=step, flips=flips)]
+
+    assert verdicts(after("camera", 0.02), after("camera", 0.01)) == {"flips": "regressed"}
+    assert verdicts(after("camera", 0.0), after("camera", 0.01)) == {"flips": "improved"}
+    for found, before, why in (
+        (after("light", 0.02), after("camera", 0.01), "flips are not compared: one side has them after a step of"),
+        (after("light", 0.02), [cell()], "not compared, since one side lacks them: flips"),
+        ([cell()], after("light", 0.02), "not compared, since one side lacks them: flips"),
+    ):
+        findings = compare(found, before)
+        assert not findings.changes and findings.notes[0].startswith(why)
+
+
+def test_a_row_without_metrics_is_not_of_another_version() -> None:
     findings = compare([cell(metrics={})], [cell()])
     assert {change.what for change in findings.changes} == set(METRICS) and not findings.notes
 
@@ -123,7 +138,7 @@ def test_the_order_of_parameters_is_no_part_of_a_cells_identity() -> None:
     assert compare([cell(full_spec="shadow-map:size=2,bias=slope(max=1,min=0)")], [then]).compared == 0
 
 
-def test_a_cell_that_no_longer_holds_has_regressed() -> None:
+def test_a_cell_that_is_no_longer_ok_has_regressed() -> None:
     failed, declined = cell("failed: crashed"), cell("unsupported: no light")
     for bad in (failed, declined):
         assert verdicts([bad], [cell()]) == {"status": "regressed"}
@@ -197,7 +212,7 @@ def test_a_time_that_is_just_as_far_as_is_significant_is_no_change(monkeypatch: 
 
 
 def test_without_a_tolerance_or_a_spread_a_millionth_of_a_millionth_is_the_unit() -> None:
-    """So that nothing is divided by zero, and the larger move still comes first."""
+    """So that nothing is divided by zero, and the larger change still comes first."""
     moved = compare([cell(metrics=GOOD | {"iou": 0.4})], [cell()], {"iou": 0.0})
     assert [change.excess for change in moved.changes] == pytest.approx([0.5e12])
     steady = TIME | {"ratio_iqr": 0.0}
@@ -216,5 +231,5 @@ def test_the_worst_comes_first() -> None:
     findings = compare([cell(metrics=moved), cell("failed: x", size=64)], [cell(), cell(size=64)])
     assert [change.what for change in findings.changes] == ["status", "iou", "ssim"]
     assert math.isinf(findings.changes[0].excess)
-    assert [change.what for change in findings.of("regressed", times=False)] == ["status", "iou", "ssim"]
-    assert findings.of("regressed", times=True) == []
+    assert [change.what for change in findings.with_verdict("regressed", times=False)] == ["status", "iou", "ssim"]
+    assert findings.with_verdict("regressed", times=True) == []

@@ -1,4 +1,4 @@
-"""`check`: what it prints, draws, writes and answers."""
+"""`check` as a command: its output, pictures, files and exit codes."""
 
 import json
 from collections.abc import Callable
@@ -59,7 +59,7 @@ def test_the_same_cells_pass(shadowbench: Shadowbench, now: Callable[..., Path],
     assert answer.out.startswith("1 cell compared with ") and answer.out.endswith(": 0 regressed, 0 improved\n")
 
 
-def test_what_regressed_is_told_worst_first_and_fails(
+def test_regressions_are_listed_worst_first_and_fail(
     shadowbench: Shadowbench, now: Callable[..., Path], then: Callable[..., Path]
 ) -> None:
     better = cell("cube-map", metrics=GOOD | {"acne": 0.01})
@@ -76,7 +76,7 @@ def test_what_regressed_is_told_worst_first_and_fails(
     assert lines[-1].endswith(": 2 regressed, 1 improved")
 
 
-def test_json_has_all_of_it(shadowbench: Shadowbench, now: Callable[..., Path], then: Callable[..., Path]) -> None:
+def test_json_has_all_columns(shadowbench: Shadowbench, now: Callable[..., Path], then: Callable[..., Path]) -> None:
     missing = cell("cube-map")
     answer = shadowbench("check", now(cell(metrics=WORSE)), "--baseline", then(cell(), missing), "--json")
     found = json.loads(answer.out)
@@ -304,11 +304,11 @@ def test_update_brings_the_study_that_makes_the_cells(shadowbench: Shadowbench, 
     assert not (tmp_path / "other" / "study.toml").exists()
 
 
-def test_a_scene_that_is_changed_and_changed_back_is_what_it_was(shadowbench: Shadowbench, tmp_path: Path) -> None:
+def test_a_scene_that_is_changed_back_has_its_first_results(shadowbench: Shadowbench, tmp_path: Path) -> None:
     scene, folder, baseline = tmp_path / "changing.toml", tmp_path / "now", tmp_path / "baseline"
 
     def run(text: str) -> bytes:
-        """The picture of the truth after a run of this text."""
+        """The truth's image after a run of this scene file."""
         scene.write_text(text)
         words = ["-t", "shadow-map:size=64", "--view-size", "32", "--rounds", "0", "-o", folder, "--quiet"]
         assert shadowbench("run", scene, *words).code == 0

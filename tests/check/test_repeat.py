@@ -1,4 +1,4 @@
-"""Two runs compared, of known times; and of a study that is run twice."""
+"""`repeat`: two runs with known times compared, and a study that is run twice."""
 
 import json
 from collections.abc import Callable
@@ -26,7 +26,7 @@ def result(
 
 
 def rows(*ratios: float, spread: float = 0.0, **of: Any) -> list[Result]:
-    """Cells called 0, 1, 2, … of these ratios."""
+    """Cells named 0, 1, 2, … with these ratios."""
     return [result(str(number), ratio, spread, **of) for number, ratio in enumerate(ratios)]
 
 
@@ -102,7 +102,7 @@ spec = "ray-traced"
 
 
 def with_ratios(file: Path) -> None:
-    """Times as they would be on a machine without noise: what was measured here is no part of the test."""
+    """Times as on a machine without noise, in place of measured ones."""
     lines = [json.loads(line) for line in file.read_text().splitlines()]
     times = [line for line in lines if line["kind"] == "time"]
     assert len(times) == 4
@@ -161,7 +161,7 @@ def test_a_folder_that_was_timed_again_is_compared_with_itself(tmp_path: Path, s
         assert (ranking["cells"], ranking["sharp"], ranking["tau"]) == (4, 6, tau)
 
 
-def test_what_cannot_be_compared_is_one_line(tmp_path: Path, shadowbench: Callable[..., Any]) -> None:
+def test_runs_that_cannot_be_compared_are_one_line(tmp_path: Path, shadowbench: Callable[..., Any]) -> None:
     run = ["run", "cube-on-plane", "-t", "unshadowed", "--view-size", "16", "--rounds", "0", "-q", "-o"]
     assert shadowbench(*run, tmp_path / "a").code == shadowbench(*run, tmp_path / "b").code == 0
     for arguments, expected in (

@@ -1,4 +1,4 @@
-"""The commands: what they print, write and answer."""
+"""The commands: their output, files and exit codes."""
 
 import csv
 import json
@@ -57,7 +57,7 @@ def test_a_spec_that_names_its_size_keeps_it_and_that_is_said(shadowbench: Shado
 
 
 def test_one_phase_is_called_so(shadowbench: Shadowbench, tmp_path: Path) -> None:
-    """What speaks of map sizes has eight phases unless told otherwise; specs alone have one."""
+    """Options with map sizes imply eight phases by default; specs alone imply one."""
     sizes = ("run", "cube-on-plane", "-t", "shadow-map", "--map-size", "64,128", "--phases", "1", *SMALL)
     alone = shadowbench(*sizes, "-o", tmp_path / "sizes").out
     assert ", one phase  shadow-map\n" in alone and "  scored in one phase" in alone
@@ -162,7 +162,19 @@ def test_a_narrow_table_cuts_no_number(
     assert [line for line in narrow.splitlines() if line.startswith("shadow-map")], "the column of specs"
 
 
-def test_specs_without_map_sizes_mean_what_they_say(shadowbench: Shadowbench, tmp_path: Path) -> None:
+def test_flips_are_a_column_where_a_step_was_made(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    shown = [
+        shadowbench(*CUBE, *more, "-o", tmp_path / name).out.splitlines()[1].split()
+        for name, more in (("still", ()), ("stepped", ("--step", "camera")))
+    ]
+    assert ["flips" in headings for headings in shown] == [False, True]
+    tables = [pd.read_csv(tmp_path / name / "table.csv") for name in ("still", "stepped")]
+    assert tables[0]["flips"].isna().all() and tables[0]["step"].isna().all()
+    assert (tables[1]["step"] == "camera").all() and tables[1]["flips"].between(0, 1).all()
+    assert list(tables[0].columns) == list(tables[1].columns)
+
+
+def test_specs_without_map_sizes_use_their_defaults(shadowbench: Shadowbench, tmp_path: Path) -> None:
     answer = shadowbench(*CUBE, "-t", "shadow-map", "--json", "-o", tmp_path)
     sizes = {row["map_size"] for row in json.loads(answer.out)["cube-on-plane"]}
     assert sizes == {None, 64, 1024}
@@ -209,7 +221,7 @@ def test_a_quiet_doctor_says_what_is_there_and_no_more(shadowbench: Shadowbench)
     assert less == said[:-1]
 
 
-def test_a_cache_that_cannot_be_is_one_note(
+def test_a_cache_that_cannot_be_created_is_one_note(
     shadowbench: Shadowbench, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     (tmp_path / "file").touch()
@@ -318,7 +330,7 @@ def test_cells_that_fail_are_exit_3_and_named(shadowbench: Shadowbench, wild: Pa
     assert "while timed: ZeroDivisionError" in late.out
 
 
-def test_what_a_plug_in_prints_stays_off_stdout(shadowbench: Shadowbench, wild: Path, tmp_path: Path) -> None:
+def test_plug_in_output_does_not_go_to_stdout(shadowbench: Shadowbench, wild: Path, tmp_path: Path) -> None:
     loud = tmp_path / "loud.py"
     loud.write_text("print('loading')\n" + wild.read_text())
     answer = shadowbench(*CUBE, "-t", "does:what=print", "--plugin", loud, "--json", "-o", tmp_path / "out")
@@ -531,7 +543,7 @@ def test_help_groups_every_command_and_cuts_no_summary(
     assert "..." not in "".join(panels.values())
 
 
-def test_listed_axes_are_those_of_the_sweep(shadowbench: Shadowbench) -> None:
+def test_listed_axes_are_those_that_stress_sweeps(shadowbench: Shadowbench) -> None:
     listed = {row["name"]: row for row in json.loads(shadowbench("list", "axes", "--json").out)}
     assert list(listed) == list(AXES)
     for name, row in listed.items():

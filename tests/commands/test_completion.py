@@ -1,4 +1,4 @@
-"""Shell completion, asked as bash asks: by the words so far and the number of the one to complete."""
+"""Shell completion, called as bash does: with the words so far and the index of the one to complete."""
 
 from collections.abc import Callable
 from typing import Any
@@ -6,15 +6,15 @@ from typing import Any
 import pytest
 
 from shadowbench.extremes.axes import AXES
+from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.scenes.library import builtin_names
-from shadowbench.scores.metrics import METRICS
 
 Complete = Callable[[str], list[str]]
 
 
 @pytest.fixture
 def complete(shadowbench: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> Complete:
-    """What completes a line, whose last word is the one to complete."""
+    """Completions of the last word of a line."""
 
     def ask(line: str) -> list[str]:
         monkeypatch.setenv("_SHADOWBENCH_COMPLETE", "complete_bash")
@@ -60,8 +60,9 @@ def test_parameters_of_the_technique_that_is_tuned_are_completed(complete: Compl
 def test_studies_axes_metrics_and_kinds_are_completed(complete: Complete) -> None:
     assert "presets" in complete("run -s ")
     assert complete("stress --axis ") == list(AXES)
-    assert complete("check DIR --tolerance ") == [f"{name}=" for name in METRICS]
+    assert complete("check DIR --tolerance ") == [f"{name}=" for name in ROW_METRICS]
     assert complete("list a") == ["axes"]
     assert complete("list metrics i") == ["iou", "iou_soft"]
     assert complete("report DIR --format h") == ["html"]
     assert complete("run --up ") == ["y", "z"]
+    assert complete("run --step ") == ["camera", "light"]

@@ -1,4 +1,4 @@
-"""What a user can get wrong at the command line: exit 2, one line that says what, where and what is allowed."""
+"""Invalid command lines: exit code 2, and one line with what was found, where, and what is allowed."""
 
 import base64
 import errno
@@ -104,13 +104,13 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
     "a broken glTF": (["run", "{in}/broken.gltf", "-o", "{out}"], ["broken.gltf"]),
     "a glTF of nothing": (["run", "{in}/nothing.gltf", "-o", "{out}"], ["nothing.gltf", "no triangles"]),
     "Draco that fails": (["truth", "{in}/draco.gltf", "-o", "{out}.npz"], ["draco.gltf"]),
-    "a camera that looks at nothing": (
+    "a camera that shows nothing": (
         ["run", "{in}/away.toml", "-t", "unshadowed", "--view-size", "16", "-o", "{out}"],
-        ["camera 'camera'", "away", "looks at nothing"],
+        ["camera 'camera'", "away", "shows nothing"],
     ),
     "a truth of nothing": (
         ["truth", "{in}/away.toml", "--view-size", "16", "-o", "{out}.npz"],
-        ["camera 'camera'", "away", "looks at nothing"],
+        ["camera 'camera'", "away", "shows nothing"],
     ),
     "an unknown technique": ([*RUN, "-t", "no-map"], ["no-map", "shadow-map", "unshadowed"]),
     "an unknown parameter": ([*RUN, "-t", "shadow-map:taps=3"], ["taps", "filter"]),
@@ -143,6 +143,7 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
         ["render", "cube-on-plane", "-t", "unshadowed", "--light", "moon", "-o", "{out}.png"],
         ["light: found 'moon'", "allowed: light"],
     ),
+    "a step of neither camera nor light": ([*RUN, "--step", "box"], ["step", "'box'", "'camera' or 'light'"]),
     "a missing study": (["run", "-s", "{in}/gone.toml", "-o", "{out}"], ["gone.toml", "no such study"]),
     "a broken study": (["run", "-s", "{in}/broken-study.toml", "-o", "{out}"], ["broken-study.toml", "not TOML"]),
     "an unknown field of a study": (
@@ -241,7 +242,7 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
     "a missing assets folder": ([*RUN[:1], "{in}/good.toml", "--assets", "{in}/none", "-o", "{out}"], ["--assets"]),
     "map sizes by spaces": (
         ["run", "cube-on-plane", "--map-size", "512", "1024", "2048", "-o", "{out}"],
-        ["--map-size", "'512' and '1024' apart", "allowed: 512,1024,2048"],
+        ["--map-size", "'512' and '1024' as separate arguments", "allowed: 512,1024,2048"],
     ),
     "a run into somebody's folder": ([*RUN[:-1], "{in}"], ["/in: found other files, such as away.toml", "rows.jsonl"]),
     "a sweep into somebody's folder": (["stress", "--quick", "-o", "{in}"], ["/in: found other files", "rows.jsonl"]),
@@ -279,7 +280,7 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
     "a near miss of nothing": ([*RUN, "-t", "shadow-map:zzz=3"], ["unknown field 'zzz'; allowed: fit, size"]),
     **{
         f"an up axis for {arguments[0]} of a scene that has one": (
-            [*arguments, "--up", "z"], ["--up z", "cube-on-plane says what is up", ".stl"]
+            [*arguments, "--up", "z"], ["--up z", "cube-on-plane specifies its up axis", ".stl"]
         )
         for arguments in (
             ["run", "cube-on-plane", "-t", "unshadowed", "-o", "{out}"],
@@ -327,10 +328,12 @@ def test_bad_input_is_one_line_and_exit_2(
 def test_tune_takes_an_up_axis_too(shadowbench: Callable[..., Any], tmp_path: Path) -> None:
     answer = shadowbench("tune", "-t", "shadow-map", "--scenes", "cube-on-plane", "--up", "z", "-o", tmp_path)
     assert answer.code == 2
-    assert "--up z: cube-on-plane says what is up" in answer.err
+    assert "--up z: cube-on-plane specifies its up axis" in answer.err
 
 
-def test_rows_of_somebody_else_are_left_alone(shadowbench: Callable[..., Any], tmp_path: Path) -> None:
+def test_a_rows_file_of_another_program_is_an_error_and_is_kept(
+    shadowbench: Callable[..., Any], tmp_path: Path
+) -> None:
     (tmp_path / "rows.jsonl").write_text("mine")
     answer = shadowbench("run", "cube-on-plane", "-t", "unshadowed", "--view-size", "16", "-o", tmp_path)
     assert answer.code == 2
@@ -368,11 +371,13 @@ def test_an_internal_error_is_exit_3(shadowbench: Callable[..., Any], monkeypatc
 
 
 @pytest.mark.parametrize("option", ["-q", "--quiet", "--json", "--map-size"])
-def test_an_option_before_the_command_is_told_where_it_goes(shadowbench: Callable[..., Any], option: str) -> None:
+def test_an_option_before_the_command_is_an_error_with_the_right_place(
+    shadowbench: Callable[..., Any], option: str
+) -> None:
     answer = shadowbench(option, "run", "cube-on-plane")
     assert (answer.code, answer.out) == (2, "")
     assert answer.err == f"shadowbench: {option} goes after the command: shadowbench COMMAND … {option}\n"
 
 
-def test_an_option_that_no_command_has_is_told_nothing_of_the_kind(shadowbench: Callable[..., Any]) -> None:
+def test_an_unknown_option_has_no_such_hint(shadowbench: Callable[..., Any]) -> None:
     assert "after the command" not in shadowbench("--no-such", "run").err

@@ -1,4 +1,4 @@
-"""Masks as another renderer might draw them, and the command line."""
+"""Masks as other renderers might draw them, and the command line."""
 
 from collections.abc import Callable
 from functools import lru_cache
@@ -19,7 +19,7 @@ FINER = 4
 
 @pytest.fixture(scope="session")
 def prepared(truth_cache: None) -> Callable[..., PreparedTruth]:
-    """The truth of a built-in scene's first view, as scores see it."""
+    """The prepared truth of a built-in scene's first view."""
     return lru_cache(lambda name, size=256: prepare_truth(cached_truth(chosen_view(name, size))))
 
 

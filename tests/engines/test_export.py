@@ -1,4 +1,4 @@
-"""An exported view is the view: read back it has the same shadows, and its matrices lead to the same pixels."""
+"""`export`: the exported view, read back, has the same shadows, and its matrices give the same pixels."""
 
 import json
 from collections.abc import Callable
@@ -141,7 +141,7 @@ def test_the_example_is_a_mask_without_an_error(shadowbench: Callable, tmp_path:
     [
         (("stairs", "{}/new", "--view", "no"), "view: found 'no'; allowed: camera"),
         (("stairs", "{}/new", "--light", "no"), "light: found 'no'; allowed: light"),
-        (("stairs", "{}/file/x"), "cannot be made"),
+        (("stairs", "{}/file/x"), "cannot be created"),
         (("nowhere", "{}/new"), "is no built-in scene"),
     ],
 )

@@ -1,4 +1,4 @@
-"""Visibility of masks and screenshots: decoded, in linear light, and refused where it cannot be."""
+"""Visibility from masks and screenshots: decoded to linear light, and refused if it cannot be."""
 
 import os
 import struct
@@ -82,7 +82,7 @@ def test_ambient_light_is_taken_off_first(png: Callable) -> None:
     assert dark.visibility.max() == 0 and dark.measurable is not None and dark.measurable.all()
 
 
-def test_where_the_light_is_weak_nothing_is_told(png: Callable) -> None:
+def test_visibility_is_not_measured_where_the_light_is_weak(png: Callable) -> None:
     lit = flat(encoded(0.5))
     lit[:3] = decode_srgb(0)
     lit[3] = encoded(0.2 + 0.9 / 64)
@@ -103,7 +103,7 @@ def test_a_picture_at_full_may_be_cut_off(png: Callable) -> None:
 @pytest.mark.parametrize(
     "values", [flat(1.0).astype(bool), flat(1.0), flat(255).astype(np.uint8), flat(65535).astype("u2")]
 )
-def test_full_is_lit_in_arrays_of_each_type(values: np.ndarray) -> None:
+def test_full_is_the_lit_level_of_every_array_type(values: np.ndarray) -> None:
     assert (mask_from_array(values).visibility == 1).all()
     assert (mask_from_array(np.zeros_like(values)).visibility == 0).all()
 

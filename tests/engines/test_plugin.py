@@ -1,4 +1,4 @@
-"""The pytest plug-in, in a suite of its own, as an engine would have it."""
+"""The pytest plug-in, used in a test suite as an engine would."""
 
 import re
 import subprocess
@@ -92,20 +92,20 @@ def test_keyword(shadow_accuracy):
 
 @dataclass(frozen=True)
 class Ran:
-    """What a suite printed, and the pictures that it left."""
+    """Output of a test suite, and the pictures it wrote."""
 
     code: int
     printed: str
     pictures: list[Path]
 
     def outcomes(self, file: str) -> Counter[str]:
-        """How many tests of a file passed and failed."""
+        """Numbers of passed and failed tests of a file."""
         return Counter(re.findall(rf"^(PASSED|FAILED) {file}::", self.printed, re.MULTILINE))
 
 
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory: pytest.TempPathFactory, drawn: Callable) -> Callable[..., Ran]:
-    """Runs test files in a folder of their own, where a good mask lies, with nothing but installed plug-ins."""
+    """Runs test files in an empty folder with a good mask, with installed plug-ins only."""
     visibility = drawn("stairs")
 
     def run(pictures: str, option: str, **files: str) -> Ran:
@@ -128,7 +128,7 @@ def ran(tmp_path_factory: pytest.TempPathFactory, drawn: Callable) -> Callable[.
 
 @pytest.fixture(scope="module")
 def judged(ran: Callable[..., Ran]) -> Ran:
-    """All that needs no options of its own, with a folder for pictures."""
+    """Results of all tests without options, with a folder for pictures."""
     files = {"good": SUITE, "empty": EMPTY, "alike": ALIKE, "alike_too": ALIKE, "undefined": UNDEFINED}
     named = {f"test_{name}": text for name, text in (files | {"flipped": FLIPPED}).items()}
     return ran("diffs", "--shadow-diffs", **named)
@@ -136,7 +136,7 @@ def judged(ran: Callable[..., Ran]) -> Ran:
 
 @pytest.fixture(scope="module")
 def otherwise(ran: Callable[..., Ran]) -> Ran:
-    """Without such a folder."""
+    """Results without such a folder."""
     return ran("base", "--basetemp", test_otherwise=OTHERWISE, test_misspelt=MISSPELT)
 
 

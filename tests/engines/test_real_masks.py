@@ -1,4 +1,4 @@
-"""Masks of real renderers: ours, good and bad, raise no false alarm, and VTK's goes through `export` and `score`."""
+"""Masks of real renderers: ours, good and bad, raise no false alarm; those of VTK work with `export` and `score`."""
 
 import json
 import subprocess
@@ -54,7 +54,7 @@ def test_no_mask_of_ours_is_taken_for_turned_shifted_or_encoded(
 
 @pytest.fixture(scope="module")
 def vtk_python(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A Python of its own with VTK, and nothing of ours."""
+    """A separate Python with VTK and without shadowbench."""
     folder = tmp_path_factory.mktemp("vtk")
     venv.create(folder, with_pip=True)
     python = folder / ("Scripts" if sys.platform == "win32" else "bin") / "python"

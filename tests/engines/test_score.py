@@ -1,4 +1,4 @@
-"""`shadowbench score`: what is printed, refused, warned of, drawn and kept."""
+"""`score` as a command: its output, errors, warnings, pictures and rows."""
 
 import json
 import subprocess
@@ -23,7 +23,7 @@ SCENE = "stairs"
 
 @pytest.fixture
 def mask(drawn: Callable, tmp_path: Path) -> Path:
-    """What a good engine would hand over."""
+    """A correct mask."""
     write_mask(tmp_path / "mask.png", drawn(SCENE))
     return tmp_path / "mask.png"
 
@@ -104,7 +104,7 @@ def test_a_mask_of_soft_shadows_is_scored_with_the_error_of_the_truth(shadowbenc
         (lambda mask: mask[:, :200], "found 200 × 256 pixels; allowed: a square"),
     ],
 )
-def test_what_is_turned_inverted_or_not_square_is_refused(
+def test_rotated_inverted_or_non_square_masks_are_refused(
     shadowbench: Callable, drawn: Callable, tmp_path: Path, turn: Callable, fault: str
 ) -> None:
     write_mask(tmp_path / "bad.png", turn(drawn(SCENE)))
@@ -282,7 +282,8 @@ def test_errors_are_told_by_their_kind(comparison: Callable, prepared: Callable)
         (
             (),
             f"found neither a mask nor screenshots of {SCENE}; allowed: shadowbench score {SCENE} MASK.png, or "
-            f"shadowbench score {SCENE} --lit LIT.png --shadowed SHADOWED.png; shadowbench export says what to draw",
+            f"shadowbench score {SCENE} --lit LIT.png --shadowed SHADOWED.png; `shadowbench export` "
+            "writes the scene to draw",
         ),
         (("{mask}", "--lit", "{mask}"), "found MASK and --lit; allowed: MASK, or"),
         (("--lit", "{mask}"), "found --lit; allowed"),

@@ -1,4 +1,4 @@
-"""A sweep in this process: its rows, what breaks, what is left of an axis, and what its exit code says."""
+"""Sweeps of `stress` in this process: rows, breaking points, operating ranges and exit codes."""
 
 import csv
 import json
@@ -28,13 +28,13 @@ ELEVATION, MESH, MAP_SIZE = AXES["elevation"], AXES["mesh"], AXES["map-size"]
 
 
 def short(axis: Axis, *values: float | str) -> Axis:
-    """An axis of its home and some other values, under the sun alone."""
+    """An axis with its default and some other values, under a sun only."""
     kept = tuple(value for value in axis.values if value in (axis.default, *values))
     return replace(axis, values=kept, quick=kept, lights=("directional",))
 
 
 def row(axis: Axis, value: float | str, status: str = "ok", **metrics: float | None) -> dict[str, Any]:
-    """What a row says of a value; metrics that are not named are perfect."""
+    """A row at an axis value; metrics that are not given are perfect."""
     perfect = {"iou": 1.0, "acne": 0.0, "leak": 0.0}
     about = {"technique": "t", "home_spec": "t", "light_kind": "directional", "axis": axis.name, "axis_value": value}
     return {**about, "status": status, "metrics": perfect | metrics} if status == "ok" else {**about, "status": status}
@@ -53,7 +53,7 @@ def row(axis: Axis, value: float | str, status: str = "ok", **metrics: float | N
         ("failed: ZeroDivisionError: no direction in [0 0 0] (model.py:1)", "error"),
     ],
 )
-def test_what_the_worker_says_is_a_kind_of_failure(status: str, kind: str) -> None:
+def test_worker_messages_map_to_kinds_of_failure(status: str, kind: str) -> None:
     found = failure(row(ELEVATION, 1.0, status))
     assert found is not None and found.kind == kind
     assert found.text == status.removeprefix("failed: ")
@@ -71,13 +71,15 @@ def test_what_the_worker_says_is_a_kind_of_failure(status: str, kind: str) -> No
         ({"iou": 0.2, "acne": 0.02}, Failure("acne", 0.02)),
     ],
 )
-def test_a_cell_is_out_by_what_is_farthest_out(metrics: dict[str, float | None], found: Failure | None) -> None:
+def test_a_cell_fails_by_the_metric_that_exceeds_its_tolerance_most(
+    metrics: dict[str, float | None], found: Failure | None
+) -> None:
     assert failure(row(ELEVATION, 1.0, **metrics)) == found
     assert failure({**row(ELEVATION, 1.0), "flips": 0.03}) == Failure("flips", 0.03)
     assert failure(row(ELEVATION, 1.0, "unsupported: no plane")) is None
 
 
-def test_a_range_ends_where_a_value_is_out_on_either_side_of_home() -> None:
+def test_a_range_ends_at_the_first_value_out_of_tolerance_on_either_side_of_the_default() -> None:
     rows = [row(ELEVATION, value) for value in ELEVATION.values if value not in (85.0, 2.0, 0.5)]
     whole = operating_range(ELEVATION, rows)
     assert (whole.plain, whole.text) == ("0.1…89.9°", "0.1…89.9°; 18 of 21 values")
@@ -88,13 +90,13 @@ def test_a_range_ends_where_a_value_is_out_on_either_side_of_home() -> None:
     assert found.worst == ("leak", "acne", "hang")
 
 
-def test_a_range_without_its_home_is_empty() -> None:
+def test_a_range_whose_default_value_fails_is_empty() -> None:
     rows = [row(ELEVATION, value, iou=0.0 if value == ELEVATION.default else 1.0) for value in ELEVATION.values]
     found = operating_range(ELEVATION, rows)
     assert found.in_tolerance == () and found.text == "breaks at 50°: IoU 0.000"
 
 
-def test_what_is_refused_ends_a_range_without_breaking_it() -> None:
+def test_unsupported_values_end_a_range_without_a_break() -> None:
     rows = [row(MAP_SIZE, value, "unsupported: too large" if value > 4096 else "ok") for value in MAP_SIZE.values]
     found = operating_range(MAP_SIZE, rows)
     assert (
@@ -105,7 +107,7 @@ def test_what_is_refused_ends_a_range_without_breaking_it() -> None:
     assert operating_range(MAP_SIZE, [row(MAP_SIZE, 1024, "unsupported: never")]).plain == "unsupported"
 
 
-def test_words_are_judged_each_alone() -> None:
+def test_values_of_unordered_axes_are_judged_separately() -> None:
     rows = [row(MESH, value, iou=0.5 if value in ("slivers", "open") else 1.0) for value in MESH.values]
     assert operating_range(MESH, rows).text == "breaks at slivers, open: IoU 0.500"
     assert operating_range(MESH, [row(MESH, value) for value in MESH.values]).text == "all 7"
@@ -133,7 +135,7 @@ def mask(*values: float) -> np.ndarray:
     return np.array([values], dtype=np.float32)
 
 
-def test_flips_are_changes_where_the_truth_stays() -> None:
+def test_flips_are_changes_where_the_truth_does_not_change() -> None:
     still = truth([1, 1, 0, 0])
     assert flips([mask(1, 1, 0, 0), mask(1, 1, 0, 1)], [still, still]) == 0.25
     assert flips([mask(1, 1, 0, 0), mask(1, 1, 1, 0)], [still, truth([1, 1, 1, 0])]) == 0.0
@@ -149,7 +151,7 @@ def test_flips_far_from_every_true_edge_are_none() -> None:
     assert flips([mask(1, 1, 1, 1, 1, 1, 1, 0, 0, 0), mask(1, 1, 1, 1, 1, 1, 0, 0, 0, 0)], [still] * 2) == 1 / 4
 
 
-def test_an_axis_of_parameters_is_of_those_that_have_them(bench: Any) -> None:
+def test_an_axis_of_parameters_is_swept_for_techniques_that_have_them(bench: Any) -> None:
     spec = parse_spec("shadow-map", bench.techniques)
     setting = MAP_SIZE.at(64, "directional")
     changed = spec_at(spec, setting)
@@ -159,7 +161,7 @@ def test_an_axis_of_parameters_is_of_those_that_have_them(bench: Any) -> None:
 
 
 class Swept:
-    """A sweep of a few specs along short axes."""
+    """A sweep of a few specs along short axes, with its rows."""
 
     def __init__(self, bench: Any, folder: Path, specs: list[str], *axes: Axis) -> None:
         self.steps: list[str] = []
@@ -199,14 +201,14 @@ def swept(bench: Any, folder: Path) -> Swept:
     return Swept(bench, folder, WILD, short(ELEVATION, 5.0), short(AXES["camera-step"]))
 
 
-def test_what_crashes_costs_its_own_cells_only(swept: Swept) -> None:
+def test_a_crash_costs_only_its_own_cells(swept: Swept) -> None:
     kinds = [(one["axis_value"], one["spec"], getattr(failure(one), "kind", "")) for one in swept.rows]
     ends = [(value, *end) for value in (50.0, 5.0, 0.05) for end in ENDS]
     assert kinds == [*ends[:-1], (0.05, "shadow-map", "flips")]
     assert len(swept.steps) == swept.total == 3
 
 
-def test_what_hangs_is_a_row(bench: Any, tmp_path: Path) -> None:
+def test_a_hang_is_recorded_as_a_row(bench: Any, tmp_path: Path) -> None:
     bench.worker.limits = Limits(seconds=5)
     swept = Swept(bench, tmp_path, ["does:what=hang", "half"], short(ELEVATION))
     assert [getattr(failure(one), "kind", None) for one in swept.rows] == ["hang", "leak"]
@@ -261,7 +263,7 @@ def test_the_picture_of_a_break_is_drawn_with_the_mask_beside_it(bench: Any, tmp
 
 
 def test_faces_turned_away_from_the_light_can_be_told_apart(bench: Any, tmp_path: Path) -> None:
-    """The box of the base scene has two that are seen: alike, they would look like its shadow."""
+    """Two such faces of the base scene's box are visible; equally dark, they would look like its shadow."""
     bench.worker.limits = Limits()
     (row,) = Swept(bench, tmp_path, ["unshadowed"], short(ELEVATION)).rows
     colors = np.asarray(Image.open(tmp_path / "pictures" / f"{row['key']}.png"), float)
@@ -341,7 +343,7 @@ class TestCommand:
         ]
         assert json.loads((tmp_path / "run.json").read_text())["study"]["view_size"] == 256
 
-    def test_an_unknown_axis_is_bad_input(self, shadowbench: Any, tmp_path: Path) -> None:
+    def test_an_unknown_axis_is_an_input_error(self, shadowbench: Any, tmp_path: Path) -> None:
         answer = shadowbench("stress", "--axis", "time", "-o", tmp_path / "out")
         assert answer.code == 2
         assert "--axis: found 'time'; allowed: elevation, through-up" in answer.err

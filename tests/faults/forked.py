@@ -1,4 +1,4 @@
-"""Measures cells by the sources in a folder as they are at that moment, each time in a fork of this process.
+"""Measures cells with the current sources of a folder, each time in a fork of this process.
 
 `python forked.py SOURCES` holds the libraries and nothing of ours, so that what is imported for one run is gone before
 the next. It reads a request a line, [scenes, specs, phases, study, folder], and answers [exit code, what was printed].
@@ -19,7 +19,7 @@ WARM = ("shadowbench.studies.measure", "shadowbench.measure.session", "scipy.ndi
 
 
 def measured(scenes: list[str], specs: list[str], phases: int, study: str, folder: str) -> None:
-    """What `run` does, but with the session in this process."""
+    """Like `run`, but with the session in this process."""
     from shadowbench.measure.executor import Limits
     from shadowbench.measure.session import Session
     from shadowbench.studies.measure import measure, study_from_options
@@ -27,7 +27,7 @@ def measured(scenes: list[str], specs: list[str], phases: int, study: str, folde
     from shadowbench.techniques.spec import parse_spec
 
     class Here:
-        """The executor: what a technique raises ends the run."""
+        """An executor that lets exceptions of techniques end the run."""
 
         limits = Limits()
 

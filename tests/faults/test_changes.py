@@ -1,5 +1,7 @@
-"""Planted faults: the sources are changed in a copy, one change at a time, and the change's technique runs its cells of
-the committed baseline. `check` catches every fault and names the technique, and passes every harmless rewriting."""
+"""Planted faults: `check` catches each of them and names its technique, and passes every harmless change.
+
+The sources are changed in a copy, one change at a time; then the technique's cells of the committed baseline are run.
+"""
 
 import json
 import os
@@ -32,7 +34,7 @@ Edit = tuple[str, str, str]
 
 @dataclass(frozen=True)
 class Change:
-    """Edits, (file, before, after), made together; cells of `technique` on `scenes` show them."""
+    """Edits (file, before, after) made together, and the technique and scenes whose cells reveal them."""
 
     name: str
     technique: str
@@ -62,14 +64,14 @@ MOVED_RECEIVERS = ("shaders/gbuffer/gbuffer.frag", "vec4(world, 1.0)", "vec4(wor
 
 
 def misplaced(technique: type[Technique]) -> Change:
-    """The fault on the first scene of the study whose light the technique answers."""
+    """A misplaced shadow, on the first scene of the study whose light the technique supports."""
     kinds = {name: load_scene(file).lights[0].kind for name, file in SCENES.items()}
     scene = next(name for name, kind in kinds.items() if kind in technique.lights)
     return Change(f"{technique.name}-of-moved-receivers", technique.name, (scene,), (MOVED_RECEIVERS,))
 
 
 def planted() -> list[Change]:
-    """Those of the file, and one for each technique of ours that it forgets."""
+    """The faults of faults.toml, and one for each built-in technique without any."""
     written = changes("faults.toml")
     covered = {change.technique for change in written}
     return [*written, *(misplaced(one) for one in own_techniques() if one.name not in covered)]
@@ -78,7 +80,7 @@ def planted() -> list[Change]:
 FAULTS, HARMLESS = planted(), changes("harmless.toml")
 
 
-def test_there_are_enough_of_them() -> None:
+def test_there_are_enough_faults() -> None:
     names = [change.name for change in FAULTS + HARMLESS]
     assert len(FAULTS) >= 20 and len(HARMLESS) >= 10 and len(set(names)) == len(names)
     assert {change.technique for change in FAULTS} == {one.name for one in own_techniques()}
@@ -88,7 +90,7 @@ EDITS = [*(edit for change in FAULTS + HARMLESS for edit in change.edits), MOVED
 
 
 @pytest.mark.parametrize("edit", EDITS, ids=lambda edit: edit[0])
-def test_what_a_change_replaces_is_there_exactly_once(edit: Edit) -> None:
+def test_the_text_that_a_fault_replaces_occurs_exactly_once(edit: Edit) -> None:
     file, before, after = edit
     assert (ROOT / file).read_text(encoding="utf-8").count(before) == 1, f"{file}: {before!r}"
     assert before != after
@@ -102,7 +104,7 @@ class Copy:
     process: subprocess.Popen[str]
 
     def measured(self, scenes: Sequence[str], specs: Sequence[str], phases: int, folder: Path) -> None:
-        """The cells, in a run folder, by the sources as they are now."""
+        """Measures the cells with the current sources of the copy into a run folder."""
         assert self.process.stdin is not None and self.process.stdout is not None
         asked = [SCENES[scene] for scene in scenes], specs, phases, str(BASELINE / "study.toml"), str(folder)
         print(json.dumps(asked), file=self.process.stdin, flush=True)
@@ -111,7 +113,7 @@ class Copy:
 
     @contextmanager
     def changed(self, edits: Sequence[Edit]) -> Iterator[None]:
-        """Within it, the copy has these edits."""
+        """Context in which the copy has these edits."""
         unchanged = {file: (self.folder / file).read_text(encoding="utf-8") for file, *_ in edits}
         for file, before, after in edits:
             text = (self.folder / file).read_text(encoding="utf-8")
@@ -124,7 +126,7 @@ class Copy:
 
 @pytest.fixture(scope="module")
 def copy(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Copy]:
-    """Made once, so that all changes are made to the same text, whatever is edited meanwhile."""
+    """Made once, so that edits of the sources during the test have no effect."""
     folder = tmp_path_factory.mktemp("sources")
     for name in SOURCES:
         shutil.copytree(ROOT / name, folder / name)
@@ -143,13 +145,13 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Copy]:
 
 @dataclass(frozen=True)
 class Cells:
-    """The cells of a technique in the committed baseline's study, measured by a copy and held against the baseline."""
+    """A technique's cells of the committed baseline's study, measured by a copy and compared with the baseline."""
 
     copy: Copy
     folder: Path
 
     def baseline(self, change: Change) -> Path:
-        """The committed rows of the change's cells; measured by the unchanged sources where it has none."""
+        """The baseline's rows of the cells; if it has none, measured with the unchanged sources."""
         folder = self.folder / "baseline"
         lines = (BASELINE / "rows.jsonl").read_text(encoding="utf-8").splitlines(keepends=True)
         rows = {line: json.loads(line) for line in lines if change.phases == STUDY.phases}
@@ -168,13 +170,13 @@ class Cells:
         return [spec.full_text for spec in cells] or [change.technique]
 
     def regressed(self, change: Change, baseline: Path) -> list[Regressed]:
-        """What `check` says of the changed sources, worst first."""
+        """Regressions found by `check` with the changed sources, worst first."""
         with self.copy.changed(change.edits):
             self.copy.measured(change.scenes, self.specs(change), change.phases, self.folder / "changed")
-        return check(self.folder / "changed", baseline).findings.of("regressed", times=False)
+        return check(self.folder / "changed", baseline).findings.with_verdict("regressed", times=False)
 
     def unchanged(self, change: Change, of: Regressed, baseline: Path) -> bool:
-        """Whether the unchanged sources give one regressed cell its rows of the baseline."""
+        """Whether the unchanged sources reproduce the baseline's rows of a regressed cell."""
         self.copy.measured([of.score["scene"]], [of.score["full_spec"]], change.phases, self.folder / "unchanged")
         found = check(self.folder / "unchanged", baseline).findings
         return found.compared == change.phases and all(one.after == MISSING for one in found.changes)

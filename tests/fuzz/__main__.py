@@ -1,4 +1,4 @@
-"""python -m tests.fuzz --count 10000 --meshes 1000: every generated file gives a result or one clear line."""
+"""Fuzzing: python -m tests.fuzz --count 10000 --meshes 1000. Every file must give a result or one clear line."""
 
 import argparse
 import hashlib
@@ -61,7 +61,7 @@ def main() -> int:
 
 
 def kept(case: Case, folder: Path) -> Path:
-    """The folder of a failing case, by its content."""
+    """Folder in which a failing case is kept, named by its content."""
     name = hashlib.sha256(repr((case.files, case.text)).encode("utf-8", "replace")).hexdigest()[:12]
     place = folder / f"{case.kind}-{name}"
     if not place.exists():

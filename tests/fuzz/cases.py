@@ -1,4 +1,4 @@
-"""One generated input: the files of a folder, and which of them is given to shadowbench."""
+"""One generated input: the files of a folder, and the one given to shadowbench."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,7 +27,7 @@ class Case:
     text: str = ""
 
     def write(self, root: Path) -> Path:
-        """The case's main file, once `root` holds the folders inside, assets and outside."""
+        """Write the case below `root`, into folders inside, assets and outside; returns its main file."""
         for folder in (INSIDE, ASSETS, OUTSIDE):
             (root / folder).mkdir(parents=True, exist_ok=True)
             (root / folder / "part.obj").write_bytes(OBJ)

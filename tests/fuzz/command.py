@@ -1,4 +1,4 @@
-"""What the command line does with one case, seen from outside: exit code, lines, files, memory and time."""
+"""The outcome of a command for one case, observed from outside: exit code, output, files, memory and time."""
 
 import shutil
 import subprocess
@@ -17,7 +17,7 @@ SMALL = ["--view-size", "16", "-o"]
 
 
 def commanded(case: Case) -> Verdict:
-    """The verdict on `truth` of a scene or mesh, `run` of a study or a spec."""
+    """The verdict on a command: `truth` for a scene or mesh, `run` for a study or spec."""
     root = Path(tempfile.mkdtemp(prefix="fuzz-"))
     try:
         main = case.write(root)

@@ -1,4 +1,4 @@
-"""Small valid mesh files of each format, and ways to spoil them. A number makes the file: nothing is left to chance."""
+"""Small valid mesh files of each format, and deterministic ways to corrupt them."""
 
 import base64
 import json
@@ -190,14 +190,14 @@ def _double(data: bytes, chance: random.Random) -> bytes:
 
 
 def _token(data: bytes, chance: random.Random) -> bytes:
-    """A word of a text file, or of what looks like one, replaced."""
+    """A word of a text file, or of bytes that resemble one, replaced."""
     words = data.split(b" ")
     words[chance.randrange(len(words))] = chance.choice(TOKENS)
     return b" ".join(words)
 
 
 def _count(data: bytes, chance: random.Random) -> bytes:
-    """A number in the head of a file made huge."""
+    """A count in a file's header made huge."""
     head, rest = data[:300], data[300:]
     digits = [k for k in range(len(head)) if head[k : k + 1].isdigit()]
     at = chance.choice(digits) if digits else 0
@@ -214,7 +214,7 @@ def _spots(node: Any) -> list[tuple[Any, Any]]:
 
 
 def _lie(document: dict[str, Any], chance: random.Random) -> None:
-    """Any value of the JSON replaced: counts, offsets, indices, types."""
+    """A value of the JSON replaced: a count, offset, index or type."""
     parts = [part for part in document.values() if isinstance(part, dict | list) and part]
     parent, key = chance.choice(_spots(chance.choice(parts)) if parts else [(document, "asset")])
     parent[key] = chance.choice(ABSURD)
@@ -242,7 +242,7 @@ def _deep(document: dict[str, Any], chance: random.Random) -> None:
 
 
 def _many(document: dict[str, Any], chance: random.Random) -> None:
-    """One part of the document many times: nodes of one mesh, primitives of one accessor."""
+    """A part of the document repeated many times: nodes of one mesh, primitives of one accessor."""
     lists = [part for part in document.values() if isinstance(part, list) and part]
     if lists:
         part = chance.choice(lists)
@@ -252,7 +252,7 @@ def _many(document: dict[str, Any], chance: random.Random) -> None:
 
 
 def _elsewhere(document: dict[str, Any], chance: random.Random) -> None:
-    """A buffer, or an image, from where it must not be read."""
+    """A buffer or image with a path that must not be read."""
     uri = chance.choice(
         [
             *PATHS,

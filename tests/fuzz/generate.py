@@ -1,4 +1,4 @@
-"""The generated text files of a count, the same for the same number."""
+"""Generated text files, the same for the same count."""
 
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st

@@ -1,4 +1,4 @@
-"""Cases given to processes that may die or hang: such a case is named, and another process takes over."""
+"""A pool of processes that run cases; if one dies or hangs, its case is reported and it is replaced."""
 
 import multiprocessing
 import resource
@@ -24,7 +24,7 @@ Judge = Callable[[Case, Watch], Verdict]
 
 
 def work(pipe: Connection, judge: Judge) -> None:
-    """The life of a process: cases in, verdicts out."""
+    """Main loop of a worker process: receives cases, sends verdicts."""
     resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
     watch = Watch()
     warm = Case("scene", "a.toml", {"a.toml": b'[[mesh]]\nshape = "box"\n'})
@@ -52,7 +52,7 @@ class Worker:
         self.pipe.send(case)
 
     def processor(self) -> float:
-        """Seconds of processor time so far, those of children that ended among them."""
+        """CPU seconds so far, including those of ended children."""
         try:
             times = psutil.Process(self.process.pid).cpu_times()
         except psutil.NoSuchProcess:
@@ -60,7 +60,7 @@ class Worker:
         return float(times.user + times.system + times.children_user + times.children_system)
 
     def hangs(self, longest: float) -> bool:
-        """Whether the case took longer than it may."""
+        """Whether the case exceeded its time limit."""
         return self.processor() - self.spent > longest or time.monotonic() - self.since > PATIENCE
 
     def stop(self) -> None:
@@ -72,7 +72,7 @@ class Worker:
 def verdicts(
     cases: Iterable[Case], jobs: int, judge: Judge = judged, longest: float = LONGEST
 ) -> Iterator[tuple[Case, Verdict, float]]:
-    """Each case with its verdict and seconds of processor time, as they come."""
+    """Generate each case with its verdict and CPU seconds, in order of completion."""
     waiting = iter(cases)
     workers = [Worker(judge) for _ in range(jobs)]
     try:

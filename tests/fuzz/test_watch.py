@@ -1,4 +1,4 @@
-"""The watchers see what they watch for: a read elsewhere, a write, a hang, a death, memory, a traceback."""
+"""The fuzzer detects misbehaviour: stray reads and writes, hangs, crashes, excessive memory, tracebacks."""
 
 import os
 from collections.abc import Callable
@@ -51,7 +51,7 @@ def test_a_reader_that_misbehaves_is_a_failure(
 
 
 def misbehave(case: Case, watch: Watch) -> Verdict:
-    """In a process of the pool."""
+    """Misbehaves in a process of the pool."""
     if case.text == "hang":
         while True:
             pass
@@ -104,7 +104,7 @@ def test_a_command_that_misbehaves_is_a_failure(
     assert line in found.line
 
 
-def test_a_command_that_behaves_is_none() -> None:
+def test_a_correct_command_is_no_finding() -> None:
     for said in (["shadowbench: y"], ["note: x", "note: z", "shadowbench: y"]):
         assert command.answer(2, said, 0, 1.0, {"out": 0}, {"out": 0}) == ("refusal", "shadowbench: y", True)
     assert command.answer(0, ["note: x"], 0, 1.0, {"out": 0}, {"out": 1, "out/a.npz": 1}).kind == "result"

@@ -1,4 +1,4 @@
-"""Scene files, study files and specs: valid ones with absurd values, keys and structure, and plain nonsense."""
+"""Scene files, study files and specs: valid ones with absurd values, keys and structure, and random text."""
 
 import json
 import re
@@ -105,7 +105,7 @@ def places(node: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
 
 
 def changed(node: Any, path: tuple[Any, ...], change: Any) -> Any:
-    """The node with `change(parent, key)` done to a copy of the parent of a path."""
+    """A copy of the node with `change(parent, key)` applied to the parent of a path."""
     copy = dict(node) if isinstance(node, dict) else list(node)
     if len(path) == 1:
         change(copy, path[0])
@@ -173,7 +173,7 @@ def _change(draw: st.DrawFn, kind: str) -> Any:
 
 @st.composite
 def broken(draw: st.DrawFn, seeds: list[dict[str, Any]]) -> bytes:
-    """The text of a document with bytes cut, doubled, flipped or put in; or no TOML at all."""
+    """The text of a document with bytes removed, doubled, flipped or inserted; or text that is not TOML."""
     data = dumps(draw(mutated(seeds) | st.sampled_from(seeds))).encode("utf-8", "surrogatepass")
     for _ in range(draw(st.integers(1, 5))):
         at = draw(st.integers(0, len(data)))
@@ -197,7 +197,7 @@ def written(documents: st.SearchStrategy[dict[str, Any]]) -> st.SearchStrategy[b
 
 
 def companions(draw: st.DrawFn) -> tuple[dict[str, bytes], dict[str, str]]:
-    """The files and links that lie beside a scene: what PATHS name."""
+    """The files and links that PATHS name, beside a scene."""
     uri = draw(st.sampled_from([*PATHS, f"../{OUTSIDE}/part.bin", "data:,x", "data:;base64,AAAA", "data:;base64,*"]))
     files = {
         "data.bin": b"\0" * 64,

@@ -1,4 +1,4 @@
-"""TOML written from Python values, absurd ones too: the standard library only reads it."""
+"""Writes Python values, including absurd ones, as TOML, which the standard library only reads."""
 
 import datetime
 import json
@@ -6,7 +6,7 @@ from typing import Any
 
 
 def dumps(document: dict[str, Any]) -> str:
-    """A document whose tables of tables are written [[so]], and everything deeper inline."""
+    """A document as TOML: arrays of tables as [[name]], everything deeper inline."""
     plain = {key: value for key, value in document.items() if not _tables(value)}
     lines = [f"{_key(key)} = {_value(value)}" for key, value in plain.items()]
     for key, tables in document.items():

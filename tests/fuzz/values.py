@@ -1,4 +1,4 @@
-"""Values for where others are expected: paths that lead out, absurd numbers, words that steer, nested nonsense."""
+"""Unexpected values: paths outside the folder, absurd numbers, terminal escapes, deep nesting."""
 
 from hypothesis import strategies as st
 

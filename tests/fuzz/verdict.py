@@ -1,4 +1,4 @@
-"""What shadowbench does with one case, seen from inside: a result, a refusal of one line, or a failure.
+"""The outcome of shadowbench for one case, observed in the same process: a result, a one-line error, or a failure.
 
 Run in a process of its own (see pool.py), whose address space is limited, with an ear for every file and socket opened.
 """
@@ -31,7 +31,7 @@ FORBIDDEN = ("socket.connect", "socket.bind", "socket.getaddrinfo", "os.system",
 
 
 class Verdict(NamedTuple):
-    """`kind` is result, refusal or failure; `line` says which refusal or failure; `small` is a result soon drawn."""
+    """A verdict. kind: result, refusal or failure; line: the message; small: a result that can be drawn quickly."""
 
     kind: str
     line: str
@@ -39,7 +39,7 @@ class Verdict(NamedTuple):
 
 
 class Watch:
-    """Files that are opened where none may be, while a case is read."""
+    """Records files that are opened outside the allowed folders while a case is read."""
 
     def __init__(self) -> None:
         self.allowed: tuple[str, ...] = ()
@@ -60,7 +60,8 @@ class Watch:
 
     @contextmanager
     def over(self, *folders: Path) -> Iterator[None]:
-        own = [sys.prefix, sys.base_prefix, str(ROOT / "shadowbench"), str(ROOT / "scenes"), str(ROOT / "benchmarks"),
+        own = [os.path.realpath(sys.prefix), os.path.realpath(sys.base_prefix),
+               str(ROOT / "shadowbench"), str(ROOT / "scenes"), str(ROOT / "benchmarks"),
                os.devnull, "/proc/self", f"/proc/{os.getpid()}", "/sys/", "/etc/localtime", "/usr/"]  # fmt: skip
         self.allowed = (*own, *(str(folder.resolve()) for folder in folders))
         self.seen.clear()
@@ -72,7 +73,7 @@ class Watch:
 
 
 def tree(root: Path) -> dict[str, Any]:
-    """Every file below a folder: its size and time, or where a link leads."""
+    """Size and modification time of every file below a folder, or the target of a link."""
     found = {}
     for path in root.rglob("*"):
         facts = path.lstat()

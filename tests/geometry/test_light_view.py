@@ -1,4 +1,4 @@
-"""The space of a light and a map's view of it: what each number says of the others."""
+"""Light space and light views: the relations between their numbers."""
 
 import math
 
@@ -22,7 +22,7 @@ def view_of(kind: str) -> LightView:
 def along(
     kind: str, distance: np.ndarray, across: float | np.ndarray = 0.1, up: float | np.ndarray = 0.2
 ) -> np.ndarray:
-    """(N, 4) points at distances along the light's axis and as far beside it as a box counts."""
+    """(N, 4) points at box coordinates: distances along the light's axis, and offsets from it."""
     space, widen = space_of(kind), distance if kind == "spot" else np.ones_like(distance)
     points = space.origin + np.column_stack([across * widen, up * widen, -distance]) @ space.basis
     return np.column_stack([points, np.ones(len(points))])

@@ -1,4 +1,4 @@
-"""Planar receivers are found by geometry: coplanar, large, wherever and however large the scene is."""
+"""Detection of planar receivers: coplanar and large, at any position and scale of the scene."""
 
 import numpy as np
 import pytest
@@ -82,7 +82,7 @@ def test_a_fine_grid_is_one_plane_however_it_is_turned(dtype, turn) -> None:
 
 
 def test_rounding_that_scatters_normals_about_an_axis_does_not_scatter_the_plane() -> None:
-    """Every product of two components of such a normal is about a round number, on either side of it."""
+    """Products of two components of such normals scatter around the border between two cells."""
     heights = np.random.default_rng(1).uniform(-1e-7, 1e-7, 129**2)
     for mesh in (grid(128, lambda x, z: heights), grid(128, lambda x, z: x + heights)):
         (plane,) = planes_of(mesh, least=0.9)
@@ -96,13 +96,13 @@ def test_a_ridge_is_two_planes_unless_it_is_within_the_tolerance(bend, planes) -
     assert sum(plane.share for plane in found) == pytest.approx(1.0)
 
 
-def test_bent_surfaces_are_none() -> None:
+def test_curved_surfaces_are_no_planes() -> None:
     assert planes_of(*load_scene("terrain").meshes, least=0.001) == ()
     assert planes_of(grid(64, lambda x, z: 0.002 * x * x), least=0.04) == ()
 
 
 def test_a_floor_that_runs_into_a_ramp_is_found_up_to_its_foot() -> None:
-    """Where the ramp leaves the floor it is nearly flat, and must not tilt what is fitted to the floor."""
+    """The ramp begins nearly flat, and must not tilt the plane fitted to the floor."""
     mesh = grid(256, lambda x, z: np.where(x > 0, 0.01 * x * x, 0.0))
     floor, *_ = planes_of(mesh, least=0.3)
     assert floor.share == pytest.approx(0.5, abs=0.01)
@@ -116,7 +116,7 @@ def test_a_sphere_has_planes_only_where_its_facets_are_asked_for(shape) -> None:
 
 
 def test_no_plane_is_empty_even_where_any_share_will_do() -> None:
-    """A tolerance of less than rounding leaves small triangles off the very planes that were fitted to them."""
+    """With a tolerance below rounding, small triangles lie off the planes fitted to them."""
     rough = grid(32, lambda x, z: 0.3 * np.sin(5 * x) * np.cos(4 * z))
     rough = turned(rough, rotation([0.3, -0.5, 0.7, 0.2]), shift=(300.0, 0.0, 0.0))
     found = planes_of(rough, least=0.0, most=2048, tolerance=1e-18)
@@ -146,7 +146,7 @@ def test_the_largest_come_first_and_no_more_than_asked_for() -> None:
 
 
 def test_a_stack_of_sheets_does_not_hide_the_ground_below_it() -> None:
-    """More sheets than planes are asked for, so close that they have far more area than the ground in one cell."""
+    """There are more sheets than the maximum number of planes, with far more area than the ground in one cell."""
     sheets = [turned(grid(1, flat, 1.0), shift=(0.0, 0.5 + 1e-4 * k, 0.0)) for k in range(400)]
     found = planes_of(grid(2, flat, 5.0), *sheets, least=0.0005)
     assert list(found[0].triangles) == list(range(8)) and len(found) == 32
@@ -181,7 +181,7 @@ SMALL = {
 
 @pytest.mark.parametrize("tolerance", [5e-7, 1e-5])
 @pytest.mark.parametrize("small", SMALL)
-def test_what_lies_close_to_a_plane_does_not_lose_it(small, tolerance, shape) -> None:
+def test_nearby_triangles_do_not_hide_a_plane(small, tolerance, shape) -> None:
     size, kind, scale, place = SMALL[small]
     fine = {"subdivisions": 6} if small == "fine ball" else {}
     meshes = shape("plane", size), shape("box", 1.0, (-1.0, 0.5, 0.0)), shape(kind, scale, place, **fine)
@@ -190,7 +190,7 @@ def test_what_lies_close_to_a_plane_does_not_lose_it(small, tolerance, shape) ->
     assert ground.thickness <= tolerance * np.linalg.norm([size, 1.0, size]) * 1.01
 
 
-def test_of_two_sheets_that_are_almost_one_each_is_found(shape) -> None:
+def test_two_nearly_coincident_sheets_are_both_found(shape) -> None:
     for gap in (3.0, 8.0):
         sheets = [shape("plane", 8.0), shape("plane", 8.0, (0.0, gap * 1e-5 * 8 * 2**0.5, 0.0))]
         found = planes_of(*sheets, tolerance=1e-5)
@@ -199,7 +199,7 @@ def test_of_two_sheets_that_are_almost_one_each_is_found(shape) -> None:
 
 @pytest.mark.parametrize("papers", [1, 60])
 def test_a_fine_floor_is_found_under_larger_triangles_that_are_no_plane(papers, shape) -> None:
-    """The largest triangles that are about as high are the first guesses, and come to nothing."""
+    """The largest triangles of similar height are tried first, without success."""
     at = np.random.default_rng(3).uniform([-1.8, 1e-4, -1.8], [1.8, 6e-4, 1.8], (papers, 3))
     floor = grid(128, lambda x, z: 0.0 * x)
     found = planes_of(floor, *[shape("plane", 0.05, place) for place in at], least=0.005)
@@ -213,7 +213,7 @@ def tilted(cells: int, size: float = 10.0, low: float = 0.0, axis=(0.5, 0.15, 0.
 
 
 def written(mesh: Mesh, form: str) -> Mesh:
-    """A mesh whose coordinates have been through a text file."""
+    """A mesh with coordinates rounded as in a text file."""
     values = [float(format(value, form)) for value in mesh.vertices.ravel()]
     return Mesh(mesh.name, np.reshape(values, (-1, 3)), mesh.faces)
 
@@ -237,7 +237,7 @@ def test_three_decimals_in_ten_metres_ask_for_a_larger_tolerance() -> None:
 
 
 def test_terraces_of_rounding_are_not_taken_for_planes() -> None:
-    """Steps of nearly the tolerance: what is within it of a triangle is its own terrace, and must not be all."""
+    """Steps of nearly the tolerance: a plane must be one terrace, not all of them."""
     (plane,) = planes_of(written(tilted(64, axis=(1, 0, 0)), ".5f"), least=0.0005)
     assert plane.share == pytest.approx(1.0)
 

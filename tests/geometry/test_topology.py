@@ -1,4 +1,4 @@
-"""Which triangles share which edges: closed parts and the rest."""
+"""Shared edges of triangles, and closed parts."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Programs of a few lines of GLSL, and targets to draw them into."""
+"""Short GLSL programs, and targets to draw them into."""
 
 from collections.abc import Callable, Iterator
 
@@ -30,7 +30,7 @@ def program(device: Device) -> Iterator[Callable[..., Program]]:
 
 @pytest.fixture
 def paint(device: Device) -> Callable[..., np.ndarray]:
-    """What a program writes into a float image, one component, row 0 at the bottom; 0 where nothing is drawn."""
+    """Output of a program in a float image with one component, row 0 at the bottom; 0 where nothing is drawn."""
 
     def draw(program: Program, textures=None, side: int = 4, mode: int = moderngl.TRIANGLES, count: int = 3):
         image = device.context.texture((side, side), 1, dtype="f4")

@@ -1,4 +1,4 @@
-"""Times are taken where they are asked for, and work is counted exactly."""
+"""Timing of passes, and exact counts of work."""
 
 from collections.abc import Callable
 from contextlib import nullcontext
@@ -30,7 +30,7 @@ def busy(device: Device, program):
     device.free((vertices, target))
 
 
-def test_a_frame_takes_time_and_passes_too(device: Device, busy) -> None:
+def test_frames_and_passes_have_times_above_zero(device: Device, busy) -> None:
     clock = Clock(device)
 
     def frame() -> None:
@@ -70,7 +70,7 @@ Queried = Callable[..., Clock]
 
 @pytest.fixture
 def queried() -> Queried:
-    """A GPU's clock whose queries answer these nanoseconds, one after the other; each span takes 10 ms by the wall."""
+    """A GPU clock whose queries return these nanoseconds in turn; each span takes 10 ms by the wall clock."""
     ticks = iter(0.01 * number for number in range(100))
 
     def make(*nanoseconds: int) -> Clock:

@@ -1,4 +1,4 @@
-"""The context, what the driver says of itself, and the entry points that moderngl lacks."""
+"""The OpenGL context, the driver's properties, and entry points that moderngl lacks."""
 
 import gc
 import re
@@ -39,7 +39,7 @@ def test_a_gpu_is_not_software(renderer: str) -> None:
     assert not device.software
 
 
-def test_an_extension_is_there_by_name_or_by_version(device: Device) -> None:
+def test_an_extension_is_available_by_name_or_by_version(device: Device) -> None:
     assert device.has("GL_nobody_has_this", device.version)
     assert not device.has("GL_nobody_has_this", device.version + 10)
     some = min(device.context.extensions)
@@ -58,7 +58,7 @@ def test_a_missing_entry_point_is_named() -> None:
         RawGL(context, {"glSlowDown": (None, ())})("glSlowDown", 1)
 
 
-def test_an_error_names_what_was_being_done(device: Device) -> None:
+def test_an_opengl_error_names_the_activity(device: Device) -> None:
     device.raw("glBeginQuery", 0xFFFF, 1)
     with pytest.raises(RuntimeError, match="GL_INVALID_ENUM in a test"):
         device.check("a test")

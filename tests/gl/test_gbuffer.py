@@ -1,4 +1,4 @@
-"""The G-buffer shows what rays see, pixel for pixel."""
+"""The G-buffer agrees with camera rays in every pixel."""
 
 import math
 from dataclasses import replace
@@ -108,7 +108,7 @@ def seen(scene: Scene, size: int = 64) -> View:
     return view_of(scene, camera, Light("sun", "directional", (0.3, -0.2, -1.0)), size)
 
 
-def test_what_does_not_receive_is_flagged(studio) -> None:
+def test_meshes_that_do_not_receive_are_flagged(studio) -> None:
     shot = studio.shot(seen(two_quads(receives=False)))
     left, right = shot.normal[:, :32, 3], shot.normal[:, 32:, 3]
     hit = shot.position[..., 3] == 1
@@ -122,7 +122,7 @@ def test_indices_run_over_meshes_in_file_order(studio) -> None:
     assert set(np.unique(triangle[:, :32])) == {-1, 2, 3}
 
 
-def test_what_does_not_cast_is_seen_all_the_same(studio) -> None:
+def test_meshes_that_do_not_cast_are_visible(studio) -> None:
     scene = two_quads(casts=False)
     assert set(np.unique(studio.shot(seen(scene)).triangle)) == {-1, 0, 1, 2, 3}
 

@@ -1,4 +1,4 @@
-"""Layered maps, stencil and blending: what moderngl lacks or hides."""
+"""Layered maps, stencil and blending, for which moderngl has no or partial support."""
 
 import moderngl
 import numpy as np
@@ -21,7 +21,7 @@ BYTES = {"d16": 2, "d24": 3, "d32f": 4}
 
 @pytest.fixture
 def at_depth(device: Device, program):
-    """Draws a depth over the whole of a target."""
+    """Draws a constant depth over a whole target."""
     flat = program("void main() {}", AT_DEPTH)
     vertices = device.context.vertex_array(flat.linked, [])
 
@@ -147,7 +147,9 @@ def test_depth_fail_is_counted_apart_from_depth_pass(device: Device, at_depth, p
 
 
 @pytest.mark.parametrize(("blend", "result"), [("", 3.0), ("add", 5.0), ("min", 2.0), ("max", 3.0)])
-def test_blending_and_what_is_left_after_it(device: Device, program, blend: str, result: float) -> None:
+def test_a_draw_resets_the_blending_and_masks_of_the_previous_one(
+    device: Device, program, blend: str, result: float
+) -> None:
     image = device.context.texture((4, 4), 1, dtype="f4")
     target = device.context.framebuffer([image])
     target.clear(red=2.0)

@@ -1,4 +1,4 @@
-"""Pictures for people: what of a light they may depend on."""
+"""Shaded pictures, and the properties of a light that they depend on."""
 
 from dataclasses import replace
 
@@ -66,7 +66,7 @@ def test_a_shadow_s_edge_keeps_its_pixels_and_a_surface_s_edge_is_smooth(painted
     assert (np.abs(here - above).max(axis=-1) > 3).mean() > 0.5, "the last pixel of the sky has taken from the ground"
 
 
-def test_shapes_can_be_told_in_shadow_and_only_what_is_lit_is_bright(painted) -> None:
+def test_shapes_are_distinguishable_in_shadow_and_only_lit_pixels_are_bright(painted) -> None:
     (lit, ambient), surface = painted("cube-on-plane", None)
     ids = surface.triangles()
     faces = {

@@ -1,4 +1,4 @@
-"""Uniforms, samplers and fixed-function state as shaders meet them."""
+"""Uniforms, samplers and fixed-function state of programs."""
 
 import ctypes
 from dataclasses import replace
@@ -49,7 +49,7 @@ def test_uniforms_are_found_however_they_are_declared(program, paint) -> None:
     assert styles.has("list") and not styles.has("old") and not styles.has("gone")
 
 
-def test_has_is_about_the_text(program) -> None:
+def test_has_checks_the_shader_text(program) -> None:
     two = program(TWO)
     assert two.has("dropped") and not two.has("usd")
 
@@ -178,7 +178,7 @@ def drawable(device: Device, one: Program) -> Drawable:
 
 
 @pytest.mark.parametrize("name", STATES)
-def test_nothing_of_a_draw_leaks_into_the_next(device: Device, program, name: str) -> None:
+def test_a_draw_leaves_no_state_for_the_next(device: Device, program, name: str) -> None:
     state = State(**(vars(STATES[name]) | {"zero_to_one": device.clip_control and name != "nothing"}))
     target = device.context.simple_framebuffer((4, 4))
     drawable(device, program(WHITE)).draw(target, state=state)
@@ -186,7 +186,7 @@ def test_nothing_of_a_draw_leaks_into_the_next(device: Device, program, name: st
     device.free([target])
 
 
-def test_nothing_leaks_when_the_draw_itself_fails(device: Device, program, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failing_draw_leaves_no_state_behind(device: Device, program, monkeypatch: pytest.MonkeyPatch) -> None:
     seen: dict[str, int] = {}
 
     def fail(*_: object, **__: object) -> None:

@@ -1,4 +1,4 @@
-"""Shader texts composed from includes, slots and defines."""
+"""Shader texts composed of includes, slots and defines."""
 
 from pathlib import Path
 
@@ -25,7 +25,7 @@ def test_includes_nest(tmp_path: Path) -> None:
     assert compose('#include "a.glsl"\nend', [tmp_path]).splitlines() == [VERSION, "from c", "from b", "from a", "end"]
 
 
-def test_a_file_is_taken_once_where_it_is_asked_for_first(tmp_path: Path) -> None:
+def test_a_file_is_included_once_at_its_first_include(tmp_path: Path) -> None:
     write(tmp_path, a='#include "c.glsl"\nfrom a', b='#include "c.glsl"\nfrom b', c="from c")
     lines = compose('#include "a.glsl"\n#include "b.glsl"\n#include "c.glsl"\n', [tmp_path]).split()
     assert lines.count("c") == 1
@@ -37,19 +37,19 @@ def test_files_that_include_each_other_end(tmp_path: Path) -> None:
     assert compose("a.glsl", [tmp_path]).split() == [*VERSION.split(), "from", "b", "from", "a"]
 
 
-def test_a_text_without_lines_is_a_file(tmp_path: Path) -> None:
+def test_a_text_without_newlines_is_a_file_name(tmp_path: Path) -> None:
     write(tmp_path, a="from a")
     assert compose("a.glsl", [tmp_path]) == compose(Path("a.glsl"), [tmp_path]) == f"{VERSION}\nfrom a"
 
 
-def test_a_slot_takes_the_file_that_was_put_into_it(tmp_path: Path) -> None:
+def test_an_include_slot_takes_its_file(tmp_path: Path) -> None:
     write(tmp_path, slope="slope", none="none")
     text = "#include <bias>\n"
     assert "slope" in compose(text, [tmp_path], slots={"bias": "slope.glsl"})
     assert "none" in compose(text, [tmp_path], slots={"bias": "none.glsl"})
 
 
-def test_a_file_may_be_taken_under_other_names_too(tmp_path: Path) -> None:
+def test_a_file_may_be_included_with_renamed_identifiers(tmp_path: Path) -> None:
     """Names that begin with the old one and an underscore, also in what the file includes; `p.bias` is no such name."""
     write(
         tmp_path,
@@ -80,7 +80,7 @@ def test_a_missing_include_is_named_with_where_it_was_looked_for(tmp_path: Path)
         compose('#include "a/b.glsl"\n', [tmp_path])
 
 
-def test_the_first_root_wins(tmp_path: Path) -> None:
+def test_the_first_folder_takes_precedence(tmp_path: Path) -> None:
     own, shared = tmp_path / "own", tmp_path / "shared"
     write(own, a="own")
     write(shared, a="shared", b="shared b")
@@ -88,16 +88,14 @@ def test_the_first_root_wins(tmp_path: Path) -> None:
     assert text[1:] == ["own", "shared b"]
 
 
-def test_what_only_looks_like_an_include_stays(tmp_path: Path) -> None:
+def test_text_that_only_looks_like_an_include_is_kept(tmp_path: Path) -> None:
     text = '// #include "nothing.glsl"\nint a; // see #include <b>\n'
     assert compose(text, [tmp_path]).endswith(text)
 
 
 @settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 @given(st.lists(st.sets(st.integers(0, 7)), min_size=8, max_size=8), st.lists(st.integers(0, 7), min_size=1))
-def test_any_web_of_includes_takes_each_reachable_file_once(
-    tmp_path: Path, web: list[set[int]], start: list[int]
-) -> None:
+def test_every_reachable_include_is_inserted_once(tmp_path: Path, web: list[set[int]], start: list[int]) -> None:
     for name, wanted in enumerate(web):
         includes = "".join(f'#include "{other}.glsl"\n' for other in sorted(wanted))
         (tmp_path / f"{name}.glsl").write_text(f"{includes}int file{name};", encoding="utf-8")

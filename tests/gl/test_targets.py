@@ -1,4 +1,4 @@
-"""Depth targets have the precision they are named after."""
+"""Depth targets have the precision that their format names."""
 
 from collections.abc import Callable
 
@@ -25,7 +25,7 @@ FLOAT_ROUNDING = 2.0**-23  # of depth · 2 − 1, and of the way back, in the pi
 
 @pytest.fixture
 def stored(device: Device, program) -> Callable[..., np.ndarray]:
-    """What a target of a format keeps of a depth drawn over all of it."""
+    """The depth stored by a target of a format when a depth is drawn over all of it."""
     flat = program("void main() {}", AT_DEPTH)
     vertices = device.context.vertex_array(flat.linked, [])
 
@@ -85,7 +85,7 @@ def test_bytes_are_counted(device: Device, kind: str, size: int) -> None:
     device.free([target])
 
 
-def test_another_precision_than_asked_for_is_an_error(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_mask_of_another_precision_is_an_error(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     lies = {"d16": (*targets._FORMATS["d24"][:2], 16, 2.0**-16)}
     monkeypatch.setattr(targets, "_FORMATS", lies)
     with pytest.raises(RuntimeError, match="asked the driver for 16 bits in a d16 target of 8², got 24"):
@@ -93,7 +93,7 @@ def test_another_precision_than_asked_for_is_an_error(device: Device, monkeypatc
 
 
 @pytest.mark.parametrize("kind", ["2d", "array", "cube"])
-def test_what_the_driver_would_refuse_is_told_before_anything_is_made(device: Device, kind: str) -> None:
+def test_unsupported_texture_sizes_are_reported_before_allocation(device: Device, kind: str) -> None:
     assert unsupported_map(device, 64, "d16", kind, 6) is None
     too_large = unsupported_map(device, 4 * device.max_map_size, "d16", kind, 6)
     what = {"2d": "a map", "array": "6 maps", "cube": "a cube"}[kind]

@@ -1,4 +1,4 @@
-"""What a technique or the truth answers to a view, and which pixels of it hang on rounding."""
+"""Masks of techniques and truths for a view, and the pixels that depend on rounding."""
 
 from dataclasses import dataclass, replace
 from itertools import product
@@ -12,7 +12,7 @@ from shadowbench.gl.gbuffer import download
 from shadowbench.measure.scoring import prepare_truth
 from shadowbench.scenes.model import Light, View, perpendicular_basis, unit, vec3
 from shadowbench.scores.comparison import Comparison
-from shadowbench.scores.metrics import iou
+from shadowbench.scores.mask_metrics import iou
 from shadowbench.techniques.base import Frame, Phase, Stage
 from shadowbench.techniques.registry import shader_folder
 from shadowbench.techniques.spec import Spec
@@ -24,7 +24,7 @@ DIAGONALS = list(product((-NUDGE, NUDGE), repeat=2))
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """Of one view, (size, size) each, row 0 at the top: visibility, whether it is decided, and the triangle seen."""
+    """Arrays of one view, (size, size), row 0 at the top: visibility, decided pixels, visible triangles."""
 
     visibility: NDArray[np.float32]
     decided: NDArray[np.bool_]
@@ -36,7 +36,7 @@ class Answer:
 
 
 class Nudged(Phase):
-    """A phase a little beside that of its index."""
+    """A phase slightly shifted from that of its index."""
 
     def __init__(self, x: float, y: float) -> None:
         super().__init__(0)
@@ -72,7 +72,7 @@ class Drawing:
         self.stage.release()
 
     def visibility(self, view: View | None = None, phase: Phase | None = None) -> NDArray[np.float32]:
-        """Of the view, or of another of its scene."""
+        """Visibility of the view, or of another view of its scene."""
         shot = self.shot if view is None else self.studio.shot(view)
         frame = Frame(shot.view, phase or Phase(), 0, shot.surface, self.clock)
         return download(self.technique.draw(frame))[..., 0].astype(np.float32)
@@ -94,14 +94,14 @@ class Drawing:
         return Answer(plain, decided, self.shot.triangle)
 
     def errors(self, phases: int) -> list[float]:
-        """1 − IoU in each of the first phases."""
+        """1 − IoU in the first phases."""
         prepared = prepare_truth(trace(self.view, pixel_samples=1))
         found = [iou(Comparison(self.visibility(phase=Phase(k)), prepared)) for k in range(phases)]
         return [1 - agreed for agreed in found if agreed is not None]
 
 
 def aside(view: View, x: float, y: float) -> Any:
-    """The camera turned by parts of a pixel."""
+    """The camera rotated by fractions of a pixel."""
     camera = view.camera
     right, up, _ = camera.basis()
     toward = np.subtract(camera.target, camera.position)
@@ -110,7 +110,7 @@ def aside(view: View, x: float, y: float) -> Any:
 
 
 def lamp_aside(view: View, x: float, y: float, texels: int) -> Light:
-    """The lamp moved by parts of a texel of a map of the whole way down to the scene."""
+    """The lamp moved by fractions of a texel."""
     light = view.light
     low, high = view.scene.geometry.bounds
     toward = np.array(light.position) - (low + high) / 2

@@ -1,8 +1,7 @@
-"""The laws: what may be done to a view, and why no shadow may answer.
+"""The laws: changes of a view that must not change its shadows, and why.
 
-Each takes a view in file coordinates and random numbers, and gives the changed view. The camera's planes go along: they
-are the camera's, though a view takes them from the scene. A docstring's first line is the law as the table has it, and
-the rest the reason.
+Each takes a view in file coordinates and a random generator, and returns the changed view, with the camera's near and
+far planes transformed too. A docstring's first line is the law's text in docs/laws.md, the rest its reason.
 """
 
 from collections.abc import Callable
@@ -21,13 +20,13 @@ Change = Callable[[View, Random], View]
 
 @dataclass(frozen=True)
 class Law:
-    """A change by name; `says` and `why` are its docstring."""
+    """A named change of a view; its docstring has its text and its reason."""
 
     name: str
     change: Change
 
     @property
-    def says(self) -> str:
+    def text(self) -> str:
         return self._lines[0]
 
     @property
@@ -51,7 +50,7 @@ def law(name: str) -> Callable[[Change], Change]:
 
 
 def mapped(view: View, matrix: Floats, move: Floats | float = 0.0) -> View:
-    """The whole view by x → M x + move, M a rotation times a scale."""
+    """The view transformed by x → M x + move, where M is a rotation times a scale."""
     scale = float(np.cbrt(np.linalg.det(matrix)))
 
     def points(places: Floats) -> Floats:
@@ -87,75 +86,75 @@ def with_faces(mesh: Mesh, faces: np.ndarray, vertices: Floats | None = None) ->
 
 
 def about_y(degrees: float) -> Floats:
-    """(3, 3); a quarter turn is exact."""
+    """(3, 3) rotation about y; exact for multiples of 90°."""
     cosine, sine = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     if degrees % 90 == 0:
         cosine, sine = np.round(cosine), np.round(sine)
     return np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
 
 
-@law("moved")
+@law("translation")
 def moved(view: View, random: Random) -> View:
-    """All is moved by up to 1000 km, by multiples of 2⁻²⁰ m.
+    """The scene is translated by up to 1000 km, in multiples of 2⁻²⁰ m.
 
-    Nothing is rounded, and the placement takes the move out again: the local scene has the same bits.
+    Nothing is rounded, and local coordinates are relative to the scene's centre: the local scene has the same bits.
     """
     return mapped(view, np.eye(3), random.integers(-(2**40), 2**40, 3) * GRID)
 
 
-@law("scaled by a power of two")
+@law("scaling by a power of two")
 def scaled_exactly(view: View, random: Random) -> View:
-    """All is scaled by 2⁻³⁰ to 2³⁰.
+    """The scene is scaled by a power of two from 2⁻³⁰ to 2³⁰.
 
-    Nothing is rounded, and the placement takes the scale out again: the local scene has the same bits.
+    Nothing is rounded, and local coordinates are normalised in scale: the local scene has the same bits.
     """
     return mapped(view, np.eye(3) * 2.0 ** random.integers(-30, 31))
 
 
-@law("scaled and moved")
+@law("scaling and translation")
 def scaled_and_moved(view: View, random: Random) -> View:
-    """All is scaled by 10⁻³ to 10³ and moved by up to 10 km.
+    """The scene is scaled by 10⁻³ to 10³ and translated by up to 10 km.
 
-    A similarity keeps which rays meet what. The local scene is the same but for a factor below 2 and its rounding.
+    A similarity preserves intersections. The local scene is the same except for a factor below 2 and rounding.
     """
     return mapped(view, np.eye(3) * 10.0 ** random.uniform(-3, 3), random.uniform(-1e4, 1e4, 3))
 
 
-@law("a quarter turn about y")
+@law("rotation about y by quarter turns")
 def quarter_turned(view: View, random: Random) -> View:
-    """All is turned by 90°, 180° or 270° about y.
+    """The scene is rotated by 90°, 180° or 270° about y.
 
-    A rotation keeps which rays meet what. A basis made from the light and the y axis turns along, and so does a box
-    along the world's axes.
+    A rotation preserves intersections. A light-space basis built from the y axis rotates with the scene, and so does an
+    axis-aligned bounding box.
     """
     return mapped(view, about_y(90.0 * random.integers(1, 4)))
 
 
-@law("a turn about y")
+@law("rotation about y")
 def turned_about_y(view: View, random: Random) -> View:
-    """All is turned by any angle about y.
+    """The scene is rotated by any angle about y.
 
-    A rotation keeps which rays meet what. A basis made from the light and the y axis turns along; a box along the
-    world's axes does not.
+    A rotation preserves intersections. A light-space basis built from the y axis rotates with the scene; an
+    axis-aligned bounding box does not.
     """
     return mapped(view, about_y(random.uniform(1, 359)))
 
 
-@law("any turn")
+@law("any rotation")
 def turned(view: View, random: Random) -> View:
-    """All is turned about any axis, the camera's up with it.
+    """The scene is rotated about any axis, together with the camera's up direction.
 
-    A rotation keeps which rays meet what. A map whose up is the world's y lies otherwise on its scene afterwards.
+    A rotation preserves intersections. A map whose up direction is the world's y is rolled relative to the scene.
     """
     basis = perpendicular_basis(unit(random.normal(size=3)), random.normal(size=3))
     return mapped(view, basis)
 
 
-@law("triangles split")
+@law("subdivided triangles")
 def split(view: View, random: Random) -> View:
-    """Each triangle becomes four, at the middles of its edges.
+    """Each triangle is subdivided into four at the midpoints of its edges.
 
-    The same points are covered; on the grid of these scenes the middles are exact.
+    The same points are covered; vertices lie on a grid on which the midpoints are exact.
     """
 
     def quartered(mesh: Mesh) -> Mesh:
@@ -169,11 +168,11 @@ def split(view: View, random: Random) -> View:
     return with_meshes(view, [quartered(mesh) for mesh in view.scene.meshes])
 
 
-@law("another order")
+@law("reordered triangles")
 def reordered(view: View, random: Random) -> View:
-    """Meshes, triangles, and the corner that each begins with, in another order.
+    """Meshes, triangles, and the first corner of each triangle, in another order.
 
-    Which surface is the nearest is a minimum, and a count of layers a sum: neither has an order.
+    The nearest surface is a minimum and a layer count a sum; neither depends on the order.
     """
     shuffled = [
         with_faces(mesh, np.roll(random.permutation(mesh.faces), random.integers(3), axis=1))
@@ -182,11 +181,11 @@ def reordered(view: View, random: Random) -> View:
     return with_meshes(view, [shuffled[k] for k in random.permutation(len(shuffled))])
 
 
-@law("another winding")
+@law("reversed winding")
 def rewound(view: View, random: Random) -> View:
-    """The triangles of each mesh, or of some, run the other way round.
+    """The winding of all or some meshes is reversed.
 
-    A receiver's normal is turned to the camera, and a caster has no side.
+    Normals of receivers are oriented towards the camera, and casters are two-sided.
     """
     flipped = random.random(len(view.scene.meshes)) < 0.7
     flipped[random.integers(len(flipped))] = True
@@ -194,30 +193,29 @@ def rewound(view: View, random: Random) -> View:
     return with_meshes(view, [with_faces(mesh, mesh.faces[:, ::-1]) if flip else mesh for mesh, flip in meshes])
 
 
-@law("casters twice")
+@law("duplicated meshes")
 def doubled(view: View, random: Random) -> View:
-    """Each mesh is there twice.
+    """Every mesh is duplicated.
 
     The same points are covered.
     """
     return with_meshes(view, [*view.scene.meshes, *view.scene.meshes])
 
 
-@law("a caster off all ways to the light")
+@law("a caster off all light rays")
 def beside(view: View, random: Random) -> View:
-    """One more caster, beyond all of the scene as seen from the light, or behind a lamp.
+    """A caster is added beyond the whole scene as seen from a sun, or behind a point or spot light.
 
-    A plane parts it from scene, camera and lamp, and so from every segment from a receiver to the light and from the
-    camera to a receiver.
+    A plane separates it from the scene, the camera and the light, and so from every shadow ray and camera ray.
     """
     light, points = view.light, np.vstack([mesh.vertices for mesh in view.scene.meshes])
-    held = np.vstack([points, view.camera.position])
+    fixed = np.vstack([points, view.camera.position])
     if light.kind == "directional":
         away = unit(light.direction)
     else:
-        held = np.vstack([held, light.position])
+        fixed = np.vstack([fixed, light.position])
         away = unit(np.array(light.position) - points.mean(axis=0))
-    along = held @ away
+    along = fixed @ away
     box = Caster("box", vec3(random.uniform(0.3, 2.0, 3)), 0.0, (0.0, 0.0, 0.0)).mesh
     reach = float((box.vertices @ -away).max()) + random.uniform(0.01, 2.0)
     middle = points.mean(axis=0)
@@ -228,11 +226,11 @@ def beside(view: View, random: Random) -> View:
     return with_meshes(view, [*view.scene.meshes, more])
 
 
-@law("a caster in a caster")
+@law("a caster inside a caster")
 def nested(view: View, random: Random) -> View:
-    """Each convex closed caster holds a smaller one.
+    """A smaller caster is added inside each convex closed caster.
 
-    Whatever meets the inner one meets the outer one before.
+    Every ray that meets the inner caster meets the outer one first.
     """
     convex = [mesh for mesh in view.scene.meshes if mesh.name in CONVEX]
     inner = [
@@ -242,11 +240,11 @@ def nested(view: View, random: Random) -> View:
     return with_meshes(view, [*view.scene.meshes, *inner])
 
 
-@law("another caster")
+@law("an additional caster")
 def added(view: View, random: Random) -> View:
-    """One more caster anywhere: where the same triangle is seen, no pixel turns from shadow to light.
+    """A caster is added anywhere: no pixel that still shows the same triangle changes from shadow to light.
 
-    A ray that is stopped stays so.
+    A blocked ray stays blocked.
     """
     kind = str(random.choice(sorted(SHAPES)))
     place = random.uniform([-1.2, 0.6, -1.2], [1.2, 2.0, 1.2])
@@ -256,8 +254,8 @@ def added(view: View, random: Random) -> View:
 
 @law("more PCF taps")
 def more_taps(view: View, random: Random) -> View:
-    """The view stays; the filter goes from 1 texel to 3², 5² and 7².
+    """The view is unchanged; the filter grows from 1 texel to 3², 5² and 7².
 
-    The mean of answers that all agree is their answer, and the narrower box's are among them.
+    If all comparisons of a kernel agree, so do those of any smaller kernel, which are among them.
     """
     return view

@@ -1,4 +1,4 @@
-"""Little random scenes: a few casters over a ground, a slope or nothing, under a sun, a lamp or a spot.
+"""Small random scenes: a few casters over a ground, a slope or nothing, under a sun, a lamp or a spot.
 
 All coordinates are multiples of 2⁻²⁰ below 2⁴. They fit a float32, and moving them by such multiples or scaling them by
 powers of two rounds nothing, in float64 or after the placement.
@@ -21,12 +21,12 @@ SHAPES = CONVEX | {"torus": {"sections": 16}, "plane": {}}
 
 
 def on_grid(values: Floats) -> Floats:
-    """Rounded to what float32 holds, and every step after it keeps."""
+    """Rounded to a grid that float32 represents exactly, also after subdivision."""
     return np.round(np.asarray(values, dtype=np.float64) / GRID) * GRID
 
 
 def around(elevation: float, azimuth: float, distance: float) -> Floats:
-    """(3,) a place by degrees above the horizon and about y."""
+    """(3,) position at an elevation and azimuth in degrees."""
     up, about = math.radians(elevation), math.radians(azimuth)
     return distance * np.array([math.cos(up) * math.cos(about), math.sin(up), math.cos(up) * math.sin(about)])
 
@@ -50,7 +50,7 @@ class Caster:
 
 @dataclass(frozen=True)
 class Little:
-    """A little scene and how it is seen. Equal values make equal views, so that answers can be kept by them."""
+    """A small scene and its view. Equal values make equal views, so that results can be cached."""
 
     casters: tuple[Caster, ...]
     floor: str  # one of FLOORS, or none
@@ -77,7 +77,7 @@ class Little:
 def littles(draw: st.DrawFn, lights: Iterable[LightKind]) -> Little:
     """Scenes under one of the kinds of light; the first caster is convex and closed.
 
-    All numbers are drawn evenly. Left to itself, hypothesis makes of a few examples most nearly alike.
+    All numbers are drawn uniformly, since hypothesis makes most of a few examples nearly equal.
     """
     random = draw(st.randoms(use_true_random=True))
 

@@ -1,7 +1,7 @@
-"""The table of laws: what each subject claims of each law, and on what ground.
+"""The table of laws: what each technique and the truth claim about each law, with reasons.
 
-A subject is the truth, or one of our own techniques with what its name says, its fit above all; other parameters are
-the defaults. A technique that nobody has argued for stands in the table by itself, without a claim.
+A subject is the truth, or a built-in technique with the parameters in its name, others being at their defaults. A
+technique that has not been analysed is in the table without a claim.
 """
 
 from collections.abc import Iterator
@@ -17,11 +17,11 @@ from .changes import LAWS
 
 Kind = Literal["bits", "equal", "within", "subset", "agree", "none"]
 KINDS: dict[Kind, str] = {
-    "bits": "the same bits, at every pixel",
-    "equal": "the same side of ½ at every pixel that is decided in both",
-    "within": "the errors over 8 phases are neither all above nor all below those over 8 phases before",
-    "subset": "no pixel that is decided in both, and shows the same triangle, turns from shadow to light",
-    "agree": "a pixel whose widest kernel is all lit or all dark is the same with fewer taps, bit for bit",
+    "bits": "identical masks, bit for bit",
+    "equal": "visibility on the same side of ½ at every pixel that is decided in both views",
+    "within": "over 8 phases, the ranges of the errors before and after the change overlap",
+    "subset": "no pixel that is decided in both views and shows the same triangle changes from shadow to light",
+    "agree": "a pixel that is fully lit or fully in shadow with the largest kernel has the same bits with smaller ones",
     "none": "not claimed",
 }
 LIGHTS: tuple[LightKind, ...] = ("directional", "point", "spot")
@@ -29,7 +29,7 @@ LIGHTS: tuple[LightKind, ...] = ("directional", "point", "spot")
 
 @dataclass(frozen=True)
 class Claim:
-    """What is claimed, why; `lights` restricts it to some of the kinds that the subject answers."""
+    """A claim and its reason; lights: the kinds of light that it is restricted to."""
 
     kind: Kind
     why: str
@@ -38,7 +38,7 @@ class Claim:
 
 @dataclass(frozen=True)
 class Subject:
-    """The truth, whose text is empty, or a technique as a spec says it; `SIZE` texels where it has a map."""
+    """The truth or a technique. text: its spec, with maps of SIZE texels; empty for the truth."""
 
     name: str
     text: str
@@ -51,7 +51,7 @@ class Subject:
 
     @property
     def spec(self) -> Spec | None:
-        """None for the truth."""
+        """Its spec; None for the truth."""
         return parse_spec(self.text, {one.name: one for one in own_techniques()}) if self.text else None
 
 
@@ -60,7 +60,7 @@ SIZE = 96  # texels along a side of the maps
 
 @cache
 def subjects() -> dict[str, Subject]:
-    """The columns by name: the truth, then every technique of this package with its variants."""
+    """All subjects by name: the truth, then every built-in technique with its variants."""
     found = [Subject("truth", "", frozenset(LIGHTS), exact=True)]
     for technique in own_techniques():
         sized = f"size={SIZE}" if "size" in technique.Params.model_fields else ""
@@ -76,9 +76,9 @@ FIXED, SCENE, VIEW, VISIBLE = (f"shadow-map:fit={name}" for name in ("fixed", "s
 SLICES, TIGHT, STABLE = (f"cascades:{box}" for box in ("box=scene", "box=tight", "box=sphere,stable=true"))
 RAYS = [one.name for one in subjects().values() if one.exact]
 MAPS = [FIXED, SCENE, VIEW, VISIBLE, SLICES, TIGHT, STABLE, "cube-map"]
-ARGUED = [*RAYS, *MAPS]
+ANALYSED = [*RAYS, *MAPS]
 
-UNARGUED = Claim("none", "nobody has argued for it yet")
+NOT_ANALYSED = Claim("none", "not analysed yet")
 _CLAIMS: dict[tuple[str, str], Claim] = {}
 
 
@@ -88,85 +88,124 @@ def claim(law: str, names: list[str], kind: Kind, why: str, lights: tuple[LightK
 
 
 def without(*left_out: str) -> list[str]:
-    return [name for name in ARGUED if name not in left_out]
+    return [name for name in ANALYSED if name not in left_out]
 
 
-METRES = "the map lies about the file's origin, its sides in metres"
-CASTERS = "the window holds every caster and receiver, and another one moves it"
-BOUNDS = "the window is fitted to the scene's box along the world's axes, and follows it"
-SEEN = "the window is fitted to what is seen, and a caster may hide some of it"
-ROLL = "up of a map is the world's y: a turn rolls the map over its scene, and the window has another size"
-ORIGIN = "spheres keep their size; the grid's origin is the middle of the scene's box"
+METRES = "the map is centred on the file's origin, with sides in metres"
+CASTERS = "the map covers all casters and receivers, so that another caster changes its extent"
+BOUNDS = "the map is fitted to the scene's axis-aligned bounding box"
+SEEN = "the map is fitted to the visible receivers, and a caster may hide some of them"
+ROLL = (
+    "the map's up direction is the world's y, so that a rotation rolls the map about the light and changes its extent"
+)
+ORIGIN = "spheres keep their size, but the texel grid's origin is the centre of the scene's bounding box"
 
-for _law in ("moved", "scaled by a power of two"):
-    claim(_law, without(FIXED), "bits", "an answer is a function of the local scene alone")
+for _law in ("translation", "scaling by a power of two"):
+    claim(_law, without(FIXED), "bits", "the mask depends on the local scene only")
     claim(_law, [FIXED], "none", METRES)
 
-claim("scaled and moved", without(FIXED), "equal", "every length in use follows the scene: texels, biases, offsets")
-claim("scaled and moved", [FIXED], "none", METRES)
+claim("scaling and translation", without(FIXED), "equal", "all lengths (texels, biases, offsets) scale with the scene")
+claim("scaling and translation", [FIXED], "none", METRES)
 
-claim("a quarter turn about y", ARGUED, "equal", "bases, boxes along the axes and faces of a cube turn along")
-
-claim("a turn about y", RAYS, "equal", "nothing but geometry is used")
 claim(
-    "a turn about y", [FIXED, VISIBLE, TIGHT], "equal", "the window hangs on light, camera and points that turn along"
+    "rotation about y by quarter turns",
+    ANALYSED,
+    "equal",
+    "light-space bases, axis-aligned boxes and cube faces rotate with the scene",
+)
+
+claim("rotation about y", RAYS, "equal", "only geometry is used")
+claim(
+    "rotation about y",
+    [FIXED, VISIBLE, TIGHT],
+    "equal",
+    "the map is fitted to the light, the camera and points, which rotate with the scene",
 )
 claim(
-    "a turn about y",
+    "rotation about y",
     [SCENE],
     "equal",
-    "a sun's window holds the scene's points; a spot's is fitted to its box",
+    "the map of a sun is fitted to the scene's points, that of a spot to its bounding box",
     ("directional",),
 )
-claim("a turn about y", [STABLE], "within", ORIGIN)
-claim("a turn about y", [VIEW, SLICES], "none", BOUNDS)
-claim("a turn about y", ["cube-map"], "none", "the faces keep to the world's axes, and no phase says what that costs")
+claim("rotation about y", [STABLE], "within", ORIGIN)
+claim("rotation about y", [VIEW, SLICES], "none", BOUNDS)
+claim(
+    "rotation about y",
+    ["cube-map"],
+    "none",
+    "the faces are aligned with the world's axes, and phases do not shift them",
+)
 
-claim("any turn", RAYS, "equal", "nothing but geometry is used")
-claim("any turn", [FIXED, STABLE], "within", "the texels keep their size, and roll about the light")
-claim("any turn", [SCENE, VIEW, VISIBLE, SLICES, TIGHT], "none", ROLL)
-claim("any turn", ["cube-map"], "none", "the faces keep to the world's axes, and no phase says what that costs")
+claim("any rotation", RAYS, "equal", "only geometry is used")
+claim("any rotation", [FIXED, STABLE], "within", "the texels keep their size and roll about the light")
+claim("any rotation", [SCENE, VIEW, VISIBLE, SLICES, TIGHT], "none", ROLL)
+claim("any rotation", ["cube-map"], "none", "the faces are aligned with the world's axes, and phases do not shift them")
 
-claim("triangles split", ARGUED, "equal", "the same surfaces; hulls, windows and silhouettes are theirs")
-claim("another order", ARGUED, "equal", "nearest depths, sums of layers and hulls have no order")
-claim("another winding", ARGUED, "equal", "casters are not culled at default biases; inward bodies count as open ones")
-claim("casters twice", ARGUED, "equal", "nearest depths are the same; twice a count is 0 where the count is")
-claim("a caster in a caster", ARGUED, "equal", "stored depths and hulls are the outer one's; a count only grows")
+claim("subdivided triangles", ANALYSED, "equal", "the surfaces, and so their hulls, fits and silhouettes, are the same")
+claim("reordered triangles", ANALYSED, "equal", "nearest depths, layer counts and hulls do not depend on the order")
+claim(
+    "reversed winding",
+    ANALYSED,
+    "equal",
+    "no faces are culled at default biases; shadow volumes treat inward-wound parts as open",
+)
+claim(
+    "duplicated meshes",
+    ANALYSED,
+    "equal",
+    "nearest depths are the same, and doubled counts are zero at the same pixels",
+)
+claim(
+    "a caster inside a caster",
+    ANALYSED,
+    "equal",
+    "stored depths and hulls are those of the outer caster; counts can only grow",
+)
 
-_off = "a caster off all ways to the light"
-claim(_off, RAYS, "equal", "no ray meets it; a volume behind all receivers is never entered")
-claim(_off, [FIXED, TIGHT], "equal", "the window is not the scene's; depths behind receivers are never compared")
-claim(_off, [VISIBLE], "equal", "the window is what is seen; depths behind receivers are never compared")
-claim(_off, ["cube-map"], "equal", "faces have no window; farther distances are never compared")
+_off = "a caster off all light rays"
+claim(_off, RAYS, "equal", "no ray meets it, and its shadow volume lies behind all receivers")
+claim(_off, [FIXED, TIGHT], "equal", "the fit does not depend on it, and depths behind receivers do not matter")
+claim(_off, [VISIBLE], "equal", "the map is fitted to the visible receivers, and depths behind them do not matter")
+claim(_off, ["cube-map"], "equal", "cube faces are not fitted, and larger distances do not matter")
 claim(_off, [STABLE], "within", ORIGIN)
 claim(_off, [SCENE], "none", CASTERS)
 claim(_off, [VIEW, SLICES], "none", BOUNDS)
 
-claim("another caster", RAYS, "subset", "a ray that is stopped stays so; a count only grows")
-claim("another caster", [FIXED, TIGHT, "cube-map"], "subset", "in a window that stays, stored depths only come nearer")
-claim("another caster", [SCENE], "none", CASTERS)
-claim("another caster", [VIEW, SLICES], "none", BOUNDS)
+claim("an additional caster", RAYS, "subset", "a blocked ray stays blocked; counts can only grow")
 claim(
-    "another caster", [STABLE], "none", "the grid's origin is the middle of the scene's box, which another caster moves"
+    "an additional caster",
+    [FIXED, TIGHT, "cube-map"],
+    "subset",
+    "the fit is unchanged, so stored depths can only decrease",
 )
-claim("another caster", [VISIBLE], "none", SEEN)
+claim("an additional caster", [SCENE], "none", CASTERS)
+claim("an additional caster", [VIEW, SLICES], "none", BOUNDS)
+claim(
+    "an additional caster",
+    [STABLE],
+    "none",
+    "the texel grid's origin is the centre of the scene's bounding box, which another caster changes",
+)
+claim("an additional caster", [VISIBLE], "none", SEEN)
 
 claim(
-    "more PCF taps", [FIXED, "cube-map"], "agree", "with a constant bias, a wider box holds the narrower ones' texels"
+    "more PCF taps",
+    [FIXED, "cube-map"],
+    "agree",
+    "with a constant bias, the larger kernel includes the texels of the smaller one",
 )
-claim(
-    "more PCF taps", [SCENE, VIEW, VISIBLE, SLICES, TIGHT, STABLE], "none", "the window is padded by the filter's reach"
-)
-claim("more PCF taps", RAYS, "none", "takes no taps")
+claim("more PCF taps", [SCENE, VIEW, VISIBLE, SLICES, TIGHT, STABLE], "none", "the map is padded by the filter radius")
+claim("more PCF taps", RAYS, "none", "there is no filter")
 
 
 def claims() -> Iterator[tuple[str, str, Claim]]:
-    """(law, subject, claim) for all of the table, by rows."""
+    """Generate (law, subject, claim) of the whole table, row by row."""
     for law in LAWS:
         for subject in subjects():
-            yield law, subject, _CLAIMS.get((law, subject), UNARGUED)
+            yield law, subject, _CLAIMS.get((law, subject), NOT_ANALYSED)
 
 
 def misnamed() -> set[tuple[str, str]]:
-    """What is claimed of laws or subjects that there are none of."""
+    """Keys of claims whose law or subject does not exist."""
     return {key for key in _CLAIMS if key[0] not in LAWS or key[1] not in subjects()}

@@ -1,4 +1,4 @@
-"""Each claim of the table, on little random scenes; and that each kind of claim can fail."""
+"""The claims of the table of laws, tested on small random scenes; and that every kind of claim can fail."""
 
 import subprocess
 import sys
@@ -108,7 +108,7 @@ def subset(case: Case) -> None:
 
 
 def within(case: Case) -> None:
-    """A permutation test: if the change were but one more shift of the grid, chance would fail it once in 6435."""
+    """A permutation test: if the change only shifted the grid, it would fail by chance once in 6435."""
     assert case.subject.spec is not None
     errors = []
     for view in case.views:
@@ -120,7 +120,7 @@ def within(case: Case) -> None:
 
 
 def agree(case: Case) -> None:
-    """On a map so fine, under a bias so large, that most kernels agree."""
+    """With so fine a map and so large a bias that most kernels agree."""
     assert case.subject.spec is not None
     masks = []
     for rows in (Hard(), *(PCF(taps=taps) for taps in (3, 5, 7))):
@@ -145,7 +145,7 @@ CHECKS: dict[str, Callable[[Case], None]] = {
 
 @cache
 def shadowed(little: Little) -> bool:
-    """Whether there is something to see."""
+    """Whether the view shows a shadow."""
     return bool(traced(little.view(32)).shadow.mean() > SHADOWED)
 
 
@@ -182,7 +182,7 @@ def test_the_table_has_every_law_and_every_technique() -> None:
     assert {subject.technique for subject in subjects().values()} == {"", *(one.name for one in own_techniques())}
     cells = [(law, name) for law, name, _ in claims()]
     assert len(set(cells)) == len(cells) == len(LAWS) * len(subjects())
-    assert all(law.says and law.why for law in LAWS.values()) and all(claim.why for *_, claim in claims())
+    assert all(law.text and law.why for law in LAWS.values()) and all(claim.why for *_, claim in claims())
 
 
 def test_the_page_is_up_to_date() -> None:
@@ -203,17 +203,17 @@ def assert_caught(studio, law: str, name: str, kind: str, told: str) -> None:
 
 def test_coordinates_that_are_not_made_relative_are_caught(studio, monkeypatch) -> None:
     monkeypatch.setattr(Scene, "placement", property(lambda scene: IDENTITY_PLACEMENT))
-    assert_caught(studio, "moved", VISIBLE, "bits", "bits differ")
+    assert_caught(studio, "translation", VISIBLE, "bits", "bits differ")
 
 
 def test_casters_drawn_by_the_side_that_they_turn_to_the_light_are_caught(studio, monkeypatch) -> None:
     monkeypatch.setattr(maps, "caster_state", lambda bias, *rest: caster_state(FrontCull(), *rest))
-    assert_caught(studio, "another winding", VISIBLE, "equal", "a decided pixel differs")
+    assert_caught(studio, "reversed winding", VISIBLE, "equal", "a decided pixel differs")
 
 
 def test_a_fit_that_takes_whichever_vertices_come_first_is_caught(studio, monkeypatch) -> None:
     monkeypatch.setattr(hull, "hull_points", lambda points: points[: len(points) // 2])
-    assert_caught(studio, "another order", SCENE, "equal", "a decided pixel differs")
+    assert_caught(studio, "reordered triangles", SCENE, "equal", "a decided pixel differs")
 
 
 def test_texels_that_grow_with_a_tilt_of_the_camera_are_caught(studio, monkeypatch) -> None:
@@ -224,12 +224,12 @@ def test_texels_that_grow_with_a_tilt_of_the_camera_are_caught(studio, monkeypat
         return center, radius * (1 if part.camera.up == (0, 1, 0) else 4)
 
     monkeypatch.setattr(Slice, "sphere", property(grown))
-    assert_caught(studio, "any turn", STABLE, "within", "no phase errs as before")
+    assert_caught(studio, "any rotation", STABLE, "within", "no phase errs as before")
 
 
 def test_volumes_that_take_a_second_layer_for_light_are_caught(studio, monkeypatch) -> None:
     monkeypatch.setattr(shadow_volume, "Stencil", lambda **_: Stencil(test="==", reference=1))
-    assert_caught(studio, "another caster", "shadow-volume", "subset", "a caster lights a pixel")
+    assert_caught(studio, "an additional caster", "shadow-volume", "subset", "a caster lights a pixel")
 
 
 def test_a_kernel_that_does_not_hold_the_narrower_one_is_caught(studio, monkeypatch, tmp_path: Path) -> None:

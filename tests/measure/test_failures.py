@@ -1,4 +1,4 @@
-"""Plug-ins that crash, hang, eat, raise and lie: each costs its own cell only."""
+"""Plug-ins that crash, hang, exhaust memory, raise or return invalid masks: only their own cells fail."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -43,14 +43,14 @@ def spec(text: str) -> str:
 
 @pytest.fixture(scope="module")
 def study_text() -> str:
-    """Every misdeed between two techniques that are well."""
+    """A study of every kind of misbehaviour between two correct techniques."""
     misdeeds = "".join(spec(f"does:what={what}") for what in EXPECTED if what != "hang")
     return HEAD + spec("shadow-map:size=64") + misdeeds + spec("half") + spec("shadow-map:size=128")
 
 
 @pytest.fixture(scope="module")
 def survivors(bench: Any, study_text: str, tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """The frame of cells of that study, and of what hangs."""
+    """The table of cells of that study, including hanging ones."""
     folder = tmp_path_factory.mktemp("failures")
     texts = [study_text, HANGS + spec("does:what=hang")]
     results = [result for text in texts for result in bench.run(bench.study(folder, text), folder / "out")]
@@ -58,14 +58,14 @@ def survivors(bench: Any, study_text: str, tmp_path_factory: pytest.TempPathFact
 
 
 @pytest.mark.parametrize("what", EXPECTED)
-def test_a_misdeed_is_the_status_of_its_cell(survivors: Any, what: str) -> None:
+def test_a_misbehaving_plug_in_is_the_status_of_its_cell(survivors: Any, what: str) -> None:
     name = "does" if what == "nothing" else f"does:what={what}"
     assert EXPECTED[what] in survivors.loc[name, "status"]
     assert (survivors.loc[name, "status"] == "ok") == (what in ("print", "litter"))
     assert "\n" not in survivors.loc[name, "status"]
 
 
-def test_all_others_hold_their_values(bench: Any, survivors: Any, tmp_path: Path) -> None:
+def test_all_other_techniques_keep_their_scores(bench: Any, survivors: Any, tmp_path: Path) -> None:
     alone = HEAD + spec("shadow-map:size=64") + spec("half") + spec("shadow-map:size=128")
     frame = cells_frame(bench.run(bench.study(tmp_path, alone), tmp_path / "out"))
     keys = frame["key"].tolist()
@@ -77,7 +77,7 @@ def test_all_others_hold_their_values(bench: Any, survivors: Any, tmp_path: Path
     assert beside["frame_ms"].notna().all()
 
 
-def test_what_failed_has_no_numbers_and_the_table_still_prints(survivors: Any) -> None:
+def test_failed_cells_have_no_numbers_and_the_table_is_still_printed(survivors: Any) -> None:
     failed = survivors[survivors["status"].str.startswith("failed")]
     assert len(failed) == len(EXPECTED) - 2
     assert failed["iou"].isna().all()
@@ -105,7 +105,7 @@ def test_a_failed_cell_is_tried_again_and_no_other(bench: Any, tmp_path: Path, r
         ("hang", "failed: while timed: hung: no answer within 5 s"),
     ],
 )
-def test_a_misdeed_while_it_is_timed_costs_its_own_time_only(
+def test_misbehaviour_during_timing_costs_only_that_time(
     bench: Any, tmp_path: Path, records: Records, what: str, status: str
 ) -> None:
     head = HANGS if what == "hang" else HEAD

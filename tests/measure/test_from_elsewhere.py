@@ -1,4 +1,4 @@
-"""Run folders from elsewhere, each spoilt in one place: one line that names the file, and never a traceback."""
+"""Run folders with one defect each: one line that names the file, and never a traceback."""
 
 import json
 import re
@@ -23,7 +23,7 @@ NESTED = "[" * 200_000 + "]" * 200_000
 
 
 def put(*place: str, value: Any) -> Spoil:
-    """Another value at a place."""
+    """A change that replaces the value at a path."""
 
     def spoil(row: dict[str, Any]) -> None:
         for name in place[:-1]:
@@ -34,7 +34,7 @@ def put(*place: str, value: Any) -> Spoil:
 
 
 def lacking(*place: str) -> Spoil:
-    """Nothing at a place."""
+    """A change that removes the value at a path."""
 
     def spoil(row: dict[str, Any]) -> None:
         for name in place[:-1]:
@@ -45,7 +45,7 @@ def lacking(*place: str) -> Spoil:
 
 
 def text(line: str | bytes) -> Spoil:
-    """Something else in place of the whole."""
+    """A change that replaces the whole file."""
     return lambda row: line
 
 
@@ -150,7 +150,7 @@ def spoilt(line: str, spoil: Spoil) -> bytes:
 
 
 def spoil_row(folder: Path, kind: str, spoil: Spoil) -> str:
-    """Spoils the last row of a kind; the message that names it."""
+    """Changes the last row of a kind, and returns the message that must name it."""
     file = folder / "rows.jsonl"
     lines = file.read_text().splitlines()
     number = max(at for at, line in enumerate(lines) if json.loads(line)["kind"] == kind)
@@ -161,13 +161,13 @@ def spoil_row(folder: Path, kind: str, spoil: Spoil) -> str:
 
 @pytest.fixture(scope="module")
 def measured(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, bytes]]:
-    """The files of folders that were measured once, by the command's name."""
+    """Files of run folders, measured once, by command."""
     return {}
 
 
 @pytest.fixture
 def folder(shadowbench: Shadowbench, measured: dict[str, dict[str, bytes]], tmp_path: Path) -> Callable[..., Path]:
-    """A folder of this command, as it left it."""
+    """A copy of a folder as written by a command."""
 
     def make(*command: str) -> Path:
         out = tmp_path / command[0]

@@ -1,4 +1,4 @@
-"""Keys: everything that a result rests on, and nothing else."""
+"""Row keys: they depend on everything that affects a result, and on nothing else."""
 
 import importlib.util
 import shutil
@@ -17,7 +17,7 @@ from shadowbench.measure.cells import Cell
 from shadowbench.measure.keys import cell_key
 from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.library import load_scene
-from shadowbench.scenes.model import View, view_of
+from shadowbench.scenes.model import Coordinates, View, view_of
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.registry import source_file, techniques
 from shadowbench.techniques.shadow_map import ShadowMap
@@ -28,13 +28,19 @@ FAULTS = tomllib.loads((ROOT / "tests" / "faults" / "faults.toml").read_text(enc
 KNOWN = techniques()
 
 
-def key(spec: str = "shadow-map", view: str = "v", phase: int = 0, renderer: str = "r", **options: str) -> str:
-    return cell_key(Cell(parse_spec(spec, KNOWN), phase), view, options.get("coordinates", "relative"), renderer)  # type: ignore[arg-type]
+def key(
+    spec: str = "shadow-map",
+    view: str = "v",
+    phase: int = 0,
+    renderer: str = "r",
+    coordinates: Coordinates = "relative",
+) -> str:
+    return cell_key(Cell(parse_spec(spec, KNOWN), phase), view, coordinates, renderer)
 
 
 @pytest.fixture
 def fresh() -> Iterator[Callable[[], None]]:
-    """Forgets the digests of sources, which a process reads once."""
+    """Clears the cached digests of sources."""
     keys._sources.cache_clear()
     yield keys._sources.cache_clear
     keys._sources.cache_clear()
@@ -137,7 +143,7 @@ def test_names_and_colours_are_not_in_the_key(cube: View) -> None:
 
 @pytest.fixture
 def shaders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A copy of the shaders that keys read in place of ours."""
+    """A copy of the shaders, which keys use instead of the originals."""
     copy = tmp_path / "shaders"
     shutil.copytree(data.data_folder("shaders"), copy)
     monkeypatch.setattr(keys, "data_folder", lambda kind: tmp_path / kind)
@@ -204,7 +210,7 @@ EDITED = [
 
 @pytest.fixture
 def edit(monkeypatch: pytest.MonkeyPatch, fresh: Callable[[], None]) -> Callable[..., None]:
-    """Has files read from now on as if a line had been added, without touching them: others may be reading it."""
+    """Makes files read as if a line were appended, without writing to them, as other processes may read them."""
     read = Path.read_bytes
 
     def edited(*files: Path) -> None:
@@ -241,7 +247,7 @@ def test_a_planted_fault_changes_the_keys_of_its_technique(edit: Callable[..., N
 
 
 @pytest.mark.parametrize("room", ["reports", "commands", "advice", "check", "extremes", "engines", "survey"])
-def test_no_edit_above_what_measures_changes_a_key(edit: Callable[..., None], room: str) -> None:
+def test_edits_to_reports_and_commands_change_no_key(edit: Callable[..., None], room: str) -> None:
     before = {name: key(name) for name in KNOWN}
     files = sorted((ROOT / "shadowbench" / room).rglob("*.py"))
     assert files
@@ -261,7 +267,7 @@ def load(file: Path, name: str = "Half") -> type[Technique]:
 
 @pytest.fixture
 def plugged(fresh: Callable[[], None]) -> Callable[..., str]:
-    """The key of a technique of a file, read anew."""
+    """The key of a technique loaded again from a file."""
 
     def read(file: Path, name: str = "Half") -> str:
         fresh()
@@ -306,7 +312,7 @@ def test_the_whole_package_of_a_plug_in_is_in_its_key(half: Path, tmp_path: Path
     assert len(set(found)) == 4
 
 
-def test_what_the_package_of_a_plug_in_imports_of_ours_is_in_its_key(
+def test_modules_that_a_plug_in_package_imports_from_shadowbench_are_in_its_key(
     half: Path, tmp_path: Path, edit: Callable[..., None], plugged: Callable[..., str]
 ) -> None:
     package = tmp_path / "package"

@@ -1,4 +1,4 @@
-"""One cell timed as if it were two: the arithmetic on known times."""
+"""Timing noise, from one cell timed as if it were two; with known times."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from shadowbench.measure.noise import ROUNDS, SERIES, SPEC, Noise, measure_noise
 
 
 class Scripted:
-    """In place of the worker: the first holding takes `apart` times as long in the rounds of the last series."""
+    """A worker with scripted times: the first cell takes `apart` times as long in the rounds of the last series."""
 
     def __init__(self, apart: float = 1.0, queries: int = 0) -> None:
         self.apart, self.queries = apart, queries
@@ -35,7 +35,7 @@ class Scripted:
 
 def found(**options: Any) -> tuple[Noise, Scripted]:
     worker = Scripted(**options)
-    return measure_noise(worker), worker  # type: ignore[arg-type]
+    return measure_noise(worker), worker  # type: ignore[arg-type]  # it lacks what noise does not ask for
 
 
 def test_equal_times_have_no_noise() -> None:
@@ -58,7 +58,7 @@ def test_queries_that_are_given_up_midway_begin_it_again() -> None:
 
 
 def told(monkeypatch: pytest.MonkeyPatch, software: bool, clock: str, found: Noise | CellFailed) -> dict[str, Any]:
-    """What doctor says of noise, of a device that begins with a clock."""
+    """Noise as reported by doctor, for a device with this initial clock."""
 
     def answer(worker: Any) -> Noise:
         if isinstance(found, CellFailed):

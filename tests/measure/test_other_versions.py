@@ -1,4 +1,4 @@
-"""Folders of an older and of a newer version with rows of schema 1: today's commands read them (docs/schema.md)."""
+"""Folders of an older and a newer version with rows of schema 1, which commands must read (docs: schema.md)."""
 
 import csv
 import json
@@ -72,7 +72,7 @@ def test_a_run_goes_on_in_an_older_folder_and_check_compares_what_both_have(
     assert f"note: not compared, since one side lacks them: {', '.join(lacking)}" in answer.err
 
 
-def test_what_a_newer_version_says_goes_into_a_baseline_and_into_no_table(
+def test_fields_of_newer_versions_are_kept_in_a_baseline_and_left_out_of_tables(
     shadowbench: Shadowbench, older: Path, tmp_path: Path
 ) -> None:
     row = json.loads(ROWS.splitlines()[0]) | {"mood": {"of": ["good", 2.5]}}

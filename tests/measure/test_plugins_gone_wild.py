@@ -1,4 +1,4 @@
-"""What a plug-in says is cut, and what it started ends with the worker."""
+"""Misbehaving plug-ins: their output is truncated, and their processes end with the worker."""
 
 import os
 import time
@@ -22,7 +22,7 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="process groups, and 
 
 @pytest.fixture
 def worker(wild: Path) -> Iterator[Worker]:
-    """A worker whose calls may take so long and so much."""
+    """A worker with these limits of time and memory."""
     with Worker([wild], Limits(20.0, 1 << 30)) as worker:
         yield worker
 
@@ -52,7 +52,7 @@ def test_a_reason_without_end_is_cut(worker: Worker) -> None:
     assert line.startswith("reasons reasons ") and line.endswith("…") and len(line) == LONGEST_QUOTE
 
 
-def test_what_is_printed_is_passed_on_to_stderr_and_cut(worker: Worker, capfd: pytest.CaptureFixture[str]) -> None:
+def test_worker_output_goes_to_stderr_truncated(worker: Worker, capfd: pytest.CaptureFixture[str]) -> None:
     draw(worker, "what=print-much")
     draw(worker, "what=print")
     worker.stop()
@@ -64,16 +64,14 @@ def test_what_is_printed_is_passed_on_to_stderr_and_cut(worker: Worker, capfd: p
     assert plugin_output.MAX_CHARACTERS <= len(err) <= plugin_output.MAX_CHARACTERS + 100
 
 
-def test_what_is_printed_before_a_crash_is_read(worker: Worker, capfd: pytest.CaptureFixture[str]) -> None:
+def test_output_before_a_crash_is_read(worker: Worker, capfd: pytest.CaptureFixture[str]) -> None:
     draw(worker, "what=print")
     with pytest.raises(CellFailed, match="SIGABRT"):
         draw(worker, "what=abort")
     assert "loud\nlouder\n" in capfd.readouterr().err
 
 
-def test_what_a_plugin_prints_while_it_is_loaded_is_cut(
-    shadowbench: Callable[..., Any], tmp_path: Path, half: Path
-) -> None:
+def test_plug_in_output_while_loading_is_truncated(shadowbench: Callable[..., Any], tmp_path: Path, half: Path) -> None:
     file = tmp_path / "loud.py"
     file.write_text("import sys\nprint('x' * 50_000_000)\nsys.stderr.write('y' * 50_000_000)\n" + half.read_text())
     answer = shadowbench("list", "techniques", "--plugin", file)
@@ -93,7 +91,7 @@ def test_a_plugin_that_cannot_be_loaded_says_so_in_a_line_that_ends(
 
 
 def sleepers(file: Path) -> list[psutil.Process]:
-    """What runs with the environment of this test, whoever its parent is by now."""
+    """Processes with the environment of this test, whatever their parent."""
     found = []
     for process in psutil.process_iter():
         try:
@@ -105,7 +103,7 @@ def sleepers(file: Path) -> list[psutil.Process]:
 
 
 def end(file: Path) -> bool:
-    """Whether all that runs with the environment of this test ends soon."""
+    """Whether all processes with the environment of this test end soon."""
     for _ in range(200):
         if not sleepers(file):
             return True

@@ -1,11 +1,11 @@
-"""Where a run's time goes: every second in one place."""
+"""`--profile`: every second of a run is counted once."""
 
 import pytest
 
 from shadowbench.measure.profile import ACTIVITIES, Profile, complete_profile, share
 
 
-def test_what_is_done_within_another_activity_counts_once() -> None:
+def test_nested_activities_are_counted_once() -> None:
     clock = [100.0]
     profile = Profile(clock=lambda: clock[0])
     with profile.activity("waiting"):
@@ -36,7 +36,7 @@ def test_an_activity_that_fails_is_over() -> None:
     assert profile.seconds == {"score": 1, "files": 4}
 
 
-def test_the_worker_s_seconds_stand_in_place_of_the_wait_for_them() -> None:
+def test_worker_times_replace_the_time_waited_for_them() -> None:
     seconds = complete_profile({"waiting": 10.0, "score": 2.0, "truth": 1.0}, {"passes": 7.0, "build": 1.0}, 15.0)
     assert list(seconds) == list(ACTIVITIES)
     assert sum(seconds.values()) == 15

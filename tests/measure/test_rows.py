@@ -1,4 +1,4 @@
-"""Rows on disk: whole lines or none, the last of a key counts, nobody else's file is touched."""
+"""The row store: complete lines or none, the last row of a key counts, and other programs' files are not touched."""
 
 import json
 import subprocess
@@ -61,7 +61,7 @@ def test_the_last_record_of_a_key_and_kind_counts(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kept", [1, 5, 12, 20, -1])
-def test_a_torn_last_line_is_forgotten(tmp_path: Path, kept: int) -> None:
+def test_an_incomplete_last_line_is_dropped(tmp_path: Path, kept: int) -> None:
     a, b, c = map(key_of, "abc")
     with opened(tmp_path) as store:
         store.append(SCORE)
@@ -109,7 +109,7 @@ def test_a_folder_of_the_other_command_is_refused(tmp_path: Path, sweep: bool) -
     assert store.file.read_bytes() == before
 
 
-def test_what_a_newer_version_says_of_a_row_is_kept(tmp_path: Path) -> None:
+def test_fields_of_newer_versions_are_kept_in_rows(tmp_path: Path) -> None:
     newer: dict[str, Any] = {"luck": {"of": [1, 2.5, None, "seven"]}, "passes": {"depth": {"ms": 1.0, "mood": "good"}}}
     with opened(tmp_path) as store:
         store.append(SCORE | {"metrics": SCORE["metrics"] | {"novel": 0.25}, **newer})  # type: ignore[operator]
@@ -164,7 +164,7 @@ store.close()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="limits of POSIX")
-def test_a_full_disk_is_one_line_and_leaves_whole_rows(tmp_path: Path) -> None:
+def test_a_full_disk_is_one_line_and_leaves_complete_rows(tmp_path: Path) -> None:
     said = subprocess.run([sys.executable, "-c", FILL, tmp_path], capture_output=True, text=True, check=True)
     count, kept, message = said.stdout.strip().split(" ", 2)
     assert said.stderr == "" and kept == "True"
@@ -186,20 +186,20 @@ def test_a_folder_that_another_run_writes_into_is_refused(tmp_path: Path) -> Non
     assert [file.name for file in tmp_path.iterdir()] == ["rows.jsonl"]
 
 
-def test_a_lock_that_a_killed_run_left_behind_holds_nobody_up(tmp_path: Path) -> None:
+def test_the_lock_of_a_killed_run_does_not_block_the_next(tmp_path: Path) -> None:
     (tmp_path / "writing.lock").write_text("")
     RowStore(tmp_path).close()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="an open file cannot be removed there")
-def test_who_opened_the_lock_before_it_was_given_up_does_not_write_beside_the_next(
+def test_a_process_that_opened_a_lock_before_its_release_does_not_write_with_the_next_owner(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first, holders = RowStore(tmp_path), []
     lock = row_store.fcntl.flock
 
     def late(file: Any, operation: int) -> None:
-        """Locks what the second has opened, but only after the first has gone and a third has come."""
+        """Delays the second process's lock until the first has released the file and a third has locked a new one."""
         monkeypatch.setattr(row_store.fcntl, "flock", lock)
         first.close()
         holders.append(RowStore(tmp_path))

@@ -1,4 +1,4 @@
-"""Scoring a mask against a truth: counts of a hand-made truth, and no GL."""
+"""Scoring of a mask against a truth, with counts for a truth made by hand; without GL."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""A session's own doing around a technique: what it times, and how it counts frames; without GL."""
+"""A session: what it times around a technique, and how it counts frames; without GL."""
 
 from functools import partial
 from itertools import chain, repeat
@@ -21,7 +21,7 @@ AT: Any = None  # the view, which is always open
 
 
 class Bare(Session):
-    """A session without a device; its only technique notes the index of every frame that it draws."""
+    """A session without a device, whose technique records the index of every frame drawn."""
 
     def __init__(self) -> None:
         context = SimpleNamespace(finish=lambda: None, enable_only=lambda flags: None, wireframe=False)
@@ -69,7 +69,7 @@ def test_building_is_timed_in_milliseconds_without_the_warm_up(bare: Bare, monke
     assert bare.prepare_timing(AT, REQUEST) == 250
 
 
-def test_frames_of_a_held_cell_are_counted_from_its_build(bare: Bare) -> None:
+def test_frames_of_a_kept_cell_are_counted_from_its_build(bare: Bare) -> None:
     bare.prepare_timing(AT, REQUEST)
     assert bare.indices == list(range(WARM_UP)) == [0, 1]
     bare.time_frame(0)
@@ -78,7 +78,7 @@ def test_frames_of_a_held_cell_are_counted_from_its_build(bare: Bare) -> None:
     assert bare.indices == [0, 1, 2, 3, 4]
 
 
-def test_every_held_cell_has_a_count_of_its_own(bare: Bare) -> None:
+def test_every_scored_cell_has_counters_of_its_own(bare: Bare) -> None:
     bare.prepare_timing(AT, REQUEST)
     bare.prepare_timing(AT, REQUEST)
     for held in (1, 0, 1):
@@ -89,7 +89,7 @@ def test_every_held_cell_has_a_count_of_its_own(bare: Bare) -> None:
     assert bare.indices[-2:] == [0, 1]
 
 
-def test_what_was_drawn_is_built_once_where_it_is_kept(bare: Bare, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_kept_cell_is_built_once(bare: Bare, monkeypatch: pytest.MonkeyPatch) -> None:
     built = []
     assembled = bare._assemble
     monkeypatch.setattr(
@@ -111,7 +111,7 @@ def test_what_was_drawn_is_built_once_where_it_is_kept(bare: Bare, monkeypatch: 
     assert bare.freed == ["c", "d", "c", "a", "b"]
 
 
-def test_what_is_built_beforehand_is_what_is_drawn(bare: Bare) -> None:
+def test_a_cell_built_beforehand_is_not_built_again_to_draw_it(bare: Bare) -> None:
     bare.build(AT, REQUEST)
     took = bare._kept[REQUEST].prepare_ms
     bare.build(AT, REQUEST)
@@ -131,7 +131,7 @@ def test_a_scored_frame_and_its_work_are_both_without_history(bare: Bare) -> Non
     assert bare.indices == [0] * 4
 
 
-def test_a_timed_frame_says_by_which_clock(bare: Bare) -> None:
+def test_a_timed_frame_names_its_clock(bare: Bare) -> None:
     bare.prepare_timing(AT, REQUEST)
     assert bare.time_frame(0).clock == WALL
 

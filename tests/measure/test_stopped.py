@@ -1,4 +1,4 @@
-"""Runs that are killed or stopped: the next call goes on, nothing is measured twice, no worker is left behind."""
+"""Runs that are killed or interrupted: the next one resumes, measures nothing twice, and no worker is left behind."""
 
 import json
 import os
@@ -27,7 +27,7 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 
 @pytest.fixture
 def arguments(tmp_path: Path, half: Path, wild: Path) -> Callable[..., list[str | Path]]:
-    """A run with a gate at some place among the techniques; it waits there until the gate's file exists."""
+    """Arguments of a run with a technique that waits until a file exists, at this position among the techniques."""
 
     def make(place: int, gate: str = GATE, folder: str = "out") -> list[str | Path]:
         specs = [*OTHERS[:place], gate, *OTHERS[place:]]
@@ -42,7 +42,7 @@ def arguments(tmp_path: Path, half: Path, wild: Path) -> Callable[..., list[str 
 
 @pytest.fixture
 def undisturbed(start: Any, arguments: Any, tmp_path: Path, records: Records) -> Callable[..., list[dict[str, Any]]]:
-    """The score records of the same run, left alone."""
+    """The score records of the same run without interruption."""
 
     def run(place: int, gate: str) -> list[dict[str, Any]]:
         (tmp_path / "open").touch()
@@ -54,7 +54,7 @@ def undisturbed(start: Any, arguments: Any, tmp_path: Path, records: Records) ->
 
 
 def by_whomever(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Rows without the command that made each."""
+    """Rows without their `command`."""
     return [{name: value for name, value in row.items() if name != "command"} for row in rows]
 
 
@@ -72,7 +72,7 @@ def assert_gone(family: list[psutil.Process]) -> None:
         [(0, GATE, 0), (3, GATE, 3), (1, LATE_GATE, 4)],
     ),
 )
-def test_a_killed_run_goes_on_as_if_nothing_had_been(
+def test_a_killed_run_resumes_with_the_same_results(
     start: Any,
     arguments: Any,
     undisturbed: Any,
@@ -148,7 +148,7 @@ def test_ctrl_c_while_the_worker_starts_is_silent_too(start: Any, arguments: Any
 
 
 def test_ctrl_c_waits_until_the_worker_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With a second thread, as a progress bar has one: the system gives it the signal that the main one blocks."""
+    """With a second thread, as of a progress bar: it receives a signal that the main thread blocks."""
     started = []
     start = worker_module._spawn
 

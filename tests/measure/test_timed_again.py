@@ -1,4 +1,4 @@
-"""What is timed again: other rounds, reference or machine, a ratio that was missing; and what a lost worker costs."""
+"""Repeated timing: after changed rounds, reference or machine, for missing ratios, and after a worker is lost."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -22,7 +22,7 @@ HALVES = SMALL.replace('"shadow-map:size=64"', '"half"').replace('reference = "u
 
 @pytest.fixture
 def added(bench: Any, tmp_path: Path, records: Records) -> Added:
-    """Runs a study into one folder; the score and time records that it adds."""
+    """Runs a study into one folder; returns the score and time records added."""
     folder = tmp_path / "out"
 
     def run(text: str) -> tuple[int, int]:
@@ -85,7 +85,7 @@ def test_a_machine_s_key_has_its_renderer_and_its_clock(bench: Any) -> None:
     assert len({machine_key(other) for other in others}) == 3
 
 
-def test_what_lacks_a_ratio_is_timed_again_when_the_reference_answers(
+def test_cells_without_a_ratio_are_timed_again_once_the_reference_succeeds(
     added: Added, bench: Any, wild: Path, tmp_path: Path, records: Records
 ) -> None:
     text = HALVES.replace("REFERENCE", "does:what=lack")

@@ -1,4 +1,4 @@
-"""The arithmetic of times and the order in which they are taken, on a worker that answers known numbers."""
+"""The order and arithmetic of timing, on a worker that returns known times."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shadowbench.gl.clock import QUERIES, WALL, PassTimes, Sample
+from shadowbench.gl.clock import QUERIES, WALL, Changes, PassTimes, Sample
 from shadowbench.measure.cells import Cell, CellRequest, PlacedView
 from shadowbench.measure.executor import CellFailed, Limits, MemoryExceeded
 from shadowbench.measure.references import reference_name
 from shadowbench.measure.session import Unsupported
 from shadowbench.measure.time_rows import Timing, time_row
 from shadowbench.measure.timing import Conditions, TimingFailure, reference_cell, time_cells
+from shadowbench.scenes.model import LightKind
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import Spec, parse_spec
 
@@ -41,7 +42,7 @@ def cell(text: str) -> Cell:
 
 @dataclass
 class Scripted:
-    """In place of the worker: `clock` names the clock of the n-th sample, `fails` says what a call raises."""
+    """A scripted worker. clock: name of the n-th sample's clock; fails: exception that a call raises."""
 
     clock: Callable[[int], str] = lambda number: WALL
     fails: Callable[[str, str | None], Exception | None] = lambda method, name: None
@@ -102,11 +103,11 @@ Found = dict[str, Timing | TimingFailure]
 
 
 def timed(worker: Scripted, *names: str, rounds: int = 3, reference: str = REFERENCE, **options: Any) -> Found:
-    """What is said of each cell, by its spec."""
+    """The result of timing each cell, by spec."""
     conditions = Conditions(rounds=rounds, reference=spec(reference))
-    view: Any = SimpleNamespace(light=SimpleNamespace(kind="directional"))
+    view: Any = SimpleNamespace(light=SimpleNamespace(hard_kind="directional"))
     sizes = dict.fromkeys(map(cell, names), 1)
-    found = time_cells(worker, PlacedView(view), conditions, sizes, **options)  # type: ignore[arg-type]
+    found = time_cells(worker, PlacedView(view), conditions, sizes, **options)  # type: ignore[arg-type]  # no info
     return {one.cell.spec.text: one for one in found}
 
 
@@ -125,12 +126,12 @@ def test_a_frame_s_time_is_the_median_and_its_spread_the_quartiles() -> None:
     assert (row["frame_ms"], row["frame_iqr_ms"], row["n"]) == (30, 65 - 25, 3)
 
 
-def test_what_a_cell_adds_is_over_the_floor_of_the_same_round() -> None:
+def test_added_time_is_the_time_above_unshadowed_in_the_same_round() -> None:
     assert record(Scripted(), SLOW)["added_ms"] == np.median([30 - 1, 20 - 2, 100 - 9]) == 29
     assert record(Scripted(), FLOOR)["added_ms"] == 0
 
 
-def test_a_ratio_is_the_cell_over_the_reference_of_the_same_round() -> None:
+def test_a_ratio_is_the_cell_time_over_the_reference_time_of_the_same_round() -> None:
     row = record(Scripted(), SLOW)
     assert row["ratio"] == np.median([30 / 10, 20 / 40, 100 / 20]) == 3
     assert row["ratio_iqr"] == (3 + 5) / 2 - (0.5 + 3) / 2
@@ -140,7 +141,7 @@ def test_a_ratio_is_the_cell_over_the_reference_of_the_same_round() -> None:
     assert (itself["ratio"], itself["ratio_iqr"]) == (1, 0)
 
 
-def test_rounds_go_over_all_cells_that_are_held() -> None:
+def test_rounds_visit_all_kept_cells() -> None:
     worker = Scripted()
     timed(worker, SLOW, FAST)
     group = [FLOOR, REFERENCE, SLOW, FAST]
@@ -172,9 +173,10 @@ def test_passes_are_totalled_by_what_must_be_drawn_anew() -> None:
     class Three(Scripted):
         def time_passes(self, number: int, name: str) -> PassTimes:
             times = PassTimes()
-            for part, changes, ms in (("map", "light", 1.0), ("fit", "view", 2.0), ("blur", "view", 4.0)):
-                times.add(part, changes, Sample(ms, ms, WALL))  # type: ignore[arg-type]
-            times.add("noise", "frame", Sample(8.0, 8.0, WALL))
+            passes: list[tuple[str, Changes, float]]
+            passes = [("map", "light", 1.0), ("fit", "view", 2.0), ("blur", "view", 4.0), ("noise", "frame", 8.0)]
+            for part, changes, ms in passes:
+                times.add(part, changes, Sample(ms, ms, WALL))
             return times
 
     row = record(Three(), SLOW)
@@ -198,7 +200,7 @@ def test_each_cell_has_its_own_preparation() -> None:
     assert [row_of(one)["prepare_ms"] for one in found.values() if isinstance(one, Timing)] == [300, 400]
 
 
-def test_the_wall_stands_beside_a_query_and_nowhere_else() -> None:
+def test_wall_time_is_recorded_only_beside_a_query() -> None:
     queried = record(Scripted(clock=lambda number: QUERIES), SLOW)
     assert (queried["clock"], queried["frame_ms"], queried["wall_ms"]) == (QUERIES, 30, 37)
     walled = record(Scripted(), SLOW)
@@ -242,7 +244,7 @@ def test_a_view_that_cannot_be_opened_costs_the_times_of_its_cells() -> None:
 
 
 @pytest.mark.parametrize("method", ["prepare_timing", "time_frame", "time_passes"])
-def test_a_floor_that_fails_costs_the_times_of_its_cells(method: str) -> None:
+def test_a_failing_unshadowed_reference_costs_only_times(method: str) -> None:
     found = timed(Scripted(fails=crash(method, FLOOR)), SLOW, FAST)
     assert {name: isinstance(one, TimingFailure) and one.reason for name, one in found.items()} == dict.fromkeys(
         [SLOW, FAST], "the floor, unshadowed: crashed: SIGSEGV"
@@ -270,7 +272,7 @@ def test_a_row_says_why_it_has_no_ratio(method: str, error: Exception, status: s
     assert (row["ratio"], row["ratio_iqr"], row["no_ratio"], row["n"]) == (None, None, status, 3)
 
 
-def test_a_cell_that_lacks_only_its_ratio_is_timed_when_the_reference_answers() -> None:
+def test_a_cell_without_a_ratio_is_timed_once_the_reference_succeeds() -> None:
     lacking = {cell(SLOW)}
     answers = timed(Scripted(), SLOW, FAST, without_ratio=lacking)
     assert [type(one) for one in answers.values()] == [Timing, Timing]
@@ -278,7 +280,7 @@ def test_a_cell_that_lacks_only_its_ratio_is_timed_when_the_reference_answers() 
     assert {name: type(one) for name, one in fails.items()} == {REFERENCE: TimingFailure, FAST: Timing}
 
 
-def test_a_worker_that_cannot_let_go_is_stopped_and_the_times_stand() -> None:
+def test_a_worker_that_does_not_exit_is_killed_and_its_times_are_kept() -> None:
     worker = Scripted(fails=crash("release_timed"))
     assert isinstance(timed(worker, SLOW)[SLOW], Timing)
     assert worker.calls[-2:] == [("release_timed", None), ("stop", None)]
@@ -321,6 +323,9 @@ def test_a_cell_alone_that_eats_memory_is_tried_in_a_fresh_worker(times: int, ki
         ("ray-traced", {"directional": "ray-traced", "spot": "ray-traced", "point": "ray-traced"}),
     ],
 )
-def test_a_kind_of_light_that_the_reference_does_not_answer_has_its_own(chosen: str, names: dict[str, str]) -> None:
-    for kind, name in ({"point": "cube-map:size=1024"} | names).items():
-        assert reference_name(reference_cell(spec(chosen), kind).spec) == name  # type: ignore[arg-type]
+def test_a_kind_of_light_that_the_reference_does_not_answer_has_its_own(
+    chosen: str, names: dict[LightKind, str]
+) -> None:
+    at_a_point: dict[LightKind, str] = {"point": "cube-map:size=1024"}
+    for kind, name in (at_a_point | names).items():
+        assert reference_name(reference_cell(spec(chosen), kind).spec) == name

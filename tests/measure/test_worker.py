@@ -1,4 +1,4 @@
-"""The worker as a program of its own, and what crosses the pipe to it."""
+"""The worker process, and the data sent over its pipe."""
 
 import subprocess
 import sys
@@ -81,7 +81,7 @@ def test_each_spec_is_read_once_in_a_process(start: Callable[..., Any], tmp_path
 
 
 class Wire:
-    """A connection to itself; what was sent and not yet read."""
+    """A connection to itself, with the data sent but not yet received."""
 
     def __init__(self) -> None:
         self.sent: list[bytes] = []
@@ -93,7 +93,7 @@ class Wire:
         return self.sent.pop(0)
 
 
-def test_a_scene_crosses_once_until_another_does() -> None:
+def test_a_scene_is_sent_once_until_another_is_sent() -> None:
     wire: Any = Wire()
     here, there = Pipe(wire), Pipe(wire)
     first, second = (chosen_view(name, 16) for name in ("cube-on-plane", "stairs"))
@@ -108,7 +108,7 @@ def test_a_scene_crosses_once_until_another_does() -> None:
         assert np.array_equal(scene.geometry.vertices, view.scene.geometry.vertices)
 
 
-def test_a_worker_that_was_replaced_is_told_of_the_scene_again(wild: Path) -> None:
+def test_a_replaced_worker_is_sent_the_scene_again(wild: Path) -> None:
     at = PlacedView(chosen_view("cube-on-plane", 16))
     with Worker([wild]) as worker:
         before = worker.call(Session.draw, at, CellRequest("shadow-map:size=16"))
@@ -118,8 +118,8 @@ def test_a_worker_that_was_replaced_is_told_of_the_scene_again(wild: Path) -> No
     assert np.array_equal(before.visibility, after.visibility)
 
 
-def test_a_view_is_opened_when_it_is_asked_about() -> None:
-    """In any order, and again after another: nobody opens it first."""
+def test_a_view_is_opened_on_first_use() -> None:
+    """Calls open it implicitly, in any order, and again after another view."""
     views = [PlacedView(chosen_view(name, 16)) for name in ("cube-on-plane", "stairs")]
     views.append(PlacedView(chosen_view("stairs", 16), "absolute"))
     with Worker() as worker:

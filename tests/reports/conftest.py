@@ -1,4 +1,4 @@
-"""Run folders written for one test: rows as a run makes them, with the numbers that a test asks for."""
+"""Run folders for reports: rows as written by a run, with given scores and times."""
 
 import base64
 import hashlib
@@ -18,7 +18,7 @@ from PIL import Image
 from shadowbench.extremes.axes import AXES, Value, value_label
 from shadowbench.extremes.axes.model import NAMES
 from shadowbench.reports.analysis import Section, sections
-from shadowbench.reports.stability import Stability, stability
+from shadowbench.reports.stability import Stability, analyse
 from shadowbench.scores.masks import write_mask
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.folder import read_folders, read_runs
@@ -30,9 +30,9 @@ SIDE = 32
 
 @dataclass(frozen=True)
 class Cell:
-    """A cell with an error and a time; `edge` defaults to a hundred times the error. Times None: not timed.
+    """A cell with an error and a time, None if not timed; edge: by default a hundred times the error.
 
-    `reference_ms`: what the reference took in the cell's block; `rmse_pen`: None if the truth has no penumbra.
+    reference_ms: time of the reference in the cell's block; rmse_pen: None if the truth has no penumbra.
     """
 
     spec: str
@@ -108,18 +108,18 @@ def run_file(software: bool, processor: str) -> dict[str, Any]:
 
 
 def color_of(name: str) -> np.ndarray:
-    """(3,) of what a file shows, its own, as bright as 100 at least."""
+    """(3,) colour unique to a file name, with levels of at least 100."""
     return 100 + np.frombuffer(hashlib.sha256(name.encode()).digest()[:3], np.uint8) * (150 / 255)
 
 
 def write_picture(file: Path) -> None:
-    """All of one colour, which is the file's own."""
+    """Write an image of the colour of its file name."""
     file.parent.mkdir(exist_ok=True)
     Image.fromarray(np.full((SIDE, SIDE, 3), color_of(file.name)).astype(np.uint8)).save(file)
 
 
 def write_pictures(folder: Path, records: Sequence[dict[str, Any]]) -> None:
-    """A square shadow as the truth, and masks that miss its upper rows in proportion to their error."""
+    """Write a square shadow as the truth, and masks that lack its upper rows in proportion to their error."""
     truth = np.ones((SIDE, SIDE), dtype=np.float32)
     truth[8:24, 8:24] = 0
     for kind in ("masks", "truth"):
@@ -139,7 +139,7 @@ def write_pictures(folder: Path, records: Sequence[dict[str, Any]]) -> None:
 
 @dataclass(frozen=True)
 class Point:
-    """A cell on an axis, under a sun. `flips` is measured on axes of movement alone."""
+    """A cell on an axis, under a sun; flips: on axes of motion only."""
 
     spec: str
     axis: str
@@ -172,7 +172,7 @@ class Point:
 
 
 def swept(spec: str, axis: str, *changed: Point) -> list[Point]:
-    """A point at every value of an axis, some of them as given; the light is theirs."""
+    """Points at all values of an axis, with some replaced."""
     points = {one.value: one for one in (*(Point(spec, axis, value) for value in AXES[axis].values), *changed)}
     return list(points.values())
 
@@ -236,7 +236,7 @@ def section_of(run_folder: Callable[..., Path]) -> Callable[..., Section]:
 
 @pytest.fixture
 def sweep_folder(tmp_path: Path) -> Callable[..., Path]:
-    """Writes a folder as `stress` leaves it."""
+    """Writes a folder as written by `stress`."""
 
     def write(points: Sequence[Point] = POINTS, name: str = "sweep", pictures: bool = False) -> Path:
         folder = tmp_path / name
@@ -254,17 +254,17 @@ def sweep_folder(tmp_path: Path) -> Callable[..., Path]:
 
 @pytest.fixture
 def stability_of(sweep_folder: Callable[..., Path]) -> Callable[..., Stability]:
-    """What a sweep of these points says."""
+    """Stability of a sweep with these points."""
 
     def make(points: Sequence[Point] = POINTS, **options: Any) -> Stability:
         _, (sweep,) = read_folders([sweep_folder(points, **options)])
-        return stability(sweep)
+        return analyse(sweep)
 
     return make
 
 
 def texts(chart: dict[str, Any]) -> list[str]:
-    """What a chart says, once it is drawn."""
+    """The texts of a drawn chart."""
     groups = [vl_convert.vegalite_to_scenegraph({**chart, "width": 600})["scenegraph"]]
     found = []
     while groups:
@@ -276,14 +276,14 @@ def texts(chart: dict[str, Any]) -> list[str]:
 
 
 def scripts(page: str) -> list[Any]:
-    """The JSON of a page: what its parts show, and the charts and pictures of its sweeps."""
+    """The JSON data of a page: panels, and the charts and pictures of sweeps."""
     found = re.findall(r'<script type="application/json"[^>]*>(.*?)</script>', page, re.DOTALL)
     return [json.loads(text) for text in found]
 
 
 def galleries(page: str) -> list[Any]:
-    """Its pictures, part by part."""
-    found = [script if "places" in script else script.get("gallery") for script in scripts(page)]
+    """The galleries of a page."""
+    found = [script if "views" in script else script.get("gallery") for script in scripts(page)]
     return [one for one in found if one]
 
 
@@ -294,7 +294,7 @@ def image_of(uri: str) -> Image.Image:
 
 @pytest.fixture
 def page_of(shadowbench: Callable[..., Any], tmp_path: Path) -> Callable[..., str]:
-    """The HTML report of folders, entities resolved where tests look for them."""
+    """The HTML report of folders, with apostrophes unescaped."""
 
     def make(*folders: Path) -> str:
         answer = shadowbench("report", *folders, "-o", tmp_path / "report.html")

@@ -1,4 +1,4 @@
-"""The Pareto front, and what stands without a number."""
+"""Sections of a report: the Pareto front, medians, notes, and configurations without a score."""
 
 import json
 from collections.abc import Callable
@@ -6,17 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from shadowbench.reports.analysis import (
-    Section,
-    front,
-    reaches_edge,
-    reaches_iou,
-    sections,
-)
-from shadowbench.reports.gallery import shots_of_section
+from shadowbench.reports.analysis import Section, front, sections
+from shadowbench.reports.gallery import scored_cells
 from shadowbench.reports.markdown import markdown_report
+from shadowbench.reports.matrix import Target
 from shadowbench.reports.verdict import cost_note, verdict
-from shadowbench.reports.words import refusals, section_notes, value_of, warned
+from shadowbench.reports.words import mask_warnings, section_notes, unscored, value_of
 from shadowbench.studies.folder import read_runs
 from shadowbench.studies.tables import Interval
 from tests.reports.conftest import CELLS, RECEIVERS, Cell
@@ -34,10 +29,10 @@ def test_the_front_of_a_scene_leaves_out_what_is_slower_and_worse(section_of: Ca
     ]
 
 
-def test_the_step_itself_is_reached(section_of: Callable[..., Section]) -> None:
+def test_a_value_equal_to_the_limit_meets_a_target(section_of: Callable[..., Section]) -> None:
     (exact,) = section_of((Cell("a", 512, 0.25, 7.0, edge=0.5),)).timed
-    assert [reaches_iou(exact, step) for step in (0.75, 0.76)] == [True, False]
-    assert [reaches_edge(exact, step) for step in (0.5, 0.4)] == [True, False]
+    assert [Target(limit).met_by(exact) for limit in (0.75, 0.76)] == [True, False]
+    assert [Target(limit, edges=True).met_by(exact) for limit in (0.5, 0.4)] == [True, False]
 
 
 def test_times_and_errors_are_medians_over_the_cells(section_of: Callable[..., Section]) -> None:
@@ -49,37 +44,37 @@ def test_times_and_errors_are_medians_over_the_cells(section_of: Callable[..., S
 
 
 def test_no_error_is_drawn_below_every_error_there_can_be(section_of: Callable[..., Section]) -> None:
-    assert 0 < section_of().floor < 1 / RECEIVERS
+    assert 0 < section_of().half_pixel < 1 / RECEIVERS
 
 
-def test_what_has_no_number_is_named_and_is_nowhere_else(section_of: Callable[..., Section]) -> None:
+def test_configurations_without_a_score_are_listed_separately(section_of: Callable[..., Section]) -> None:
     section = section_of((*CELLS, Cell("void", 512, None, 3.0)))
-    assert sorted(refusals(section)) == [
+    assert sorted(unscored(section)) == [
         ("cube-map at 512", "failed: the worker died"),
         ("planar-projection", "unsupported: no receiver is a plane"),
         ("void at 512", "no IoU: neither the truth nor the mask has a shadow"),
     ]
-    assert {one.technique for one in section.held} == {"unshadowed", "shadow-map", "ray-traced"}
+    assert {one.technique for one in section.scored} == {"unshadowed", "shadow-map", "ray-traced"}
 
 
-def test_what_a_mask_from_elsewhere_seemed_to_be_is_told(run_folder: Callable[..., Path]) -> None:
+def test_warnings_about_external_masks_are_reported(run_folder: Callable[..., Path]) -> None:
     folder = run_folder()
     rows = [json.loads(line) for line in (folder / "rows.jsonl").read_text().splitlines()]
     rows[0]["input"] = {"warnings": ["seems shifted by 1 px up; scored as it is"]}
     (folder / "rows.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
     ((section,),) = sections(read_runs([folder])).values()
-    assert warned(section) == [f"{rows[0]['spec']}: seems shifted by 1 px up; scored as it is"]
+    assert mask_warnings(section) == [f"{rows[0]['spec']}: seems shifted by 1 px up; scored as it is"]
     assert "seems shifted by 1 px up" in markdown_report([section.run], {section.title: [section]}, [])
 
 
 def test_a_configuration_that_failed_in_some_phases_says_in_how_many(section_of: Callable[..., Section]) -> None:
     cells = [Cell("a", 512, 0.1, 3.0), Cell("a", 512, None, None, phase=1, status="failed: too slow")]
-    assert refusals(section_of(cells)) == [("a at 512", "1 of 2 cells failed: too slow")]
+    assert unscored(section_of(cells)) == [("a at 512", "1 of 2 cells failed: too slow")]
 
 
 def test_map_sizes_without_a_number_for_one_reason_are_one_line(section_of: Callable[..., Section]) -> None:
     cells = [Cell("a", size, None, None, status="unsupported: no ground") for size in (1024, 512)]
-    assert refusals(section_of(cells)) == [("a at 512, 1024", "unsupported: no ground")]
+    assert unscored(section_of(cells)) == [("a at 512, 1024", "unsupported: no ground")]
 
 
 LOADED = (
@@ -99,7 +94,7 @@ def test_front_prices_and_passes_are_by_ratios_whatever_the_machine_did_meanwhil
     assert ms == pytest.approx({"slow": 1.8 * 15, "fast": 0.8 * 15, "shadow-map": 15})
     passes = {one.spec: [made.ms for made in one.passes] for one in section.timed}
     assert passes["slow"] == pytest.approx([1.5, 3.0]) and passes["fast"] == pytest.approx([0.75, 1.5])
-    assert {shot.spec: shot.said.split(", ")[-1] for shot in shots_of_section(section)} == {
+    assert {cell.spec: cell.caption.split(", ")[-1] for cell in scored_cells(section)} == {
         "slow": "27.0 ms (software renderer)",
         "fast": "12.0 ms (software renderer)",
         "shadow-map": "15.0 ms (software renderer)",
@@ -126,7 +121,7 @@ def test_every_time_of_a_cell_that_varied_is_marked_and_no_metric(section_of: Ca
     assert marks["slow"] == [True, True, False, False] and not any(marks["fast"])
 
 
-def test_maps_of_one_phase_are_called_so(section_of: Callable[..., Section]) -> None:
+def test_maps_scored_in_one_phase_have_a_note(section_of: Callable[..., Section]) -> None:
     def note(*cells: Cell, name: str) -> str:
         return section_notes(section_of(cells, name=name))[0]
 

@@ -1,4 +1,4 @@
-"""The report of a run and a sweep in a real browser: it draws, answers, prints, and asks nothing of a network."""
+"""The report of a run and a sweep in a real browser: charts, interaction, print, and no network access."""
 
 import shutil
 import subprocess
@@ -25,7 +25,7 @@ LARGEST = 8e6  # bytes
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The report of a small study and of a small sweep, made by the commands that make them."""
+    """The report on a small study and a small sweep, written by the commands."""
     folder = tmp_path_factory.mktemp("report")
     shadowbench = [sys.executable, "-m", "shadowbench"]
     # Each cell is timed thrice in place of nine times: nothing here depends on how well.
@@ -53,7 +53,7 @@ def browser() -> Iterator[Browser]:
 
 @dataclass
 class Visit:
-    """A page that is open, what it complained of, and what it asked for beside itself."""
+    """An open page, its console messages and errors, and the URLs it requested."""
 
     page: Page
     complaints: list[str] = field(default_factory=list)
@@ -62,7 +62,7 @@ class Visit:
 
 @pytest.fixture
 def visit(browser: Browser, report: Path) -> Iterator[Callable[..., Visit]]:
-    """Opens the report and waits until its charts are drawn; after the test nothing may have gone wrong."""
+    """Opens the report and waits until its charts are drawn; errors and network requests fail the test."""
     visits: list[Visit] = []
 
     def open_at(width: int = 1280, height: int = 900) -> Visit:
@@ -120,7 +120,7 @@ def settled(page: Page) -> None:
     page.evaluate("first.done")
 
 
-def test_it_is_small_enough_to_be_sent(report: Path) -> None:
+def test_the_report_is_small_enough_to_be_sent(report: Path) -> None:
     assert report.stat().st_size < LARGEST
 
 
@@ -196,7 +196,7 @@ def test_buttons_zoom_and_take_back(visit: Callable[..., Visit]) -> None:
     figure = page.locator("figure:has(.chart.front)").first
 
     def time_axis() -> list[float]:
-        domain: list[float] = figure.locator(".chart").evaluate("place => place.view.scale('x').domain()")
+        domain: list[float] = figure.locator(".chart").evaluate("element => element.view.scale('x').domain()")
         return domain
 
     whole = time_axis()
@@ -213,7 +213,7 @@ def test_shift_and_wheel_zoom_a_chart_and_the_wheel_alone_scrolls(visit: Callabl
     page = visit().page
     chart = page.locator(".chart.front").first
     chart.scroll_into_view_if_needed()
-    read = "place => place.view.scale('x').domain()"
+    read = "element => element.view.scale('x').domain()"
     whole, before = chart.evaluate(read), page.evaluate("scrollY")
     chart.hover()
     page.mouse.wheel(0, 200)
@@ -234,9 +234,9 @@ def test_eight_specs_at_most_are_shown_each_with_a_look_of_its_own(visit: Callab
     on, off = legend.locator("[aria-pressed=true]"), legend.locator("[aria-pressed=false]")
 
     def looks() -> dict[str, tuple[str, str]]:
-        """By spec, the colour and the outline of its points."""
+        """Colour and shape of the points, by spec."""
         found = page.locator(".chart.sizes").evaluate(
-            """place => place.view.data("source_0").filter(one => one.shown)
+            """element => element.view.data("source_0").filter(one => one.shown)
             .map(one => [one.spec, [one.color, one.shape]])"""
         )
         return {spec: (color, shape) for spec, (color, shape) in found}
@@ -352,7 +352,7 @@ def test_zoom_and_pan_are_those_of_both_sides(visit: Callable[..., Visit]) -> No
     page.mouse.move(frame["x"] + 0.7 * frame["width"], frame["y"] + 160)
     page.mouse.up()
     now = moved(now)
-    assert box.locator(".under").inner_text().startswith("pixel ")
+    assert box.locator(".readout").inner_text().startswith("pixel ")
     box.get_by_role("button", name="Zoom out").press("Enter")
     now = moved(now)
     stage.press("0")
@@ -362,7 +362,7 @@ def test_zoom_and_pan_are_those_of_both_sides(visit: Callable[..., Visit]) -> No
 def test_thumbnails_show_the_errors_and_lead_to_them(visit: Callable[..., Visit]) -> None:
     page = visit().page
     choose_scene(page, "cube-on-plane, 512² view")
-    sheet = page.locator("#wrong .sheet")
+    sheet = page.locator("#errors .sheet")
     assert sheet.locator("button").count() == len(set(page.evaluate("first.cells.map((cell) => cell.spec)")))
 
     def stained(button: Locator) -> bool:
@@ -377,8 +377,8 @@ def test_thumbnails_show_the_errors_and_lead_to_them(visit: Callable[..., Visit]
     page.wait_for_function("() => first.scale > 1")
     assert page.locator("#viewer .tag.a").inner_text() == name
     assert page.locator("#viewer").get_by_role("radio", name="difference").is_checked()
-    page.locator("#wrong-size").select_option("4096")
-    page.wait_for_function("() => document.querySelector('#wrong .sheet').textContent.includes('at 4096')")
+    page.locator("#errors-size").select_option("4096")
+    page.wait_for_function("() => document.querySelector('#errors .sheet').textContent.includes('at 4096')")
 
 
 # The table
@@ -486,15 +486,30 @@ def test_every_control_is_reached_by_keys_and_named(visit: Callable[..., Visit])
     assert page.evaluate("getComputedStyle(document.activeElement).outlineStyle") == "solid"
 
 
-def test_it_prints_with_its_tables(visit: Callable[..., Visit], tmp_path: Path) -> None:
+def test_the_report_prints_with_its_tables(visit: Callable[..., Visit], tmp_path: Path) -> None:
     page = visit().page
     page.pdf(path=tmp_path / "report.pdf", format="A4")
     assert (tmp_path / "report.pdf").read_bytes().startswith(b"%PDF")
     assert page.evaluate("[...document.querySelectorAll('details')].every(node => node.open)")
 
 
+def test_on_paper_no_text_is_smaller_than_nine_points_and_no_table_is_cut(visit: Callable[..., Visit]) -> None:
+    page = visit(703, 1000).page  # A4 without its margins
+    page.emulate_media(media="print")
+    page.evaluate("document.querySelectorAll('details').forEach(node => node.open = true)")
+    sizes = page.evaluate(
+        """[...document.querySelectorAll("body *")]
+        .filter(node => node.checkVisibility() && !node.closest("svg, script, style"))
+        .filter(node => [...node.childNodes].some(one => one.nodeType === 3 && one.textContent.trim()))
+        .map(node => 0.75 * parseFloat(getComputedStyle(node).fontSize))"""
+    )
+    assert len(sizes) > 200 and min(sizes) >= 9
+    for table in page.locator("table.all, table.ranges, table.matrix").all():
+        assert not table.is_visible() or table.evaluate("node => node.getBoundingClientRect().right") <= 703
+
+
 def told(page: Page, mark: Locator) -> str:
-    """What the tooltip of a mark says."""
+    """The text of a mark's tooltip."""
     mark.scroll_into_view_if_needed()
     mark.hover(force=True)
     tooltip = page.locator("#vg-tooltip-element.visible")
@@ -527,7 +542,7 @@ def test_metric_and_light_are_choices_of_all_axes(visit: Callable[..., Visit]) -
         """Choose, wait until all is drawn, give the lines of the first axis."""
         page.locator(f"select[data-signal={name}]").select_option(value)
         page.evaluate(
-            """Promise.all([...document.querySelectorAll(".chart.axis")].map((place) => place.view.runAsync()))
+            """Promise.all([...document.querySelectorAll(".chart.axis")].map((element) => element.view.runAsync()))
             .then(() => null)"""
         )
         paths: list[str] = marks(first, "line").evaluate_all("nodes => nodes.map((node) => node.getAttribute('d'))")
@@ -546,13 +561,13 @@ def test_metric_and_light_are_choices_of_all_axes(visit: Callable[..., Visit]) -
         assert box is not None and box["width"] > 300
 
 
-def test_a_break_shows_its_picture_and_whoever_breaks_there(visit: Callable[..., Visit]) -> None:
+def test_a_breaking_point_shows_its_picture(visit: Callable[..., Visit]) -> None:
     page = visit().page
     box = page.locator("#stability .viewer")
-    place = box.locator("select.place")
-    place.select_option("map-size 16 texels, sun")
+    view = box.locator("select.view")
+    view.select_option("map-size 16 texels, sun")
     assert box.locator(".tag.a").inner_text() == "shadow-map" and box.locator(".tag.b").inner_text() == "truth"
-    assert "leak" in box.locator(".said.a").inner_text()
+    assert "leak" in box.locator(".caption.a").inner_text()
     box.get_by_role("radio", name="difference").check()
     page.wait_for_timeout(500)
     assert pixels(box.locator("canvas.a")) != pixels(box.locator("canvas.b"))

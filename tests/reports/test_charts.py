@@ -1,4 +1,4 @@
-"""Charts: nothing falls off an axis, and no axis holds the times of two machines."""
+"""Charts of a report: every value lies on its axes, and times of different machines are never combined."""
 
 import math
 import re
@@ -10,7 +10,7 @@ from skimage.color import deltaE_ciede2000, rgb2lab
 
 from shadowbench.reports.analysis import Section, sections, specs_of
 from shadowbench.reports.bias_curve import bias_charts
-from shadowbench.reports.charts import default_size, figure, front_chart, pass_chart, size_chart
+from shadowbench.reports.charts import default_size, front_chart, pass_chart, section_figure, size_chart
 from shadowbench.reports.styles import COLORS, SHAPES, Styles, styles_of
 from shadowbench.studies.folder import read_runs
 from tests.reports.conftest import CELLS, Cell, texts
@@ -38,7 +38,7 @@ def test_zero_error_is_on_the_log_axis_below_every_other_error(section_of: Calla
     for chart in charts(section)[:2]:
         low, high = domain(chart, "y")
         drawn = {point["spec"]: point["drawn"] for point in chart["data"]["values"]}
-        assert 0 < low < drawn["ray-traced"] == section.floor
+        assert 0 < low < drawn["ray-traced"] == section.half_pixel
         assert drawn["ray-traced"] < min(value for spec, value in drawn.items() if spec != "ray-traced")
         assert max(drawn.values()) < high and math.isfinite(high)
         assert any(text.startswith("no wrong pixel") for text in texts(chart))
@@ -70,11 +70,13 @@ def test_only_what_was_measured_is_drawn(section_of: Callable[..., Section]) -> 
 def test_a_software_renderers_times_are_headed_as_such(section_of: Callable[..., Section]) -> None:
     section = section_of()
     for chart in charts(section):
-        said = texts(figure(chart, section))
-        assert any("times of a software renderer: for trends only, no GPU's" in text for text in said)
+        said = texts(section_figure(chart, section))
+        assert any(
+            "times of a software renderer: for trends only, not representative of a GPU" in text for text in said
+        )
     gpu = section_of(name="gpu", software=False)
     for chart in charts(gpu):
-        assert not any("software" in text for text in texts(figure(chart, gpu)))
+        assert not any("software" in text for text in texts(section_figure(chart, gpu)))
 
 
 def test_intervals_enclose_their_median(section_of: Callable[..., Section]) -> None:
@@ -120,9 +122,9 @@ def test_the_chart_of_passes_says_why_they_do_not_add_up(section_of: Callable[..
     section = section_of()
     chart = pass_chart(section, 1024)
     assert chart is not None
-    said = set(texts(figure(chart, section)))
-    assert {"ms of passes timed one by one,", "each finished before the next,"} <= said
-    assert {"so that their sum may exceed the frame;", "tick: the whole frame, timed apart"} <= said
+    said = set(texts(section_figure(chart, section)))
+    assert {"ms; passes are timed separately,", "each finished before the next,"} <= said
+    assert {"so that their sum may exceed the frame;", "tick: the whole frame, timed separately"} <= said
 
 
 def test_the_page_says_so_too_and_counts_one_thing_as_one(
@@ -134,7 +136,7 @@ def test_the_page_says_so_too_and_counts_one_thing_as_one(
     assert not re.search(r"\b1 (cells|pictures|records|times|configurations)\b", page)
 
 
-def test_what_was_not_timed_has_no_chart_of_times(section_of: Callable[..., Section]) -> None:
+def test_without_times_there_is_no_chart_of_times(section_of: Callable[..., Section]) -> None:
     section = section_of([Cell("a", 512, 0.1, None)])
     styles = styles_of(specs_of([section]), legend=True)
     assert front_chart(section, styles) is None and pass_chart(section, 512) is None
@@ -143,7 +145,7 @@ def test_what_was_not_timed_has_no_chart_of_times(section_of: Callable[..., Sect
 
 def test_no_two_of_many_specs_look_alike() -> None:
     styles = Styles(tuple(map(str, range(len(COLORS) * len(SHAPES)))), legend=True)
-    assert len({styles.mark(spec) for spec in styles.specs}) == len(COLORS) * len(SHAPES)
+    assert len({styles.color_and_shape(spec) for spec in styles.specs}) == len(COLORS) * len(SHAPES)
 
 
 def test_a_swept_bias_has_a_chart_with_a_line_for_each_map_size(run_folder: Callable[..., Any]) -> None:
@@ -155,8 +157,8 @@ def test_a_swept_bias_has_a_chart_with_a_line_for_each_map_size(run_folder: Call
     head = "key,spec,map_size,bias_of,bias_factor"
     (folder / "table.csv").write_text("\n".join([head, *lines, f"{floor.key},unshadowed,,,"]))
     ((section,),) = sections(read_runs([folder])).values()
-    ((home, chart),) = bias_charts(section)
-    assert home == "shadow-map"
+    ((base, chart),) = bias_charts(section)
+    assert base == "shadow-map"
     points = chart["data"]["values"]
     assert [(point["map"], point["factor"]) for point in points] == [
         (size, factor) for size in ("512", "1024") for factor in (0.5, 1.0, 4.0)
@@ -165,5 +167,5 @@ def test_a_swept_bias_has_a_chart_with_a_line_for_each_map_size(run_folder: Call
     assert {"×0.5", "×1", "×4", "512", "1024"} <= set(texts(chart))
 
 
-def test_what_was_not_swept_has_no_chart_of_its_bias(section_of: Callable[..., Section]) -> None:
+def test_without_a_bias_sweep_there_is_no_bias_chart(section_of: Callable[..., Section]) -> None:
     assert bias_charts(section_of()) == []

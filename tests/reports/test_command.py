@@ -1,4 +1,4 @@
-"""`shadowbench report`: every format from run folders, and what is missing is said."""
+"""`report` as a command: every format, and notes on missing data."""
 
 import csv
 import io
@@ -23,7 +23,7 @@ from tests.reports.conftest import CELLS, SIDE, Cell, galleries, image_of, scrip
 
 Shadowbench = Callable[..., Any]
 Write = Callable[..., Path]
-SOFTWARE = "for trends only, no GPU's"
+SOFTWARE = "for trends only, not representative of a GPU"
 
 
 def test_a_page_shows_machine_command_assumptions_and_statuses(run_folder: Write, page_of: Callable[..., str]) -> None:
@@ -45,7 +45,7 @@ def test_the_verdict_and_the_matrix_are_in_the_page_itself(run_folder: Write, pa
     assert re.findall(r'class="(\w+)" aria', cells) == ["all", "all", "none"]
 
 
-def test_a_table_has_what_it_is_sorted_by_beside_what_it_shows(run_folder: Write, page_of: Callable[..., str]) -> None:
+def test_table_values_have_sort_keys_and_texts(run_folder: Write, page_of: Callable[..., str]) -> None:
     (part,) = scripts(page_of(run_folder()))
     row = next(row for row in part["rows"] if row["spec"] == "shadow-map" and row["map"] == 512)
     assert row["values"]["cost, ms"] == [5.0, "5.00"] and row["values"]["map"] == [512, "512"]
@@ -74,14 +74,12 @@ def test_every_cell_has_its_pictures_in_the_page(run_folder: Write, page_of: Cal
     assert len(shown["cells"]) == len(held) and shown["notes"] == []
     for cell in shown["cells"]:
         assert cell["mask"].startswith("data:image/webp;base64,") and cell["picture"] is None
-    (place,) = shown["places"].values()
-    assert list(shown["places"]) == ["camera, sun"] and list(place) == ["truth", "undecided", "lit", "ambient"]
-    assert all(image.startswith("data:image/webp;base64,") for image in place.values())
+    (view,) = shown["views"].values()
+    assert list(shown["views"]) == ["camera, sun"] and list(view) == ["truth", "undecided", "lit", "ambient"]
+    assert all(image.startswith("data:image/webp;base64,") for image in view.values())
 
 
-def test_where_a_view_has_no_shading_its_cells_show_their_own_pictures(
-    run_folder: Write, page_of: Callable[..., str]
-) -> None:
+def test_without_shading_images_cells_show_their_own_pictures(run_folder: Write, page_of: Callable[..., str]) -> None:
     folder = run_folder(pictures=True)
     for file in (folder / "truth").glob("*.lit.png"):
         file.unlink()
@@ -91,24 +89,24 @@ def test_where_a_view_has_no_shading_its_cells_show_their_own_pictures(
 
 def test_a_folder_without_pictures_says_so(run_folder: Write, page_of: Callable[..., str]) -> None:
     page = page_of(run_folder())
-    assert galleries(page) == [] and "holds neither pictures/ nor masks/" in page
+    assert galleries(page) == [] and "has neither pictures/ nor masks/" in page
 
 
-def test_pictures_that_lack_are_named(run_folder: Write, page_of: Callable[..., str]) -> None:
+def test_missing_pictures_are_named(run_folder: Write, page_of: Callable[..., str]) -> None:
     folder = run_folder(pictures=True)
     for file in [*(folder / "pictures").iterdir(), *(folder / "truth").iterdir()]:
         file.unlink()
     (shown,) = galleries(page_of(folder))
-    assert shown["notes"] == ["run has no truth and no shading of some of these cells."]
+    assert shown["notes"] == ["run has no truth and no shading for some of these cells."]
 
 
 def test_many_pictures_are_shown_smaller(
     run_folder: Write, page_of: Callable[..., str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(gallery, "PIXELS", 7 * SIDE * SIDE // 4)
-    monkeypatch.setattr(gallery, "_SMALLEST", 4)
+    monkeypatch.setattr(gallery, "MAX_PIXELS", 7 * SIDE * SIDE // 4)
+    monkeypatch.setattr(gallery, "_MIN_SIZE", 4)
     (shown,) = galleries(page_of(run_folder(pictures=True)))
-    assert shown["notes"] == [f"Shown at {SIDE // 2}² of {SIDE}² pixels."]
+    assert shown["notes"] == [f"Scaled down from {SIDE}² to {SIDE // 2}² pixels."]
     assert {image_of(cell["mask"]).size for cell in shown["cells"]} == {(SIDE // 2, SIDE // 2)}
 
 
@@ -127,6 +125,17 @@ def test_two_machines_have_charts_of_their_own(run_folder: Write, page_of: Calla
     parts = scripts(page)
     assert ["frame time" in part["charts"]["front"]["description"] for part in parts] == [True, True]
     assert "A processor" in page and "Another processor" in page and "times of renderer of Another processor" in page
+
+
+def test_the_times_of_two_machines_share_no_column_and_no_verdict(
+    run_folder: Write, page_of: Callable[..., str]
+) -> None:
+    slow, fast = (Cell("a", 512, 0.004, ms, machine=machine) for machine, ms in (("m1", 50.0), ("m2", 5.0)))
+    page = page_of(run_folder([slow], name="slow"), run_folder([fast], name="fast", processor="Another processor"))
+    columns = [[row["values"]["cost, ms"][0] for row in part["rows"]] for part in scripts(page)]
+    assert columns == [[50.0], [5.0]]
+    verdicts = re.findall(r'<div class="verdict".*?</div>', page, re.DOTALL)
+    assert [("50.0 ms" in said, "5.00 ms" in said) for said in verdicts] == [(True, False), (False, True)]
 
 
 def test_markdown_has_a_table_for_each_scene(run_folder: Write, shadowbench: Shadowbench, tmp_path: Path) -> None:
@@ -172,7 +181,115 @@ def test_png_writes_a_file_for_each_chart(run_folder: Write, shadowbench: Shadow
     assert files == [f"stairs.{SIDE}.{kind}.png" for kind in ("front", "passes", "sizes")]
     for file in files:
         with Image.open(tmp_path / "charts" / file) as image:
-            assert image.width > 1900 and len(np.unique(np.asarray(image).reshape(-1, 3), axis=0)) > 20
+            assert image.width > 1900 and len(image.getcolors(1 << 20)) > 20
+
+
+# The verdict in the terminal
+
+
+def verdict_of(answer: Any) -> list[str]:
+    """Its lines, with single blanks between words."""
+    assert (answer.code, answer.err) == (0, "")
+    return [" ".join(line.split()) for line in answer.out.splitlines()]
+
+
+def test_the_verdict_names_the_cheapest_for_each_accuracy(
+    run_folder: Write, shadowbench: Shadowbench, tmp_path: Path
+) -> None:
+    told = verdict_of(shadowbench("report", run_folder(), "-o", tmp_path / "report.html"))
+    assert told[:9] == [
+        "scene target cost cheapest",
+        "stairs IoU ≥ 0.95 5.00 ms shadow-map at 512",
+        "IoU ≥ 0.99 20.0 ms shadow-map at 2048",
+        "IoU ≥ 0.999 – none, best 0.995",
+        "",
+        "over 1 scene IoU ≥ 0.95 IoU ≥ 0.99 IoU ≥ 0.999",
+        "shadow-map 5.00 ms 20.0 ms –",
+        "ray-traced 60.0 ms 60.0 ms 60.0 ms",
+        "Cost: frame time of shadows. Times of a software renderer: for trends only, not representative of a GPU. "
+        "~ marks a rough time.",
+    ]
+    assert told[9].startswith(f"{tmp_path / 'report.html'}: 9 cells, ") and len(told) == 10
+
+
+def test_the_verdict_over_scenes_counts_those_that_a_technique_supports(
+    run_folder: Write, shadowbench: Shadowbench, tmp_path: Path
+) -> None:
+    lamp = "unsupported: a lamp shines all round"
+    cells = [
+        *CELLS,
+        Cell("shadow-map", 512, None, None, scene="lamp", status=lamp),
+        Cell("cube-map", 512, 0.03, 7.0, scene="lamp"),
+        Cell("cube-map", 1024, 0.005, 9.0, scene="lamp", ratio_iqr=0.3),
+        Cell("shadow-volume", None, 0.0, 9.0, scene="lamp", ratio_iqr=0.3),
+        Cell("ray-traced", None, 0.0, 60.0, scene="lamp"),
+    ]
+    told = verdict_of(shadowbench("report", run_folder(cells), "-o", tmp_path / "report.html"))
+    assert told[4] == "lamp IoU ≥ 0.95 7.00 ms cube-map at 512"
+    assert told[5] == "IoU ≥ 0.99 9.00 ms shadow-volume, or 1 other", "the more accurate of two that cost the same"
+    assert told[8:11] == [
+        "over 2 scenes IoU ≥ 0.95 IoU ≥ 0.99 IoU ≥ 0.999",
+        "ray-traced 60.0 ms 60.0 ms 60.0 ms",
+        "shadow-map 5.00 ms, 1 of 2 – –",
+    ]
+    assert told[-2].endswith("n of 2: over the n that it supports.")
+
+
+def test_the_verdict_says_what_is_out_of_reach_and_what_was_not_timed(
+    run_folder: Write, shadowbench: Shadowbench, tmp_path: Path
+) -> None:
+    cells = [replace(cell, ms=None) for cell in CELLS if cell.spec == "shadow-map"]
+    told = verdict_of(shadowbench("report", run_folder(cells), "-o", tmp_path / "report.html"))
+    assert told[1:4] == [
+        "stairs IoU ≥ 0.95 map 512 shadow-map at 512",
+        "IoU ≥ 0.99 map 2048 shadow-map at 2048",
+        "IoU ≥ 0.999 – none, best 0.995",
+    ]
+    assert told[7].startswith("Nothing here was timed")
+
+
+def test_of_two_machines_each_has_its_verdict(run_folder: Write, shadowbench: Shadowbench, tmp_path: Path) -> None:
+    faster = [replace(cell, ms=cell.ms and cell.ms / 2) for cell in CELLS]
+    folders = run_folder(name="one"), run_folder(faster, name="two", software=False, processor="GPU")
+    told = verdict_of(shadowbench("report", *folders, "-o", tmp_path / "report.html"))
+    heads = [told.index("one, on renderer of A processor"), told.index("two, on renderer of GPU")]
+    assert [told[head + 2] for head in heads] == [
+        "stairs IoU ≥ 0.95 5.00 ms shadow-map at 512",
+        "stairs IoU ≥ 0.95 2.50 ms shadow-map at 512",
+    ]
+
+
+def test_scenes_that_share_a_name_are_told_apart(run_folder: Write, shadowbench: Shadowbench, tmp_path: Path) -> None:
+    folder = run_folder([*CELLS, replace(CELLS[1], version=1)])
+    rows = (folder / "rows.jsonl").read_text(encoding="utf-8").splitlines()
+    *first, score, time = rows
+    (folder / "rows.jsonl").write_text(
+        "\n".join([*first, score.replace(f'"view_size": {SIDE}', '"view_size": 64'), time])
+    )
+    told = verdict_of(shadowbench("report", folder, "-o", tmp_path / "report.html"))
+    assert told[1].startswith(f"stairs, {SIDE}² view IoU ≥ 0.95 ") and told[4].startswith(
+        "stairs, 64² view IoU ≥ 0.95 "
+    )
+
+
+@pytest.mark.parametrize("width", [100, 80])
+def test_the_verdict_on_three_scenes_fits_a_screen(
+    run_folder: Write, shadowbench: Shadowbench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, width: int
+) -> None:
+    monkeypatch.setattr(console.out(), "width", width)
+    scenes = "room-with-lamp", "railings", "street"
+    folder = run_folder([replace(cell, scene=scene) for scene in scenes for cell in CELLS])
+    told = shadowbench("report", folder, "-o", tmp_path / "report.html").out.splitlines()
+    cost = next(line for line in told if line.startswith("Cost: "))
+    table = told[: told.index(cost)]
+    assert len(table) + len(cost) // width + 1 <= 24
+    assert max(map(len, table)) <= width
+
+
+def test_without_a_score_there_is_no_verdict(run_folder: Write, shadowbench: Shadowbench, tmp_path: Path) -> None:
+    told = verdict_of(shadowbench("report", run_folder(CELLS[-2:]), "-o", tmp_path / "report.html"))
+    assert told[0] == "Nothing here has a score."
+    assert shadowbench("report", run_folder(name="again"), "-q", "-o", tmp_path / "report.html").out == ""
 
 
 @pytest.mark.parametrize(
@@ -213,7 +330,7 @@ def test_cells_of_earlier_commands_are_counted_in_a_note(
     assert shadowbench(*words).err == ""
 
 
-def test_what_is_read_is_shown_before_the_first_chart(
+def test_the_progress_of_reading_and_drawing_is_shown(
     run_folder: Write, shadowbench: Shadowbench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     terminal = Console(file=io.StringIO(), force_terminal=True, width=300)

@@ -1,4 +1,4 @@
-"""Folders as they are found: whole, cut short, measured twice, moved between machines, or of no kind at all."""
+"""Reading of run folders: complete, truncated, measured twice, moved between machines, or of another kind."""
 
 import json
 import re
@@ -14,7 +14,7 @@ from tests.reports.conftest import POINTS, Cell
 Write = Callable[..., Path]
 
 
-def test_a_line_that_was_cut_short_is_no_cell(run_folder: Write) -> None:
+def test_an_incomplete_last_line_is_ignored(run_folder: Write) -> None:
     folder = run_folder([Cell("a", 512, 0.1, 3.0)])
     with (folder / "rows.jsonl").open("a") as rows:
         rows.write('{"schema": 1, "kind": "sco')
@@ -36,7 +36,7 @@ def test_times_of_another_machine_do_not_stand_beside_the_last(run_folder: Write
 
 
 def table(folder: Path, *cells: Cell) -> None:
-    """A `table.csv` that names these cells, as the last command leaves it."""
+    """Write a `table.csv` with these cells."""
     (folder / "table.csv").write_text("key\n" + "".join(f"{cell.key}\n" for cell in cells))
 
 
@@ -88,7 +88,7 @@ def test_cells_of_earlier_commands_are_known(run_folder: Write) -> None:
 
 
 def last_command(folder: Path, *cells: Cell) -> None:
-    """A `run.json` that lists these cells."""
+    """Make `run.json` list these cells."""
     about = json.loads((folder / "run.json").read_text())
     (folder / "run.json").write_text(json.dumps(about | {"keys": [cell.key for cell in cells]}))
 
@@ -105,7 +105,7 @@ def test_the_keys_of_run_json_say_what_the_last_command_was(run_folder: Write) -
     assert [row["key"] for row in run.rows] == [NEW.key, other.key] and run.earlier == {other.key}
 
 
-def test_an_engine_s_last_row_counts_whatever_the_table_says(run_folder: Write) -> None:
+def test_the_last_row_of_an_engine_is_used_whatever_the_table_has(run_folder: Write) -> None:
     folder, older, newer = (
         run_folder([OLD]),
         Cell("my-engine", None, 0.1, None),
@@ -120,7 +120,7 @@ def test_an_engine_s_last_row_counts_whatever_the_table_says(run_folder: Write) 
     assert [row["key"] for row in run.rows] == [OLD.key, newer.key] and run.earlier == frozenset()
 
 
-def test_a_spec_whose_default_has_changed_since_stands_once(run_folder: Write) -> None:
+def test_a_spec_whose_default_has_changed_is_listed_once(run_folder: Write) -> None:
     folder, other = run_folder([OLD, NEW]), Cell("b", 512, 0.2, 3.0)
     file = folder / "rows.jsonl"
     first, *rest = file.read_text().splitlines(keepends=True)
@@ -164,7 +164,7 @@ def test_runs_and_sweeps_are_told_apart_by_their_rows(run_folder: Write, sweep_f
     assert len(sweeps[0].rows) == len(POINTS)
 
 
-def test_what_asks_for_runs_alone_refuses_a_sweep(sweep_folder: Write) -> None:
+def test_commands_for_runs_refuse_a_sweep(sweep_folder: Write) -> None:
     with pytest.raises(InputError, match=r"sweep: found a sweep of `shadowbench stress`; allowed: a folder of a run"):
         read_runs([sweep_folder()])
 
@@ -228,7 +228,7 @@ def broken_run_json(folder: Path) -> None:
         (broken_run_json, r"run\.json: found no JSON \(EOF .*\); allowed: a JSON object"),
     ],
 )
-def test_what_is_no_run_folder_is_one_line(run_folder: Write, spoil: Callable[[Path], None], message: str) -> None:
+def test_a_folder_without_a_run_is_one_line(run_folder: Write, spoil: Callable[[Path], None], message: str) -> None:
     folder = run_folder([Cell("a", 512, 0.1, 3.0)])
     spoil(folder)
     with pytest.raises(InputError, match=re.compile(message)) as error:

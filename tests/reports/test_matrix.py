@@ -1,14 +1,24 @@
-"""What reaches which accuracy at the least cost: the matrix and the verdict, from rows whose answer is known."""
+"""The cost matrix and the verdict, for rows with a known answer."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from shadowbench.reports.analysis import Section, front, sections
-from shadowbench.reports.matrix import EDGE_TARGETS, IOU_TARGETS, Target, candidates, cheapest, equals, matrix, over_all
-from shadowbench.reports.parts import parts_of
+from shadowbench.reports.matrix import (
+    EDGE_TARGETS,
+    IOU_TARGETS,
+    Target,
+    candidates,
+    cheapest,
+    cost_matrix,
+    mean_section,
+    ties,
+)
+from shadowbench.reports.panels import panels_of
 from shadowbench.reports.verdict import cell_texts, cost_note, verdict
 from shadowbench.studies.folder import read_runs
 from tests.reports.conftest import CELLS, Cell
@@ -19,7 +29,7 @@ UNSUPPORTED = "unsupported: a lamp shines all round"
 
 @pytest.fixture
 def measured(run_folder: Callable[..., Path]) -> Make:
-    """The sections of a run with these cells, a scene each."""
+    """The sections of a run with these cells, one per scene."""
 
     def make(*cells: Cell, **options: object) -> list[Section]:
         return [section for parts in sections(read_runs([run_folder(cells, **options)])).values() for section in parts]
@@ -28,16 +38,16 @@ def measured(run_folder: Callable[..., Path]) -> Make:
 
 
 def shown(made: Sequence[Section], targets: Sequence[Target] = IOU_TARGETS) -> dict[str, list[str]]:
-    """By technique, what its cells say."""
-    lines = matrix(candidates(made), targets)
+    """The texts of the cost matrix's cells, by technique."""
+    lines = cost_matrix(candidates(made), targets)
     return {
         name: [" ".join(filter(None, cell_texts(cell, len(made)))) for cell in cells] for name, cells in lines.items()
     }
 
 
-def elsewhere(cell: Cell, **changes: object) -> Cell:
+def elsewhere(cell: Cell, **changes: Any) -> Cell:
     """A cell in another scene."""
-    return replace(cell, **({"scene": "terrace"} | changes))  # type: ignore[arg-type]
+    return replace(cell, **({"scene": "terrace"} | changes))
 
 
 # One scene
@@ -55,36 +65,36 @@ def test_edges_are_a_target_too(measured: Make) -> None:
     assert shown(measured(*cells), EDGE_TARGETS) == {"a": ["5.00 ms a at 512", "8.00 ms a at 1024", "– best 0.500 px"]}
 
 
-def test_of_two_that_cost_the_same_the_more_accurate_one_is_named(measured: Make) -> None:
+def test_of_two_configurations_with_equal_cost_the_more_accurate_one_is_named(measured: Make) -> None:
     cells = Cell("a", 512, 0.004, 5.0), Cell("a:bias=none", 512, 0.003, 5.0), Cell("a:fit=view", 512, 0.005, 5.0)
     assert shown(measured(*cells))["a"][1] == "5.00 ms a:bias=none at 512"
 
 
 @pytest.mark.parametrize(("ms", "spread", "same"), [(5.1, 0.02, True), (5.3, 0.02, False), (5.3, 0.05, True)])
-def test_what_costs_as_much_within_the_noise_is_said_to(measured: Make, ms: float, spread: float, same: bool) -> None:
-    """The middle halves of the rounds, 10 ms · spread wide, overlap."""
+def test_ties_within_the_noise_of_times_are_named(measured: Make, ms: float, spread: float, same: bool) -> None:
+    """The interquartile ranges, 10 ms · spread wide, overlap."""
     made = measured(Cell("a", 512, 0.004, 5.0, ratio_iqr=spread), Cell("b", 512, 0.004, ms, ratio_iqr=spread))
     found = candidates(made)
     best = cheapest(found, Target(0.99))
-    assert best is not None and best.whole.spec == "a"
-    assert [one.whole.spec for one in equals(found, best, Target(0.99))] == (["b"] if same else [])
+    assert best is not None and best.mean.spec == "a"
+    assert [one.mean.spec for one in ties(found, best, Target(0.99))] == (["b"] if same else [])
     assert ("; as cheap within the noise: `b at 512`" in verdict(made)[0]) == same
 
 
-def test_techniques_stand_by_what_the_middle_target_costs(measured: Make) -> None:
+def test_techniques_are_ordered_by_cost_at_the_middle_target(measured: Make) -> None:
     cells = Cell("a", 512, 0.02, 1.0), Cell("b", 512, 0.005, 9.0), Cell("c", 512, 0.005, 8.0), Cell("d", 512, 0.2, 1.0)
     assert list(shown(measured(*cells))) == ["c", "b", "a", "d"]
 
 
-def test_where_nothing_was_timed_the_smallest_map_that_does_stands_in(measured: Make) -> None:
+def test_without_times_the_smallest_sufficient_map_is_named(measured: Make) -> None:
     cells = [replace(cell, ms=None) for cell in CELLS]
     made = measured(*cells)
     assert shown(made)["shadow-map"] == ["map 512 shadow-map at 512", "map 2048 shadow-map at 2048", "– best 0.995"]
     assert shown(made)["ray-traced"][2] == "no map ray-traced"
-    assert cost_note(made) == "Nothing here was timed: in place of a cost the smallest map that does."
+    assert cost_note(made) == "Nothing here was timed: the cost is the size of the smallest map that suffices."
     alone = measured(*(cell for cell in cells if cell.spec == "shadow-map"), name="alone")
     assert verdict(alone) == [
-        "99% of the shadow right: `shadow-map at 2048` is the smallest map that does.",
+        "99% of the shadow right: `shadow-map at 2048` is the smallest map that suffices.",
         "Nothing gets 99.9% right.",
     ]
 
@@ -97,11 +107,11 @@ def test_over_scenes_one_setting_must_reach_it_in_each_and_costs_their_mean(meas
     made = measured(small, large, elsewhere(small, error=0.04), elsewhere(large, ms=11.0))
     assert shown(made) == {"a": ["5.00 ms a at 512", "10.0 ms a at 1024", "– at best in 0 of 2 scenes"]}
     assert verdict(made)[0] == "99% of the shadow right in all 2 scenes: `a at 1024` is the cheapest, 10.0 ms a frame."
-    (small_one,) = [one for one in candidates(made) if one.whole.map_size == 512]
-    assert small_one.worst.startswith("terrace")
+    (small_one,) = [one for one in candidates(made) if one.mean.map_size == 512]
+    assert small_one.worst_scene.startswith("terrace")
 
 
-def test_what_a_scene_refuses_is_an_answer_only_where_nothing_answers_all(measured: Make) -> None:
+def test_configurations_that_support_some_scenes_count_only_if_none_supports_all(measured: Make) -> None:
     sun, lamp = Cell("a", 512, 0.004, 5.0), Cell("b", 512, 0.004, 50.0)
     made = measured(sun, lamp, elsewhere(sun, error=None, ms=None, status=UNSUPPORTED), elsewhere(lamp))
     assert shown(made)["a"][1] == "5.00 ms a at 512 in the 1 of 2 scenes that it supports"
@@ -110,12 +120,14 @@ def test_what_a_scene_refuses_is_an_answer_only_where_nothing_answers_all(measur
     assert verdict(made) == [
         "99% of the shadow right in all 2 scenes: `b at 512` is the cheapest, 50.0 ms a frame.",
         "Nothing gets 99.9% right.",
-        "`a at 512` does for 5.00 ms in the 1 of 2 scenes that it supports.",
+        "`a at 512` suffices for 5.00 ms in the 1 of 2 scenes that it supports.",
     ]
 
 
 @pytest.mark.parametrize("status", ["failed: the worker died", None])
-def test_what_failed_or_was_not_asked_somewhere_reaches_nothing(measured: Make, status: str | None) -> None:
+def test_a_configuration_that_failed_or_is_missing_in_a_scene_meets_no_target(
+    measured: Make, status: str | None
+) -> None:
     one, other = Cell("a", 512, 0.004, 5.0), Cell("b", 512, 0.004, 50.0)
     lost = [] if status is None else [elsewhere(one, error=None, ms=None, status=status)]
     made = measured(one, other, elsewhere(other), *lost)
@@ -123,21 +135,21 @@ def test_what_failed_or_was_not_asked_somewhere_reaches_nothing(measured: Make, 
     assert verdict(made)[0].endswith("`b at 512` is the cheapest, 50.0 ms a frame.")
 
 
-def test_what_failed_at_one_position_of_the_grid_reaches_nothing(measured: Make) -> None:
+def test_a_configuration_that_failed_in_one_phase_meets_no_target(measured: Make) -> None:
     cells = Cell("a", 512, 0.004, 5.0), Cell("a", 512, None, None, phase=1, status="failed: too slow")
     assert candidates(measured(*cells)) == []
 
 
-def test_what_was_timed_in_some_scenes_alone_has_no_cost_and_stands_behind(measured: Make) -> None:
+def test_configurations_timed_in_only_some_scenes_have_no_cost_and_come_last(measured: Make) -> None:
     one, other = Cell("a", 512, 0.004, 5.0), Cell("a", 1024, 0.002, 90.0)
     made = measured(one, other, elsewhere(one, ms=None), elsewhere(other))
     assert shown(made)["a"][1] == "90.0 ms a at 1024"
 
 
-def test_the_section_of_all_scenes_holds_means_of_what_answers_everywhere(measured: Make) -> None:
+def test_the_section_of_all_scenes_has_means_of_configurations_scored_in_all(measured: Make) -> None:
     one, other = Cell("a", 512, 0.004, 5.0), Cell("b", 512, 0.002, 9.0)
     made = measured(one, other, elsewhere(one, error=0.008, ms=7.0))
-    section = over_all(made)
+    section = mean_section(made)
     (mean,) = section.configurations
     assert mean.label == "a at 512" and mean.value("frame_ms") == 6.0
     assert mean.error is not None and mean.error.median == pytest.approx(0.006)
@@ -150,18 +162,22 @@ def test_the_section_of_all_scenes_holds_means_of_what_answers_everywhere(measur
 def test_a_verdict_says_what_is_cheapest_and_what_more_costs(measured: Make) -> None:
     assert verdict(measured(*CELLS)) == [
         "99% of the shadow right: `shadow-map at 2048` is the cheapest, 20.0 ms a frame.",
-        "99.9% takes `ray-traced`, 60.0 ms (× 3.00).",
+        "Nothing gets 99.9% right.",
+        "For scale: ray tracing on the CPU takes 60.0 ms.",
     ]
 
 
-def test_where_ray_tracing_is_cheapest_the_verdict_names_the_next(measured: Make) -> None:
+def test_ray_tracing_is_named_for_scale_only(measured: Make) -> None:
     traced, drawn = Cell("ray-traced", None, 0.0, 5.0), Cell("shadow-map", 512, 0.004, 9.0)
     assert verdict(measured(traced, drawn)) == [
-        "99% of the shadow right: `ray-traced` is the cheapest, 5.00 ms a frame; "
-        "without ray tracing `shadow-map at 512`, 9.00 ms.",
-        "`ray-traced` gets 99.9% right too.",
+        "99% of the shadow right: `shadow-map at 512` is the cheapest, 9.00 ms a frame.",
+        "Nothing gets 99.9% right.",
+        "For scale: ray tracing on the CPU takes 5.00 ms.",
     ]
-    assert verdict(measured(traced, name="alone"))[0].endswith("; nothing else does.")
+    assert verdict(measured(traced, name="alone")) == [
+        "No real-time technique here has a score.",
+        "For scale: ray tracing on the CPU takes 5.00 ms.",
+    ]
 
 
 def test_a_verdict_falls_back_to_an_easier_target_and_then_to_the_closest(measured: Make) -> None:
@@ -183,13 +199,14 @@ def test_a_verdict_falls_back_to_an_easier_target_and_then_to_the_closest(measur
     ]
 
 
-def test_rough_times_and_software_are_said(measured: Make) -> None:
+def test_rough_and_software_times_are_marked(measured: Make) -> None:
     made = measured(Cell("a", 512, 0.004, 5.0, ratio_iqr=0.4))
     assert "~5.00 ms a frame" in verdict(made)[0]
     assert cost_note(made) == (
-        "Cost: frame time of shadows. Times of a software renderer: for trends only, no GPU's. ~ marks a rough time."
+        "Cost: frame time of shadows. Times of a software renderer: for trends only, not representative of a GPU. "
+        "~ marks a rough time."
     )
-    assert "no GPU's" not in cost_note(measured(Cell("a", 512, 0.004, 5.0), name="gpu", software=False))
+    assert "representative" not in cost_note(measured(Cell("a", 512, 0.004, 5.0), name="gpu", software=False))
 
 
 def test_the_times_of_two_machines_share_no_matrix(run_folder: Callable[..., Path]) -> None:
@@ -199,7 +216,7 @@ def test_the_times_of_two_machines_share_no_matrix(run_folder: Callable[..., Pat
     costs = [
         cells[1]["cost"]
         for index, run in enumerate(runs)
-        for part in parts_of(run, index, every)
-        for _, cells in part.matrix
+        for panel in panels_of(run, index, every)
+        for _, cells in panel.matrix
     ]
     assert costs == ["50.0 ms", "5.00 ms"]

@@ -1,4 +1,4 @@
-"""Scene files, mesh files and glTF documents written for one test."""
+"""Fixtures that write scene files, mesh files and glTF documents."""
 
 import base64
 import json
@@ -102,5 +102,5 @@ def gltf_file(tmp_path: Path) -> Callable[..., Path]:
 
 @pytest.fixture(scope="session")
 def pydantic_words() -> re.Pattern[str]:
-    """Phrases of pydantic's that no line of ours holds."""
+    """Phrases of pydantic that must not appear in our messages."""
     return PYDANTIC

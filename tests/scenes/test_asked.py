@@ -1,4 +1,4 @@
-"""Scenes made for one technique at its best or its worst hold what their `about` promises."""
+"""Built-in scenes that are the best or worst case of a technique have the properties that their `about` states."""
 
 from collections.abc import Callable
 
@@ -17,7 +17,7 @@ VIEWS = [(name, camera.name) for name in MADE_FOR_ONE for camera in load_scene(n
 
 @pytest.fixture(scope="module")
 def traced() -> Callable[..., tuple[View, Truth]]:
-    """A view by the names of its scene and camera, without the latter by the first, and its truth."""
+    """A view of a scene and camera, by default its first, and the truth."""
     known: dict[tuple[str, str], tuple[View, Truth]] = {}
 
     def get(name: str, camera: str = "") -> tuple[View, Truth]:
@@ -50,7 +50,7 @@ def receiver_points(view: View, truth: Truth) -> tuple[Floats, Floats]:
 
 
 def occluded(scene: Scene, points: Floats) -> np.ndarray:
-    """Whether something stands between each point and the scene's first light, a directional one."""
+    """Whether a caster is between each point and the scene's first light, a directional one."""
     towards = np.array(scene.lights[0].homogeneous[0])[None]
     tracer = Tracer(scene.geometry.vertices, scene.geometry.caster_faces)
     return tracer.occluded(points, towards, 1e9)
@@ -58,7 +58,7 @@ def occluded(scene: Scene, points: Floats) -> np.ndarray:
 
 @pytest.mark.parametrize("name", MADE_FOR_ONE)
 def test_every_caster_but_a_plane_is_closed(name: str) -> None:
-    """Otherwise shadow volumes would be tried on something else than what the scene asks."""
+    """Open casters would test another case of shadow volumes than the scene intends."""
     scene = load_scene(name)
     assert all(mesh.closed or len(mesh.faces) == 2 for mesh in scene.meshes)
     assert len(scene.geometry.faces) < 50_000
@@ -124,7 +124,7 @@ def test_the_lamp_hangs_5_cm_from_its_wall() -> None:
     ("one", "other"), [("+x", "+y"), ("+x", "-y"), ("+x", "+z"), ("+y", "+z"), ("-y", "+z")], ids="|".join
 )
 def test_shadows_cross_the_edges_of_a_cube_map(one: str, other: str, traced) -> None:
-    """Within 3° of the edge between two faces there is shadow on both."""
+    """Within 3° of the edge between two faces, there is shadow on both of them."""
     view, truth = traced("lamp-by-wall")
     points, visibility = receiver_points(view, truth)
     towards = points[visibility < 0.5] - np.array(view.light.position)

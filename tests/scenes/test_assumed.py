@@ -1,4 +1,4 @@
-"""What is assumed for a mesh file given alone."""
+"""Assumptions about a mesh file without a scene file: ground, camera and light."""
 
 import math
 from collections.abc import Callable
@@ -65,7 +65,7 @@ def test_a_floor_that_faces_down_is_no_ground(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("suffix", ["obj", "ply", "stl", "off"])
-def test_a_file_that_does_not_say_what_is_up_is_turned_when_asked(tmp_path: Path, suffix: str) -> None:
+def test_a_file_without_an_up_axis_is_rotated_by_the_option(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"post.{suffix}"
     place = trimesh.transformations.translation_matrix((1, 2, 5))
     trimesh.creation.box(extents=(1, 3, 10), transform=place).export(path)
@@ -82,9 +82,9 @@ def test_a_file_that_does_not_say_what_is_up_is_turned_when_asked(tmp_path: Path
 @pytest.mark.parametrize(
     ("reference", "up", "words"),
     [
-        ("cube-on-plane", "z", "cube-on-plane says what is up; .*.obj .ply .stl .off"),
-        ("scene.toml", "y", r"scene.toml says what is up; .* rotate = \[-90, 0, 0\]"),
-        ("model.gltf", "z", "model.gltf says what is up"),
+        ("cube-on-plane", "z", "cube-on-plane specifies its up axis; .*.obj .ply .stl .off"),
+        ("scene.toml", "y", r"scene.toml specifies its up axis; .* rotate = \[-90, 0, 0\]"),
+        ("model.gltf", "z", "model.gltf specifies its up axis"),
         ("model.obj", "x", "found 'x'; allowed: y, z"),
         ("model.obj", "Z", "found 'Z'; allowed: y, z"),
     ],

@@ -1,4 +1,4 @@
-"""Scene files: what they may say, and one line for what they may not."""
+"""Scene files: their fields, and one-line errors for invalid ones."""
 
 import math
 import os
@@ -102,7 +102,7 @@ def test_a_mirrored_mesh_keeps_its_outside_out(scene_file: SceneFile, scale: str
     assert np.einsum("ij,ij->", a, np.cross(b, c)) > 0
 
 
-def test_copies_step_on(scene_file: SceneFile) -> None:
+def test_copies_are_repeated_at_steps(scene_file: SceneFile) -> None:
     text = BOX + "repeat = [{ count = 3, step = [2, 0, 0] }, { count = 2, step = [0, 0, -5] }]\n"
     scene = load_scene(scene_file(text))
     centers = [tuple(mesh.vertices.mean(axis=0).round(9) + 0.0) for mesh in scene.meshes]
@@ -302,7 +302,7 @@ whole = st.integers(-(2**20), 2**20).map(float)
 
 
 @given(shift=st.tuples(whole, whole, whole))
-def test_a_moved_scene_is_placed_alike(shift: tuple[float, float, float]) -> None:
+def test_a_translated_scene_has_the_same_local_coordinates(shift: tuple[float, float, float]) -> None:
     """Whole metres, so that moving itself rounds nothing but the last bits of the cone."""
     still, moved = two_bodies((0.0, 0.0, 0.0)), two_bodies(shift)
     views = [view_of(scene, scene.cameras[0], scene.lights[0], 64).placed()[0] for scene in (still, moved)]

@@ -1,4 +1,4 @@
-"""A glTF's cameras, lights and limits."""
+"""glTF files: cameras, lights, nodes, notes and errors."""
 
 import math
 from collections.abc import Callable
@@ -76,7 +76,7 @@ def test_an_orthographic_camera_is_a_note(gltf_file: Gltf) -> None:
         ({"znear": 1.0}, "yfov"),
     ],
 )
-def test_a_senseless_camera_is_one_line(gltf_file: Gltf, lens: dict[str, float], word: str) -> None:
+def test_an_invalid_camera_is_one_line(gltf_file: Gltf, lens: dict[str, float], word: str) -> None:
     path = gltf_file(nodes=[{"mesh": 0, "camera": 0}], cameras=[{"type": "perspective", "perspective": lens}])
     with pytest.raises(InputError, match=word):
         read_meshes(path)
@@ -110,7 +110,7 @@ def test_a_point_light_has_a_position(gltf_file: Gltf) -> None:
 
 
 @pytest.mark.parametrize("light", [{"type": "area"}, {}, {"type": "spot", "spot": {"outerConeAngle": -1}}])
-def test_a_senseless_light_is_one_line(gltf_file: Gltf, light: dict[str, Any]) -> None:
+def test_an_invalid_light_is_one_line(gltf_file: Gltf, light: dict[str, Any]) -> None:
     with pytest.raises(InputError) as error:
         load_scene(gltf_file(**with_light(light)))
     assert "\n" not in str(error.value)
@@ -136,13 +136,13 @@ def test_a_senseless_light_is_one_line(gltf_file: Gltf, light: dict[str, Any]) -
         ({"primitive": {"attributes": {}}}, "no POSITION"),
     ],
 )
-def test_what_cannot_be_honoured_is_one_line(gltf_file: Gltf, parts: dict[str, Any], words: str) -> None:
+def test_unsupported_content_is_one_line(gltf_file: Gltf, parts: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=words) as error:
         read_meshes(gltf_file(**parts))
     assert "\n" not in str(error.value)
 
 
-def test_what_is_drawn_more_plainly_is_a_note(gltf_file: Gltf) -> None:
+def test_simplified_drawing_is_a_note(gltf_file: Gltf) -> None:
     path = gltf_file(
         primitive={"material": 0, "targets": [{}]},
         materials=[{"alphaMode": "MASK", "pbrMetallicRoughness": {"baseColorFactor": [0.1, 0.2, 0.3, 1.0]}}],
@@ -198,7 +198,7 @@ def test_a_hidden_node_hides_meshes_and_lights_below_it_and_no_camera(gltf_file:
 
 def test_a_file_whose_triangles_are_all_hidden_says_so(gltf_file: Gltf) -> None:
     hidden = {"KHR_node_visibility": {"visible": False}}
-    with pytest.raises(InputError, match=r"model\.gltf: all 1 triangles are of hidden nodes; .* visible"):
+    with pytest.raises(InputError, match=r"model\.gltf: all 1 triangles belong to hidden nodes; .* visible"):
         read_meshes(gltf_file(nodes=[{"mesh": 0, "extensions": hidden}]))
 
 
@@ -217,7 +217,7 @@ def test_the_hidden_square_of_a_file_is_not_drawn(shared_scenes: Path) -> None:
         ({"type": "directional", "range": 5}, []),
     ],
 )
-def test_what_of_a_light_is_not_honoured_is_a_line(gltf_file: Gltf, light: dict[str, Any], words: list[str]) -> None:
+def test_ignored_light_properties_are_notes(gltf_file: Gltf, light: dict[str, Any], words: list[str]) -> None:
     notes = read_meshes(gltf_file(**with_light(light))).notes
     assert len(notes) == len(words)
     assert all(word in note for word, note in zip(words, notes, strict=True))
@@ -240,11 +240,11 @@ def test_lights_of_a_file_given_alone_are_said_to_be_hard_once(gltf_file: Gltf) 
         {"extensionsUsed": ["CESIUM_RTC", "KHR_materials_ior", "EXT_mesh_gpu_instancing"]},
     ],
 )
-def test_an_extension_that_is_not_honoured_is_a_line(gltf_file: Gltf, parts: dict[str, Any]) -> None:
+def test_an_unsupported_extension_is_an_error(gltf_file: Gltf, parts: dict[str, Any]) -> None:
     assert read_meshes(gltf_file(**parts)).notes == ("model.gltf: drawn as if the file did not use CESIUM_RTC",)
 
 
-def test_quantised_positions_are_fractions(gltf_file: Gltf) -> None:
+def test_quantised_positions_are_scaled_to_fractions(gltf_file: Gltf) -> None:
     quantised = np.array([[0, 0, 0], [65535, 0, 0], [0, 65535, 0]], dtype=np.uint16)
     required = {"extensionsRequired": ["KHR_mesh_quantization"]}
     (mesh,) = read_meshes(gltf_file(positions=quantised, accessor={"normalized": True}, **required)).meshes

@@ -1,4 +1,4 @@
-"""Files made to hang, to fill the memory, to read what is not theirs, or to steer a terminal: each is one line."""
+"""Hostile files, made to hang, to exhaust memory, to read other files or to control a terminal: each is one line."""
 
 import json
 import os
@@ -68,7 +68,7 @@ def test_a_file_that_many_tables_name_is_read_once(
     assert len(asked) == 1
 
 
-def test_copies_of_a_file_count_each_of_its_meshes(scene_file: Write, mesh_file: Write) -> None:
+def test_repeated_files_count_all_their_meshes(scene_file: Write, mesh_file: Write) -> None:
     bodies = "".join(f"o {k}\nf 1 2 3\n" for k in range(3))
     mesh_file("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n" + bodies)
     refused(scene_file('[[mesh]]\nfile = "a.obj"\nrepeat = { count = 20000, step = [1, 0, 0] }\n'), "60000 meshes")
@@ -103,7 +103,7 @@ def test_a_pipe_is_not_waited_for(tmp_path: Path, scene_file: Write, gltf_file: 
 
 @pytest.fixture
 def outside(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder beside the scene's, with bytes that would do."""
+    """A folder beside the scene's, with valid buffer data."""
     folder = tmp_path_factory.mktemp("outside")
     positions = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], dtype=np.float32)
     (folder / "part.bin").write_bytes(positions.tobytes() + np.arange(3, dtype=np.uint32).tobytes())
@@ -130,7 +130,7 @@ def test_a_buffer_named_by_a_wrong_folder_is_not_taken_from_beside(
 
 
 @pytest.mark.parametrize("uri", ["data:,x", "data:;base64,*", "data:;base64,AAAA", "data:", "file:///etc/passwd", ""])
-def test_a_buffer_that_is_none_is_one_line(gltf_file: Write, uri: str) -> None:
+def test_an_invalid_buffer_is_one_line(gltf_file: Write, uri: str) -> None:
     refused(gltf_file(buffers=[{"byteLength": 48, "uri": uri}]), "buffers[0]")
 
 
@@ -170,7 +170,9 @@ def test_a_buffer_that_is_none_is_one_line(gltf_file: Write, uri: str) -> None:
         ({"nodes": [{"mesh": 0}] * 50_001}, ["nodes", "50000"]),
     ],
 )  # fmt: skip
-def test_a_gltf_whose_numbers_lie_is_told_where(gltf_file: Write, parts: dict[str, Any], words: list[str]) -> None:
+def test_an_inconsistent_gltf_is_one_line_that_names_the_place(
+    gltf_file: Write, parts: dict[str, Any], words: list[str]
+) -> None:
     refused(gltf_file(**parts), "model.gltf", *words)
 
 
@@ -227,14 +229,14 @@ def test_the_json_of_a_gltf_is_read_once_as_what_it_is(tmp_path: Path, gltf_file
         "crossing polygons of 8,000 corners",
     ],
 )
-def test_a_mesh_file_that_would_take_the_reader_for_ever_is_refused(
+def test_a_mesh_file_that_would_take_too_long_to_read_is_refused(
     mesh_file: Write, name: str, data: str, words: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(trimesh, "load_scene", None)  # would fail if the reader were asked
     refused(mesh_file(name, data), name, *words)
 
 
-def test_what_many_primitives_share_is_decoded_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_shared_accessors_are_decoded_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     data = export_glb(trimesh.Scene(trimesh.creation.box()), extension_draco=True)
     length = int.from_bytes(data[12:16], "little")
     document = json.loads(data[20 : 20 + length])

@@ -1,4 +1,4 @@
-"""The built-in scenes, and how a scene is named."""
+"""The built-in scenes, and how scenes are found by name."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from shadowbench.scenes.library import builtin_about, builtin_names, hard_names,
 from shadowbench.scenes.model import view_of
 
 
-def test_there_are_at_least_twelve_and_each_says_what_it_asks() -> None:
+def test_there_are_at_least_twelve_built_in_scenes_with_descriptions() -> None:
     names = builtin_names()
     assert len(names) >= 12
     assert names == sorted(names)
@@ -36,7 +36,7 @@ def test_a_built_in_scene_is_whole(name: str) -> None:
 
 @pytest.mark.parametrize("name", builtin_names())
 def test_no_large_face_lies_along_the_light(name: str) -> None:
-    """N·L of 0 leaves the truth to rounding."""
+    """With N·L = 0 the truth would depend on rounding."""
     scene = load_scene(name)
     geometry = scene.geometry
     a, b, c = (geometry.vertices[geometry.faces[:, k]] for k in range(3))
@@ -101,7 +101,7 @@ def test_a_near_miss_is_named(reference: str) -> None:
 @pytest.mark.parametrize(
     "reference", ["", "zzz", "a.fbx", "no/such", "no/such.toml", "gone.obj", "a\0b", "..", "x" * 5000]
 )
-def test_what_is_no_scene_is_one_line(reference: str) -> None:
+def test_an_invalid_scene_argument_is_one_line(reference: str) -> None:
     with pytest.raises(InputError) as error:
         load_scene(reference)
     assert "\n" not in str(error.value)

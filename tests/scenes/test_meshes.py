@@ -1,4 +1,4 @@
-"""What mesh files hold is loaded whole, or refused in one line."""
+"""Mesh files: read completely, or refused in one line."""
 
 import logging
 import struct
@@ -194,7 +194,7 @@ def test_a_node_below_a_camera_is_kept(gltf_file: Gltf) -> None:
     assert mesh.vertices[:, 2] == pytest.approx(5.0)
 
 
-def test_a_draco_file_decodes(tmp_path: Path) -> None:
+def test_a_draco_file_is_decoded(tmp_path: Path) -> None:
     ball = trimesh.creation.icosphere(subdivisions=2)
     path = tmp_path / "ball.glb"
     path.write_bytes(trimesh.exchange.gltf.export_glb(trimesh.Scene(ball), extension_draco=True))
@@ -204,7 +204,7 @@ def test_a_draco_file_decodes(tmp_path: Path) -> None:
 
 
 def draco(tmp_path: Path) -> tuple[Path, bytes, int]:
-    """A compressed ball, its bytes, and where in them Draco's begin."""
+    """A compressed sphere: its bytes, and the offset of the Draco data."""
     scene = trimesh.Scene(trimesh.creation.icosphere(subdivisions=2))
     data = trimesh.exchange.gltf.export_glb(scene, extension_draco=True)
     return tmp_path / "ball.glb", data, data.index(b"DRACO")
@@ -242,7 +242,7 @@ def test_a_decoder_that_fails_is_one_line(
     one_line(error, "ball.glb", "KHR_draco_mesh_compression", word)
 
 
-def test_listening_to_trimesh_ends_with_the_file(mesh_file: MeshFile) -> None:
+def test_reading_a_file_leaves_no_log_handler_on_trimesh(mesh_file: MeshFile) -> None:
     before = list(logging.getLogger("trimesh").handlers)
     read_meshes(mesh_file("a.obj", OBJ + "f 1 2 3\n"))
     assert logging.getLogger("trimesh").handlers == before

@@ -1,4 +1,4 @@
-"""Views: what the camera's planes may and may not cut."""
+"""Views: near and far planes of the camera."""
 
 import math
 
@@ -68,7 +68,9 @@ def test_planes_of_a_file_are_kept_inside_the_bounds_and_clamped_to_them() -> No
 
 def test_planes_that_leave_out_the_scene_are_said() -> None:
     camera = Camera("camera", (0.0, 3.0, 8.0), (0.0, 0.0, 0.0), 0.6, near=500.0, far=900.0)
-    with pytest.raises(InputError, match=r"looks at nothing: its planes 500\.0 and 900\.0 m leave out the scene"):
+    with pytest.raises(
+        InputError, match=r"shows nothing: its near and far planes, 500\.0 and 900\.0 m, exclude the scene"
+    ):
         view_of(Scene("floor", (FLOOR,), (camera,), (SUN,)), camera, SUN, 64)
 
 
@@ -81,11 +83,13 @@ def test_the_length_of_up_changes_nothing(length: float) -> None:
 
 
 @pytest.mark.parametrize("apart", [1e-170, 1e-17, 1e-13])
-def test_a_target_that_rounding_takes_to_the_camera_is_told(apart: float) -> None:
-    """Seen from the scene's centre both are at one place, and the camera looks nowhere."""
+def test_a_target_that_rounds_to_the_camera_position_is_an_error(apart: float) -> None:
+    """Relative to the scene's centre both round to the same point, so that there is no view direction."""
     floor = Mesh("floor", FLOOR.vertices + np.array([0.0, 0.0, 1.7]), FLOOR.faces)
     camera = Camera("camera", (0.0, 0.0, 0.0), (apart, 0.0, 0.0), 0.6)
-    with pytest.raises(InputError, match=r"camera 'camera' of floor: position and target are \S+ m apart") as error:
+    with pytest.raises(
+        InputError, match=r"camera 'camera' of floor: position and target are only \S+ m apart"
+    ) as error:
         view_of(Scene("floor", (floor,), (camera,), (SUN,)), camera, SUN, 64)
     assert "they must be at least 1.7e-12 m apart here" in str(error.value)
 

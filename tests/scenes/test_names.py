@@ -46,12 +46,12 @@ def test_a_scene_file_that_states_a_name_may_be_called_anything(scene_file: Writ
         ("Łuk 2.5+", "Łuk 2.5+"),
     ],
 )
-def test_a_mesh_file_lends_what_a_name_may_hold(mesh_file: Write, stem: str, name: str) -> None:
+def test_a_mesh_file_may_lend_any_valid_name(mesh_file: Write, stem: str, name: str) -> None:
     assert load_scene(mesh_file(f"{stem}.obj", OBJ)).name == name
 
 
 @pytest.mark.parametrize("stem", ["x" * 81, "(((", "\udcff"])
-def test_a_mesh_file_that_cannot_lend_one_is_told_how_to_get_one(mesh_file: Write, stem: str) -> None:
+def test_a_mesh_file_without_a_valid_name_is_told_how_to_set_one(mesh_file: Write, stem: str) -> None:
     with pytest.raises(InputError, match=r"name = \"…\"|UTF-8") as error:
         load_scene(mesh_file(f"{stem}.obj", OBJ))
     assert str(error.value).isprintable()
@@ -110,7 +110,9 @@ def test_a_path_that_is_no_utf8_is_refused_before_the_work(
     assert "UTF-8" in answer.err and not (tmp_path / "out").exists()
 
 
-def test_what_a_table_holds_is_no_formula(shadowbench: Callable[..., Any], scene_file: Write, tmp_path: Path) -> None:
+def test_table_fields_are_never_spreadsheet_formulas(
+    shadowbench: Callable[..., Any], scene_file: Write, tmp_path: Path
+) -> None:
     file = scene_file('name = "a.b"\n' + BOX, "=1+1.toml")
     arguments = ("-t", "unshadowed", "--rounds", "0", "--view-size", "8", "-q", "-o", tmp_path / "out")
     assert shadowbench("run", file, *arguments).code == 0

@@ -1,4 +1,4 @@
-"""Faces of many corners: concave, with bridged holes, bent, crossing themselves; in each format that has them."""
+"""Polygonal faces: concave, with bridged holes, bent, self-intersecting; in every format that has them."""
 
 import struct
 from collections import Counter
@@ -166,7 +166,7 @@ def test_the_outline_of_the_triangles_is_the_ring_also_at_corners_on_straight_li
 
 
 def test_a_corner_seen_edge_on_is_kept(mesh_file: MeshFile) -> None:
-    """Of the five corners one stands, along the mean normal, on the way back to the next."""
+    """One of the five corners lies on an edge that is parallel to the mean normal."""
     text = "v -500 0 500\nv 500 0 500\nv 500 0 -500\nv -500 0 -500\nv 0 500 -500\nf 1// 2// 3// 4// 5//\n"
     contents = read_meshes(mesh_file("a.obj", text))
     corners = corners_of(contents)
@@ -215,7 +215,7 @@ def flat_obj(*rings: list[tuple[float, float]]) -> str:
         [(0, 0), (3, 0), (1, 0), (1, 3), (1, 1), (0, 1)],
     ],
 )
-def test_a_spike_of_no_width_adds_no_area(mesh_file: MeshFile, ring: list[tuple[float, float]]) -> None:
+def test_a_degenerate_spike_adds_no_area(mesh_file: MeshFile, ring: list[tuple[float, float]]) -> None:
     contents = read_meshes(mesh_file("a.obj", flat_obj(ring)))
     assert area(contents) == pytest.approx(shoelace(np.array(ring)))
     assert contents.notes == ()
@@ -227,7 +227,7 @@ def test_a_polygon_that_covers_part_of_itself_twice_counts_it_twice(mesh_file: M
     assert area(contents) == pytest.approx(1.5)
 
 
-def test_a_polygon_that_cannot_be_cut_spares_the_others(mesh_file: MeshFile) -> None:
+def test_a_polygon_that_cannot_be_triangulated_does_not_affect_others(mesh_file: MeshFile) -> None:
     wild = [(1, 0), (0, 0), (0, 1), (1, 1), (0, 0), (0, 1)]
     contents = read_meshes(mesh_file("a.obj", flat_obj(wild, [(5, 0), (6, 0), (6, 1)])))
     corners = corners_of(contents)
@@ -403,9 +403,7 @@ def test_a_text_ply_has_scalars_beside_lists_and_rows_that_are_no_faces(mesh_fil
         ("a.ply", as_little_ply(FIVE, [0, -1, 2]), ["vertex -1"]),
     ],
 )  # fmt: skip
-def test_what_is_wrong_with_a_face_is_one_line(
-    mesh_file: MeshFile, name: str, data: str | bytes, words: list[str]
-) -> None:
+def test_an_invalid_face_is_one_line(mesh_file: MeshFile, name: str, data: str | bytes, words: list[str]) -> None:
     with pytest.raises(InputError) as error:
         read_meshes(mesh_file(name, data))
     line = str(error.value)
@@ -413,7 +411,7 @@ def test_what_is_wrong_with_a_face_is_one_line(
     assert [word for word in words if word not in line] == []
 
 
-def test_what_follows_the_announced_rows_is_named(mesh_file: MeshFile) -> None:
+def test_data_after_the_announced_rows_is_a_note(mesh_file: MeshFile) -> None:
     off = "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n3 2 1 0\n"
     assert read_meshes(mesh_file("a.off", off)).notes == (
         "a.off: 1 line(s) after the 1 faces that it announces left out",
@@ -426,6 +424,6 @@ def test_what_follows_the_announced_rows_is_named(mesh_file: MeshFile) -> None:
     ("name", "expected"),
     [("annulus.obj", 12.0), ("tab1.obj", 4.0), ("ind1.obj", 4.0), ("trailc.off", 6.0), ("mix1.ply", 6.0)],
 )
-def test_files_that_were_misread_have_their_area(shared_scenes: Path, name: str, expected: float) -> None:
+def test_files_that_were_once_misread_have_the_right_area(shared_scenes: Path, name: str, expected: float) -> None:
     contents = read_meshes(shared_scenes.parent / "cases" / name)
     assert (area(contents), contents.notes) == (pytest.approx(expected), ())

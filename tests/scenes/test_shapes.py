@@ -1,4 +1,4 @@
-"""Shapes stand where the promise puts them, closed and outward."""
+"""Built-in shapes: position, size, closed surface and outward orientation."""
 
 import numpy as np
 import pytest
@@ -35,7 +35,7 @@ def test_a_shape_is_centred_and_has_its_size(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", [name for name in SHAPES if name not in OPEN])
-def test_a_body_is_closed_and_faces_outward(name: str) -> None:
+def test_a_shape_is_closed_and_faces_outward(name: str) -> None:
     body = solid(build_shape(name, {}, "test"))
     assert body.is_watertight
     assert body.is_winding_consistent
@@ -78,7 +78,7 @@ def test_a_sphere_rounds_with_its_subdivisions() -> None:
         assert np.linalg.norm(sphere.vertices, axis=1) == pytest.approx(0.5)
 
 
-def test_leaves_stay_in_their_ball() -> None:
+def test_leaves_stay_inside_their_sphere() -> None:
     leaves = build_shape("leaves", {"count": 2000, "size": 0.2, "seed": 7}, "test")
     assert len(leaves.faces) == 4000
     assert np.linalg.norm(leaves.vertices, axis=1).max() <= 0.5 + 1e-9

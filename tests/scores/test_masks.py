@@ -61,7 +61,7 @@ def test_a_millionth_beyond_the_range_is_rounding_and_more_is_not(edge, outwards
         (np.ones((0, 4)), r"shape \(0, 4\)"),
     ],
 )
-def test_what_is_no_mask_is_told_in_one_line(bad, message):
+def test_an_invalid_mask_is_one_line(bad, message):
     with pytest.raises(ValueError, match=message) as caught:
         quantise(bad)
     assert "\n" not in str(caught.value)
@@ -145,7 +145,7 @@ def test_a_mask_in_colour_is_refused_by_name(tmp_path, mode):
         read_mask(tmp_path / "colour.png")
 
 
-def test_what_is_no_png_is_refused_by_name(tmp_path):
+def test_a_file_that_is_not_a_png_is_refused_by_name(tmp_path):
     path = tmp_path / "mask.png"
     with pytest.raises(InputError, match=r"mask\.png: no such file"):
         read_mask(path)

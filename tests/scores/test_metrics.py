@@ -245,7 +245,7 @@ def test_excluded_pixels_never_matter(truth, seed):
 
 
 @given(seeds)
-def test_what_the_truth_holds_at_excluded_pixels_never_matters(truth, seed):
+def test_truth_values_at_excluded_pixels_do_not_matter(truth, seed):
     rng = np.random.default_rng(seed)
     mask, view = random_view(rng)
     valid = truth(**view).valid
@@ -285,7 +285,7 @@ def test_flipping_more_pixels_never_helps(truth, seed, few, more):
 
 
 @given(seeds)
-def test_which_of_two_hard_masks_is_the_truth_is_all_one_to_the_symmetric_metrics(truth, seed):
+def test_symmetric_metrics_are_unchanged_if_mask_and_truth_are_swapped(truth, seed):
     mask, view = random_view(np.random.default_rng(seed))
     mask = np.rint(mask)
     there, back = score(mask, truth(**view)), score(view["visibility"], truth(**view | {"visibility": mask}))
@@ -307,7 +307,7 @@ def test_without_a_shadow_in_either_mask_there_is_no_overlap(truth):
     assert nulls(score(np.ones((32, 32)), truth(np.ones((32, 32))))) == OF_SHADOWS | OF_PENUMBRAE
 
 
-def test_a_shadow_where_there_is_none_is_wrong_not_null(truth, disc):
+def test_shadow_in_a_lit_view_scores_zero_instead_of_none(truth, disc):
     scores = score(disc(20), truth(np.ones((128, 128))))
     assert nulls(scores) == {"ssim_edge", "leak", "contact", "bleed"} | OF_PENUMBRAE
     assert scores["iou"] == scores["boundary_iou"] == 0
@@ -348,6 +348,6 @@ def test_a_mask_of_another_size_is_refused(truth):
 
 
 def test_nan_is_refused_even_where_it_is_not_scored(truth):
-    """It tells of a broken shader, wherever it stands."""
+    """NaN indicates a broken shader at any pixel."""
     with pytest.raises(ValueError, match="NaN or infinite in 1"):
         score([[1, np.nan]], truth([[1, 1]], receivers=np.array([[True, False]])))

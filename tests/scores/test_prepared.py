@@ -94,7 +94,7 @@ def test_a_truth_that_contradicts_itself_is_refused(truth, wrong, message):
         truth(**({"visibility": np.ones((4, 4))} | wrong))
 
 
-def test_a_scene_may_be_of_any_size(truth):
+def test_scenes_of_any_size_are_supported(truth):
     for diagonal in (1e-6, 1.0, 1e6):
         assert truth([[0.0, 1.0]], diagonal=diagonal, blocker=np.full((1, 2), diagonal / 51)).contact[0, 0]
 

@@ -35,7 +35,7 @@ def pictures():
 
 
 @pytest.mark.parametrize("name", pictures())
-def test_it_is_scikit_images_where_nothing_is_excluded(truth, name):
+def test_ssim_equals_that_of_scikit_image_without_excluded_pixels(truth, name):
     mask, visibility = pictures()[name]
     assert score(mask, truth(visibility))["ssim"] == pytest.approx(scikit_image(mask, visibility), abs=1e-7)
 
@@ -75,7 +75,7 @@ def test_no_more_than_128_rows_of_windows_are_in_memory_at_a_time(truth, monkeyp
     assert set(heights) == {128 + 2 * RADIUS, 300 - 2 * 128}
 
 
-def test_empty_regions_do_not_dilute_it(truth, half_plane):
+def test_empty_regions_do_not_dilute_ssim(truth, half_plane):
     """A band without receivers, far from any edge, leaves the others' windows as they were."""
     receivers = np.ones((128, 128), bool)
     receivers[:, 100:] = False
@@ -85,8 +85,8 @@ def test_empty_regions_do_not_dilute_it(truth, half_plane):
     assert score(half_plane(66), prepared)["ssim"] == pytest.approx(expected, abs=1e-7)
 
 
-def test_it_prefers_a_displaced_edge_to_a_smooth_one_as_its_help_says(truth, disc):
-    """Why ssim_edge and edge_px stand beside it."""
+def test_ssim_prefers_a_displaced_edge_to_a_smooth_one_as_its_help_states(truth, disc):
+    """This is why ssim_edge and edge_px exist as well."""
     smooth = score(uniform_filter(disc(40), 5), truth(disc(40)))
     displaced = score(disc(40, right=1), truth(disc(40)))
     assert displaced["ssim"] > smooth["ssim"]

@@ -1,4 +1,4 @@
-"""Studies without a command line: what options make of a file's study, and scenes that are loaded already."""
+"""Studies from options and loaded scenes, without a command line."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -40,7 +40,7 @@ def phases(study: Study) -> set[int]:
     return {cell.phase for cell in study.cells()}
 
 
-def test_what_is_asked_for_stands_in_place_of_what_the_file_says(file: str) -> None:
+def test_options_override_the_file(file: str) -> None:
     kept = study_from_options(KNOWN, study=file)
     assert (kept.rounds, kept.map_size, phases(kept)) == (3, (64, 128), {0, 1, 2, 3})
     asked = study_from_options(KNOWN, ["lamp-by-wall"], study=file, rounds=0, map_size=[32], view_size=16, light="lamp")
@@ -55,7 +55,7 @@ def test_specs_have_the_phases_of_the_study_and_keep_their_place_in_its_sweeps(f
     assert asked.sweeps == study_from_options(KNOWN, study=file).sweeps
 
 
-def test_specs_alone_mean_what_they_say() -> None:
+def test_specs_alone_are_measured_with_their_own_sizes() -> None:
     assert [cell.spec.text for cell in study_from_options(KNOWN, specs=[SPEC, SMALL]).cells()] == [
         "shadow-map",
         "shadow-map:size=64",
@@ -74,7 +74,7 @@ def test_specs_alone_mean_what_they_say() -> None:
         (lambda: study_from_options(KNOWN, study="nothing"), "nothing: no such study file"),
     ],
 )
-def test_a_study_of_a_program_is_checked_as_a_file_is(make: Callable[[], Study], line: str) -> None:
+def test_a_study_given_as_an_object_is_checked_like_a_file(make: Callable[[], Study], line: str) -> None:
     with pytest.raises(InputError, match=line):
         make()
 
@@ -95,5 +95,5 @@ def test_a_view_is_drawn_once(bench: Bench) -> None:
     drawn = render(view, SMALL, bench.worker, name="shadow-map", with_map=True)
     assert drawn.visibility.shape == (32, 32) and drawn.map is not None and drawn.map.shape == (64, 64)
     lamp = chosen_view("room-with-lamp", 32)
-    with pytest.raises(InputError, match="shadow-map does not go with room-with-lamp: a point light"):
+    with pytest.raises(InputError, match="shadow-map does not support room-with-lamp: a point light"):
         render(lamp, SMALL, bench.worker, name="shadow-map")

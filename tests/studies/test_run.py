@@ -1,4 +1,4 @@
-"""A study run end to end in this process: its rows, its files, and what is not measured twice."""
+"""A study run in this process: its rows, its files, and that nothing is measured twice."""
 
 import csv
 import json
@@ -42,7 +42,7 @@ spec = "shadow-map"
 
 
 class Run:
-    """One run of a study, its table written."""
+    """Result of one run of a study, with its table."""
 
     def __init__(self, bench: Any, folder: Path, text: str = STUDY) -> None:
         self.folder = folder
@@ -80,7 +80,7 @@ def test_the_table_has_the_promised_columns_in_their_order(run: Run) -> None:
     assert "work_draws" in work
 
 
-def test_the_table_has_a_line_for_every_cell(run: Run) -> None:
+def test_the_table_has_a_row_for_every_cell(run: Run) -> None:
     named = [(c["scene"], c["spec"], c["map_size"], c["phase"], c["status"].split(":")[0]) for c in run.cells]
     one_scene = [
         ("unshadowed", "", "0"),
@@ -283,7 +283,7 @@ def test_cells_that_exceed_the_memory_are_timed_in_several_groups(
     assert all(float(cell["ratio"]) > 0 for cell in run.cells)
 
 
-def test_a_cell_is_not_blamed_for_the_memory_of_those_that_wait_to_be_timed(
+def test_a_cell_is_not_failed_for_the_memory_of_cells_that_wait_to_be_timed(
     bench: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     call, kept = bench.worker.call, []
@@ -323,7 +323,7 @@ def test_without_any_shadow_there_is_no_iou(bench: Any, tmp_path: Path, name: st
 
 
 def extreme(bench: Any, tmp_path: Path, scene: str, text: str = SMALL) -> dict[str, dict[str, str]]:
-    """Cells by technique of a study on a scene of this text."""
+    """Cells of a study on this scene file, by technique."""
     (tmp_path / "files").mkdir()
     (tmp_path / "files" / "extreme.toml").write_text(scene)
     run = Run(bench, tmp_path / "out", text.replace("cube-on-plane", "extreme.toml"))
@@ -409,7 +409,7 @@ def test_the_same_scene_under_another_name_has_rows_of_its_own(bench: Any, tmp_p
     assert [cell["scene"] for cell in run.cells] == ["cube-on-plane"] * 2 + ["twin"] * 2
 
 
-def test_the_truth_s_side_of_scoring_is_found_once_a_view(
+def test_a_truth_is_prepared_for_scoring_once_per_view(
     bench: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made: list[Any] = []
@@ -423,7 +423,7 @@ def test_the_truth_s_side_of_scoring_is_found_once_a_view(
     assert len(made) == 2  # scenes, of five cells each
 
 
-def test_what_cannot_be_written_ends_the_run(bench: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failing_write_ends_the_run(bench: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(file: Path, visibility: Any) -> None:
         raise InputError(f"{file}: no space left")
 

@@ -1,4 +1,4 @@
-"""One folder for several commands: `table.csv` has the newest row of every cell, `run.json` the last command's keys."""
+"""A folder of several commands: the newest row of every cell, and the keys of the last command."""
 
 import csv
 import json
@@ -66,7 +66,7 @@ def test_a_second_command_leaves_the_cells_of_the_first_in_table_and_report(
     assert shadowbench("check", out, "--baseline", baseline).code == 0
 
 
-def test_a_scene_changed_and_changed_back_stays_what_it_is_under_later_commands(
+def test_later_commands_keep_the_rows_of_a_scene_that_was_changed_back(
     shadowbench: Shadowbench, tmp_path: Path
 ) -> None:
     scene, out = tmp_path / "moving.toml", tmp_path / "out"
@@ -94,7 +94,7 @@ def test_a_sweep_of_another_spec_leaves_the_first_in_table_and_report(
 ) -> None:
     out = tmp_path / "out"
     for spec in specs:
-        words = ["--quick", "--axis", "elevation", "-t", spec, "--plugin", half, "-o", out, "-q"]
+        words = ["--quick", "--axis", "lamp-distance", "-t", spec, "--plugin", half, "-o", out, "-q"]
         assert shadowbench("stress", *words).code == 0
     lines = table(out)
     assert {row["spec"] for row in lines} == set(specs)
@@ -110,7 +110,7 @@ def test_a_run_into_a_folder_of_a_sweep_is_refused_before_anything_is_measured(
     shadowbench: Shadowbench, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
-    assert shadowbench("stress", "--quick", "--axis", "elevation", "-t", "unshadowed", "-o", out, "-q").code == 0
+    assert shadowbench("stress", "--quick", "--axis", "lamp-distance", "-t", "unshadowed", "-o", out, "-q").code == 0
     before = {file: file.read_bytes() for file in out.iterdir() if file.is_file()}
     answer = shadowbench("run", "cube-on-plane", "-t", "unshadowed", *SMALL, "-o", out)
     assert answer.code == 2 and "found cells of `stress`; allowed: a folder of `run`, or a new one" in answer.err

@@ -1,4 +1,4 @@
-"""Study files: what is crossed with what, and one line for what may not stand there."""
+"""Study files: crossed parameters, and one-line errors for invalid fields."""
 
 import json
 import math
@@ -67,7 +67,7 @@ def named(blocks: list[Block]) -> list[tuple[str, str]]:
     return [(block.view.camera.name, block.view.light.name) for block in blocks]
 
 
-def test_what_a_study_leaves_out_has_the_promised_defaults(read: ReadStudy) -> None:
+def test_fields_missing_in_a_study_have_the_promised_defaults(read: ReadStudy) -> None:
     study = read(SCENE)
     assert [spec.technique.name for spec in study.specs] == list(KNOWN)
     assert study.map_size is None
@@ -81,7 +81,7 @@ def test_what_a_study_leaves_out_has_the_promised_defaults(read: ReadStudy) -> N
 
 
 @pytest.mark.parametrize("name", study_names())
-def test_the_studies_that_travel_along_are_whole(name: str) -> None:
+def test_built_in_studies_are_valid(name: str) -> None:
     study = read_study(find_study(name), KNOWN)
     assert study.about
     assert study.cells()
@@ -89,7 +89,7 @@ def test_the_studies_that_travel_along_are_whole(name: str) -> None:
     assert all(block.cells for block in study.blocks())
 
 
-def test_there_are_studies() -> None:
+def test_there_are_built_in_studies() -> None:
     assert {"default", "demo"} <= set(study_names())
     assert find_study("demo") == data_folder("benchmarks") / "demo.toml"
 
@@ -111,7 +111,7 @@ def test_a_single_value_needs_no_list(read: ReadStudy) -> None:
     assert specs(read(SCENE + '[[technique]]\nspec = "shadow-map"\nsize = 64\n')) == ["shadow-map:size=64"]
 
 
-def test_what_comes_twice_runs_once(read: ReadStudy) -> None:
+def test_duplicate_specs_are_measured_once(read: ReadStudy) -> None:
     study = read(
         'scenes = ["cube-on-plane", "cube-on-plane"]\nviews = ["file", "camera"]\nlights = ["file", "light"]\n'
         'map_size = [64, 64]\n[[technique]]\nspec = "shadow-map"\n[[technique]]\nspec = "shadow-map"\nsize = [64, 32]\n'
@@ -178,7 +178,7 @@ def test_phases_may_be_given_for_one_technique(read: ReadStudy) -> None:
     assert phases(SCENE + "phases = 2\n" + own) == {"shadow-map": [0, 1, 2], "cascades": [0, 1]}
 
 
-def test_the_studies_that_speak_of_map_sizes_move_the_grid() -> None:
+def test_studies_about_map_sizes_have_several_phases() -> None:
     demo, default = (read_study(find_study(name), KNOWN) for name in ("demo", "default"))
     assert {cell.phase for cell in default.cells() if cell.spec.technique.phased} == set(range(8))
     usual = {(cell.spec.map_size, cell.phase) for cell in demo.cells() if cell.spec.sizeless_text == HOME}
@@ -187,12 +187,21 @@ def test_the_studies_that_speak_of_map_sizes_move_the_grid() -> None:
     assert {c.spec.map_size for c in demo.cells() if c.spec.sizeless_text == webgl} == {512, 4096}
 
 
+def test_the_demo_has_every_technique_and_preset_under_a_sun_and_a_lamp() -> None:
+    demo = read_study(find_study("demo"), KNOWN)
+    assert {spec.technique for spec in demo.specs} == set(KNOWN.values())
+    presets = {f"{name}:preset={preset}" for name, technique in KNOWN.items() for preset in technique.presets}
+    assert {parse_spec(text, KNOWN).sizeless_text for text in presets} <= {spec.sizeless_text for spec in demo.specs}
+    kinds = [block.view.light.kind for block in demo.blocks()]
+    assert len(kinds) == 3 and {"directional", "point"} == set(kinds)
+
+
 def test_a_sweep_multiplies_the_computed_bias(read: ReadStudy) -> None:
     study = read(SCENE + '[[technique]]\nspec = "shadow-map:bias=texel(scale=2)"\nbias_sweep = [0.25, 1, 4]\n')
     assert [spec.params.bias.scale for spec in study.specs] == [0.5, 2, 8]  # type: ignore[attr-defined]
 
 
-def test_a_combination_that_means_nothing_is_dropped_and_said(read: ReadStudy) -> None:
+def test_an_invalid_combination_is_dropped_with_a_note(read: ReadStudy) -> None:
     study = read(
         SCENE + '[[technique]]\nspec = "shadow-map"\nbias = ["texel", "none"]\nbias_sweep = [0.5, 2]\n',
     )
@@ -227,7 +236,7 @@ def test_cameras_and_lights_are_written_as_tables(read: ReadStudy, pair: str) ->
     assert blocks[0].view.light.radius == 0.5
 
 
-def test_scenes_are_names_or_lie_beside_the_study(read: ReadStudy, tmp_path: Path, pair: str) -> None:
+def test_scenes_are_built_in_names_or_files_beside_the_study(read: ReadStudy, tmp_path: Path, pair: str) -> None:
     (tmp_path / "below").mkdir()
     (tmp_path / "below" / "other.toml").write_text(TWO_OF_EACH.replace("pair", "other"))
     study = read('scenes = ["pair.toml", "below/other.toml", "cube-on-plane"]\n')
@@ -312,7 +321,7 @@ def test_an_unknown_camera_or_light_lists_the_known(read: ReadStudy, pair: str, 
         list(study.blocks())
 
 
-def test_a_misspelt_built_in_scene_is_told_its_name(read: ReadStudy) -> None:
+def test_a_misspelt_built_in_scene_has_a_suggestion(read: ReadStudy) -> None:
     with pytest.raises(InputError, match="did you mean 'cube-on-plane'"):
         list(read('scenes = ["cube-on-plain"]\n').blocks())
 
@@ -365,8 +374,8 @@ def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_demo_s_default_errs_less_with_each_larger_map(shadowbench: Callable[..., Any], tmp_path: Path) -> None:
-    command = ("run", "-s", "demo", "-t", "shadow-map", "--phases", "8", "--rounds", "0", "--json", "-o", tmp_path)
+def test_the_default_errs_less_with_each_larger_map(shadowbench: Callable[..., Any], tmp_path: Path) -> None:
+    command = ("run", "-s", "default", "-t", "shadow-map", "--phases", "8", "--rounds", "0", "--json", "-o", tmp_path)
     tables = json.loads(shadowbench(*command).out)
     assert len(tables) == 3
     for rows in tables.values():

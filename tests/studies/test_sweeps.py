@@ -1,4 +1,4 @@
-"""Bias sweeps of study files: what is multiplied, and the curve of acne and contact that is printed of it."""
+"""Bias sweeps: the multiplied biases, and the printed curve of acne and contact."""
 
 import csv
 from collections.abc import Callable
@@ -63,7 +63,7 @@ def test_true_means_a_quarter_to_four_times_with_the_spec_itself_among_them(tmp_
     assert ([spec.text for spec in without.specs], without.sweeps) == (["shadow-map"], ())
 
 
-def test_a_factor_beyond_the_bias_limits_is_dropped_and_said(tmp_path: Path) -> None:
+def test_a_factor_beyond_the_limits_of_the_bias_is_dropped_with_a_note(tmp_path: Path) -> None:
     made = study(tmp_path, "spec = 'shadow-map:bias=constant(units=0.5)'\nbias_sweep = [4, 1]")
     assert [spec.text for spec in made.specs] == ["shadow-map:bias=constant(units=0.5)"]
     assert [factor for sweep in made.sweeps for factor, _ in sweep.variants] == [1]

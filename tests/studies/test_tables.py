@@ -1,4 +1,4 @@
-"""Tables: medians with their intervals, and slopes, of known numbers."""
+"""Tables: medians with confidence intervals, and slopes, of known values."""
 
 from dataclasses import replace
 from typing import Any
@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.measure.rows import Result
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.tables import (
@@ -29,7 +30,7 @@ def result(
     phase: int = 0,
     **of: Any,
 ) -> Result:
-    """A cell's rows; further words are the time's."""
+    """A cell's rows; keywords: fields of the time record."""
     score = {
         "scene": "cube", "view": view, "light": light, "phase": phase, "technique": "t", "spec": spec, "map_size": size,
         "view_size": 8, "renderer": "r", "status": "ok", "key": "k", "metrics": dict.fromkeys(METRICS) | {"iou": iou},
@@ -54,13 +55,13 @@ def test_a_summary_is_the_median_over_views() -> None:
     assert row.values["ssim"] is None
 
 
-def test_what_techniques_say_of_themselves_are_columns_of_their_own() -> None:
+def test_facts_of_techniques_have_columns() -> None:
     told, silent = result(spec="volume"), result(spec="map")
     told.score["facts"] = {"open_parts": 2.0}
     assert cells_frame([told, silent])["fact_open_parts"].tolist() == pytest.approx([2.0, np.nan], nan_ok=True)
 
 
-def test_cells_that_did_not_hold_are_left_out_of_it() -> None:
+def test_unsuccessful_cells_are_left_out() -> None:
     cells = [result(0.1, "a"), result(0.9, "b", untimed="crashed"), result(0.2, "c")]
     (row,) = summary(cells_frame(cells))["cube"]
     assert row.values["iou"] is not None
@@ -77,9 +78,11 @@ def test_the_interval_is_the_middle_95_percent_of_the_median() -> None:
     assert found.high == pytest.approx(200 + 1.96 * 10, abs=2)
 
 
-def test_of_the_resampled_medians_a_fortieth_lies_beyond_either_end(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interval_excludes_a_fortieth_of_the_resampled_medians_on_either_side(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     class Ramp:
-        """In place of chance: resamples whose medians are 0, 1, 2, …"""
+        """A random generator whose resamples have medians 0, 1, 2, …"""
 
         def choice(self, values: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
             assert shape[1] == len(values)
@@ -91,7 +94,7 @@ def test_of_the_resampled_medians_a_fortieth_lies_beyond_either_end(monkeypatch:
     assert (found.low, found.high) == pytest.approx((1999 / 40, 1999 * 39 / 40)), "of 2,000"
 
 
-def test_a_single_value_has_no_interval_and_none_has_nothing() -> None:
+def test_a_single_value_has_no_interval_and_no_value_gives_none() -> None:
     assert interval([3.0]) == Interval(3.0)
     assert interval([]) is interval([float("nan")]) is None
 
@@ -101,7 +104,7 @@ def test_an_error_is_the_complement_with_its_ends_exchanged() -> None:
 
 
 @pytest.mark.parametrize("apart", [{"view": "b"}, {"phase": 1}])
-def test_a_slope_is_fitted_for_each_view_and_phase_alone(apart: dict[str, Any]) -> None:
+def test_a_slope_is_fitted_separately_for_each_view_and_phase(apart: dict[str, Any]) -> None:
     # Errors of c / size in one and c / size² in the other: slopes −1 and −2.
     cells = [
         result(1 - scale * (64 / size) ** power, size=size, **of)
@@ -123,7 +126,7 @@ def test_one_size_has_no_slope() -> None:
     assert slopes(cells_frame([result(0.5), result(0.5, size=None), result(0.9, "b")])) == []
 
 
-def test_a_summary_holds_times_but_not_how_they_were_taken() -> None:
+def test_a_summary_has_times_without_their_measurement_details() -> None:
     times = timed(2.0) | {"frame_iqr_ms": 0.1, "added_ms": 0.5, "n": 9, "clock": "gpu"}
     (row,) = summary(cells_frame([result(**times)]))["cube"]
     assert {"frame_ms", "frame_iqr_ms", "added_ms", "ratio"} <= row.values.keys()
@@ -140,7 +143,7 @@ def test_times_that_were_added_are_columns_after_all_others() -> None:
 
 
 def test_lights_of_one_scene_are_tables_of_their_own() -> None:
-    """What answers the sun alone must not stand beside medians over lamps too."""
+    """Techniques that support only a sun must not be compared with medians that include lamps."""
     cells = [result(0.9), result(0.5, light="lamp"), result(0.8, spec="cascades")]
     tables = summary(cells_frame(cells))
     assert {title: [row.spec for row in rows] for title, rows in tables.items()} == {
@@ -169,11 +172,11 @@ def test_soft_shadows_are_ranked_by_rmse_and_hard_ones_by_iou() -> None:
     assert [row.spec for row in means] == ["wide", "sharp"]
 
 
-def test_a_spec_that_held_nowhere_takes_no_part_in_the_mean_over_scenes() -> None:
+def test_a_spec_without_a_successful_cell_is_left_out_of_the_mean_over_scenes() -> None:
     tables = {
         scene: [
-            SummaryRow("a", 512, 1, (), dict.fromkeys(METRICS, Interval(iou)), 1),
-            SummaryRow("cube-map", 512, 0, ("unsupported: no",), dict.fromkeys(METRICS), 0),
+            SummaryRow("a", 512, 1, (), dict.fromkeys(ROW_METRICS, Interval(iou)), 1),
+            SummaryRow("cube-map", 512, 0, ("unsupported: no",), dict.fromkeys(ROW_METRICS), 0),
         ]
         for scene, iou in (("one", 0.2), ("two", 0.4))
     }
@@ -196,7 +199,7 @@ def test_a_map_that_was_scored_at_one_offset_is_marked() -> None:
 
 
 def test_the_mean_over_scenes_has_the_fewest_phases_of_them() -> None:
-    row = SummaryRow("a", 512, 2, (), dict.fromkeys(METRICS, Interval(0.2)), 2)
+    row = SummaryRow("a", 512, 2, (), dict.fromkeys(ROW_METRICS, Interval(0.2)), 2)
     _, (mean,) = mean_over_scenes({"one": [row], "two": [replace(row, cells=1, phases=1)]})
     assert (mean.cells, mean.phases) == (3, 1)
 
@@ -204,5 +207,5 @@ def test_the_mean_over_scenes_has_the_fewest_phases_of_them() -> None:
 @pytest.mark.parametrize(("iqr", "rough"), [(None, False), (0.99, False), (1.0, False), (1.01, True)])
 def test_a_time_whose_middle_half_spans_more_than_a_third_of_it_is_rough(iqr: float | None, rough: bool) -> None:
     values = {"frame_ms": Interval(3.0), "frame_iqr_ms": None if iqr is None else Interval(iqr)}
-    assert SummaryRow("a", 512, 1, (), values, 1).wide is rough
-    assert not SummaryRow("a", 512, 1, (), {"frame_iqr_ms": Interval(9.0)}, 1).wide
+    assert SummaryRow("a", 512, 1, (), values, 1).rough is rough
+    assert not SummaryRow("a", 512, 1, (), {"frame_iqr_ms": Interval(9.0)}, 1).rough

@@ -1,4 +1,4 @@
-"""Times of different blocks, side by side by one time of their reference."""
+"""Normalisation of times from different blocks to one reference time."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from shadowbench.measure.rows import Result
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.tables import cells_frame, reference_times, summary
-from shadowbench.studies.times import DRIFT, WIDE, ReferenceTime, normalise_times, pareto_front, time_notes
+from shadowbench.studies.times import DRIFT, ROUGH, ReferenceTime, normalise_times, pareto_front, time_notes
 
 
 def timed(
@@ -54,14 +54,14 @@ def test_cells_of_different_blocks_are_ordered_by_their_ratios() -> None:
     assert rows == pytest.approx(times.to_dict())
 
 
-def test_the_reference_has_the_spread_of_its_own_rounds() -> None:
+def test_the_interquartile_range_of_the_reference_is_that_of_its_own_rounds() -> None:
     """Its ratio to itself has none, and 0 would read as perfect timing."""
     cells = [timed("reference", 10.0, iqr=0.0, frame_iqr_ms=3.0), timed("a", 16.0, 20.0, iqr=0.1)]
     spread = shown(*cells)["frame_iqr_ms"]
     assert spread.to_dict() == pytest.approx({"reference": 3.0 * 15 / 10, "a": 0.1 * 15})
 
 
-def test_each_block_has_a_say_in_the_reference_s_time_however_many_cells_it_has() -> None:
+def test_the_reference_time_weights_all_blocks_equally() -> None:
     cells = [*(timed(str(number), 10.0, 10.0) for number in range(5)), timed("a", 1.0, 20.0), timed("b", 1.0, 30.0)]
     reference = normalise_times(cells_frame(cells))[1]
     assert reference is not None
@@ -78,7 +78,7 @@ def test_spread_passes_and_totals_are_by_the_same_time() -> None:
     assert row["prepare_ms"] == 7, "which is ranked nowhere"
 
 
-def test_a_time_against_another_reference_or_none_stands_beside_no_other() -> None:
+def test_a_time_with_another_reference_or_none_is_not_compared() -> None:
     other = timed("other", 5.0, reference="unshadowed")
     none = timed("none", 5.0, ratio=None, ratio_iqr=None)
     frame, reference = normalise_times(cells_frame([*MIXED, other, none]))
@@ -113,7 +113,7 @@ def test_a_table_says_where_the_reference_took_longer_by_more_than_a_quarter(lon
     assert any("load of the machine varied" in note for note in time_notes(reference)) is drifted
 
 
-def test_a_reference_that_costs_more_in_another_view_or_light_says_nothing_of_the_machine() -> None:
+def test_a_reference_that_costs_more_in_another_view_is_no_drift_of_the_machine() -> None:
     cells = [timed("a", 1.0), timed("a", 1.0, 30.0, view="b"), timed("a", 1.0, 20.0, light="lamp")]
     reference = normalise_times(cells_frame(cells))[1]
     assert reference is not None and not reference.drifted and reference.blocks == 3
@@ -122,10 +122,10 @@ def test_a_reference_that_costs_more_in_another_view_or_light_says_nothing_of_th
     assert (reference.shortest_ms, reference.longest_ms) == (30, 40), "of the view whose blocks differ"
 
 
-@pytest.mark.parametrize(("spread", "wide"), [(0.99 * WIDE, False), (1.01 * WIDE, True)])
+@pytest.mark.parametrize(("spread", "wide"), [(0.99 * ROUGH, False), (1.01 * ROUGH, True)])
 def test_a_time_whose_own_rounds_spread_is_marked(spread: float, wide: bool) -> None:
     (row,) = summary(cells_frame([timed("a", 30.0, iqr=3 * spread)]))["cube"]
-    assert row.wide is wide
+    assert row.rough is wide
 
 
 def test_notes_name_the_reference_and_the_mark() -> None:
@@ -151,7 +151,7 @@ SMALL = st.integers(0, 5).map(float)  # few values, so that ties are met
 
 
 @given(st.lists(st.tuples(SMALL, SMALL), max_size=25))
-def test_the_front_is_what_no_other_point_beats(points: list[tuple[float, float]]) -> None:
+def test_the_front_has_the_points_that_no_other_dominates(points: list[tuple[float, float]]) -> None:
     def beaten(one: tuple[float, float]) -> bool:
         return any(other[0] <= one[0] and other[1] <= one[1] and other != one for other in points)
 

@@ -1,4 +1,4 @@
-"""Scenes of which every need is known: plates and boxes over a ground, seen from above or from a side."""
+"""Scenes with known needs: plates and boxes over a ground, seen from above or from a side."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -50,14 +50,14 @@ def looking(
 
 
 def from_above(meshes: Sequence[Mesh], light: Light = DOWN, size: int = 64, width: float = 2.0) -> View:
-    """A picture so many metres wide at y = 0, from five times as high."""
+    """A view from above, this many metres wide at y = 0, from five times that height."""
     height = 5 * width
     return looking(meshes, light, size, (0.0, height, 0.0), fov=math.degrees(2 * math.atan(0.1)))
 
 
 @pytest.fixture(scope="session")
 def tilted() -> Callable[[float], Light]:
-    """A sun so many degrees above the horizon."""
+    """A sun at an elevation in degrees."""
 
     def make(elevation: float) -> Light:
         angle = math.radians(elevation)

@@ -1,4 +1,4 @@
-"""Outlines and closedness, against trimesh and against what volumes are made of."""
+"""Silhouette edges and closed parts, compared with trimesh and with shadow volumes."""
 
 import numpy as np
 import pytest
@@ -43,7 +43,7 @@ def test_a_box_turned_inside_out_is_not_closed() -> None:
     assert casters_of(looking([turned], SUN)).silhouette == 6
 
 
-def test_words_say_which_casters_are_open_and_which_are_wound_inwards() -> None:
+def test_the_explanation_counts_open_and_inward_wound_casters() -> None:
     mesh = box(1.0, (0.0, 0.5, 0.0))
     turned = Mesh("turned", mesh.vertices + np.array([2.0, 0.0, 0.0]), mesh.faces[:, ::-1].copy())
 
@@ -71,7 +71,7 @@ def test_a_ball_has_the_outlines_that_lie_between_triangles_turned_to_the_light_
 
 
 @pytest.mark.parametrize("name", builtin_names())
-def test_what_volumes_hold_closed_is_closed(name: str) -> None:
+def test_meshes_that_volumes_treat_as_closed_are_closed(name: str) -> None:
     view, _ = chosen_view(name, 64).placed()
     found = casters_of(view)
     theirs = topology.casters_of(view.scene)

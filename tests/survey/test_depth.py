@@ -1,4 +1,4 @@
-"""Gaps, formats and biases that can be worked out by hand."""
+"""Depth gaps, formats and biases for which closed forms exist."""
 
 import math
 from collections.abc import Callable
@@ -32,7 +32,9 @@ def test_the_gap_under_a_plate_is_its_height_along_the_ray(scale: float, tilted:
 
 
 @pytest.mark.parametrize(("steps_of_16", "bits"), [(8.0, 16), (2.0, 24), (2.0 / 256, None)])
-def test_the_format_follows_from_the_gap_in_steps(steps_of_16: float, bits: int | None, tilted: Tilted) -> None:
+def test_the_depth_format_follows_from_the_gap_in_depth_steps(
+    steps_of_16: float, bits: int | None, tilted: Tilted
+) -> None:
     """The ground seen is 2 m wide under a sun at 45°: depths range over √2 m, and a little more for the fit."""
     fitted = fitted_map(sample_view(from_above([plate(50.0), plate(0.5, (-0.5, 0.3, 0.0))], tilted(45.0), size=128)))
     depths = depths_of(fitted)

@@ -1,4 +1,4 @@
-"""Pixels and texels against each other: by differences between neighbours, and by throwing edges at a grid."""
+"""Footprints of texels in pixels, compared with finite differences and with random edges on a grid."""
 
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ def test_the_longest_reach_is_the_reciprocal_of_the_least_singular_value() -> No
     np.testing.assert_allclose(longest(*np.moveaxis(matrices, 1, 0)), 1 / least, rtol=1e-9)
 
 
-def test_edges_are_off_by_what_throwing_them_at_a_grid_gives() -> None:
+def test_predicted_edge_displacement_matches_random_edges_on_a_grid() -> None:
     """Points beside a straight edge that a 2×2 linear comparison of texel centres puts on its other side."""
     chance = np.random.default_rng(0)
     for angle, off in zip(ANGLES, DISPLACEMENTS, strict=True):

@@ -1,4 +1,4 @@
-"""Penumbras that are known: similar triangles, in pixels of a picture of known width."""
+"""Penumbra widths, compared with similar triangles."""
 
 import math
 from dataclasses import replace
@@ -46,7 +46,7 @@ def test_a_thin_plate_close_to_the_ground_needs_no_soft_shadow() -> None:
 
 
 @pytest.mark.parametrize("scale", [1.0, 100.0])
-def test_a_lamp_makes_it_by_similar_triangles(scale: float) -> None:
+def test_the_penumbra_of_a_lamp_follows_from_similar_triangles(scale: float) -> None:
     lamp = Light("lamp", "point", position=(-1.0 * scale, 3.0 * scale, 0.0), radius=0.02 * scale)
     meshes = [plate(50.0 * scale), plate(0.1 * scale, (-0.5 * scale, 1.5 * scale, 0.0))]
     samples = sample_view(from_above(meshes, lamp, size=256, width=2.0 * scale))

@@ -1,6 +1,7 @@
-"""All needs of a scene at once, and the command that prints them."""
+"""`needs`: all needs of a scene, and the command that prints them."""
 
 import json
+import math
 import subprocess
 import sys
 from collections import Counter
@@ -59,6 +60,25 @@ def test_samples_are_the_receivers_and_shadows_of_the_truth(light: Light) -> Non
     np.testing.assert_allclose(metres, truth.blocker.ravel()[samples.pixel[blocked]], rtol=1e-4, atol=1e-5)
 
 
+@pytest.mark.parametrize("kind", ["directional", "spot", "point"])
+def test_the_shadow_of_a_wall_no_higher_than_the_offset_is_seen(kind: Any) -> None:
+    """In light as low as 1:2000, in which a ray that starts above the surface passes over the wall."""
+    slope, height = 0.0005, 5e-6
+    corners = [[0.0, 0.0, -2.0], [0.0, 0.0, 2.0], [0.0, height, 2.0], [0.0, height, -2.0]]
+    wall = Mesh("wall", np.array(corners), np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32))
+    light = Light(kind, kind, (1.0, -slope, 0.0), (-2.0, 2.0 * slope, 0.0), math.radians(60.0))
+    reach = height / slope
+    view = looking([plate(8.0), wall], light, 64, (reach, 1.0, 1e-4), (reach, 0.0, 0.0), math.degrees(3.5 * reach))
+    truth, samples = trace(view, 1), sample_view(view)
+    decided = ~truth.undecided.ravel()[samples.pixel]
+    shadow = truth.visibility.ravel()[samples.pixel] < 0.5
+    assert decided.mean() > 0.9 and 0.2 < shadow.mean() < 0.8
+    np.testing.assert_array_equal(samples.shadowed[decided], shadow[decided])
+    metres = samples.blocker[shadow & decided] / samples.placement.scale
+    np.testing.assert_allclose(metres, truth.blocker.ravel()[samples.pixel[shadow & decided]], rtol=1e-4)
+    assert "map size, edges" in {row.need for row in explanations_of(needs(view))}
+
+
 @pytest.mark.parametrize("length", [1e-170, 1e17])
 def test_the_length_of_a_spot_s_direction_changes_nothing(length: float) -> None:
     meshes = [plate(8.0), box(0.8, (0.0, 0.4, 0.0))]
@@ -72,7 +92,7 @@ def seen_by(samples: Samples) -> Receivers:
     return receivers_of(samples, planes_of(samples.view.scene))
 
 
-def test_planes_hold_all_of_a_box_on_a_ground_and_none_of_a_ball() -> None:
+def test_planes_cover_a_box_on_a_ground_and_nothing_of_a_sphere() -> None:
     flat = seen_by(sample_view(looking([plate(8.0), box(0.8, (0.0, 0.4, 0.0))], SUN)))
     assert flat.planar.value == 1.0 and flat.projection_suffices
     made = trimesh.creation.icosphere(4)
@@ -80,8 +100,8 @@ def test_planes_hold_all_of_a_box_on_a_ground_and_none_of_a_ball() -> None:
     assert seen_by(sample_view(looking([ball], SUN))).planar.value < 0.2
 
 
-def test_planes_too_small_for_the_whole_hold_nothing_though_they_are_all_that_is_seen() -> None:
-    """A table that fills the picture is no plane for the technique beside 400 m of ground: it draws no shadow there."""
+def test_planes_too_small_for_the_scene_count_for_nothing_even_if_nothing_else_is_visible() -> None:
+    """A table that fills the picture is too small beside 400 m of ground to be a plane for `planar-projection`."""
     table, above = box(1.0, (0.0, -0.5, 0.0)), box(0.1, (0.0, 0.3, 0.0), "above")
     seen = from_above([plate(400.0, (0.0, -1.0, 0.0)), table, above], SUN, width=0.8)
     found = seen_by(sample_view(seen))
@@ -95,7 +115,7 @@ def test_planes_too_small_for_the_whole_hold_nothing_though_they_are_all_that_is
     assert alone.planar.value == 1.0 and alone.planes == 2
 
 
-def test_planes_beyond_the_largest_that_are_taken_hold_nothing() -> None:
+def test_planes_beyond_the_maximum_count_are_ignored() -> None:
     most = PlanarProjection.Params().count
     far = [plate(3.0, (0.0, -1.0 - k, 0.0), f"plate {k}") for k in range(most)]
     for below, planar in ((far[1:], 1.0), (far, 0.0)):
@@ -104,7 +124,7 @@ def test_planes_beyond_the_largest_that_are_taken_hold_nothing() -> None:
 
 
 @pytest.mark.parametrize("name", builtin_names())
-def test_what_lies_on_planes_lies_on_those_that_projection_draws(name: str, device: Device, studio: Any) -> None:
+def test_receivers_on_planes_are_covered_by_planar_projection(name: str, device: Device, studio: Any) -> None:
     view = chosen_view(name, 64)
     shot = studio.shot(view)
     folder = shader_folder(PlanarProjection)
@@ -121,7 +141,7 @@ def test_what_lies_on_planes_lies_on_those_that_projection_draws(name: str, devi
     assert found.planes == len(np.unique(seen[seen >= 0]))
 
 
-def test_one_plane_holds_and_two_hold() -> None:
+def test_one_and_two_planes_are_found() -> None:
     def reason(*meshes: Mesh) -> str:
         return {row.need: row.reason for row in explanations_of(needs(from_above(meshes, SUN)))}["receivers"]
 
@@ -143,7 +163,7 @@ def test_without_casters_there_is_nothing_to_need() -> None:
 
 
 def test_without_receivers_there_is_nothing_to_need() -> None:
-    with pytest.raises(InputError, match="no pixel shows a receiver that 'sun' shines on"):
+    with pytest.raises(InputError, match="no pixel shows a receiver that 'sun' lights"):
         needs(looking([plate(8.0, receives=False)], SUN))
     with pytest.raises(InputError, match="no pixel shows a receiver"):
         needs(from_above([plate(8.0)], Light("sun", "directional", (0.0, 1.0, 0.0))))
@@ -171,7 +191,7 @@ def test_the_command_prints_a_table_and_json(shadowbench: Callable[..., Any]) ->
     assert {row["need"] for row in found["told"]} >= FOUND
 
 
-def test_the_command_says_how_much_it_looked_at(shadowbench: Callable[..., Any]) -> None:
+def test_needs_prints_the_number_of_sampled_pixels(shadowbench: Callable[..., Any]) -> None:
     answer = shadowbench("needs", "cube-on-plane", "--view-size", "1024")
     assert answer.code == 0 and "25.0% of the pixels" in answer.err and "±" in answer.out
 

@@ -1,4 +1,4 @@
-"""Map sizes that follow from the picture alone."""
+"""Needed map sizes that follow from the image size alone."""
 
 from collections.abc import Callable
 
@@ -48,7 +48,7 @@ def test_twice_the_pixels_need_twice_the_texels() -> None:
     assert many.edge_size.value / few.edge_size.value == pytest.approx(2.0, rel=0.15)
 
 
-def test_an_edge_over_a_plane_from_above_needs_what_its_mean_displacement_says() -> None:
+def test_the_needed_size_for_an_edge_on_a_plane_follows_from_its_mean_displacement() -> None:
     sun = Light("sun", "directional", (0.5, -1.0, 0.0))
     _, texels = of(from_above([plate(50.0), plate(0.4, (-0.25, 0.5, 0.0))], sun, size=128))
     # Texels as long as pixels, an edge of any direction: its displacement along a row or column, averaged, is the
@@ -61,16 +61,16 @@ def test_an_edge_over_a_plane_from_above_needs_what_its_mean_displacement_says()
 
 
 @given(arrays(float, st.integers(1, 50), elements=st.floats(0.01, 1e4)))
-def test_that_many_texels_leave_so_many_edge_pixels_wrong(moved: np.ndarray) -> None:
+def test_the_predicted_map_size_leaves_the_stated_share_of_edge_pixels_wrong(moved: np.ndarray) -> None:
     texels = texels_for(moved)
     assert np.minimum(moved / texels, 1.0).mean() == pytest.approx(WRONG, rel=1e-9)
 
 
-def test_no_shadow_has_no_edge_to_be_right_at() -> None:
+def test_without_a_shadow_there_is_no_edge_distance() -> None:
     assert of(from_above([plate(50.0)]))[1].edge_size is None
 
 
-def test_the_error_of_a_sample_holds_what_all_pixels_say(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_standard_error_of_a_sample_covers_the_value_of_all_pixels(monkeypatch: pytest.MonkeyPatch) -> None:
     view = looking([plate(50.0), box(1.0, (0.0, 0.5, 0.0)), box(0.5, (1.0, 0.25, 0.5))],
                    Light("sun", "directional", (0.5, -1.0, -0.3)), size=512)  # fmt: skip
     whole = of(view)[1]

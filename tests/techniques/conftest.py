@@ -1,4 +1,4 @@
-"""Techniques built and drawn by hand, and small scenes whose shadows are known."""
+"""Techniques built and drawn without a worker, and small scenes with known shadows."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -20,7 +20,7 @@ from shadowbench.techniques.spec import parse_spec
 
 @dataclass(eq=False)
 class Built:
-    """A technique on its stage, from build to release."""
+    """A technique built on a stage."""
 
     technique: Technique
     stage: Stage

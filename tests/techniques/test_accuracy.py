@@ -1,5 +1,6 @@
-"""How right techniques are against the ray-traced truth. Bounds stand a little below what was measured; on a software
-renderer, which repeats bit for bit, a smaller value means that something got worse.
+"""Accuracy of techniques against the ray-traced truth.
+
+Bounds are slightly below measured values; a software renderer repeats bit for bit, so a lower value is a regression.
 """
 
 import numpy as np

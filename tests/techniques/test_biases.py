@@ -1,4 +1,4 @@
-"""Biases: what keeps a plane from shadowing itself, by closed forms; and what too little or too much of one costs.
+"""Biases on a plane, compared with closed forms, and the effects of too little or too much bias.
 
 On a lone inclined plane everything is lit, so every pixel in shadow is acne. Parameters are given in full: a tuned
 default must not change what a formula promises. A receiver's float32 position is off by half a step of a depth near 1,
@@ -108,7 +108,7 @@ def test_the_published_polygon_offset_is_too_little_for_nine(incline, mask) -> N
     assert (visibility < 1).mean() > 0.2
 
 
-def test_front_faces_left_out_cast_by_their_backs(shape, looking, sun, mask) -> None:
+def test_with_front_faces_culled_back_faces_cast(shape, looking, sun, mask) -> None:
     """No surface shadows itself; an open plane that shows the light its face casts nothing at all."""
     sheet = shape("plane", 1.0, (0.0, 1.0, 0.0))
     box = shape("box", 1.0, (0.0, 0.5, 0.0))
@@ -138,7 +138,7 @@ def test_a_bias_and_none_is_that_bias(builtin, mask, bias: str, filter_: str) ->
         ("normal-offset(2,0)", "normal-offset(1,0)+normal-offset(1,0)"),
     ],
 )
-def test_the_parts_of_a_bias_add_up_to_it(builtin, mask, whole: str, parts: str) -> None:
+def test_the_terms_of_a_bias_add_up_to_it(builtin, mask, whole: str, parts: str) -> None:
     view, spec = builtin("sphere-and-torus", SIZE), "shadow-map:fit=scene,filter=hard,size=256,bias="
     together = mask(f"{spec}{parts}", view)
     assert np.array_equal(together, mask(f"{spec}{whole}", view))
@@ -163,7 +163,7 @@ def test_dither_as_published_has_no_acne_and_without_its_constant_it_has(
     assert published["iou"] > offset_alone["iou"]
 
 
-def test_what_is_fixed_in_depth_is_told_in_metres(builtin, build, studio) -> None:
+def test_constant_depth_biases_are_reported_in_metres(builtin, build, studio) -> None:
     shot = studio.shot(builtin("cube-on-plane", 32))
     facts = {}
     for bias in ("polygon-offset", "before-divide(0.01)", "polygon-offset+before-divide(0.01)+constant(0.02)"):
@@ -184,7 +184,9 @@ def test_what_is_fixed_in_depth_is_told_in_metres(builtin, build, studio) -> Non
         ("cube-map:bias=front-cull+constant(world=0.05)", None),
     ],
 )
-def test_a_sum_serves_the_maps_that_all_its_parts_serve(spec: str, refused: str | None, device, builtin) -> None:
+def test_a_sum_of_biases_supports_the_maps_that_all_its_terms_support(
+    spec: str, refused: str | None, device, builtin
+) -> None:
     parsed = parse_spec(spec, techniques())
     assert parsed.technique.unsupported(parsed.params, builtin("room-with-lamp", 16), device) == refused
 

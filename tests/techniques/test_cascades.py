@@ -1,4 +1,4 @@
-"""Cascades: where the frustum is cut, what each map shows, which one answers, and what a moving camera changes."""
+"""Cascades: splits, fits, selection, and stability under camera motion."""
 
 import math
 from collections.abc import Callable
@@ -46,7 +46,7 @@ def test_depths_rise_from_near_to_far(near: float, ratio: float, count: int, wei
     assert depths[[0, -1]] == pytest.approx([near, near * ratio])
 
 
-def test_fixed_ends_at_the_published_shares_of_far(studio, build) -> None:
+def test_fixed_splits_are_the_published_shares_of_far(studio, build) -> None:
     scene = load_scene("deep-street")
     shot = studio.shot(view_of(scene, scene.cameras[0], scene.lights[0], 32))
     one = build("cascades:split=fixed,size=64", shot)
@@ -101,7 +101,7 @@ def boxes_of(part: Slice, light: Light, size: int, padding: float, shift: tuple[
 
 @given(lit_slices(), st.integers(16, 4096), st.floats(1.5, 4.5))
 @settings(deadline=None)
-def test_a_box_holds_the_corners_of_its_slice_and_the_filters_reach(found, size: int, padding: float) -> None:
+def test_a_box_contains_the_corners_of_its_slice_and_the_filter_radius(found, size: int, padding: float) -> None:
     part, light = found
     points = light_space(light).box(clip_corners(part))
     scale = part.far * 1e-6 + 1e-9  # the inverse is what rounds
@@ -172,14 +172,14 @@ def test_every_receiver_in_view_lies_in_a_box(name: str, box: str, studio, build
 
 
 def held_by(one, shot, slack: float = 0.0) -> np.ndarray:
-    """The first layer whose box holds a pixel's position with the filter's reach, or the number of layers."""
+    """The first layer whose box contains a pixel's position and the filter radius, or the number of layers."""
     technique = one.technique
     layer = np.full(shot.triangle.shape, len(technique.light_views))
     for number, light_view in reversed(list(enumerate(technique.light_views))):
         at = (shot.position[..., :3] @ light_view.space.basis.T * [1, 1, -1] - light_view.box.low) / (
             light_view.box.high - light_view.box.low
         )
-        reach = np.array([technique.reach / light_view.size] * 2 + [0]) + slack
+        reach = np.array([technique.filter_radius / light_view.size] * 2 + [0]) + slack
         layer[((at >= reach) & (at <= 1 - reach)).all(axis=-1)] = number
     return layer
 
@@ -189,13 +189,13 @@ def tinted(one) -> np.ndarray:
 
 
 def colors_of(tint: np.ndarray, layer: np.ndarray, sure: np.ndarray) -> list[tuple[float, ...]]:
-    """The colour of each layer, which must be one."""
+    """The colour of each layer, which must be uniform."""
     found = [np.unique(tint[sure & (layer == number)], axis=0) for number in np.unique(layer[sure])]
     assert all(len(colors) == 1 for colors in found)
     return [tuple(colors[0]) for colors in found]
 
 
-def test_by_box_the_first_that_holds_the_point_answers(studio, build, builtin) -> None:
+def test_selection_by_box_uses_the_first_cascade_that_contains_the_point(studio, build, builtin) -> None:
     shot = studio.shot(builtin("street", SIZE))
     one = build("cascades:count=8,size=128,bias=texel(grazing=1e6)", shot)  # which moves no receiver
     one.draw(shot)
@@ -206,7 +206,7 @@ def test_by_box_the_first_that_holds_the_point_answers(studio, build, builtin) -
     assert len(colors) >= 4 and len(set(colors)) == len(colors)
 
 
-def test_by_depth_the_slice_of_the_view_depth_answers(studio, build, builtin) -> None:
+def test_selection_by_depth_uses_the_slice_of_the_view_depth(studio, build, builtin) -> None:
     shot = studio.shot(builtin("street", SIZE))
     one = build("cascades:count=8,size=128,select=depth", shot)
     one.draw(shot)
@@ -219,7 +219,7 @@ def test_by_depth_the_slice_of_the_view_depth_answers(studio, build, builtin) ->
     assert len(colors) >= 4 and len(set(colors)) == len(colors)
 
 
-def test_what_is_no_surface_is_not_tinted(studio, build, builtin) -> None:
+def test_background_pixels_are_not_tinted(studio, build, builtin) -> None:
     shot = studio.shot(builtin("street", SIZE))
     one = build("cascades", shot)
     one.draw(shot)
@@ -228,7 +228,7 @@ def test_what_is_no_surface_is_not_tinted(studio, build, builtin) -> None:
 
 
 @pytest.mark.parametrize("select", ["box", "depth"])
-def test_a_blend_changes_nothing_but_borders(select: str, studio, build, builtin) -> None:
+def test_blending_changes_only_cascade_borders(select: str, studio, build, builtin) -> None:
     shot = studio.shot(builtin("street", 192))
     plain, faded = (build(f"cascades:select={select},size=128,blend={blend}", shot) for blend in (0, 0.1))
     masks = [one.draw(shot) for one in (plain, faded)]
@@ -261,7 +261,9 @@ def test_one_cascade_is_one_map_of_that_box(studio, build, builtin) -> None:
 
 @pytest.mark.parametrize("count", [1, 3, 8])
 @pytest.mark.parametrize("bias", ["texel", "polygon-offset", "front-cull"])
-def test_one_draw_and_a_draw_a_layer_store_the_same_bits(count: int, bias: str, studio, build, builtin) -> None:
+def test_one_layered_draw_and_one_draw_per_layer_store_the_same_bits(
+    count: int, bias: str, studio, build, builtin
+) -> None:
     shot = studio.shot(builtin("street", SIZE))
     spec = f"cascades:count={count},bias={bias},size=128"
     both = [build(f"{spec},layers={layers}", shot) for layers in ("geometry", "passes")]
@@ -283,7 +285,7 @@ def test_one_draw_counts_as_one(studio, build, builtin, device) -> None:
 
 
 @pytest.mark.parametrize("row", [*Bias.table.values(), *Filter.table.values()], ids=lambda row: row.name)
-def test_every_row_that_serves_arrays_works_by_its_name_alone(row, studio, build, builtin, device) -> None:
+def test_every_component_that_supports_arrays_works_by_its_name_alone(row, studio, build, builtin, device) -> None:
     shot = studio.shot(builtin("cube-on-plane", SIZE))
     spec = f"cascades:{row.family().__name__.lower()}={row.name},size=256"
     parsed = parse_spec(spec, techniques())
@@ -488,7 +490,7 @@ def test_five_cascades_beat_one_map_of_as_many_texels_on_the_deep_street(studio,
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["street", "pebbles", "statue", "table-top", "canopy"])
-def test_where_depths_differ_cascades_beat_a_map_of_the_frustum(name, studio, build, builtin, truth_of, scored):
+def test_cascades_beat_one_frustum_map_over_a_large_depth_range(name, studio, build, builtin, truth_of, scored):
     shot, truth = studio.shot(builtin(name, 1024)), truth_of(name, 1024)
     errors = []
     for spec in ("cascades", "shadow-map:fit=view,size=2290"):

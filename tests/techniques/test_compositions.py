@@ -1,4 +1,4 @@
-"""Every composition of our shaders compiles and links. `make test-slow` asks that of OpenGL 4.1 too.
+"""Every combination of shader components compiles and links; under `make test-slow` with OpenGL 4.1 too.
 
 Choices that a shader's text depends on, by an include slot or a define, are crossed; the others are tried alone.
 """
@@ -13,7 +13,7 @@ import pytest
 from shadowbench.data import data_folder
 from shadowbench.errors import InputError
 from shadowbench.scenes.model import Light, view_of
-from shadowbench.techniques.params import Row
+from shadowbench.techniques.params import Component
 from shadowbench.techniques.registry import own_techniques, techniques
 from shadowbench.techniques.spec import parse_spec
 
@@ -26,12 +26,12 @@ MORE = {"bias": ["receiver-plane(gradient=derivative)"], "filter": ["pcf(taps=5)
 
 
 def values(name: str, annotation: Any) -> list[str]:
-    """What a field of a technique's parameters may be; nothing for numbers."""
+    """Allowed values of a parameter; empty for numbers."""
     if annotation is bool:
         return ["false", "true"]
     if get_origin(annotation) is Literal:
         return list(get_args(annotation))
-    if isinstance(annotation, type) and issubclass(annotation, Row):
+    if isinstance(annotation, type) and issubclass(annotation, Component):
         return [row for row in annotation.table if row != "+"] + MORE.get(name, [])
     return []
 
@@ -41,7 +41,7 @@ def shapes_a_text(name: str) -> bool:
 
 
 def compositions(technique: Any) -> Iterator[str]:
-    """Specs, those without meaning among them."""
+    """Specs, including invalid ones."""
     fields = {name: values(name, info.annotation) for name, info in technique.Params.model_fields.items()}
     fields = {name: several for name, several in fields.items() if several}
     crossed = {name: several for name, several in fields.items() if shapes_a_text(name)}
@@ -54,7 +54,7 @@ def compositions(technique: Any) -> Iterator[str]:
 
 
 @pytest.mark.parametrize("technique", own_techniques(), ids=lambda technique: technique.name)
-def test_every_composition_links(technique, builtin, studio, build, device) -> None:
+def test_every_combination_of_components_compiles(technique, builtin, studio, build, device) -> None:
     scene = builtin("cube-on-plane").scene
     light = next(light for kind, light in LIGHTS.items() if kind in technique.lights)
     shot = studio.shot(view_of(scene, scene.cameras[0], light, 16))

@@ -1,4 +1,4 @@
-"""What every registered technique must keep, whatever it computes."""
+"""The contract of every registered technique, whatever it computes."""
 
 import ctypes
 import gc
@@ -66,8 +66,9 @@ def poses(builtin):
 
 
 def answered(specs: list[str], kinds: Collection[str] = tuple(LIGHTS)) -> list[tuple[str, str]]:
-    """Each spec with each of the kinds of light that its technique declares."""
-    return [(spec, kind) for spec in specs for kind in kinds if kind in techniques()[spec.split(":")[0]].lights]
+    """Pairs of a spec and a kind of light that its technique supports."""
+    known = techniques()
+    return [(spec, kind) for spec in specs for kind in kinds if kind in known[spec.split(":")[0]].lights]
 
 
 @pytest.mark.parametrize("kind", LIGHTS)
@@ -161,9 +162,7 @@ def test_drawing_twice_gives_the_same_bits(spec, kind, studio, build, poses) -> 
 
 
 @pytest.mark.parametrize(("spec", "kind"), answered(ALL))
-def test_what_does_not_receive_stays_lit_and_what_does_not_cast_casts_nothing(
-    spec, kind, studio, build, shape, looking
-) -> None:
+def test_receive_and_cast_flags_are_respected(spec, kind, studio, build, shape, looking) -> None:
     silent = [shape("plane", 6.0, receives=False), shape("box", 1.0, (0.0, 0.5, 0.0), receives=False)]
     view = looking(silent, LIGHTS[kind], SIZE)
     shot = studio.shot(view)
@@ -184,7 +183,7 @@ def test_a_scene_without_casters_is_lit(spec, kind, studio, build, shape, lookin
 
 @pytest.mark.parametrize(("spec", "kind"), answered(ALL))
 def test_a_view_without_receivers_is_all_1(spec, kind, studio, build, shape, looking) -> None:
-    """Seen from below, the light above: nothing in view is turned to it."""
+    """Seen from below under a light above, no visible surface faces the light."""
     view = looking([shape("plane", 6.0)], LIGHTS[kind], SIZE, eye=(1.0, -3.0, 1.0))
     shot = studio.shot(view)
     assert (shot.triangle >= 0).any()

@@ -1,4 +1,4 @@
-"""Cube maps: shadows in every direction by closed forms, lookups against NumPy, biases on faces and corners."""
+"""Cube maps: shadows compared with closed forms, lookups with NumPy, biases on faces and at corners."""
 
 import math
 from itertools import product
@@ -107,7 +107,7 @@ def test_geometry_shader_and_six_passes_give_the_same_bits(name, items, builtin,
 
 
 class CubeLookup:
-    """Which texels of a technique's faces directions from the light fall on; nothing of the shaders is used."""
+    """Texels of a cube map that directions from the light fall on, computed independently of the shaders."""
 
     def __init__(self, technique, shot, bias: float) -> None:
         self.away = shot.position[..., :3] - np.asarray(shot.view.light.position)
@@ -197,7 +197,9 @@ def test_the_bound_is_met_at_a_corner_as_at_a_face_s_centre(toward, looking, mas
 
 @pytest.mark.parametrize("filter_", FILTERS)
 @pytest.mark.parametrize("bias", BIASES)
-def test_every_bias_and_filter_for_cubes_works_by_its_row(bias, filter_, builtin, mask, truth_of, scored) -> None:
+def test_every_bias_and_filter_for_cubes_works_by_its_name_alone(
+    bias, filter_, builtin, mask, truth_of, scored
+) -> None:
     found = mask(f"cube-map:size=512,bias={bias},filter={filter_}", builtin("lamp-over-table"))
     assert np.isfinite(found).all() and found.min() >= 0 and found.max() <= 1
     scores = scored(found, truth_of("lamp-over-table"))
@@ -214,12 +216,12 @@ def test_every_bias_and_filter_for_cubes_works_by_its_row(bias, filter_, builtin
         ("filter=pcf-20", "spot-lamp", None),
     ],
 )
-def test_what_a_cube_cannot_answer_is_said(items, scene, reason, builtin, studio, device) -> None:
+def test_parameters_without_meaning_for_a_cube_map_are_named(items, scene, reason, builtin, studio, device) -> None:
     spec = parse_spec(f"cube-map:{items}" if items else "cube-map", techniques())
     assert spec.technique.unsupported(spec.params, studio.shot(builtin(scene, 32)).view, device) == reason
 
 
-def test_faces_larger_than_the_device_s_are_declined(builtin, studio, device) -> None:
+def test_faces_larger_than_the_device_limit_are_unsupported(builtin, studio, device) -> None:
     largest = device.context.info["GL_MAX_CUBE_MAP_TEXTURE_SIZE"]
     view = studio.shot(builtin("room-with-lamp", 32)).view
     for size, declined in ((1024, False), (largest + 1, True)):

@@ -1,4 +1,4 @@
-"""Seams between a cube map's faces: shadow edges are no worse at them than elsewhere, and planted faults are found.
+"""Seams of cube maps: shadow edges are no worse there than elsewhere, and planted faults are found.
 
 Everything is measured where the map has it: in texels of the face that a pixel's receiver lies on.
 """
@@ -40,7 +40,7 @@ class EdgePixels:
     seam: np.ndarray
 
     def count(self, mask: np.ndarray) -> np.ndarray:
-        """[[pixels, wrong ones] at seams, [pixels, wrong ones] elsewhere]."""
+        """[[pixels, wrong pixels] at seams, the same elsewhere]."""
         wrong = (mask[self.decided] < 0.5) != self.dark
         parts = [self.edge & self.seam, self.edge & ~self.seam]
         return np.array([[part.sum(), (part & wrong).sum()] for part in parts])

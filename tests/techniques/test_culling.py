@@ -1,6 +1,8 @@
-"""Leaving out casters: never one that could shadow what is seen, so that a mask is the same to the last bit."""
+"""Caster culling: masks are identical with and without it."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +14,8 @@ from shadowbench.scenes.model import Light, view_of
 from shadowbench.techniques.culling import CasterChunks, kept_ranges, may_shadow
 from shadowbench.techniques.registry import techniques
 
-CULLING = [name for name, technique in techniques().items() if "cull" in technique.Params.model_fields]
+KNOWN = techniques()
+CULLING = [name for name, technique in KNOWN.items() if "cull" in technique.Params.model_fields]
 SIZE = 96
 
 
@@ -22,14 +25,28 @@ def views(name: str):
     return [view_of(scene, camera, light, SIZE) for camera in scene.cameras for light in scene.lights]
 
 
-@pytest.mark.parametrize("technique", CULLING)
-@pytest.mark.parametrize("name", builtin_names())
+def by_turns(able: Mapping[str, Sequence[str]]) -> list[Any]:
+    """Each with each of its own; one of them, by turns, is fast."""
+    return [
+        pytest.param(name, one, marks=[] if one == ones[turn % len(ones)] else pytest.mark.slow)
+        for turn, (name, ones) in enumerate(able.items())
+        for one in ones
+    ]
+
+
+def answering(name: str) -> list[str]:
+    """Techniques that answer a light of a scene."""
+    kinds = {light.kind for light in load_scene(name).lights}
+    return [technique for technique in CULLING if kinds & KNOWN[technique].lights]
+
+
+@pytest.mark.parametrize(("name", "technique"), by_turns({name: answering(name) for name in builtin_names()}))
 def test_a_mask_is_the_same_without_culling(name: str, technique: str, build, studio) -> None:
     for view in views(name):
-        if view.light.hard_kind not in techniques()[technique].lights:
+        if view.light.hard_kind not in KNOWN[technique].lights:
             continue
         shot = studio.shot(view)
-        size = "size=128," if "size" in techniques()[technique].Params.model_fields else ""
+        size = "size=128," if "size" in KNOWN[technique].Params.model_fields else ""
         culled, whole = (build(f"{technique}:{size}cull={cull}", shot).draw(shot) for cull in ("true", "false"))
         assert (culled == whole).all(), view.camera.name
 
@@ -37,33 +54,35 @@ def test_a_mask_is_the_same_without_culling(name: str, technique: str, build, st
 @pytest.mark.slow
 @pytest.mark.parametrize("technique", CULLING)
 @pytest.mark.parametrize("file", ["armadillo.obj", "2CylinderEngine.glb", "bgfx_tree.obj", "retroufo.gltf"])
-def test_so_it_is_for_larger_meshes(file: str, technique: str, shared_scenes: Path, build, studio) -> None:
+def test_culling_leaves_masks_of_larger_meshes_unchanged(
+    file: str, technique: str, shared_scenes: Path, build, studio
+) -> None:
     scene = load_scene(str(shared_scenes / file))
     low, high = scene.geometry.bounds
     place = (low + high) / 2 + (high - low).max() * np.array([0.3, 0.5, 0.2])
     for light in (*scene.lights, Light("lamp", "point", position=tuple(place.tolist()))):
-        if light.kind in techniques()[technique].lights:
+        if light.kind in KNOWN[technique].lights:
             shot = studio.shot(view_of(scene, scene.cameras[0], light, 512))
             culled, whole = (build(f"{technique}:cull={cull}", shot).draw(shot) for cull in ("true", "false"))
             assert (culled == whole).all(), light.kind
 
 
-@pytest.mark.parametrize(
-    "spec",
-    [
-        "shadow-map:fit=scene,size=128",
-        "shadow-map:fit=view,size=128,reversed=true",
-        "shadow-map:fit=fixed,size=128",
-        "shadow-map:bias=polygon-offset(-2,-4),size=128",
-        "shadow-map:bias=front-cull,depth=d16,size=128",
-        "cascades:size=128,depth_clamp=false",
-        "cascades:size=128,layers=geometry",
-        "shadow-volume:faces=triangle",
-        "shadow-volume:counter=color",
-    ],
-)
-@pytest.mark.parametrize("name", ["street", "deep-street", "canopy"])
-def test_so_it_is_with_other_parameters(name: str, spec: str, build, studio, device) -> None:
+SCENES = ["street", "deep-street", "canopy"]
+OTHERWISE = [
+    "shadow-map:fit=scene,size=128",
+    "shadow-map:fit=view,size=128,reversed=true",
+    "shadow-map:fit=fixed,size=128",
+    "shadow-map:bias=polygon-offset(-2,-4),size=128",
+    "shadow-map:bias=front-cull,depth=d16,size=128",
+    "cascades:size=128,depth_clamp=false",
+    "cascades:size=128,layers=geometry",
+    "shadow-volume:faces=triangle",
+    "shadow-volume:counter=color",
+]
+
+
+@pytest.mark.parametrize(("spec", "name"), by_turns(dict.fromkeys(OTHERWISE, SCENES)))
+def test_culling_leaves_masks_unchanged_with_other_parameters(spec: str, name: str, build, studio, device) -> None:
     shot = studio.shot(views(name)[0])
     if "reversed" in spec and not device.clip_control:
         spec = spec.replace(",reversed=true", "")
@@ -82,7 +101,7 @@ def test_so_it_is_with_other_parameters(name: str, spec: str, build, studio, dev
         ("shadow-volume", "deep-street", "culled_parts", 1),
     ],
 )
-def test_some_casters_are_left_out_and_the_row_says_how_many(spec, name, fact, least, build, studio) -> None:
+def test_culled_casters_are_counted_in_the_row(spec, name, fact, least, build, studio) -> None:
     shot = studio.shot(views(name)[0])
     culled, whole = (build(f"{spec}:cull={cull}", shot) for cull in ("true", "false"))
     for one in (culled, whole):
@@ -98,8 +117,8 @@ boxes = st.tuples(places, places).map(lambda ends: np.stack([np.minimum(*ends), 
 
 @settings(max_examples=300, deadline=None, derandomize=True)
 @given(box=boxes, inside=places, along=st.floats(0.0, 2.0), seen=places, turn=places, w=st.sampled_from([0.0, 1.0]))
-def test_what_lies_between_a_receiver_and_the_light_is_kept(box, inside, along, seen, turn, w) -> None:
-    """From a point of a caster's box on, away from the light, to a receiver within any half-spaces that hold it."""
+def test_casters_between_a_receiver_and_the_light_are_kept(box, inside, along, seen, turn, w) -> None:
+    """For receivers behind a point of a caster's box, in any convex region that contains them."""
     caster = box[0] + (inside + 1) / 2 * (box[1] - box[0])
     light = seen * 3 if w else seen / max(np.linalg.norm(seen), 1e-3)
     receiver = caster + along * (w * caster - light)
@@ -108,7 +127,7 @@ def test_what_lies_between_a_receiver_and_the_light_is_kept(box, inside, along, 
     assert may_shadow(box[None], (*light, w), planes).all()
 
 
-def test_ranges_hold_what_is_kept_and_fill_small_gaps_only() -> None:
+def test_draw_ranges_cover_the_kept_chunks_and_small_gaps() -> None:
     ends = np.array([3000, 6000, 6300, 9000, 12000])
     assert kept_ranges(np.array([True, False, True, True, False]), ends) == ((0, 3000), (6000, 3000))
     assert kept_ranges(np.array([False, True, False, True, False]), ends) == ((3000, 6000),)
@@ -117,7 +136,7 @@ def test_ranges_hold_what_is_kept_and_fill_small_gaps_only() -> None:
 
 
 @pytest.mark.parametrize("name", builtin_names())
-def test_chunks_are_all_casters_in_their_order(name: str) -> None:
+def test_chunks_contain_all_casters_in_order(name: str) -> None:
     scene = load_scene(name)
     chunks, geometry = CasterChunks(scene, cull=True), scene.geometry
     casters = geometry.vertices[geometry.caster_faces]

@@ -1,4 +1,4 @@
-"""Which part of a light's space a map shows."""
+"""Fits: the part of light space that a map covers."""
 
 import math
 from dataclasses import replace
@@ -25,7 +25,7 @@ MOVING = ["scene", "view", "visible"]
 
 
 def receivers(shot) -> np.ndarray:
-    """(N, 3) positions that the G-buffer shows turned to the light and in its cone."""
+    """(N, 3) positions in the G-buffer that face the light and lie in its cone."""
     light, w = shot.view.light.homogeneous
     to_light = np.asarray(light) - w * shot.position[..., :3]
     to_light /= np.linalg.norm(to_light, axis=-1, keepdims=True)

@@ -1,4 +1,4 @@
-"""The lookup in a 2-D map, against NumPy: the map's texels as read back, and the G-buffer's positions.
+"""Lookups in a 2-D map, compared with NumPy on the map's texels and the G-buffer's positions.
 
 Nothing of the shader is used. Pixels are left out whose answer hangs on float32: where a texel's edge or a depth's tie
 is nearer than rounding can tell.
@@ -112,7 +112,7 @@ WEIGHTS = 4e-3  # samplers may weight in steps of 1/256
 
 @pytest.mark.parametrize("wrap", ["border", "edge", "repeat"])
 @pytest.mark.parametrize("kind", SCENES)
-def test_hard_is_the_one_texel_that_holds_the_point(looked_up, kind: str, wrap: str) -> None:
+def test_the_hard_filter_compares_the_texel_that_contains_the_point(looked_up, kind: str, wrap: str) -> None:
     mask, lookup = looked_up(kind, "filter=hard,bias=constant(0.01)", 0.01, wrap)
     check(mask, lookup.nearest(), lookup, ROUNDING)
 
@@ -153,7 +153,9 @@ def test_slope_bias_as_published(looked_up, kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", SCENES)
-def test_before_the_divide_a_bias_is_part_of_the_homogeneous_depth(looked_up, studio, builtin, kind: str) -> None:
+def test_a_bias_before_the_perspective_divide_is_part_of_the_homogeneous_depth(
+    looked_up, studio, builtin, kind: str
+) -> None:
     """(z − 0.03)/w, w being 1 for a directional light and for a spot metres along its axis."""
     mask, lookup = looked_up(kind, "filter=hard,bias=before-divide(0.03)", 0.0)
     metres = lookup.axial / studio.shot(builtin(SCENES[kind], SIZE)).placement.scale
@@ -162,7 +164,7 @@ def test_before_the_divide_a_bias_is_part_of_the_homogeneous_depth(looked_up, st
 
 
 @pytest.mark.parametrize("kind", SCENES)
-def test_of_two_biases_the_sum_is_subtracted(looked_up, kind: str) -> None:
+def test_the_sum_of_two_biases_is_subtracted(looked_up, kind: str) -> None:
     mask, lookup = looked_up(kind, "filter=hard,bias=constant(0.004)+slope(max=0.05,min=0.005)", 0.0)
     lookup.bias = 0.004 + np.maximum(0.05 * (1 - lookup.cosine), 0.005)
     check(mask, lookup.nearest(), lookup, ROUNDING)

@@ -1,4 +1,4 @@
-"""What each pass says it depends on: totals for a still scene, a moving camera and a moving light rest on it."""
+"""The inputs that each pass declares, which totals for a still scene, a moving camera and a moving light rely on."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -47,10 +47,10 @@ def test_passes_depend_on_what_they_must(spec: str, studio, build, builtin) -> N
 @pytest.mark.parametrize(
     ("spec", "kind"), [*CASES, ("shadow-map:fit=scene", "directional"), ("shadow-map:fit=fixed", "spot")]
 )
-def test_what_changes_with_the_light_alone_is_not_drawn_again_for_another_camera(
+def test_passes_that_change_with_the_light_are_not_redrawn_for_another_camera(
     spec: str, kind: str, studio, build, builtin, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """With nothing drawn in the passes that say so, a moved camera still finds what a fresh build draws."""
+    """With these passes disabled, a moved camera still gives the mask of a fresh build."""
     first, second = (studio.shot(seen(builtin, camera, LIGHTS[kind])) for camera in (0, 1))
     expected = build(spec, second).draw(second)
     one = build(spec, first)

@@ -1,4 +1,4 @@
-"""Projected shadows: exact on planes, absent from everything else, and nothing behind the light or below the plane."""
+"""Planar projection: exact on planes, no shadow elsewhere, none from casters behind the light or below the plane."""
 
 import math
 from dataclasses import dataclass, replace
@@ -46,7 +46,7 @@ class Judged:
 
 @pytest.fixture
 def judged(studio, build):
-    """A spec's shadow on a view, with what a ray says."""
+    """A spec's mask of a view beside the truth."""
 
     def judge(view: View, spec: str = NAME, shot=None) -> Judged:
         shot, truth = shot or studio.shot(view), trace(view, pixel_samples=1)
@@ -84,7 +84,7 @@ def lit_by(scene: Scene, kind: str) -> Light:
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", FAST)
 def test_planes_are_shadowed_as_rays_say(name, kind, judged, device) -> None:
-    assert_planes_are_right(load_scene(name), kind, judged, device)
+    assert_planes_are_right(load_scene(name), kind, 256, judged, device)
 
 
 OTHERS = [name for name in builtin_names() if name not in FAST]
@@ -94,11 +94,11 @@ OF_EACH = [(name, KINDS[number % 3]) for number, name in enumerate(OTHERS)]
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "kind"), sampled(product(OTHERS, KINDS), OF_EACH))
 def test_planes_of_every_other_builtin_are_too(name, kind, judged, device) -> None:
-    assert_planes_are_right(load_scene(name), kind, judged, device)
+    assert_planes_are_right(load_scene(name), kind, 512, judged, device)
 
 
-def assert_planes_are_right(scene, kind, judged, device) -> None:
-    view = view_of(scene, scene.cameras[0], lit_by(scene, kind), 512)
+def assert_planes_are_right(scene, kind, size, judged, device) -> None:
+    view = view_of(scene, scene.cameras[0], lit_by(scene, kind), size)
     spec = parse_spec(NAME, techniques())
     if spec.technique.unsupported(spec.params, view, device):
         assert scene.name == "terrain"
@@ -110,7 +110,7 @@ def assert_planes_are_right(scene, kind, judged, device) -> None:
 
 
 @pytest.mark.parametrize(("name", "most"), [("sphere-and-torus", 0.95), ("statue", 0.75), ("canopy", 0.65)])
-def test_blindness_off_the_planes_shows_in_the_score_of_the_whole(name, most, judged, builtin) -> None:
+def test_missing_shadows_off_the_planes_lower_the_score(name, most, judged, builtin) -> None:
     seen = judged(builtin(name, 256))
     assert seen.iou(seen.decided) < most < seen.iou(seen.planar)
     assert not (seen.dark & seen.other).any(), "what is on no plane stays lit"
@@ -159,7 +159,7 @@ def test_a_boxs_shadow_is_as_large_as_the_light_makes_it(shape, looking, mask, s
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_is_behind_the_light_or_below_the_plane_casts_nothing(kind, shape, looking, judged) -> None:
+def test_casters_behind_the_light_or_below_the_plane_cast_nothing(kind, shape, looking, judged) -> None:
     place = (0.3, 2.0, 0.2)
     light = {
         "directional": Light("sun", "directional", (-0.3, -1.0, -0.2)),
@@ -235,7 +235,7 @@ def test_planes_at_angles_each_have_their_pass(shape, looking, judged) -> None:
     assert seen.facts["planes_drawn"] < seen.facts["planes"], "backs of the walls are not drawn"
 
 
-def test_what_lies_in_the_plane_casts_nothing_and_what_lies_above_does(shape, looking, sun, judged) -> None:
+def test_triangles_in_the_plane_cast_nothing_and_those_above_do(shape, looking, sun, judged) -> None:
     floor, box = shape("plane", 6.0), shape("box", 1.0, (0.0, 0.5, 0.0))
     for height, casts in ((0.0, False), (0.01, True)):
         sheet = shape("plane", [1.0, 1.0, 0.6], (1.3, height, 0.9), receives=False)
@@ -323,7 +323,7 @@ def test_only_flagged_meshes_receive_when_asked_for(device, studio, shape, looki
 
 @pytest.mark.parametrize("elevation", [45.0, 3.0])
 @pytest.mark.parametrize("small", ["ball", "decal", "marking"])
-def test_what_lies_close_to_a_plane_does_not_lose_it(small, elevation, shape, looking, sun, judged) -> None:
+def test_nearby_triangles_do_not_hide_a_plane(small, elevation, shape, looking, sun, judged) -> None:
     """Triangles that are nearly on the ground, and too small for a plane of their own or not, leave it the ground."""
     size = 100.0 if small == "marking" else 10.0
     extra = {

@@ -1,4 +1,4 @@
-"""Plug-ins as other people write them: a package with an entry point, and a single file."""
+"""Plug-ins as users write them: a package with an entry point, and a single file."""
 
 import csv
 import json
@@ -135,7 +135,7 @@ SIZE = 128
 
 @dataclass(frozen=True)
 class Plugin:
-    """A technique of somebody's: its name, its files, and how `shadowbench` gets to know it."""
+    """A plug-in: its technique, files, and the options that load it."""
 
     technique: str
     files: tuple[Path, ...]
@@ -144,7 +144,7 @@ class Plugin:
     least_iou: float  # a little below what was found
 
     def command(self, *arguments: str | Path) -> str:
-        """What `shadowbench …` prints, in a process of its own."""
+        """Output of `shadowbench …` in a separate process."""
         done = subprocess.run(
             [sys.executable, "-m", "shadowbench", *map(str, arguments), *self.flags],
             env=os.environ | {"PYTHONPATH": self.python_path},
@@ -158,7 +158,7 @@ class Plugin:
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Plugin:
-    """A package as pip would leave it, without pip: its folder, and the record of it with the entry point."""
+    """An installed package, made without pip: its folder, and metadata with the entry point."""
     site = tmp_path_factory.mktemp("site")
     package, record = site / "blobs", site / "blobs-1.0.dist-info"
     package.mkdir()
@@ -190,7 +190,7 @@ def test_a_technique_takes_fewer_than_60_lines_with_its_shader(plugin: Plugin) -
     assert sum(len(file.read_text(encoding="utf-8").splitlines()) for file in plugin.files) < 60
 
 
-def test_it_is_listed_with_its_parameters(plugin: Plugin) -> None:
+def test_a_plug_in_is_listed_with_its_parameters(plugin: Plugin) -> None:
     listed = {row["name"]: row for row in json.loads(plugin.command("list", "techniques", "--json"))}
     assert {plugin.technique, "shadow-map", "unshadowed"} <= set(listed)
     assert listed[plugin.technique]["parameters"]
@@ -199,7 +199,7 @@ def test_it_is_listed_with_its_parameters(plugin: Plugin) -> None:
         assert f"{parameter['name']} = {parameter['default']}" in printed
 
 
-def test_it_gives_a_row_that_is_nearer_the_truth_than_no_shadow(plugin: Plugin, tmp_path: Path) -> None:
+def test_a_plug_in_scores_better_than_no_shadow(plugin: Plugin, tmp_path: Path) -> None:
     plugin.command(
         "run", "cube-on-plane", "-t", plugin.technique, "-t", "unshadowed",
         "--view-size", str(SIZE), "--rounds", "1", "-o", tmp_path,

@@ -1,4 +1,4 @@
-"""The shipped default against settings as they are published, over all built-in scenes with a sun.
+"""The default shadow map compared with published presets, over all built-in scenes with a sun.
 
 One phase, and 512² pictures, which take a quarter of the time of `run -s presets` and rank alike.
 """
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def kept() -> dict[tuple[str, int], dict[str, float]]:
-    """What was found, by spec and map size."""
+    """Mean scores, by spec and map size."""
     return {}
 
 

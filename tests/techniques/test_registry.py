@@ -1,4 +1,4 @@
-"""Techniques come by name from three places, and a broken one is named."""
+"""Registration of techniques: built in, from entry points and from files; broken ones are named."""
 
 import textwrap
 from importlib.metadata import EntryPoint
@@ -44,7 +44,7 @@ def plugin(folder: Path, text: str, file: str = "dusk.py") -> Path:
 
 @pytest.fixture
 def entry_point(monkeypatch: pytest.MonkeyPatch):
-    """Pretends that a package is installed whose entry point has this value."""
+    """Simulates an installed package with this entry point."""
 
     def install(value: str) -> None:
         point = EntryPoint("theirs", value, registry.GROUP)
@@ -53,13 +53,13 @@ def entry_point(monkeypatch: pytest.MonkeyPatch):
     return install
 
 
-def test_our_own_are_there_by_name() -> None:
+def test_built_in_techniques_are_registered_by_name() -> None:
     assert {"unshadowed", "shadow-map", "ray-traced"} <= set(techniques())
     assert all(techniques()[one.name] is one for one in own_techniques())
 
 
 @pytest.mark.parametrize("technique", own_techniques())
-def test_each_technique_says_what_it_is(technique) -> None:
+def test_each_technique_has_a_description(technique) -> None:
     assert technique.__doc__
     assert source_file(technique).is_file()
     assert shader_folder(technique) is None, "ours read the shared folder"
@@ -119,7 +119,7 @@ def test_the_same_file_twice_is_not_a_clash(tmp_path: Path) -> None:
     assert "dusk" in techniques([file, file])
 
 
-def test_two_files_of_one_stem_both_count(tmp_path: Path) -> None:
+def test_two_plug_ins_with_the_same_stem_are_both_loaded(tmp_path: Path) -> None:
     (tmp_path / "a").mkdir()
     (tmp_path / "b").mkdir()
     one = plugin(tmp_path / "a", PLUGIN.format(name="dusk"))
@@ -180,7 +180,7 @@ def test_a_plugin_that_is_not_there_or_no_python(tmp_path: Path) -> None:
     [
         ("nothing_of_this_name:A", "cannot be imported"),
         ("shadowbench.techniques.shadow_map:Nobody", "cannot be imported"),
-        ("shadowbench.techniques.shadow_map:np", "no subclass of Technique"),
+        ("shadowbench.techniques.shadow_map:np", "not a subclass of Technique"),
         ("shadowbench.techniques.base:Technique", "has no name"),
     ],
 )

@@ -1,4 +1,4 @@
-"""The shadow map's settings, good and bad: each does what it is there to show."""
+"""Settings of the shadow map, good and bad: each has the effect that it demonstrates."""
 
 from itertools import product
 
@@ -27,7 +27,7 @@ CHOICES = {
 
 
 def pairwise(choices: dict[str, list[str]]) -> list[dict[str, str]]:
-    """Few combinations in which every two values of different keys meet, chosen greedily and always alike."""
+    """Few combinations that contain every pair of values of different keys, chosen greedily and deterministically."""
     keys = list(choices)
     missing = {
         frozenset([(a, x), (b, y)])
@@ -51,7 +51,7 @@ def pairwise(choices: dict[str, list[str]]) -> list[dict[str, str]]:
 CELLS = pairwise(CHOICES)
 
 
-def test_pairs_are_all_met() -> None:
+def test_every_pair_of_settings_occurs() -> None:
     for a, b in product(CHOICES, repeat=2):
         if a != b:
             assert {(cell[a], cell[b]) for cell in CELLS} == set(product(CHOICES[a], CHOICES[b]))

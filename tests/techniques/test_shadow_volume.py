@@ -1,4 +1,4 @@
-"""Shadow volumes: exact but for pixels that the rasteriser's grid lets in, however they are extruded and counted."""
+"""Shadow volumes: exact except for pixels affected by the rasteriser's grid, for every extrusion and counting."""
 
 from dataclasses import dataclass, replace
 
@@ -66,7 +66,7 @@ def test_counting_before_and_behind_agree_where_the_camera_is_in_the_light(name,
     assert np.array_equal(mask("shadow-volume:count=z-pass", view), mask(SILHOUETTE, view))
 
 
-def test_counting_from_an_eye_in_the_shade_is_wrong(mask, builtin, truth_of, scored) -> None:
+def test_z_pass_from_an_eye_in_shadow_is_wrong(mask, builtin, truth_of, scored) -> None:
     view, truth = builtin("inside-volume"), truth_of("inside-volume")
     assert scored(mask(SILHOUETTE, view), truth)["iou"] >= 0.9995
     assert scored(mask("shadow-volume:count=z-pass", view), truth)["iou"] < 0.5
@@ -83,7 +83,7 @@ def test_small_views_are_exact(name, mask, builtin, truth_of) -> None:
 def test_24_bits_of_depth_are_too_few_behind_a_near_plane_of_a_ten_thousandth(
     mask, builtin, truth_of, monkeypatch
 ) -> None:
-    """What the near plane is pulled for: the camera stands in the room."""
+    """The reason for moving the near plane: the camera is inside a room."""
     view, truth = builtin("spot-lamp"), truth_of("spot-lamp")
     assert wrong(mask(DEPTH, view), truth).sum() <= 1
     monkeypatch.setattr(module.ShadowVolume, "_with_tight_near", lambda self, frame: frame.view)
@@ -137,7 +137,7 @@ def test_an_edge_a_quarter_of_a_degree_from_the_light_has_a_wall(shape, looking,
 
 @dataclass(frozen=True)
 class Drawn:
-    """What one way of drawing gets wrong in a view: its IoU, and counts of wrong pixels.
+    """Errors of one variant of shadow volumes in a view: IoU, and counts of wrong pixels.
 
     grazing: those where N·L is below 0.001, and lit: the others; unexplained: those away from every edge and in no low
     light. other: pixels that single triangles, in place of silhouettes, draw otherwise, as a share of the decided.
@@ -171,7 +171,7 @@ def with_triangles(spec: str) -> str:
 
 @pytest.fixture(scope="module")
 def kept() -> dict[tuple[str, str], Drawn]:
-    """What was drawn of built-in scenes, by spec and name."""
+    """Cached results for built-in scenes, by spec and name."""
     return {}
 
 
@@ -220,7 +220,7 @@ def test_wrong_pixels_have_grazing_light_or_an_edge(spec, most, at_grazing, draw
 
 
 @pytest.mark.parametrize("kind", ["directional", "point"])
-def test_pages_of_a_book_cast_though_three_meet_at_its_back(kind, shape, looking, mask) -> None:
+def test_pages_of_a_book_that_share_an_edge_cast(kind, shape, looking, mask) -> None:
     back = [[0.0, 0.2, -0.5], [0.0, 0.2, 0.5]]
     tips = [[np.cos(angle), 0.2 + np.sin(angle), z] for angle in (0.4, 1.4, 2.3) for z in (-0.5, 0.5)]
     faces = [[0, 1, 3], [0, 3, 2], [1, 0, 5], [0, 4, 5], [0, 1, 7], [0, 7, 6]]  # wound without a rule
@@ -271,8 +271,10 @@ def nested(shape, count: int) -> list[Mesh]:
     [Light("sun", "directional", (0.3, -1.0, 0.2)), Light("lamp", "point", position=(3.0, 9.0, 2.0))],
     ids=["sun", "lamp"],
 )
-@pytest.mark.parametrize("count", [1, 100, 255, 256, 257, 512])
-def test_inside_any_number_of_spheres_is_shade(count, light, shape, looking, studio, build) -> None:
+@pytest.mark.parametrize(
+    "count", [1, 255, 256, 512, *(pytest.param(count, marks=pytest.mark.slow) for count in (100, 257))]
+)
+def test_inside_any_number_of_spheres_is_shadow(count, light, shape, looking, studio, build) -> None:
     shot = studio.shot(looking(nested(shape, count), light, 48, (0.0, 0.9, 0.9)))
     ground = (shot.triangle >= 0) & (shot.triangle < 2)
     assert ground.sum() > 200
@@ -284,7 +286,7 @@ def test_inside_any_number_of_spheres_is_shade(count, light, shape, looking, stu
 
 
 def test_256_layers_would_be_none_in_8_bits(shape, looking, sun, studio, build, monkeypatch) -> None:
-    """What the count of layers is there to prevent."""
+    """The overflow that counting layers prevents."""
     monkeypatch.setattr(module, "MOST_LAYERS", 1000)
     for count, expected in ((255, 0), (256, 1), (257, 0)):
         shot = studio.shot(looking(nested(shape, count), sun(), 48, (0.0, 0.9, 0.9)))
@@ -331,7 +333,7 @@ def test_from_255_layers_on_colour_counts(shape, sun, facts) -> None:
     sides = 2.0 - 0.005 * np.arange(256)
     vertices = [square.vertices * side + (0.0, 1e-3 * i, 0.0) for i, side in enumerate(sides)]
     found = set()
-    for count in range(249, 257):
+    for count in (252, 253, 254):  # counted as 254, 255 and 256 layers
         faces = np.concatenate([square.faces + len(square.vertices) * i for i in range(count)]).astype(np.int32)
         fact = facts([Mesh("steps", np.concatenate(vertices[:count]), faces)], sun(90.0))
         if "layers_at_most" in fact:
@@ -356,7 +358,7 @@ def test_casters_may_be_flat_as_the_light_sees_them(direction, shape, looking, s
 
 
 @pytest.mark.parametrize("spec", [DEPTH, f"{TRIANGLE},build=cpu,compare=depth"])
-def test_what_the_light_alone_decides_is_not_redrawn_for_the_camera(spec, studio, build, builtin) -> None:
+def test_passes_that_depend_on_the_light_alone_are_not_redrawn_for_the_camera(spec, studio, build, builtin) -> None:
     shot = studio.shot(builtin("statue", 64))
     one = build(spec, shot)
     changes = one.clock.passes(lambda: one.draw(shot)).changes

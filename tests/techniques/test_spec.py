@@ -1,4 +1,4 @@
-"""Specs: what is written is what is read, and every mistake is told in one line."""
+"""Specs: formatting and parsing are inverse, and every mistake is a one-line error."""
 
 from typing import Any, Literal, get_args, get_origin
 
@@ -13,7 +13,7 @@ from shadowbench.techniques.biases import BeforeDivide, Bias, Constant, PolygonO
 from shadowbench.techniques.filters import PCF, PCF20, Dither4, Filter, Hard, Hardware
 from shadowbench.techniques.fits import Fit, FixedFit, SceneFit
 from shadowbench.techniques.grammar import parse_value
-from shadowbench.techniques.params import Row
+from shadowbench.techniques.params import Component
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import Spec, format_value, parse_spec
 
@@ -22,7 +22,7 @@ ALL = techniques()
 
 def values_of(field: Any) -> st.SearchStrategy[Any]:
     """Values that a field of a parameter model allows."""
-    if isinstance(field.default, Row):
+    if isinstance(field.default, Component):
         single = st.one_of([rows(row) for row in field.default.family().table.values()])
         return st.one_of(single, sums(single)) if isinstance(field.default, Bias) else single
     if isinstance(field.default, Spec):
@@ -47,7 +47,7 @@ def defaults(technique: type[Technique]) -> list[Any]:
     return [field.default for field in technique.Params.model_fields.values()]
 
 
-def rows(row: type[Row]) -> st.SearchStrategy[Row]:
+def rows(row: type[Component]) -> st.SearchStrategy[Component]:
     return st.builds(row, **{key: values_of(field) for key, field in row.model_fields.items()})
 
 
@@ -58,7 +58,7 @@ def sums(single: st.SearchStrategy[Bias]) -> st.SearchStrategy[Bias]:
 
 
 def specs(technique: type[Technique]) -> st.SearchStrategy[Spec]:
-    """Specs of values each of which is legal, and that do not contradict each other."""
+    """Specs of valid and compatible values."""
     fields = {key: values_of(field) for key, field in technique.Params.model_fields.items()}
     found = st.fixed_dictionaries(fields).map(lambda values: _spec(technique, values))
     return found.filter(lambda spec: spec is not None)
@@ -75,7 +75,7 @@ def _spec(technique: type[Technique], values: dict[str, object]) -> Spec | None:
 
 @pytest.mark.parametrize("name", sorted(ALL))
 @given(data=st.data())
-def test_what_is_written_is_what_is_read(name: str, data: st.DataObject) -> None:
+def test_specs_survive_formatting_and_parsing(name: str, data: st.DataObject) -> None:
     spec = data.draw(specs(ALL[name]))
     for full in (False, True):
         text = spec.full_text if full else spec.text
@@ -86,29 +86,29 @@ def test_what_is_written_is_what_is_read(name: str, data: st.DataObject) -> None
 
 @pytest.mark.parametrize("family", [Bias, Filter, Fit])
 @given(data=st.data())
-def test_every_row_is_read_as_it_is_written(family: type[Row], data: st.DataObject) -> None:
+def test_every_component_survives_formatting_and_parsing(family: type[Component], data: st.DataObject) -> None:
     row = data.draw(st.one_of([rows(one) for one in family.table.values()]))
     assert family.from_value(format_value(row)) == family.from_value(format_value(row, full=True)) == row
 
 
 @pytest.mark.parametrize("name", sorted(ALL))
-def test_a_technique_alone_is_its_defaults(name: str) -> None:
+def test_a_technique_name_alone_means_its_defaults(name: str) -> None:
     spec = parse_spec(name, ALL)
     assert spec.params == ALL[name].Params()
     assert spec.text == name
     assert parse_spec(spec.full_text, ALL) == spec
 
 
-def test_full_writes_every_parameter_of_rows_too() -> None:
+def test_full_writes_the_parameters_of_components_too() -> None:
     text = parse_spec("shadow-map:bias=slope,filter=pcf", ALL).full_text
     assert "bias=slope(max=0.05,min=0.005)" in text and "filter=pcf(taps=3)" in text and "reversed=false" in text
 
 
-def test_the_size_is_left_to_its_column() -> None:
+def test_the_spec_text_omits_the_map_size() -> None:
     assert parse_spec("shadow-map:size=512,wrap=edge", ALL).sizeless_text == "shadow-map:wrap=edge"
 
 
-def test_arguments_by_place_and_by_name_are_the_same() -> None:
+def test_positional_and_keyword_arguments_are_equivalent() -> None:
     by_name = parse_spec("shadow-map:bias=slope(max=0.1,min=0.01)", ALL)
     assert parse_spec("shadow-map:bias=slope(0.1,0.01)", ALL) == by_name
     assert parse_spec("shadow-map:bias=slope(0.1,min=0.01)", ALL) == by_name
@@ -179,7 +179,7 @@ def test_later_keys_override_a_preset_and_a_preset_overrides_earlier_keys() -> N
     assert parse_spec("shadow-map:size=2048,preset=webgl", ALL).params.size == 512
 
 
-def test_named_are_the_keys_that_somebody_wrote() -> None:
+def test_explicit_holds_the_keys_that_the_user_wrote() -> None:
     assert parse_spec("shadow-map:preset=webgl,wrap=edge", ALL).explicit == {"fit", "bias", "filter", "size", "wrap"}
 
 

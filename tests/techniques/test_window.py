@@ -1,4 +1,4 @@
-"""What a map shows of a box, and of nothing: closed forms, without a device."""
+"""Light-space windows of maps, compared with closed forms; without a device."""
 
 import math
 
@@ -67,7 +67,7 @@ def test_where_no_receiver_is_seen_there_is_a_map_all_the_same(looking, sun, sha
     assert np.isfinite(shown.to_map()).all() and shown.near < shown.far and min(shown.texel) > 0
 
 
-def test_a_lamp_within_the_scene_sees_from_a_millionth_of_its_reach(looking, spot, shape) -> None:
+def test_the_near_plane_of_a_spot_inside_the_scene_is_a_millionth_of_the_scene(looking, spot, shape) -> None:
     """The reach: the scene's width and its own distance from the origin."""
     view = looking([shape("box", 4.0)], spot((0.5, 1.5, 0.0), (0.5, 0.0, 0.0), 60.0), eye=(1.0, 1.0, 1.0))
     found = SceneFit().receiver_bounds(light_space(view.light), context(view, view.scene))
@@ -88,7 +88,7 @@ def test_a_lamp_within_the_scene_sees_from_a_millionth_of_its_reach(looking, spo
 def test_the_position_step_is_half_a_float32_spacing_of_the_farthest_place(
     shape, kind, place, extent, farthest
 ) -> None:
-    """Rounding to nearest moves a place by no more; a lamp outside the scene is such a place, a sun is none."""
+    """Rounding to nearest moves a position by no more; the position of a lamp counts too."""
     hull = SceneHull(Scene("test", (shape("box", [2 * extent, extent, extent]),), (), ()))
     light = Light(kind, kind, (0.0, -1.0, 0.0), (0.0, -place, place / 2), 1.0)
     assert hull.position_step(light) == np.spacing(np.float32(farthest)) / 2

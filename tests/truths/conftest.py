@@ -1,4 +1,4 @@
-"""Small scenes made in a line, how they are viewed, and what float64 alone says of them."""
+"""Small scenes, views of them, and their exact shadows in float64."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -55,7 +55,7 @@ def looking() -> Callable[..., View]:
 
 @pytest.fixture(scope="session")
 def pixel_rays() -> Callable[[View], tuple[Floats, Floats]]:
-    """The eye, and (size², 3) directions through pixel centres, worked out anew from the camera's definition."""
+    """The eye, and (size², 3) directions through pixel centres, computed from the camera's definition."""
 
     def make(view: View) -> tuple[Floats, Floats]:
         eye, target = np.asarray(view.camera.position), np.asarray(view.camera.target)

@@ -1,4 +1,4 @@
-"""What float64 says of a view's pixels, every triangle against every ray, and fractions where float64 is in doubt.
+"""A brute-force truth in float64: every triangle against every ray, with exact fractions where float64 is in doubt.
 
 No tree, no float32, no offset, nothing of the tracer: the receiver is the triangle that the pixel's ray meets first, P
 the point where it does, and P is in shadow where another caster meets the segment from P to the light. P itself is no

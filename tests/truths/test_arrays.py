@@ -1,4 +1,4 @@
-"""What each array of a truth says, on scenes where it is known."""
+"""The arrays of a truth, on scenes with known values."""
 
 import math
 from collections.abc import Callable
@@ -92,7 +92,7 @@ def test_area_counts_only_samples_that_hit_receivers(shape: Shape, looking: Look
     assert (truth.area == 1).all()
 
 
-def test_blocker_is_the_way_to_a_plate(
+def test_blocker_is_the_distance_to_a_plate(
     light: Light, shape: Shape, looking: Looking, on_ground: OnGround, toward: Toward
 ) -> None:
     height = 0.8
@@ -107,7 +107,7 @@ def test_blocker_is_the_way_to_a_plate(
     assert np.isinf(truth.blocker[truth.visibility == 1]).all()
 
 
-def test_blocker_is_the_way_to_the_near_side_of_a_box(
+def test_blocker_is_the_distance_to_the_near_side_of_a_box(
     light: Light, shape: Shape, looking: Looking, on_ground: OnGround, toward: Toward
 ) -> None:
     """The first crossing of six planes, seen from outside: the entry of the slab test."""

@@ -1,4 +1,4 @@
-"""The truth's own check: no decided pixel is wrong at any value of any axis of `stress`.
+"""Accuracy of the truth at every axis value of `stress`: no decided pixel is wrong.
 
 `make test-slow` asks the ends of each axis, `make test-all` every value.
 """
@@ -19,7 +19,7 @@ walked = [(name, light) for name, axis in AXES.items() if name not in SAME_VIEW 
 
 
 def wrong_at(name: str, values: Sequence[float], light: Any, judged: Callable[..., Any]) -> dict[float, int]:
-    """How many decided pixels are wrong, by value."""
+    """Number of wrong decided pixels, by axis value."""
     wrong = {}
     for value in values:
         views = AXES[name].at(value, light).views

@@ -1,4 +1,4 @@
-"""The truth against every triangle and every ray in float64: our scenes, and what scanners and modellers make."""
+"""The truth compared with brute force in float64, on built-in scenes and on scanned and modelled meshes."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -31,7 +31,7 @@ def test_builtin_agrees_with_every_triangle_against_every_ray(name: str, judged:
 def test_armadillo_agrees_with_every_triangle_against_every_ray(
     shared_scenes: Path, judged: Callable[..., Any]
 ) -> None:
-    assert_agrees(load_scene(shared_scenes / "armadillo.obj"), 512, judged)
+    assert_agrees(load_scene(shared_scenes / "armadillo.obj"), 256, judged)
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""A truth is traced once for what it depends on."""
+"""The truth cache: a truth is traced once for its inputs."""
 
 import os
 import zipfile
@@ -16,7 +16,7 @@ from shadowbench.truths.trace import Truth, trace
 
 
 class TracedAgainError(Exception):
-    """Tracing was not to happen."""
+    """Raised if a truth is traced unexpectedly."""
 
 
 @pytest.fixture(autouse=True)
@@ -204,7 +204,7 @@ def test_single_array_in_a_truth_s_place_is_made_again(view: View, empty_folder:
     ["(60000000, 60000000)", f"({2**70},)", "(32, 32", "(32,\n  32)"],
     ids=["more than fits", "more than numbers hold", "unfinished", "indented"],
 )
-def test_header_of_an_array_that_cannot_be_is_made_again(claimed: str, view: View, empty_folder: Path) -> None:
+def test_a_truth_with_an_impossible_array_header_is_traced_again(claimed: str, view: View, empty_folder: Path) -> None:
     first = cached_truth(view)
     (file,) = empty_folder.iterdir()
     with zipfile.ZipFile(file) as whole:
@@ -219,7 +219,7 @@ def test_header_of_an_array_that_cannot_be_is_made_again(claimed: str, view: Vie
     assert kept is not None, "it has healed"
 
 
-def test_compression_that_nobody_knows_is_made_again(view: View, empty_folder: Path) -> None:
+def test_a_truth_with_unknown_compression_is_traced_again(view: View, empty_folder: Path) -> None:
     first = cached_truth(view)
     (file,) = empty_folder.iterdir()
     content = bytearray(file.read_bytes())
@@ -239,7 +239,7 @@ def test_pipe_in_a_truth_s_place_is_not_waited_for(view: View, empty_folder: Pat
 
 
 def test_every_truth_passes_its_check(view: View, tmp_path: Path) -> None:
-    """Also of a lamp, which shines on a part, and of a view that misses the scene in most pixels."""
+    """Including a lamp, which lights only a part, and a view that misses the scene in most pixels."""
     lamp = Light("lamp", "spot", (0.0, -1.0, 0.0), position=(0.3, 2.0, 0.2), angle=0.8)
     back = np.subtract(view.camera.position, view.camera.target) * 20 + view.camera.target
     away = replace(view.camera, position=tuple(back), near=None, far=None)
@@ -257,7 +257,7 @@ def test_oldest_truths_go_first(view: View, empty_folder: Path, monkeypatch: pyt
     assert not oldest.exists()
 
 
-def test_a_truth_that_another_process_forgot_is_passed_over(
+def test_a_truth_deleted_by_another_process_is_skipped(
     view: View, empty_folder: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     (empty_folder / "gone.npz").symlink_to("nowhere")  # listed, and no longer there
@@ -276,7 +276,7 @@ def test_folder_is_made(view: View, tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 @pytest.fixture
 def below_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A cache folder that nobody can make, root neither."""
+    """A cache folder that cannot be created, not even by root."""
     (tmp_path / "file").write_text("mine")
     monkeypatch.setenv("SHADOWBENCH_CACHE", str(tmp_path / "file" / "cache"))
     return tmp_path / "file" / "cache"

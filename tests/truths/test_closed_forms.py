@@ -1,4 +1,4 @@
-"""Shadows on a plane whose outline is known: the convex hull of a convex caster's projected vertices."""
+"""Shadows on a plane with a known outline: the convex hull of a convex caster's projected vertices."""
 
 import math
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Where a scene lies and in which unit it is written moves no shadow."""
+"""Shadows do not depend on the position or unit of a scene."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Which pixels are receivers, and which meshes cast."""
+"""The pixels that are receivers, and the meshes that cast."""
 
 import math
 from collections.abc import Callable
@@ -17,7 +17,7 @@ Toward = Callable[[Light, Floats], Floats]
 
 
 def test_receivers_face_the_light(light: Light, shape: Shape, looking: Looking) -> None:
-    """A plane faces a light with all its points or none."""
+    """All points of a plane face a light, or none does."""
     view = looking([shape("plane", 3.0), shape("box", at=(0, 0.5, 0))], light, size=96)
     truth, geometry = trace(view), view.scene.geometry
     position, w = light.homogeneous

@@ -1,4 +1,4 @@
-"""How much of an image nobody can decide: next to nothing, or scores would rest on what is left."""
+"""Undecided pixels are so few that they do not affect scores."""
 
 import math
 from collections.abc import Callable
@@ -104,7 +104,7 @@ def test_occluder_within_four_offsets_of_a_surface_decides_nothing(
     assert (truth.undecided == undecided).all()
 
 
-def test_where_an_offset_along_the_normal_would_let_light_in_nothing_is_decided(
+def test_receivers_whose_offset_would_leak_light_are_undecided(
     shape: Callable[..., Mesh], looking: Callable[..., View], on_ground: Callable[[View], Floats]
 ) -> None:
     """The end of a long shadow: a start at P + N·δ moves it by δ/tan(elevation), and so it is known no better."""

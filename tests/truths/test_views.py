@@ -1,4 +1,4 @@
-"""Views at the limits of what can be seen."""
+"""Views at extremes of size, position and direction."""
 
 from collections.abc import Callable
 
@@ -51,7 +51,7 @@ def test_ground_alone_is_lit(light: Light, shape: Shape, looking: Looking) -> No
 
 
 def test_camera_looking_at_nothing_is_refused(shape: Shape, looking: Looking, sun: Light) -> None:
-    with pytest.raises(InputError, match="looks at nothing"):
+    with pytest.raises(InputError, match="shows nothing"):
         trace(looking([shape("plane", 8.0)], sun, target=(2.3, 9.0, 3.5)))
 
 

@@ -11,49 +11,51 @@ from shadowbench.scenes.triangles import Triangles, without_zero_area
 _FLAT = 1e-7  # height of a sliver relative to its longest edge
 
 
-def _closed(of: Triangles) -> Triangles:
-    return of
+def _closed(mesh: Triangles) -> Triangles:
+    return mesh
 
 
-def _slivers(of: Triangles) -> Triangles:
+def _slivers(mesh: Triangles) -> Triangles:
     """Every triangle cut in three at a point close to the middle of an edge, so that one part is a sliver."""
-    a, b, c = (of.vertices[of.faces[:, k]] for k in range(3))
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
     inner = (a + b) / 2 * (1 - _FLAT) + c * _FLAT
     corners = [np.stack([a, b, inner], 1), np.stack([b, c, inner], 1), np.stack([c, a, inner], 1)]
     return _loose(np.concatenate(corners))
 
 
-def _zero_area(of: Triangles) -> Triangles:
+def _zero_area(mesh: Triangles) -> Triangles:
     """A triangle of zero area added on every edge, then dropped as loading does."""
-    a, b = (of.vertices[of.faces[:, k]] for k in range(2))
+    a, b = (mesh.vertices[mesh.faces[:, k]] for k in range(2))
     flat = _loose(np.stack([a, b, (a + b) / 2], 1))
-    whole = Triangles(np.concatenate([of.vertices, flat.vertices]), np.concatenate([of.faces, flat.faces + len(of[0])]))
+    whole = Triangles(
+        np.concatenate([mesh.vertices, flat.vertices]), np.concatenate([mesh.faces, flat.faces + len(mesh.vertices)])
+    )
     return without_zero_area(whole)[0]
 
 
-def _duplicated(of: Triangles) -> Triangles:
+def _duplicated(mesh: Triangles) -> Triangles:
     """Every triangle twice, every third one three times."""
-    return Triangles(of.vertices, np.concatenate([of.faces, of.faces, of.faces[::3]]))
+    return Triangles(mesh.vertices, np.concatenate([mesh.faces, mesh.faces, mesh.faces[::3]]))
 
 
-def _t_junctions(of: Triangles) -> Triangles:
+def _t_junctions(mesh: Triangles) -> Triangles:
     """Every second triangle split at the middle of an edge that its neighbour keeps unsplit."""
-    a, b, c = (of.vertices[of.faces[::2, k]] for k in range(3))
+    a, b, c = (mesh.vertices[mesh.faces[::2, k]] for k in range(3))
     middle = (a + b) / 2
-    kept = of.vertices[of.faces[1::2]]
+    kept = mesh.vertices[mesh.faces[1::2]]
     return _loose(np.concatenate([kept, np.stack([a, middle, c], 1), np.stack([middle, b, c], 1)]))
 
 
-def _inconsistent_winding(of: Triangles) -> Triangles:
+def _inconsistent_winding(mesh: Triangles) -> Triangles:
     """Every third triangle with reversed winding."""
-    faces = of.faces.copy()
+    faces = mesh.faces.copy()
     faces[::3] = faces[::3, ::-1]
-    return Triangles(of.vertices, faces)
+    return Triangles(mesh.vertices, faces)
 
 
-def _open(of: Triangles) -> Triangles:
+def _open(mesh: Triangles) -> Triangles:
     """Every fifth triangle missing."""
-    return Triangles(of.vertices, of.faces[np.arange(len(of.faces)) % 5 != 0])
+    return Triangles(mesh.vertices, mesh.faces[np.arange(len(mesh.faces)) % 5 != 0])
 
 
 def _loose(corners: np.ndarray) -> Triangles:
@@ -74,8 +76,8 @@ _KINDS: dict[str, Callable[[Triangles], Triangles]] = {
 
 def _ill_made(name: str, kind: LightKind) -> Setting:
     floor, *casters = base_meshes()
-    made = [(_KINDS[name](Triangles(caster.vertices, caster.faces)), caster.name) for caster in casters]
-    meshes = [Mesh(called, of.vertices, of.faces) for of, called in made]
+    defective = [(_KINDS[name](Triangles(caster.vertices, caster.faces)), caster.name) for caster in casters]
+    meshes = [Mesh(mesh_name, mesh.vertices, mesh.faces) for mesh, mesh_name in defective]
     return Setting((view_of_meshes([floor, *meshes], light_at(kind)),))
 
 

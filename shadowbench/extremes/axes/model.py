@@ -133,9 +133,9 @@ def light_at(kind: LightKind, elevation: float = 50.0, azimuth: float = _AZIMUTH
 
 def light_from(kind: LightKind, toward: Sequence[float] | Floats) -> Light:
     """A light in a direction as seen from the scene's centre, aimed at the centre."""
-    way = np.asarray(toward) / np.linalg.norm(toward)
-    position = vec3(way * _DISTANCES[kind]) if kind != "directional" else (0.0, 0.0, 0.0)
-    return Light(NAMES[kind], kind, vec3(-way), position, math.radians(60.0) if kind == "spot" else 0.0)
+    unit_vector = np.asarray(toward) / np.linalg.norm(toward)
+    position = vec3(unit_vector * _DISTANCES[kind]) if kind != "directional" else (0.0, 0.0, 0.0)
+    return Light(NAMES[kind], kind, vec3(-unit_vector), position, math.radians(60.0) if kind == "spot" else 0.0)
 
 
 def view_of_meshes(

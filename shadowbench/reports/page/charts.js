@@ -1,12 +1,12 @@
 "use strict";
-// Charts: Vega-Lite descriptions, in the page's colours, of the specs that the legend shows.
+// Drawing of Vega-Lite charts in the theme's colours, limited to the specs enabled in the legend.
 
-// As the page's theme has them, now and when it is turned or printed.
+// CSS variables, so that charts follow a change of theme, also for printing.
 const INK = "currentColor", PAPER = "var(--paper)", RULE = "var(--rule)";
 
-// Specs that are shown, each with the place in COLORS and SHAPES that is its own for as long as it is.
+// The shown specs, each with its index into the page's colours and shapes, unique while it is shown.
 const shown = new Map(PAGE.specs.slice(0, PAGE.colors.length).map((spec, index) => [spec, index]));
-const drawn = new Set(); // places of charts
+const drawn = new Set(); // elements of charts
 
 function styled(description) {
   const values = description.data?.values.map((value) => {
@@ -14,43 +14,43 @@ function styled(description) {
     return { ...value, shown: slot !== undefined, color: PAGE.colors[slot], shape: PAGE.shapes[slot] };
   });
   const rows = new Set(values?.filter((value) => value.shown).map((value) => value.row)).size, { row } = description.usermeta ?? {};
-  const set = { ink: INK, paper: PAPER };
+  const signals = { ink: INK, paper: PAPER };
   const text = { labelColor: INK, titleColor: INK };
   return {
     ...description,
     data: { values },
     height: row ? row * rows + 12 : description.height,
-    params: description.params.map((param) => param.name in set ? { ...param, value: set[param.name] } : param),
+    params: description.params.map((param) => param.name in signals ? { ...param, value: signals[param.name] } : param),
     config: { ...description.config, background: "transparent", legend: { ...description.config.legend, ...text }, axis: { ...description.config.axis, ...text, gridColor: RULE, domainColor: RULE, tickColor: RULE } },
   };
 }
 
-async function draw(place, description, pointed) {
-  place.view?.finalize();
-  place.hidden = !description;
-  if (place.nextElementSibling?.matches("p")) place.nextElementSibling.hidden = Boolean(description);
-  drawn.add(place);
-  place.again = () => draw(place, description, pointed);
-  if (!description) return void place.replaceChildren();
-  const { view } = await vegaEmbed(place, styled(description), { actions: false, renderer: "svg" });
-  place.view = view;
-  if (pointed) view.addEventListener("click", (_, item) => item?.datum?.spec && pointed(item.datum));
+async function draw(element, description, onClick) {
+  element.view?.finalize();
+  element.hidden = !description;
+  if (element.nextElementSibling?.matches("p")) element.nextElementSibling.hidden = Boolean(description);
+  drawn.add(element);
+  element.redraw = () => draw(element, description, onClick);
+  if (!description) return void element.replaceChildren();
+  const { view } = await vegaEmbed(element, styled(description), { actions: false, renderer: "svg" });
+  element.view = view;
+  if (onClick) view.addEventListener("click", (_, item) => item?.datum?.spec && onClick(item.datum));
 }
 
-const redraw = () => Promise.all([...drawn].filter((place) => place.isConnected).map((place) => place.again()));
+const redraw = () => Promise.all([...drawn].filter((element) => element.isConnected).map((element) => element.redraw()));
 
-// The front's zoom by buttons, about the middle of its domains, both of them log.
-function zoomed(place, factor) {
-  place.whole ??= { zoom_ms: place.view.scale("x").domain(), zoom_drawn: place.view.scale("y").domain() };
-  const now = { zoom_ms: place.view.scale("x").domain(), zoom_drawn: place.view.scale("y").domain() };
-  for (const [signal, whole] of Object.entries(place.whole)) {
-    const middle = Math.sqrt(now[signal][0] * now[signal][1]);
-    place.view.signal(signal, factor ? now[signal].map((end) => middle * (end / middle) ** factor) : whole);
+// Zoom of the error-cost chart about the centre of its logarithmic domains; resets for a factor of 0.
+function zoomed(element, factor) {
+  element.initial ??= { zoom_ms: element.view.scale("x").domain(), zoom_drawn: element.view.scale("y").domain() };
+  const current = { zoom_ms: element.view.scale("x").domain(), zoom_drawn: element.view.scale("y").domain() };
+  for (const [signal, initial] of Object.entries(element.initial)) {
+    const middle = Math.sqrt(current[signal][0] * current[signal][1]);
+    element.view.signal(signal, factor ? current[signal].map((end) => middle * (end / middle) ** factor) : initial);
   }
-  place.view.runAsync();
+  element.view.runAsync();
 }
 
-// Legends, all alike: a button a spec. As many are shown as there are colours; another takes the place of one turned off.
+// Fills all legends with a button per spec. At most as many specs as there are colours can be shown at a time.
 function legends() {
   for (const box of document.querySelectorAll(".legend")) {
     const specs = PAGE.specs.filter((spec) => !box.dataset.specs || JSON.parse(box.dataset.specs).includes(spec));
@@ -75,5 +75,5 @@ function legends() {
   }
 }
 
-// A spec that may be broken between its parameters.
+// The text of a spec with line breaks allowed between its parameters.
 const breakable = (text) => text.split(/(?<=[,:(])/).flatMap((piece) => [piece, document.createElement("wbr")]);

@@ -1,53 +1,54 @@
 "use strict";
-// What is chosen: a run, a scene of it or all, and a picture. All else on the page follows.
+// The page's state: the chosen run, scene and picture, which determine everything shown.
 
 const byId = (id) => document.getElementById(id);
 const read = (id) => JSON.parse(byId(id).textContent);
-const partOf = (id) => PAGE.parts.find((part) => part.id === id);
-const memory = new Map();
-const data = (id) => memory.get(id) ?? memory.set(id, read(`data-${id}`)).get(id);
+const panelOf = (id) => PAGE.panels.find((panel) => panel.id === id);
+const cache = new Map();
+const data = (id) => cache.get(id) ?? cache.set(id, read(`data-${id}`)).get(id);
 
-let now = null; // the part that is shown
-let seen = null; // the scene whose pictures are
-const first = byId("viewer") && new Viewer(byId("viewer"), (cell) => marked(cell));
+let currentPanel = null; // id
+let pictureScene = null; // id of the panel whose pictures are shown
+const first = byId("viewer") && new Viewer(byId("viewer"), (cell) => markCell(cell));
 
-function marked(cell) {
+// Highlights the cells of the cost matrix whose picture is shown.
+function markCell(cell) {
   for (const button of document.querySelectorAll(".matrix button")) {
     const { spec, size, scene } = button.dataset;
-    button.setAttribute("aria-pressed", !button.matches(".none") && scene === seen && spec === cell?.spec && (size || null) == cell.size);
+    button.setAttribute("aria-pressed", !button.matches(".none") && scene === pictureScene && spec === cell?.spec && (size || null) == cell.size);
   }
 }
 
-// A configuration in the viewer: in the scene that is shown, or for all scenes in the one given.
-function look(spec, size, scene) {
-  const id = partOf(now).scenes ? scene : now;
+// Shows a configuration in the viewer: in the current scene or, in the panel of all scenes, in the given one.
+function showPicture(spec, size, scene) {
+  const id = panelOf(currentPanel).scenes ? scene : currentPanel;
   if (!data(id).gallery) return;
   const cell = data(id).gallery.cells.find((one) => one.spec === spec && one.size === (size || null));
-  return pictures(id, cell ?? { spec, size });
+  return openGallery(id, cell ?? { spec, size });
 }
 
-async function pictures(id, cell) {
+async function openGallery(id, cell) {
   const { gallery } = data(id);
-  for (const node of document.querySelectorAll("#viewer, #wrong")) node.hidden = !gallery;
+  for (const node of document.querySelectorAll("#viewer, #errors")) node.hidden = !gallery;
   byId("no-pictures").textContent = gallery ? gallery.notes.join(" ") : data(id).no_gallery;
   if (!gallery) return;
-  if (id !== seen) decoded.clear();
-  const again = id === seen;
-  seen = id;
-  byId("scene-shown").textContent = partOf(id).title;
-  await first.open(gallery, cell?.place ?? (again ? first.where : undefined), cell);
-  if (!again) {
+  const sameScene = id === pictureScene;
+  if (!sameScene) decoded.clear();
+  pictureScene = id;
+  byId("scene-shown").textContent = panelOf(id).title;
+  await first.open(gallery, cell?.view ?? (sameScene ? first.viewName : undefined), cell);
+  if (!sameScene) {
     const sizes = [...new Set(gallery.cells.map((one) => one.size).filter(Boolean))].sort((a, b) => a - b);
-    byId("wrong-size").replaceChildren(...sizes.map((size) => new Option(size, size)));
-    byId("wrong-size").value = sizes[(sizes.length - 1) >> 1] ?? "";
-    byId("wrong-size").closest("label").hidden = sizes.length < 2;
-    await wrong();
+    byId("errors-size").replaceChildren(...sizes.map((size) => new Option(size, size)));
+    byId("errors-size").value = sizes[(sizes.length - 1) >> 1] ?? "";
+    byId("errors-size").closest("label").hidden = sizes.length < 2;
+    await showErrors();
   }
 }
 
-// A thumbnail of every spec, at the map size or the nearest it has.
-async function wrong() {
-  const { gallery } = first, size = Number(byId("wrong-size").value) || 1024, place = gallery.places[first.where];
+// Fills the thumbnails: one per spec, at the chosen map size or the nearest available.
+async function showErrors() {
+  const { gallery } = first, size = Number(byId("errors-size").value) || 1024, view = gallery.views[first.viewName];
   const far = (cell) => Math.abs(Math.log2((cell.size ?? size) / size));
   const cells = [...new Set(first.cells.map((cell) => cell.spec))].map((spec) => first.cells.filter((cell) => cell.spec === spec).sort((a, b) => far(a) - far(b))[0]);
   const made = await Promise.all(cells.map(async (cell) => {
@@ -55,79 +56,79 @@ async function wrong() {
     button.type = "button";
     score.textContent = cell.iou;
     label.append(...breakable(nameOf(cell)));
-    button.append(...await thumbnail(place, cell), score, label);
+    button.append(...await thumbnail(view, cell), score, label);
     button.addEventListener("click", async () => {
       first.mode = "difference";
       await first.pick("a", first.cells.indexOf(cell));
-      first.look(await worst(place, cell) ?? [0.5, 0.5]);
+      first.zoomTo(await worstTile(view, cell) ?? [0.5, 0.5]);
       byId("viewer").scrollIntoView({ block: "nearest" });
     });
     return button;
   }));
-  byId("wrong").querySelector(".sheet").replaceChildren(...made);
+  byId("errors").querySelector(".sheet").replaceChildren(...made);
 }
 
 async function show(id) {
-  now = id;
-  const part = partOf(id), { charts, rows, columns } = data(id);
-  for (const node of document.querySelectorAll("[data-part]")) node.hidden = node.dataset.part !== id;
-  for (const node of document.querySelectorAll(".title-shown")) node.textContent = part.title;
-  byId("run").value = part.run;
-  fillTable(rows, columns, (row) => look(row.spec, row.map, row.scene));
+  currentPanel = id;
+  const panel = panelOf(id), { charts, rows, columns } = data(id);
+  for (const node of document.querySelectorAll("[data-panel]")) node.hidden = node.dataset.panel !== id;
+  for (const node of document.querySelectorAll(".title-shown")) node.textContent = panel.title;
+  byId("run").value = panel.run;
+  fillTable(rows, columns, (row) => showPicture(row.spec, row.map, row.scene));
   const jobs = [drawCharts(charts)];
-  const start = part.start ?? {};
-  if (first) jobs.push(pictures(part.scenes ? start.scene : id, start));
+  const start = panel.start ?? {};
+  if (first) jobs.push(openGallery(panel.scenes ? start.scene : id, start));
   await Promise.all(jobs);
 }
 
 function drawCharts({ front, sizes, passes, pass_size, biases }) {
-  const place = (kind) => document.querySelector(`.chart.${kind}`);
-  const pointed = (point) => look(point.spec, point.size, rowOf(point)?.scene);
-  for (const kind of ["front", "sizes", "passes"]) place(kind).whole = undefined;
+  const chartElement = (kind) => document.querySelector(`.chart.${kind}`);
+  const onClick = (point) => showPicture(point.spec, point.size, rowOf(point)?.scene);
+  for (const kind of ["front", "sizes", "passes"]) chartElement(kind).initial = undefined;
   const choice = byId("pass-size");
   choice.replaceChildren(...passes.map(([size], at) => new Option(size, at, false, size === pass_size)));
   choice.closest("label").hidden = passes.length < 2;
-  place("passes").closest("section").hidden = !passes.length;
-  choice.onchange = () => draw(place("passes"), passes[choice.value][1]);
+  chartElement("passes").closest("section").hidden = !passes.length;
+  choice.onchange = () => draw(chartElement("passes"), passes[choice.value][1]);
   const bias = byId("biases");
   bias.hidden = !biases.length;
-  bias.querySelector(".pair").replaceChildren(...biases.map(([home]) => {
+  bias.querySelector(".pair").replaceChildren(...biases.map(([base]) => {
     const figure = document.createElement("figure"), caption = document.createElement("figcaption"), chart = document.createElement("div");
-    caption.append(...breakable(home));
+    caption.append(...breakable(base));
     chart.className = "chart biases";
     figure.append(caption, chart);
     return figure;
   }));
   return Promise.all([
-    draw(place("front"), front, pointed),
-    draw(place("sizes"), sizes, pointed),
-    draw(place("passes"), passes.find(([size]) => size === pass_size)?.[1]),
+    draw(chartElement("front"), front, onClick),
+    draw(chartElement("sizes"), sizes, onClick),
+    draw(chartElement("passes"), passes.find(([size]) => size === pass_size)?.[1]),
     ...[...bias.querySelectorAll(".chart")].map((chart, at) => draw(chart, biases[at][1])),
   ]);
 }
 
-const rowOf = (point) => data(now).rows.find((row) => row.spec === point.spec && row.map === point.size);
+const rowOf = (point) => data(currentPanel).rows.find((row) => row.spec === point.spec && row.map === point.size);
 
 function fillScenes(run, title) {
-  const parts = PAGE.parts.filter((part) => part.run === run);
-  byId("scene").replaceChildren(...parts.map((part) => new Option(part.title, part.id)));
-  return (parts.find((part) => part.title === title) ?? parts[0]).id;
+  const panels = PAGE.panels.filter((panel) => panel.run === run);
+  byId("scene").replaceChildren(...panels.map((panel) => new Option(panel.title, panel.id)));
+  return (panels.find((panel) => panel.title === title) ?? panels[0]).id;
 }
 
 async function begin() {
   legends();
   const jobs = [];
-  if (PAGE.parts.length) {
-    const start = fillScenes(PAGE.parts[0].run);
+  if (PAGE.panels.length) {
+    const start = fillScenes(PAGE.panels[0].run);
     byId("scene").addEventListener("change", () => { window.drawn = show(byId("scene").value); });
     byId("run").addEventListener("change", () => {
-      byId("scene").value = fillScenes(Number(byId("run").value), partOf(now).title);
+      byId("scene").value = fillScenes(Number(byId("run").value), panelOf(currentPanel).title);
       window.drawn = show(byId("scene").value);
     });
     for (const button of document.querySelectorAll(".matrix button")) {
-      button.addEventListener("click", () => { window.drawn = look(button.dataset.spec, Number(button.dataset.size) || null, button.dataset.scene); });
+      button.addEventListener("click", () => { window.drawn = showPicture(button.dataset.spec, Number(button.dataset.size) || null, button.dataset.scene); });
     }
-    byId("wrong-size")?.addEventListener("change", wrong);
+    byId("errors-size")?.addEventListener("change", showErrors);
     for (const button of document.querySelectorAll("[data-zoom]")) button.addEventListener("click", () => zoomed(document.querySelector(".chart.front"), Number(button.dataset.zoom)));
     jobs.push(show(start));
   }
@@ -143,7 +144,7 @@ async function stability(box) {
         chart.closest("figure").hidden = !chart.dataset.metrics.split("|").includes(box.querySelector("[data-signal=metric]").value);
         chart.view.signal(select.dataset.signal, select.value).runAsync();
       }
-      dispatchEvent(new Event("resize")); // what was hidden has had no width
+      dispatchEvent(new Event("resize")); // charts have no width while hidden
     });
   }
   const viewer = box.querySelector(".viewer");

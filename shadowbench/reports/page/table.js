@@ -1,23 +1,23 @@
 "use strict";
-// The table of configurations: sorted by any column, of one technique or all, with the columns that are asked for.
+// The table of configurations, with sorting, a filter by technique, and a choice of columns.
 
 const table = { sort: null, down: false, technique: "", columns: null };
 
-function fillTable(rows, columns, chosen) {
+function fillTable(rows, columns, onChoose) {
   const box = document.getElementById("table"), head = box.querySelector("thead tr"), body = box.querySelector("tbody");
   table.columns ??= new Set(PAGE.columns);
   const names = columns.filter((name) => table.columns.has(name));
-  const again = () => fillTable(rows, columns, chosen);
+  const refill = () => fillTable(rows, columns, onChoose);
   const techniques = [...new Set(rows.map((row) => row.technique))];
   if (!techniques.includes(table.technique)) table.technique = "";
   const filter = box.querySelector("select");
   filter.replaceChildren(new Option("all", ""), ...techniques.map((one) => new Option(one, one)));
   filter.value = table.technique;
-  filter.onchange = () => again(table.technique = filter.value);
+  filter.onchange = () => refill(table.technique = filter.value);
   box.querySelector(".columns").replaceChildren(...columns.map((name) => {
     const label = document.createElement("label"), input = document.createElement("input");
     Object.assign(input, { type: "checkbox", checked: table.columns.has(name) });
-    input.addEventListener("change", () => again(table.columns[input.checked ? "add" : "delete"](name)));
+    input.addEventListener("change", () => refill(table.columns[input.checked ? "add" : "delete"](name)));
     label.append(input, ` ${name}`);
     return label;
   }));
@@ -28,7 +28,7 @@ function fillTable(rows, columns, chosen) {
     Object.assign(button, { type: "button", textContent: name, title: `sort by ${name}` });
     button.addEventListener("click", () => {
       Object.assign(table, { sort: name, down: name === table.sort && !table.down });
-      again();
+      refill();
       [...head.querySelectorAll("button")].find((one) => one.textContent === name).focus();
     });
     cell.append(button);
@@ -37,18 +37,18 @@ function fillTable(rows, columns, chosen) {
   const value = (row) => table.sort === "spec" ? row.spec : row.values[table.sort]?.[0] ?? null;
   const order = (a, b) => {
     const [x, y] = [value(a), value(b)];
-    if (x === null || y === null) return (x === null) - (y === null); // what has no value stands last, both ways
+    if (x === null || y === null) return (x === null) - (y === null); // missing values come last in both directions
     return (x < y ? -1 : x > y ? 1 : 0) * (table.down ? -1 : 1);
   };
-  const wanted = rows.filter((row) => !table.technique || row.technique === table.technique);
-  if (table.sort) wanted.sort(order);
-  body.replaceChildren(...wanted.map((row) => {
+  const visible = rows.filter((row) => !table.technique || row.technique === table.technique);
+  if (table.sort) visible.sort(order);
+  body.replaceChildren(...visible.map((row) => {
     const line = document.createElement("tr"), head = document.createElement("th"), button = document.createElement("button");
     line.classList.toggle("front", row.front);
     Object.assign(head, { scope: "row", title: row.full });
     Object.assign(button, { type: "button", disabled: !row.scene });
     button.append(...breakable(row.spec));
-    button.addEventListener("click", () => chosen(row));
+    button.addEventListener("click", () => onChoose(row));
     head.append(button);
     line.append(head, ...names.map((name) => Object.assign(document.createElement("td"), { textContent: row.values[name]?.[1] ?? "–" })));
     return line;

@@ -1,12 +1,12 @@
 "use strict";
-// Two pictures of one place, a wipe between them and one zoom for both; and thumbnails of where pictures are wrong.
-// A page carries masks; they are shaded here, from the view lit everywhere and in shadow everywhere.
+// The viewer: two pictures of a view, with a divider between them and a common zoom; and thumbnails of errors.
+// Masks are shaded here, from pictures of the view without shadow (lit) and in full shadow (ambient).
 
-const FALSE_SHADOW = [213, 94, 0], FALSE_LIGHT = [0, 114, 178], NEVER_LIT = [70, 84, 104];
+const FALSE_SHADOW = [213, 94, 0], FALSE_LIGHT = [0, 114, 178], UNLIT = [70, 84, 104];
 const LINEAR = Float32Array.from({ length: 256 }, (_, v) => (v /= 255) <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
 const SRGB = Uint8Array.from({ length: 4096 }, (_, i) => (i /= 4095) <= 0.0031308 ? 3294.6 * i + 0.5 : 269.025 * i ** (1 / 2.4) - 13.525);
 
-const decoded = new Map(); // of the scene that is shown
+const decoded = new Map(); // pictures of the current scene, by data URI
 
 function pixels(source) {
   if (source && !decoded.has(source)) decoded.set(source, (async () => {
@@ -20,49 +20,50 @@ function pixels(source) {
   return source ? decoded.get(source) : null;
 }
 
-// Everything that a picture of a cell, or of the truth for null, is made of.
-async function parts(place, cell) {
-  const sources = [place.lit, place.ambient, place.truth, place.undecided, cell ? cell.mask : place.truth, cell?.picture];
+// The images from which the picture of a cell, or of the truth for null, is computed.
+async function load(view, cell) {
+  const sources = [view.lit, view.ambient, view.truth, view.undecided, cell ? cell.mask : view.truth, cell?.picture];
   const [lit, ambient, truth, undecided, mask, picture] = await Promise.all(sources.map(pixels));
   const size = (mask ?? picture ?? truth)?.width ?? 1;
   const error = (at) => !mask || !truth || undecided?.data[at] >= 128 ? 0 : (mask.data[at] - truth.data[at]) / 255;
   return { lit: lit?.data, ambient: ambient?.data, truth, mask, picture, size, error };
 }
 
-// One pixel, at its first byte, as `out` is to show it there.
+// Writes the pixel at byte `at` to byte `to` of `out`, in a mode: shaded, mask or difference.
 function paint(of, mode, at, out, to) {
   const base = mode === "difference" ? of.truth ?? of.mask : of.mask;
   const visibility = base ? base.data[at] / 255 : 1;
   for (let k = 0; k < 3; k++) {
-    if (mode === "mask") out[to + k] = of.lit && litless(of, at) ? NEVER_LIT[k] : 255 * visibility;
+    if (mode === "mask") out[to + k] = of.lit && unlit(of, at) ? UNLIT[k] : 255 * visibility;
     else if (of.lit) {
       const dark = LINEAR[of.ambient[at + k]];
       out[to + k] = SRGB[Math.min(4095, 4095 * (dark + visibility * Math.max(0, LINEAR[of.lit[at + k]] - dark))) | 0];
     } else out[to + k] = of.picture ? of.picture.data[at + k] : 255 * visibility;
   }
   out[to + 3] = 255;
-  if (mode === "difference") stain(out, to, of.error(at));
+  if (mode === "difference") tint(out, to, of.error(at));
 }
 
-const litless = (of, at) => of.lit[at] === of.ambient[at] && of.lit[at + 1] === of.ambient[at + 1];
+// Whether a pixel receives no light even without shadows.
+const unlit = (of, at) => of.lit[at] === of.ambient[at] && of.lit[at + 1] === of.ambient[at + 1];
 
-// The scene in pale grey, the error over it.
-function stain(out, to, error) {
+// Turns a pixel into pale grey, tinted by its error.
+function tint(out, to, error) {
   const grey = 90 + 0.55 * (0.3 * out[to] + 0.6 * out[to + 1] + 0.1 * out[to + 2]), strength = Math.abs(error);
   for (let k = 0; k < 3; k++) out[to + k] = grey * (1 - strength) + (error < 0 ? FALSE_SHADOW : FALSE_LIGHT)[k] * strength;
 }
 
-async function render(canvas, place, cell, mode) {
-  const of = await parts(place, cell);
+async function render(canvas, view, cell, mode) {
+  const of = await load(view, cell);
   const image = new ImageData(of.size, of.size);
   for (let at = 0; at < image.data.length; at += 4) paint(of, mode, at, image.data, at);
   canvas.width = canvas.height = of.size;
   canvas.getContext("2d").putImageData(image, 0, 0);
 }
 
-// The middle of where most is wrong, as shares of the picture; null where nothing is.
-async function worst(place, cell) {
-  const { size, error } = await parts(place, cell), tiles = new Float32Array(256);
+// Centre of the tile with the largest error, in [0, 1]²; null without errors.
+async function worstTile(view, cell) {
+  const { size, error } = await load(view, cell), tiles = new Float32Array(256);
   for (let at = 0; at < 4 * size * size; at += 4) {
     const pixel = at / 4;
     tiles[16 * ((16 * Math.floor(pixel / size) / size) | 0) + ((16 * (pixel % size) / size) | 0)] += Math.abs(error(at));
@@ -73,9 +74,9 @@ async function worst(place, cell) {
 
 const SIDE = 168;
 
-// The whole picture with its errors made wider, and a part of it, eight times as large, around the worst place.
-async function thumbnail(place, cell) {
-  const of = await parts(place, cell), middle = await worst(place, cell), { size } = of;
+// The whole picture with dilated errors, and the region of the worst tile enlarged eight times.
+async function thumbnail(view, cell) {
+  const of = await load(view, cell), middle = await worstTile(view, cell), { size } = of;
   const [whole, part] = [0, 1].map(() => Object.assign(document.createElement("canvas"), { width: SIDE, height: SIDE }));
   const most = new Float32Array(SIDE * SIDE), image = new ImageData(SIDE, SIDE), crop = new ImageData(SIDE, SIDE);
   const step = size / SIDE;
@@ -92,7 +93,7 @@ async function thumbnail(place, cell) {
       if (Math.abs(beside) > Math.abs(error)) error = beside;
     }
     paint({ ...of, mask: of.truth ?? of.mask }, "shaded", 4 * (((y + 0.5) * step | 0) * size + ((x + 0.5) * step | 0)), image.data, to);
-    stain(image.data, to, Math.sign(error) * Math.min(1, 2 * Math.abs(error)));
+    tint(image.data, to, Math.sign(error) * Math.min(1, 2 * Math.abs(error)));
     const from = [corner[0] + (x * step / 8 | 0), corner[1] + (y * step / 8 | 0)];
     paint(of, "difference", 4 * (from[1] * size + from[0]), crop.data, to);
   }
@@ -111,41 +112,41 @@ async function thumbnail(place, cell) {
 const nameOf = (cell) => cell ? `${cell.spec}${cell.size ? ` at ${cell.size}` : ""}` : "truth";
 
 class Viewer {
-  constructor(box, changed = () => {}) {
+  constructor(box, onDraw = () => {}) {
     this.box = box;
     this.find = (selector) => box.querySelector(selector);
     this.stage = this.find(".stage");
-    this.changed = changed;
+    this.onDraw = onDraw;
     this.mode = "shaded";
     this.cut = 0.5;
     for (const side of ["a", "b"]) this.find(`select.${side}`).addEventListener("change", (event) => this.pick(side, event.target.value));
-    this.find(".place").addEventListener("change", (event) => this.open(this.gallery, event.target.value));
+    this.find("select.view").addEventListener("change", (event) => this.open(this.gallery, event.target.value));
     for (const input of box.querySelectorAll(".modes input")) input.addEventListener("change", () => this.draw(this.mode = input.value));
-    this.find(".cut").addEventListener("input", (event) => this.place(this.cut = event.target.value / 100));
+    this.find(".cut").addEventListener("input", (event) => this.update(this.cut = event.target.value / 100));
     for (const button of box.querySelectorAll("[data-by]")) button.addEventListener("click", () => this.zoom(Number(button.dataset.by)));
     this.find(".swap").addEventListener("click", () => this.swap());
     this.stage.addEventListener("wheel", (event) => {
-      if (document.activeElement !== this.stage && !event.ctrlKey && !event.shiftKey) return; // it scrolls the page
+      if (document.activeElement !== this.stage && !event.ctrlKey && !event.shiftKey) return; // the wheel scrolls the page
       event.preventDefault();
       this.zoom(1.0015 ** -(event.deltaY || event.deltaX), this.at(event));
     }, { passive: false });
     this.stage.addEventListener("keydown", (event) => this.key(event));
     this.stage.addEventListener("pointerdown", (event) => this.drag(event));
-    this.stage.addEventListener("pointermove", (event) => this.tell(event));
+    this.stage.addEventListener("pointermove", (event) => this.readOut(event));
     this.fit();
   }
 
-  // Show a gallery at a place; what is chosen stays chosen where it is there too.
-  open(gallery, place = Object.keys(gallery.places)[0], a = this.a, b = this.b) {
+  // Shows a view of a gallery; keeps the chosen cells if the view has them.
+  open(gallery, viewName = Object.keys(gallery.views)[0], a = this.a, b = this.b) {
     this.gallery = gallery;
-    this.where = place;
-    this.cells = gallery.cells.filter((cell) => cell.place === place);
+    this.viewName = viewName;
+    this.cells = gallery.cells.filter((cell) => cell.view === viewName);
     const found = (one) => one && (this.cells.find((cell) => cell.spec === one.spec && cell.size === one.size) ?? this.cells.find((cell) => cell.spec === one.spec));
     this.a = found(a) ?? this.cells[0];
     this.b = found(b) ?? null;
-    const places = Object.keys(gallery.places);
-    this.find(".place").replaceChildren(...places.map((one) => new Option(one, one, false, one === place)));
-    this.find(".place-label").hidden = places.length < 2;
+    const names = Object.keys(gallery.views);
+    this.find("select.view").replaceChildren(...names.map((one) => new Option(one, one, false, one === viewName)));
+    this.find(".view-label").hidden = names.length < 2;
     for (const side of ["a", "b"]) {
       this.find(`select.${side}`).replaceChildren(new Option("truth (ray traced)", -1), ...this.cells.map((cell, at) => new Option(`${nameOf(cell)}   ${cell.iou}`, at)));
     }
@@ -163,30 +164,30 @@ class Viewer {
   }
 
   async draw() {
-    const place = this.gallery.places[this.where];
+    const view = this.gallery.views[this.viewName];
     for (const side of ["a", "b"]) {
       const cell = this[side];
       this.find(`select.${side}`).value = this.cells.indexOf(cell);
       this.find(`.tag.${side}`).textContent = nameOf(cell);
-      this.find(`.said.${side}`).textContent = cell ? `${nameOf(cell)}: ${cell.said}` : "truth: ray traced";
+      this.find(`.caption.${side}`).textContent = cell ? `${nameOf(cell)}: ${cell.caption}` : "truth: ray traced";
     }
     for (const input of this.box.querySelectorAll(".modes input")) input.checked = input.value === this.mode;
-    this.changed(this.a);
+    this.onDraw(this.a);
     this.done = Promise.all(["a", "b"].map((side) => {
       const canvas = this.find(`canvas.${side}`);
       canvas.setAttribute("aria-label", `${this.mode}: ${nameOf(this[side])}`);
-      return render(canvas, place, this[side], this.mode);
+      return render(canvas, view, this[side], this.mode);
     }));
     await this.done;
   }
 
-  // Zoom is `scale`, and what of the stage lies left of it and above it, in sides of the stage.
+  // Resets the zoom. `x` and `y` are the offset of the visible region from the picture's corner, in stage sizes.
   fit() {
     Object.assign(this, { scale: 1, x: 0, y: 0 });
-    this.place();
+    this.update();
   }
 
-  place() {
+  update() {
     const inside = (value) => Math.min(this.scale - 1, Math.max(0, value));
     [this.x, this.y] = [inside(this.x), inside(this.y)];
     this.find(".cut").value = 100 * this.cut;
@@ -196,17 +197,17 @@ class Viewer {
     this.find(".scale").textContent = `${this.scale.toFixed(this.scale < 10 ? 1 : 0)} ×`;
   }
 
-  // By a factor about a point of the stage; 0 shows the whole.
+  // Zooms by a factor about a point of the stage; a factor of 0 resets.
   zoom(by, [u, v] = [0.5, 0.5]) {
     const scale = by ? Math.min(64, Math.max(1, this.scale * by)) : 1, now = this.scale;
     Object.assign(this, { scale, x: (this.x + u) * scale / now - u, y: (this.y + v) * scale / now - v });
-    this.place();
+    this.update();
   }
 
-  // Zoom to a place of the picture, in shares of it.
-  look(middle, scale = 8) {
+  // Zooms to a point of the picture, in [0, 1]².
+  zoomTo(middle, scale = 8) {
     Object.assign(this, { scale, x: middle[0] * scale - 0.5, y: middle[1] * scale - 0.5 });
-    this.place();
+    this.update();
   }
 
   at(event) {
@@ -222,33 +223,33 @@ class Viewer {
     else if (!act || event.ctrlKey || event.metaKey) return;
     event.preventDefault();
     act?.();
-    this.place();
+    this.update();
   }
 
-  // At the divider, or where all is shown, a drag moves the divider; elsewhere the picture.
+  // Dragging moves the divider if it starts there or nothing is zoomed, else the picture.
   drag(down) {
     const start = this.at(down), { x, y } = this;
-    const wipes = this.scale === 1 || Math.abs(start[0] - this.cut) * this.stage.clientWidth < 16;
+    const movesDivider = this.scale === 1 || Math.abs(start[0] - this.cut) * this.stage.clientWidth < 16;
     this.stage.setPointerCapture(down.pointerId);
     const move = (event) => {
       const [u, v] = this.at(event);
-      if (wipes) this.cut = Math.min(1, Math.max(0, u));
+      if (movesDivider) this.cut = Math.min(1, Math.max(0, u));
       else Object.assign(this, { x: x + start[0] - u, y: y + start[1] - v });
-      this.place();
+      this.update();
     };
     this.stage.addEventListener("pointermove", move);
     for (const end of ["pointerup", "pointercancel"]) this.stage.addEventListener(end, () => this.stage.removeEventListener("pointermove", move), { once: true });
   }
 
-  // What both masks hold under the pointer: visibility, 1 being lit.
-  async tell(event) {
-    const place = this.gallery.places[this.where], [u, v] = this.at(event);
-    const masks = await Promise.all([this.a, this.b].map((cell) => pixels(cell ? cell.mask : place.truth)));
-    const told = masks.map((mask) => {
+  // Shows the visibility of both masks under the pointer.
+  async readOut(event) {
+    const view = this.gallery.views[this.viewName], [u, v] = this.at(event);
+    const masks = await Promise.all([this.a, this.b].map((cell) => pixels(cell ? cell.mask : view.truth)));
+    const readings = masks.map((mask) => {
       if (!mask) return ["–", "–"];
       const [x, y] = [(u + this.x) / this.scale, (v + this.y) / this.scale].map((one) => Math.min(mask.width - 1, Math.max(0, Math.floor(one * mask.width))));
       return [`${x}, ${y}`, (mask.data[4 * (y * mask.width + x)] / 255).toFixed(2)];
     });
-    this.find(".under").textContent = `pixel ${told[0][0]}: left ${told[0][1]}, right ${told[1][1]}`;
+    this.find(".readout").textContent = `pixel ${readings[0][0]}: left ${readings[0][1]}, right ${readings[1][1]}`;
   }
 }

@@ -1,0 +1,200 @@
+"""The panels of the HTML page, each with the results of one scene or of all scenes of a run."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from typing import Any
+
+from shadowbench.measure.flips import ROW_METRICS
+from shadowbench.reports.analysis import Configuration, Section, front
+from shadowbench.reports.bias_curve import bias_charts
+from shadowbench.reports.charts import default_size, front_chart, pass_chart, size_chart
+from shadowbench.reports.gallery import GalleryCell, gallery, no_pictures
+from shadowbench.reports.matrix import (
+    ALL_SCENES,
+    IOU_TARGETS,
+    Candidate,
+    CostCell,
+    candidates,
+    cost_matrix,
+    cost_row,
+    mean_section,
+)
+from shadowbench.reports.styles import Styles
+from shadowbench.reports.verdict import cell_texts, cost_note, verdict, verdict_candidate
+from shadowbench.reports.words import digits, mask_warnings, section_notes, unscored, value_of
+from shadowbench.studies.folder import Run
+
+_COST, _ERROR = "cost, ms", "1 − IoU"
+_TIMES = {
+    "IQR, ms": "frame_iqr_ms",
+    "all still, ms": "still_ms",
+    "camera moves, ms": "camera_ms",
+    "light moves, ms": "light_ms",
+    "× reference": "ratio",
+}
+_VALUES = {name: name for name in ROW_METRICS if name != "iou"} | _TIMES | {"GPU bytes": "gpu_bytes"}
+DEFAULT_COLUMNS = [_COST, "map", _ERROR, "worst scene", "scenes", "edge_px", "ssim", "acne", "leak"]
+"""The table columns that are visible at first."""
+SOFT_COLUMNS = ["rmse", "rmse_pen"]
+"""The columns that are visible besides if a scene has penumbrae."""
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """Results of one scene of a run, or of all its scenes.
+
+    id: HTML id; run: index of the run; scene_ids: HTML ids of the run's single-scene panels, by section title.
+    """
+
+    id: str
+    run: int
+    title: str
+    sections: tuple[Section, ...]
+    scene_ids: dict[str, str]
+
+    @cached_property
+    def candidates(self) -> list[Candidate]:
+        """Its configurations."""
+        return candidates(self.sections)
+
+    @property
+    def verdict(self) -> list[str]:
+        """Its verdict, one sentence per item."""
+        return verdict(self.sections)
+
+    @property
+    def start(self) -> dict[str, Any] | None:
+        """Spec, map size and scene of the picture that is shown first, that of the verdict; None without a score."""
+        best = verdict_candidate(self.candidates)
+        return None if best is None else self.picture_of(best)
+
+    @property
+    def cost_note(self) -> str:
+        """A note on what the costs in its matrix are."""
+        return cost_note(self.sections)
+
+    @property
+    def notes(self) -> list[str]:
+        """Notes on a single scene's results."""
+        if len(self.sections) > 1:
+            return []
+        cells = self.sections[0].max_cells
+        several = f"medians of up to {cells} cells (views × phases) a configuration; intervals are 95%, by bootstrap"
+        return [*section_notes(self.sections[0]), *([several] if cells > 1 else [])]
+
+    @property
+    def unscored(self) -> list[tuple[str, str]]:
+        """A single scene's configurations without a score, each with the reason."""
+        return unscored(self.sections[0]) if len(self.sections) == 1 else []
+
+    @property
+    def mask_warnings(self) -> list[str]:
+        """Warnings about a single scene's external masks."""
+        return mask_warnings(self.sections[0]) if len(self.sections) == 1 else []
+
+    @property
+    def matrix(self) -> list[tuple[str, list[dict[str, Any]]]]:
+        """The rows of the cost matrix: technique, and the data of its cells."""
+        rows = cost_matrix(self.candidates, IOU_TARGETS)
+        return [
+            (technique, [self._cell(cell, len(self.sections)) for cell in cells]) for technique, cells in rows.items()
+        ]
+
+    @property
+    def matrix_by_scene(self) -> list[tuple[str, list[dict[str, Any]]]]:
+        """Rows with the cheapest configuration of any technique in each scene; empty for a single scene."""
+        if len(self.sections) == 1:
+            return []
+        rows = [(one.scene, cost_row(candidates([one]), IOU_TARGETS)) for one in self.sections]
+        return [(scene, [self._cell(cell, 1) for cell in cells]) for scene, cells in rows]
+
+    def picture_of(self, one: Candidate) -> dict[str, Any]:
+        """Spec, map size and scene of a candidate's picture; of several scenes, the one in which it is worst."""
+        return {"spec": one.mean.spec, "size": one.mean.map_size, "scene": self.scene_ids[one.worst_scene]}
+
+    def _cell(self, cell: CostCell, scenes: int) -> dict[str, Any]:
+        cost, label, note = cell_texts(cell, scenes)
+        best = cell.cheapest
+        state = "none" if best is None else "all" if len(best.by_scene) == scenes else "some"
+        ties = ", ".join(one.mean.label for one in cell.ties)
+        about = f"as cheap, within the noise: {ties}" if ties else label or note
+        return {
+            "cost": cost,
+            "label": label,
+            "note": note,
+            "about": about,
+            "state": state,
+            **self.picture_of(best or cell.closest),
+        }
+
+
+def panels_of(run: Run, index: int, every: Sequence[Section]) -> list[Panel]:
+    """The panels of a run: one for all its scenes if there are several, then one per scene."""
+    ours = [section for section in every if section.run is run]
+    ids = {section.title: f"{index}-{at}" for at, section in enumerate(ours, start=1)}
+    overall = [Panel(f"{index}-0", index, ALL_SCENES, tuple(ours), ids)] if len(ours) > 1 else []
+    return [*overall, *(Panel(ids[one.title], index, one.title, (one,), ids) for one in ours)]
+
+
+def panel_data(
+    panel: Panel, styles: Styles, cells: Mapping[Section, Sequence[GalleryCell]], max_size: int
+) -> dict[str, Any]:
+    """The JSON data of a panel: charts, table, and for a single scene pictures.
+
+    cells: the cells whose pictures to show, by section; max_size: see `gallery`.
+    """
+    several = len(panel.sections) > 1
+    section = mean_section(panel.sections) if several else panel.sections[0]
+    best = [] if several and not section.scored else front(section)
+    pictures = None if several else gallery(section.run.folder, cells[section], max_size)
+    sizes: list[int | None] = [*sorted({one.map_size for one in section.timed if one.map_size})]
+    passes = [(size, chart) for size in sizes or [None] if (chart := pass_chart(section, size)) is not None]
+    on_front = {(one.spec, one.map_size) for one in best}
+    return {
+        "charts": {
+            "front": front_chart(section, styles),
+            "sizes": size_chart(section, styles),
+            "passes": passes,
+            "pass_size": default_size(section),
+            "biases": [] if several else bias_charts(section),
+        },
+        "columns": [_COST, "map", _ERROR, *(["worst scene", "scenes"] if several else []), *_VALUES, "cells"],
+        "rows": [_row(panel, one, (one.mean.spec, one.mean.map_size) in on_front) for one in panel.candidates],
+        "gallery": None if pictures is None else asdict(pictures),
+        "no_gallery": no_pictures(section.run),
+    }
+
+
+def _row(panel: Panel, one: Candidate, on_front: bool) -> dict[str, Any]:
+    """A row of the table; values: by column, (sort key, text)."""
+    mean = one.mean
+    error = mean.error
+    assert error is not None  # candidates have scores
+    worst_error = one.by_scene[one.worst_scene].error
+    worst_scene = next(section.scene for section in panel.sections if section.title == one.worst_scene)
+    values: dict[str, tuple[float | None, str]] = {
+        _COST: _value(mean, "frame_ms"),
+        "map": (mean.map_size, str(mean.map_size or "")),
+        _ERROR: (error.median, error.text(digits)),
+        "worst scene": (
+            None if worst_error is None else worst_error.median,
+            f"{'–' if worst_error is None else digits(worst_error.median)} in {worst_scene}",
+        ),
+        "scenes": (len(one.by_scene), f"{len(one.by_scene)} of {len(panel.sections)}"),
+        **{title: _value(mean, name) for title, name in _VALUES.items()},
+        "cells": (mean.row.cells, str(mean.row.cells)),
+    }
+    return {
+        "technique": mean.technique,
+        "spec": mean.spec,
+        "map": mean.map_size,
+        "full": mean.full_spec,
+        "front": on_front,
+        "scene": panel.scene_ids[one.worst_scene],
+        "values": values,
+    }
+
+
+def _value(one: Configuration, name: str) -> tuple[float | None, str]:
+    return one.value(name), value_of(one, name)

@@ -1,0 +1,165 @@
+"""Flips after a small step: of the camera, which turns, and of the light."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shadowbench.measure.flips import FINER, RIGHT, UP, Stepped
+from shadowbench.scenes.model import View
+from shadowbench.truths.rays import ViewRays
+from shadowbench.truths.trace import Truth
+
+STUDY = """
+scenes = ["street"]
+view_size = 128
+map_size = 256
+rounds = 0
+step = "{step}"
+[[technique]]
+spec = "ray-traced"
+[[technique]]
+spec = "shadow-volume"
+[[technique]]
+spec = "shadow-map:filter=hard"
+fit = ["scene", "view"]
+[[technique]]
+spec = "cascades:count=1,box=sphere,filter=hard"
+stable = [true, false]
+"""
+SIZE = 64
+
+Frames = tuple[Stepped, np.ndarray, np.ndarray, Truth, Truth]
+
+
+@pytest.fixture(scope="module")
+def stepped_rows(bench: Any, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], dict[str, dict[str, Any]]]:
+    found: dict[str, dict[str, dict[str, Any]]] = {}
+
+    def rows(step: str) -> dict[str, dict[str, Any]]:
+        if step not in found:
+            folder = tmp_path_factory.mktemp(step)
+            results = bench.run(bench.study(folder, STUDY.format(step=step)), folder / "out")
+            found[step] = {result.score["spec"]: result.score for result in results}
+        return found[step]
+
+    return rows
+
+
+def test_what_does_not_depend_on_the_camera_does_not_shimmer_when_it_turns(stepped_rows) -> None:
+    rows = stepped_rows("camera")
+    for spec in ("ray-traced", "shadow-volume", "shadow-map:fit=scene,filter=hard"):
+        assert rows[spec]["flips"] == 0, spec
+
+
+def test_a_window_that_follows_the_camera_shimmers_unless_it_is_snapped(stepped_rows) -> None:
+    rows = stepped_rows("camera")
+    loose, snapped = (rows[f"cascades:count=1,box=sphere{more},filter=hard"]["flips"] for more in ("", ",stable=true"))
+    assert min(loose, rows["shadow-map:fit=view,filter=hard"]["flips"]) > 0.02
+    assert snapped < loose / 20  # found: one pixel, where a texel's corner lies between the four around it
+
+
+def test_what_is_exact_does_not_shimmer_when_the_light_moves_and_a_map_does(stepped_rows) -> None:
+    rows = stepped_rows("light")
+    assert rows["ray-traced"]["flips"] == rows["shadow-volume"]["flips"] == 0
+    for spec, row in rows.items():
+        if row["map_size"]:
+            assert row["flips"] > 0, f"the texels of {spec} turn with the light"
+
+
+def directions(view: View) -> np.ndarray:
+    return ViewRays(view).directions(slice(0, view.size)).reshape(3, view.size, view.size)
+
+
+@pytest.fixture
+def turned(builtin: Callable[..., View]) -> Callable[..., Frames]:
+    """An edge `at` pixels right of the centre, or above it, and after the camera has turned, `moved` further."""
+    before = builtin("cube-on-plane", SIZE)
+    stepped = Stepped(before, "camera")
+    *axes, back = before.camera.basis()
+    pixel = 2 * np.tan(before.camera.fov_y / 2) / SIZE
+
+    def mask(view: View, at: float, axis: int) -> np.ndarray:
+        across = np.tensordot(axes[axis], directions(view), 1) / -np.tensordot(back, directions(view), 1)
+        return (across > at * pixel).astype(np.float32)
+
+    def truth(visibility: np.ndarray) -> Truth:
+        no, lit = np.zeros(visibility.shape, bool), visibility
+        return Truth(lit, 0 * lit, lit, ~no, no, lit, lit, no.astype(np.int32), lit, 1.0)
+
+    def make(at: float, moved: float, true_at: float, axis: int = 0) -> Frames:
+        masks = mask(before, at, axis), mask(stepped.view, at + moved, axis)
+        return stepped, *masks, *(truth(mask(view, true_at, axis)) for view in (before, stepped.view))
+
+    return make
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("at", np.linspace(-3.0, 3.0, 13))
+def test_an_edge_that_stays_on_its_surface_does_not_flip_wherever_the_pixels_are(turned, at: float, axis: int) -> None:
+    stepped, before, after, was, now = turned(at, 0.0, 0.0, axis)
+    assert stepped.count([before, after], [was, now]) == 0
+    assert len(np.unique(before)) == 2
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_an_edge_that_moves_by_a_pixel_flips_one_line_of_the_four_beside_the_true_one(turned, axis: int) -> None:
+    stepped, before, after, was, now = turned(0.0, 1.0, 0.0, axis)
+    assert stepped.count([before, after], [was, now]) == pytest.approx(1 / 4, abs=1 / SIZE)
+
+
+def test_an_edge_far_from_every_true_one_counts_nothing(turned) -> None:
+    stepped, before, after, was, now = turned(10.0, 1.0, 0.0)
+    assert stepped.count([before, after], [was, now]) == 0
+
+
+def test_without_a_true_edge_flips_are_undefined(turned) -> None:
+    stepped, before, after, was, now = turned(0.0, 1.0, 1000.0)
+    assert stepped.count([before, after], [was, now]) is None
+
+
+def test_a_pixel_that_changes_in_the_truth_too_is_not_counted(turned) -> None:
+    stepped, before, after, was, _ = turned(0.0, 1.0, 0.0)
+    *_, now = turned(0.0, 0.0, 1.0)
+    assert stepped.count([before, after], [was, now]) == 0
+
+
+def test_a_step_of_the_camera_moves_the_image_by_a_fraction_of_a_pixel_on_finer_pixels(builtin) -> None:
+    before = builtin("cube-on-plane", SIZE)
+    after = Stepped(before, "camera").view
+    assert (after.size, after.camera.position) == (FINER * SIZE, before.camera.position)
+    x, y, back = before.camera.basis() @ np.subtract(after.camera.target, after.camera.position)
+    pixels = np.array([x, y]) / -back / (2 * np.tan(before.camera.fov_y / 2) / SIZE)
+    assert pixels == pytest.approx([RIGHT, UP])
+
+
+@pytest.mark.parametrize("scene", ["cube-on-plane", "spot-lamp", "lamp-by-wall"])
+def test_a_step_of_the_light_is_as_wide_as_seen_from_what_is_looked_at(builtin, scene: str) -> None:
+    before = builtin(scene, SIZE)
+    after = Stepped(before, "light").view
+    assert (after.size, after.camera) == (SIZE, before.camera)
+
+    def towards(view: View) -> np.ndarray:
+        position, w = view.light.homogeneous
+        way = np.asarray(position) - np.multiply(w, view.camera.target)
+        return way / np.linalg.norm(way)
+
+    angle = np.linalg.norm(towards(after) - towards(before))
+    pixel = 2 * np.tan(before.camera.fov_y / 2) / SIZE
+    assert 0 < angle <= np.hypot(RIGHT, UP) * pixel * (1 + 1e-3)
+    if before.light.kind == "directional":
+        assert angle == pytest.approx(np.hypot(RIGHT, UP) * pixel, rel=1e-3)
+
+
+def test_rows_without_a_step_are_what_they_were_and_a_step_measures_them_anew(bench: Any, tmp_path: Path) -> None:
+    text = STUDY.replace('"street"', '"cube-on-plane"').replace('step = "{step}"\n', "")
+    study = bench.study(tmp_path, text)
+    plain = {result.score["spec"]: result.score for result in bench.run(study, tmp_path / "out")}
+    again = {result.score["spec"]: result.score for result in bench.run(study.with_(step="camera"), tmp_path / "out")}
+    for spec, row in plain.items():
+        assert not {"flips", "step"} & row.keys()
+        assert row["key"] != again[spec]["key"] and again[spec]["step"] == "camera"
+        same = row.keys() - {"key", "command"}
+        assert {name: row[name] for name in same} == {name: again[spec][name] for name in same}
