@@ -1,6 +1,6 @@
 """Takes docs/pictures/report.png, the first screen of a report on the demo; needs Chromium.
 
-python tools/readme_picture.py [DIR]: DIR is a run folder, by default results/latest, where `make demo` leaves its own.
+python tools/readme_picture.py [DIR]: DIR is a run folder, by default results/demo, that of `make demo`.
 """
 
 import argparse

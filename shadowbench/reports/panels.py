@@ -21,7 +21,7 @@ from shadowbench.reports.matrix import (
     mean_section,
 )
 from shadowbench.reports.styles import Styles
-from shadowbench.reports.verdict import cell_texts, cost_note, verdict, verdict_candidate
+from shadowbench.reports.verdict import cell_texts, cost_note, real_time, verdict, verdict_candidate
 from shadowbench.reports.words import digits, mask_warnings, section_notes, unscored, value_of
 from shadowbench.studies.folder import Run
 
@@ -103,10 +103,10 @@ class Panel:
 
     @property
     def matrix_by_scene(self) -> list[tuple[str, list[dict[str, Any]]]]:
-        """Rows with the cheapest configuration of any technique in each scene; empty for a single scene."""
+        """Rows with the cheapest real-time configuration in each scene; empty for a single scene."""
         if len(self.sections) == 1:
             return []
-        rows = [(one.scene, cost_row(candidates([one]), IOU_TARGETS)) for one in self.sections]
+        rows = [(one.scene, cost_row(real_time(candidates([one])), IOU_TARGETS)) for one in self.sections]
         return [(scene, [self._cell(cell, 1) for cell in cells]) for scene, cells in rows]
 
     def picture_of(self, one: Candidate) -> dict[str, Any]:

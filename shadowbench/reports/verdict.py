@@ -96,7 +96,7 @@ def cell_texts(cell: CostCell, scenes: int) -> tuple[str, str, str]:
         if cell.target.edges:
             return "–", "", "no edge" if edge is None else f"best {digits(edge)} px"
         return "–", "", "no IoU" if iou is None else f"best {iou:.4g}"
-    note = "" if len(best.by_scene) == scenes else f"in the {len(best.by_scene)} of {scenes} scenes that it supports"
+    note = "" if len(best.by_scene) == scenes else f"supports {len(best.by_scene)} of {scenes} scenes"
     return cost_text(best), best.mean.label, note
 
 

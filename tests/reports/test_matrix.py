@@ -114,7 +114,7 @@ def test_over_scenes_one_setting_must_reach_it_in_each_and_costs_their_mean(meas
 def test_configurations_that_support_some_scenes_count_only_if_none_supports_all(measured: Make) -> None:
     sun, lamp = Cell("a", 512, 0.004, 5.0), Cell("b", 512, 0.004, 50.0)
     made = measured(sun, lamp, elsewhere(sun, error=None, ms=None, status=UNSUPPORTED), elsewhere(lamp))
-    assert shown(made)["a"][1] == "5.00 ms a at 512 in the 1 of 2 scenes that it supports"
+    assert shown(made)["a"][1] == "5.00 ms a at 512 supports 1 of 2 scenes"
     assert shown(made)["b"][1] == "50.0 ms b at 512"
     assert list(shown(made)) == ["b", "a"], "what answers everywhere stands first"
     assert verdict(made) == [
