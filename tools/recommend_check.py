@@ -22,7 +22,7 @@ from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.rows import Result
 from shadowbench.measure.timing import Conditions
 from shadowbench.measure.worker import Worker
-from shadowbench.scenes.library import builtin_names
+from shadowbench.scenes.library import hard_names
 from shadowbench.scenes.views import chosen_view
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.registry import own_techniques, techniques
@@ -125,7 +125,7 @@ def main() -> None:
     parser.add_argument("--docs", type=Path, help="write the page here")
     options = parser.parse_args()
     larger = Path(os.environ.get("SHADOWBENCH_SCENES", "../shared/scenes"))
-    scenes = options.scenes or [*builtin_names(), *(str(larger / name) for name in LARGER)]
+    scenes = options.scenes or [*hard_names(), *(str(larger / name) for name in LARGER)]
     known = techniques()
     lines: dict[Target, list[Line]] = {target: [] for target in TARGETS}
     with Worker() as worker:

@@ -36,7 +36,7 @@ def by_turns(able: Mapping[str, Sequence[str]]) -> list[Any]:
 
 def answering(name: str) -> list[str]:
     """Techniques that answer a light of a scene."""
-    kinds = {light.kind for light in load_scene(name).lights}
+    kinds = {light.hard_kind for light in load_scene(name).lights}
     return [technique for technique in CULLING if kinds & KNOWN[technique].lights]
 
 
