@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from shadowbench.reports.analysis import Section, front
 from shadowbench.reports.axes import Chart, chart_point, error_axis, label_points, log_axis, zero_error_rule
-from shadowbench.reports.styles import COLORS, INK, Styles
+from shadowbench.reports.styles import COLORS, INK, MAX_SHOWN, Styles
 from shadowbench.reports.words import digits, section_notes, time_source
 
 _GRID = "#e6e6e6"
@@ -171,7 +171,9 @@ def pass_chart(section: Section, size: int | None) -> Chart | None:
         for row, one in enumerate(shown)
         for rank, timed in enumerate(one.passes)
     ]
-    colors = [COLORS[index % len(COLORS)] for index in range(len(names))]
+    # The first of them belong to specs on every other chart of the page.
+    own = (*COLORS[MAX_SHOWN:], *COLORS[:MAX_SHOWN])
+    colors = [own[index % len(own)] for index in range(len(names))]
     y = {"field": "row", "type": "ordinal", "axis": None, "scale": {"paddingInner": 0.55, "paddingOuter": 0.4}}
     at_size = f"map size {size}" if size else "no maps"
     x = {"field": "ms", "type": "quantitative", "title": _PASS_TIMES}

@@ -11,7 +11,7 @@ from skimage.color import deltaE_ciede2000, rgb2lab
 from shadowbench.reports.analysis import Section, sections, specs_of
 from shadowbench.reports.bias_curve import bias_charts
 from shadowbench.reports.charts import default_size, front_chart, pass_chart, section_figure, size_chart
-from shadowbench.reports.styles import COLORS, SHAPES, Styles, styles_of
+from shadowbench.reports.styles import COLORS, MAX_SHOWN, SHAPES, Styles, styles_of
 from shadowbench.studies.folder import read_runs
 from tests.reports.conftest import CELLS, Cell, texts
 
@@ -116,6 +116,7 @@ def test_each_of_many_passes_has_a_colour_of_its_own(section_of: Callable[..., S
     lab = rgb2lab(levels)
     apart = deltaE_ciede2000(lab[:, None], lab[None]) + 100 * np.eye(len(lab))
     assert apart.min() > 20, "a difference of 2 can just be seen side by side"
+    assert not {*scale["range"][:8]} & {*COLORS[:MAX_SHOWN]}, "those of specs"
 
 
 def test_the_chart_of_passes_says_why_they_do_not_add_up(section_of: Callable[..., Section]) -> None:
