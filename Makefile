@@ -21,7 +21,7 @@ help:
 	@echo "make docs       the documentation into build/docs/, a warning or a broken link being an error"
 	@echo "make wheel      sdist and wheel into dist/, once the wheel has run in an empty environment"
 	@echo "make setup      what the others do first: system packages and .venv"
-	@echo "make clean      remove .venv, caches, results/latest/ and results/stress/"
+	@echo "make clean      remove .venv, caches, and the folders that commands write into results/"
 
 setup:
 	@sh tools/setup.sh

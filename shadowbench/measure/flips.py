@@ -48,6 +48,11 @@ def row_metrics(row: Mapping[str, Any]) -> dict[str, float | None]:
     return dict(row.get("metrics", {})) | ({FLIPS.name: row[FLIPS.name]} if FLIPS.name in row else {})
 
 
+def size_after(step: Step | None, size: int) -> int:
+    """Pixels along a side of the image after a step, for `size` before it; 0 without a step."""
+    return {"camera": FINER * size, "light": size, None: 0}[step]
+
+
 def flips(masks: Sequence[Mask], truths: Sequence[Truth]) -> float | None:
     """Largest share, over pairs of frames, of edge pixels that flip between lit and shadowed while the truth does not.
 
@@ -85,7 +90,7 @@ class Stepped:
         if self.step == "camera":
             offset = distance * pixel * (np.array([RIGHT, UP, 0.0]) @ camera.basis())
             turned = replace(camera, target=vec3(np.add(camera.target, offset)))
-            return replace(before, camera=turned, size=FINER * before.size)
+            return replace(before, camera=turned, size=size_after(self.step, before.size))
         across = pixel * (np.array([RIGHT, UP, 0.0]) @ perpendicular_basis(-unit(light.direction), camera.up))
         if light.kind == "directional":
             return replace(before, light=replace(light, direction=vec3(unit(light.direction) + across)))
@@ -116,7 +121,7 @@ class Stepped:
 
         (N, N) each; also whether all four pixels around the point are inside the image.
         """
-        size, fine = self.before.size, FINER * self.before.size
+        size, fine = self.before.size, self.view.size
         half = math.tan(self.before.camera.fov_y / 2)
         x, y = np.meshgrid(*(half * (1 - (2 * np.arange(size) + 1) / size) * sign for sign in (-1, 1)))
         to_turned = self.before.camera.basis() @ self.view.camera.basis().T

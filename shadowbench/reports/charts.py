@@ -92,8 +92,8 @@ def size_chart(section: Section, styles: Styles) -> Chart | None:
     sizes = sorted({point["size"] for point in points if point["size"]})
     if not sizes:
         return None
-    for point in points:
-        point["rank"] = sum(one["drawn"] == point["drawn"] for one in points[: points.index(point)] if not one["size"])
+    for index, point in enumerate(points):
+        point["rank"] = sum(one["drawn"] == point["drawn"] for one in points[:index] if not one["size"])
     y = error_axis([value for point in points for value in (point["drawn"], point["low"], point["high"])])
     x = {
         "field": "size",

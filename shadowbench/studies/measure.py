@@ -12,7 +12,7 @@ import pandas as pd
 
 from shadowbench.files import check_folder
 from shadowbench.measure.executor import Executor
-from shadowbench.measure.flips import FINER
+from shadowbench.measure.flips import size_after
 from shadowbench.measure.machine import write_run_file
 from shadowbench.measure.measurer import Reporter
 from shadowbench.measure.profile import complete_profile
@@ -73,7 +73,7 @@ def estimate(study: Study) -> tuple[int, float]:
     cells = study.cells()
     frames = [(study.rounds * 4 / 3 if cell.phase == 0 else 0) + 4 for cell in cells]
     pixels = [study.view_size**2 + (cell.spec.map_size or 0) ** 2 for cell in cells]
-    stepped = study.view_size**2 * {"camera": FINER**2, "light": 1, None: 0}[study.step]
+    stepped = size_after(study.step, study.view_size) ** 2
     seconds = (sum(map(operator.mul, pixels, frames)) + 4 * stepped * len(cells)) * 1e-9 * 12 * len(study.scenes)
     return len(cells) * len(study.scenes), max(seconds, 5)
 

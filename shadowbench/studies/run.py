@@ -7,7 +7,7 @@ from pathlib import Path
 
 from shadowbench.errors import InputError
 from shadowbench.measure.executor import Executor
-from shadowbench.measure.flips import FINER
+from shadowbench.measure.flips import size_after
 from shadowbench.measure.measurer import Measurer, Reporter
 from shadowbench.measure.pictures import Pictures
 from shadowbench.measure.profile import Profile
@@ -72,8 +72,8 @@ def run_study(
 def check_sizes(study: Study, info: DeviceInfo) -> None:
     """Raises InputError if a map or the view is larger than the device allows."""
     largest = max(study.reference.map_size or 0, *(cell.spec.map_size or 0 for cell in study.cells()))
-    finer = FINER if study.step == "camera" else 1
-    for what, size in (("map size", largest), ("view size", finer * study.view_size)):
+    view = max(study.view_size, size_after(study.step, study.view_size))
+    for what, size in (("map size", largest), ("view size", view)):
         if size > info.max_map_size:
             raise InputError(f"{what} {size}: {info.renderer} allows 1 to {info.max_map_size}")
 
