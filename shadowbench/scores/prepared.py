@@ -154,17 +154,20 @@ class PreparedTruth(ThresholdedMask):
 
     @cached_property
     def variance(self) -> NDArray[np.float32]:
-        """Squared standard error of the visibility."""
-        return self.standard_error**2
+        """Squared standard error of the visibility; 0 where it is 0 or 1.
+
+        All points of the light agree there, and the error bar is 1/N, a bound: errors are several times smaller.
+        """
+        return np.where((self.visibility > 0) & (self.visibility < 1), self.standard_error**2, 0)
 
     @cached_property
     def mean_variance(self) -> float:
-        """Mean squared standard error over valid pixels; 0 if there are none."""
+        """Mean `variance` over valid pixels; 0 if there are none."""
         return mean(self.variance, self.valid) or 0.0
 
     @cached_property
     def mean_variance_pen(self) -> float:
-        """Mean squared standard error over the penumbra; 0 if there is none."""
+        """Mean `variance` over the penumbra; 0 if there is none."""
         return mean(self.variance, self.penumbra) or 0.0
 
     @cached_property

@@ -1,6 +1,6 @@
 """Metrics of soft shadows: functions of a Comparison, listed in `metrics`.
 
-The truth of a soft shadow is sampled: the mean of its squared standard error is taken off squared errors.
+The truth of a soft shadow is sampled: its mean variance is taken off squared errors.
 """
 
 import math
@@ -60,7 +60,7 @@ def banding(comparison: Comparison) -> float | None:
         return None
     grey = (mask > PENUMBRA[0]) & (mask < PENUMBRA[1])
     step, true_step = step_squared(mask, prepared.valid), prepared.step_squared
-    resolved = true_step > RESOLVED_STEP**2 * prepared.variance
+    resolved = true_step > RESOLVED_STEP**2 * prepared.standard_error**2
     return share(grey & resolved & (step < FLAT_STEP**2 * true_step), prepared.penumbra)
 
 

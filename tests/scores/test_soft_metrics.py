@@ -138,6 +138,18 @@ def test_what_is_left_of_an_error_is_its_own(scored: Scored) -> None:
     )
 
 
+def test_the_error_bar_of_a_pixel_where_all_points_of_the_light_agree_is_a_bound_and_hides_no_error(
+    scored: Scored,
+) -> None:
+    truth, wrong = ramp(20), ramp(20, 80.05)
+    bars = np.where((truth == 0) | (truth == 1), 1 / 256, 0)
+    exact, bounded = (scored(wrong, truth, standard_error=error) for error in (0 * bars, bars))
+    assert 0.002 < exact["rmse_pen"] < 1 / 256
+    assert {name: bounded[name] for name in ("rmse", "rmse_pen")} == {
+        name: exact[name] for name in ("rmse", "rmse_pen")
+    }
+
+
 # Noise
 
 
