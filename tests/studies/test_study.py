@@ -12,6 +12,7 @@ import pytest
 from shadowbench.data import data_folder
 from shadowbench.errors import InputError
 from shadowbench.measure.cells import Block
+from shadowbench.scenes.library import builtin_names, hard_names
 from shadowbench.studies.study import Study, find_study, read_study, study_names
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
@@ -195,6 +196,12 @@ def test_the_demo_has_every_technique_and_preset_under_a_sun_and_a_lamp() -> Non
     assert {parse_spec(text, KNOWN).sizeless_text for text in presets} <= {spec.sizeless_text for spec in demo.specs}
     kinds = [block.view.light.kind for block in demo.blocks()]
     assert len(kinds) == 3 and {"directional", "point"} == set(kinds)
+
+
+def test_convergence_is_studied_on_every_scene_whose_light_has_a_size_and_all_else_on_the_others() -> None:
+    soft, hard = (set(read_study(find_study(name), KNOWN).scenes) for name in ("convergence", "everything"))
+    assert soft == set(builtin_names()) - set(hard_names())
+    assert hard == set(hard_names())
 
 
 def test_a_sweep_multiplies_the_computed_bias(read: ReadStudy) -> None:

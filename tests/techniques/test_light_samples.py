@@ -9,6 +9,7 @@ import pytest
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.model import View, unit, view_of
+from shadowbench.studies.study import find_study, read_study
 from shadowbench.techniques.light_samples import points_of
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
@@ -22,6 +23,17 @@ SIZED = {  # built-in scenes under lights with a size
     "disc": ("spot-lamp", {"kind": "disc", "radius": 0.3}),
     "rectangle": ("spot-lamp", {"kind": "rectangle", "size": (1.0, 0.5), "up": (0.3, 0.2, -1.0)}),
 }
+
+STUDY = read_study(find_study("convergence"), techniques())
+QUICK, SAMPLE = ("fence", "post"), ("leaves", "overlap", "shade")  # of its scenes; those of the sample take seconds
+POINTS = (4, 16, 64, 256)
+BARS = 0.012  # rms error of 256 Sobol points before parallel bars; one edge: 0.0052
+
+
+def costly(scene: str) -> list[pytest.MarkDecorator]:
+    return (
+        [] if scene in QUICK else [pytest.mark.slow] if scene in SAMPLE else [pytest.mark.slow, pytest.mark.exhaustive]
+    )
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +68,20 @@ def test_the_error_falls_as_fast_as_that_of_random_points_and_faster(spec, name,
     assert found[1] < found[0] / 4
     assert found[1] < random
     assert abs(errors(mask(spec.format(256), view), truth).mean()) < found[1]
+
+
+@pytest.mark.parametrize("scene", [pytest.param(name, marks=costly(name)) for name in STUDY.scenes])
+def test_the_error_in_the_penumbra_falls_to_nothing_as_that_of_sobol_points(scene, builtin, mask, scored) -> None:
+    """As n^−0.75 or so, where random points have n^−0.5 and an error of technique or truth stops the fall."""
+    view = builtin(scene, 64)
+    truth = trace(view, 1)
+    for technique, points in (("light-samples", "n"), ("ray-traced", "samples")):
+        specs = [spec for spec in STUDY.specs if spec.technique.name == technique]
+        drawn = {getattr(spec.params, points): spec for spec in specs}
+        found = [scored(mask(drawn[n].text, view), truth)["rmse_pen"] for n in POINTS]
+        slope = np.polyfit(np.log(POINTS), np.log(found), 1)[0]
+        assert -0.9 < slope < -0.65, technique
+        assert found[-1] < min(BARS, found[-2] / 2), technique
 
 
 @pytest.mark.parametrize("name", ["sun", "spot"])
