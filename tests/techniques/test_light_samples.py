@@ -25,15 +25,10 @@ SIZED = {  # built-in scenes under lights with a size
 }
 
 STUDY = read_study(find_study("convergence"), techniques())
-QUICK, SAMPLE = ("fence", "post"), ("leaves", "overlap", "shade")  # of its scenes; those of the sample take seconds
+ALL = [pytest.mark.slow, pytest.mark.exhaustive]
+MARKS = {"leaves": ALL, "overlap": pytest.mark.slow, "shade": ALL, "window": pytest.mark.slow}  # of its scenes
 POINTS = (4, 16, 64, 256)
 BARS = 0.012  # rms error of 256 Sobol points before parallel bars; one edge: 0.0052
-
-
-def costly(scene: str) -> list[pytest.MarkDecorator]:
-    return (
-        [] if scene in QUICK else [pytest.mark.slow] if scene in SAMPLE else [pytest.mark.slow, pytest.mark.exhaustive]
-    )
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +65,7 @@ def test_the_error_falls_as_fast_as_that_of_random_points_and_faster(spec, name,
     assert abs(errors(mask(spec.format(256), view), truth).mean()) < found[1]
 
 
-@pytest.mark.parametrize("scene", [pytest.param(name, marks=costly(name)) for name in STUDY.scenes])
+@pytest.mark.parametrize("scene", [pytest.param(name, marks=MARKS.get(name, ())) for name in STUDY.scenes])
 def test_the_error_in_the_penumbra_falls_to_nothing_as_that_of_sobol_points(scene, builtin, mask, scored) -> None:
     """As n^−0.75 or so, where random points have n^−0.5 and an error of technique or truth stops the fall."""
     view = builtin(scene, 64)
