@@ -43,7 +43,8 @@ def crossings(origins: Floats, directions: Floats, geometry: Geometry, faces: np
     origins = origins - about
     lines = np.hstack([directions, np.cross(origins, directions)])
     corners = [geometry.vertices[faces[:, k]] - about for k in range(3)]
-    edges = np.stack([np.hstack([np.cross(a, b - a), b - a]) for a, b in zip(corners, corners[1:] + corners[:1])])
+    ends = zip(corners, corners[1:] + corners[:1], strict=True)
+    edges = np.stack([np.hstack([np.cross(a, b - a), b - a]) for a, b in ends])
     edges /= np.maximum(np.linalg.norm(edges, axis=2, keepdims=True), 1e-300)
     ray, triangle, through = _pairs(lines, DOUBT * np.linalg.norm(lines, axis=1), edges)
     a, b, c = (corner[triangle] for corner in corners)
