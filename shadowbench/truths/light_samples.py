@@ -15,7 +15,6 @@ from functools import cache
 import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from shadowbench.scenes.model import Floats, Light, perpendicular_basis, unit
 from shadowbench.truths.compiled import compile_once
@@ -95,6 +94,8 @@ def _tables() -> NDArray[np.uint32]:
 
     The first 2^m points of each table are a (0, m, 2)-net.
     """
+    from scipy.stats import qmc  # the import takes 0.6 s, and hard truths do not need it
+
     points = qmc.Sobol(2, scramble=False, bits=32).random(MOST_SAMPLES)
     bits = (points.T * 2.0**32).astype(np.uint32)
     tables = np.zeros((TABLES, *bits.shape), dtype=np.uint32)

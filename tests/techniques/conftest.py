@@ -17,6 +17,8 @@ from shadowbench.techniques.base import Frame, Phase, Stage, Technique
 from shadowbench.techniques.registry import shader_folder, techniques
 from shadowbench.techniques.spec import parse_spec
 
+KNOWN = techniques()  # which searches all installed packages
+
 
 @dataclass(eq=False)
 class Built:
@@ -41,7 +43,7 @@ def build(device: Device, studio) -> Iterator[Callable[..., Built]]:
     stages: list[Stage] = []
 
     def make(spec: str, shot) -> Built:
-        parsed = parse_spec(spec, techniques())
+        parsed = parse_spec(spec, KNOWN)
         size = (shot.view.size, shot.view.size)
         stage = Stage(shot.view.scene, device, size, shot.geometry, shot.placement, shader_folder(parsed.technique))
         stages.append(stage)

@@ -17,6 +17,7 @@ from shadowbench.techniques.params import Component
 from shadowbench.techniques.registry import own_techniques, techniques
 from shadowbench.techniques.spec import parse_spec
 
+KNOWN = techniques()
 SHADERS = "\n".join(file.read_text(encoding="utf-8") for file in data_folder("shaders").rglob("*.*"))
 LIGHTS = {
     "directional": Light("sun", "directional", (0.5, -1.0, -0.3)),
@@ -61,7 +62,7 @@ def test_every_combination_of_components_compiles(technique, builtin, studio, bu
     size = "size=16," if "size" in technique.Params.model_fields else ""
     for items in compositions(technique):
         try:
-            spec = parse_spec(f"{technique.name}:{size}{items}".rstrip(",:"), techniques())
+            spec = parse_spec(f"{technique.name}:{size}{items}".rstrip(",:"), KNOWN)
         except InputError:
             continue
         if technique.declines(spec.params, shot.view, device) is None:

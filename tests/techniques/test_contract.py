@@ -17,8 +17,9 @@ from shadowbench.techniques.spec import parse_spec
 from shadowbench.techniques.unshadowed import Unshadowed
 from tests.samples import sampled
 
-ALL = sorted(techniques())
-PRESETS = [f"{name}:preset={preset}" for name in ALL for preset in techniques()[name].presets]
+KNOWN = techniques()
+ALL = sorted(KNOWN)
+PRESETS = [f"{name}:preset={preset}" for name in ALL for preset in KNOWN[name].presets]
 SIZE = 96
 
 LIGHTS = {
@@ -67,8 +68,7 @@ def poses(builtin):
 
 def answered(specs: list[str], kinds: Collection[str] = tuple(LIGHTS)) -> list[tuple[str, str]]:
     """Pairs of a spec and a kind of light that its technique supports."""
-    known = techniques()
-    return [(spec, kind) for spec in specs for kind in kinds if kind in known[spec.split(":")[0]].lights]
+    return [(spec, kind) for spec in specs for kind in kinds if kind in KNOWN[spec.split(":")[0]].lights]
 
 
 @pytest.mark.parametrize("kind", LIGHTS)
@@ -76,7 +76,7 @@ def answered(specs: list[str], kinds: Collection[str] = tuple(LIGHTS)) -> list[t
 def test_the_lights_that_it_declares_are_answered_and_the_others_declined_in_words(
     spec, kind, device, studio, poses
 ) -> None:
-    parsed = parse_spec(spec, techniques())
+    parsed = parse_spec(spec, KNOWN)
     reason = parsed.technique.declines(parsed.params, studio.shot(poses(kind)[0]).view, device)
     assert parsed.technique.lights, "a technique answers something"
     if kind in parsed.technique.lights:
@@ -94,7 +94,7 @@ def test_a_light_with_a_size_is_drawn_by_what_draws_its_kind_and_declined_in_wor
     scene = builtin("spot-lamp").scene
     eye, target = CAMERAS[0]
     view = view_of(scene, Camera("camera", eye, target, 0.9), SOFT[shape], SIZE)
-    parsed = parse_spec(spec, techniques())
+    parsed = parse_spec(spec, KNOWN)
     shot = studio.shot(view)
     reason = parsed.technique.declines(parsed.params, shot.view, device)
     if view.light.hard_kind not in parsed.technique.lights:
@@ -219,7 +219,7 @@ def test_bytes_are_counted_and_freed(spec, kind, device, studio, build, poses) -
     one = build(spec, shot)
     assert one.stage.bytes >= SIZE * SIZE * 4, "the mask at least"
     if "size" in one.technique.Params.model_fields:
-        half = build(parse_spec(f"{spec}:size={one.technique.params.size // 2}", techniques()).text, shot)
+        half = build(parse_spec(f"{spec}:size={one.technique.params.size // 2}", KNOWN).text, shot)
         assert half.stage.bytes < one.stage.bytes
     ask = RawGL(device.context, {"glIsTexture": (ctypes.c_ubyte, (ctypes.c_uint,))})
     textures = [thing for thing in one.stage._resources if isinstance(thing, moderngl.Texture)]
@@ -235,7 +235,7 @@ def test_bytes_are_counted_and_freed(spec, kind, device, studio, build, poses) -
 @pytest.mark.parametrize(("spec", "kind"), sampled(answered(ALL), dict(answered(ALL)).items()))
 def test_memory_does_not_grow_over_builds_and_releases(spec, kind, device, studio, build, poses) -> None:
     shot = studio.shot(poses(kind, 256)[0])
-    small = f"{spec}:size=64" if parse_spec(spec, techniques()).has_size else spec  # a map must not hide a mask
+    small = f"{spec}:size=64" if parse_spec(spec, KNOWN).has_size else spec  # a map must not hide a mask
 
     def cycle() -> None:
         one = build(small, shot)

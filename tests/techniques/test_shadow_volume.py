@@ -9,7 +9,7 @@ from scipy.ndimage import maximum_filter
 import shadowbench.techniques.shadow_volume as module
 from shadowbench.errors import InputError
 from shadowbench.gl.clock import Clock, work_of
-from shadowbench.scenes.library import builtin_names, load_scene
+from shadowbench.scenes.library import hard_names, load_scene
 from shadowbench.scenes.model import Light, Mesh, unit, view_of
 from shadowbench.techniques.base import Frame, Phase
 from shadowbench.techniques.registry import techniques
@@ -151,17 +151,21 @@ class Drawn:
 
 
 def drawn(spec, view, studio, build, scored) -> Drawn:
+    """By silhouettes; by single triangles, of which many more are drawn, at a quarter of the pixels."""
     truth, shot = trace(view, pixel_samples=1), studio.shot(view)
-    silhouettes, triangles = (build(text, shot).draw(shot) for text in (spec, with_triangles(spec)))
-    dark, decided = truth.visibility < 0.5, truth.receivers & ~truth.undecided
+    mask = build(spec, shot).draw(shot)
+    small = replace(view, size=view.size // 2)
+    other_truth, other_shot = trace(small, pixel_samples=1), studio.shot(small)
+    silhouettes, triangles = (build(text, other_shot).draw(other_shot) for text in (spec, with_triangles(spec)))
+    dark = truth.visibility < 0.5
     edge = maximum_filter(dark & truth.receivers, 3) & maximum_filter(~dark & truth.receivers, 3)
-    bad = wrong(silhouettes, truth)
+    bad = wrong(mask, truth)
     return Drawn(
-        min(scored(mask, truth)["iou"] for mask in (silhouettes, triangles)),
+        min(scored(mask, truth)["iou"], scored(triangles, other_truth)["iou"]),
         int((bad & (truth.cosine >= 1e-3)).sum()),
         int((bad & (truth.cosine < 1e-3)).sum()),
         int((bad & ~edge & (truth.cosine >= 0.15) & (truth.triangle == shot.triangle)).sum()),
-        float((silhouettes != triangles)[decided].mean()),
+        float((silhouettes != triangles)[other_truth.receivers & ~other_truth.undecided].mean()),
     )
 
 
@@ -169,31 +173,7 @@ def with_triangles(spec: str) -> str:
     return f"{spec}{',' if ':' in spec else ':'}faces=triangle"
 
 
-@pytest.fixture(scope="module")
-def kept() -> dict[tuple[str, str], Drawn]:
-    """Cached results for built-in scenes, by spec and name."""
-    return {}
-
-
-@pytest.fixture
-def drawn_once(kept, builtin, studio, build, scored):
-    def of(spec: str, name: str) -> Drawn:
-        if (spec, name) not in kept:
-            kept[spec, name] = drawn(spec, builtin(name, 1024), studio, build, scored)
-        return kept[spec, name]
-
-    return of
-
-
 EXACT = [(SILHOUETTE, 0.9999), (DEPTH, 0.9995)]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", builtin_names())
-def test_every_scene_is_exact(name, drawn_once) -> None:
-    for spec, least in EXACT:
-        found = drawn_once(spec, name)
-        assert found.iou >= least and found.other <= 2e-4
 
 
 @pytest.mark.slow
@@ -207,16 +187,19 @@ def test_real_meshes_closed_or_not_are_exact(file, shared_scenes, studio, build,
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("spec", "most", "at_grazing"), [(SILHOUETTE, 4, 0), (DEPTH, 45, 20)])
-def test_wrong_pixels_have_grazing_light_or_an_edge(spec, most, at_grazing, drawn_once) -> None:
-    """All scenes pooled. Where rasteriser and ray see different triangles, a pixel is at an edge of one.
+@pytest.mark.parametrize(("spec", "least", "most", "at_grazing"), [(SILHOUETTE, 0.9999, 4, 0), (DEPTH, 0.9995, 45, 20)])
+def test_every_scene_is_exact_but_where_light_is_grazing_or_at_an_edge(
+    spec, least, most, at_grazing, builtin, studio, build, scored
+) -> None:
+    """Where rasteriser and ray see different triangles, a pixel is at an edge of one.
 
-    Found: 2 and 36 of 15 million; and 0 and 12 more where N·L is below 0.001, which only float64 decides.
+    Found in all scenes: 2 and 36 of 15 million; and 0 and 12 more where N·L is below 0.001, which only float64 decides.
     """
-    found = [drawn_once(spec, name) for name in builtin_names()]
-    assert sum(one.lit for one in found) <= most
-    assert sum(one.grazing for one in found) <= at_grazing
-    assert sum(one.unexplained for one in found) <= 1  # found: 1 by position, 0 by depth
+    found = {name: drawn(spec, builtin(name, 1024), studio, build, scored) for name in hard_names()}
+    assert {name: one for name, one in found.items() if one.iou < least or one.other > 2e-4} == {}
+    assert sum(one.lit for one in found.values()) <= most
+    assert sum(one.grazing for one in found.values()) <= at_grazing
+    assert sum(one.unexplained for one in found.values()) <= 1  # found: 1 by position, 0 by depth
 
 
 @pytest.mark.parametrize("kind", ["directional", "point"])

@@ -8,12 +8,14 @@ part of the segment, so that a triangle in the receiver's own plane never blocks
 from fractions import Fraction
 from typing import NamedTuple
 
+import numba
 import numpy as np
 
 from shadowbench.scenes.geometry import Geometry
 from shadowbench.scenes.model import Floats, View
 
-TRIANGLES_AT_ONCE = 1024
+AT_ONCE = 256  # triangles, whose edges stay in the processor's cache
+PAIRS_PER_RAY = 64  # at first; the search is repeated where there are more
 DOUBT = 1e-12  # of the lengths that enter a sign; rounding is a thousandth of it
 
 Exact = tuple[Fraction, Fraction, Fraction]
@@ -39,29 +41,60 @@ def crossings(origins: Floats, directions: Floats, geometry: Geometry, faces: np
     """
     extent = np.linalg.norm(geometry.bounds[1] - geometry.bounds[0])
     origins = origins - about
-    rays = np.hstack([directions, np.cross(origins, directions)])
-    rounding = DOUBT * np.linalg.norm(rays, axis=1)[:, None]
-    parts = []
-    for start in range(0, len(faces), TRIANGLES_AT_ONCE):
-        corners = [geometry.vertices[faces[start : start + TRIANGLES_AT_ONCE, k]] - about for k in range(3)]
-        low, high = np.full((2, len(rays), len(corners[0])), np.inf)
-        high = -high
-        for a, b in zip(corners, corners[1:] + corners[:1], strict=True):
-            edge = np.hstack([np.cross(a, b - a), b - a])
-            side = rays @ (edge / np.maximum(np.linalg.norm(edge, axis=1), 1e-300)[:, None]).T
-            low, high = np.minimum(low, side), np.maximum(high, side)
-        ray, triangle = np.nonzero((low >= -rounding) | (high <= rounding))
-        through = ((low > rounding) | (high < -rounding))[ray, triangle]
-        a, b, c = (corner[triangle] for corner in corners)
-        normal = np.cross(b - a, c - a)
-        normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
-        toward = (normal * directions[ray]).sum(axis=1)
-        height = (normal * (a - origins[ray])).sum(axis=1)
-        t = np.divide(height, toward, out=np.zeros(len(ray)), where=np.abs(toward) > DOUBT)
-        parts.append((ray, triangle + start, t, through & (np.abs(height) > DOUBT * extent) & (np.abs(toward) > DOUBT)))
-    ray, triangle, t, sure = (np.concatenate(column) for column in zip(*parts, strict=True))
+    lines = np.hstack([directions, np.cross(origins, directions)])
+    corners = [geometry.vertices[faces[:, k]] - about for k in range(3)]
+    ends = zip(corners, corners[1:] + corners[:1], strict=True)
+    edges = np.stack([np.hstack([np.cross(a, b - a), b - a]) for a, b in ends])
+    edges /= np.maximum(np.linalg.norm(edges, axis=2, keepdims=True), 1e-300)
+    ray, triangle, through = _pairs(lines, DOUBT * np.linalg.norm(lines, axis=1), edges)
+    a, b, c = (corner[triangle] for corner in corners)
+    normal = np.cross(b - a, c - a)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+    toward = (normal * directions[ray]).sum(axis=1)
+    height = (normal * (a - origins[ray])).sum(axis=1)
+    t = np.divide(height, toward, out=np.zeros(len(ray)), where=np.abs(toward) > DOUBT)
+    sure = through & (np.abs(height) > DOUBT * extent) & (np.abs(toward) > DOUBT)
     order = np.lexsort((t, ray))
     return Crossings(ray[order], triangle[order], t[order], sure[order])
+
+
+def _pairs(lines: Floats, rounding: Floats, edges: Floats) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(K,) lines and the triangles that they go through or may go through, and whether they do, whatever is rounded.
+
+    lines: (N, 6); rounding: (N,); edges: (3, T, 6), Plücker coordinates.
+    """
+    room = PAIRS_PER_RAY * len(lines)
+    while True:
+        ray, triangle, through = np.empty(room, np.intp), np.empty(room, np.intp), np.empty(room, np.bool_)
+        found = _search(lines, rounding, np.ascontiguousarray(edges.transpose(0, 2, 1)), ray, triangle, through)
+        if found <= room:
+            return ray[:found], triangle[:found], through[:found]
+        room = found
+
+
+@numba.njit(nogil=True, cache=True)
+def _search(lines, rounding, edges, ray, triangle, through):  # type: ignore[no-untyped-def]
+    """Fill in the pairs as far as there is room; their number."""
+    found, count = 0, edges.shape[2]
+    low, high = np.empty(AT_ONCE), np.empty(AT_ONCE)
+    for start in range(0, count, AT_ONCE):
+        several = min(AT_ONCE, count - start)
+        for i in range(len(lines)):
+            low[:], high[:] = np.inf, -np.inf
+            x, y, z, mx, my, mz = lines[i]
+            for e in range(3):
+                for k in range(several):
+                    at = start + k
+                    side = x * edges[e, 0, at] + y * edges[e, 1, at] + z * edges[e, 2, at]
+                    side += mx * edges[e, 3, at] + my * edges[e, 4, at] + mz * edges[e, 5, at]
+                    low[k], high[k] = min(low[k], side), max(high[k], side)
+            for k in range(several):
+                if low[k] >= -rounding[i] or high[k] <= rounding[i]:
+                    if found < len(ray):
+                        ray[found], triangle[found] = i, start + k
+                        through[found] = low[k] > rounding[i] or high[k] < -rounding[i]
+                    found += 1
+    return found
 
 
 def answers(view: View, directions: Floats) -> tuple[np.ndarray, np.ndarray]:

@@ -16,7 +16,7 @@ FILES = ["armadillo.obj", "retroufo.gltf", "2CylinderEngine.glb", "bgfx_tree.obj
 
 def assert_agrees(scene: Scene, size: int, judged: Callable[..., Any]) -> None:
     view = view_of(scene, scene.cameras[0], scene.lights[0], size)
-    found = judged(view, trace(view, pixel_samples=1))
+    found = judged(view, trace(view, pixel_samples=1), 3000)
     assert found.decided.mean() > 0.95
     assert (found.receiver & found.lit).sum() > 100
     assert (found.receiver & ~found.lit).sum() > 100

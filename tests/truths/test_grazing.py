@@ -173,7 +173,7 @@ def grazing_pixels(truth: Truth) -> np.ndarray:
     edges = near_edges(truth)
     chosen = np.empty(0, dtype=np.intp)
     for among, count in [(lowest & edges, 0.25), (other & edges, 0.5), (lowest, 0.75), (other, 1), (lowest | other, 1)]:
-        pixels = np.setdiff1d(np.flatnonzero(among), chosen)
+        pixels = np.setdiff1d(np.flatnonzero(among), chosen, assume_unique=True)
         more = min(int(RECEIVERS * count) - len(chosen), len(pixels))
         chosen = np.append(chosen, random.choice(pixels, more, replace=False))
     return chosen
