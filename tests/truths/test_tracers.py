@@ -52,7 +52,7 @@ def test_packets_and_single_rays_agree(count: int, shared: bool) -> None:
     blocked = of_packets.occluded(origins, directions, reach)
     assert np.array_equal(blocked, single.occluded(origins, directions, reach))
     if count == 20_000:
-        assert 0.1 < blocked.mean() < 0.9
+        assert 0.03 < blocked.mean() < 0.9
 
 
 def test_a_truth_is_the_same_where_the_library_cannot_be_loaded(
