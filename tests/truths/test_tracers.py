@@ -2,6 +2,8 @@
 
 import importlib.util
 import os
+import subprocess
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -81,3 +83,10 @@ def test_a_truth_is_the_same_for_any_number_of_threads(
 ) -> None:
     monkeypatch.setattr(os, "cpu_count", lambda: cores)
     assert_same(trace(view, pixel_samples=1), truth)
+
+
+def test_rays_are_traced_where_compiled_code_cannot_be_cached() -> None:
+    """As in a read-only container whose user has no home."""
+    nowhere = {"NUMBA_CACHE_LOCATOR_CLASSES": "UserProvidedCacheLocator", "NUMBA_CACHE_DIR": ""}
+    told = "from shadowbench.truths import light_samples, packets"
+    subprocess.run([sys.executable, "-c", told], env=os.environ | nowhere, check=True, capture_output=True)
