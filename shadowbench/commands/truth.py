@@ -1,12 +1,15 @@
 """`truth`: ray-trace the shadows of a view."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from shadowbench.commands import console
 from shadowbench.commands.options import Assets, LightName, Quiet, SceneArgument, Sun, Up, ViewName, ViewSize
+
+if TYPE_CHECKING:
+    from shadowbench.truths.trace import Truth
 
 app = typer.Typer()
 
@@ -31,7 +34,10 @@ def truth(
 
     \b
     Arrays of the .npz, one value per pixel, row 0 at the top
-      visibility      1 lit, 0 in shadow, for a ray through the pixel's centre
+      visibility      share of the light that is seen: 1 lit, 0 in shadow, for a
+                      ray through the pixel's centre
+      standard_error  of visibility, where a light with a size is sampled, else 0
+      irradiance      as visibility, each point of the light weighted by N·ω
       area            visibility averaged over the pixel
       receivers       whether the visible surface faces the light
       undecided       whether the visibility depends on rounding; not scored
@@ -52,4 +58,19 @@ def truth(
         receivers, shadowed = int(found.receivers.sum()), int((found.visibility < 0.5).sum())
         undecided = int((found.receivers & found.undecided).sum())
         pixels = f"{receivers} of {found.receivers.size} pixels show a receiver"
-        console.print_line(f"{output}: {pixels}, {shadowed} in shadow, {undecided} undecided")
+        console.print_line(f"{output}: {pixels}, {shadowed} in shadow, {undecided} undecided{_penumbra(found)}")
+
+
+def _penumbra(truth: "Truth") -> str:
+    """The size of the penumbra and the standard errors there; nothing without a penumbra."""
+    import numpy as np
+
+    from shadowbench.measure.scoring import prepare_truth
+
+    penumbra = prepare_truth(truth).penumbra
+    if not penumbra.any():
+        return ""
+    median, high = np.percentile(truth.standard_error[penumbra], [50, 95])
+    share = penumbra.sum() / truth.receivers.sum()
+    errors = f"{median:.2g} (median), {high:.2g} (95%)"
+    return f", {penumbra.sum()} ({share:.0%}) in penumbra, where the standard error is {errors}"

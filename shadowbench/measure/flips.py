@@ -37,7 +37,7 @@ FLIPS = Metric(
     "hard",
     "Of the pixels within 2 px of a true edge, the share that switches between lit and shadowed after a small step of "
     "camera or light (--step) although the truth does not: shimmering. On an axis of stress, the largest share "
-    "from one frame to the next.",
+    "from one frame to the next. Empty under a light with a size, where the truth changes throughout the penumbra.",
 )
 ROW_METRICS: Mapping[str, Metric] = {**METRICS, FLIPS.name: FLIPS}
 """All metrics that a row may have: those of its mask, and its flips."""
@@ -57,8 +57,11 @@ def flips(masks: Sequence[Mask], truths: Sequence[Truth]) -> float | None:
     """Largest share, over pairs of frames, of edge pixels that flip between lit and shadowed while the truth does not.
 
     masks: (N, N) visibility of each frame. Edge pixels are decided receivers within EDGE pixels of a true edge in both
-    frames; None if there are none. A share of all receivers would depend on the length of the edges.
+    frames; None if there are none. A share of all receivers would depend on the length of the edges. None also under
+    a light with a size: each step changes the truth throughout the penumbra, so that hardly a pixel is left to compare.
     """
+    if _soft(truths):
+        return None
     shares = []
     for (before, was), (after, now) in itertools.pairwise(zip(masks, truths, strict=True)):
         steady = was.receivers & now.receivers & ~was.undecided & ~now.undecided & (was.visibility == now.visibility)
@@ -105,6 +108,8 @@ class Stepped:
         """
         if self.step == "light":
             return flips(masks, truths)
+        if _soft(truths):
+            return None
         (before, after), (was, now) = masks, truths
         rows, columns, inside = self._surroundings
         steady = inside & was.receivers & ~was.undecided & _near_edge(was)
@@ -131,6 +136,10 @@ class Stepped:
         )
         inside = (row >= 0) & (column >= 0) & (row < fine - 1) & (column < fine - 1)
         return row.clip(0, fine - 2), column.clip(0, fine - 2), inside
+
+
+def _soft(truths: Sequence[Truth]) -> bool:
+    return any(truth.standard_error.any() for truth in truths)
 
 
 def _near_edge(truth: Truth) -> NDArray[np.bool_]:

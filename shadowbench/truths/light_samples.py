@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.scenes.model import Floats, Light, perpendicular_basis, unit
-from shadowbench.truths.compiled import compile_once
+from shadowbench.truths.compiled import compile_once, compiled
 
 Single = NDArray[np.float32]
 
@@ -221,7 +221,7 @@ def _start(  # type: ignore[no-untyped-def]
         cosine[i] = facing
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _fill_rays(  # type: ignore[no-untyped-def]
     kind, light, points, normals, scrambles, tables, samples, delta, lift, origins, directions, reach, weight, cosine
 ):

@@ -17,7 +17,7 @@ from llvmlite import binding
 from numba import types
 from numpy.typing import NDArray
 
-from shadowbench.truths.compiled import compile_once
+from shadowbench.truths.compiled import compile_once, compiled
 
 PACKET = 16
 COHERENT = 1 << 16  # RTC_RAY_QUERY_FLAG_COHERENT
@@ -136,7 +136,7 @@ def _fill(ray, valid, first, origins, directions, reach):  # type: ignore[no-unt
     return count
 
 
-@numba.njit(nogil=True, cache=True)
+@compiled()
 def _occluded(scene, origins, directions, reach, blocked):  # type: ignore[no-untyped-def]
     ray, valid, arguments = _aligned(13 * PACKET).view(np.float32), _aligned(PACKET).view(np.int32), _aligned(16)
     ray.view(np.uint32)[9 * PACKET : 10 * PACKET] = 0xFFFFFFFF  # mask; tnear and time stay 0
@@ -148,7 +148,7 @@ def _occluded(scene, origins, directions, reach, blocked):  # type: ignore[no-un
             blocked[first + k] = ray[8 * PACKET + k] < 0  # Embree sets tfar to −inf
 
 
-@numba.njit(nogil=True, cache=True)
+@compiled()
 def _intersect(scene, origins, directions, reach, triangle, distance):  # type: ignore[no-untyped-def]
     hit, valid, arguments = _aligned(22 * PACKET).view(np.float32), _aligned(PACKET).view(np.int32), _aligned(16)
     words, primitive = hit.view(np.uint32), hit.view(np.int32)[17 * PACKET : 18 * PACKET]

@@ -55,6 +55,7 @@ FILES = {
     "away.toml": CAMERA.replace("target = [0, 0, 0]", "target = [0, 1, 9]") + SCENE,
     "range.toml": CAMERA + "fov_y = 180\n" + SCENE,
     "good.toml": CAMERA + SCENE,
+    "sky.toml": CAMERA + SCENE.replace("[[mesh]]", "angular_radius = 90\n[[mesh]]"),
     "points.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\n",
     "nan.obj": "v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n",
     "beyond.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 7\n",
@@ -85,7 +86,16 @@ FILES = {
     "size.toml": 'scenes = ["cube-on-plane"]\n[[technique]]\nspec = "shadow-map"\nsize = 0\n',
 }
 
-RUN = ["run", "cube-on-plane", "-t", "unshadowed", "-o", "{out}"]
+OF_A_SCENE = [
+    ["run", "cube-on-plane", "-t", "unshadowed", "-o", "{out}"],
+    ["truth", "cube-on-plane", "-o", "{out}.npz"],
+    ["render", "cube-on-plane", "-t", "unshadowed", "-o", "{out}.png"],
+    ["export", "cube-on-plane", "{out}"],
+    ["score", "cube-on-plane", "{in}/white.png"],
+    ["needs", "cube-on-plane"],
+    ["recommend", "cube-on-plane", "-o", "{out}"],
+]
+RUN = OF_A_SCENE[0]
 CASES: dict[str, tuple[list[str], list[str]]] = {
     "a missing scene file": (["run", "{in}/gone.toml", "-o", "{out}"], ["gone.toml", "no such file"]),
     "a missing mesh": (["truth", "{in}/none.obj", "-o", "{out}.npz"], ["none.obj", "no such file"]),
@@ -279,18 +289,16 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
     "a near miss of a light": ([*RUN, "--light", "lihgt"], ["found 'lihgt'; did you mean 'light'? allowed: light"]),
     "a near miss of nothing": ([*RUN, "-t", "shadow-map:zzz=3"], ["unknown field 'zzz'; allowed: fit, size"]),
     **{
+        f"a sun as wide as the sky, for {arguments[0]}": (
+            [text.replace("cube-on-plane", "{in}/sky.toml") for text in arguments], ["sky.toml", "90", "less than 90"]
+        )
+        for arguments in OF_A_SCENE
+    },
+    **{
         f"an up axis for {arguments[0]} of a scene that has one": (
             [*arguments, "--up", "z"], ["--up z", "cube-on-plane specifies its up axis", ".stl"]
         )
-        for arguments in (
-            ["run", "cube-on-plane", "-t", "unshadowed", "-o", "{out}"],
-            ["truth", "cube-on-plane", "-o", "{out}.npz"],
-            ["render", "cube-on-plane", "-t", "unshadowed", "-o", "{out}.png"],
-            ["export", "cube-on-plane", "{out}"],
-            ["score", "cube-on-plane", "{in}/white.png"],
-            ["needs", "cube-on-plane"],
-            ["recommend", "cube-on-plane", "-o", "{out}"],
-        )
+        for arguments in OF_A_SCENE
     },
     "an unknown list": (["list", "shaders"], ["'shaders'", "techniques, scenes, metrics, studies"]),
 }  # fmt: skip

@@ -1,13 +1,14 @@
 """Flips after a small step: of the camera, which turns, and of the light."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from shadowbench.measure.flips import FINER, RIGHT, UP, Stepped
+from shadowbench.measure.flips import FINER, RIGHT, UP, Stepped, flips
 from shadowbench.scenes.model import View
 from shadowbench.truths.rays import ViewRays
 from shadowbench.truths.trace import Truth
@@ -124,6 +125,15 @@ def test_a_pixel_that_changes_in_the_truth_too_is_not_counted(turned) -> None:
     stepped, before, after, was, _ = turned(0.0, 1.0, 0.0)
     *_, now = turned(0.0, 0.0, 1.0)
     assert stepped.count([before, after], [was, now]) == 0
+
+
+def test_under_a_light_with_a_size_flips_are_undefined(turned) -> None:
+    """The truth changes throughout the penumbra with each step, and a mask's middle line with it."""
+    stepped, before, after, was, now = turned(0.0, 1.0, 0.0)
+    soft = replace(was, standard_error=np.full_like(was.visibility, 1e-3))
+    assert flips([before, 1 - before], [was, was]) == 1
+    assert flips([before, 1 - before], [soft, soft]) is None
+    assert stepped.count([before, after], [soft, now]) is None
 
 
 def test_a_step_of_the_camera_moves_the_image_by_a_fraction_of_a_pixel_on_finer_pixels(builtin) -> None:

@@ -167,6 +167,8 @@ def test_a_scene_of_one_camera_and_no_flat_triangle_says_nothing(scene_file: Sce
 
 CAMERA = "[camera]\nposition = [0, 1, 5]\ntarget = [0, 0, 0]\n"
 SUN = '[light]\nkind = "directional"\ndirection = [0, -1, 0]\n'
+LAMP = '[light]\nkind = "point"\nposition = [0, 3, 0]\n'
+PANEL = '[light]\nkind = "rectangle"\nposition = [0, 3, 0]\ndirection = [0, -1, 0]\n'
 HUGE = "9" * 400
 
 
@@ -245,7 +247,18 @@ HUGE = "9" * 400
         ("[light]\nkind = 1\n" + BOX, ["kind"]),
         (SUN.replace("-1", "0") + BOX, ["direction"]),
         (SUN + "position = [0, 1, 0]\n" + BOX, ["position", "direction"]),
-        (SUN + "angular_radius = -1\n" + BOX, ["angular_radius"]),
+        *((SUN + f"angular_radius = {size}\n" + BOX, ["angular_radius", size]) for size in ("-1", "nan", "90", "180")),
+        (SUN + "size = [1, 1]\n" + BOX, ["'size'", "angular_radius"]),
+        (SUN + "radius = 1\n" + BOX, ["'radius'", "did you mean 'angular_radius'"]),
+        *((LAMP + f"radius = {size}\n" + BOX, ["radius", size]) for size in ("-0.1", "nan", "inf")),
+        (LAMP + "angular_radius = 1\n" + BOX, ["'angular_radius'", "did you mean 'radius'"]),
+        (PANEL.replace("rectangle", "disc") + "radius = -1\n" + BOX, ["radius", "-1"]),
+        (PANEL.replace("rectangle", "disc") + "size = [1, 1]\n" + BOX, ["'size'", "radius"]),
+        (PANEL + "radius = 1\n" + BOX, ["'radius'", "size"]),
+        *((PANEL + f"size = {size}\n" + BOX, ["size", size]) for size in ("[0, 1]", "[1]", "1", "[-1, 1]")),
+        (PANEL + "size = [nan, 1]\n" + BOX, ["size", "nan"]),
+        (PANEL + "size = [1, 1]\nup = [0, 0, 0]\n" + BOX, ["up", "three zeros"]),
+        (PANEL.replace("-1", "0") + "size = [1, 1]\n" + BOX, ["direction", "three zeros"]),
         ('[light]\nkind = "point"\n' + BOX, ["position"]),
         ('[light]\nkind = "spot"\nposition = [0, 3, 0]\ndirection = [0, -1, 0]\nangle = 171\n' + BOX, ["angle", "171"]),
         ('[light]\nkind = "spot"\nposition = [0, 3, 0]\ndirection = [0, -1, 0]\nangle = 0\n' + BOX, ["angle"]),

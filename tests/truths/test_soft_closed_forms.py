@@ -160,10 +160,10 @@ def test_a_sphere_before_a_disc_on_its_axis(radius: float, shape: Shape, looking
     light = Light("disc", "disc", (0.0, -1.0, 0.0), (0.0, 4.0, 0.0), radius=radius)
     ball, middle = 0.4, np.array([0.0, 1.5, 0.0])
     sphere = shape("sphere", 2 * ball, middle, subdivisions=6)
-    view = looking([shape("plane", 8.0), sphere], light, 64, (1.5, 1.0, 1.2), (0.1, 0, 0.1), fov=30.0)
+    view = looking([shape("plane", 8.0), sphere], light, 40, (1.5, 1.0, 1.2), (0.1, 0, 0.1), fov=30.0)
     truth = trace(view, pixel_samples=1)
     shown, points = ground(view, truth, pixel_rays)
-    chosen = np.flatnonzero(shown)[::15]
+    chosen = np.flatnonzero(shown)[::6]
 
     # Midpoints of equal areas of the disc, weighted by cos/d³ as seen from the ground below it.
     r, turn = (np.arange(200) + 0.5) / 200, (np.arange(200) + 0.5) / 200 * 2 * math.pi

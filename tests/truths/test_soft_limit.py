@@ -1,0 +1,70 @@
+"""A light of size 0 casts hard shadows, and so, nearly, does a tiny one."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shadowbench.scenes.model import Light, View, vec3
+from shadowbench.scenes.tables import light_from_table
+from shadowbench.scenes.views import chosen_view
+from shadowbench.truths.trace import trace
+
+SIZES: dict[str, dict[str, Any]] = {
+    "directional": {"angular_radius": 0},
+    "spot": {"radius": 0},
+    "point": {"radius": 0},
+    "disc": {"radius": 0},
+    "rectangle": {"size": [0, 0]},
+}
+TINY = 1e-9  # of the light's distance
+
+
+def lit_by(name: str, kind: str) -> View:
+    """A built-in scene whose middle is lit by a hard light of a kind, from where its own light is."""
+    view = chosen_view(name, 64)
+    low, high = view.scene.geometry.bounds
+    middle, light = (low + high) / 2, view.light
+    sun = light.kind == "directional"
+    position = middle - np.multiply(light.direction, np.linalg.norm(high - low)) if sun else np.array(light.position)
+    angle = np.radians(100.0) if kind == "spot" else 0.0
+    return replace(view, light=Light(kind, kind, vec3(middle - position), vec3(position), angle))
+
+
+@pytest.mark.parametrize("name", ["colonnade", "spot-lamp"])
+@pytest.mark.parametrize("kind", SIZES)
+def test_a_tiny_light_casts_the_shadows_of_one_without_a_size(kind: str, name: str) -> None:
+    view = lit_by(name, kind)
+    hard, distance = trace(view, pixel_samples=1), float(np.linalg.norm(view.light.direction))
+    for share in (TINY, 1e3 * TINY):
+        radius = share if kind == "directional" else share * distance
+        sized = {"size": (radius, 2 * radius)} if kind == "rectangle" else {"radius": radius}
+        tiny = trace(replace(view, light=replace(view.light, **sized)), pixel_samples=1)
+        decided = ~hard.undecided & ~tiny.undecided
+        assert (hard.receivers == tiny.receivers).all()
+        assert decided[hard.receivers].mean() > 0.97
+        assert set(np.unique(hard.visibility[decided & hard.receivers])) == {0, 1}
+        assert (hard.visibility == tiny.visibility)[decided].all()
+
+
+@pytest.mark.parametrize("kind", SIZES)
+def test_a_size_of_zero_is_no_size(kind: str) -> None:
+    table = {"kind": kind, "position": [0, 3, 0], "direction": [0, -1, 0], "angle": 60}
+    unused = {"directional": ("position", "angle"), "point": ("direction", "angle")}.get(kind, ("angle",))
+    table = {name: value for name, value in table.items() if kind == "spot" or name not in unused}
+    absent, zero = light_from_table(table, "here"), light_from_table(table | SIZES[kind], "here")
+    assert absent == zero
+    assert not zero.soft
+
+
+def test_a_panel_of_size_zero_casts_the_shadows_of_a_point_in_front_of_it() -> None:
+    point, disc, rectangle = (
+        trace(lit_by("colonnade", kind), pixel_samples=1) for kind in ("point", "disc", "rectangle")
+    )
+    front = disc.receivers
+    assert front.sum() > 1000
+    for name, values in disc.arrays().items():
+        assert np.array_equal(values, rectangle.arrays()[name]), name
+    for name in ("visibility", "standard_error", "irradiance", "blocker", "cosine"):
+        assert np.array_equal(getattr(disc, name)[front], getattr(point, name)[front]), name
