@@ -33,7 +33,9 @@ ROOT = Path(__file__).resolve().parent.parent
 RANGES = ROOT / "results" / "ranges.csv"  # from a full `shadowbench stress`
 PAGE, PICTURES = ROOT / "docs" / "reference" / "techniques.md", ROOT / "docs" / "pictures" / "techniques"
 SIZE, LARGEST = 512, 250_000  # pixels along a side, bytes of a picture
-SHOWN = {"iou": "IoU", "ssim": "SSIM"}
+SHOWN = ("iou", "ssim")
+SOFT_SHOWN = ("rmse", "ssim")
+LABELS = {"iou": "IoU", "rmse": "RMSE", "ssim": "SSIM"}
 FALLBACK = ("cube-on-plane", "room-with-lamp", "spot-lamp")  # a scene for each kind of light
 LIGHTS = (
     Light("sun", "directional", direction=(0.5, -1.0, -0.3)),
@@ -104,9 +106,11 @@ def _example(worker: Worker, technique: type[Technique], draw: bool) -> Example:
         if not wanted and _unsupported_reason(worker, technique, view) is not None:
             continue
         if not draw:
-            return Example(name, reasons, None, dict.fromkeys(SHOWN))
+            return Example(name, reasons, None, dict.fromkeys(SOFT_SHOWN if view.light.soft else SHOWN))
         rendering = worker.call(Session.draw, PlacedView(view), CellRequest(technique.name))
-        return Example(name, reasons, rendering, score(rendering.visibility, prepare_truth(cached_truth(view))))
+        scores = score(rendering.visibility, prepare_truth(cached_truth(view)))
+        shown = {key: scores[key] for key in (SOFT_SHOWN if view.light.soft else SHOWN)}
+        return Example(name, reasons, rendering, shown)
     raise SystemExit(
         f"{technique.name} declines {', '.join(FALLBACK)}: give it `picture_scene`, the name of one it draws"
     )
@@ -132,7 +136,7 @@ def _page(ours: list[type[Technique]], examples: dict[str, Example]) -> str:
 def _technique(technique: type[Technique], example: Example) -> str:
     picture = f"../pictures/techniques/{technique.name}.png"
     file = source_file(technique).resolve().relative_to(ROOT).as_posix()
-    numbers = ", ".join(f"{label} {_number(example.scores[key])}" for key, label in SHOWN.items())
+    numbers = ", ".join(f"{LABELS[key]} {_number(value)}" for key, value in example.scores.items())
     lines = [
         f"## {technique.name}",
         "",

@@ -10,7 +10,7 @@ from typing import Any
 
 from shadowbench.advice.recommendation import Recommendation, Target, Unit, find_cheapest
 from shadowbench.advice.search import Trial
-from shadowbench.advice.words import obstacles
+from shadowbench.advice.words import obstacles, target_notes
 from shadowbench.errors import InputError
 from shadowbench.files import check_folder, replace_file
 from shadowbench.measure.cells import Block, Cell, PlacedView
@@ -23,6 +23,7 @@ from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.rows import Result
 from shadowbench.measure.session import DeviceInfo, Session
 from shadowbench.scenes.model import View
+from shadowbench.scores.metrics import ranking
 from shadowbench.studies.crossing import Techniques
 from shadowbench.studies.folder import write_cells
 from shadowbench.studies.study import Study
@@ -31,7 +32,6 @@ from shadowbench.techniques.spec import Spec
 from shadowbench.truths.cache import cached_truth
 
 ROUNDS = 9
-LEAST_IOU = 0.99
 
 
 def target_of(
@@ -39,8 +39,13 @@ def target_of(
     max_edge_px: float | None = None,
     budget_ms: float | None = None,
     max_rmse: float | None = None,
+    *,
+    soft: bool = False,
 ) -> Target:
-    """Target given by options, by default an IoU of 0.99. Raises InputError for invalid or conflicting options."""
+    """Target given by options, by default an IoU of 0.99, or for soft shadows an RMSE of 0.02.
+
+    soft: whether the light has a size. Raises InputError for invalid or conflicting options.
+    """
     options = {"--min-iou": min_iou, "--max-edge-px": max_edge_px, "--max-rmse": max_rmse}
     given = [name for name, value in options.items() if value is not None]
     if len(given) > 1:
@@ -58,7 +63,10 @@ def target_of(
         return Target("edge_px", max_edge_px, budget_ms)
     if max_rmse is not None:
         return Target("rmse", max_rmse, budget_ms)
-    return Target("iou", LEAST_IOU if min_iou is None else min_iou, budget_ms)
+    if min_iou is not None:
+        return Target("iou", min_iou, budget_ms)
+    metric = ranking(soft)
+    return Target("rmse" if soft else "iou", metric.targets[1], budget_ms)
 
 
 def recommend(
@@ -151,6 +159,7 @@ def values(found: Recommendation, info: DeviceInfo) -> dict[str, Any]:
         "light": found.view.light.name,
         "view_size": found.view.size,
         "target": {"metric": found.target.metric, "value": found.target.value, "budget_ms": found.target.budget_ms},
+        "notes": target_notes(found),
         "ranked_by": "work_cost" if found.unit == "work" else "frame_ms",
         "reference": None if found.reference is None else dataclasses.asdict(found.reference),
         "renderer": info.renderer,

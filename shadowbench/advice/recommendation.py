@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from shadowbench.advice.search import Search, Trial
 from shadowbench.advice.space import Exclusion, full_space, prune, start_size, unavailable
 from shadowbench.measure.rows import Result
 from shadowbench.scenes.model import View
+from shadowbench.scores.metrics import METRICS
 from shadowbench.scores.thresholded import ThresholdedMask
 from shadowbench.studies.tables import cells_frame
 from shadowbench.studies.times import ReferenceTime, normalise_times
@@ -25,6 +26,8 @@ Unit = Literal["work", "ms"]
 # scenes. edge_px, a mean of distances, is sensitive to single pixels, so that it falls less evenly with the map size.
 # rmse of a hard shadow is the root of the share of wrong pixels, so that IoU's margins are generous.
 MARGINS = {"iou": (1.8, 2.0), "edge_px": (3.5, 3.5), "rmse": (1.8, 2.0)}
+# rmse of a soft shadow need not fall as the map grows, since large texels blur: nothing is left out by a prediction.
+UNPREDICTABLE = (math.inf, math.inf)
 Measure = Literal["iou", "edge_px", "rmse"]
 SAVED = 0.9  # cost relative to the choice's below which an alternative is worth relaxing the target for
 
@@ -53,12 +56,15 @@ class Target:
             return 0.0 if metrics["iou"] in (None, 1.0) else math.inf
         return 1 - value if self.metric == "iou" else value
 
-    def text(self, error: float) -> str:
-        """Text of an error by the metric: `IoU 0.9712`, `edges 0.21 px off`, `RMSE 0.013`; in words if infinite."""
+    def text(self, error: float, row: Mapping[str, Any]) -> str:
+        """Text of an error by the metric: `IoU 0.9712`, `edges 0.21 px off`, `RMSE 0.013`; in words if infinite.
+
+        row: the score row, which has the error of its truth.
+        """
         if math.isinf(error):
             return "no edges to compare, and other shadows"
         if self.metric == "rmse":
-            return f"RMSE {error:.3g}"
+            return f"RMSE {METRICS['rmse'].text(error, '{:.3g}'.format, row)}"
         return f"IoU {1 - error:.4f}" if self.metric == "iou" else f"edges {error:.3g} px off"
 
     def __str__(self) -> str:
@@ -139,7 +145,7 @@ def find_cheapest(
         pixels=view.size**2,
         start=lambda spec: start_size(spec, found),
         measure=try_spec,
-        margins=MARGINS[target.metric],
+        margins=UNPREDICTABLE if target.metric == "rmse" and view.light.soft else MARGINS[target.metric],
         price=1.0 if unit == "work" else 0.0,
         least=least_error(truth, target.metric),
     )

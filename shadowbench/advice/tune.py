@@ -99,8 +99,9 @@ def verdict(found: TuningComparison) -> str:
     default = found.others[0]
     if found.tuned.spec == default.spec:
         return "the default stands: nothing at its cost was significantly better on the scenes tuned on"
-    iou, ssim = default.iou_ratio, default.ssim_ratio
-    worse = iou is not None and ssim is not None and (iou.low or 0) > 1 and ssim.median > 1
+    errors = [ratio for ratio in (default.iou_ratio, default.rmse_ratio) if ratio is not None]
+    ssim = default.ssim_ratio
+    worse = ssim is not None and all((ratio.low or 0) > 1 for ratio in errors) and ssim.median > 1
     tuned = found.tuned.spec.sizeless_text
     if worse:
         return f"suggested default: {tuned}"

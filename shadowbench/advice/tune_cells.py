@@ -40,7 +40,7 @@ class TuningCells:
         self.reporter.stage("truth", len(blocks))
         kept = []
         for block in blocks:
-            reason = None if (cached_truth(block.view).visibility < 0.5).any() else "nothing is in shadow"
+            reason = None if (cached_truth(block.view).visibility < 1).any() else "nothing is in shadow"
             reason = reason or self.unsupported_reason(spec, block)
             if reason is None:
                 kept.append(block)

@@ -36,9 +36,10 @@ class SearchResult:
 class Entry:
     """A spec and its scores.
 
-    cost: `work_cost` relative to the default's; tuning, held_out: √((1 − IoU) · (1 − SSIM)), geometric mean over the
-    scenes; iou_ratio, ssim_ratio: 1 − IoU and 1 − SSIM relative to the tuned spec's, medians over held-out scenes;
-    acne, leak, contact: means over held-out scenes.
+    cost: `work_cost` relative to the default's; tuning, held_out: √((1 − IoU) · (1 − SSIM)), or of soft shadows √(RMSE
+    · (1 − SSIM)), geometric mean over the scenes; iou_ratio, rmse_ratio, ssim_ratio: 1 − IoU, RMSE and 1 − SSIM
+    relative to the tuned spec's, medians over held-out scenes of hard shadows, of soft ones, and of both; acne, leak,
+    contact: means over held-out scenes.
     """
 
     name: str
@@ -47,6 +48,7 @@ class Entry:
     tuning: float
     held_out: Interval
     iou_ratio: Interval | None
+    rmse_ratio: Interval | None
     ssim_ratio: Interval | None
     acne: float | None
     leak: float | None
@@ -79,6 +81,7 @@ def compare(found: SearchResult) -> TuningComparison:
             tuning=math.exp(log_error(tuning).mean()),
             held_out=geometric_mean(log_error(held_out)),
             iou_ratio=error_ratio("iou", held_out, tuned),
+            rmse_ratio=error_ratio("rmse", held_out, tuned),
             ssim_ratio=error_ratio("ssim", held_out, tuned),
             acne=mean_of("acne", held_out),
             leak=mean_of("leak", held_out),

@@ -11,12 +11,13 @@ import pandas as pd
 from scipy.stats import bootstrap
 
 from shadowbench.measure.rows import Record
+from shadowbench.scores.metrics import is_soft, ranking
 from shadowbench.studies.tables import Interval, interval
 
 MIN_ERROR = 1e-4
-"""Lower clamp of the errors 1 − IoU and 1 − SSIM, whose logarithms are averaged."""
+"""Lower clamp of the errors, whose logarithms are averaged."""
 
-ERRORS = ("iou", "ssim")
+ERRORS = ("iou", "rmse", "ssim")
 _BOOTSTRAPS = 2000
 _COST_DIGITS = 2
 
@@ -24,23 +25,36 @@ _COST_DIGITS = 2
 def scene_scores(rows: Iterable[Record]) -> pd.DataFrame:
     """One line per scene: means over cells of log(1 − IoU), log(1 − SSIM), log(work_cost), acne, leak and contact.
 
-    Failed cells and cells without IoU or SSIM are left out.
+    Soft shadows have log(RMSE) in place of log(1 − IoU), clamped to the truth's own error. Failed cells and cells
+    without one of the errors are left out.
     """
     found = [
         {
             "scene": row["scene"],
-            **{name: np.log(max(1 - row["metrics"][name], MIN_ERROR)) for name in ERRORS},
+            **errors,
             "cost": np.log(row["work"]["cost"]),
             **{name: row["metrics"][name] for name in ("acne", "leak", "contact")},
         }
         for row in rows
-        if row["status"] == "ok" and all(row["metrics"][name] is not None for name in ERRORS)
+        if row["status"] == "ok" and (errors := _log_errors(row)) is not None
     ]
     return pd.DataFrame(found).astype({"acne": float, "leak": float, "contact": float}).groupby("scene").mean()
 
 
+def _log_errors(row: Record) -> dict[str, float] | None:
+    """Logarithms of the errors of a row, NaN for that of the other kind of shadows; None if one has no value."""
+    metrics = row["metrics"]
+    ranked_by = ranking(is_soft(metrics))
+    if any(metrics[name] is None for name in (ranked_by.name, "ssim")):
+        return None
+    least = max(MIN_ERROR, row.get("truth_error", 0.0))
+    errors = dict.fromkeys(ERRORS, math.nan)
+    errors[ranked_by.name] = np.log(max(ranked_by.error(metrics[ranked_by.name]), least))
+    return errors | {"ssim": np.log(max(1 - metrics["ssim"], MIN_ERROR))}
+
+
 def log_error(scores: pd.DataFrame) -> pd.Series:
-    """Objective by scene: the mean of log(1 − IoU) and log(1 − SSIM)."""
+    """Objective by scene: the mean of log(1 − IoU), of soft shadows log(RMSE), and log(1 − SSIM)."""
     return scores[list(ERRORS)].mean(axis=1)
 
 

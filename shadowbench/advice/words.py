@@ -2,14 +2,29 @@
 
 from collections.abc import Iterator
 
-from shadowbench.advice.recommendation import Recommendation
+from shadowbench.advice.recommendation import Recommendation, Target
 from shadowbench.advice.search import Trial
+from shadowbench.scores.metrics import is_soft
 
 _KINDS = {
     "contact": "of the shadow next to its caster is lit",
     "leak": "of the umbra is lit",
     "acne": "of the lit surface is dark",
 }
+
+
+def target_notes(found: Recommendation) -> list[str]:
+    """What a target means for soft shadows, where IoU and edges say little and the truth has an error of its own."""
+    target = found.target
+    rows = [trial.result.score for trial in found.trials if trial.result is not None]
+    if target.metric != "rmse":
+        what = "IoU judges" if target.metric == "iou" else "edges are"
+        soft = found.view.light.soft
+        return [f"{what} where visibility is ½, and not how soft a shadow is; --max-rmse judges that"] if soft else []
+    least = max((row.get("truth_error", 0.0) for row in rows), default=0.0)
+    if target.value >= least:
+        return []
+    return [f"the truth's own error is an RMSE of {least:.2g}: a smaller one cannot be told from 0"]
 
 
 def step_lines(found: Recommendation) -> list[str]:
@@ -19,15 +34,13 @@ def step_lines(found: Recommendation) -> list[str]:
     lines = []
     if found.cheaper is not None:
         saved = 1 - found.cheaper.cost / choice.cost
-        lines.append(
-            f"relaxing the target to {target.text(found.cheaper.error)} saves {saved:.0%}: {_name(found.cheaper)}"
-        )
+        lines.append(f"relaxing the target to {_text(target, found.cheaper)} saves {saved:.0%}: {_name(found.cheaper)}")
     else:
         lines.append("relaxing the target: nothing measured costs at least a tenth less")
     if found.better is not None:
         times = found.better.cost / choice.cost
         lines.append(
-            f"tightening it to {target.text(found.better.error)} costs {times:.3g} × as much: {_name(found.better)}"
+            f"tightening it to {_text(target, found.better)} costs {times:.3g} × as much: {_name(found.better)}"
         )
     elif choice.error > 0:
         lines.append("tightening it: nothing measured has less than half the error")
@@ -45,11 +58,15 @@ def _obstacles(found: Recommendation) -> Iterator[str]:
         yield f"nothing meets {target}: no spec could be measured; {'; '.join(found.unsuccessful.values())}"
         return
     met = [trial for trial in found.trials if trial.error <= target.limit]
-    yield f"nothing meets {target}; the closest is {_name(near)}: {target.text(near.error)}"
+    yield f"nothing meets {target}; the closest is {_name(near)}: {_text(target, near)}"
     if met and target.budget_ms is not None:
-        yield f"obstacle: the budget; {_name(met[0])} reaches {target.text(met[0].error)} in {met[0].cost:.3g} ms"
+        yield f"obstacle: the budget; {_name(met[0])} reaches {_text(target, met[0])} in {met[0].cost:.3g} ms"
         return
     metrics = near.result.score["metrics"]
+    if target.metric == "rmse" and is_soft(metrics):
+        if (width := metrics["width"]) is not None:
+            yield f"obstacle: width, that of penumbrae is off by a factor of {2**width:.3g} (median)"
+        return
     kinds = {kind: metrics[kind] for kind in _KINDS if metrics[kind]}
     if kinds:
         worst = max(kinds, key=lambda kind: kinds[kind])
@@ -71,6 +88,10 @@ def excluded_lines(found: Recommendation) -> list[str]:
         why = "to cost more than the choice, or to miss the target" if found.choice else "to miss the target"
         lines.append(f"not tried: {rest} more specs: predicted from those measured {why}")
     return [*lines, *(f"not measured: {spec}: {status}" for spec, status in found.unsuccessful.items())]
+
+
+def _text(target: Target, trial: Trial) -> str:
+    return target.text(trial.error, {} if trial.result is None else trial.result.score)
 
 
 def _name(trial: Trial) -> str:

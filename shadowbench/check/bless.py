@@ -9,6 +9,7 @@ from pathlib import Path
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
 from shadowbench.measure.rows import SCHEMA, Result, RunFile
+from shadowbench.scores.metrics import is_soft
 from shadowbench.studies.crossing import Techniques
 from shadowbench.studies.study import find_study, read_study
 
@@ -65,7 +66,8 @@ def _makes(file: Path, folder: Path, results: Sequence[Result], techniques: Tech
     except InputError:  # changed since, or needs a plug-in
         return False
     rows = [result.score for result in results]
-    cells = {(cell.spec.full_text, cell.phase) for cell in moved.cells()}
+    soft = any(is_soft(row.get("metrics", {})) for row in rows)
+    cells = {(cell.spec.full_text, cell.phase) for cell in moved.cells(soft)}
     return (
         moved.scenes == study.scenes
         and len(moved.scenes) == len({row["scene"] for row in rows})

@@ -19,6 +19,8 @@ from shadowbench.measure.plugin_output import techniques_with
 from shadowbench.measure.rows import Record
 from shadowbench.reports.gallery import difference, read_view
 from shadowbench.reports.words import counted
+from shadowbench.scores.difference import with_legend
+from shadowbench.scores.metrics import is_soft
 from shadowbench.studies.folder import IDENTITY, Run, identity, read_runs
 
 _PICTURES = 8  # most difference pictures
@@ -132,7 +134,8 @@ def write_pictures(result: CheckResult) -> list[tuple[Path, bool]]:
         folder.mkdir(exist_ok=True)
         named = [str(len(written) + 1), *(str(score[part]) for part in ("scene", "spec", "map_size") if score[part])]
         file = folder / f"{_UNSAFE.sub('_', '.'.join(named)):.120}.png"
-        write_picture(file, np.hstack(parts))
+        picture = np.hstack(parts)
+        write_picture(file, with_legend(picture) if is_soft(score["metrics"]) else picture)
         written.append((file, beside))
     return written
 
@@ -145,7 +148,7 @@ def _difference(run: Run, score: Record, traced: Run) -> NDArray[np.uint8] | Non
     if not (mask.exists() and truth.exists() and undecided.exists()):
         return None
     after, traced_view, doubtful = (read_view(file, score["view_size"]) for file in (mask, truth, undecided))
-    return difference(after, traced_view, doubtful >= 0.5)
+    return difference(after, traced_view, doubtful >= 0.5, is_soft(score["metrics"]))
 
 
 def make_baseline(run: Run, folder: Path) -> Path | None:

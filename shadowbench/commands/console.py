@@ -181,11 +181,6 @@ def print_json(value: Any) -> None:
     print(json.dumps(value, indent=2, allow_nan=False))
 
 
-def resolved(value: float | None, least: float | None) -> str:
-    """A number; `<0.0012` for one below `least`, the error of the truth that it was found with."""
-    return f"<{number(least)}" if value is not None and least is not None and value < least else number(value)
-
-
 def number(value: float | None) -> str:
     """Four significant digits, without an exponent from 1e-4 up; – for None."""
     if value is None:

@@ -36,7 +36,9 @@ app = typer.Typer()
 )
 def recommend(
     scene: SceneArgument,
-    min_iou: Annotated[float | None, typer.Option(metavar="X", help="Target: minimum IoU  [0.99].")] = None,
+    min_iou: Annotated[
+        float | None, typer.Option(metavar="X", help="Target: minimum IoU  [0.99, if the light has no size].")
+    ] = None,
     max_edge_px: Annotated[
         float | None,
         typer.Option(
@@ -48,7 +50,8 @@ def recommend(
         float | None,
         typer.Option(
             metavar="X",
-            help="Target, instead of --min-iou: maximum root mean square error of visibility; for soft shadows.",
+            help="Target, instead of --min-iou: maximum root mean square error of visibility  [0.02, if the light has "
+            "a size].",
         ),
     ] = None,
     budget_ms: Annotated[
@@ -100,13 +103,14 @@ def recommend(
     from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.measure.worker import Worker
 
-    target = target_of(min_iou, max_edge_px, budget_ms, max_rmse)
+    target_of(min_iou, max_edge_px, budget_ms, max_rmse)  # invalid options, before the scene is read
     plugins = tuple(plugin or ())
     known = techniques_with(plugins)
     if export is not None:
         _make_folder(export)
     with console.Reporter(quiet) as reporter, Worker(plugins) as worker:
         chosen = reporter.view(scene, view_size, view, light, assets, up, sun)
+        target = target_of(min_iou, max_edge_px, budget_ms, max_rmse, soft=chosen.light.soft)
         found, info = measure_recommendation(
             chosen, target, known, output, worker, reporter, on_this_machine=on_this_machine
         )
@@ -129,7 +133,7 @@ def _make_folder(folder: Path) -> None:
 
 
 def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
-    from shadowbench.advice.words import excluded_lines, obstacles, step_lines
+    from shadowbench.advice.words import excluded_lines, obstacles, step_lines, target_notes
     from shadowbench.studies.times import time_notes
 
     by = "work" if found.unit == "work" else "this machine's times" if info.software else "this GPU's times"
@@ -150,7 +154,7 @@ def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
     console.print_table(title, columns, rows, numbers=numbers, whole=columns)
     lines = step_lines(found) if found.choice else obstacles(found)
     rough = [_is_rough(found, one) for _, one in shown]
-    for line in [*lines, *time_notes(found.reference, rough), *excluded_lines(found)]:
+    for line in [*lines, *target_notes(found), *time_notes(found.reference, rough), *excluded_lines(found)]:
         console.print_line(line)
     console.print_line(
         f"{found.measured} of {found.space_size} specs measured; masks and pictures, by key, in {folder}"
@@ -167,13 +171,16 @@ def _is_rough(found: "Recommendation", one: "Trial") -> bool:
 
 def _cells(found: "Recommendation", one: "Trial") -> list[str]:
     assert one.result is not None
-    value = one.result.score["metrics"][found.target.metric]
+    from shadowbench.scores.metrics import METRICS
+
+    row = one.result.score
+    value = row["metrics"][found.target.metric]
     return [
         one.spec.sizeless_text,
         str(one.spec.map_size or ""),
-        "" if value is None else console.number(value),
+        "" if value is None else METRICS[found.target.metric].text(value, console.number, row),
         f"{one.cost:,.0f}" if found.unit == "work" else "~" * _is_rough(found, one) + console.number(one.cost),
         f"{one.cost / found.choice.cost:.3g}" if found.choice else "",
         f"{one.bytes / 2**20:.3g}",
-        str(one.result.score["key"]),
+        str(row["key"]),
     ]

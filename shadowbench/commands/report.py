@@ -49,8 +49,9 @@ def report(
     the truth. From `stress` folders: operating ranges, metrics along each axis, pictures at the breaking points.
     Nothing is measured. Times of different folders are never drawn on one axis.
 
-    Of each `run` folder it prints the cheapest setting for each IoU in each scene, and what each technique costs over
-    all scenes; – if no setting reaches the IoU wherever the technique is supported.
+    Of each `run` folder it prints the cheapest setting for each accuracy in each scene, and what each technique costs
+    over all scenes; – if no setting reaches it wherever the technique is supported. Accuracy is an IoU, or for soft
+    shadows (lights with a size) an RMSE.
     """
     from shadowbench.commands.verdict_tables import print_verdict
     from shadowbench.reports.analysis import sections

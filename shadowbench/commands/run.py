@@ -137,12 +137,14 @@ def run(
       acne      share of the lit area, away from edges, that is in shadow
       leak      share of the shadow, away from edges, that is lit
       contact   share of the shadow next to its caster that is lit (peter-panning)
+      RMSE      of soft shadows (lights with a size), which it ranks: root mean
+                square error of visibility; RMSE pen: in the penumbra
       flips     share of the pixels near edges that flicker after a step (--step)
       ms        time of a frame's shadows; ~ marks a time that varied widely
       × ref     time relative to the reference technique
       MiB       memory of textures and buffers
-    `shadowbench list metrics` has the exact definitions. A slope, below a table, is the median of the slopes of each
-    view, light and phase.
+    `shadowbench list metrics` has the exact definitions, also of the other columns of soft shadows; < marks a value
+    below the truth's own error. A slope, below a table, is the median of the slopes of each view, light and phase.
     """
     import dataclasses
 

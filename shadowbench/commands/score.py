@@ -107,13 +107,14 @@ def score(
 
 
 def _print(accuracy: "Accuracy") -> None:
-    from shadowbench.scores.metrics import METRICS
+    from shadowbench.scores.metrics import METRICS, is_soft
 
     view = accuracy.view
     title = f"{accuracy.external.name} on {view.scene.name}, {view.camera.name}, {view.light.name}, {view.size}²"
+    first = ("rmse", "rmse_pen") if is_soft(accuracy.metrics) else ()
     rows = [
-        (metric.name, console.resolved(value, accuracy.record.get(str(metric.resolution))), metric.better, about)
-        for metric in METRICS.values()
+        (metric.name, metric.text(value, console.number, accuracy.record), metric.better, about)
+        for metric in sorted(METRICS.values(), key=lambda metric: metric.name not in first)
         for value, about in [(accuracy.metrics[metric.name], metric.help.split(". ")[0])]
         if value is not None or metric.kind != "soft"
     ]

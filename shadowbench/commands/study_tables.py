@@ -12,9 +12,8 @@ if TYPE_CHECKING:
     from shadowbench.studies.sweeps import Curve
     from shadowbench.studies.tables import Slope, SummaryRow
 
-_COLUMNS = {  # heading: (value, or "error" for 1 − IoU)
-    "RMSE": "rmse",
-    "RMSE pen": "rmse_pen",
+_COSTS = {"ms": "frame_ms", "× ref": "ratio", "MiB": "gpu_bytes"}  # five cascades need more than one map of their size
+_COLUMNS = {  # of hard shadows; heading: value, or "error" for that by which they are ranked
     "1 − IoU": "error",
     "IoU soft": "iou_soft",
     "SSIM": "ssim",
@@ -23,14 +22,26 @@ _COLUMNS = {  # heading: (value, or "error" for 1 − IoU)
     "leak": "leak",
     "contact": "contact",
     "flips": "flips",
-    "ms": "frame_ms",
-    "× ref": "ratio",
-    "MiB": "gpu_bytes",  # five cascades need more memory than one map of the same size
+    **_COSTS,
+}
+_SOFT_COLUMNS = {
+    "RMSE": "error",
+    "RMSE pen": "rmse_pen",
+    "1 − IoU": "iou",
+    "SSIM": "ssim",
+    "bias pen": "bias_pen",
+    "bleed": "bleed",
+    "false dark": "false_dark",
+    "noise": "noise",
+    "banding": "banding",
+    "width": "width",
+    "hardening": "hardening",
+    "flips": "flips",
+    **_COSTS,
 }
 _WIDE = 110  # characters; a narrower terminal gets the columns that matter most
-_NARROW = ("rmse", "rmse_pen", "error", "ssim", "frame_ms", "ratio")
-_OF_SOFT = ("rmse", "rmse_pen")  # shown where the truth has penumbrae
-_OPTIONAL = ("flips", "frame_ms", "ratio", "gpu_bytes")  # shown where a row has them
+_NARROW = ("error", "rmse_pen", "iou", "ssim", "frame_ms", "ratio")
+_OPTIONAL = ("bleed", "false_dark", "width", "hardening", "flips", *_COSTS.values())  # shown where a row has them
 
 
 def print_study(found: "StudyResult", folder: Path, quiet: bool) -> None:
@@ -49,12 +60,18 @@ def print_study(found: "StudyResult", folder: Path, quiet: bool) -> None:
         ranked = ", best first by RMSE" if any(row.soft for row in rows) else ", best first"
         _print_scene(f"{scene}{ranked}{times}", rows, [fit for fit in fits if fit.scene == scene], notes)
         _print_curves(scene, curves(rows, found.sweep_positions))
-    scenes, means = mean_over_scenes(tables)
-    if len(scenes) > 1:
-        _print_scene(f"mean over the {len(scenes)} scenes in which every cell was drawn", means, [], [])
-    drawn = [row for rows in tables.values() for row in rows if row.cells]
-    if drawn and console.out().width < _WIDE:
-        dropped = ", ".join(name for name in _columns(drawn, False) if name not in _columns(drawn, True))
+    kinds = [
+        {scene: rows for scene, rows in tables.items() if any(row.soft for row in rows) == soft}
+        for soft in (False, True)
+    ]
+    for kind, alike in zip(("hard ", "soft ") if all(kinds) else ("", ""), kinds, strict=True):
+        scenes, means = mean_over_scenes(alike)
+        if len(scenes) > 1:
+            _print_scene(f"mean over the {len(scenes)} {kind}scenes in which every cell was drawn", means, [], [])
+    drawn = [[row for row in rows if row.cells] for rows in tables.values()]
+    if any(drawn) and console.out().width < _WIDE:
+        names = [name for rows in drawn for name in _columns(rows, False) if name not in _columns(rows, True)]
+        dropped = ", ".join(dict.fromkeys(names))
         where = f"see {folder / 'table.csv'}, or widen the terminal to {_WIDE}"
         console.print_line(f"columns left out at a width of {console.out().width} characters ({where}): {dropped}")
     if not quiet:
@@ -80,7 +97,7 @@ def _print_scene(title: str, rows: "list[SummaryRow]", fits: "list[Slope]", note
     for fit in fits:
         sizes = f"{fit.sizes[0]} to {fit.sizes[-1]}"
         slope = fit.slope.text("{:+.2f}".format) + (", one phase" if fit.phases == 1 else "")
-        console.print_line(f"  slope of log(1 − IoU) over log(size), {sizes}: {slope}  {fit.spec}")
+        console.print_line(f"  slope of log({fit.error}) over log(size), {sizes}: {slope}  {fit.spec}")
     for line in notes:
         console.print_line(f"  {line}")
     console.out().print()
@@ -92,7 +109,7 @@ def _notes(rows: "list[SummaryRow]") -> list[str]:
 
     cells = max(row.cells for row in rows)
     medians = (
-        f"medians of up to {cells} cells (views × phases); in brackets the 95% interval of 1 − IoU"
+        f"medians of up to {cells} cells (views × phases); in brackets the 95% interval of {_error_label(rows)}"
         if cells > 1
         else None
     )
@@ -102,8 +119,12 @@ def _notes(rows: "list[SummaryRow]") -> list[str]:
 def _columns(rows: "Sequence[SummaryRow]", narrow: bool) -> dict[str, str]:
     """The columns of a table, by heading: fewer on a narrow terminal, no optional one that is empty."""
     lacking = {key for key in _OPTIONAL if all(row.values.get(key) is None for row in rows)}
-    lacking |= set() if any(row.soft for row in rows) else {*_OF_SOFT}
-    return {heading: key for heading, key in _COLUMNS.items() if key not in lacking and (key in _NARROW or not narrow)}
+    columns = _SOFT_COLUMNS if any(row.soft for row in rows) else _COLUMNS
+    return {heading: key for heading, key in columns.items() if key not in lacking and (key in _NARROW or not narrow)}
+
+
+def _error_label(rows: "Sequence[SummaryRow]") -> str:
+    return next((row for row in rows if row.soft), rows[0]).ranked_by.error_label
 
 
 def _print_curves(scene: str, found: "list[Curve]") -> None:
@@ -116,24 +137,17 @@ def _print_curves(scene: str, found: "list[Curve]") -> None:
             marks = [*(["default"] if factor == 1 else []), *(["best"] if factor == curve.best else [])]
             cells = [_cell(row, key) for key in ("acne", "contact", "error", "ssim")]
             rows.append((row.spec, str(row.map_size or ""), f"{factor:g}", *cells, ", ".join(marks)))
-    numbers = ("map", "× bias", "acne", "contact", "1 − IoU", "SSIM")
+    numbers = ("map", "× bias", "acne", "contact", _error_label([row for _, row in found[0].rows]), "SSIM")
     title = f"{scene}, bias multiplied by a factor: acne against contact (peter-panning)"
     console.print_table(title, ("spec", *numbers, ""), rows, numbers=numbers, whole=("",))
     console.out().print()
 
 
 def _cell(row: "SummaryRow", key: str) -> str:
-    """The error with its interval, else the median; ~: a time whose rounds varied much, <: below the truth's error."""
-    from shadowbench.scores.metrics import METRICS
-
-    value = row.values.get("iou" if key == "error" else key)
-    if value is None:
-        return "–"
-    if key in _OF_SOFT:
-        least = row.values.get(str(METRICS[key].resolution))
-        return console.resolved(value.median, None if least is None else least.median)
-    if key == "gpu_bytes":
-        return f"{value.median / 2**20:.1f}"
+    """The error with its interval, else the median; 1 − IoU for `iou`."""
+    value = row.values.get(key)
     if key == "error":
-        return value.complement().text(console.number)
-    return f"~{console.number(value.median)}" if key == "frame_ms" and row.rough else console.number(value.median)
+        return row.error_text(console.number)
+    if value is not None and key in ("iou", "gpu_bytes"):
+        return console.number(1 - value.median) if key == "iou" else f"{value.median / 2**20:.1f}"
+    return row.text(key, console.number)

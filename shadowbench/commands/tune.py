@@ -14,6 +14,12 @@ if TYPE_CHECKING:
 
 app = typer.Typer()
 
+_RATIOS = {
+    "iou_ratio": "(1 − IoU) / tuned",
+    "rmse_ratio": "RMSE / tuned",
+    "ssim_ratio": "(1 − SSIM) / tuned",
+}  # by field of an Entry
+
 
 @app.command(
     epilog="\b\nFor example\n"
@@ -85,17 +91,19 @@ def tune(
     """Search a technique's parameters for the best accuracy.
 
     Finds the most accurate setting at each cost on some scenes, and compares it with the default and the presets on
-    others, held out of the search. The error combines IoU and SSIM; the cost is counted work (shader invocations,
-    texture reads). Every camera and light of a scene is used. An interrupted search resumes when the command is
-    repeated.
+    others, held out of the search. The error combines IoU, or RMSE of soft shadows, and SSIM; the cost is counted work
+    (shader invocations, texture reads). Every camera and light of a scene is used. An interrupted search resumes when
+    the command is repeated.
 
     \b
     Columns
       cost                work relative to the default's
-      tuning, held out    error √((1 − IoU) · (1 − SSIM)) on the scenes of the
-                          search, and on those held out; geometric means
+      tuning, held out    error √((1 − IoU) · (1 − SSIM)), of soft shadows
+                          √(RMSE · (1 − SSIM)), on the scenes of the search, and
+                          on those held out; geometric means
       (1 − IoU) / tuned   1 − IoU divided by that of the tuned spec: median over
                           the held-out scenes
+      RMSE / tuned        the same for RMSE, over scenes with soft shadows
       (1 − SSIM) / tuned  the same for 1 − SSIM
       acne, leak, contact means over the held-out scenes (shadowbench list metrics)
     """
@@ -146,25 +154,28 @@ def _print(found: "TuningComparison") -> None:
     intervals = ", with 95% intervals" if len(held_out) > 1 else ""
     title = f"compared with the default and others on {counted(len(held_out), 'scene')} held out{intervals}"
     _print_entries(title, (found.tuned, *found.others))
-    console.out().print(
-        "error: √((1 − IoU) · (1 − SSIM)), geometric mean over scenes; / tuned: relative to the tuned spec, median "
-        "over scenes"
+    soft = ", of soft shadows √(RMSE · (1 − SSIM))" if found.tuned.rmse_ratio else ""
+    console.print_line(
+        f"error: √((1 − IoU) · (1 − SSIM)){soft}, geometric mean over scenes; / tuned: relative to the tuned spec, "
+        "median over scenes"
     )
     console.print_line(verdict(found))
 
 
 def _print_entries(title: str, entries: "Sequence[Entry]") -> None:
-    numbers = ("cost", "tuning", "held out", "(1 − IoU) / tuned", "(1 − SSIM) / tuned", "acne", "leak", "contact")
-    console.print_table(title, ("", "spec", *numbers), [_line(entry) for entry in entries], numbers=numbers)
+    shown = {name: title for name, title in _RATIOS.items() if any(getattr(entry, name) for entry in entries)}
+    numbers = ("cost", "tuning", "held out", *shown.values(), "acne", "leak", "contact")
+    lines = [_line(entry, list(shown)) for entry in entries]
+    console.print_table(title, ("", "spec", *numbers), lines, numbers=numbers)
 
 
-def _line(entry: "Entry") -> list[str]:
+def _line(entry: "Entry", ratios: "Sequence[str]") -> list[str]:
     return [
         entry.name,
         entry.spec.sizeless_text,
         f"{entry.cost:.2f}",
         console.number(entry.tuning),
         entry.held_out.text(console.number),
-        *("–" if one is None else one.text("{:.3g}".format) for one in (entry.iou_ratio, entry.ssim_ratio)),
+        *("–" if one is None else one.text("{:.3g}".format) for one in (getattr(entry, name) for name in ratios)),
         *(console.number(value) for value in (entry.acne, entry.leak, entry.contact)),
     ]

@@ -11,26 +11,37 @@ if TYPE_CHECKING:
 
 
 def print_verdict(sections: "Sequence[Section]") -> None:
-    """The cheapest setting for each IoU in each scene of one run, then each technique's cost over all its scenes."""
-    from shadowbench.reports.matrix import IOU_TARGETS, candidates, cost_matrix, cost_row
-    from shadowbench.reports.verdict import cost_note, real_time, target_name
-    from shadowbench.reports.words import counted
+    """The cheapest setting for each accuracy in each scene of one run, then each technique's cost over its scenes."""
+    from shadowbench.reports.analysis import by_kind
+    from shadowbench.reports.matrix import candidates, cost_row, targets_of
+    from shadowbench.reports.verdict import real_time, target_name
 
-    found = candidates(sections)
-    if not found:
+    kinds = by_kind(sections)
+    if not any(map(candidates, kinds)):
         console.print_line("Nothing here has a score.")
         return
     scenes = [section.scene for section in sections]
     rows = []
     for section in sections:
         own = real_time(candidates([section]))
-        names = [section.scene if scenes.count(section.scene) == 1 else section.title, *[""] * len(IOU_TARGETS)]
-        for name, cell in zip(names, cost_row(own, IOU_TARGETS), strict=False):
+        targets = targets_of(section.ranked_by)
+        names = [section.scene if scenes.count(section.scene) == 1 else section.title, *[""] * len(targets)]
+        for name, cell in zip(names, cost_row(own, targets), strict=False):
             rows.append((name, target_name(cell.target), *_cheapest(cell)))
     console.print_table("", ("scene", "target", "cost", "cheapest"), rows, numbers=("cost",), whole=("target",))
-    console.out().print()
-    heads = [f"over {counted(len(sections), 'scene')}", *map(target_name, IOU_TARGETS)]
-    lines = cost_matrix(found, IOU_TARGETS)
+    for kind in kinds:
+        console.out().print()
+        _print_costs(kind, "" if len(kinds) == 1 else "soft " if kind[0].soft else "hard ")
+
+
+def _print_costs(sections: "Sequence[Section]", kind: str) -> None:
+    from shadowbench.reports.matrix import candidates, cost_matrix, targets_of
+    from shadowbench.reports.verdict import cost_note, target_name
+    from shadowbench.reports.words import counted
+
+    found, targets = candidates(sections), targets_of(sections[0].ranked_by)
+    heads = [f"over {counted(len(sections), f'{kind}scene')}", *map(target_name, targets)]
+    lines = cost_matrix(found, targets)
     costs = [(technique, *(_cost(cell, len(sections)) for cell in cells)) for technique, cells in lines.items()]
     console.print_table("", heads, costs, whole=heads)
     partial = f" n of {len(sections)}: over the n that it supports." if any(one.unsupported for one in found) else ""

@@ -1,5 +1,6 @@
 """Scoring a mask of another renderer against the truth of its view, with checks for common mistakes."""
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -17,8 +18,10 @@ from shadowbench.errors import InputError
 from shadowbench.measure.scoring import mask_record, prepare_truth
 from shadowbench.scenes.model import View
 from shadowbench.scores.comparison import Comparison
+from shadowbench.scores.masks import LEVELS
 from shadowbench.truths.cache import cached_truth
 
+_ROUNDING = 1 / (255 * math.sqrt(12))  # root mean square, of 8 bits
 _NOTED_CLIPPED = 0.01
 """Share of clipped pixels among the scored ones above which a warning is given."""
 _ALIKE_IOU, _COMMON = 0.2, 0.5
@@ -68,14 +71,16 @@ class Accuracy:
         }
 
     def difference(self) -> NDArray[np.uint8]:
-        """(N, N, 3) uint8 sRGB: false shadow orange, false light blue."""
+        """Picture of the errors: false shadow orange, false light blue (see `difference_picture`)."""
         return difference_picture(self.comparison)
 
     def summary(self) -> list[str]:
         """Lines of text about the errors."""
         false_shadow, false_light = self.wrong
         scored = self.comparison.truth.pixels
-        lines = [f"{scored} pixels scored: {false_shadow} of false shadow, {false_light} of false light"]
+        soft = self.comparison.truth.soft
+        judged = ", judged at a visibility of ½" if soft else ""
+        lines = [f"{scored} pixels scored: {false_shadow} of false shadow, {false_light} of false light{judged}"]
         if unmeasured := self.record["input"]["unmeasured"]:
             lines.append(f"{unmeasured} more not scored: lit and ambient picture differ there by less than 1/64")
         lines += [f"{kind.name}, {kind.pixels} px: {kind.line}" for kind in self.kinds]
@@ -86,6 +91,8 @@ class Accuracy:
             )
             if share is not None:
                 lines.append(f"widths of penumbrae are compared at {share:.0%} of the true edge")
+        if soft and _eight_bit(self.comparison):
+            lines.append(f"the mask has 8 bits: rounding makes an RMSE of {_ROUNDING:.2g} in the penumbra")
         return lines
 
 
@@ -144,12 +151,20 @@ def accuracy_of(external: ExternalMask, view: View) -> Accuracy:
 
 def _uniform(comparison: Comparison) -> str | None:
     """A warning for a truth, else a mask, that is lit or in shadow in every scored pixel."""
-    pixels = comparison.truth.pixels
-    for whose, shadow in (("in this view the truth", comparison.truth.shadow), ("the mask", comparison.shadow)):
+    truth, pixels = comparison.truth, comparison.truth.pixels
+    of_truth = [] if truth.soft else [("in this view the truth", truth.shadow)]
+    for whose, shadow in (*of_truth, ("the mask", comparison.shadow)):
         count = int(np.count_nonzero(shadow))
         if pixels and count in (0, pixels):
             return f"{whose} is {'in shadow' if count else 'lit'} in every scored pixel, so most metrics say little"
     return None
+
+
+def _eight_bit(comparison: Comparison) -> bool:
+    """Whether the mask has grey pixels, all of them at levels of 8 bits."""
+    levels = np.rint(comparison.visibility[comparison.truth.valid] * LEVELS)
+    grey = (levels > 0) & (levels < LEVELS)
+    return bool(grey.any()) and not (levels % (LEVELS // 255)).any()
 
 
 def seems_unrelated(comparison: Comparison) -> bool:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 
+from shadowbench.scores.metrics import Metric, ranking
 from shadowbench.studies.folder import Run
 from shadowbench.studies.tables import Interval, SummaryRow, interval, summary_rows, titles
 from shadowbench.studies.times import ReferenceTime, normalise_times, pareto_front
@@ -45,9 +46,8 @@ class Configuration:
 
     @property
     def error(self) -> Interval | None:
-        """1 − IoU; None without a score."""
-        iou = self.row.values["iou"]
-        return None if iou is None else iou.complement()
+        """The error by which it is ranked; None without a score."""
+        return self.row.error
 
     def value(self, name: str) -> float | None:
         """Median of a metric or time such as `frame_ms`; None if it was not measured."""
@@ -77,8 +77,13 @@ class Section:
 
     @property
     def soft(self) -> bool:
-        """Whether its shadows have penumbrae, so that the configurations are ranked by `rmse`."""
+        """Whether its shadows have penumbrae."""
         return any(one.row.soft for one in self.scored)
+
+    @property
+    def ranked_by(self) -> Metric:
+        """The metric that ranks its configurations."""
+        return ranking(self.soft)
 
     @property
     def timed(self) -> list[Configuration]:
@@ -86,8 +91,10 @@ class Section:
         return [one for one in self.scored if one.value("frame_ms") is not None]
 
     @property
-    def half_pixel(self) -> float:
-        """Error of half a wrong pixel, at which charts draw an error of 0, since a log axis has no zero."""
+    def least_error(self) -> float:
+        """The error at which charts draw smaller ones: of half a wrong pixel, or for soft shadows the truth's own."""
+        if self.soft:
+            return float(self.frame["truth_error"].mean())
         receivers = self.frame["receivers"].dropna()
         return 0.5 / float(receivers.max()) if len(receivers) else 1e-7
 
@@ -116,6 +123,12 @@ def sections(runs: Sequence[Run]) -> dict[str, list[Section]]:
             section = Section(run, str(scene), title, frame, reference, tuple(_configurations(run, frame)))
             found.setdefault(title, []).append(section)
     return found
+
+
+def by_kind(sections: Sequence[Section]) -> list[list[Section]]:
+    """The sections with hard shadows and those with soft ones, whose errors are not comparable; without empty lists."""
+    kinds = [[section for section in sections if section.soft == soft] for soft in (False, True)]
+    return [kind for kind in kinds if kind]
 
 
 def specs_of(sections: Sequence[Section]) -> list[str]:

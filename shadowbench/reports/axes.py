@@ -7,6 +7,15 @@ from shadowbench.reports.analysis import Configuration, Section
 from shadowbench.reports.words import digits
 
 Chart = dict[str, Any]
+_SCORES = {"edge px": "edge_px", "SSIM": "ssim", "acne": "acne", "leak": "leak", "contact": "contact"}
+_SOFT_SCORES = {
+    "RMSE pen": "rmse_pen",
+    "SSIM": "ssim",
+    "bleed": "bleed",
+    "noise": "noise",
+    "width": "width",
+    "hardening": "hardening",
+}
 
 
 def chart_point(section: Section, one: Configuration) -> Chart:
@@ -20,9 +29,9 @@ def chart_point(section: Section, one: Configuration) -> Chart:
         "full spec": one.full_spec,
         "size": one.map_size,
         "error": error.median,
-        "drawn": max(error.median, section.half_pixel),
-        "low": max(error.median if error.low is None else error.low, section.half_pixel),
-        "high": max(error.median if error.high is None else error.high, section.half_pixel),
+        "drawn": max(error.median, section.least_error),
+        "low": max(error.median if error.low is None else error.low, section.least_error),
+        "high": max(error.median if error.high is None else error.high, section.least_error),
         "ms": ms,
         "time": "not timed"
         if ms is None
@@ -35,17 +44,25 @@ def chart_point(section: Section, one: Configuration) -> Chart:
 
 def tooltip_texts(one: Configuration) -> Chart:
     """The tooltip texts of a scored configuration that all charts share."""
-    error = one.error
-    assert error is not None
+    iou = one.value("iou")
     return {
         "spec": one.spec,
         "map": str(one.map_size) if one.map_size else one.technique,
-        "1 − IoU": error.text(digits),
-        "IoU": f"{1 - error.median:.6g}",
-        "edge px": _text(one, "edge_px"),
-        "SSIM": _text(one, "ssim"),
-        **{name: _text(one, name) for name in ("acne", "leak", "contact")},
+        one.row.ranked_by.error_label: one.row.error_text(digits),
+        "IoU": "–" if iou is None else f"{iou:.6g}",
+        **{title: one.row.text(name, digits) for title, name in _scores(one.row.soft).items()},
     }
+
+
+def tooltip(section: Section) -> list[Chart]:
+    """The fields of the tooltip of a `chart_point`."""
+    scores = [name for name in _scores(section.soft) if name != "contact"]
+    names = ["spec", "full spec", "map", section.ranked_by.error_label, "IoU", *scores]
+    return [{"field": name} for name in (*names, "time", "× reference", "cells", "phases")]
+
+
+def _scores(soft: bool) -> dict[str, str]:
+    return _SOFT_SCORES if soft else _SCORES
 
 
 def label_points(points: Sequence[Chart]) -> None:
@@ -57,17 +74,13 @@ def label_points(points: Sequence[Chart]) -> None:
         last = last if near else point
 
 
-def _text(one: Configuration, name: str) -> str:
-    value = one.value(name)
-    return "–" if value is None else digits(value)
-
-
-def error_axis(values: Sequence[float]) -> Chart:
+def error_axis(section: Section, values: Sequence[float]) -> Chart:
     """The y channel of an error chart; values: all errors drawn."""
+    about = "root mean square error of visibility" if section.soft else "share of the shadow that is wrong"
     return {
         "field": "drawn",
         "type": "quantitative",
-        "title": "1 − IoU: share of the shadow that is wrong",
+        "title": f"{section.ranked_by.error_label}: {about}",
         **log_axis("y", values),
     }
 
@@ -93,11 +106,13 @@ def log_axis(channel: str, values: Sequence[float]) -> Chart:
 
 
 def zero_error_rule(section: Section, points: Sequence[Chart]) -> list[Chart]:
-    """The labelled line at which an error of 0 is drawn; empty if no point has one."""
-    if all(point["error"] > 0 for point in points):
+    """The labelled line at which an error of 0, or one below the truth's own, is drawn; empty if no point has one."""
+    least = section.least_error
+    if not any(point["error"] < least if section.soft else point["error"] == 0 for point in points):
         return []
-    y = {"datum": section.half_pixel, "type": "quantitative"}
-    text = f"no wrong pixel: drawn at half a pixel ({digits(section.half_pixel)})"
+    y = {"datum": least, "type": "quantitative"}
+    what = "below the truth's own error, drawn at it" if section.soft else "no wrong pixel: drawn at half a pixel"
+    text = f"{what} ({digits(least)})"
     return [
         {
             "data": {"values": [{}]},

@@ -4,11 +4,11 @@ from shadowbench.reports.analysis import Configuration, Section
 from shadowbench.reports.axes import Chart, tooltip_texts
 from shadowbench.reports.charts import INK_SIGNAL, chart_of
 from shadowbench.reports.styles import COLORS
+from shadowbench.reports.words import digits
 from shadowbench.studies.sweeps import Curve, curves
 
 _TICKS = (0.0, 0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
 _LINEAR_BELOW = 1e-3  # the scale is linear below this share and logarithmic above, so that it includes 0
-_TOOLTIP = ("spec", "map", "× bias", "acne", "contact", "1 − IoU", "SSIM")
 
 
 def bias_charts(section: Section) -> list[tuple[str, Chart]]:
@@ -34,7 +34,8 @@ def _chart(section: Section, base: str, found: list[Curve]) -> Chart | None:
         "scale": {"domain": maps, "range": [COLORS[at % len(COLORS)] for at in range(len(maps))]},
         "legend": {"orient": "top"} if len(maps) > 1 else None,
     }
-    tooltip = [{"field": name} for name in _TOOLTIP]
+    names = ("spec", "map", "× bias", "acne", "contact", section.ranked_by.error_label, "SSIM")
+    tooltip = [{"field": name} for name in names]
     layer: list[Chart] = [
         {
             "mark": {"type": "line", "strokeWidth": 1.5},
@@ -64,6 +65,8 @@ def _point(curve: Curve, factor: float, one: Configuration) -> Chart | None:
         return None
     return {
         **tooltip_texts(one),
+        "acne": digits(acne),
+        "contact": digits(contact),
         "× bias": f"×{factor:g}",
         "factor": factor,
         "best": factor == curve.best,

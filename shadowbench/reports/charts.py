@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from shadowbench.reports.analysis import Section, front
-from shadowbench.reports.axes import Chart, chart_point, error_axis, label_points, log_axis, zero_error_rule
+from shadowbench.reports.axes import Chart, chart_point, error_axis, label_points, log_axis, tooltip, zero_error_rule
 from shadowbench.reports.styles import COLORS, INK, MAX_SHOWN, Styles
 from shadowbench.reports.words import digits, section_notes, time_source
 
@@ -14,21 +14,6 @@ _PASS_TIMES = [
     "each finished before the next,",
     "so that their sum may exceed the frame;",
     "tick: the whole frame, timed separately",
-]
-_TOOLTIP = [
-    "spec",
-    "full spec",
-    "map",
-    "1 − IoU",
-    "IoU",
-    "edge px",
-    "SSIM",
-    "acne",
-    "leak",
-    "time",
-    "× reference",
-    "cells",
-    "phases",
 ]
 
 
@@ -41,8 +26,8 @@ def front_chart(section: Section, styles: Styles) -> Chart | None:
     label_points([point for point in points if point["front"]])
     title = f"frame time, ms{' (software renderer)' if section.run.software else ''}"
     x = {"field": "ms", "type": "quantitative", "title": title, **log_axis("x", [point["ms"] for point in points])}
-    y = error_axis([point["drawn"] for point in points])
-    on_front, tooltip = [{"filter": "datum.front"}], [{"field": name} for name in _TOOLTIP]
+    y = error_axis(section, [point["drawn"] for point in points])
+    on_front, fields = [{"filter": "datum.front"}], tooltip(section)
     layer: list[Chart] = [
         *zero_error_rule(section, points),
         {
@@ -53,7 +38,7 @@ def front_chart(section: Section, styles: Styles) -> Chart | None:
         {
             "transform": [{"filter": "datum.front && datum.shown === false"}],
             "mark": {"type": "point", "filled": True, "color": INK_SIGNAL, "size": 25, "clip": True},
-            "encoding": {"x": x, "y": y, "tooltip": tooltip},
+            "encoding": {"x": x, "y": y, "tooltip": fields},
         },
         {
             "params": [_ZOOM],
@@ -66,7 +51,7 @@ def front_chart(section: Section, styles: Styles) -> Chart | None:
                 "size": {"condition": {"test": "datum.front", "value": 140}, "value": 60},
                 "stroke": {"condition": {"test": "datum.front", "value": INK_SIGNAL}, "value": None},
                 "opacity": {"condition": {"test": "datum.front", "value": 1}, "value": 0.55},
-                "tooltip": tooltip,
+                "tooltip": fields,
             },
         },
         {
@@ -94,7 +79,7 @@ def size_chart(section: Section, styles: Styles) -> Chart | None:
         return None
     for index, point in enumerate(points):
         point["rank"] = sum(one["drawn"] == point["drawn"] for one in points[:index] if not one["size"])
-    y = error_axis([value for point in points for value in (point["drawn"], point["low"], point["high"])])
+    y = error_axis(section, [value for point in points for value in (point["drawn"], point["low"], point["high"])])
     x = {
         "field": "size",
         "type": "quantitative",
@@ -105,13 +90,13 @@ def size_chart(section: Section, styles: Styles) -> Chart | None:
     channels = styles.channels(point["spec"] for point in points)
     color = channels["color"]
     mapped, unmapped = [{"filter": "datum.size"}, SHOWN_ONLY], [{"filter": "!datum.size"}, SHOWN_ONLY]
-    tooltip = [{"field": name} for name in _TOOLTIP]
+    fields = tooltip(section)
     layer: list[Chart] = [
         *zero_error_rule(section, points),
         {
             "transform": unmapped,
             "mark": {"type": "rule", "strokeDash": [6, 4], "strokeWidth": 2},
-            "encoding": {"y": y, "color": color, "tooltip": tooltip},
+            "encoding": {"y": y, "color": color, "tooltip": fields},
         },
         {
             "transform": unmapped,
@@ -137,7 +122,7 @@ def size_chart(section: Section, styles: Styles) -> Chart | None:
         {
             "transform": mapped,
             "mark": {"type": "point", "filled": True, "size": 70},
-            "encoding": {"x": x, "y": y, **channels, "tooltip": tooltip},
+            "encoding": {"x": x, "y": y, **channels, "tooltip": fields},
         },
     ]
     return chart_of(f"Error against map size in {section.title}", points, layer, 400)

@@ -7,7 +7,7 @@ and computes its difference from the truth.
 import base64
 import io
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,8 +23,9 @@ from shadowbench.measure.rows import Record
 from shadowbench.reports.analysis import Section
 from shadowbench.reports.stability import Stability
 from shadowbench.reports.words import digits
-from shadowbench.scores.difference import difference_over
+from shadowbench.scores.difference import difference_over, weight
 from shadowbench.scores.masks import read_mask
+from shadowbench.scores.metrics import METRICS, is_soft
 from shadowbench.studies.folder import Folder
 
 MAX_PIXELS = 160 * 1024 * 1024  # of all masks in a report, 28 MB if they are noise; larger masks are scaled down
@@ -56,9 +57,9 @@ class GalleryCell:
 class Gallery:
     """The pictures of a section or sweep as JSON data; images are data URIs, None if the file is missing.
 
-    cells: dicts of spec, size, view, iou, caption, mask, and picture, used if the view has no shading images; views: by
-    view name, images of the truth, the undecided pixels, and the view without shadow (lit) and in full shadow
-    (ambient); notes: on missing files and on scaling.
+    cells: dicts of spec, size, view, score, caption, mask, soft (whether the truth is), and picture, used if the view
+    has no shading images; views: by view name, images of the truth, the undecided pixels, and the view without shadow
+    (lit) and in full shadow (ambient); notes: on missing files and on scaling.
     """
 
     cells: tuple[dict[str, Any], ...]
@@ -77,12 +78,12 @@ def scored_cells(section: Section) -> list[GalleryCell]:
     for score, ms in scored:
         if (score.get("phase") or 0) != first:
             continue
-        iou, edge = (score["metrics"].get(name) for name in ("iou", "edge_px"))
-        caption = [
-            _iou(iou),
-            "edge –" if edge is None else f"edge {digits(edge)} px",
-            "not timed" if math.isnan(ms) else f"{digits(ms)} ms{software}",
-        ]
+        metrics, edge = score["metrics"], score["metrics"].get("edge_px")
+        penumbra = f"{METRICS['rmse_pen'].text(metrics.get('rmse_pen'), digits, score)} in the penumbra"
+        others = (
+            [penumbra, _iou(metrics)] if is_soft(metrics) else [f"edge {'–' if edge is None else f'{digits(edge)} px'}"]
+        )
+        caption = [_score(score), *others, "not timed" if math.isnan(ms) else f"{digits(ms)} ms{software}"]
         view_name = f"{score['view']}, {score['light']}"
         found.append(GalleryCell(score, score["spec"], score["map_size"], view_name, ", ".join(caption)))
     return found
@@ -94,7 +95,7 @@ def breaking_cells(stability: Stability) -> list[GalleryCell]:
     for one, broken, row in stability.breaking_points():
         if row["status"] == "ok":
             view_name = f"{one.axis.name} {value_text(one.axis, broken.value)}, {row['light']}"
-            caption = f"{broken.failure}: {_iou(row['metrics'].get('iou'))}"
+            caption = f"{broken.failure}: {_iou(row['metrics'])}"
             found.append(GalleryCell(row, one.spec, None, view_name, caption))
     return found
 
@@ -157,26 +158,34 @@ def _cell(cell: GalleryCell, folder: Path, view: dict[str, str | None], max_size
         "spec": cell.spec,
         "size": cell.map_size,
         "view": cell.view_name,
-        "iou": _iou(cell.row["metrics"].get("iou")),
+        "score": _score(cell.row),
         "caption": cell.caption,
+        "soft": is_soft(cell.row["metrics"]),
         "mask": _mask(mask, int(cell.row["view_size"]), max_size),
         "picture": None if shaded else _picture(picture, max_size),
     }
 
 
-def _iou(value: float | None) -> str:
+def _score(row: Record) -> str:
+    """The metric by which a row is ranked: `IoU 0.97120`, `RMSE 0.0123`."""
+    metrics = row["metrics"]
+    return f"RMSE {METRICS['rmse'].text(metrics.get('rmse'), digits, row)}" if is_soft(metrics) else _iou(metrics)
+
+
+def _iou(metrics: Mapping[str, float | None]) -> str:
+    value = metrics.get("iou")
     return "no IoU" if value is None else f"IoU {value:.5f}"
 
 
 def difference(
-    mask: NDArray[np.float32], truth: NDArray[np.float32], undecided: NDArray[np.bool_] | None
+    mask: NDArray[np.float32], truth: NDArray[np.float32], undecided: NDArray[np.bool_] | None, soft: bool = False
 ) -> NDArray[np.uint8]:
     """The difference picture of a mask: false shadow orange, false light blue, over the truth in pale grey.
 
     mask, truth: (N, N) visibility in [0, 1]; undecided: (N, N), pixels that stay grey. The opacity of the colour is
-    the size of the error. Returns (N, N, 3) uint8 sRGB.
+    the size of the error, of soft shadows its root. Returns (N, N, 3) uint8 sRGB.
     """
-    signed = np.rint((mask - truth) * _STEPS) / _STEPS
+    signed = np.rint(weight(mask - truth, soft) * _STEPS) / _STEPS
     if undecided is not None:
         signed[undecided] = 0
     return difference_over(np.rint(198 + 50 * np.rint(truth * 4) / 4), signed)

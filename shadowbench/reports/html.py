@@ -21,11 +21,9 @@ from shadowbench.reports.along_axes import LIMITS, axis_chart, metrics_along
 from shadowbench.reports.analysis import Section, specs_of
 from shadowbench.reports.gallery import GalleryCell, breaking_cells, gallery, no_pictures, scored_cells, size_limit
 from shadowbench.reports.heat_map import UNSUPPORTED_COLOR, is_dark, share_color
-from shadowbench.reports.matrix import IOU_TARGETS
-from shadowbench.reports.panels import DEFAULT_COLUMNS, SOFT_COLUMNS, Panel, panel_data, panels_of
+from shadowbench.reports.panels import Panel, panel_data, panels_of
 from shadowbench.reports.stability import Stability
 from shadowbench.reports.styles import COLORS, MAX_SHOWN, OUTLINES, SHAPES, Styles, styles_of
-from shadowbench.reports.verdict import target_name
 from shadowbench.reports.words import (
     breaks_without_picture,
     range_cells,
@@ -62,7 +60,6 @@ def html_report(runs: Sequence[Run], scenes: Mapping[str, Sequence[Section]], sw
         sweeps=[_run(sweep) for sweep in sweeps],
         panels=panels,
         page=_page_data(panels, styles.specs),
-        targets=[target_name(target) for target in IOU_TARGETS],
         data={panel.id: panel_data(panel, styles, scored, max_size) for panel in panels},
         stabilities=[
             _stability(found, styles, cells, max_size, f"stability-{index}")
@@ -88,7 +85,6 @@ def _bundle() -> str:
 
 def _page_data(panels: Sequence[Panel], specs: Sequence[str]) -> dict[str, Any]:
     """The data of the page's scripts besides that of each panel."""
-    soft = any(section.soft for panel in panels for section in panel.sections)
     return {
         "panels": [
             {"id": one.id, "run": one.run, "title": one.title, "scenes": len(one.sections) > 1, "start": one.start}
@@ -98,7 +94,6 @@ def _page_data(panels: Sequence[Panel], specs: Sequence[str]) -> dict[str, Any]:
         "colors": COLORS[:MAX_SHOWN],
         "shapes": SHAPES,
         "outlines": OUTLINES,
-        "columns": [*DEFAULT_COLUMNS, *(SOFT_COLUMNS if soft else ())],
     }
 
 

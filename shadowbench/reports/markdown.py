@@ -2,8 +2,8 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from shadowbench.reports.analysis import Section, front
-from shadowbench.reports.matrix import EDGE_TARGETS, IOU_TARGETS, candidates, cost_matrix
+from shadowbench.reports.analysis import Section, by_kind, front
+from shadowbench.reports.matrix import candidates, cost_matrix, targets_of, title_of_all
 from shadowbench.reports.stability import Stability
 from shadowbench.reports.verdict import cell_texts, target_name, verdict
 from shadowbench.reports.words import (
@@ -21,17 +21,20 @@ from shadowbench.reports.words import (
     unscored,
     value_of,
 )
+from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.folder import Run, Sweep
 
-_OF_SOFT = {"RMSE": "rmse", "RMSE pen": "rmse_pen"}
-_COLUMNS = {
+_TIMES = {"ms": "frame_ms", "camera moves, ms": "camera_ms", "× ref": "ratio"}
+_COLUMNS = {"SSIM": "ssim", "edge px": "edge_px", "acne": "acne", "leak": "leak", **_TIMES}
+_SOFT_COLUMNS = {
+    "RMSE pen": "rmse_pen",
+    "IoU": "iou",
     "SSIM": "ssim",
-    "edge px": "edge_px",
-    "acne": "acne",
-    "leak": "leak",
-    "ms": "frame_ms",
-    "camera moves, ms": "camera_ms",
-    "× ref": "ratio",
+    "bleed": "bleed",
+    "noise": "noise",
+    "width": "width",
+    "hardening": "hardening",
+    **_TIMES,
 }
 
 
@@ -39,10 +42,12 @@ def markdown_report(runs: Sequence[Run], scenes: Mapping[str, Sequence[Section]]
     """The Markdown text of a report: verdicts, configurations and costs, over all scenes and by scene; then ranges."""
     blocks: list[str] = []
     for run in runs:
-        ours = [section for parts in scenes.values() for section in parts if section.run is run]
-        if len(ours) > 1:
-            blocks += [f"## All scenes{f': {_cell(run.label)}' if len(runs) > 1 else ''}", *verdict(ours)]
-            blocks += _costs(ours)
+        kinds = by_kind([section for parts in scenes.values() for section in parts if section.run is run])
+        for kind in kinds:
+            if len(kind) > 1:
+                title = title_of_all(kind, len(kinds)).capitalize()
+                blocks += [f"## {title}{f': {_cell(run.label)}' if len(runs) > 1 else ''}", *verdict(kind)]
+                blocks += _costs(kind)
     for title, parts in scenes.items():
         blocks.append(f"## {title}")
         for section in parts:
@@ -68,15 +73,14 @@ def _section(section: Section) -> list[str]:
         blocks.append(f"*{sentence(time_source(section.run))}* Bold: on the Pareto front of error and time.")
     blocks += [_cell(sentence(line)) for line in section_notes(section)]
     best = front(section)
-    columns = (_OF_SOFT if section.soft else {}) | _COLUMNS
+    columns = _SOFT_COLUMNS if section.soft else _COLUMNS
     rows = [
-        [_bold(f"`{one.spec}`", one in best), str(one.map_size or ""), error.text(digits)]
+        [_bold(f"`{one.spec}`", one in best), str(one.map_size or ""), one.row.error_text(digits)]
         + [value_of(one, name) for name in columns.values()]
         for one in section.scored
-        if (error := one.error)
     ]
     if rows:
-        blocks.append(_table(["spec", "map", "1 − IoU", *columns], rows))
+        blocks.append(_table(["spec", "map", section.ranked_by.error_label, *columns], rows))
     blocks += _costs([section])
     blocks += [f"- `{label}`: {_cell(status)}" for label, status in unscored(section)]
     blocks += [f"- {_cell(line)}" for line in mask_warnings(section)]
@@ -85,7 +89,9 @@ def _section(section: Section) -> list[str]:
 
 def _costs(sections: Sequence[Section]) -> list[str]:
     """The cost matrix; empty if nothing has a score."""
-    targets = (*IOU_TARGETS, *EDGE_TARGETS)
+    targets = targets_of(sections[0].ranked_by)
+    if not sections[0].soft:
+        targets += targets_of(METRICS["edge_px"])
     lines = [
         [technique, *(_cost(*cell_texts(cell, len(sections))) for cell in cells)]
         for technique, cells in cost_matrix(candidates(sections), targets).items()

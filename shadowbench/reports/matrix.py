@@ -7,27 +7,29 @@ from statistics import fmean
 import pandas as pd
 
 from shadowbench.reports.analysis import Configuration, Section
+from shadowbench.scores.metrics import METRICS, Metric
 from shadowbench.studies.tables import Interval, SummaryRow
 from shadowbench.techniques.unshadowed import Unshadowed
 
-ALL_SCENES = "all scenes"
+_KINDS = {False: "hard ", True: "soft "}
 
 
 @dataclass(frozen=True)
 class Target:
-    """A required accuracy: a minimum IoU or, if `edges`, a maximum distance of the shadows' edges in pixels."""
+    """A required accuracy: a limit of a metric, by name."""
 
+    metric: str
     limit: float
-    edges: bool = False
 
     def met_by(self, one: Configuration) -> bool:
         """Whether a configuration's median meets the target; False without a score."""
-        value = one.value("edge_px" if self.edges else "iou")
-        return value is not None and (value <= self.limit if self.edges else value >= self.limit)
+        value = one.value(self.metric)
+        return value is not None and METRICS[self.metric].meets(value, self.limit)
 
 
-IOU_TARGETS = tuple(Target(limit) for limit in (0.95, 0.99, 0.999))
-EDGE_TARGETS = tuple(Target(limit, edges=True) for limit in (1.0, 0.5, 0.25))
+def targets_of(metric: Metric) -> tuple[Target, ...]:
+    """The targets that reports ask for."""
+    return tuple(Target(metric.name, limit) for limit in metric.targets)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,8 +58,8 @@ class Candidate:
 
     @property
     def worst_scene(self) -> str:
-        """Title of the scene with the lowest IoU."""
-        return min(self.by_scene, key=lambda title: self.by_scene[title].value("iou") or 0.0)
+        """Title of the scene with the largest error."""
+        return max(self.by_scene, key=lambda title: _error(self.by_scene[title]))
 
     def meets(self, target: Target) -> bool:
         """Whether it meets a target in every scene that its technique supports."""
@@ -94,7 +96,7 @@ class CostCell:
 def candidates(sections: Sequence[Section]) -> list[Candidate]:
     """All configurations with a score in at least one section of a run.
 
-    Those with a score in every section come first, then those with scores in the most; equal ones by mean IoU.
+    Those with a score in every section come first, then those with scores in the most; equal ones by mean error.
     """
     by_key: dict[tuple[str, int | None], dict[str, Configuration]] = {}
     for section in sections:
@@ -108,7 +110,11 @@ def candidates(sections: Sequence[Section]) -> list[Candidate]:
         missing = tuple(title for title in titles if title not in scored and title not in unsupported)
         if scored:
             found.append(Candidate(_mean(list(scored.values())), scored, unsupported, missing))
-    return sorted(found, key=lambda one: (not one.in_all_scenes, -len(one.by_scene), -(one.mean.value("iou") or 0.0)))
+    return sorted(found, key=lambda one: (not one.in_all_scenes, -len(one.by_scene), _error(one.mean)))
+
+
+def _error(one: Configuration) -> float:
+    return 1.0 if one.error is None else one.error.median
 
 
 def _unsupported(one: Configuration) -> bool:
@@ -130,12 +136,17 @@ def _mean(parts: Sequence[Configuration]) -> Configuration:
     return Configuration(first.technique, first.full_spec, row, ())
 
 
-def mean_section(sections: Sequence[Section]) -> Section:
-    """Means over the scenes of a run, as a section; only of configurations with a score in every scene."""
+def title_of_all(kind: Sequence[Section], kinds: int) -> str:
+    """Title of all scenes of a kind; kinds: number of those in the run."""
+    return f"all {_KINDS[kind[0].soft] if kinds > 1 else ''}scenes"
+
+
+def mean_section(sections: Sequence[Section], title: str) -> Section:
+    """Means over scenes of one kind, as a section; only of configurations with a score in every scene."""
     first = sections[0]
     means = tuple(one.mean for one in candidates(sections) if one.in_all_scenes)
     frame = pd.concat([section.frame for section in sections])
-    return Section(first.run, ALL_SCENES, ALL_SCENES, frame, None, means)
+    return Section(first.run, title, title, frame, None, means)
 
 
 def cheapest(found: Sequence[Candidate], target: Target) -> Candidate | None:
@@ -150,7 +161,7 @@ def cheapest(found: Sequence[Candidate], target: Target) -> Candidate | None:
 
 def _cost(one: Candidate) -> tuple[int, bool, float, float, str]:
     cost = one.ms if one.ms is not None else float(one.mean.map_size or 0)
-    return -len(one.by_scene), one.ms is None, cost, -(one.mean.value("iou") or 0.0), one.mean.label
+    return -len(one.by_scene), one.ms is None, cost, _error(one.mean), one.mean.label
 
 
 def ties(found: Sequence[Candidate], best: Candidate, target: Target) -> tuple[Candidate, ...]:
@@ -163,7 +174,7 @@ def ties(found: Sequence[Candidate], best: Candidate, target: Target) -> tuple[C
 
 def closest(found: Sequence[Candidate], target: Target) -> Candidate:
     """The candidate that meets a target in the most scenes; of several, the most accurate."""
-    return max(found, key=lambda one: (one.scenes_met(target), one.mean.value("iou") or 0.0))
+    return max(found, key=lambda one: (one.scenes_met(target), -_error(one.mean)))
 
 
 def cost_row(found: Sequence[Candidate], targets: Sequence[Target]) -> list[CostCell]:

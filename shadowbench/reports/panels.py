@@ -6,26 +6,27 @@ from functools import cached_property
 from typing import Any
 
 from shadowbench.measure.flips import ROW_METRICS
-from shadowbench.reports.analysis import Configuration, Section, front
+from shadowbench.reports.analysis import Configuration, Section, by_kind, front
 from shadowbench.reports.bias_curve import bias_charts
 from shadowbench.reports.charts import default_size, front_chart, pass_chart, size_chart
 from shadowbench.reports.gallery import GalleryCell, gallery, no_pictures
 from shadowbench.reports.matrix import (
-    ALL_SCENES,
-    IOU_TARGETS,
     Candidate,
     CostCell,
+    Target,
     candidates,
     cost_matrix,
     cost_row,
     mean_section,
+    targets_of,
+    title_of_all,
 )
 from shadowbench.reports.styles import Styles
-from shadowbench.reports.verdict import cell_texts, cost_note, real_time, verdict, verdict_candidate
+from shadowbench.reports.verdict import cell_texts, cost_note, real_time, target_name, verdict, verdict_candidate
 from shadowbench.reports.words import digits, mask_warnings, section_notes, unscored, value_of
 from shadowbench.studies.folder import Run
 
-_COST, _ERROR = "cost, ms", "1 − IoU"
+_COST = "cost, ms"
 _TIMES = {
     "IQR, ms": "frame_iqr_ms",
     "all still, ms": "still_ms",
@@ -33,16 +34,14 @@ _TIMES = {
     "light moves, ms": "light_ms",
     "× reference": "ratio",
 }
-_VALUES = {name: name for name in ROW_METRICS if name != "iou"} | _TIMES | {"GPU bytes": "gpu_bytes"}
-DEFAULT_COLUMNS = [_COST, "map", _ERROR, "worst scene", "scenes", "edge_px", "ssim", "acne", "leak"]
-"""The table columns that are visible at first."""
-SOFT_COLUMNS = ["rmse", "rmse_pen"]
-"""The columns that are visible besides if a scene has penumbrae."""
+# The columns of the table that are visible at first, after those of cost and error.
+_SHOWN = ["edge_px", "ssim", "acne", "leak"]
+_SOFT_SHOWN = ["rmse_pen", "iou", "ssim", "bleed", "noise", "width", "hardening"]
 
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """Results of one scene of a run, or of all its scenes.
+    """Results of one scene of a run, or of all its scenes of a kind, hard or soft.
 
     id: HTML id; run: index of the run; scene_ids: HTML ids of the run's single-scene panels, by section title.
     """
@@ -52,6 +51,20 @@ class Panel:
     title: str
     sections: tuple[Section, ...]
     scene_ids: dict[str, str]
+
+    @property
+    def soft(self) -> bool:
+        """Whether its shadows have penumbrae."""
+        return self.sections[0].soft
+
+    @property
+    def targets(self) -> list[str]:
+        """The headings of its cost matrix."""
+        return list(map(target_name, self._targets))
+
+    @property
+    def _targets(self) -> tuple[Target, ...]:
+        return targets_of(self.sections[0].ranked_by)
 
     @cached_property
     def candidates(self) -> list[Candidate]:
@@ -96,7 +109,7 @@ class Panel:
     @property
     def matrix(self) -> list[tuple[str, list[dict[str, Any]]]]:
         """The rows of the cost matrix: technique, and the data of its cells."""
-        rows = cost_matrix(self.candidates, IOU_TARGETS)
+        rows = cost_matrix(self.candidates, self._targets)
         return [
             (technique, [self._cell(cell, len(self.sections)) for cell in cells]) for technique, cells in rows.items()
         ]
@@ -106,7 +119,7 @@ class Panel:
         """Rows with the cheapest real-time configuration in each scene; empty for a single scene."""
         if len(self.sections) == 1:
             return []
-        rows = [(one.scene, cost_row(real_time(candidates([one])), IOU_TARGETS)) for one in self.sections]
+        rows = [(one.scene, cost_row(real_time(candidates([one])), self._targets)) for one in self.sections]
         return [(scene, [self._cell(cell, 1) for cell in cells]) for scene, cells in rows]
 
     def picture_of(self, one: Candidate) -> dict[str, Any]:
@@ -130,10 +143,15 @@ class Panel:
 
 
 def panels_of(run: Run, index: int, every: Sequence[Section]) -> list[Panel]:
-    """The panels of a run: one for all its scenes if there are several, then one per scene."""
+    """The panels of a run: one for all its hard or soft scenes if there are several, then one per scene."""
     ours = [section for section in every if section.run is run]
     ids = {section.title: f"{index}-{at}" for at, section in enumerate(ours, start=1)}
-    overall = [Panel(f"{index}-0", index, ALL_SCENES, tuple(ours), ids)] if len(ours) > 1 else []
+    kinds = by_kind(ours)
+    overall = [
+        Panel(f"{index}-{'soft' if kind[0].soft else 0}", index, title_of_all(kind, len(kinds)), tuple(kind), ids)
+        for kind in kinds
+        if len(kind) > 1
+    ]
     return [*overall, *(Panel(ids[one.title], index, one.title, (one,), ids) for one in ours)]
 
 
@@ -145,12 +163,13 @@ def panel_data(
     cells: the cells whose pictures to show, by section; max_size: see `gallery`.
     """
     several = len(panel.sections) > 1
-    section = mean_section(panel.sections) if several else panel.sections[0]
+    section = mean_section(panel.sections, panel.title) if several else panel.sections[0]
     best = [] if several and not section.scored else front(section)
     pictures = None if several else gallery(section.run.folder, cells[section], max_size)
     sizes: list[int | None] = [*sorted({one.map_size for one in section.timed if one.map_size})]
     passes = [(size, chart) for size in sizes or [None] if (chart := pass_chart(section, size)) is not None]
     on_front = {(one.spec, one.map_size) for one in best}
+    error, over_scenes = panel.sections[0].ranked_by.error_label, ["worst scene", "scenes"]
     return {
         "charts": {
             "front": front_chart(section, styles),
@@ -159,7 +178,8 @@ def panel_data(
             "pass_size": default_size(section),
             "biases": [] if several else bias_charts(section),
         },
-        "columns": [_COST, "map", _ERROR, *(["worst scene", "scenes"] if several else []), *_VALUES, "cells"],
+        "columns": [_COST, "map", error, *(over_scenes if several else []), *_values(panel), "cells"],
+        "shown": [_COST, "map", error, *over_scenes, *(_SOFT_SHOWN if panel.soft else _SHOWN)],
         "rows": [_row(panel, one, (one.mean.spec, one.mean.map_size) in on_front) for one in panel.candidates],
         "gallery": None if pictures is None else asdict(pictures),
         "no_gallery": no_pictures(section.run),
@@ -168,21 +188,15 @@ def panel_data(
 
 def _row(panel: Panel, one: Candidate, on_front: bool) -> dict[str, Any]:
     """A row of the table; values: by column, (sort key, text)."""
-    mean = one.mean
-    error = mean.error
-    assert error is not None  # candidates have scores
-    worst_error = one.by_scene[one.worst_scene].error
+    mean, worst = one.mean, one.by_scene[one.worst_scene]
     worst_scene = next(section.scene for section in panel.sections if section.title == one.worst_scene)
     values: dict[str, tuple[float | None, str]] = {
         _COST: _value(mean, "frame_ms"),
         "map": (mean.map_size, str(mean.map_size or "")),
-        _ERROR: (error.median, error.text(digits)),
-        "worst scene": (
-            None if worst_error is None else worst_error.median,
-            f"{'–' if worst_error is None else digits(worst_error.median)} in {worst_scene}",
-        ),
+        mean.row.ranked_by.error_label: (_median(mean), mean.row.error_text(digits)),
+        "worst scene": (_median(worst), f"{worst.row.error_text(digits, bounds=False)} in {worst_scene}"),
         "scenes": (len(one.by_scene), f"{len(one.by_scene)} of {len(panel.sections)}"),
-        **{title: _value(mean, name) for title, name in _VALUES.items()},
+        **{title: _value(mean, name) for title, name in _values(panel).items()},
         "cells": (mean.row.cells, str(mean.row.cells)),
     }
     return {
@@ -194,6 +208,17 @@ def _row(panel: Panel, one: Candidate, on_front: bool) -> dict[str, Any]:
         "scene": panel.scene_ids[one.worst_scene],
         "values": values,
     }
+
+
+def _values(panel: Panel) -> dict[str, str]:
+    """Values of the table by heading, besides the error by which it is ranked."""
+    names = dict.fromkeys([*(_SOFT_SHOWN if panel.soft else []), *ROW_METRICS])
+    ranked_by = panel.sections[0].ranked_by.name
+    return {name: name for name in names if name != ranked_by} | _TIMES | {"GPU bytes": "gpu_bytes"}
+
+
+def _median(one: Configuration) -> float | None:
+    return None if one.error is None else one.error.median
 
 
 def _value(one: Configuration, name: str) -> tuple[float | None, str]:

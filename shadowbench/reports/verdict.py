@@ -3,33 +3,33 @@
 from collections.abc import Sequence
 
 from shadowbench.reports.analysis import Section
-from shadowbench.reports.matrix import IOU_TARGETS, Candidate, CostCell, Target, candidates, cheapest, closest, ties
+from shadowbench.reports.matrix import Candidate, CostCell, Target, candidates, cheapest, closest, targets_of, ties
 from shadowbench.reports.words import EDGE_NAMES, counted, digits, sentence, time_source, value_of
+from shadowbench.scores.metrics import METRICS
 
-_MAIN = Target(0.99)
 _RAY_TRACED = "ray-traced"  # its name, without importing Embree
 
 
 def verdict(sections: Sequence[Section]) -> list[str]:
-    """The sentences of the verdict on one scene, or on all scenes of a run; configurations are in backticks.
+    """The sentences of the verdict on one scene, or on all scenes of a kind; configurations are in backticks.
 
     Ray tracing, which runs on the CPU as the truth does, is only named for scale.
     """
     everything = candidates(sections)
-    found = [one for one in real_time(everything) if (one.mean.value("iou") or 0.0) > 0]
+    found = [one for one in real_time(everything) if _has_shadow(one)]
     where = "" if len(sections) == 1 else f" in all {len(sections)} scenes"
     complete = [one for one in found if one.in_all_scenes]
     if not found:
         traced = _ray_traced(everything)
         return ["No real-time technique here has a score.", *traced] if traced else ["Nothing here has a score."]
-    main = _main_target(complete)
+    main, easiest = _main_target(complete), _targets(found)[0]
     if main is None:
-        lines = [f"Nothing measured gets {_share_right(IOU_TARGETS[0])}{where}."]
-        lines.append(f"Closest: {_closest_text(closest(found, IOU_TARGETS[0]), len(sections))}.")
-        return [*lines, *_where_supported(found, IOU_TARGETS[0], None), *_ray_traced(everything)]
+        lines = [f"Nothing measured {_reaches(easiest)}{where}."]
+        lines.append(f"Closest: {_closest_text(closest(found, easiest), easiest, len(sections))}.")
+        return [*lines, *_where_supported(found, easiest, None), *_ray_traced(everything)]
     best = cheapest(complete, main)
     assert best is not None
-    line = f"{_share_right(main)}{where}: {_cost_phrase(best)}"
+    line = f"{_accuracy(main)}{where}: {_cost_phrase(best)}"
     tied = [one for one in ties(complete, best, main) if one.mean.technique != best.mean.technique]
     if tied:
         line += f"; as cheap within the noise: {', '.join(f'`{one.mean.label}`' for one in tied[:2])}"
@@ -63,17 +63,32 @@ def cost_note(sections: Sequence[Section]) -> str:
 
 
 def _main_target(complete: Sequence[Candidate]) -> Target | None:
-    """The target of the verdict's first sentence: IoU 0.99, or 0.95 if no candidate meets that; else None."""
-    return next((target for target in (_MAIN, IOU_TARGETS[0]) if cheapest(complete, target) is not None), None)
+    """The target of the verdict's first sentence: the middle one, or if none meets that, the easiest; else None."""
+    return next((target for target in _targets(complete)[1::-1] if cheapest(complete, target) is not None), None)
 
 
-def _share_right(target: Target) -> str:
-    return f"{100 * target.limit:g}% of the shadow right"
+def _targets(found: Sequence[Candidate]) -> tuple[Target, ...]:
+    return targets_of(found[0].mean.row.ranked_by) if found else ()
+
+
+def _has_shadow(one: Candidate) -> bool:
+    """Whether any shadow is where one should be."""
+    return (one.mean.value("iou_soft" if one.mean.row.soft else "iou") or 0.0) > 0
+
+
+def _accuracy(target: Target) -> str:
+    return f"{100 * target.limit:g}% of the shadow right" if target.metric == "iou" else target_name(target)
+
+
+def _reaches(target: Target) -> str:
+    return f"{'gets' if target.metric == 'iou' else 'reaches'} {_accuracy(target)}"
 
 
 def target_name(target: Target) -> str:
-    """A target as a column heading: `IoU ≥ 0.99`, `edge ≤ ½ px`."""
-    return f"edge ≤ {EDGE_NAMES[target.limit]}" if target.edges else f"IoU ≥ {target.limit:g}"
+    """A target as a column heading: `IoU ≥ 0.99`, `edge ≤ ½ px`, `RMSE ≤ 0.02`."""
+    metric = METRICS[target.metric]
+    limit = EDGE_NAMES[target.limit] if target.metric == "edge_px" else f"{target.limit:g}"
+    return f"{metric.label} {'≥' if metric.better == 'higher' else '≤'} {limit}"
 
 
 def cost_text(one: Candidate) -> str:
@@ -92,10 +107,11 @@ def cell_texts(cell: CostCell, scenes: int) -> tuple[str, str, str]:
     if best is None and scenes > 1:
         return "–", "", f"at best in {cell.closest.scenes_met(cell.target)} of {scenes} scenes"
     if best is None:
-        iou, edge = cell.closest.mean.value("iou"), cell.closest.mean.value("edge_px")
-        if cell.target.edges:
-            return "–", "", "no edge" if edge is None else f"best {digits(edge)} px"
-        return "–", "", "no IoU" if iou is None else f"best {iou:.4g}"
+        name, mean = cell.target.metric, cell.closest.mean
+        if mean.value(name) is None:
+            return "–", "", f"no {METRICS[name].label}"
+        text = mean.row.text(name, "{:.4g}".format if name == "iou" else digits)
+        return "–", "", f"best {text}{' px' if name == 'edge_px' else ''}"
     note = "" if len(best.by_scene) == scenes else f"supports {len(best.by_scene)} of {scenes} scenes"
     return cost_text(best), best.mean.label, note
 
@@ -115,16 +131,19 @@ def _ray_traced(found: Sequence[Candidate]) -> list[str]:
 
 def _next_target(complete: Sequence[Candidate], main: Target, best: Candidate) -> list[str]:
     """A sentence on the cost of the next higher accuracy; none at the highest."""
-    target = next((one for one in IOU_TARGETS if one.limit > main.limit), None)
+    targets = _targets(complete)
+    target = next(iter(targets[targets.index(main) + 1 :]), None)
     if target is None:
         return []
+    share = f"{100 * target.limit:g}%" if target.metric == "iou" else ""
+    reaches = f"gets {share} right" if share else _reaches(target)
     found = cheapest(complete, target)
     if found is None:
-        return [f"Nothing gets {100 * target.limit:g}% right."]
+        return [f"Nothing {reaches}."]
     if found is best:
-        return [f"`{best.mean.label}` gets {100 * target.limit:g}% right too."]
+        return [f"`{best.mean.label}` {reaches} too."]
     factor = f" (× {digits(found.ms / best.ms)})" if found.ms and best.ms else ""
-    return [f"{100 * target.limit:g}% takes `{found.mean.label}`, {cost_text(found)}{factor}."]
+    return [f"{share or _accuracy(target)} takes `{found.mean.label}`, {cost_text(found)}{factor}."]
 
 
 def _where_supported(found: Sequence[Candidate], target: Target, best: Candidate | None) -> list[str]:
@@ -137,7 +156,9 @@ def _where_supported(found: Sequence[Candidate], target: Target, best: Candidate
     return [f"`{partial.mean.label}` suffices for {cost_text(partial)} in the {met} of {of} that it supports."]
 
 
-def _closest_text(one: Candidate, scenes: int) -> str:
+def _closest_text(one: Candidate, target: Target, scenes: int) -> str:
     if scenes > 1:
-        return f"`{one.mean.label}`, in {one.scenes_met(IOU_TARGETS[0])} of them"
-    return f"`{one.mean.label}`, {100 * (one.mean.value('iou') or 0.0):.3g}% right"
+        return f"`{one.mean.label}`, in {one.scenes_met(target)} of them"
+    if target.metric == "iou":
+        return f"`{one.mean.label}`, {100 * (one.mean.value('iou') or 0.0):.3g}% right"
+    return f"`{one.mean.label}`, {METRICS[target.metric].label} {value_of(one.mean, target.metric)}"

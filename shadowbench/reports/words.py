@@ -46,9 +46,8 @@ def section_notes(section: Section) -> list[str]:
 
 
 def value_of(one: Configuration, name: str) -> str:
-    """Text of a metric or time, `–` if there is none; rough times are marked with ~."""
-    value = one.value(name)
-    return "–" if value is None else f"{'~' if name.endswith('_ms') and one.row.rough else ''}{digits(value)}"
+    """Text of a metric or time (see `SummaryRow.text`)."""
+    return one.row.text(name, digits)
 
 
 def unscored(section: Section) -> list[tuple[str, str]]:

@@ -3,9 +3,9 @@
 A metric is a function of a Comparison that returns a number, or None if its denominator is 0.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from numpy.typing import ArrayLike
 
@@ -20,7 +20,8 @@ class Metric:
     """A row of the table of metrics.
 
     kind: the shadows it suits, hard-edged, soft or both; tolerance: change against a baseline that is not reported;
-    resolution: field of a row with the truth's own error, below which a value means nothing, None if there is none.
+    resolution: field of a row with the truth's own error, below which a value means nothing, None if there is none;
+    label: its name in sentences and headings; targets: the values that reports ask for, from easy to hard.
     """
 
     name: str
@@ -30,6 +31,28 @@ class Metric:
     help: str
     tolerance: float = 0.001
     resolution: Literal["truth_error", "truth_error_pen"] | None = None
+    label: str = ""
+    targets: tuple[float, ...] = ()
+
+    @property
+    def error_label(self) -> str:
+        """Heading of its error, such as `1 − IoU`."""
+        return f"1 − {self.label}" if self.better == "higher" else self.label
+
+    def error(self, value: float) -> float:
+        """The error of a value: 1 − x of a similarity, else the value."""
+        return 1 - value if self.better == "higher" else value
+
+    def meets(self, value: float, limit: float) -> bool:
+        """Whether a value is as good as a limit."""
+        return value >= limit if self.better == "higher" else value <= limit
+
+    def text(self, value: float | None, digits: Callable[[float], str], fields: Mapping[str, Any]) -> str:
+        """Text of a value, – for None; `<0.0012` for one below the truth's own error, one of the fields of its row."""
+        least = None if self.resolution is None else fields.get(self.resolution)
+        if value is None:
+            return "–"
+        return f"<{digits(least)}" if least is not None and value < least else digits(value)
 
     def worse(self, before: float, after: float) -> float:
         """By how much a value has become worse; below 0 if it has become better."""
@@ -60,6 +83,8 @@ METRICS: dict[str, Metric] = {
             "higher",
             "hard",
             "Intersection over union of the shadows (visibility < 0.5). Errors are given as 1 − IoU.",
+            label="IoU",
+            targets=(0.95, 0.99, 0.999),
         ),
         Metric(
             "iou_soft",
@@ -145,6 +170,8 @@ METRICS: dict[str, Metric] = {
             "Mean distance in pixels between the edges of mask and truth, averaged over both directions; the image's "
             "diagonal if only one of them has edges.",
             tolerance=0.05,
+            label="edge",
+            targets=(1.0, 0.5, 0.25),
         ),
         Metric(
             "edge_p95",
@@ -161,6 +188,8 @@ METRICS: dict[str, Metric] = {
             "both",
             "Root mean square error of visibility, the truth's own error taken off. Ranks soft shadows.",
             resolution="truth_error",
+            label="RMSE",
+            targets=(0.05, 0.02, 0.01),
         ),
         Metric(
             "rmse_pen",
@@ -239,3 +268,13 @@ METRICS: dict[str, Metric] = {
     )
 }
 """All metrics by name, in the order of the columns."""
+
+
+def is_soft(metrics: Mapping[str, Any]) -> bool:
+    """Whether values of metrics are of soft shadows: whether the truth has a penumbra."""
+    return metrics.get("rmse_pen") is not None
+
+
+def ranking(soft: bool) -> Metric:
+    """The metric that ranks hard shadows, or soft ones."""
+    return METRICS["rmse" if soft else "iou"]

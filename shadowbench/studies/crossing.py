@@ -33,11 +33,15 @@ class BiasSweep:
 
 @dataclass(frozen=True)
 class CrossedSpecs:
-    """Specs of a `[[technique]]` table, its number of phases (None for the study's), and its bias sweeps."""
+    """Specs of a `[[technique]]` table, its number of phases (None for the study's), and its bias sweeps.
+
+    soft_only: whether they are measured only under lights with a size.
+    """
 
     specs: tuple[Spec, ...]
     phases: int | None = None
     sweeps: tuple[BiasSweep, ...] = ()
+    soft_only: bool = False
 
 
 def cross(table: dict[str, Any], techniques: Techniques, where: str, notes: list[str]) -> CrossedSpecs:

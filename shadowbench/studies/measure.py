@@ -3,7 +3,7 @@
 import operator
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -52,7 +52,7 @@ def study_from_options(
             found = found.with_(map_size=None, phases=1)
         found = found.with_specs(specs)
     elif phases:
-        found = found.with_specs(found.specs)
+        found = found.with_(technique=tuple(replace(crossed, phases=None) for crossed in found.technique))
     named = [spec.text for spec in specs if "size" in spec.explicit] if map_size else []
     sizes = ",".join(map(str, map_size or ()))
     notes = [f"{name} names its size, which --map-size {sizes} leaves as it is" for name in named]
@@ -69,8 +69,11 @@ def study_from_options(
 
 
 def estimate(study: Study) -> tuple[int, float]:
-    """Number of cells of a study, and their approximate run time in seconds on two cores without a GPU, at least 5."""
-    cells = study.cells()
+    """Number of cells of a study, and their approximate run time in seconds on two cores without a GPU, at least 5.
+
+    Lights other than `sun` are taken to have no size.
+    """
+    cells = study.cells(study.sun)
     frames = [(study.rounds * 4 / 3 if cell.phase == 0 else 0) + 4 for cell in cells]
     pixels = [study.view_size**2 + (cell.spec.map_size or 0) ** 2 for cell in cells]
     stepped = size_after(study.step, study.view_size) ** 2

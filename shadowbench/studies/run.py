@@ -79,10 +79,10 @@ def check_sizes(study: Study, info: DeviceInfo) -> None:
 
 
 def _uniform_truth(truth: Truth) -> str | None:
-    shadow = truth.visibility[truth.receivers & ~truth.undecided] < 0.5
-    if not shadow.any():
+    visibility = truth.visibility[truth.receivers & ~truth.undecided]
+    if not (visibility < 1).any():
         return "nothing is in shadow, so most metrics are undefined or trivial"
-    return "everything is in shadow, so most metrics are undefined or trivial" if shadow.all() else None
+    return None if visibility.any() else "everything is in shadow, so most metrics are undefined or trivial"
 
 
 def _uniform_mask(result: Result) -> str | None:

@@ -113,12 +113,17 @@ class Study(Strict):
             "coordinates": self.coordinates,
         }
 
-    def cells(self) -> tuple[Cell, ...]:
-        """Cells of one view, phase by phase; techniques without a texel grid have a single phase."""
+    def cells(self, soft: bool = True) -> tuple[Cell, ...]:
+        """Cells of one view, phase by phase; techniques without a texel grid have a single phase.
+
+        soft: whether the light has a size.
+        """
         phases = self.phases_of_specs()
         cells = [
             Cell(sized_spec, phase)
-            for spec in self.specs
+            for crossed in self.technique
+            if soft or not crossed.soft_only
+            for spec in crossed.specs
             for sized_spec in at_map_sizes([spec], self.map_size or ())
             for phase in range(phases[spec] if spec.technique.phased else 1)
         ]
@@ -135,7 +140,7 @@ class Study(Strict):
                 raise InputError(f"two scenes are called {scene.name!r}: {both}; names must differ")
             scene = with_sun(scene) if self.sun else scene
             for camera, light in itertools.product(self.cameras(scene), self.lights_of(scene)):
-                yield Block(view_of(scene, camera, light, self.view_size), self.cells())
+                yield Block(view_of(scene, camera, light, self.view_size), self.cells(light.soft))
 
     def cameras(self, scene: Scene) -> list[Camera]:
         """Cameras of the study in a scene; "file" stands for the scene's first."""
@@ -183,11 +188,14 @@ def at_map_sizes(specs: Sequence[Spec], sizes: Sequence[int]) -> tuple[Spec, ...
 def read_study(file: Path, techniques: Techniques, folder: Path | None = None) -> Study:
     """Read a study file; without `technique` tables, all techniques at their defaults. Raises InputError.
 
-    folder: base of relative scene paths, by default the file's folder.
+    Those for soft shadows are then left out under lights without a size. folder: base of relative scene paths, by
+    default the file's folder.
     """
     table = read_toml(file, str(file), f"no such study file{alternatives(file, study_names(), 'ours')}")
     if "technique" not in table:
-        table["technique"] = [CrossedSpecs((parse_spec(name, techniques),)) for name in techniques]
+        table["technique"] = [
+            CrossedSpecs((parse_spec(name, techniques),), soft_only=one.soft_only) for name, one in techniques.items()
+        ]
     source = Source(str(file), folder or file.parent, techniques)
     study = _valid(table, source).with_(notes=tuple(source.notes))
     _check_size(study, str(file))

@@ -19,7 +19,8 @@ _ALSO, _TIMES = "; ", " × "  # no spec has either in it
 class Curve:
     """Bias sweep of a spec at one map size in one scene.
 
-    rows: (factor, row) pairs by increasing factor; best: the factor that minimises (1 − IoU) · (1 − SSIM).
+    rows: (factor, row) pairs by increasing factor; best: the factor that minimises the error, 1 − IoU or
+    RMSE, times 1 − SSIM.
     """
 
     base: str
@@ -132,5 +133,5 @@ def _own_first(bases: Mapping[str, float]) -> tuple[SweepPoint, ...]:
 
 
 def _error(row: SummaryRow) -> float | None:
-    iou, ssim = row.values["iou"], row.values["ssim"]
-    return None if iou is None or ssim is None else math.sqrt((1 - iou.median) * (1 - ssim.median))
+    error, ssim = row.error, row.values["ssim"]
+    return None if error is None or ssim is None else math.sqrt(error.median * (1 - ssim.median))

@@ -13,7 +13,7 @@ from shadowbench.files import replace_file
 from shadowbench.measure.flips import FLIPS, ROW_METRICS
 from shadowbench.measure.rows import Result
 from shadowbench.measure.time_rows import REDRAWN
-from shadowbench.scores.metrics import METRICS
+from shadowbench.scores.metrics import METRICS, Metric, is_soft, ranking
 from shadowbench.studies.times import ROUGH, ReferenceTime, normalise_times
 
 _IDENTITY = ["scene", "view", "light", "phase", "technique", "spec", "map_size", "view_size", "renderer", "status"]
@@ -110,8 +110,37 @@ class SummaryRow:
 
     @property
     def soft(self) -> bool:
-        """Whether the truth has penumbrae, so that rows are ranked by `rmse`."""
-        return self.values.get("rmse_pen") is not None
+        """Whether the truth has penumbrae."""
+        return is_soft(self.values)
+
+    @property
+    def ranked_by(self) -> Metric:
+        """The metric that ranks its shadows."""
+        return ranking(self.soft)
+
+    @property
+    def error(self) -> Interval | None:
+        """The error by which it is ranked, 1 − IoU or RMSE; None without a score."""
+        value = self.values.get(self.ranked_by.name)
+        return value.complement() if value is not None and self.ranked_by.better == "higher" else value
+
+    def error_text(self, digits: Callable[[float], str], bounds: bool = True) -> str:
+        """Text of the error, by default with its interval, or `<0.0012` below the truth's own error."""
+        value = self.error
+        if value is None:
+            return "–"
+        below = self.text(self.ranked_by.name, digits)
+        return below if below.startswith("<") else value.text(digits) if bounds else digits(value.median)
+
+    def text(self, name: str, digits: Callable[[float], str]) -> str:
+        """Text of a value's median, – for none; ~ for a time that varied widely, `<0.0012` below the truth's error."""
+        value = self.values.get(name)
+        if value is None:
+            return "–"
+        if name in METRICS:
+            medians = {field: found.median for field in _SOFT[:2] if (found := self.values.get(field)) is not None}
+            return METRICS[name].text(value.median, digits, medians)
+        return f"{'~' if name.endswith('_ms') and self.rough else ''}{digits(value.median)}"
 
     @property
     def single_phase(self) -> bool:
@@ -203,16 +232,18 @@ def _mean(values: Sequence[Interval | None]) -> Interval | None:
 
 
 def _error(row: SummaryRow) -> tuple[float, str, int]:
-    value = row.values["rmse" if row.soft else "iou"]
-    error = math.inf if value is None else value.median if row.soft else -value.median
-    return error, row.spec, row.map_size or 0
+    return math.inf if row.error is None else row.error.median, row.spec, row.map_size or 0
 
 
 @dataclass(frozen=True)
 class Slope:
-    """Convergence of a spec's error with its map size: d log(1 − IoU) / d log(size), and the number of phases."""
+    """Convergence of a spec's error with its map size: d log(error) / d log(size), and the number of phases.
+
+    error: what converges, such as `1 − IoU`.
+    """
 
     scene: str
+    error: str
     spec: str
     sizes: tuple[int, ...]
     slope: Interval
@@ -224,16 +255,19 @@ def slopes(frame: pd.DataFrame) -> list[Slope]:
 
     Cells without any error are left out, as log 0 is undefined.
     """
-    at_map_sizes = frame[(frame["status"] == "ok") & frame["map_size"].notna() & (frame["iou"] < 1)]
+    soft = frame["rmse_pen"].notna().groupby(titles(frame)).transform("any")
+    errors = (1 - frame["iou"].astype(float)).where(~soft, frame["rmse"].astype(float))
+    at_map_sizes = frame.assign(error=errors)[(frame["status"] == "ok") & frame["map_size"].notna() & (errors > 0)]
     found = []
     for (scene, spec), group in at_map_sizes.groupby([titles(frame)[at_map_sizes.index], "spec"], sort=False):
         fits = []
         for _, one in group.groupby(["view", "light", "phase"]):
             sizes = one["map_size"].astype(float)
             if sizes.nunique() > 1:
-                fits.append(float(np.polyfit(np.log(sizes), np.log(1 - one["iou"].astype(float)), 1)[0]))
+                fits.append(float(np.polyfit(np.log(sizes), np.log(one["error"]), 1)[0]))
         slope = interval(fits)
         if slope is not None:
             drawn = tuple(sorted({int(size) for size in group["map_size"]}))
-            found.append(Slope(str(scene), str(spec), drawn, slope, group["phase"].nunique()))
+            error = ranking(bool(soft[group.index[0]])).error_label
+            found.append(Slope(str(scene), error, str(spec), drawn, slope, group["phase"].nunique()))
     return found

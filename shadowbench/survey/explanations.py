@@ -158,8 +158,8 @@ def _penumbra(need: Penumbra, light: LightShape) -> Iterator[Explanation]:
     yield Explanation(
         "error of hard",
         _value(need.hard_rmse),
-        "rmse of hard shadows at best: root mean square, over the receivers, of the share of the light that they see "
-        f"less that of its centre, 0 or 1; {_share(need.share)} of the shadow is penumbra",
+        "RMSE of exact hard shadows, as the centre of the light casts them, over all receivers; "
+        f"{_share(need.share)} of the shadow is penumbra",
     )
 
 

@@ -24,8 +24,7 @@ class Penumbra:
 
     radius: of the light, in radians for a directional one, else in metres; half the longer side of a rectangle;
     assumed: True if the scene has none; median and p95: widths over edge pixels; share: of the shadow that is penumbra;
-    hard_rmse: root mean square over receivers of visibility less that of the light's centre, the least error of a
-    technique for hard shadows.
+    hard_rmse: RMSE of exact hard shadows, those of the light's centre, over receivers.
     """
 
     radius: float

@@ -105,6 +105,7 @@ class Technique(ABC):
     # Parameter values that `recommend` tries, by name, besides map sizes; other parameters stay at their defaults.
     grid: ClassVar[Mapping[str, Sequence[Any]]] = {}
     never_recommended: ClassVar[str] = ""  # why `recommend` never chooses it
+    soft_only: ClassVar[bool] = False  # whether it is another technique where the light has no size
     only_planes: ClassVar[bool] = False  # whether non-planar receivers stay lit
     # Visibility follows from the geometry alone, not from a texel grid or a fitted box; tests/laws tests accordingly.
     exact: ClassVar[bool] = False

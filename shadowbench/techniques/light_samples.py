@@ -49,6 +49,7 @@ class LightSamples(Technique):
 
     name = "light-samples"
     picture_scene = "post"
+    soft_only = True
     exact = True  # with the technique that it averages by default
     never_recommended = "draws its technique once for each point of the light: a yardstick, not a real-time technique"
 

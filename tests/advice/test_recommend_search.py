@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from shadowbench.advice.recommendation import Target, find_cheapest, least_error, to_milliseconds, trial_of
 from shadowbench.advice.search import Search, Trial, extrapolate, point_of
 from shadowbench.advice.space import full_space, prune, specs_of, start_size, unavailable
-from shadowbench.advice.words import obstacles, step_lines
+from shadowbench.advice.words import obstacles, step_lines, target_notes
 from shadowbench.measure.rows import Result
 from shadowbench.measure.scoring import prepare_truth
 from shadowbench.scenes.model import View
@@ -198,6 +198,24 @@ def test_a_spec_without_a_comparable_edge_is_named_and_meets_no_target(
     none = find_cheapest(view, truth, target, "work", known, 256, measure)
     assert none.choice is None
     assert obstacles(none)[0].endswith(": no edges to compare, and other shadows")
+
+
+def test_small_maps_may_be_the_best_for_soft_shadows(
+    builtin: Callable[..., View], truth_of: Callable[..., Truth]
+) -> None:
+    """Large texels blur, and one map is as good as another of its size by no rule."""
+    known = {"shadow-map": KNOWN["shadow-map"]}
+
+    def measure(spec: Spec) -> Result:
+        other = {"iou": 0.9, "contact": 0.0, "leak": 0.0, "rmse": 0.01 if spec.map_size == 256 else 0.3}
+        result = texels_cost(spec, other)
+        return Result(dict(result.score) | {"truth_error": 0.02}, None)
+
+    view, truth = builtin("street", 128), truth_of("street", 128)
+    soft = dataclasses.replace(view, light=dataclasses.replace(view.light, radius=0.01))
+    found = find_cheapest(soft, truth, Target("rmse", 0.015), "work", known, 4096, measure)
+    assert found.choice is not None and found.choice.spec.map_size == 256
+    assert target_notes(found) == ["the truth's own error is an RMSE of 0.02: a smaller one cannot be told from 0"]
 
 
 def test_costs_on_a_machine_are_ratios_times_one_reference_time() -> None:

@@ -198,6 +198,17 @@ def test_iou_and_ssim_have_equal_weight_and_errors_have_a_lower_bound() -> None:
     assert np.exp(log_error(scores)).to_list() == pytest.approx([0.001, MIN_ERROR])
 
 
+def test_soft_scenes_are_tuned_by_their_rmse_down_to_the_error_of_the_truth() -> None:
+    def soft(rmse: float) -> dict[str, Any]:
+        one = row("s", 0.5)
+        return one | {"metrics": one["metrics"] | {"rmse": rmse, "rmse_pen": 0.3}, "truth_error": 0.01}
+
+    few, many, none = (scene_scores([soft(rmse), row("h", 0.1)]) for rmse in (0.08, 0.02, 0.001))
+    ratios = [error_ratio(name, few, many) for name in ("rmse", "iou", "ssim")]
+    assert [ratio and ratio.median for ratio in ratios] == [pytest.approx(4), 1, 1]
+    assert log_error(none)["s"] == pytest.approx(log_error(many)["s"] - math.log(2) / 2)
+
+
 def test_cells_without_a_score_are_left_out() -> None:
     without = {**row("b", 0.1), "metrics": {**row("b", 0.1)["metrics"], "iou": None}}
     assert list(scene_scores([row("a", 0.1), row("c", 0.1, status="failed: hung"), without]).index) == ["a"]

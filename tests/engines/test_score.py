@@ -89,8 +89,14 @@ def test_a_mask_of_soft_shadows_is_scored_with_the_error_of_the_truth(shadowbenc
     assert printed[0]["rmse_pen"] == printed[0]["noise"] == f"<{console.number(exact['truth_error_pen'])}"
     assert printed[1]["rmse_pen"] == console.number(other["metrics"]["rmse_pen"])
     assert "penumbra," in printed[0] and "width" in printed[0]
-    folder = tmp_path / "rows"
-    assert shadowbench("score", scene, files[1], "-o", folder, "--name", "mine").code == 0
+    coarse = tmp_path / "coarse.png"
+    Image.fromarray(np.rint(shifted * 255).astype(np.uint8)).save(coarse)
+    rounding = "the mask has 8 bits: rounding makes an RMSE of 0.0011 in the penumbra"
+    assert [rounding in shadowbench("score", scene, file).out for file in (files[1], coarse)] == [False, True]
+    folder, wrong = tmp_path / "rows", tmp_path / "wrong.png"
+    assert shadowbench("score", scene, files[1], "-o", folder, "--name", "mine", "--diff", wrong).code == 0
+    with Image.open(wrong) as picture:
+        assert picture.width == size < picture.height  # with a legend
     (row,) = rows_of(folder)
     assert (row["metrics"], row["width_share"]) == (other["metrics"], other["width_share"])
 

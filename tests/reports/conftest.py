@@ -26,6 +26,7 @@ from tests.conftest import key_of
 
 RECEIVERS = 1000
 SIDE = 32
+TRUTH_ERROR = 0.002  # of soft cells
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,8 @@ class Cell:
         if self.status == "ok":
             values = dict.fromkeys(METRICS, 0.5) | {"iou": None if self.error is None else 1 - self.error}
             values |= {"rmse": self.rmse_pen and self.rmse_pen / 4, "rmse_pen": self.rmse_pen}
+            if self.rmse_pen is not None:
+                score |= {"truth_error": TRUTH_ERROR, "truth_error_pen": 4 * TRUTH_ERROR, "penumbra": 9}
             values["edge_px"] = 100 * self.error if self.edge is None and self.error is not None else self.edge
             score |= {"metrics": values, "receivers": RECEIVERS, "undecided": 3, "work": {"draws": 1}, "facts": {}}
             score |= {"assumptions": ["no light: assumed a sun"], "gpu_bytes": 1, "mask_sha256": "0"}

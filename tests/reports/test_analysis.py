@@ -31,8 +31,8 @@ def test_the_front_of_a_scene_leaves_out_what_is_slower_and_worse(section_of: Ca
 
 def test_a_value_equal_to_the_limit_meets_a_target(section_of: Callable[..., Section]) -> None:
     (exact,) = section_of((Cell("a", 512, 0.25, 7.0, edge=0.5),)).timed
-    assert [Target(limit).met_by(exact) for limit in (0.75, 0.76)] == [True, False]
-    assert [Target(limit, edges=True).met_by(exact) for limit in (0.5, 0.4)] == [True, False]
+    assert [Target("iou", limit).met_by(exact) for limit in (0.75, 0.76)] == [True, False]
+    assert [Target("edge_px", limit).met_by(exact) for limit in (0.5, 0.4)] == [True, False]
 
 
 def test_times_and_errors_are_medians_over_the_cells(section_of: Callable[..., Section]) -> None:
@@ -44,7 +44,7 @@ def test_times_and_errors_are_medians_over_the_cells(section_of: Callable[..., S
 
 
 def test_no_error_is_drawn_below_every_error_there_can_be(section_of: Callable[..., Section]) -> None:
-    assert 0 < section_of().half_pixel < 1 / RECEIVERS
+    assert 0 < section_of().least_error < 1 / RECEIVERS
 
 
 def test_configurations_without_a_score_are_listed_separately(section_of: Callable[..., Section]) -> None:

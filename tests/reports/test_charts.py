@@ -13,7 +13,7 @@ from shadowbench.reports.bias_curve import bias_charts
 from shadowbench.reports.charts import default_size, front_chart, pass_chart, section_figure, size_chart
 from shadowbench.reports.styles import COLORS, MAX_SHOWN, SHAPES, Styles, styles_of
 from shadowbench.studies.folder import read_runs
-from tests.reports.conftest import CELLS, Cell, texts
+from tests.reports.conftest import CELLS, TRUTH_ERROR, Cell, texts
 
 Chart = dict[str, Any]
 
@@ -38,7 +38,7 @@ def test_zero_error_is_on_the_log_axis_below_every_other_error(section_of: Calla
     for chart in charts(section)[:2]:
         low, high = domain(chart, "y")
         drawn = {point["spec"]: point["drawn"] for point in chart["data"]["values"]}
-        assert 0 < low < drawn["ray-traced"] == section.half_pixel
+        assert 0 < low < drawn["ray-traced"] == section.least_error
         assert drawn["ray-traced"] < min(value for spec, value in drawn.items() if spec != "ray-traced")
         assert max(drawn.values()) < high and math.isfinite(high)
         assert any(text.startswith("no wrong pixel") for text in texts(chart))
@@ -49,6 +49,20 @@ def test_a_chart_without_zero_errors_has_no_line_for_them(section_of: Callable[.
     for chart in (front, sizes):
         assert not any(text.startswith("no wrong pixel") for text in texts(chart))
         assert domain(chart, "y")[0] > 0.01
+
+
+def test_errors_of_soft_shadows_are_drawn_down_to_that_of_the_truth(section_of: Callable[..., Section]) -> None:
+    soft = [Cell("a", 512, 0.1, 3.0, rmse_pen=0.2), Cell("a", 1024, 0.2, 4.0, rmse_pen=TRUTH_ERROR)]
+    section = section_of(soft)
+    for chart in charts(section)[:2]:
+        points = chart["data"]["values"]
+        assert [(point["size"], point["drawn"], point["RMSE"]) for point in points] == [
+            (1024, TRUTH_ERROR, "<0.00200"),
+            (512, 0.05, "0.0500"),
+        ]
+        assert any(text.startswith("below the truth's own error") for text in texts(chart))
+        (title,) = {layer["encoding"]["y"]["title"] for layer in chart["layer"] if "title" in layer["encoding"]["y"]}
+        assert title.startswith("RMSE")
 
 
 def test_the_times_of_two_machines_share_no_chart(run_folder: Callable[..., Any]) -> None:

@@ -149,19 +149,19 @@ def test_markdown_has_a_table_for_each_scene(run_folder: Write, shadowbench: Sha
         assert len({line.count("|") for line in table.splitlines()}) == 1
 
 
-def test_soft_shadows_have_their_errors_beside_the_iou(
-    run_folder: Write, shadowbench: Shadowbench, tmp_path: Path
-) -> None:
+def test_soft_shadows_have_columns_of_their_own(run_folder: Write, shadowbench: Shadowbench, tmp_path: Path) -> None:
     soft = [
         Cell("shadow-map", 512, 0.04, 10.0, rmse_pen=0.2),
         Cell("shadow-map:filter=pcf", 512, 0.05, 12.0, rmse_pen=0.1),
+        Cell("sampled", None, 0.01, 90.0, rmse_pen=0.004),
     ]
     assert shadowbench("report", run_folder(soft), "--format", "md", "-o", tmp_path / "table.md").code == 0
     lines = (tmp_path / "table.md").read_text(encoding="utf-8").splitlines()
     head = next(index for index, line in enumerate(lines) if line.startswith("| spec |"))
-    assert lines[head].startswith("| spec | map | 1 − IoU | RMSE | RMSE pen | SSIM |")
-    assert "| `shadow-map:filter=pcf` | 512 | 0.0500 | 0.0250 | 0.100 |" in lines[head + 2]
-    assert "**`shadow-map`** | 512 | 0.0400 | 0.0500 | 0.200 |" in lines[head + 3]
+    assert lines[head].startswith("| spec | map | RMSE | RMSE pen | IoU | SSIM | bleed |")
+    assert "**`sampled`** |  | <0.00200 | <0.00800 | 0.990 |" in lines[head + 2]  # the truth cannot tell
+    assert "**`shadow-map:filter=pcf`** | 512 | 0.0250 | 0.100 | 0.950 |" in lines[head + 3]
+    assert "**`shadow-map`** | 512 | 0.0500 | 0.200 | 0.960 |" in lines[head + 4]
 
 
 def test_csv_joins_the_cells_of_all_folders(run_folder: Write, shadowbench: Shadowbench, tmp_path: Path) -> None:

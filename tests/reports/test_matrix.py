@@ -7,21 +7,21 @@ from typing import Any
 
 import pytest
 
-from shadowbench.reports.analysis import Section, front, sections
+from shadowbench.reports.analysis import Section, by_kind, front, sections
 from shadowbench.reports.matrix import (
-    EDGE_TARGETS,
-    IOU_TARGETS,
     Target,
     candidates,
     cheapest,
     cost_matrix,
     mean_section,
+    targets_of,
     ties,
 )
 from shadowbench.reports.panels import panels_of
 from shadowbench.reports.verdict import cell_texts, cost_note, verdict
+from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.folder import read_runs
-from tests.reports.conftest import CELLS, Cell
+from tests.reports.conftest import CELLS, TRUTH_ERROR, Cell
 
 Make = Callable[..., list[Section]]
 UNSUPPORTED = "unsupported: a lamp shines all round"
@@ -37,9 +37,9 @@ def measured(run_folder: Callable[..., Path]) -> Make:
     return make
 
 
-def shown(made: Sequence[Section], targets: Sequence[Target] = IOU_TARGETS) -> dict[str, list[str]]:
+def shown(made: Sequence[Section], metric: str = "iou") -> dict[str, list[str]]:
     """The texts of the cost matrix's cells, by technique."""
-    lines = cost_matrix(candidates(made), targets)
+    lines = cost_matrix(candidates(made), targets_of(METRICS[metric]))
     return {
         name: [" ".join(filter(None, cell_texts(cell, len(made)))) for cell in cells] for name, cells in lines.items()
     }
@@ -62,7 +62,7 @@ def test_a_cell_is_the_cheapest_of_its_technique_that_reaches_the_target(measure
 
 def test_edges_are_a_target_too(measured: Make) -> None:
     cells = Cell("a", 512, 0.3, 5.0, edge=0.6), Cell("a", 1024, 0.2, 8.0, edge=0.5)
-    assert shown(measured(*cells), EDGE_TARGETS) == {"a": ["5.00 ms a at 512", "8.00 ms a at 1024", "– best 0.500 px"]}
+    assert shown(measured(*cells), "edge_px") == {"a": ["5.00 ms a at 512", "8.00 ms a at 1024", "– best 0.500 px"]}
 
 
 def test_of_two_configurations_with_equal_cost_the_more_accurate_one_is_named(measured: Make) -> None:
@@ -75,9 +75,9 @@ def test_ties_within_the_noise_of_times_are_named(measured: Make, ms: float, spr
     """The interquartile ranges, 10 ms · spread wide, overlap."""
     made = measured(Cell("a", 512, 0.004, 5.0, ratio_iqr=spread), Cell("b", 512, 0.004, ms, ratio_iqr=spread))
     found = candidates(made)
-    best = cheapest(found, Target(0.99))
+    best = cheapest(found, Target("iou", 0.99))
     assert best is not None and best.mean.spec == "a"
-    assert [one.mean.spec for one in ties(found, best, Target(0.99))] == (["b"] if same else [])
+    assert [one.mean.spec for one in ties(found, best, Target("iou", 0.99))] == (["b"] if same else [])
     assert ("; as cheap within the noise: `b at 512`" in verdict(made)[0]) == same
 
 
@@ -149,11 +149,48 @@ def test_configurations_timed_in_only_some_scenes_have_no_cost_and_come_last(mea
 def test_the_section_of_all_scenes_has_means_of_configurations_scored_in_all(measured: Make) -> None:
     one, other = Cell("a", 512, 0.004, 5.0), Cell("b", 512, 0.002, 9.0)
     made = measured(one, other, elsewhere(one, error=0.008, ms=7.0))
-    section = mean_section(made)
+    section = mean_section(made, "all scenes")
     (mean,) = section.configurations
     assert mean.label == "a at 512" and mean.value("frame_ms") == 6.0
     assert mean.error is not None and mean.error.median == pytest.approx(0.006)
     assert [best.label for best in front(section)] == ["a at 512"]
+
+
+# Soft shadows: the one with the lower IoU has the lower RMSE
+
+SOFT = (
+    Cell("unshadowed", None, 1.0, 1.0, rmse_pen=2.0),
+    Cell("sharp", 512, 0.001, 5.0, rmse_pen=0.4),
+    Cell("blurred", 512, 0.3, 8.0, rmse_pen=0.06),
+    Cell("sampled", None, 0.1, 90.0, rmse_pen=2 * TRUTH_ERROR),
+)
+
+
+def test_soft_shadows_are_judged_by_their_rmse(measured: Make) -> None:
+    made = measured(*SOFT)
+    assert verdict(made) == [
+        "RMSE ≤ 0.02: `blurred at 512` is the cheapest, 8.00 ms a frame.",
+        "RMSE ≤ 0.01 takes `sampled`, 90.0 ms (× 11.2).",
+    ]
+    assert shown(made, "rmse") == {
+        "blurred": ["8.00 ms blurred at 512", "8.00 ms blurred at 512", "– best 0.0150"],
+        "sampled": ["90.0 ms sampled"] * 3,
+        "sharp": ["– best 0.100"] * 3,
+    }
+    assert [one.label for one in front(made[0])] == ["unshadowed", "sharp at 512", "blurred at 512", "sampled"]
+    assert verdict(measured(SOFT[1], name="hard")) == [
+        "Nothing measured reaches RMSE ≤ 0.05.",
+        "Closest: `sharp at 512`, RMSE 0.100.",
+    ]
+
+
+def test_hard_and_soft_scenes_of_a_run_have_a_verdict_each(measured: Make) -> None:
+    hard = Cell("sharp", 512, 0.004, 5.0, scene="cellar")
+    sections = measured(*SOFT, *(elsewhere(cell) for cell in SOFT), hard)
+    panels = panels_of(sections[0].run, 0, sections)
+    assert [panel.title for panel in panels[:2]] == ["all soft scenes", "stairs, 32² view"]
+    assert [panel.targets[0] for panel in panels] == ["RMSE ≤ 0.05"] * 3 + ["IoU ≥ 0.95"]
+    assert [len(kind) for kind in by_kind(sections)] == [1, 2]
 
 
 # The verdict

@@ -11,8 +11,10 @@ import pytest
 
 from shadowbench.data import data_folder
 from shadowbench.errors import InputError
+from shadowbench.extremes.sweep import default_specs
 from shadowbench.measure.cells import Block
 from shadowbench.scenes.library import builtin_names, hard_names
+from shadowbench.studies.measure import study_from_options
 from shadowbench.studies.study import Study, find_study, read_study, study_names
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
@@ -202,6 +204,16 @@ def test_convergence_is_studied_on_every_scene_whose_light_has_a_size_and_all_el
     soft, hard = (set(read_study(find_study(name), KNOWN).scenes) for name in ("convergence", "everything"))
     assert soft == set(builtin_names()) - set(hard_names())
     assert hard == set(hard_names())
+
+
+@pytest.mark.parametrize("phases", [None, 2])
+def test_a_technique_for_soft_shadows_is_in_the_default_list_where_the_light_has_a_size(phases: int | None) -> None:
+    study = study_from_options(KNOWN, ["cube-on-plane", "post"], phases=phases)
+    found = [{cell.spec.technique.name for cell in block.cells} for block in study.blocks()]
+    assert found == [KNOWN.keys() - {"light-samples"}, KNOWN.keys()]
+    named = study_from_options(KNOWN, ["cube-on-plane"], [parse_spec("light-samples", KNOWN)])
+    assert [len(block.cells) for block in named.blocks()] == [1]
+    assert {spec.technique.name for spec in default_specs(KNOWN.values())} == found[0]
 
 
 def test_a_sweep_multiplies_the_computed_bias(read: ReadStudy) -> None:

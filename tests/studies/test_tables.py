@@ -172,6 +172,22 @@ def test_soft_shadows_are_ranked_by_rmse_and_hard_ones_by_iou() -> None:
     assert [row.spec for row in means] == ["wide", "sharp"]
 
 
+def test_a_slope_of_soft_shadows_is_that_of_their_rmse() -> None:
+    cells = [result(0.9, size=512), result(0.9, size=1024)]
+    for cell, rmse in zip(cells, (0.1, 0.4), strict=True):
+        cell.score["metrics"] |= {"rmse": rmse, "rmse_pen": 0.5}
+    (slope,) = slopes(cells_frame(cells))
+    assert (slope.error, slope.slope.median) == ("RMSE", pytest.approx(2))
+
+
+def test_a_score_below_the_error_of_the_truth_is_no_number() -> None:
+    values = {"rmse": Interval(0.001, 0.0005, 0.003), "rmse_pen": Interval(0.01), "iou": Interval(0.9)}
+    truth = {"truth_error": Interval(0.002), "truth_error_pen": Interval(0.005)}
+    row = SummaryRow("a", None, 1, (), {**values, **truth}, 1)
+    assert row.error_text("{:.3g}".format) == "<0.002"
+    assert [row.text(name, "{:.3g}".format) for name in ("rmse_pen", "iou", "width")] == ["0.01", "0.9", "–"]
+
+
 def test_a_spec_without_a_successful_cell_is_left_out_of_the_mean_over_scenes() -> None:
     tables = {
         scene: [

@@ -54,7 +54,7 @@ async function showErrors() {
   const made = await Promise.all(cells.map(async (cell) => {
     const button = document.createElement("button"), score = document.createElement("b"), label = document.createElement("span");
     button.type = "button";
-    score.textContent = cell.iou;
+    score.textContent = cell.score;
     label.append(...breakable(nameOf(cell)));
     button.append(...await thumbnail(view, cell), score, label);
     button.addEventListener("click", async () => {
@@ -70,11 +70,11 @@ async function showErrors() {
 
 async function show(id) {
   currentPanel = id;
-  const panel = panelOf(id), { charts, rows, columns } = data(id);
+  const panel = panelOf(id), { charts, rows, columns, shown } = data(id);
   for (const node of document.querySelectorAll("[data-panel]")) node.hidden = node.dataset.panel !== id;
   for (const node of document.querySelectorAll(".title-shown")) node.textContent = panel.title;
   byId("run").value = panel.run;
-  fillTable(rows, columns, (row) => showPicture(row.spec, row.map, row.scene));
+  fillTable(rows, columns, shown, (row) => showPicture(row.spec, row.map, row.scene));
   const jobs = [drawCharts(charts)];
   const start = panel.start ?? {};
   if (first) jobs.push(openGallery(panel.scenes ? start.scene : id, start));

@@ -1,13 +1,12 @@
 "use strict";
 // The table of configurations, with sorting, a filter by technique, and a choice of columns.
 
-const table = { sort: null, down: false, technique: "", columns: null };
+const table = { sort: null, down: false, technique: "", columns: {} }; // columns: chosen ones, by those shown at first
 
-function fillTable(rows, columns, onChoose) {
+function fillTable(rows, columns, shown, onChoose) {
   const box = document.getElementById("table"), head = box.querySelector("thead tr"), body = box.querySelector("tbody");
-  table.columns ??= new Set(PAGE.columns);
-  const names = columns.filter((name) => table.columns.has(name));
-  const refill = () => fillTable(rows, columns, onChoose);
+  const chosen = table.columns[shown] ??= new Set(shown), names = columns.filter((name) => chosen.has(name));
+  const refill = () => fillTable(rows, columns, shown, onChoose);
   const techniques = [...new Set(rows.map((row) => row.technique))];
   if (!techniques.includes(table.technique)) table.technique = "";
   const filter = box.querySelector("select");
@@ -16,8 +15,8 @@ function fillTable(rows, columns, onChoose) {
   filter.onchange = () => refill(table.technique = filter.value);
   box.querySelector(".columns").replaceChildren(...columns.map((name) => {
     const label = document.createElement("label"), input = document.createElement("input");
-    Object.assign(input, { type: "checkbox", checked: table.columns.has(name) });
-    input.addEventListener("change", () => refill(table.columns[input.checked ? "add" : "delete"](name)));
+    Object.assign(input, { type: "checkbox", checked: chosen.has(name) });
+    input.addEventListener("change", () => refill(chosen[input.checked ? "add" : "delete"](name)));
     label.append(input, ` ${name}`);
     return label;
   }));

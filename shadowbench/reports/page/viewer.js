@@ -26,7 +26,7 @@ async function load(view, cell) {
   const [lit, ambient, truth, undecided, mask, picture] = await Promise.all(sources.map(pixels));
   const size = (mask ?? picture ?? truth)?.width ?? 1;
   const error = (at) => !mask || !truth || undecided?.data[at] >= 128 ? 0 : (mask.data[at] - truth.data[at]) / 255;
-  return { lit: lit?.data, ambient: ambient?.data, truth, mask, picture, size, error };
+  return { lit: lit?.data, ambient: ambient?.data, truth, mask, picture, size, error, soft: cell?.soft };
 }
 
 // Writes the pixel at byte `at` to byte `to` of `out`, in a mode: shaded, mask or difference.
@@ -41,13 +41,16 @@ function paint(of, mode, at, out, to) {
     } else out[to + k] = of.picture ? of.picture.data[at + k] : 255 * visibility;
   }
   out[to + 3] = 255;
-  if (mode === "difference") tint(out, to, of.error(at));
+  if (mode === "difference") tint(out, to, weight(of, of.error(at)));
 }
 
 // Whether a pixel receives no light even without shadows.
 const unlit = (of, at) => of.lit[at] === of.ambient[at] && of.lit[at + 1] === of.ambient[at + 1];
 
-// Turns a pixel into pale grey, tinted by its error.
+// The signed strength of an error's colour: of soft shadows the root, as their errors are small.
+const weight = (of, error) => of.soft ? Math.sign(error) * Math.sqrt(Math.abs(error)) : error;
+
+// Turns a pixel into pale grey, tinted by its error's weight.
 function tint(out, to, error) {
   const grey = 90 + 0.55 * (0.3 * out[to] + 0.6 * out[to + 1] + 0.1 * out[to + 2]), strength = Math.abs(error);
   for (let k = 0; k < 3; k++) out[to + k] = grey * (1 - strength) + (error < 0 ? FALSE_SHADOW : FALSE_LIGHT)[k] * strength;
@@ -93,7 +96,7 @@ async function thumbnail(view, cell) {
       if (Math.abs(beside) > Math.abs(error)) error = beside;
     }
     paint({ ...of, mask: of.truth ?? of.mask }, "shaded", 4 * (((y + 0.5) * step | 0) * size + ((x + 0.5) * step | 0)), image.data, to);
-    tint(image.data, to, Math.sign(error) * Math.min(1, 2 * Math.abs(error)));
+    tint(image.data, to, of.soft ? weight(of, error) : Math.sign(error) * Math.min(1, 2 * Math.abs(error)));
     const from = [corner[0] + (x * step / 8 | 0), corner[1] + (y * step / 8 | 0)];
     paint(of, "difference", 4 * (from[1] * size + from[0]), crop.data, to);
   }
@@ -148,7 +151,7 @@ class Viewer {
     this.find("select.view").replaceChildren(...names.map((one) => new Option(one, one, false, one === viewName)));
     this.find(".view-label").hidden = names.length < 2;
     for (const side of ["a", "b"]) {
-      this.find(`select.${side}`).replaceChildren(new Option("truth (ray traced)", -1), ...this.cells.map((cell, at) => new Option(`${nameOf(cell)}   ${cell.iou}`, at)));
+      this.find(`select.${side}`).replaceChildren(new Option("truth (ray traced)", -1), ...this.cells.map((cell, at) => new Option(`${nameOf(cell)}   ${cell.score}`, at)));
     }
     return this.draw();
   }
@@ -171,6 +174,7 @@ class Viewer {
       this.find(`.tag.${side}`).textContent = nameOf(cell);
       this.find(`.caption.${side}`).textContent = cell ? `${nameOf(cell)}: ${cell.caption}` : "truth: ray traced";
     }
+    this.find(".errors").hidden = !this.cells[0]?.soft;
     for (const input of this.box.querySelectorAll(".modes input")) input.checked = input.value === this.mode;
     this.onDraw(this.a);
     this.done = Promise.all(["a", "b"].map((side) => {
