@@ -30,7 +30,7 @@ def named(full_spec: str) -> tuple[Any, ...]:
 
 
 def test_the_baseline_is_small() -> None:
-    assert sum(file.stat().st_size for file in BASELINE.iterdir()) < 200_000
+    assert sum(file.stat().st_size for file in BASELINE.iterdir()) < 300_000
 
 
 def test_the_baseline_has_the_cells_of_its_study() -> None:
