@@ -30,7 +30,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shadowbench = [sys.executable, "-m", "shadowbench"]
     # Each cell is timed thrice in place of nine times: nothing here depends on how well.
     specs = [word for spec in SPECS for word in ("-t", spec)]
-    study = [*SCENES, *specs, "--map-size", "512,1024,4096", "--rounds", "3"]
+    study = [*SCENES, *specs, "--map-size", "512,1024,2048", "--rounds", "3"]
     subprocess.run([*shadowbench, "run", *study, "-o", folder / "run", "--quiet"], check=True)
     axes = [word for name in AXES for word in ("--axis", name)]
     specs = ["-t", "shadow-map", "-t", "planar-projection", "-t", "cube-map"]
@@ -377,8 +377,8 @@ def test_thumbnails_show_the_errors_and_lead_to_them(visit: Callable[..., Visit]
     page.wait_for_function("() => first.scale > 1")
     assert page.locator("#viewer .tag.a").inner_text() == name
     assert page.locator("#viewer").get_by_role("radio", name="difference").is_checked()
-    page.locator("#errors-size").select_option("4096")
-    page.wait_for_function("() => document.querySelector('#errors .sheet').textContent.includes('at 4096')")
+    page.locator("#errors-size").select_option("2048")
+    page.wait_for_function("() => document.querySelector('#errors .sheet').textContent.includes('at 2048')")
 
 
 # The table
@@ -458,7 +458,7 @@ def test_passes_of_another_map_size_are_a_choice_away(visit: Callable[..., Visit
     choose_scene(page, "colonnade, 512² view")
     chart = page.locator(".chart.passes").first
     before = chart.inner_html()
-    page.locator("#pass-size").select_option(label="4096")
+    page.locator("#pass-size").select_option(label="2048")
     page.wait_for_function("([node, before]) => node.innerHTML !== before", arg=[chart.element_handle(), before])
     chart.locator(".mark-rect path").first.wait_for(state="attached")
 

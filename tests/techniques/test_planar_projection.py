@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from shadowbench.gl.gbuffer import GBufferPass
 from shadowbench.gl.geometry import DeviceGeometry
-from shadowbench.scenes.library import builtin_names, load_scene
+from shadowbench.scenes.library import hard_names, load_scene
 from shadowbench.scenes.model import IDENTITY_PLACEMENT, Camera, Light, Mesh, Scene, View, vec3, view_of
 from shadowbench.techniques.planar_projection import flattening
 from shadowbench.techniques.registry import techniques
@@ -87,7 +87,7 @@ def test_planes_are_shadowed_as_rays_say(name, kind, judged, device) -> None:
     assert_planes_are_right(load_scene(name), kind, 256, judged, device)
 
 
-OTHERS = [name for name in builtin_names() if name not in FAST]
+OTHERS = [name for name in hard_names() if name not in FAST]
 OF_EACH = [(name, KINDS[number % 3]) for number, name in enumerate(OTHERS)]
 
 

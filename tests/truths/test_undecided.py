@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ import pytest
 from shadowbench.scenes.library import builtin_names, hard_names, load_scene
 from shadowbench.scenes.model import Floats, Light, Mesh, View, view_of
 from shadowbench.truths.rays import GRAZING
-from shadowbench.truths.trace import OFFSET, Truth, trace
+from shadowbench.truths.trace import OFFSET, STANDARD_ERROR, Truth, trace
 from tests.samples import sampled
 
 SIZE = 1024
@@ -31,7 +32,10 @@ SUNNY = [name for name in hard_names() if first_view(name).light.kind == "direct
 @pytest.mark.slow
 @pytest.mark.parametrize("name", builtin_names())
 def test_builtin_scene_is_decided(name: str) -> None:
-    assert share(trace(first_view(name), pixel_samples=1)) < (0.01 if name in FINE else 0.001)
+    view, error, most = first_view(name), STANDARD_ERROR, 0.01 if name in FINE else 0.001
+    if view.light.soft:  # a quarter of the pixels, half of those at edges; visibility need not be exact
+        view, error, most = replace(view, size=SIZE // 2), 1 / 32, 2 * most
+    assert share(trace(view, 1, error)) < most
 
 
 @pytest.mark.slow
