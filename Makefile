@@ -50,7 +50,7 @@ test-all: test
 lint: setup
 	$(bin)/ruff format --check
 	$(bin)/ruff check
-	$(bin)/mypy --no-error-summary
+	$(bin)/mypy --num-workers 2 --no-error-summary
 	$(bin)/lint-imports --no-cache
 
 docs: setup

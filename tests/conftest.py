@@ -22,8 +22,10 @@ from shadowbench.measure import doctor, worker
 from shadowbench.measure.executor import Limits
 from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import load_scene
-from shadowbench.scenes.model import Mesh, Placement, Scene, View, view_of
+from shadowbench.scenes.model import Light, Mesh, Placement, Scene, View, view_of
 from shadowbench.scenes.shapes import build_shape
+from shadowbench.truths.light_samples import LightSampler
+from shadowbench.truths.packets import load_library
 from shadowbench.truths.trace import Truth, trace
 
 pytest_plugins = ["tests.runs"]
@@ -34,6 +36,13 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 if settings.get_current_profile_name() == "default":  # neither CI's nor that of tools/mutate.py
     settings.register_profile("suite", deadline=None)  # a busy machine is no failure
     settings.load_profile("suite")
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Compile the ray tracer's loops after a change: the note that says so is in no output that a test expects."""
+    if not hasattr(session.config, "workerinput"):
+        load_library()
+        LightSampler(Light("sun", "directional", radius=0.01))
 
 
 @pytest.fixture(scope="session")

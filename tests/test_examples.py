@@ -51,6 +51,7 @@ def test_variance_shadow_map_draws_the_lamp_s_shadow_nearly_as_a_hard_map_does(i
     assert found["variance-shadow-map"] < found["shadow-map"], "light bleeds where casters lie over each other"
 
 
+@pytest.mark.slow
 def test_variance_shadow_map_draws_a_sun_s_shadow_too(iou: Callable[..., Any]) -> None:
     assert iou("cube-on-plane", "variance_shadow_map.py", "variance-shadow-map")["variance-shadow-map"] > 0.8
 

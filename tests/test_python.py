@@ -187,6 +187,7 @@ for draws in (False, True):
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="signals and forks of POSIX")
 @pytest.mark.parametrize("script", [INTERRUPTED, FORKED], ids=["ctrl-c", "fork"])
 def test_an_answer_is_that_of_its_own_call(script: str) -> None:

@@ -41,6 +41,7 @@ def run(folder: Path, spec: str) -> dict[str, str]:
     return cell
 
 
+@pytest.mark.slow
 def test_every_technique_is_timed_at_every_map_size() -> None:
     study = read_study(find_study("trends"), techniques())
     assert {spec.technique.name for spec in study.specs} == set(techniques())

@@ -140,13 +140,6 @@ def test_a_table_of_soft_shadows_is_ranked_by_rmse(shadowbench: Shadowbench, tmp
     assert [line.split()[0] for line in lines[2:4]] == ["shadow-map", "unshadowed"]
 
 
-def test_what_the_truth_cannot_resolve_is_printed_as_such() -> None:
-    assert console.resolved(0.0004, 0.0012) == "<0.0012"
-    assert console.resolved(0.0013, 0.0012) == "0.0013"
-    assert console.resolved(0.0004, None) == "0.0004"
-    assert console.resolved(None, 0.0012) == "–"
-
-
 @pytest.mark.parametrize("width", [60, 30])
 def test_a_narrow_table_cuts_no_number(
     shadowbench: Shadowbench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, width: int

@@ -18,8 +18,8 @@ def failures(cases: list[Case]) -> list[str]:
     return [f"{case.kind}: {verdict.line}" for case, verdict in found if verdict.kind == "failure"]
 
 
-def test_a_hundred_files_give_a_result_or_one_line() -> None:
-    assert failures([*generated(80), *(corrupted(kind, k) for kind in FORMATS for k in range(5))]) == []
+def test_some_files_give_a_result_or_one_line() -> None:
+    assert failures([*generated(30), *(corrupted(kind, k) for kind in FORMATS for k in range(2))]) == []
 
 
 @pytest.mark.slow

@@ -65,6 +65,7 @@ def misbehave(case: Case, watch: Watch) -> Verdict:
     return Verdict("result", case.text)
 
 
+@pytest.mark.slow
 def test_a_case_that_hangs_or_kills_its_process_is_named_and_the_others_go_on() -> None:
     cases = [Case("spec", "", text=text) for text in ("one", "hang", "two", "die", "three", "memory", "four")]
     found = {case.text: answer for case, answer, _ in verdicts(cases, 2, misbehave, longest=1.0)}

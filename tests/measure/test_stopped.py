@@ -112,7 +112,7 @@ def test_a_worker_deep_in_c_does_not_outlive_its_run(
     assert_gone(family)
 
 
-@pytest.mark.parametrize("gate", [GATE, LATE_GATE])
+@pytest.mark.parametrize("gate", [pytest.param(GATE, marks=pytest.mark.slow), LATE_GATE])
 def test_ctrl_c_stops_without_a_word_too_many(
     start: Any, arguments: Any, records: Records, tmp_path: Path, gate: str
 ) -> None:

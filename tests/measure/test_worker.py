@@ -60,6 +60,7 @@ spec.spec_of = noted
 '''
 
 
+@pytest.mark.slow
 def test_each_spec_is_read_once_in_a_process(start: Callable[..., Any], tmp_path: Path, half: Path) -> None:
     (tmp_path / "counting.py").write_text(COUNTING + half.read_text())
     (tmp_path / "study.toml").write_text(

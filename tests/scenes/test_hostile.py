@@ -183,6 +183,7 @@ def test_few_bytes_do_not_stand_for_more_triangles_than_a_scene_has(gltf_file: W
     refused(gltf_file(positions=many, nodes=[{"mesh": 0}] * 2000), "60000000 vertices", "30000000")
 
 
+@pytest.mark.slow
 def test_a_chain_of_nodes_is_followed_however_deep(gltf_file: Write) -> None:
     nodes = [{"children": [k + 1], "translation": [1, 0, 0]} for k in range(20_000)]
     (mesh, _) = load_scene(gltf_file(nodes=[*nodes, {"mesh": 0}])).meshes

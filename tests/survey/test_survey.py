@@ -204,6 +204,7 @@ def test_the_command_refuses_a_scene_without_casters(tmp_path: Path, shadowbench
     assert "no mesh casts a shadow" in answer.err
 
 
+@pytest.mark.slow
 def test_needs_make_no_opengl_context() -> None:
     code = (
         "import sys; from shadowbench.scenes.views import chosen_view; from shadowbench.survey.survey import needs;"

@@ -180,7 +180,7 @@ def single(tmp_path_factory: pytest.TempPathFactory) -> Plugin:
     return Plugin("screen-space", (file,), ("--plugin", str(file)), "", 0.73)
 
 
-@pytest.fixture(params=["installed", "single"])
+@pytest.fixture(params=["single", pytest.param("installed", marks=pytest.mark.slow)])
 def plugin(request: pytest.FixtureRequest) -> Plugin:
     found: Plugin = request.getfixturevalue(request.param)
     return found
@@ -220,6 +220,7 @@ def rendered(plugin: Plugin, folder: Path, spec: str) -> np.ndarray:
         return np.asarray(image, dtype=np.float64) / 65535
 
 
+@pytest.mark.slow
 def test_the_package_s_mask_is_a_disc_on_the_plane(installed: Plugin, tmp_path: Path, builtin: Callable) -> None:
     """With half the cube's width, moved along the light from the cube's centre."""
     view = builtin("cube-on-plane", SIZE)

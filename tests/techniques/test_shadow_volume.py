@@ -268,6 +268,7 @@ def test_inside_any_number_of_spheres_is_shadow(count, light, shape, looking, st
     assert facts["counted_in_color"] == (count > 200)
 
 
+@pytest.mark.slow
 def test_256_layers_would_be_none_in_8_bits(shape, looking, sun, studio, build, monkeypatch) -> None:
     """The overflow that counting layers prevents."""
     monkeypatch.setattr(module, "MOST_LAYERS", 1000)
@@ -310,6 +311,7 @@ def test_layers_at_a_lamp_are_not_missed(shape, facts) -> None:
     assert found["layers_at_most"] >= 257 and found["counted_in_color"]
 
 
+@pytest.mark.slow
 def test_from_255_layers_on_colour_counts(shape, sun, facts) -> None:
     """Squares each smaller than the one below, so that no two outlines fall together."""
     square = shape("plane")

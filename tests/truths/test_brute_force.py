@@ -28,6 +28,7 @@ def test_builtin_agrees_with_every_triangle_against_every_ray(name: str, judged:
     assert_agrees(load_scene(name), 512, judged)
 
 
+@pytest.mark.slow
 def test_armadillo_agrees_with_every_triangle_against_every_ray(
     shared_scenes: Path, judged: Callable[..., Any]
 ) -> None:

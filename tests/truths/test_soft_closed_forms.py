@@ -155,7 +155,7 @@ def test_an_edge_before_a_rectangle(
     check(truth, shown, share)
 
 
-@pytest.mark.parametrize("radius", [0.1, 0.5, 2.0])
+@pytest.mark.parametrize("radius", [0.1, *(pytest.param(wide, marks=pytest.mark.slow) for wide in (0.5, 2.0))])
 def test_a_sphere_before_a_disc_on_its_axis(radius: float, shape: Shape, looking: Looking, pixel_rays: Rays) -> None:
     light = Light("disc", "disc", (0.0, -1.0, 0.0), (0.0, 4.0, 0.0), radius=radius)
     ball, middle = 0.4, np.array([0.0, 1.5, 0.0])
