@@ -199,10 +199,25 @@ def _with_keys(scores: Sequence[Record], keys: Set[str] | None) -> list[Record]:
 def _cells(rows: Sequence[Record]) -> list[Record]:
     """The last row of every cell, in the order of their first rows.
 
-    After a change of a default, one spelling of a spec has two identities; only the last of these counts.
+    After a change of a default, one spelling of a spec has two identities; only the last of these counts. So do, of a
+    view that was measured with hard and with soft shadows (`--sun`), only those of the last row.
     """
     spelled = {_spelling(row): identity(row) for row in rows}
-    return [row for key, row in {identity(row): row for row in rows}.items() if spelled[_spelling(row)] == key]
+    soft = {_view(row): _soft(row) for row in rows if row["status"] == "ok"}
+    return [
+        row
+        for key, row in {identity(row): row for row in rows}.items()
+        if spelled[_spelling(row)] == key and (row["status"] != "ok" or soft[_view(row)] == _soft(row))
+    ]
+
+
+def _view(row: Record) -> tuple[Any, ...]:
+    return tuple(row.get(name) for name in ("scene", "view", "light", "view_size"))
+
+
+def _soft(row: Record) -> bool:
+    """Whether a row's truth has penumbrae."""
+    return "truth_error" in row
 
 
 def _spelling(row: Record) -> tuple[Any, ...]:

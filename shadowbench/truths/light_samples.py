@@ -59,7 +59,8 @@ class LightSampler:
         """Rays to `samples` points of the light from each receiver, in each replication.
 
         points, normals: (3, R); scrambles: (3, R, replications), see `scrambles_of`; samples: up to MOST_SAMPLES,
-        best a power of 2. Rays start at the height `delta` above the receiver, along the ray or `along_normal`.
+        best a power of 2. Rays start at the height `delta` above the receiver, along the ray or `along_normal`, and
+        end as far before a disc or rectangle.
         Returns float32 origins and directions (3, M), reach (M,), weight (M,) and N·ω (M,), M = R · replications ·
         samples in this order. The weight is 0 for points of the light below the receiver's plane.
         """
@@ -269,6 +270,8 @@ def _fill_rays(  # type: ignore[no-untyped-def]
                 if small:
                     for i in range(samples):  # cos/d² of the point, relative to that of the center
                         share[i] *= (far / distance[i]) ** 3
+                for i in range(samples):  # to δ before the plane, so that a wall that a panel lies on does not block it
+                    distance[i] -= min(delta * distance[i] / abs(qz), LONGEST_OFFSET * delta)
             _start(
                 px, py, pz, nx, ny, nz, delta, lift, x, y, z, distance, share,
                 origins[0, m:e], origins[1, m:e], origins[2, m:e],

@@ -115,3 +115,18 @@ def test_a_run_into_a_folder_of_a_sweep_is_refused_before_anything_is_measured(
     answer = shadowbench("run", "cube-on-plane", "-t", "unshadowed", *SMALL, "-o", out)
     assert answer.code == 2 and "found cells of `stress`; allowed: a folder of `run`, or a new one" in answer.err
     assert {file: file.read_bytes() for file in out.iterdir() if file.is_file()} == before
+
+
+def test_hard_shadows_of_a_view_do_not_stand_beside_its_soft_ones(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    """`--sun` changes the truth of a view, but not its name: an exact hard shadow would seem to have no error."""
+    out, view = tmp_path / "out", ("cube-on-plane", "--view-size", "64", "--rounds", "0", "-o", tmp_path / "out")
+    assert shadowbench("run", *view, "-t", "ray-traced", "-t", "cube-map").code == 0
+    assert [row["status"].split(":")[0] for row in table(out)] == ["ok", "unsupported"]
+    hard = next(row for row in table(out) if row["spec"] == "ray-traced")
+
+    assert shadowbench("run", *view, "-t", "unshadowed", "--sun").code == 0
+    assert [row["spec"] for row in table(out) if row["status"] == "ok"] == ["unshadowed"]
+    assert all(row["truth_error"] for row in table(out) if row["status"] == "ok")
+
+    assert shadowbench("run", *view, "-t", "ray-traced").code == 0
+    assert [row["key"] for row in table(out) if row["status"] == "ok"] == [hard["key"]], "measured before"

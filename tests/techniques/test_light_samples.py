@@ -13,6 +13,7 @@ from shadowbench.studies.study import find_study, read_study
 from shadowbench.techniques.light_samples import points_of
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
+from shadowbench.truths.light_samples import MOST_SAMPLES
 from shadowbench.truths.trace import Truth, trace
 
 SIZE = 96
@@ -160,6 +161,12 @@ def test_what_the_inner_technique_cannot_draw_is_declined_in_its_words(device, s
     spec = parse_spec("light-samples:of=shadow-map", techniques())
     view = studio.shot(builtin("room-with-lamp", 32)).view
     assert "point light" in str(spec.technique.declines(spec.params, view, device))
+
+
+def test_no_more_samples_are_allowed_than_there_are_tabulated_points() -> None:
+    parse_spec(f"ray-traced:samples={MOST_SAMPLES}", techniques())
+    with pytest.raises(InputError, match="4097"):
+        parse_spec(f"ray-traced:samples={MOST_SAMPLES + 1}", techniques())
 
 
 def test_a_spec_knows_the_techniques_that_it_names() -> None:

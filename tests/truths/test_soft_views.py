@@ -29,6 +29,10 @@ def nothing(truth: Truth, *_: object) -> bool:
     return not truth.receivers.any()
 
 
+def lights_the_ground(truth: Truth) -> bool:
+    return bool(truth.receivers.sum() > 100 and truth.undecided[truth.receivers].mean() < 0.1)
+
+
 def undecided_within(truth: Truth, ground: np.ndarray, points: Floats) -> bool:
     """Of the ground, what is inside the lamp is undecided, and little else."""
     inside = np.linalg.norm(points - LAMP.position, axis=-1) < LAMP.radius
@@ -54,6 +58,14 @@ CASES: dict[str, tuple[Light, Fact]] = {
     "a panel across the ground": (
         Light("panel", "rectangle", ACROSS, (0.9, 1.0, 0.0), size=(1.0, 1.0)),
         lambda truth, _, points: bool(truth.receivers.any() and (points[truth.receivers][:, 0] > 0.9).all()),
+    ),
+    "a panel on the face of the box": (
+        Light("panel", "rectangle", ACROSS, (0.5, 0.5, 0.0), size=(0.6, 0.6)),
+        lambda truth, *_: bool((truth.visibility[truth.receivers] == 1).all() and lights_the_ground(truth)),
+    ),
+    "a disc on the face of the box": (
+        Light("disc", "disc", ACROSS, (0.5, 0.5, 0.0), radius=0.3),
+        lambda truth, *_: bool((truth.visibility[truth.receivers] == 1).all() and lights_the_ground(truth)),
     ),
     "a disc through the wall of the box": (
         Light("disc", "disc", ACROSS, (0.4, 0.5, 0.0), radius=1.0),
