@@ -44,6 +44,7 @@ def test_every_example_is_tested() -> None:
     assert {file.name for file in (ROOT / "examples").glob("*.py")} == {*PLUGINS, *NO_PLUGINS}
 
 
+@pytest.mark.slow
 def test_variance_shadow_map_draws_the_lamp_s_shadow_nearly_as_a_hard_map_does(iou: Callable[..., Any]) -> None:
     found = iou("spot-lamp", "variance_shadow_map.py", "variance-shadow-map", "shadow-map", "unshadowed")
     assert found["unshadowed"] == 0
@@ -51,12 +52,11 @@ def test_variance_shadow_map_draws_the_lamp_s_shadow_nearly_as_a_hard_map_does(i
     assert found["variance-shadow-map"] < found["shadow-map"], "light bleeds where casters lie over each other"
 
 
-@pytest.mark.slow
 def test_variance_shadow_map_draws_a_sun_s_shadow_too(iou: Callable[..., Any]) -> None:
     assert iou("cube-on-plane", "variance_shadow_map.py", "variance-shadow-map")["variance-shadow-map"] > 0.8
 
 
-@pytest.mark.parametrize("scene", ["cube-on-plane", "spot-lamp"])
+@pytest.mark.parametrize("scene", ["cube-on-plane", pytest.param("spot-lamp", marks=pytest.mark.slow)])
 def test_exponential_shadow_map_is_about_as_right_as_a_depth_map(iou: Callable[..., Any], scene: str) -> None:
     found = iou(
         scene, "exponential_shadow_map.py", "exponential-shadow-map", "exponential-shadow-map:c=5.0", "shadow-map"

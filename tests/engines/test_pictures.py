@@ -144,7 +144,9 @@ def test_other_files_are_refused(png: Callable, tmp_path: Path) -> None:
         assert line in str(caught.value) and "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("size", [(4097, 4097), (13_000, 13_000), (30_000, 30_000), (40, 30_000)])
+@pytest.mark.parametrize(
+    "size", [(4097, 4097), (13_000, 13_000), pytest.param((30_000, 30_000), marks=pytest.mark.slow), (40, 30_000)]
+)
 def test_a_picture_is_refused_for_its_size_before_it_is_decoded(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, size: tuple[int, int]
 ) -> None:

@@ -160,6 +160,7 @@ def test_a_failure_says_what_kind_of_error_it_is_and_saves_the_picture(judged: R
         assert image.size == (256, 256)
 
 
+@pytest.mark.slow
 def test_without_a_folder_the_picture_goes_to_the_tests_own(otherwise: Ran) -> None:
     assert otherwise.code == 1 and "0.98 < iou 0 (accuracy of" in otherwise.printed
     (picture,) = otherwise.pictures

@@ -211,10 +211,11 @@ def test_the_json_of_a_gltf_is_read_once_as_what_it_is(tmp_path: Path, gltf_file
         ("a.stl", "solid a\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendsolid a\n" * 20_000, ["20000 solids", "1000"]),
         ("a.obj", OBJ + "f " + "1 2 3 " * 100_000, ["a line of more than 100000"]),
         ("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n300000 " + "0 1 2 " * 100_000, ["a line of more than 100000"]),
-        (
+        pytest.param(
             "a.obj",
             "v 0 0 0\n" * 300_000 + "".join(f"o {k}\nf 1 2 3\n" for k in range(20_000)),
             ["all 20000 triangles have zero area"],
+            marks=pytest.mark.slow,
         ),
         ("a.obj", OBJ + "o a\n" * 50_001, ["50001 objects", "50000"]),
         ("a.obj", OBJ + (" " * 90_000 + "v 0 0 0\n") * 100 + "f 1 1 1 x\n", ["line 105", "'x'"]),

@@ -341,7 +341,7 @@ def test_pixels_that_are_not_scored_never_matter(truth: Callable[..., PreparedTr
     assert scores_of(truth, np.where(valid, mask, rng.random(mask.shape)), view | changed) == before
 
 
-@pytest.mark.parametrize("turn", [np.flipud, np.fliplr, lambda image: np.swapaxes(image, 0, 1), np.rot90])
+@pytest.mark.parametrize("turn", [np.flipud, np.rot90])  # of which all eight are made
 @given(seed=seeds)
 def test_turning_mask_and_truth_changes_no_score(
     truth: Callable[..., PreparedTruth], turn: Callable, seed: int

@@ -111,7 +111,9 @@ def test_a_light_with_a_size_is_drawn_by_what_draws_its_kind_and_declined_in_wor
         assert (mask < 0.5).sum() > 50
 
 
-@pytest.mark.parametrize(("spec", "kind"), answered([*ALL, *PRESETS]))
+@pytest.mark.parametrize(
+    ("spec", "kind"), [*answered(ALL), *(pytest.param(*each, marks=pytest.mark.slow) for each in answered(PRESETS))]
+)
 def test_a_moved_camera_and_light_draw_what_a_fresh_build_draws(spec, kind, poses, studio, build) -> None:
     views = poses(kind)
     shots = [studio.shot(view) for view in views]

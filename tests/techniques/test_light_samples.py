@@ -53,8 +53,18 @@ def errors(mask: np.ndarray, truth: Truth) -> np.ndarray:
     return (mask - truth.visibility)[penumbra]
 
 
-@pytest.mark.parametrize("name", SIZED)
-@pytest.mark.parametrize("spec", ["light-samples:of=ray-traced,n={}", "ray-traced:samples={}"])
+@pytest.mark.parametrize(
+    ("spec", "name"),
+    [
+        *(("ray-traced:samples={}", name) for name in SIZED),
+        ("light-samples:of=ray-traced,n={}", "rectangle"),
+        *(
+            pytest.param("light-samples:of=ray-traced,n={}", name, marks=pytest.mark.slow)
+            for name in SIZED
+            if name != "rectangle"
+        ),
+    ],
+)
 def test_the_error_falls_as_fast_as_that_of_random_points_and_faster(spec, name, sized, mask) -> None:
     """By points drawn at random, 16 times as many quarter the error, which is √(V(1 − V)/n) in a pixel."""
     view, truth = sized(name)

@@ -321,7 +321,7 @@ def test_only_flagged_meshes_receive_when_asked_for(device, studio, shape, looki
     assert found.technique.unsupported(found.params, round_only, device) == "no receiver is a plane"
 
 
-@pytest.mark.parametrize("elevation", [45.0, 3.0])
+@pytest.mark.parametrize("elevation", [45.0, pytest.param(3.0, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("small", ["ball", "decal", "marking"])
 def test_nearby_triangles_do_not_hide_a_plane(small, elevation, shape, looking, sun, judged) -> None:
     """Triangles that are nearly on the ground, and too small for a plane of their own or not, leave it the ground."""

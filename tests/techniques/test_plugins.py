@@ -237,6 +237,7 @@ def test_the_package_s_mask_is_a_disc_on_the_plane(installed: Plugin, tmp_path: 
     assert shadow.sum() > 0.5 * expected.sum() and not (shadow & ~expected).any()
 
 
+@pytest.mark.slow
 def test_the_single_file_s_shadow_is_the_true_one_where_the_camera_sees_the_caster(
     single: Plugin, tmp_path: Path, truth_of: Callable
 ) -> None:
