@@ -63,9 +63,9 @@ def acne(comparison: Comparison) -> float | None:
 
 
 def acne_soft(comparison: Comparison) -> float | None:
-    """Mean darkness (1 − visibility) of the lit interior."""
-    interior = comparison.truth.lit_interior
-    return mean(1 - comparison.visibility, interior)
+    """Mean of how much darker the lit interior is than it should be."""
+    truth = comparison.truth
+    return mean(np.maximum(truth.visibility - comparison.visibility, 0), truth.lit_interior)
 
 
 def leak(comparison: Comparison) -> float | None:

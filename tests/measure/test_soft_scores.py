@@ -81,6 +81,12 @@ def test_a_row_of_a_soft_truth_says_how_well_it_is_known(soft: Truth, prepared: 
     assert record["metrics"]["rmse"] == record["metrics"]["noise"] == record["metrics"]["width"] == 0
 
 
+def test_the_true_penumbra_is_no_acne(soft: Truth, prepared: PreparedTruth) -> None:
+    found = [mask_record(soft.visibility * dark, soft, prepared)["metrics"]["acne_soft"] for dark in (1.0, 0.9)]
+    assert found[0] == 0
+    assert 0.05 < found[1] <= 0.1
+
+
 def test_a_hard_truth_adds_no_field(hard: Truth) -> None:
     assert not SOFT_FIELDS & mask_record(hard.visibility, hard, prepare_truth(hard)).keys()
 
