@@ -202,8 +202,12 @@ def _widened(pixels: Indices, visibility: Floats, width: int) -> Mask:
 
 def estimate(estimator: Estimator, receivers: Receivers, target: float) -> tuple[Floats, Floats, Floats]:
     """(R,) visibility, its standard error, and visibility weighted by N·ω; points as a pilot of its own decides."""
-    pilot = estimator.sums(receivers, REPLICATIONS * 2, REPLICATIONS, _SECOND).spread
-    wanted = REPLICATIONS * 2 * (SAFETY * pilot / target) ** (1 / CONVERGENCE)
+    points = REPLICATIONS * 2
+    pilot = estimator.sums(receivers, points, REPLICATIONS, _SECOND)
+    # Eight equal answers are no small error, unless all rays agree.
+    partly = (pilot.visibility > 0) & (pilot.visibility < 1)
+    spread = np.where(partly, np.maximum(pilot.spread, 1 / (REPLICATIONS * points)), pilot.spread)
+    wanted = points * (SAFETY * spread / target) ** (1 / CONVERGENCE)
     # NaN, where no light is above the horizon, counts as few.
     samples = 2 ** np.ceil(np.log2(np.clip(np.nan_to_num(wanted), FEWEST, MOST))).astype(int)
     visibility, error, irradiance = (np.empty(len(samples)) for _ in range(3))
