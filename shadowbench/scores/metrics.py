@@ -146,8 +146,8 @@ METRICS: dict[str, Metric] = {
             masks.acne_soft,
             "lower",
             "both",
-            "Mean of how much darker the lit interior is than it should be: includes acne that a filter lightens beyond "
-            "half.",
+            "Mean of how much darker the lit interior is than it should be: includes acne that a filter lightens "
+            "beyond half.",
         ),
         Metric(
             "leak",
