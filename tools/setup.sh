@@ -74,6 +74,6 @@ if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ]; then
     echo "Installing the Python packages of constraints.txt into .venv"
     .venv/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test]'
     echo "Compiling the ray tracer's loops"
-    .venv/bin/shadowbench truth post --quiet --view-size 16 -o .venv/truth.npz 2>/dev/null
+    .venv/bin/shadowbench truth post --quiet --view-size 16 -o .venv/truth.npz
     echo "$wanted" >"$stamp"
 fi

@@ -63,6 +63,8 @@ def truth(
 
 def _penumbra(truth: "Truth") -> str:
     """The size of the penumbra and the standard errors there; nothing without a penumbra."""
+    if not truth.sampled:
+        return ""
     import numpy as np
 
     from shadowbench.measure.scoring import prepare_truth

@@ -60,7 +60,7 @@ def flips(masks: Sequence[Mask], truths: Sequence[Truth]) -> float | None:
     frames; None if there are none. A share of all receivers would depend on the length of the edges. None also under
     a light with a size: each step changes the truth throughout the penumbra, so that hardly a pixel is left to compare.
     """
-    if _soft(truths):
+    if any(truth.sampled for truth in truths):
         return None
     shares = []
     for (before, was), (after, now) in itertools.pairwise(zip(masks, truths, strict=True)):
@@ -108,7 +108,7 @@ class Stepped:
         """
         if self.step == "light":
             return flips(masks, truths)
-        if _soft(truths):
+        if any(truth.sampled for truth in truths):
             return None
         (before, after), (was, now) = masks, truths
         rows, columns, inside = self._surroundings
@@ -136,10 +136,6 @@ class Stepped:
         )
         inside = (row >= 0) & (column >= 0) & (row < fine - 1) & (column < fine - 1)
         return row.clip(0, fine - 2), column.clip(0, fine - 2), inside
-
-
-def _soft(truths: Sequence[Truth]) -> bool:
-    return any(truth.standard_error.any() for truth in truths)
 
 
 def _near_edge(truth: Truth) -> NDArray[np.bool_]:

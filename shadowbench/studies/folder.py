@@ -11,6 +11,7 @@ import pandas as pd
 
 from shadowbench.errors import InputError
 from shadowbench.measure.rows import Record, Result, RunFile, read_rows, read_run_file
+from shadowbench.scores.metrics import is_soft
 from shadowbench.studies.sweeps import SweepPositions, add_factor_columns, read_sweep_positions
 from shadowbench.studies.tables import cells_frame, write_table
 
@@ -203,21 +204,16 @@ def _cells(rows: Sequence[Record]) -> list[Record]:
     view that was measured with hard and with soft shadows (`--sun`), only those of the last row.
     """
     spelled = {_spelling(row): identity(row) for row in rows}
-    soft = {_view(row): _soft(row) for row in rows if row["status"] == "ok"}
+    soft = {_view(row): is_soft(row["metrics"]) for row in rows if row["status"] == "ok"}
     return [
         row
         for key, row in {identity(row): row for row in rows}.items()
-        if spelled[_spelling(row)] == key and (row["status"] != "ok" or soft[_view(row)] == _soft(row))
+        if spelled[_spelling(row)] == key and (row["status"] != "ok" or soft[_view(row)] == is_soft(row["metrics"]))
     ]
 
 
 def _view(row: Record) -> tuple[Any, ...]:
     return tuple(row.get(name) for name in ("scene", "view", "light", "view_size"))
-
-
-def _soft(row: Record) -> bool:
-    """Whether a row's truth has penumbrae."""
-    return "truth_error" in row
 
 
 def _spelling(row: Record) -> tuple[Any, ...]:

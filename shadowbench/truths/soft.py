@@ -204,9 +204,8 @@ def estimate(estimator: Estimator, receivers: Receivers, target: float) -> tuple
     """(R,) visibility, its standard error, and visibility weighted by N·ω; points as a pilot of its own decides."""
     points = REPLICATIONS * 2
     pilot = estimator.sums(receivers, points, REPLICATIONS, _SECOND)
-    # Eight equal answers are no small error, unless all rays agree.
-    partly = (pilot.visibility > 0) & (pilot.visibility < 1)
-    spread = np.where(partly, np.maximum(pilot.spread, 1 / (REPLICATIONS * points)), pilot.spread)
+    partly = (pilot.visibility > 0) & (pilot.visibility < 1)  # elsewhere all rays agree, and few are enough
+    spread = np.maximum(pilot.spread, partly / (REPLICATIONS * points))
     wanted = points * (SAFETY * spread / target) ** (1 / CONVERGENCE)
     # NaN, where no light is above the horizon, counts as few.
     samples = 2 ** np.ceil(np.log2(np.clip(np.nan_to_num(wanted), FEWEST, MOST))).astype(int)

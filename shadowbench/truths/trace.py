@@ -29,12 +29,12 @@ class Truth:
 
     visibility: float32, share of the light that is seen, 1 lit, 0 in shadow, 1 outside receivers. standard_error:
     float32, of visibility, 0 where it is not sampled (see `soft`). irradiance: float32, as visibility, with the light's
-    points weighted by N·ω. receivers: bool, the hit faces both
-    camera and the light's centre. undecided: bool, visibility changes within the rasteriser's subpixel grid or with the
-    shadow ray's offset (see `hard`, `soft`). area: float32, visibility averaged over the pixel's samples that hit
-    receivers. blocker: float32 metres along L to the nearest occluder, inf if none. triangle: int32 index in the
-    scene's geometry, −1 for a miss. cosine: float32 N·L, 0 where there is no receiver. diagonal: of the bounding box of
-    casters and visible receivers, in metres. L points to the light's centre. view: that was traced, None if unknown.
+    points weighted by N·ω. receivers: bool, the hit faces both camera and the light's centre. undecided: bool,
+    visibility changes within the rasteriser's subpixel grid or with the shadow ray's offset (see `hard`, `soft`). area:
+    float32, visibility averaged over the pixel's samples that hit receivers. blocker: float32 metres along L to the
+    nearest occluder, inf if none. triangle: int32 index in the scene's geometry, −1 for a miss. cosine: float32 N·L, 0
+    where there is no receiver. diagonal: of the bounding box of casters and visible receivers, in metres. L points to
+    the light's centre. view: that was traced, None if unknown.
     """
 
     visibility: Single
@@ -48,6 +48,11 @@ class Truth:
     cosine: Single
     diagonal: float
     view: View | None = None
+
+    @property
+    def sampled(self) -> bool:
+        """Whether any visibility is an estimate, as under a light with a size."""
+        return bool(self.standard_error.any())
 
     def _repr_png_(self) -> bytes:
         """PNG of the visibility, for notebooks; pixels without a receiver are white."""

@@ -8,11 +8,11 @@ part of the segment, so that a triangle in the receiver's own plane never blocks
 from fractions import Fraction
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from shadowbench.scenes.geometry import Geometry
 from shadowbench.scenes.model import Floats, View
+from shadowbench.truths.compiled import compiled
 
 AT_ONCE = 256  # triangles, whose edges stay in the processor's cache
 PAIRS_PER_RAY = 64  # at first; the search is repeated where there are more
@@ -44,8 +44,8 @@ def crossings(origins: Floats, directions: Floats, geometry: Geometry, faces: np
     lines = np.hstack([directions, np.cross(origins, directions)])
     corners = [geometry.vertices[faces[:, k]] - about for k in range(3)]
     ends = zip(corners, corners[1:] + corners[:1], strict=True)
-    edges = np.stack([np.hstack([np.cross(a, b - a), b - a]) for a, b in ends])
-    edges /= np.maximum(np.linalg.norm(edges, axis=2, keepdims=True), 1e-300)
+    edges = np.stack([np.hstack([np.cross(a, b - a), b - a]).T for a, b in ends])
+    edges /= np.maximum(np.linalg.norm(edges, axis=1, keepdims=True), 1e-300)
     ray, triangle, through = _pairs(lines, DOUBT * np.linalg.norm(lines, axis=1), edges)
     a, b, c = (corner[triangle] for corner in corners)
     normal = np.cross(b - a, c - a)
@@ -61,19 +61,19 @@ def crossings(origins: Floats, directions: Floats, geometry: Geometry, faces: np
 def _pairs(lines: Floats, rounding: Floats, edges: Floats) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(K,) lines and the triangles that they go through or may go through, and whether they do, whatever is rounded.
 
-    lines: (N, 6); rounding: (N,); edges: (3, T, 6), Plücker coordinates.
+    lines: (N, 6); rounding: (N,); edges: (3, 6, T), Plücker coordinates.
     """
     room = PAIRS_PER_RAY * len(lines)
     while True:
         ray, triangle, through = np.empty(room, np.intp), np.empty(room, np.intp), np.empty(room, np.bool_)
-        found = _search(lines, rounding, np.ascontiguousarray(edges.transpose(0, 2, 1)), ray, triangle, through)
+        found = _search(lines, rounding, edges, ray, triangle, through)
         if found <= room:
             return ray[:found], triangle[:found], through[:found]
         room = found
 
 
-@numba.njit(nogil=True, cache=True)
-def _search(lines, rounding, edges, ray, triangle, through):  # type: ignore[no-untyped-def]
+@compiled()
+def _search(lines, rounding, edges, ray, triangle, through):
     """Fill in the pairs as far as there is room; their number."""
     found, count = 0, edges.shape[2]
     low, high = np.empty(AT_ONCE), np.empty(AT_ONCE)

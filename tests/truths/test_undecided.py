@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -32,10 +31,9 @@ SUNNY = [name for name in hard_names() if first_view(name).light.kind == "direct
 @pytest.mark.slow
 @pytest.mark.parametrize("name", builtin_names())
 def test_builtin_scene_is_decided(name: str) -> None:
-    view, error, most = first_view(name), STANDARD_ERROR, 0.01 if name in FINE else 0.001
-    if view.light.soft:  # a quarter of the pixels, half of those at edges; visibility need not be exact
-        view, error, most = replace(view, size=SIZE // 2), 1 / 32, 2 * most
-    assert share(trace(view, 1, error)) < most
+    view = first_view(name)
+    error = 1 / 16 if view.light.soft else STANDARD_ERROR  # of visibility, on which undecided pixels do not depend
+    assert share(trace(view, 1, error)) < (0.01 if name in FINE else 0.001)
 
 
 @pytest.mark.slow
