@@ -463,8 +463,11 @@ def test_list_tells_parameters_presets_and_plug_ins(shadowbench: Shadowbench, ha
     assert set(builtin_names()) == {row["name"] for row in json.loads(shadowbench("list", "scenes", "--json").out)}
 
 
-def test_doctor_names_the_device_and_the_clock(shadowbench: Shadowbench, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_doctor_names_the_device_and_the_clock(
+    shadowbench: Shadowbench, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     monkeypatch.setattr(noise, "SERIES", 1)
+    monkeypatch.setenv("SHADOWBENCH_CACHE", str(tmp_path))  # Doctor counts truths, and other tests trace meanwhile.
     found = json.loads(shadowbench("doctor", "--json").out)
     assert {"machine", "versions", "opengl", "truth_cache"} == set(found)
     assert {"renderer", "version", "clock", "max_map_size", "why_this_clock"} <= set(found["opengl"])
