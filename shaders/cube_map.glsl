@@ -1,11 +1,12 @@
 // Shadow coordinates of a receiver in a cube map, whose depth is the distance to the light divided by map_far, and the
-// depth comparisons. Offsets past a face's edge read the neighbouring face.
-#define MAP_CUBE
+// depth comparisons. Needs MAP_CUBE. Offsets past a face's edge read the neighbouring face.
 #include "map.glsl"
 #include "cube_faces.glsl"
 uniform samplerCube map_depths;
 uniform samplerCubeShadow map_compare;  // the same map with hardware comparison, 2×2 linear, seamless at edges
 uniform float map_far;                  // local length
+uniform vec3 eye;
+uniform float view_far;                 // the camera's far plane
 
 float filter_reach(ShadowCoord p);  // radius of the filter, in texels
 
@@ -13,6 +14,7 @@ ShadowCoord shadow_coord(vec3 position) {
     vec3 away = position - light.xyz;
     vec3 lengths = abs(away);
     ShadowCoord p;
+    p.position = position;
     if (lengths.x >= max(lengths.y, lengths.z)) p.layer = away.x > 0.0 ? 0 : 1;
     else if (lengths.y >= lengths.z) p.layer = away.y > 0.0 ? 2 : 3;
     else p.layer = away.z > 0.0 ? 4 : 5;
@@ -22,6 +24,8 @@ ShadowCoord shadow_coord(vec3 position) {
     p.axis = -away / p.axis_distance;
     p.depth = p.axis_distance / map_far;
     p.depth_per_length = 1.0 / map_far;
+    p.linear = p.depth;
+    p.linear_per_length = p.depth_per_length;
     p.step = step_of_depth(p.depth_per_length);
     // Width of a texel in the plane parallel to the face through the receiver. Towards a corner the solid angle of a
     // texel shrinks, but the bound on its depth range does not: on the plane N·x = c the distance has over (s, t) the
@@ -38,12 +42,47 @@ vec3 offset_direction(ShadowCoord p, vec2 offset) {
     return cube_faces[p.layer] * vec3(offset * p.texel, 0.0) - p.axis * p.axis_distance;
 }
 
+// 1 unless the receiver's plane is behind the stored depth in that direction.
 float compare_direction(ShadowCoord p, vec3 direction) {
     return p.depth - p.bias <= textureLod(map_depths, direction, 0.0).r ? 1.0 : 0.0;
 }
 
-float compare_nearest(ShadowCoord p, vec2 offset) { return compare_direction(p, offset_direction(p, offset)); }
+#include "filter.glsl"
+#ifndef FILTER_HAS_REACH
+float filter_reach(ShadowCoord p) { return filter_radius; }
+#endif
+
+#ifdef FILTER_HAS_PLANE
+// The plane N·x = N·P is met in the unit direction u at the distance N·P/(N·u).
+float plane_depth(ShadowCoord p, vec2 offset) {
+    vec3 away = -p.axis * p.axis_distance;
+    float along = dot(p.normal, normalize(offset_direction(p, offset))), height = dot(p.normal, away);
+    return along * height > 0.0 ? height / along / map_far - (p.depth - p.linear) : 1.0;
+}
+#define COMPARED(p, offset) plane_depth(p, offset)
+#else
+#define COMPARED(p, offset) (p.depth - p.bias)
+#endif
+
+float compare_nearest(ShadowCoord p, vec2 offset) {
+    return COMPARED(p, offset) <= textureLod(map_depths, offset_direction(p, offset), 0.0).r ? 1.0 : 0.0;
+}
 
 float compare_linear(ShadowCoord p, vec2 offset) {
-    return texture(map_compare, vec4(offset_direction(p, offset), p.depth - p.bias));
+    return texture(map_compare, vec4(offset_direction(p, offset), COMPARED(p, offset)));
 }
+
+vec2 texels_to(ShadowCoord p, vec3 from_receiver) {
+    vec3 moved = (from_receiver - p.axis * p.axis_distance) * cube_faces[p.layer];
+    // On the face at unit distance; p.texel is a texel's width at the receiver's distance along the face's axis.
+    float ahead = max(moved.z, 1e-3 * p.texel.x * map_size);
+    return (moved.xy / ahead - (2.0 * p.uv - 1.0)) * map_size / 2.0;
+}
+
+#ifdef FILTER_CONTENTS
+uniform samplerCube map_contents;
+
+vec4 contents_of_level(ShadowCoord p, vec2 offset, float level) {
+    return textureLod(map_contents, offset_direction(p, offset), level);
+}
+#endif

@@ -15,12 +15,16 @@ const float depth_sign = REVERSED == 1 ? -1.0 : 1.0;
 const float map_size = float(SIZE);
 
 struct ShadowCoord {
+    vec3 position;           // of the receiver, offset by the bias
+    vec3 normal;             // of the receiver
     vec2 uv;                 // in the layer, [0, 1]
     int layer;               // of an array, face of a cube
     float depth;
     vec3 axis;               // unit vector of decreasing depth, towards the light's plane, or a cube map's light
     float axis_distance;     // from the light along that axis; 1 for a directional light
     float depth_per_length;  // derivative of depth along that axis, per local length
+    float linear;            // depth along the axis, less the bias: 0 at the near plane, 1 at the far plane
+    float linear_per_length; // derivative of linear depth along the axis, per local length
     vec2 texel;              // size of a texel at the receiver, in local lengths
     float step;              // resolution of the comparison of stored and computed depths
     float radius;            // filter_radius, unless the filter computes its own
@@ -48,12 +52,14 @@ float tan_slope(Receiver r, ShadowCoord p) {
 #ifndef MAP_CUBE
 uniform mat4 world_to_map[LAYERS];
 uniform mat4 map_to_world[LAYERS];
+uniform vec4 world_to_linear[LAYERS];  // dot product with a position (w = 1) gives the linear depth
 uniform vec2 texel_width[LAYERS];   // size of a texel in local lengths; for a spot at unit distance along its axis
 uniform float depth_scale[LAYERS];  // depth per local length along the axis: 1/(far − near); for a spot f·n/(f − n)
 uniform vec3 light_axis;            // unit vector along the light's axis, pointing back to the light
 
 ShadowCoord shadow_coord(vec3 position, int layer) {
     ShadowCoord p;
+    p.position = position;
     vec4 projected = world_to_map[layer] * vec4(position, 1.0);
     p.uv = projected.xy / projected.w;
     p.layer = layer;
@@ -61,6 +67,8 @@ ShadowCoord shadow_coord(vec3 position, int layer) {
     p.axis = light_axis;
     p.axis_distance = projected.w;
     p.depth_per_length = depth_scale[layer] / (projected.w * projected.w);
+    p.linear = dot(world_to_linear[layer], vec4(position, 1.0));
+    p.linear_per_length = length(world_to_linear[layer].xyz);
     p.step = step_of_depth(p.depth_per_length);
     p.texel = texel_width[layer] * projected.w;
     p.radius = filter_radius;
@@ -69,4 +77,10 @@ ShadowCoord shadow_coord(vec3 position, int layer) {
 
 // A world-space plane (N, −N·P) in the layer's map space: planes transform by the inverse transpose.
 vec4 plane_in_map(vec4 plane, ShadowCoord p) { return plane * map_to_world[p.layer]; }
+
+// Gradient over uv of the depth of the receiver's plane, which is constant over the map, for a spot too.
+vec2 plane_gradient(Receiver r, ShadowCoord p) {
+    vec4 plane = plane_in_map(vec4(r.normal, -dot(r.normal, r.position)), p);
+    return plane.z == 0.0 ? vec2(0.0) : -plane.xy / plane.z;
+}
 #endif

@@ -14,6 +14,8 @@ uniform sampler2DShadow map_compare;  // the same map with hardware comparison, 
 #define COMPARED(uv, p, depth) vec3(uv, depth)
 #endif
 
+#include "filter.glsl"
+
 // 1 unless the receiver's plane, at the texel's centre, is behind the stored depth.
 float compare(float stored, vec2 texel, ShadowCoord p) {
     // Clamped as stored depths are: beyond the far plane the receiver's plane must not be behind an empty texel, nor
@@ -32,7 +34,7 @@ float compare_nearest(ShadowCoord p, vec2 offset) {
 
 // Four texels around uv plus an offset in texels, with bilinear weights.
 float compare_linear(ShadowCoord p, vec2 offset) {
-#ifdef BIAS_HAS_GRADIENT
+#if defined(BIAS_HAS_GRADIENT) || defined(FILTER_HAS_PLANE)
     // Each texel is compared with a different depth, which hardware comparison does not support.
     vec2 at = p.uv * map_size + offset - 0.5;
     vec2 corner = floor(at);
@@ -48,16 +50,45 @@ float compare_linear(ShadowCoord p, vec2 offset) {
 #endif
 }
 
-#include <filter>
+// A spot's depth is affine in 1/w, w being the distance along the axis, and so is that of a plane over the map.
+float plane_depth(ShadowCoord p, vec2 offset) {
+    float change = depth_sign * dot(p.gradient, offset) / map_size;
+    if (light.w == 0.0) return p.linear + change;
+    float w = 1.0 / max(1.0 / p.axis_distance - change / depth_scale[p.layer], 1e-3 / p.axis_distance);
+    return p.linear + (w - p.axis_distance) * p.linear_per_length;
+}
+
+vec2 texels_to(ShadowCoord p, vec3 from_receiver) {
+    vec4 moved = world_to_map[p.layer] * vec4(p.position + from_receiver, 1.0);
+    return (moved.xy / moved.w - p.uv) * map_size;
+}
+
+#ifdef FILTER_CONTENTS
+#ifdef MAP_ARRAY
+uniform sampler2DArray map_contents;
+#else
+uniform sampler2D map_contents;
+#endif
+
+vec4 contents_of_level(ShadowCoord p, vec2 offset, float level) {
+    return textureLod(map_contents, IN_LAYER(p.uv + offset / map_size, p), level);
+}
+#endif
 
 // Visibility of a receiver in one layer. All pixels of a quad must call it, as a bias may take screen derivatives.
 float map_visibility(Receiver r, int layer) {
     ShadowCoord p = shadow_coord(r.position, layer);
     p = shadow_coord(r.position + bias_offset(r, p), layer);
+    p.normal = r.normal;
     // Casters in front of the near plane are stored at near; a bias larger than the receiver's depth would miss them.
     float from_near = REVERSED == 1 ? 1.0 - p.depth : p.depth;
     p.bias = min(bias_depth(r, p), max(from_near - depth_step, 0.0));
+    p.linear -= p.bias / p.depth_per_length * p.linear_per_length;
+#if defined(FILTER_HAS_PLANE) && !defined(BIAS_HAS_GRADIENT)
+    p.gradient = plane_gradient(r, p);
+#else
     p.gradient = bias_gradient(r, p);
+#endif
     if (!r.facing || p.axis_distance <= 0.0) return 1.0;
     float beyond = REVERSED == 1 ? -p.depth : p.depth - 1.0;
 #ifdef FAR_RULE_NONE

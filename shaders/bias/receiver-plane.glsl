@@ -14,9 +14,7 @@ vec2 bias_gradient(Receiver r, ShadowCoord p) {
     vec2 gradient = vec2(dy.y * dx.z - dx.y * dy.z, dx.x * dy.z - dy.x * dx.z) / determinant;
     if (determinant == 0.0) gradient = vec2(0.0);
 #else
-    vec4 plane = plane_in_map(vec4(r.normal, -dot(r.normal, r.position)), p);
-    vec2 gradient = -plane.xy / plane.z;
-    if (plane.z == 0.0) gradient = vec2(0.0);
+    vec2 gradient = plane_gradient(r, p);
 #endif
     return gradient * min(1.0, bias_limit / max(tan_slope(r, p), 1e-6));
 }

@@ -2,7 +2,9 @@
 layout(triangles, invocations = LAYERS) in;
 layout(triangle_strip, max_vertices = 3) out;
 in vec3 world[];
+out float linear_depth;  // as in casters.vert
 uniform mat4 world_to_clip[LAYERS];
+uniform vec4 caster_to_linear[LAYERS];
 
 void main() {
     vec4 corners[3];
@@ -13,6 +15,7 @@ void main() {
     if (any(greaterThan(least, vec2(1.0))) || any(lessThan(most, vec2(-1.0)))) return;
     for (int i = 0; i < 3; ++i) {
         gl_Position = corners[i];
+        linear_depth = dot(caster_to_linear[gl_InvocationID], vec4(world[i], 1.0));
         gl_Layer = gl_InvocationID;
         EmitVertex();
     }

@@ -27,13 +27,17 @@ Choice cascade_of(Receiver r) {
     return blended(layer, layer + 1, (ends[layer] - depth) / length);
 }
 #else
+uniform float filter_margin;         // distance from a receiver to a texel that is read, in texels
+uniform vec4 light_margin[LAYERS];   // what is added around the receivers for lights with a size: low and high uv
+
 // Distance of the offset receiver from the border of a layer's box, less the filter radius, as a share of the box;
 // negative outside.
 float border_distance(Receiver r, int layer) {
     ShadowCoord p = shadow_coord(r.position, layer);
     p = shadow_coord(r.position + bias_offset(r, p), layer);
     vec3 position = vec3(p.uv, p.depth);
-    vec3 margin = min(position, 1.0 - position) - vec3(vec2(filter_radius / map_size), 0.0);
+    vec3 low = vec3(light_margin[layer].xy, 0.0), high = vec3(light_margin[layer].zw, 0.0);
+    vec3 margin = min(position - low, 1.0 - position - high) - vec3(vec2(filter_margin / map_size), 0.0);
     return min(margin.x, min(margin.y, margin.z));
 }
 

@@ -20,10 +20,29 @@ class SceneHull:
     """
 
     def __init__(self, scene: Scene) -> None:
+        self._geometry = scene.geometry
+        self._nearest: tuple[Light, float] | None = None
         vertices = caster_and_receiver_vertices(scene.geometry)
         self.bounds = bounds_of(vertices)
         self.extent = float(np.abs(self.bounds).max())
         self.points = hull_points(vertices)
+
+    def nearest_caster(self, light: Light) -> float:
+        """Distance from a light's position to the nearest caster, at least the light's radius and 1e-6 of the extent.
+
+        For a directional light the largest coordinate of a caster along the direction towards it.
+        """
+        if light.kind == "directional":
+            return float((self.points @ light.homogeneous[0]).max())
+        if self._nearest is None or self._nearest[0] != light:
+            from trimesh.triangles import closest_point  # the import takes 0.3 s
+
+            triangles = self._geometry.vertices[self._geometry.caster_faces]
+            position = np.array(light.position)
+            closest = closest_point(triangles, np.broadcast_to(position, (len(triangles), 3)))
+            nearest = np.linalg.norm(closest - position, axis=1).min(initial=np.inf)
+            self._nearest = light, max(float(nearest), light.radius, 1e-6 * self.extent)
+        return self._nearest[1]
 
     def position_step(self, light: Light) -> float:
         """Float32 rounding error of positions in the scene and of the light's position, a local length."""

@@ -127,6 +127,12 @@ class LightView:
             matrix[2] = 2 * matrix[2] - matrix[3]
         return matrix
 
+    @property
+    def to_linear(self) -> Floats:
+        """(4,) whose dot product with a position (w = 1) is its linear depth: 0 at near, 1 at far."""
+        back, span = self.space.basis[2], self.far - self.near
+        return np.array([*(-back / span), (back @ self.space.origin - self.near) / span])
+
     def linear(self, depths: Floats, reversed_depth: bool = False) -> Floats:
         """Stored depths as linear depths along the axis, 0 at near and 1 at far."""
         depths = 1 - depths if reversed_depth else depths

@@ -37,12 +37,17 @@ class Texture(Protocol):
 
 @dataclass(frozen=True)
 class Sampling:
-    """Sampler state. border: value outside the texture with wrap "border"; compare: hardware depth comparison."""
+    """Sampler state.
+
+    border: value or (4,) components outside the texture with wrap "border"; compare: hardware depth comparison; mips:
+    of mip levels the nearest, else the first only.
+    """
 
     linear: bool = False
     wrap: Wrap = "edge"
-    border: float = 1.0
+    border: float | tuple[float, ...] = 1.0
     compare: Comparison = ""
+    mips: bool = False
 
 
 StencilOp = Literal["keep", "zero", "replace", "increment", "decrement"]
@@ -88,8 +93,7 @@ class Program:
     def __init__(self, device: Device, program: moderngl.Program, text: str) -> None:
         self.device = device
         self.linked = program
-        types = _uniforms(text)
-        self._known = set(types)
+        self._types = types = _uniforms(text)
         self._units: dict[str, int] = {}
         # All sampler uniforms are set here, as moderngl silently ignores some sampler types.
         device.raw("glUseProgram", program.glo)
@@ -106,18 +110,18 @@ class Program:
         compiler removed is skipped. Raises KeyError for a name that the source does not declare.
         """
         for name, value in values.items():
-            if name not in self._known:
-                raise KeyError(f"no uniform {name!r}; the program has {', '.join(sorted(self._known))}")
+            if name not in self._types:
+                raise KeyError(f"no uniform {name!r}; the program has {', '.join(sorted(self._types))}")
             if name not in self.linked:
                 continue
             if isinstance(value, np.ndarray):
-                self.linked[name].write(_bytes(value))  # type: ignore[union-attr]
+                self.linked[name].write(_bytes(value, self._types[name]))  # type: ignore[union-attr]
             else:
                 self.linked[name].value = value  # type: ignore[union-attr]
 
     def has(self, name: str) -> bool:
         """Whether the source declares a uniform of this name."""
-        return name in self._known
+        return name in self._types
 
     def bind(self, textures: Mapping[str, tuple[Texture, Sampling]]) -> None:
         """Bind textures to samplers by name. Raises KeyError if a sampler in use has no texture."""
@@ -136,9 +140,9 @@ def _uniforms(text: str) -> dict[str, str]:
     return types
 
 
-def _bytes(value: NDArray[np.float64]) -> bytes:
-    """Bytes of an array for a uniform: float32, matrices column-major."""
-    if value.shape[-2:] != (4, 4):
+def _bytes(value: NDArray[np.float64], kind: str) -> bytes:
+    """Bytes of an array for a uniform of a GLSL type: float32, matrices column-major."""
+    if kind != "mat4":
         return value.astype(np.float32).tobytes()
     return b"".join(glm.mat4(*rows.T.ravel().tolist()).to_bytes() for rows in value.reshape(-1, 4, 4))
 
@@ -148,10 +152,13 @@ def sampler_of(device: Device, sampling: Sampling) -> moderngl.Sampler:
     if sampling not in device.samplers:
         mode = moderngl.LINEAR if sampling.linear else moderngl.NEAREST
         sampler = device.context.sampler(
-            filter=(mode, mode), repeat_x=sampling.wrap == "repeat", repeat_y=sampling.wrap == "repeat"
+            filter=(moderngl.LINEAR_MIPMAP_NEAREST if sampling.mips else mode, mode),
+            repeat_x=sampling.wrap == "repeat",
+            repeat_y=sampling.wrap == "repeat",
         )
         if sampling.wrap == "border":
-            sampler.border_color = (sampling.border,) * 4
+            border = sampling.border
+            sampler.border_color = border if isinstance(border, tuple) else (border,) * 4
         if sampling.compare:
             sampler.compare_func = sampling.compare
         device.samplers[sampling] = sampler

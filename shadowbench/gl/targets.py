@@ -31,7 +31,9 @@ _PROXIES: dict[Kind, int] = {"2d": 0x8064, "array": 0x8C1B, "cube": 0x851B}
 _DEPTH_COMPONENT, _DEPTH_SIZE, _TEXTURE_WIDTH, _FLOAT = 0x1902, 0x884A, 0x1000, 0x1406
 _DEPTH_STENCIL, _DEPTH24_STENCIL8, _UNSIGNED_INT_24_8, _STENCIL_SIZE = 0x84F9, 0x88F0, 0x84FA, 0x88F1
 _FRAMEBUFFER, _DEPTH_ATTACHMENT, _DEPTH_STENCIL_ATTACHMENT, _STENCIL_BUFFER = 0x8D40, 0x8D00, 0x821A, 0x0400
+_FIRST_COLOR_ATTACHMENT = 0x8CE0
 FACES = 6
+Color = moderngl.Texture | moderngl.TextureArray | moderngl.TextureCube
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,16 +62,7 @@ class DepthTexture:
 
     def attach(self, framebuffer: moderngl.Framebuffer, layer: int | None = None) -> None:
         """Attach the whole texture (layered if it has several layers), or one layer, to a framebuffer as its depth."""
-        raw = self.device.raw
-        framebuffer.use()
-        raw("glBindFramebuffer", _FRAMEBUFFER, framebuffer.glo)
-        if layer is None or self.kind == "2d":
-            raw("glFramebufferTexture", _FRAMEBUFFER, _DEPTH_ATTACHMENT, self.glo, 0)
-        elif self.kind == "cube":  # glFramebufferTextureLayer takes no cube maps in OpenGL 4.1
-            face = _FIRST_FACE + layer
-            raw("glFramebufferTexture2D", _FRAMEBUFFER, _DEPTH_ATTACHMENT, face, self.glo, 0)
-        else:
-            raw("glFramebufferTextureLayer", _FRAMEBUFFER, _DEPTH_ATTACHMENT, self.glo, 0, layer)
+        _attach(self.device, framebuffer, _DEPTH_ATTACHMENT, self.glo, self.kind, layer)
 
     def release(self) -> None:
         """Free the texture."""
@@ -105,18 +98,61 @@ class DepthTarget:
 
 
 def framebuffer_of(
-    depth: DepthTexture, textures: Sequence[moderngl.Texture] = (), layer: int | None = None
+    depth: DepthTexture, colors: Sequence[Color] = (), layer: int | None = None
 ) -> moderngl.Framebuffer:
-    """A framebuffer of a depth texture, or of one of its layers, and of colour textures of the same size."""
-    context, side = depth.device.context, depth.size
+    """A framebuffer of a depth texture, or of one of its layers, and of colour textures of its kind and size."""
+    device, side = depth.device, depth.size
     # moderngl creates no framebuffer without an attachment or with attachments of different sizes, and clears no depth
     # if a framebuffer was created without a depth attachment.
-    placeholder = context.depth_renderbuffer((side, side) if textures else (1, 1))
-    framebuffer = context.framebuffer(list(textures), placeholder)
+    placeholder = device.context.depth_renderbuffer((side, side) if colors else (1, 1))
+    framebuffer = _with_colors(device, colors, depth.kind, layer, placeholder)
     placeholder.release()
     framebuffer.viewport = (0, 0, side, side)
     depth.attach(framebuffer, layer)
     return framebuffer
+
+
+def color_framebuffer(device: Device, color: Color, layer: int | None = None) -> moderngl.Framebuffer:
+    """A framebuffer of a colour texture, or of one of its layers."""
+    return _with_colors(device, [color], kind_of(color), layer)
+
+
+def kind_of(color: Color) -> Kind:
+    """The kind of map that a colour texture stores."""
+    kinds: dict[type, Kind] = {moderngl.TextureArray: "array", moderngl.TextureCube: "cube"}
+    return kinds.get(type(color), "2d")
+
+
+def _with_colors(
+    device: Device,
+    colors: Sequence[Color],
+    kind: Kind,
+    layer: int | None,
+    depth: moderngl.Renderbuffer | None = None,
+) -> moderngl.Framebuffer:
+    """A framebuffer of colour textures; moderngl attaches neither cubes nor single layers itself."""
+    placeholders = [
+        device.context.renderbuffer(color.size[:2], color.components, dtype=color.dtype) for color in colors
+    ]
+    framebuffer = device.context.framebuffer(placeholders, depth)
+    for number, (color, placeholder) in enumerate(zip(colors, placeholders, strict=True)):
+        _attach(device, framebuffer, _FIRST_COLOR_ATTACHMENT + number, color.glo, kind, layer)
+        placeholder.release()
+    return framebuffer
+
+
+def _attach(
+    device: Device, framebuffer: moderngl.Framebuffer, attachment: int, glo: int, kind: Kind, layer: int | None
+) -> None:
+    """Attach a texture, layered if it has several layers, or one of its layers, to a framebuffer."""
+    framebuffer.use()
+    device.raw("glBindFramebuffer", _FRAMEBUFFER, framebuffer.glo)
+    if layer is None or kind == "2d":
+        device.raw("glFramebufferTexture", _FRAMEBUFFER, attachment, glo, 0)
+    elif kind == "cube":  # glFramebufferTextureLayer takes no cube maps in OpenGL 4.1
+        device.raw("glFramebufferTexture2D", _FRAMEBUFFER, attachment, _FIRST_FACE + layer, glo, 0)
+    else:
+        device.raw("glFramebufferTextureLayer", _FRAMEBUFFER, attachment, glo, 0, layer)
 
 
 def depth_target(device: Device, size: int, depth: DepthFormat, kind: Kind = "2d", layers: int = 1) -> DepthTarget:

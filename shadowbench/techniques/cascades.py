@@ -12,13 +12,22 @@ from shadowbench.geometry.hull import SceneHull
 from shadowbench.geometry.lights import Box, LightSpace, LightView, light_space, window
 from shadowbench.geometry.slices import Slice, slices, snapped, stretched
 from shadowbench.gl.device import Device
-from shadowbench.gl.program import Value
+from shadowbench.gl.program import Sampling, Texture, Value
 from shadowbench.gl.targets import DepthFormat, unsupported_map
 from shadowbench.scenes.model import View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.biases import Bias, Texel
 from shadowbench.techniques.filters import Filter, Hardware
-from shadowbench.techniques.maps import MAP_GRID, CasterMap, map_textures, map_uniforms, unsupported_components
+from shadowbench.techniques.fits import widened
+from shadowbench.techniques.maps import (
+    MAP_GRID,
+    CasterMap,
+    contents_of,
+    map_textures,
+    map_uniforms,
+    penumbra_uniforms,
+    unsupported_components,
+)
 from shadowbench.techniques.params import one_of
 from shadowbench.techniques.resolve import ResolvePass
 from shadowbench.techniques.splits import PracticalSplit, Split
@@ -99,13 +108,14 @@ class Cascades(Technique):
         params = self.params
         self.stage = stage
         self.hull = SceneHull(stage.scene)
-        self.filter_radius = params.filter.radius(params.size)
         self.defines = {"LAYERS": params.count, "MAP_ARRAY": 1}
+        self.contents = contents_of(stage, params, params.filter, params.size, "array", params.count, self.defines)
+        fragment = "contents.frag" if self.contents else "depth.frag"
         if params.layers == "geometry":
-            texts = ("cascades/layers.vert", "depth.frag", "cascades/layers.geom")
-            program = stage.program(*texts, defines=self.defines)
+            texts: tuple[str, ...] = ("cascades/layers.vert", fragment, "cascades/layers.geom")
         else:
-            program = stage.program("casters.vert", "depth.frag")
+            texts = ("casters.vert", fragment)
+        program = stage.program(*texts, params=params, defines=self.defines)
         self.map = CasterMap(
             stage,
             program,
@@ -113,6 +123,7 @@ class Cascades(Technique):
             params.depth,
             "array",
             params.count,
+            contents=self.contents,
             bias=params.bias,
             clamp=params.depth_clamp,
             cull=params.cull,
@@ -121,15 +132,25 @@ class Cascades(Technique):
 
     def draw(self, frame: Frame) -> moderngl.Texture:
         self.last = frame
+        self.light_radius = self.params.filter.light_radius(frame.light, self.stage.placement)
         with frame.timed("fit", changes="view"):
             self.slices = self._slices(frame)
             space = light_space(frame.light)
-            boxes = (self._box(space, part, frame.phase.shift) for part in self.slices)
-            self.light_views = [LightView(space, box, self.params.size) for box in boxes]
+            self.margins = []
+            self.light_views = [self._light_view(space, part, frame) for part in self.slices]
         with frame.timed("depth", changes="view"):
             self.map.draw(frame, self.light_views, layered=self.params.layers == "geometry")
+        if self.contents:
+            with frame.timed("blur", changes="view"):
+                self.contents.prepare([max(view.texel) for view in self.light_views])
         with frame.timed("resolve", changes="view"):
-            return self.resolve(frame, map_textures(self.map.texture), **self._uniforms(frame))
+            penumbra = penumbra_uniforms(self.resolve.program, self.light_radius, self.hull, frame.light)
+            return self.resolve(frame, self._textures, **self._uniforms(frame), **penumbra)
+
+    @property
+    def _textures(self) -> dict[str, tuple[Texture, Sampling]]:
+        textures = map_textures(self.map.texture)
+        return textures | self.contents.sampler("border") if self.contents else textures
 
     def _slices(self, frame: Frame) -> list[Slice]:
         params = self.params
@@ -138,24 +159,46 @@ class Cascades(Technique):
         # only a cascade that contains the receiver is blended.
         return slices(frame.camera, depths, params.blend if params.select == "depth" else 0.0)
 
-    def _box(self, space: LightSpace, part: Slice, shift: tuple[float, float]) -> Box:
-        params, padding = self.params, self.filter_radius + 1
+    def _light_view(self, space: LightSpace, part: Slice, frame: Frame) -> LightView:
+        params, padding, shift = self.params, self.params.filter.reach(self.params.size) + 1, frame.phase.shift
+        box = self._box(space, part)
+        if params.stable:  # the window's size must not depend on the camera's pose
+            center, radius = part.sphere
+            range_ = space.box(self.hull.points)
+            reach = self.light_radius * float(range_.high[2] - range_.low[2])
+            half = np.array([radius + reach, radius + reach, radius * (1.0 if params.depth_clamp else params.z_mult)])
+            placed = snapped(space, center, half, params.size, padding, shift)
+            added = np.full(4, reach)
+        else:
+            wide = widened(box, space, self.hull, frame.light, self.light_radius)
+            placed = window(wide, space, params.size, padding, shift)
+            added = np.concatenate([(box.low - wide.low)[:2], (wide.high - box.high)[:2]])
+        self.margins.append(added / np.tile((placed.high - placed.low)[:2], 2))
+        return LightView(space, placed, params.size)
+
+    def _box(self, space: LightSpace, part: Slice) -> Box:
+        """The receivers' box of a slice."""
+        params = self.params
         # With depth clamping a longer range would only cost depth precision and enlarge biases in units of depth.
         depth_factor = 1.0 if params.depth_clamp else params.z_mult
         if params.box != "sphere":
             hull = self.hull
             points = part.corners if params.box == "tight" else part.corners_within(hull.bounds, hull.extent)
-            return window(stretched(space.box(points), depth_factor), space, params.size, padding, shift)
+            return stretched(space.box(points), depth_factor)
         center, radius = part.sphere
         half = np.array([radius, radius, radius * depth_factor])
-        if params.stable:
-            return snapped(space, center, half, params.size, padding, shift)
         middle = space.box(center[None]).low
-        return window(Box(middle - half, middle + half), space, params.size, padding, shift)
+        return Box(middle - half, middle + half)
 
     def _uniforms(self, frame: Frame) -> dict[str, Value]:
-        values = map_uniforms(self.light_views) | {"filter_radius": self.filter_radius, "depth_step": self.map.step}
+        values = map_uniforms(self.light_views) | {
+            "filter_radius": self.params.filter.radius(self.params.size),
+            "depth_step": self.map.step,
+        }
         values["position_step"] = self.hull.position_step(frame.light)
+        if self.params.select == "box":
+            values["filter_margin"] = self.params.filter.reach(self.params.size)
+            values["light_margin"] = np.array(self.margins)
         if self.params.select == "depth":
             forward = -frame.camera.basis()[2]
             values["view_depth"] = (*map(float, forward), -float(forward @ frame.camera.position))
@@ -168,7 +211,7 @@ class Cascades(Technique):
         return ResolvePass(self.stage, "cascades/tint.frag", self.params, self.defines, components=4)
 
     def tint(self) -> moderngl.Texture:
-        return self._tint(self.last, map_textures(self.map.texture), **self._uniforms(self.last))
+        return self._tint(self.last, self._textures, **self._uniforms(self.last))
 
     def map_image(self) -> NDArray[np.float32]:
         return np.hstack(list(self.map.texture.read()[:, ::-1]))

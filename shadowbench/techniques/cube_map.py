@@ -14,7 +14,14 @@ from shadowbench.scenes.model import Floats, View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.biases import Bias, Texel
 from shadowbench.techniques.filters import Filter, Hardware
-from shadowbench.techniques.maps import MAP_GRID, CasterMap, map_textures, unsupported_components
+from shadowbench.techniques.maps import (
+    MAP_GRID,
+    CasterMap,
+    contents_of,
+    map_textures,
+    penumbra_uniforms,
+    unsupported_components,
+)
 from shadowbench.techniques.params import one_of
 from shadowbench.techniques.resolve import ResolvePass
 
@@ -69,19 +76,22 @@ class CubeMap(Technique):
         params = self.params
         self.stage = stage
         self.hull = SceneHull(stage.scene)
-        layered = params.layers == "geometry"
-        texts = ("cube-map/casters.vert", "cube-map/depth.frag", "cube-map/faces.geom" if layered else None)
+        layered, defines = params.layers == "geometry", {"MAP_CUBE": 1}
+        self.contents = contents_of(stage, params, params.filter, params.size, "cube", 6, defines)
+        fragment = "cube-map/contents.frag" if self.contents else "cube-map/depth.frag"
+        texts = ("cube-map/casters.vert", fragment, "cube-map/faces.geom" if layered else None)
         self.map = CasterMap(
             stage,
-            stage.program(*texts, params=params),
+            stage.program(*texts, params=params, defines=defines),
             params.size,
             params.depth,
             "cube",
+            contents=self.contents,
             bias=params.bias,
             clamp=False,
             cull=params.cull and not layered,
         )
-        self.resolve = ResolvePass(stage, "cube-map/resolve.frag", params)
+        self.resolve = ResolvePass(stage, "cube-map/resolve.frag", params, defines)
 
     def draw(self, frame: Frame) -> moderngl.Texture:
         with frame.timed("depth", changes="light"):
@@ -89,16 +99,22 @@ class CubeMap(Technique):
             self.far = float(reach.max()) * _MARGIN
             self.map.program.set(light_position=frame.light.position, map_far=self.far, near=self.far * _NEAREST)
             self.map.draw_layers(frame, self._draws(frame))
+        textures = map_textures(self.map.texture, "edge")
+        if self.contents:
+            with frame.timed("blur", changes="light"):
+                self.contents.prepare()
+            textures |= self.contents.sampler("edge")
+        light_radius = self.params.filter.light_radius(frame.light, self.stage.placement)
         with frame.timed("resolve", changes="view"):
             return self.resolve(
                 frame,
-                map_textures(self.map.texture, "edge"),
+                textures,
                 map_far=self.far,
                 filter_radius=self.params.filter.radius(self.params.size),
                 depth_step=self.map.step,
                 position_step=self.hull.position_step(frame.light),
-                eye=frame.camera.position,
                 view_far=frame.view.near_far[1],
+                **penumbra_uniforms(self.resolve.program, light_radius, self.hull, frame.light),
             )
 
     def _draws(self, frame: Frame) -> list[tuple[dict[str, Value], list[Floats]]]:

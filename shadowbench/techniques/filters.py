@@ -1,9 +1,29 @@
 """Shadow-map filters: the compared texels and their weights. Each has a class and a shader file in `filter/`."""
 
+from dataclasses import dataclass
 from typing import ClassVar, Literal
 
+from shadowbench.scenes.model import Light, Placement
 from shadowbench.techniques.biases import MapKind
 from shadowbench.techniques.params import Component, param
+
+Kernel = Literal["box", "gaussian"]
+
+
+@dataclass(frozen=True)
+class Contents:
+    """What a filter stores in a map besides depth, computed by its shader's `filter_contents`, and how it is prepared.
+
+    components: 1 to 4 of them; dtype: f4, f2 (half) or nu2 (16-bit unorm); linear: read with bilinear weights; blur:
+    texels along a side of the blur's kernel, odd, 1 for none; mips: read with mip levels.
+    """
+
+    components: int
+    dtype: Literal["f4", "f2", "nu2"] = "f4"
+    linear: bool = True
+    blur: int = 1
+    kernel: Kernel = "box"
+    mips: bool = False
 
 
 class Filter(Component):
@@ -12,8 +32,30 @@ class Filter(Component):
     maps: ClassVar[frozenset[MapKind]] = frozenset({"2d", "array"})
 
     def radius(self, size: int) -> float:
-        """Largest distance from the receiver's point to any point of a compared texel, in texels of a map of `size`."""
+        """The distance from a receiver to compared texels that the bias must span, in texels of a map of `size`."""
         raise NotImplementedError(self.name)
+
+    def reach(self, size: int) -> float:
+        """Largest distance from a receiver's point to any point of a texel that is read, in texels."""
+        return self.radius(size)
+
+    def light_radius(self, light: Light, placement: Placement) -> float:
+        """Radius of the light by which the filter widens with the distance to a caster; 0 for a fixed width.
+
+        The tangent of a sun's angular radius; of other lights a local length.
+        """
+        return 0.0
+
+    @property
+    def contents(self) -> Contents | None:
+        """What the map stores besides depth; None for a filter that reads depths only."""
+        return None
+
+    @property
+    def defines(self) -> dict[str, str]:
+        contents = self.contents
+        mips = {"MIPMAPPED": "1"} if contents and contents.mips else {}
+        return {"CONTENTS": str(contents.components)} | mips if contents else {}
 
     @property
     def reads(self) -> int:

@@ -10,7 +10,7 @@ from shadowbench.geometry.convex import box_planes, corners, frustum_planes, vie
 from shadowbench.geometry.hull import SceneHull
 from shadowbench.geometry.lights import Box, LightSpace, LightView, light_space, window
 from shadowbench.gl.clock import Changes
-from shadowbench.scenes.model import Floats, Placement, View
+from shadowbench.scenes.model import Floats, Light, Placement, View
 from shadowbench.techniques.params import Component, param
 
 VisibleBoundsFunction = Callable[[LightSpace], Box | None]
@@ -18,12 +18,16 @@ VisibleBoundsFunction = Callable[[LightSpace], Box | None]
 
 @dataclass(frozen=True, eq=False)
 class FitContext:
-    """Inputs of a fit: the view, the scene's hull, and a function for the visible receivers' box in a light space."""
+    """Inputs of a fit: the view, the scene's hull, and a function for the visible receivers' box in a light space.
+
+    light_radius: of the light by which the filter widens; see `Filter.light_radius`.
+    """
 
     view: View
     placement: Placement
     hull: SceneHull
     visible_bounds: VisibleBoundsFunction
+    light_radius: float = 0.0
 
 
 class Fit(Component):
@@ -50,6 +54,7 @@ class Fit(Component):
         """
         space = light_space(context.view.light)
         box = self.receiver_bounds(space, context) or Box(np.zeros(3), np.ones(3))
+        box = widened(box, space, context.hull, context.view.light, context.light_radius)
         return LightView(space, window(box, space, size, padding, shift), size)
 
 
@@ -113,6 +118,26 @@ class VisibleFit(Fit):
 
     def receiver_bounds(self, space: LightSpace, context: FitContext) -> Box | None:
         return context.visible_bounds(space)
+
+
+def widened(box: Box, space: LightSpace, hull: SceneHull, light: Light, light_radius: float) -> Box:
+    """A box of receivers, and of the casters between them and any point of a light of a radius.
+
+    light_radius: see `Filter.light_radius`.
+    """
+    if light_radius == 0.0:
+        return box
+    low, high = box.low.copy(), box.high.copy()
+    if space.perspective:
+        # In units of the distance; a caster at the distance b is seen from a receiver at d within radius (1/b − 1/d).
+        reach = light_radius * (1 / hull.nearest_caster(light) - 1 / high[2])
+        low[:2], high[:2] = low[:2] - reach, high[:2] + reach
+        return Box(low, high)
+    casters = space.box(hull.points)
+    reach = light_radius * max(high[2] - casters.low[2], 0.0)
+    low[:2] = np.maximum(low[:2] - reach, np.minimum(low, casters.low)[:2])
+    high[:2] = np.minimum(high[:2] + reach, np.maximum(high, casters.high)[:2])
+    return Box(low, high)
 
 
 def _region(space: LightSpace, context: FitContext, more: list[Floats]) -> Box | None:

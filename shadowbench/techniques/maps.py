@@ -14,9 +14,10 @@ from shadowbench.geometry.hull import SceneHull
 from shadowbench.geometry.lights import LightView
 from shadowbench.gl.program import Comparison, Program, Ranges, Sampling, State, Texture, Value, Wrap
 from shadowbench.gl.targets import DepthFormat, Kind
-from shadowbench.scenes.model import Floats, vec3
+from shadowbench.scenes.model import Floats, Light, vec3
 from shadowbench.techniques.base import Frame, Stage
 from shadowbench.techniques.biases import Bias, MapKind, NoBias
+from shadowbench.techniques.contents import MapContents
 from shadowbench.techniques.culling import CasterChunks
 from shadowbench.techniques.filters import Filter
 from shadowbench.techniques.fits import Fit, FitContext, VisibleFit
@@ -46,21 +47,23 @@ class FittedView:
         self._stage, self._fit, self._size, self._padding = stage, fit, size, filter_radius + 1
         self._bounds = VisibleBounds(stage)
 
-    def __call__(self, frame: Frame) -> LightView:
-        """The light view for a frame."""
-        context = FitContext(frame.view, self._stage.placement, self.hull, lambda space: self._bounds(frame, space))
+    def __call__(self, frame: Frame, light_radius: float = 0.0) -> LightView:
+        """The light view for a frame. light_radius: see `Filter.light_radius`."""
+        context = FitContext(
+            frame.view, self._stage.placement, self.hull, lambda space: self._bounds(frame, space), light_radius
+        )
         return self._fit.light_view(context, self._size, self._padding, frame.phase.shift)
 
 
 class CasterMap:
-    """A square shadow map: casters rendered from the light into a depth texture and an optional colour texture.
+    """A square shadow map: casters rendered from the light into a depth texture, and what a filter stores besides.
 
-    program: has `in vec3 position`, and `uniform mat4 world_to_clip` for `draw`; its fragment shader writes the colour
-    texture with `components` components (2-D maps only), which is cleared to 1. cull: skip casters that cannot shadow
-    any receiver in the map; clamp: clamp casters in front of the near plane to it.
+    program: has `in vec3 position`, and for `draw` `uniform mat4 world_to_clip`; with `contents` its fragment shader is
+    `contents.frag`. cull: skip casters that cannot shadow any receiver in the map; clamp: clamp casters in front of the
+    near plane to it.
 
-    Attributes: `texture`, the depths; `contents`, the colour texture; `step`, the spacing of stored depths near 1;
-    `culled`, the number of triangles that the last draw skipped.
+    Attributes: `texture`, the depths; `step`, the spacing of stored depths near 1; `culled`, the number of triangles
+    that the last draw skipped.
     """
 
     def __init__(
@@ -72,7 +75,7 @@ class CasterMap:
         kind: Kind = "2d",
         layers: int = 1,
         *,
-        components: int = 0,
+        contents: MapContents | None = None,
         bias: Bias = _NO_BIAS,
         clamp: bool = True,
         reversed_depth: bool = False,
@@ -82,33 +85,38 @@ class CasterMap:
         depth_target = stage.depth_target(size, depth, kind, layers)
         self.texture, self.step = depth_target.texture, depth_target.step
         self._all_layers, self._layer_targets = depth_target.target, depth_target.layer_targets
-        if components:
-            self.contents = stage.texture((size, size), components)
-            self._all_layers = stage.target(self.contents, depth=depth_target.texture)
+        self._far = (1.0, 1.0, 1.0, 1.0)
+        if contents is not None:
+            self._far = contents.far
+            self._all_layers = stage.target(contents.texture, depth=self.texture)
+            self._layer_targets = tuple(
+                stage.target(contents.texture, depth=self.texture, layer=layer)
+                for layer in range(len(self._layer_targets))
+            )
         self._casters = stage.casters(program)
         self._chunks = CasterChunks(stage.scene, cull)
         self._bias, self._state = bias, caster_state(bias, clamp, reversed_depth)
         self.culled = 0
-
-    @property
-    def stored(self) -> dict[str, tuple[Texture, Sampling]]:
-        """The contents as the sampler `map_stored`: bilinear filtering, 1 outside the map."""
-        return {"map_stored": (self.contents, Sampling(linear=True, wrap="border", border=1.0))}
 
     def draw(self, frame: Frame, views: Sequence[LightView], layered: bool = False) -> None:
         """Clear the map and draw the casters into each layer by its light view.
 
         layered: one draw for all layers, by a program that sets `gl_Layer`.
         """
-        if self.program.has("far_distance"):
-            self.program.set(far_distance=far_distance(views[0]))
         matrices = [view.to_clip(self.reversed_depth) for view in views]
+        depths = [view.to_linear for view in views]
         regions = [storable_region(view, self._bias) for view in views]
         if layered:
-            self.draw_layers(frame, [({"world_to_clip": np.stack(matrices)}, regions)])
+            uniforms = {"world_to_clip": np.stack(matrices), "caster_to_linear": np.stack(depths)}
+            self.draw_layers(frame, [(uniforms, regions)])
         else:
-            pairs = zip(matrices, regions, strict=True)
-            self.draw_layers(frame, [({"world_to_clip": matrix}, [region]) for matrix, region in pairs])
+            self.draw_layers(
+                frame,
+                [
+                    ({"world_to_clip": matrix, "caster_to_linear": depth}, [region])
+                    for matrix, depth, region in zip(matrices, depths, regions, strict=True)
+                ],
+            )
 
     def draw_layers(self, frame: Frame, draws: Sequence[tuple[Mapping[str, Value], Sequence[Floats]]]) -> None:
         """Clear the map and draw the casters, once for all layers or once for each.
@@ -117,34 +125,13 @@ class CasterMap:
         any point of them are culled.
         """
         targets = self._layer_targets if len(draws) > 1 else (self._all_layers,)
-        self._all_layers.clear(1.0, 1.0, 1.0, 1.0, depth=0.0 if self.reversed_depth else 1.0)
+        self._all_layers.clear(*self._far, depth=0.0 if self.reversed_depth else 1.0)
         self.culled = 0
         for target, (uniforms, regions) in zip(targets, draws, strict=True):
             ranges: Ranges | None = self._chunks.index_ranges(frame.light_uniform, *regions)
             self.culled += self._chunks.count_culled(ranges)
             self.program.set(**uniforms)
             self._casters.draw(target, state=self._state, ranges=ranges)
-
-
-class BoxBlur:
-    """A separable box blur of taps² texels of a square texture, in place; 1 tap does nothing."""
-
-    def __init__(self, stage: Stage, texture: moderngl.Texture, taps: int) -> None:
-        self._passes = []
-        if taps > 1:
-            program = stage.program("fullscreen.vert", "blur.frag", defines={"TAPS": taps})
-            scratch = stage.texture(texture.size, texture.components)
-            self._draw = stage.fullscreen(program)
-            self._passes = [
-                (stage.target(scratch), texture, (1.0, 0.0)),
-                (stage.target(texture), scratch, (0.0, 1.0)),
-            ]
-
-    def __call__(self) -> None:
-        """Blur the texture."""
-        for target, source, direction in self._passes:
-            self._draw.program.set(direction=direction)
-            self._draw.draw(target, {"source": (source, Sampling())})
 
 
 def unsupported_components(kind: MapKind, bias: Bias, filter: Filter) -> str | None:
@@ -167,6 +154,27 @@ def caster_state(bias: Bias, clamp: bool = True, reversed_depth: bool = False) -
     )
 
 
+def contents_of(
+    stage: Stage,
+    params: TechniqueParams,
+    filter: Filter,
+    size: int,
+    kind: Kind = "2d",
+    layers: int = 1,
+    defines: Mapping[str, int | str] = {},
+) -> MapContents | None:
+    """What a filter stores in a map of `size`² texels besides depth; None if nothing."""
+    stored = filter.contents
+    return None if stored is None else MapContents(stage, params, stored, size, kind, layers, defines)
+
+
+def penumbra_uniforms(program: Program, light_radius: float, hull: SceneHull, light: Light) -> dict[str, Value]:
+    """Uniforms of `penumbra.glsl`, if a program includes it."""
+    if not program.has("light_radius"):
+        return {}
+    return {"light_radius": light_radius, "nearest_caster": hull.nearest_caster(light)}
+
+
 def storable_region(light_view: LightView, bias: Bias) -> Floats:
     """(P, 4) planes of the region whose casters a map may store: its sides and its far plane.
 
@@ -175,17 +183,13 @@ def storable_region(light_view: LightView, bias: Bias) -> Floats:
     return light_view.planes if min(bias.polygon_offset) >= 0 else light_view.planes[:4]
 
 
-def far_distance(view: LightView) -> float:
-    """The uniform `far_distance` of `linear_depth.glsl`: w at the far plane."""
-    return view.far if view.space.perspective else 1.0
-
-
 def map_uniforms(light_views: Sequence[LightView], reversed_depth: bool = False) -> dict[str, Value]:
     """Uniforms of `map.glsl` for the light views of a map's layers, all of one light."""
     to_map = np.stack([view.to_map(reversed_depth) for view in light_views])
     return {
         "world_to_map": to_map,
         "map_to_world": np.linalg.inv(to_map).astype(np.float64),
+        "world_to_linear": np.stack([view.to_linear for view in light_views]),
         "texel_width": np.array([view.texel for view in light_views]),
         "depth_scale": np.array([view.depth_scale for view in light_views]),
         "light_axis": vec3(light_views[0].space.basis[2]),

@@ -56,7 +56,7 @@ class Component(Strict):
     """Base class of biases, filters, fits and splits; a subclass with a `name` is added to its family's table."""
 
     name: ClassVar[str]
-    shader: ClassVar[str] = ""  # the file that fills the include slot of the parameter
+    shader: ClassVar[str] = ""  # the file that fills the include slot of the parameter, or its text
     table: ClassVar[dict[str, type[Self]]]
 
     @classmethod
@@ -66,6 +66,11 @@ class Component(Strict):
             cls.table = {}
         elif "name" in cls.__dict__:
             cls.table[cls.name] = cls  # type: ignore[assignment]  # Self is a subclass of the family here
+
+    @property
+    def defines(self) -> dict[str, str]:
+        """Further #defines of its shader, by name without the parameter's: {"CONTENTS": "2"} is FILTER_CONTENTS 2."""
+        return {}
 
     @classmethod
     def family(cls) -> "type[Component]":

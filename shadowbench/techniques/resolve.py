@@ -1,11 +1,13 @@
 """The full-screen resolve pass: visibility of the G-buffer's receivers, the last pass of most techniques."""
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 
 import moderngl
 
 from shadowbench.gl.program import Sampling, Texture, Value
+from shadowbench.scenes.model import vec3
 from shadowbench.techniques.base import Frame, Stage
 from shadowbench.techniques.params import TechniqueParams
 
@@ -33,6 +35,12 @@ class ResolvePass:
         self, frame: Frame, textures: Mapping[str, tuple[Texture, Sampling]] = {}, **uniforms: Value
     ) -> moderngl.Texture:
         """Draw with these textures besides the G-buffer's, and these uniforms besides `light`; returns `texture`."""
+        if self.program.has("pixel_right"):
+            right, up, back = frame.camera.basis()
+            width = 2 * math.tan(frame.camera.fov_y / 2) / frame.view.size
+            self.program.set(pixel_right=vec3(right * width), pixel_up=vec3(up * width), forward=vec3(-back))
+        if self.program.has("eye"):
+            self.program.set(eye=frame.camera.position)
         self.program.set(light=frame.light_uniform, **uniforms)
         self._triangle.draw(self._target, {**frame.surface.inputs, **textures})
         return self.texture

@@ -19,8 +19,10 @@ from shadowbench.techniques.maps import (
     CasterMap,
     FittedParams,
     FittedView,
+    contents_of,
     map_textures,
     map_uniforms,
+    penumbra_uniforms,
     unsupported_components,
 )
 from shadowbench.techniques.params import one_of
@@ -75,13 +77,15 @@ class ShadowMap(Technique):
     def build(self, stage: Stage) -> None:
         params = self.params
         self.stage = stage
-        self.filter_radius = params.filter.radius(params.size)
-        self.fitted = FittedView(stage, params.fit, params.size, self.filter_radius)
+        self.fitted = FittedView(stage, params.fit, params.size, params.filter.reach(params.size))
+        self.contents = contents_of(stage, params, params.filter, params.size)
+        fragment = "contents.frag" if self.contents else "depth.frag"
         self.map = CasterMap(
             stage,
-            stage.program("casters.vert", "depth.frag"),
+            stage.program("casters.vert", fragment, params=params),
             params.size,
             params.depth,
+            contents=self.contents,
             bias=params.bias,
             clamp=params.fit.clamps,
             reversed_depth=params.reversed,
@@ -91,18 +95,25 @@ class ShadowMap(Technique):
 
     def draw(self, frame: Frame) -> moderngl.Texture:
         params, moves = self.params, self.params.fit.invalidated_by
+        light_radius = params.filter.light_radius(frame.light, self.stage.placement)
         with frame.timed("fit", changes=moves):
-            self.light_view = self.fitted(frame)
+            self.light_view = self.fitted(frame, light_radius)
         with frame.timed("depth", changes=moves):
             self.map.draw(frame, [self.light_view])
+        textures = map_textures(self.map.texture, params.wrap, params.reversed)
+        if self.contents:
+            with frame.timed("blur", changes=moves):
+                self.contents.prepare()
+            textures |= self.contents.sampler(params.wrap)
         with frame.timed("resolve", changes="view"):
             return self.resolve(
                 frame,
-                map_textures(self.map.texture, params.wrap, params.reversed),
-                filter_radius=self.filter_radius,
+                textures,
+                filter_radius=params.filter.radius(params.size),
                 depth_step=self.map.step,
                 position_step=self.fitted.hull.position_step(frame.light),
                 **map_uniforms([self.light_view], params.reversed),
+                **penumbra_uniforms(self.resolve.program, light_radius, self.fitted.hull, frame.light),
             )
 
     def map_image(self) -> NDArray[np.float32] | None:

@@ -14,11 +14,14 @@ from shadowbench.gl.geometry import DeviceGeometry
 from shadowbench.gl.program import Drawable, Program, link
 from shadowbench.gl.shaders import compose
 from shadowbench.gl.targets import (
+    FACES,
+    Color,
     DepthFormat,
     DepthTarget,
     DepthTexture,
     Kind,
     StencilTarget,
+    color_framebuffer,
     depth_target,
     framebuffer_of,
     stencil_target,
@@ -26,7 +29,7 @@ from shadowbench.gl.targets import (
 from shadowbench.scenes.model import Placement, Scene
 from shadowbench.techniques.params import Component, TechniqueParams, in_metres
 
-_COMPONENT_BYTES = {"f1": 1, "f2": 2, "f4": 4, "i4": 4, "u4": 4}
+_COMPONENT_BYTES = {"f1": 1, "f2": 2, "f4": 4, "i4": 4, "u4": 4, "nu2": 2}
 
 
 @dataclass(frozen=True)
@@ -100,12 +103,34 @@ class Stage:
         self._own(texture, size[0] * size[1] * components * _COMPONENT_BYTES[dtype])
         return texture
 
+    def map_texture(self, size: tuple[int, int], kind: Kind, layers: int, components: int, dtype: str) -> Color:
+        """A colour texture of a kind of map: one, an array of `layers`, or the six faces of a cube."""
+        context = self.device.context
+        if kind == "2d":
+            return self.texture(size, components, dtype)
+        layers = FACES if kind == "cube" else layers
+        texture: Color = (
+            context.texture_cube(size, components, dtype=dtype)
+            if kind == "cube"
+            else context.texture_array((*size, layers), components, dtype=dtype)
+        )
+        self._own(texture, layers * size[0] * size[1] * components * _COMPONENT_BYTES[dtype])
+        return texture
+
     def target(
-        self, *textures: moderngl.Texture, depth: moderngl.Texture | DepthTexture | None = None
+        self,
+        *textures: Color,
+        depth: moderngl.Texture | DepthTexture | None = None,
+        layer: int | None = None,
     ) -> moderngl.Framebuffer:
-        """A framebuffer with colour textures and optionally a depth texture, such as that of a `depth_target`."""
+        """A framebuffer with colour textures and optionally a depth texture, such as that of a `depth_target`.
+
+        layer: of a map with several, the one that is drawn into; all by default, by `gl_Layer`.
+        """
         if isinstance(depth, DepthTexture):
-            framebuffer = framebuffer_of(depth, textures)
+            framebuffer = framebuffer_of(depth, textures, layer)
+        elif layer is not None:
+            framebuffer = color_framebuffer(self.device, textures[0], layer)
         else:
             framebuffer = self.device.context.framebuffer(list(textures), depth)
         self._resources.append(framebuffer)
@@ -209,6 +234,7 @@ def _shader_values(
             uniforms |= inner_uniforms
             if value.shader:
                 slots[name] = value.shader
+            defines |= {f"{name}_{key}".upper(): text for key, text in value.defines.items()}
         elif isinstance(value, bool | int):
             defines[name.upper()] = str(int(value))
         elif isinstance(value, float):

@@ -1,0 +1,105 @@
+"""Filterable shadow maps: what they store is blurred and filtered before it is compared."""
+
+from typing import Literal, Self
+
+from pydantic import field_validator, model_validator
+
+from shadowbench.techniques.biases import MapKind
+from shadowbench.techniques.filters import Contents, Filter, Kernel
+from shadowbench.techniques.params import param
+
+_ALL: frozenset[MapKind] = frozenset({"2d", "array", "cube"})
+
+
+class Filterable(Filter):
+    """Base class of filters whose contents are blurred: reads once per pixel, however wide the blur."""
+
+    maps = _ALL
+    blur: int = param(5, "texels along a side of the blur's kernel, odd; 1 for none", ge=1, le=63)
+    kernel: Kernel = param("box", "weights of the blur; a Gaussian's standard deviation is a quarter of its width")
+    mips: bool = param(False, "mip levels, with a footprint from the receiver's plane")
+
+    @field_validator("blur")
+    @classmethod
+    def _odd(cls, value: int) -> int:
+        if value % 2 == 0:
+            raise ValueError(f"found {value}; allowed: an odd number")
+        return value
+
+    def radius(self, size: int) -> float:
+        return 1.0  # of the bilinear read; a symmetric blur leaves the mean depth of a plane as it is
+
+    def reach(self, size: int) -> float:
+        return self.blur / 2 + 1
+
+    @property
+    def reads(self) -> int:
+        return 1
+
+
+class VSM(Filterable):
+    """Variance shadow map: Chebyshev's bound from two moments (Donnelly and Lauritzen 2006).
+
+    Light bleeds where two casters overlap, the more, the farther apart they are.
+    """
+
+    name = "vsm"
+    shader = "filter/vsm.glsl"
+    bleed: float = param(0.3, "light bleeding reduction: a bound below it is shadow", ge=0, lt=1)
+    min_variance: float = param(1e-7, "least variance, in squared depth", ge=0, le=1)
+
+    @property
+    def contents(self) -> Contents:
+        return Contents(2, blur=self.blur, kernel=self.kernel, mips=self.mips)
+
+
+class ESM(Filterable):
+    """Exponential shadow map: the mean of e^(c·depth) over that of the receiver (Annen et al. 2008).
+
+    Leaks at contacts, and wherever the kernel holds texels deeper than the receiver.
+    """
+
+    name = "esm"
+    shader = "filter/esm.glsl"
+    c: float = param(80.0, "sharpness; e^c overflows beyond 87", gt=0, le=87)
+
+    @property
+    def contents(self) -> Contents:
+        return Contents(1, blur=self.blur, kernel=self.kernel, mips=self.mips)
+
+
+class EVSM(Filterable):
+    """Exponential variance shadow map: Chebyshev's bound of warped depths (Lauritzen and McCool 2008).
+
+    With four components the smaller of the bounds of two warps, one of which is exact at contacts.
+    """
+
+    name = "evsm"
+    shader = "filter/evsm.glsl"
+    components: Literal[2, 4] = param(4, "2: the positive warp only; 4: both warps")
+    positive: float = param(40.0, "exponent of the positive warp; its square overflows beyond 42", gt=0, le=42)
+    negative: float = param(5.0, "exponent of the negative warp", gt=0, le=42)
+    bleed: float = param(0.0, "light bleeding reduction: a bound below it is shadow", ge=0, lt=1)
+    min_variance: float = param(1e-4, "least variance, in squared depth at the receiver", ge=0, le=1)
+
+    @property
+    def contents(self) -> Contents:
+        return Contents(self.components, blur=self.blur, kernel=self.kernel, mips=self.mips)
+
+
+class MSM(Filterable):
+    """Moment shadow map: the sharpest lower bound on shadow from four moments (Peters and Klein 2015, Hamburger).
+
+    Two depths at a pixel bleed nothing, three do.
+    """
+
+    name = "msm"
+    shader = "filter/msm.glsl"
+    bits: Literal[16, 32] = param(32, "bits of each moment; 16 are quantised after a transform of the moments")
+    bias: float = param(3e-6, "share of the moments of an even distribution, against rounding", ge=0, le=1)
+    bleed: float = param(0.0, "light bleeding reduction: a bound below it is shadow", ge=0, lt=1)
+
+    @property
+    def contents(self) -> Contents:
+        dtype: Literal["f4", "nu2"] = "f4" if self.bits == 32 else "nu2"
+        return Contents(4, dtype, blur=self.blur, kernel=self.kernel, mips=self.mips)
