@@ -1,0 +1,71 @@
+"""Filters over a disc of taps, of a fixed radius or as wide as the penumbra."""
+
+import math
+from typing import Literal
+
+from shadowbench.scenes.model import Light, Placement
+from shadowbench.techniques.biases import MapKind
+from shadowbench.techniques.filters import Contents, Filter
+from shadowbench.techniques.params import param
+
+Pattern = Literal["vogel", "poisson"]
+_ALL: frozenset[MapKind] = frozenset({"2d", "array", "cube"})
+
+
+class Disc(Filter):
+    """Base class of filters that compare taps over a disc, each with the receiver's plane there."""
+
+    maps = _ALL
+    pattern: Pattern = param("vogel", "positions of the taps: a spiral of equal areas (Vogel 1979), or Poisson disc")
+    rotate: bool = param(True, "turns the pattern from pixel to pixel by interleaved gradient noise (Jimenez 2014)")
+
+    def radius(self, size: int) -> float:
+        return 1.0  # of a single tap
+
+
+class PCFDisc(Disc):
+    """Percentage-closer filtering over a disc of a fixed radius (Reeves, Salesin and Cook 1987)."""
+
+    name = "pcf-disc"
+    shader = "filter/pcf-disc.glsl"
+    width: float = param(2.5, "radius of the disc in texels", gt=0, le=64)
+    taps: int = param(16, "bilinear comparisons", ge=1, le=256)
+
+    def reach(self, size: int) -> float:
+        return self.width + 1
+
+    @property
+    def reads(self) -> int:
+        return self.taps
+
+
+class PCSS(Disc):
+    """Percentage-closer soft shadows: the disc is as wide as the penumbra (Fernando 2005).
+
+    The mean distance of the blockers in a search disc gives the penumbra's width by similar triangles, in the scene's
+    units, so that it does not depend on the map's depth range. Wrong where casters at several distances overlap; noisy
+    where the disc holds few taps.
+    """
+
+    name = "pcss"
+    shader = "filter/pcss.glsl"
+    search: int = param(16, "taps of the blocker search", ge=1, le=256)
+    taps: int = param(32, "bilinear comparisons", ge=1, le=256)
+    angle: float = param(0.0, "angular radius of a sun in degrees; 0: the scene's", ge=0, le=45)
+    size: float = param(0.0, "radius of other lights; 0: the scene's", ge=0, metres=True)
+
+    def light_radius(self, light: Light, placement: Placement) -> float:
+        if light.kind == "directional":
+            return math.tan(math.radians(self.angle) if self.angle else light.radius)
+        if self.size:
+            return placement.length(self.size)
+        width, height = light.size
+        return math.sqrt(width * height / math.pi) if light.kind == "rectangle" else light.radius
+
+    @property
+    def contents(self) -> Contents:
+        return Contents(1, linear=False)
+
+    @property
+    def reads(self) -> int:
+        return self.search + self.taps
