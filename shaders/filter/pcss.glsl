@@ -21,7 +21,7 @@ float mean_gap(ShadowCoord p, float radius, mat2 turned) {
 float filter_visibility(ShadowCoord p) {
     mat2 turned = turn();
     float smallest = 0.5 * length(p.texel);
-    float gap = mean_gap(p, max(penumbra_radius(p, largest_gap(p)), smallest), turned);
+    float gap = mean_gap(p, max(widest_penumbra(p), smallest), turned);
     if (gap < 0.0) return 1.0;
     float radius = max(penumbra_radius(p, gap), smallest), lit = 0.0;
     for (int i = 0; i < FILTER_TAPS; ++i)

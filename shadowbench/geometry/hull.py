@@ -35,11 +35,11 @@ class SceneHull:
         if light.kind == "directional":
             return float((self.points @ light.homogeneous[0]).max())
         if self._nearest is None or self._nearest[0] != light:
-            from trimesh.triangles import closest_point  # the import takes 0.3 s
+            import trimesh  # the import takes 0.3 s
 
             triangles = self._geometry.vertices[self._geometry.caster_faces]
             position = np.array(light.position)
-            closest = closest_point(triangles, np.broadcast_to(position, (len(triangles), 3)))
+            closest = trimesh.triangles.closest_point(triangles, np.broadcast_to(position, (len(triangles), 3)))
             nearest = np.linalg.norm(closest - position, axis=1).min(initial=np.inf)
             self._nearest = light, max(float(nearest), light.radius, 1e-6 * self.extent)
         return self._nearest[1]

@@ -45,7 +45,7 @@ class Sampling:
 
     linear: bool = False
     wrap: Wrap = "edge"
-    border: float | tuple[float, ...] = 1.0
+    border: float | tuple[float, float, float, float] = 1.0
     compare: Comparison = ""
     mips: bool = False
 

@@ -97,9 +97,7 @@ class DepthTarget:
         self.texture.release()
 
 
-def framebuffer_of(
-    depth: DepthTexture, colors: Sequence[Color] = (), layer: int | None = None
-) -> moderngl.Framebuffer:
+def framebuffer_of(depth: DepthTexture, colors: Sequence[Color] = (), layer: int | None = None) -> moderngl.Framebuffer:
     """A framebuffer of a depth texture, or of one of its layers, and of colour textures of its kind and size."""
     device, side = depth.device, depth.size
     # moderngl creates no framebuffer without an attachment or with attachments of different sizes, and clears no depth

@@ -14,7 +14,7 @@ from shadowbench.geometry.slices import Slice, slices, snapped, stretched
 from shadowbench.gl.device import Device
 from shadowbench.gl.program import Sampling, Texture, Value
 from shadowbench.gl.targets import DepthFormat, unsupported_map
-from shadowbench.scenes.model import View
+from shadowbench.scenes.model import Floats, View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.biases import Bias, Texel
 from shadowbench.techniques.filters import Filter, Hardware
@@ -136,7 +136,7 @@ class Cascades(Technique):
         with frame.timed("fit", changes="view"):
             self.slices = self._slices(frame)
             space = light_space(frame.light)
-            self.margins = []
+            self.margins: list[Floats] = []
             self.light_views = [self._light_view(space, part, frame) for part in self.slices]
         with frame.timed("depth", changes="view"):
             self.map.draw(frame, self.light_views, layered=self.params.layers == "geometry")

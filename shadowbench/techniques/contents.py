@@ -31,7 +31,7 @@ class MapContents:
         self._contents, self._kind, self.layers = contents, kind, layers
         self.texture = stage.map_texture((size, size), kind, layers, contents.components, contents.dtype)
         self.far = _far_contents(stage, params, contents, kind, defines)
-        self._passes = _BlurPasses(stage, self, contents.blur, size, defines) if contents.blur > 1 else None
+        self._passes = _BlurPasses(stage, self, _taps(contents.blur), size, defines) if contents.blur > 1 else None
 
     def prepare(self, texels: Sequence[float] = ()) -> None:
         """Blur the layers and compute their mip levels.
@@ -42,7 +42,7 @@ class MapContents:
         if self._passes is not None:
             shares = min(texels) / np.array(texels) if texels else np.ones(self.layers)
             blur, kernel = self._contents.blur, self._contents.kernel
-            self._passes([kernel_weights(kernel, share * blur, blur) for share in shares])
+            self._passes([kernel_weights(kernel, share * blur, _taps(blur)) for share in shares])
         if self._contents.mips:
             self.texture.build_mipmaps()
 
@@ -89,6 +89,11 @@ class _BlurPasses:
                 drawable.draw(target, {"source": (source, sampling)})
 
 
+def _taps(width: int) -> int:
+    """Texels that a kernel of a width touches: an odd number."""
+    return width | 1
+
+
 def kernel_weights(kernel: Kernel, width: float, taps: int) -> Floats:
     """(taps,) weights of the texels of a kernel of a width in texels, at most `taps`; their sum is 1.
 
@@ -97,17 +102,19 @@ def kernel_weights(kernel: Kernel, width: float, taps: int) -> Floats:
     width = min(max(width, 1.0), taps)
     at = np.abs(np.arange(taps) - taps // 2)
     inside = np.clip((width + 1) / 2 - at, 0.0, 1.0)  # a box covers its outermost texels in part
-    weights = inside * np.exp(-8 * (at / width) ** 2) if kernel == "gaussian" else inside
-    return weights / weights.sum()
+    weights: Floats = inside * np.exp(-8 * (at / width) ** 2) if kernel == "gaussian" else inside
+    return weights / float(weights.sum())
 
 
 def _far_contents(
     stage: Stage, params: TechniqueParams, contents: Contents, kind: Kind, defines: Mapping[str, int | str]
-) -> tuple[float, ...]:
-    """(4,) contents of the far plane; components that are not stored are 0."""
+) -> tuple[float, float, float, float]:
+    """Contents of the far plane; components that are not stored are 0."""
     fragment = "cube-map/contents.frag" if kind == "cube" else "contents.frag"
     program = stage.program("fullscreen.vert", fragment, params=params, defines={**defines, "FAR": 1})
     texture = stage.texture((1, 1), contents.components)
     stage.fullscreen(program).draw(stage.target(texture))
-    found = np.frombuffer(texture.read(), dtype=np.float32)
-    return (*map(float, found), *[0.0] * (4 - len(found)))
+    found = np.zeros(4, dtype=np.float32)
+    found[: contents.components] = np.frombuffer(texture.read(), dtype=np.float32)
+    x, y, z, w = found.tolist()
+    return x, y, z, w

@@ -15,7 +15,7 @@ class Contents:
     """What a filter stores in a map besides depth, computed by its shader's `filter_contents`, and how it is prepared.
 
     components: 1 to 4 of them; dtype: f4, f2 (half) or nu2 (16-bit unorm); linear: read with bilinear weights; blur:
-    texels along a side of the blur's kernel, odd, 1 for none; mips: read with mip levels.
+    texels along a side of the blur's kernel, 1 for none; mips: read with mip levels.
     """
 
     components: int

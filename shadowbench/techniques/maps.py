@@ -7,7 +7,6 @@ A technique with one 2-D map uses `FittedView`, then `CasterMap`, then a `Resolv
 from collections.abc import Mapping, Sequence
 from typing import Annotated
 
-import moderngl
 import numpy as np
 
 from shadowbench.geometry.hull import SceneHull

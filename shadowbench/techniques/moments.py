@@ -1,8 +1,6 @@
 """Filterable shadow maps: what they store is blurred and filtered before it is compared."""
 
-from typing import Literal, Self
-
-from pydantic import field_validator, model_validator
+from typing import Literal
 
 from shadowbench.techniques.biases import MapKind
 from shadowbench.techniques.filters import Contents, Filter, Kernel
@@ -15,16 +13,9 @@ class Filterable(Filter):
     """Base class of filters whose contents are blurred: reads once per pixel, however wide the blur."""
 
     maps = _ALL
-    blur: int = param(5, "texels along a side of the blur's kernel, odd; 1 for none", ge=1, le=63)
+    blur: int = param(5, "texels along a side of the blur's kernel; 1 for none", ge=1, le=64)
     kernel: Kernel = param("box", "weights of the blur; a Gaussian's standard deviation is a quarter of its width")
     mips: bool = param(False, "mip levels, with a footprint from the receiver's plane")
-
-    @field_validator("blur")
-    @classmethod
-    def _odd(cls, value: int) -> int:
-        if value % 2 == 0:
-            raise ValueError(f"found {value}; allowed: an odd number")
-        return value
 
     def radius(self, size: int) -> float:
         return 1.0  # of the bilinear read; a symmetric blur leaves the mean depth of a plane as it is

@@ -179,7 +179,7 @@ def held_by(one, shot, slack: float = 0.0) -> np.ndarray:
         at = (shot.position[..., :3] @ light_view.space.basis.T * [1, 1, -1] - light_view.box.low) / (
             light_view.box.high - light_view.box.low
         )
-        reach = np.array([technique.filter_radius / light_view.size] * 2 + [0]) + slack
+        reach = np.array([technique.params.filter.radius(light_view.size) / light_view.size] * 2 + [0]) + slack
         layer[((at >= reach) & (at <= 1 - reach)).all(axis=-1)] = number
     return layer
 

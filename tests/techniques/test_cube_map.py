@@ -203,7 +203,8 @@ def test_every_bias_and_filter_for_cubes_works_by_its_name_alone(
     found = mask(f"cube-map:size=512,bias={bias},filter={filter_}", builtin("lamp-over-table"))
     assert np.isfinite(found).all() and found.min() >= 0 and found.max() <= 1
     scores = scored(found, truth_of("lamp-over-table"))
-    assert scores["iou"] > (0.4 if bias in ("none", "slope") or filter_ == "pcf-20" else 0.97)
+    leaks = filter_ == "esm"  # at contacts, by its nature
+    assert scores["iou"] > (0.4 if bias in ("none", "slope") or filter_ == "pcf-20" else 0.96 if leaks else 0.97)
 
 
 @pytest.mark.parametrize(
