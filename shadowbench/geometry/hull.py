@@ -39,7 +39,8 @@ class SceneHull:
 
             triangles = self._geometry.vertices[self._geometry.caster_faces]
             position = np.array(light.position)
-            closest = trimesh.triangles.closest_point(triangles, np.broadcast_to(position, (len(triangles), 3)))
+            origins = np.broadcast_to(position, (len(triangles), 3))
+            closest = trimesh.triangles.closest_point(triangles, origins)  # type: ignore[no-untyped-call]
             nearest = np.linalg.norm(closest - position, axis=1).min(initial=np.inf)
             self._nearest = light, max(float(nearest), light.radius, 1e-6 * self.extent)
         return self._nearest[1]
