@@ -72,11 +72,9 @@ float compare_linear(ShadowCoord p, vec2 offset) {
     return texture(map_compare, vec4(offset_direction(p, offset), COMPARED(p, offset)));
 }
 
-vec2 texels_to(ShadowCoord p, vec3 from_receiver) {
-    vec3 moved = (from_receiver - p.axis * p.axis_distance) * cube_faces[p.layer];
-    // On the face at unit distance; p.texel is a texel's width at the receiver's distance along the face's axis.
-    float ahead = max(moved.z, 1e-3 * p.texel.x * map_size);
-    return (moved.xy / ahead - (2.0 * p.uv - 1.0)) * map_size / 2.0;
+vec3 to_texels(ShadowCoord p, vec4 v) {
+    vec3 on_face = (v.xyz - v.w * light.xyz) * cube_faces[p.layer];
+    return vec3((on_face.xy + on_face.z) * map_size / 2.0, on_face.z);
 }
 
 #ifdef FILTER_CONTENTS

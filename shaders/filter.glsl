@@ -8,18 +8,26 @@
 float compare_nearest(ShadowCoord p, vec2 offset);      // of the nearest texel: 1 lit, 0 in shadow
 float compare_linear(ShadowCoord p, vec2 offset);       // of the four nearest, with bilinear weights
 float plane_depth(ShadowCoord p, vec2 offset);          // linear depth of the receiver's plane; with FILTER_HAS_PLANE
-vec2 texels_to(ShadowCoord p, vec3 from_receiver);      // offset of a point in the scene
-vec2 texels_of(ShadowCoord p, vec2 lengths);            // offset of a point beside the receiver, across the light's ray
+vec3 to_texels(ShadowCoord p, vec4 v);                  // homogeneous texels of a point (w = 1) or direction (w = 0)
+mat3 texels_across(ShadowCoord p);                      // lengths across the light's ray, in homogeneous texels
+vec2 offset_across(mat3 across, vec2 lengths);          // the offset by two lengths
 #ifdef FILTER_CONTENTS
 vec4 contents_of_level(ShadowCoord p, vec2 offset, float level);
 vec4 contents_at(ShadowCoord p, vec2 offset);           // what the filter stored there, blurred and from the mip levels
 #endif
 #include <filter>
 
-vec2 texels_of(ShadowCoord p, vec2 lengths) {
+mat3 texels_across(ShadowCoord p) {
     vec3 to_light = normalize(light.xyz - light.w * p.position);
     vec3 right = normalize(cross(abs(to_light.y) < 0.9 ? vec3(0.0, 1.0, 0.0) : vec3(1.0, 0.0, 0.0), to_light));
-    return texels_to(p, lengths.x * right + lengths.y * cross(to_light, right));
+    mat3 texels = mat3(to_texels(p, vec4(right, 0.0)), to_texels(p, vec4(cross(to_light, right), 0.0)),
+                       to_texels(p, vec4(p.position, 1.0)));
+    return mat3(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, -map_size * p.uv, 1.0) * texels;  // from the receiver's point
+}
+
+vec2 offset_across(mat3 across, vec2 lengths) {
+    vec3 texels = across * vec3(lengths, 1.0);
+    return texels.xy / texels.z;
 }
 
 #if defined(FILTER_CONTENTS) && !defined(FILTER_MIPMAPPED)
@@ -30,7 +38,7 @@ vec4 contents_at(ShadowCoord p, vec2 offset) { return contents_of_level(p, offse
 // The mean over the pixel's footprint, by up to 8 samples along its longer side. Levels are mixed here since llvmpipe
 // returns wrong values in quads of which only some pixels need a level above 0.
 vec4 contents_at(ShadowCoord p, vec2 offset) {
-    vec2 right = texels_to(p, footprint(p, pixel_right)), up = texels_to(p, footprint(p, pixel_up));
+    vec2 right = footprint(p, pixel_right), up = footprint(p, pixel_up);
     vec2 longer = dot(right, right) > dot(up, up) ? right : up;
     float side = max(length(longer), 1e-6), other = min(length(right), length(up));
     float samples = clamp(ceil(side / max(other, 1.0)), 1.0, 8.0);

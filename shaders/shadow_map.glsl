@@ -58,10 +58,7 @@ float plane_depth(ShadowCoord p, vec2 offset) {
     return p.linear + (w - p.axis_distance) * p.linear_per_length;
 }
 
-vec2 texels_to(ShadowCoord p, vec3 from_receiver) {
-    vec4 moved = world_to_map[p.layer] * vec4(p.position + from_receiver, 1.0);
-    return (moved.xy / moved.w - p.uv) * map_size;
-}
+vec3 to_texels(ShadowCoord p, vec4 v) { return (world_to_map[p.layer] * v).xyw * vec3(map_size, map_size, 1.0); }
 
 #ifdef FILTER_CONTENTS
 #ifdef MAP_ARRAY
