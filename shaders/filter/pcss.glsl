@@ -26,6 +26,6 @@ float filter_visibility(ShadowCoord p) {
     if (gap < 0.0) return 1.0;
     float radius = max(penumbra_radius(p, gap), smallest), lit = 0.0;
     for (int i = 0; i < FILTER_TAPS; ++i)
-        lit += compare_linear(p, offset_across(across, radius * turned * disc_point(i, FILTER_TAPS)));
+        lit += compare_nearest(p, offset_across(across, radius * turned * disc_point(i, FILTER_TAPS)));
     return lit / float(FILTER_TAPS);
 }

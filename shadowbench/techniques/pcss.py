@@ -50,7 +50,7 @@ class PCSS(Disc):
     name = "pcss"
     shader = "filter/pcss.glsl"
     search: int = param(16, "taps of the blocker search", ge=1, le=256)
-    taps: int = param(32, "bilinear comparisons", ge=1, le=256)
+    taps: int = param(32, "comparisons of the nearest texel", ge=1, le=256)
     angle: float = param(0.0, "angular radius of a sun in degrees; 0: the scene's", ge=0, le=45)
     size: float = param(0.0, "radius of other lights; 0: the scene's", ge=0, metres=True)
 
