@@ -62,7 +62,8 @@ def score(
     Compares them with the ray-traced shadows of the scene; needs no OpenGL. `shadowbench export` writes the scene to
     draw. A mask that is flipped, inverted or not square is refused; one that seems shifted or sRGB-encoded is scored
     unchanged, with a warning. Below the metrics, the wrong pixels are listed by kind of error, most pixels first; the
-    line `displaced edge` covers those pixels only, whereas edge_px and edge_p95 cover all edges, also of leaks.
+    line `displaced edge` covers those pixels only, whereas edge_px and edge_p95 cover all edges, also of leaks. Under a
+    light with a size, the errors of penumbra, umbra and full light that stand out are listed instead.
     """
     from shadowbench.engines.accuracy import accuracy_of
     from shadowbench.engines.difference import write_difference
