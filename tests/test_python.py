@@ -143,6 +143,9 @@ def test_the_types_that_users_annotate_with_are_those_of_arguments_and_results()
         (found, sb.Recommendation),
         (found.choice.spec, sb.Spec),
     ]
+    printed = {type(result): repr(result) for result, _ in results}
+    assert not any("array(" in text for text in printed.values())
+    assert all(len(printed[kind]) < 200 and "\n" not in printed[kind] for kind in (sb.Truth, sb.Rendering, type(found)))
     assert all(type(result) is kind for result, kind in results)
     assert {kind.__name__ for _, kind in results} <= set(sb.__all__)
 
