@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 from scipy import ndimage
 
+from shadowbench import api
 from shadowbench.commands import console
 from shadowbench.engines.error_kinds import error_kinds
 from shadowbench.engines.soft_error_kinds import soft_error_kinds
@@ -81,6 +82,9 @@ def test_a_mask_of_soft_shadows_is_scored_with_the_error_of_the_truth(shadowbenc
         files.append(tmp_path / f"{name}.png")
         write_mask(files[-1], np.where(truth.receivers, visibility, 1))
     exact, other = (json.loads(shadowbench("score", scene, file, "--json").out) for file in files)
+    assert api.score(read_mask(files[0]), truth) == exact["metrics"] | {
+        name: exact[name] for name in ("truth_error", "truth_error_pen", "penumbra", "width_share")
+    }
     assert 0 < exact["truth_error"] < exact["truth_error_pen"] < 0.01 and exact["penumbra"] > 100
     assert exact["metrics"]["rmse"] == exact["metrics"]["width"] == 0
     assert other["metrics"]["rmse_pen"] > 10 * exact["truth_error_pen"]
