@@ -65,7 +65,7 @@ def _obstacles(found: Recommendation) -> Iterator[str]:
     metrics = near.result.score["metrics"]
     if target.metric == "rmse" and is_soft(metrics):
         if (width := metrics["width"]) is not None:
-            yield f"obstacle: width, that of penumbrae is off by a factor of {2**width:.3g} (median)"
+            yield f"obstacle: half of the penumbrae are at least {2**width:.3g} times too wide or too narrow (width)"
         return
     kinds = {kind: metrics[kind] for kind in _KINDS if metrics[kind]}
     if kinds:
