@@ -27,8 +27,8 @@ from typing import Any
 import pandas as pd
 from numpy.typing import NDArray
 
+from shadowbench.advice.recommend import has_penumbra, target_of
 from shadowbench.advice.recommend import recommend as measure_recommendation
-from shadowbench.advice.recommend import target_of
 from shadowbench.advice.recommendation import Recommendation
 from shadowbench.arguments import as_list, as_visibility, instance_of, number, whole_number, whole_numbers
 from shadowbench.errors import InputError as InputError
@@ -220,7 +220,7 @@ def recommend(
 ) -> Recommendation:
     """Search for the cheapest technique and parameters that meet a target in a view, by measuring.
 
-    min_iou, max_edge_px or max_rmse: the target, by default an IoU of 0.99, or an RMSE of 0.02 if the light has a size;
+    min_iou, max_edge_px or max_rmse: the target, by default an IoU of 0.99, or an RMSE of 0.02 if there are penumbrae;
     budget_ms: largest frame time, on a GPU; on_this_machine: rank by times even on a software renderer. `choice` is
     None if nothing meets the target. Raises InputError.
     """
@@ -228,7 +228,7 @@ def recommend(
     given = {name: None if value is None else number(value, name) for name, value in limits.items()}
     files = _paths(plugins)
     chosen, known = _view(scene, view_size, view, light), techniques_with(files)
-    target = target_of(**given, soft=chosen.light.soft)
+    target = target_of(**given, soft=has_penumbra(chosen))
     with _folder(folder) as path:
         found, _ = measure_recommendation(
             chosen, target, known, path, _worker(files), _LogReporter(), on_this_machine=on_this_machine

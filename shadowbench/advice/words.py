@@ -19,7 +19,7 @@ def target_notes(found: Recommendation) -> list[str]:
     rows = [trial.result.score for trial in found.trials if trial.result is not None]
     if target.metric != "rmse":
         what = "IoU judges" if target.metric == "iou" else "edges are"
-        soft = found.view.light.soft
+        soft = any(is_soft(row["metrics"]) for row in rows)
         return [f"{what} where visibility is ½, and not how soft a shadow is; --max-rmse judges that"] if soft else []
     least = max((row.get("truth_error", 0.0) for row in rows), default=0.0)
     if target.value >= least:
