@@ -32,6 +32,9 @@ def test_the_page_runs_as_a_script_without_a_guard(tmp_path: Path) -> None:
         [sys.executable, "page.py"], cwd=tmp_path, capture_output=True, text=True, timeout=240, check=False
     )
     assert (done.returncode, done.stderr) == (0, "")
+    assert re.search(r"<Truth of post, .* in penumbra", done.stdout)
+    wrong = [float(value) for value in re.findall(r"'rmse': ([\d.e-]+)", done.stdout)]
+    assert 0 < 5 * wrong[1] < wrong[0], "points of the light against its centre alone"
     assert "'iou': 0.9" in done.stdout and "did you mean 'shadow-map'" in done.stdout
 
 
