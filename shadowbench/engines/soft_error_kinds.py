@@ -30,12 +30,12 @@ def soft_error_kinds(comparison: Comparison, metrics: Mapping[str, float | None]
             truth.penumbra,
             f"by {abs(value['bias_pen']):.2g} on average, where 1 is full light (bias_pen)",
         ),
-        (value["width"] >= np.log2(WIDTH_FACTOR), *_width(comparison, value["width"])),
+        (value["width"] >= np.log2(WIDTH_FACTOR), *_width(comparison, metrics["width"])),
         (
             metrics["hardening"] is not None and abs(value["hardening"] - 1) >= SLOPE,
             "contact hardening",
             truth.penumbra,
-            f"they widen {value['hardening']:.2g} times as much as the true ones (hardening)",
+            f"drawn penumbrae widen {value['hardening']:.2g} times as much as true ones (hardening)",
         ),
         (
             value["bleed"] >= LEAST,
@@ -67,11 +67,12 @@ def soft_error_kinds(comparison: Comparison, metrics: Mapping[str, float | None]
     ]
 
 
-def _width(comparison: Comparison, width: float) -> tuple[str, NDArray[np.bool_], str]:
-    """Name, place and line of penumbrae of a wrong width; `width` alone has no direction."""
-    across, drawn = comparison.truth.crossings, comparison.penumbra_widths
-    wider = 0.0 if across is None or drawn is None else float(np.median(np.log2(drawn / across.width)))
-    factor, penumbra = 2**width, comparison.truth.penumbra
+def _width(comparison: Comparison, width: float | None) -> tuple[str, NDArray[np.bool_], str]:
+    """Name, place and line of penumbrae of a wrong width; `width` alone, None where there are too few, is unsigned."""
+    across, drawn, penumbra = comparison.truth.crossings, comparison.penumbra_widths, comparison.truth.penumbra
+    if width is None or across is None or drawn is None:
+        return "", penumbra, ""
+    wider, factor = float(np.median(np.log2(drawn / across.width))), 2**width
     if abs(wider) < width / 2:
         return "penumbra width", penumbra, f"drawn penumbrae are {factor:.2g} times too wide or too narrow (width)"
     way = "wide" if wider > 0 else "narrow"

@@ -61,7 +61,7 @@ class Truth:
         told += [f"{size} × {size} pixels", f"{len(lit)} receivers"]
         if len(lit):
             told.append(f"{(lit < 0.5).mean():.1%} in shadow")
-        if self.sampled:
+        if len(lit) and self.sampled:
             told.append(f"{((lit > 0) & (lit < 1)).mean():.1%} in penumbra")
             told.append(f"standard error up to {self.standard_error.max():.2g}")
         return f"<Truth of {', '.join(told)}>"
