@@ -27,8 +27,8 @@ from typing import Any
 import pandas as pd
 from numpy.typing import NDArray
 
+from shadowbench.advice.recommend import has_penumbra, target_of
 from shadowbench.advice.recommend import recommend as measure_recommendation
-from shadowbench.advice.recommend import target_of
 from shadowbench.advice.recommendation import Recommendation
 from shadowbench.arguments import as_list, as_visibility, instance_of, number, whole_number, whole_numbers
 from shadowbench.errors import InputError as InputError
@@ -41,7 +41,7 @@ from shadowbench.measure import single
 from shadowbench.measure.executor import Limits
 from shadowbench.measure.plugin_output import techniques_with
 from shadowbench.measure.rendering import Rendering
-from shadowbench.measure.scoring import prepare_truth
+from shadowbench.measure.scoring import prepare_truth, truth_record
 from shadowbench.measure.worker import Worker
 from shadowbench.scenes.assumed import with_sun
 from shadowbench.scenes.library import load_scene
@@ -141,13 +141,15 @@ def render(
 def score(visibility: NDArray[Any], truth: Truth) -> Mapping[str, float | None]:
     """All metrics of a mask by name, None if a denominator is 0; `shadowbench list metrics` explains them.
 
+    For a truth with penumbrae also `truth_error`, `truth_error_pen`, `penumbra` and `width_share`, as in `table.csv`.
     visibility: (N, N) of the truth's size: floats in [0, 1], booleans, uint8 or uint16; 1 or the integer maximum is
     lit. It is quantised to 16 bits first, as stored masks are. Raises InputError.
     """
     instance_of(truth, "truth", "what truth returns", Truth)
     mask = as_visibility(visibility, "visibility", truth.visibility.shape)
     try:
-        return score_mask(quantise(mask), prepare_truth(truth))
+        prepared = prepare_truth(truth)
+        return score_mask(quantise(mask), prepared) | truth_record(prepared)
     except ValueError as error:
         raise InputError(f"visibility: {error}") from None
 
@@ -218,15 +220,15 @@ def recommend(
 ) -> Recommendation:
     """Search for the cheapest technique and parameters that meet a target in a view, by measuring.
 
-    min_iou, max_edge_px or max_rmse: the target, by default an IoU of 0.99, or an RMSE of 0.02 if the light has a size;
+    min_iou, max_edge_px or max_rmse: the target, by default an IoU of 0.99, or an RMSE of 0.02 if there are penumbrae;
     budget_ms: largest frame time, on a GPU; on_this_machine: rank by times even on a software renderer. `choice` is
     None if nothing meets the target. Raises InputError.
     """
     limits = {"min_iou": min_iou, "max_edge_px": max_edge_px, "budget_ms": budget_ms, "max_rmse": max_rmse}
-    given = [None if value is None else number(value, name) for name, value in limits.items()]
+    given = {name: None if value is None else number(value, name) for name, value in limits.items()}
     files = _paths(plugins)
     chosen, known = _view(scene, view_size, view, light), techniques_with(files)
-    target = target_of(*given, soft=chosen.light.soft)
+    target = target_of(**given, soft=has_penumbra(chosen))
     with _folder(folder) as path:
         found, _ = measure_recommendation(
             chosen, target, known, path, _worker(files), _LogReporter(), on_this_machine=on_this_machine

@@ -32,6 +32,9 @@ def test_the_page_runs_as_a_script_without_a_guard(tmp_path: Path) -> None:
         [sys.executable, "page.py"], cwd=tmp_path, capture_output=True, text=True, timeout=240, check=False
     )
     assert (done.returncode, done.stderr) == (0, "")
+    assert re.search(r"<Truth of post, .* in penumbra", done.stdout)
+    wrong = [float(value) for value in re.findall(r"'rmse': ([\d.e-]+)", done.stdout)]
+    assert 0 < 5 * wrong[1] < wrong[0], "points of the light against its centre alone"
     assert "'iou': 0.9" in done.stdout and "did you mean 'shadow-map'" in done.stdout
 
 
@@ -143,6 +146,9 @@ def test_the_types_that_users_annotate_with_are_those_of_arguments_and_results()
         (found, sb.Recommendation),
         (found.choice.spec, sb.Spec),
     ]
+    printed = {type(result): repr(result) for result, _ in results}
+    assert not any("array(" in text for text in printed.values())
+    assert all(len(printed[kind]) < 200 and "\n" not in printed[kind] for kind in (sb.Truth, sb.Rendering, type(found)))
     assert all(type(result) is kind for result, kind in results)
     assert {kind.__name__ for _, kind in results} <= set(sb.__all__)
 

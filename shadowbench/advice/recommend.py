@@ -21,6 +21,7 @@ from shadowbench.measure.pictures import Pictures
 from shadowbench.measure.references import DEFAULT_REFERENCE
 from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.rows import Result
+from shadowbench.measure.scoring import prepare_truth
 from shadowbench.measure.session import DeviceInfo, Session
 from shadowbench.scenes.model import View
 from shadowbench.scores.metrics import ranking
@@ -44,7 +45,7 @@ def target_of(
 ) -> Target:
     """Target given by options, by default an IoU of 0.99, or for soft shadows an RMSE of 0.02.
 
-    soft: whether the light has a size. Raises InputError for invalid or conflicting options.
+    soft: whether the view has penumbrae. Raises InputError for invalid or conflicting options.
     """
     options = {"--min-iou": min_iou, "--max-edge-px": max_edge_px, "--max-rmse": max_rmse}
     given = [name for name, value in options.items() if value is not None]
@@ -67,6 +68,11 @@ def target_of(
         return Target("iou", min_iou, budget_ms)
     metric = ranking(soft)
     return Target("rmse" if soft else "iou", metric.targets[1], budget_ms)
+
+
+def has_penumbra(view: View) -> bool:
+    """Whether any pixel of a view is in penumbra, so that RMSE ranks its shadows."""
+    return view.light.soft and prepare_truth(cached_truth(view)).soft
 
 
 def recommend(

@@ -103,6 +103,12 @@ class Recommendation:
     needs: Needs
     reference: ReferenceTime | None
 
+    def __repr__(self) -> str:
+        """One line: scene, target and choice."""
+        choice = "nothing meets it" if self.choice is None else self.choice.spec.text
+        measured = f"{self.measured} of {self.space_size} specs measured"
+        return f"<Recommendation for {self.view.scene.name}, {self.target}: {choice}; {measured}>"
+
     @property
     def measured(self) -> int:
         """Number of specs measured."""

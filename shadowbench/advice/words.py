@@ -19,7 +19,7 @@ def target_notes(found: Recommendation) -> list[str]:
     rows = [trial.result.score for trial in found.trials if trial.result is not None]
     if target.metric != "rmse":
         what = "IoU judges" if target.metric == "iou" else "edges are"
-        soft = found.view.light.soft
+        soft = any(is_soft(row["metrics"]) for row in rows)
         return [f"{what} where visibility is ½, and not how soft a shadow is; --max-rmse judges that"] if soft else []
     least = max((row.get("truth_error", 0.0) for row in rows), default=0.0)
     if target.value >= least:
@@ -65,7 +65,7 @@ def _obstacles(found: Recommendation) -> Iterator[str]:
     metrics = near.result.score["metrics"]
     if target.metric == "rmse" and is_soft(metrics):
         if (width := metrics["width"]) is not None:
-            yield f"obstacle: width, that of penumbrae is off by a factor of {2**width:.3g} (median)"
+            yield f"obstacle: half of the penumbrae are at least {2**width:.3g} times too wide or too narrow (width)"
         return
     kinds = {kind: metrics[kind] for kind in _KINDS if metrics[kind]}
     if kinds:

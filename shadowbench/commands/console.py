@@ -60,6 +60,7 @@ class Reporter(logging.Handler):
             TimeElapsedColumn,
             TimeRemainingColumn,
         )
+        from rich.table import Column
 
         super().__init__(logging.WARNING)
         self._quiet = quiet
@@ -67,13 +68,14 @@ class Reporter(logging.Handler):
         self._task: TaskID | None = None
         columns = (
             TextColumn("{task.description:<24.24}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeElapsedColumn(),
-            TimeRemainingColumn(),
-            TextColumn("{task.fields[what]}"),
+            BarColumn(None, table_column=Column(ratio=1)),  # the bar and the text share what the numbers leave
+            MofNCompleteColumn(table_column=Column(no_wrap=True)),
+            TimeElapsedColumn(table_column=Column(no_wrap=True)),
+            TimeRemainingColumn(table_column=Column(no_wrap=True)),
+            TextColumn("{task.fields[what]}", table_column=Column(ratio=2, no_wrap=True, overflow="ellipsis")),
         )
-        self._progress = Progress(*columns, console=err(), disable=quiet or not err().is_terminal, transient=True)
+        disable = quiet or not err().is_terminal
+        self._progress = Progress(*columns, console=err(), disable=disable, transient=True, expand=True)
 
     def __enter__(self) -> "Reporter":
         logging.getLogger("shadowbench").addHandler(self)

@@ -37,7 +37,7 @@ app = typer.Typer()
 def recommend(
     scene: SceneArgument,
     min_iou: Annotated[
-        float | None, typer.Option(metavar="X", help="Target: minimum IoU  [0.99, if the light has no size].")
+        float | None, typer.Option(metavar="X", help="Target: minimum IoU  [0.99, if nothing is in penumbra].")
     ] = None,
     max_edge_px: Annotated[
         float | None,
@@ -50,8 +50,8 @@ def recommend(
         float | None,
         typer.Option(
             metavar="X",
-            help="Target, instead of --min-iou: maximum root mean square error of visibility  [0.02, if the light has "
-            "a size].",
+            help="Target, instead of --min-iou: maximum root mean square error of visibility  [0.02, if any "
+            "pixel is in penumbra].",
         ),
     ] = None,
     budget_ms: Annotated[
@@ -98,7 +98,7 @@ def recommend(
       MiB         memory of textures and buffers
       key         name of the cell's mask and picture in the output folder
     """
-    from shadowbench.advice.recommend import export_choice, target_of, values
+    from shadowbench.advice.recommend import export_choice, has_penumbra, target_of, values
     from shadowbench.advice.recommend import recommend as measure_recommendation
     from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.measure.worker import Worker
@@ -110,7 +110,7 @@ def recommend(
         _make_folder(export)
     with console.Reporter(quiet) as reporter, Worker(plugins) as worker:
         chosen = reporter.view(scene, view_size, view, light, assets, up, sun)
-        target = target_of(min_iou, max_edge_px, budget_ms, max_rmse, soft=chosen.light.soft)
+        target = target_of(min_iou, max_edge_px, budget_ms, max_rmse, soft=has_penumbra(chosen))
         found, info = measure_recommendation(
             chosen, target, known, output, worker, reporter, on_this_machine=on_this_machine
         )

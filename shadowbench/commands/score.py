@@ -11,6 +11,7 @@ from shadowbench.errors import InputError
 
 if TYPE_CHECKING:
     from shadowbench.engines.accuracy import Accuracy
+    from shadowbench.scores.metrics import Metric
 
 app = typer.Typer()
 
@@ -62,7 +63,9 @@ def score(
     Compares them with the ray-traced shadows of the scene; needs no OpenGL. `shadowbench export` writes the scene to
     draw. A mask that is flipped, inverted or not square is refused; one that seems shifted or sRGB-encoded is scored
     unchanged, with a warning. Below the metrics, the wrong pixels are listed by kind of error, most pixels first; the
-    line `displaced edge` covers those pixels only, whereas edge_px and edge_p95 cover all edges, also of leaks.
+    line `displaced edge` covers those pixels only, whereas edge_px and edge_p95 cover all edges, also of leaks. Under a
+    light with a size, the errors of penumbra, umbra and full light that stand out are listed instead. The column
+    `shadows` says whether a metric is for hard shadows, soft ones (of a light with a size) or both.
     """
     from shadowbench.engines.accuracy import accuracy_of
     from shadowbench.engines.difference import write_difference
@@ -113,12 +116,17 @@ def _print(accuracy: "Accuracy") -> None:
     title = f"{accuracy.external.name} on {view.scene.name}, {view.camera.name}, {view.light.name}, {view.size}²"
     first = ("rmse", "rmse_pen") if is_soft(accuracy.metrics) else ()
     rows = [
-        (metric.name, metric.text(value, console.number, accuracy.record), metric.better, about)
+        (metric.name, metric.text(value, console.number, accuracy.record), metric.better, metric.kind, about)
         for metric in sorted(METRICS.values(), key=lambda metric: metric.name not in first)
-        for value, about in [(accuracy.metrics[metric.name], metric.help.split(". ")[0])]
+        for value, about in [(accuracy.metrics[metric.name], _about(metric))]
         if value is not None or metric.kind != "soft"
     ]
-    columns = ("metric", "", "better", "what it is")
-    console.print_table(title, columns, rows, numbers=("",), whole=("metric", "better"))
+    columns = ("metric", "", "better", "shadows", "what it is")
+    console.print_table(title, columns, rows, numbers=("",), whole=("metric", "better", "shadows"))
     for line in accuracy.summary():
         console.print_line(f"  {line}")
+
+
+def _about(metric: "Metric") -> str:
+    """What a metric is: its first sentence; all of them for one of soft shadows, where the first is not enough."""
+    return metric.help if metric.kind == "soft" else metric.help.split(". ")[0]

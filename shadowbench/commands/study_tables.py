@@ -83,7 +83,9 @@ def _print_scene(title: str, rows: "list[SummaryRow]", fits: "list[Slope]", note
     """Print a table: a line for each spec and map size, best first; then unsuccessful cells, slopes and notes."""
     columns = _columns(rows, console.out().width < _WIDE)
     lines = [
-        (row.spec, str(row.map_size or ""), *(_cell(row, key) for key in columns.values())) for row in rows if row.cells
+        (row.label, str(row.map_size or ""), *(_cell(row, key) for key in columns.values()))
+        for row in rows
+        if row.cells
     ]
     if lines:
         console.print_table(title, ("spec", "map", *columns), lines, numbers=("map", *columns))
@@ -93,7 +95,7 @@ def _print_scene(title: str, rows: "list[SummaryRow]", fits: "list[Slope]", note
         for status, count in Counter(row.refused).items():
             total = row.cells + len(row.refused)
             share = f"{count} of {total} cells " if total > 1 else ""
-            console.print_line(f"  {row.spec} {row.map_size or ''}: {share}{status}")
+            console.print_line(f"  {row.label} {row.map_size or ''}: {share}{status}")
     for fit in fits:
         sizes = f"{fit.sizes[0]} to {fit.sizes[-1]}"
         slope = fit.slope.text("{:+.2f}".format) + (", one phase" if fit.phases == 1 else "")

@@ -28,7 +28,10 @@ def print_verdict(sections: "Sequence[Section]") -> None:
         names = [section.scene if scenes.count(section.scene) == 1 else section.title, *[""] * len(targets)]
         for name, cell in zip(names, cost_row(own, targets), strict=False):
             rows.append((name, target_name(cell.target), *_cheapest(cell)))
-    console.print_table("", ("scene", "target", "cost", "cheapest"), rows, numbers=("cost",), whole=("target",))
+    if rows:
+        console.print_table("", ("scene", "target", "cost", "cheapest"), rows, numbers=("cost",), whole=("target",))
+    else:
+        console.print_line("No real-time technique here has a score.")
     for kind in kinds:
         console.out().print()
         _print_costs(kind, "" if len(kinds) == 1 else "soft " if kind[0].soft else "hard ")

@@ -14,14 +14,17 @@ from shadowbench.engines.error_kinds import ErrorKind, error_kinds, wrong_pixels
 from shadowbench.engines.external_mask import ExternalMask
 from shadowbench.engines.orientation import misorientation
 from shadowbench.engines.shift import estimate_shift
+from shadowbench.engines.soft_error_kinds import soft_error_kinds
 from shadowbench.errors import InputError
 from shadowbench.measure.scoring import mask_record, prepare_truth
 from shadowbench.scenes.model import View
 from shadowbench.scores.comparison import Comparison
 from shadowbench.scores.masks import LEVELS
+from shadowbench.scores.metrics import METRICS
 from shadowbench.truths.cache import cached_truth
 
 _ROUNDING = 1 / (255 * math.sqrt(12))  # root mean square, of 8 bits
+_RMSE = ("rmse", "rmse_pen")
 _NOTED_CLIPPED = 0.01
 """Share of clipped pixels among the scored ones above which a warning is given."""
 _ALIKE_IOU, _COMMON = 0.2, 0.5
@@ -47,8 +50,9 @@ class Accuracy:
 
     @cached_property
     def kinds(self) -> list[ErrorKind]:
-        """Kinds of error, most pixels first."""
-        return error_kinds(self.comparison, self.metrics)
+        """Kinds of error: of hard shadows, most pixels first; of soft ones, those whose metrics stand out."""
+        found = soft_error_kinds if self.comparison.truth.soft else error_kinds
+        return found(self.comparison, self.metrics)
 
     @cached_property
     def wrong(self) -> tuple[int, int]:
@@ -76,11 +80,13 @@ class Accuracy:
 
     def summary(self) -> list[str]:
         """Lines of text about the errors."""
-        false_shadow, false_light = self.wrong
-        scored = self.comparison.truth.pixels
-        soft = self.comparison.truth.soft
-        judged = ", judged at a visibility of ½" if soft else ""
-        lines = [f"{scored} pixels scored: {false_shadow} of false shadow, {false_light} of false light{judged}"]
+        if soft := self.comparison.truth.soft:
+            error, inside = (METRICS[name].text(self.metrics[name], "{:.2g}".format, self.record) for name in _RMSE)
+            told = f"RMSE {error}, in the penumbra {inside}"
+        else:
+            false_shadow, false_light = self.wrong
+            told = f"{false_shadow} of false shadow, {false_light} of false light"
+        lines = [f"{self.comparison.truth.pixels} pixels scored: {told}"]
         if unmeasured := self.record["input"]["unmeasured"]:
             lines.append(f"{unmeasured} more not scored: lit and ambient picture differ there by less than 1/64")
         lines += [f"{kind.name}, {kind.pixels} px: {kind.line}" for kind in self.kinds]

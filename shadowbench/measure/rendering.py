@@ -29,6 +29,12 @@ class Rendering:
     work: dict[str, int]
     facts: dict[str, float]
 
+    def __repr__(self) -> str:
+        """One line: the sizes of its images."""
+        size = len(self.visibility)
+        shadow_map = "no map" if self.map is None else f"a map of {self.map.shape[1]} × {self.map.shape[0]} texels"
+        return f"<Rendering of {size} × {size} pixels, {(self.visibility < 0.5).mean():.1%} in shadow, {shadow_map}>"
+
     def _repr_png_(self) -> bytes:
         """PNG of the picture, for notebooks."""
         return png_of(self.picture)

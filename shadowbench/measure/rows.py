@@ -176,6 +176,7 @@ class StudyFacts(TypedDict, total=False):
     rounds: Count
     phases: Count
     coordinates: Coordinates
+    sun: bool
 
 
 @with_config(_STRICT)

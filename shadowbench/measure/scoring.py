@@ -62,7 +62,7 @@ def mask_record(
         "receivers": int(truth.receivers.sum()),
         "undecided": int((truth.receivers & truth.undecided).sum()),
         "mask_sha256": mask_sha256(visibility),
-        **_truth_record(prepared),
+        **truth_record(prepared),
     }
     if surface is not None:
         decided = truth.receivers & ~truth.undecided
@@ -70,7 +70,7 @@ def mask_record(
     return record
 
 
-def _truth_record(prepared: PreparedTruth) -> dict[str, Any]:
+def truth_record(prepared: PreparedTruth) -> dict[str, Any]:
     """Fields about a soft truth: its error, the pixels of its penumbra, and the share of crossings with a width."""
     if not prepared.soft:
         return {}

@@ -42,7 +42,7 @@ class Configuration:
     @property
     def label(self) -> str:
         """Spec and map size, as in `shadow-map at 1024`."""
-        return f"{self.spec} at {self.map_size}" if self.map_size else self.spec
+        return f"{self.row.label} at {self.map_size}" if self.map_size else self.row.label
 
     @property
     def error(self) -> Interval | None:

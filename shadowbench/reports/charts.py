@@ -58,9 +58,9 @@ def front_chart(section: Section, styles: Styles) -> Chart | None:
             "transform": [*on_front, SHOWN_ONLY],
             "mark": {
                 "type": "text",
-                "align": "left",
-                "dx": 8,
-                "dy": -9,
+                "align": {"expr": f"{_NO_ROOM} ? 'right' : 'left'"},
+                "dx": {"expr": f"{_NO_ROOM} ? -8 : 8"},
+                "dy": {"expr": f"{_NO_ROOM} ? 12 : -9"},
                 "fontSize": 11,
                 "color": INK_SIGNAL,
                 "clip": True,
@@ -244,6 +244,8 @@ _ZOOM = {
 }
 # Signals that the page sets to the colours of its theme.
 INK_SIGNAL, PAPER_SIGNAL = {"expr": "ink"}, {"expr": "paper"}
+# A label at the right edge goes below its point and to the left, where a Pareto front has no other.
+_NO_ROOM = "scale('x', datum.ms) + 8 + 6.5 * length(datum.label) > width"
 # The page shows only some specs at a time.
 SHOWN_ONLY = {"filter": "datum.shown !== false"}
 

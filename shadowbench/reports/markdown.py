@@ -75,7 +75,7 @@ def _section(section: Section) -> list[str]:
     best = front(section)
     columns = _SOFT_COLUMNS if section.soft else _COLUMNS
     rows = [
-        [_bold(f"`{one.spec}`", one in best), str(one.map_size or ""), one.row.error_text(digits)]
+        [_bold(f"`{one.row.label}`", one in best), str(one.map_size or ""), one.row.error_text(digits)]
         + [value_of(one, name) for name in columns.values()]
         for one in section.scored
     ]

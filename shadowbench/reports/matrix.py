@@ -132,7 +132,7 @@ def _mean(parts: Sequence[Configuration]) -> Configuration:
         medians = [value.median for one in parts if (value := one.row.values[name]) is not None]
         values[name] = Interval(fmean(medians)) if len(medians) == len(parts) else None
     cells, phases = sum(one.row.cells for one in parts), min(one.row.phases for one in parts)
-    row = SummaryRow(first.spec, first.map_size, cells, (), values, phases)
+    row = SummaryRow(first.spec, first.map_size, cells, (), values, phases, first.row.unset)
     return Configuration(first.technique, first.full_spec, row, ())
 
 

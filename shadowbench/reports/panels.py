@@ -202,6 +202,7 @@ def _row(panel: Panel, one: Candidate, on_front: bool) -> dict[str, Any]:
     return {
         "technique": mean.technique,
         "spec": mean.spec,
+        "label": mean.row.label,
         "map": mean.map_size,
         "full": mean.full_spec,
         "front": on_front,

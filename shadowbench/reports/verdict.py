@@ -6,14 +6,15 @@ from shadowbench.reports.analysis import Section
 from shadowbench.reports.matrix import Candidate, CostCell, Target, candidates, cheapest, closest, targets_of, ties
 from shadowbench.reports.words import EDGE_NAMES, counted, digits, sentence, time_source, value_of
 from shadowbench.scores.metrics import METRICS
+from shadowbench.techniques.registry import own_techniques
 
-_RAY_TRACED = "ray-traced"  # its name, without importing Embree
+_RAY_TRACED = "ray-traced"
 
 
 def verdict(sections: Sequence[Section]) -> list[str]:
     """The sentences of the verdict on one scene, or on all scenes of a kind; configurations are in backticks.
 
-    Ray tracing, which runs on the CPU as the truth does, is only named for scale.
+    What `recommend` never chooses is left out; ray tracing, on the CPU as the truth is, is named for scale.
     """
     everything = candidates(sections)
     found = [one for one in real_time(everything) if _has_shadow(one)]
@@ -42,8 +43,9 @@ def verdict(sections: Sequence[Section]) -> list[str]:
 
 
 def real_time(found: Sequence[Candidate]) -> list[Candidate]:
-    """The candidates that are real-time techniques: all but ray tracing on the CPU."""
-    return [one for one in found if one.mean.technique != _RAY_TRACED]
+    """The candidates that are real-time techniques: those that `recommend` may choose."""
+    never = {technique.name for technique in own_techniques() if technique.never_recommended}
+    return [one for one in found if one.mean.technique not in never]
 
 
 def verdict_candidate(found: Sequence[Candidate]) -> Candidate | None:

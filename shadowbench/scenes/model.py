@@ -4,7 +4,7 @@ Right-handed, y up, cameras look along −z; metres, radians, float64. All class
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
 
@@ -68,8 +68,8 @@ class Mesh:
     """
 
     name: str
-    vertices: Floats
-    faces: NDArray[np.int32]
+    vertices: Floats = field(repr=False)
+    faces: NDArray[np.int32] = field(repr=False)
     color: Vec3 = (0.8, 0.8, 0.8)
     casts: bool = True
     receives: bool = True

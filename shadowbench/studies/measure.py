@@ -25,7 +25,7 @@ from shadowbench.studies.run import run_study
 from shadowbench.studies.study import Study, find_study, read_study
 from shadowbench.studies.sweeps import SweepPositions, sweep_positions
 from shadowbench.studies.tables import cells_frame
-from shadowbench.techniques.spec import Spec
+from shadowbench.techniques.spec import Spec, has_size
 
 
 def study_from_options(
@@ -56,6 +56,10 @@ def study_from_options(
     named = [spec.text for spec in specs if "size" in spec.explicit] if map_size else []
     sizes = ",".join(map(str, map_size or ()))
     notes = [f"{name} names its size, which --map-size {sizes} leaves as it is" for name in named]
+    around = [spec.text for spec in found.specs if any(map(has_size, spec.techniques[1:]))] if map_size else []
+    notes += [
+        f"{name}: --map-size {sizes} leaves the map inside as it is; its size is written in the spec" for name in around
+    ]
     changes = {
         "scenes": scenes,
         "map_size": map_size,

@@ -111,6 +111,7 @@ class Study(Strict):
             "rounds": self.rounds,
             "phases": self.phases,
             "coordinates": self.coordinates,
+            "sun": self.sun,
         }
 
     def cells(self, soft: bool = True) -> tuple[Cell, ...]:

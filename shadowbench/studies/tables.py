@@ -1,7 +1,7 @@
 """Tables made of rows: `table.csv`, with one line per cell, and the printed summary."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -15,6 +15,7 @@ from shadowbench.measure.rows import Result
 from shadowbench.measure.time_rows import REDRAWN
 from shadowbench.scores.metrics import METRICS, Metric, is_soft, ranking
 from shadowbench.studies.times import ROUGH, ReferenceTime, normalise_times
+from shadowbench.techniques.grammar import parameters_of
 
 _IDENTITY = ["scene", "view", "light", "phase", "technique", "spec", "map_size", "view_size", "renderer", "status"]
 _TIMES = ["frame_ms", "frame_iqr_ms", "added_ms", "ratio", "n", "clock"]
@@ -92,7 +93,8 @@ class SummaryRow:
     """Summary of a spec's cells at one map size.
 
     cells: number of successful cells; refused: statuses of the others; values: medians over the successful cells,
-    with times normalised to one reference time; phases: number of phases among the successful cells.
+    with times normalised to one reference time; phases: number of phases among the successful cells; unset: numbers at
+    their defaults that other specs of the technique set, such as `n=16`.
     """
 
     spec: str
@@ -101,6 +103,14 @@ class SummaryRow:
     refused: tuple[str, ...]
     values: dict[str, Interval | None]
     phases: int
+    unset: tuple[str, ...] = ()
+
+    @property
+    def label(self) -> str:
+        """The spec as tables print it, with the numbers by which it differs from others of its technique."""
+        if not self.unset:
+            return self.spec
+        return f"{self.spec}{',' if ':' in self.spec else ':'}{','.join(self.unset)}"
 
     @property
     def rough(self) -> bool:
@@ -185,6 +195,7 @@ def reference_times(frame: pd.DataFrame) -> dict[str, ReferenceTime | None]:
 def summary_rows(table: pd.DataFrame) -> list[SummaryRow]:
     """Summary rows of one table, best first; its times must be normalised to one reference time."""
     rows = []
+    numbers = _numbers_set(table["spec"])
     for key, group in table.groupby(["spec", "map_size"], sort=False, dropna=False):
         spec, size = cast("tuple[str, float]", key)
         succeeded = group[group["status"] == "ok"]
@@ -192,8 +203,30 @@ def summary_rows(table: pd.DataFrame) -> list[SummaryRow]:
         values = {name: interval(succeeded[name].tolist()) for name in names}
         refused = tuple(group.loc[group["status"] != "ok", "status"])
         map_size = None if pd.isna(size) else int(size)
-        rows.append(SummaryRow(spec, map_size, len(succeeded), refused, values, succeeded["phase"].nunique()))
+        unset = _unset(spec, group["full_spec"].iloc[0], numbers)
+        rows.append(SummaryRow(spec, map_size, len(succeeded), refused, values, succeeded["phase"].nunique(), unset))
     return sorted(rows, key=_error)
+
+
+def _numbers_set(specs: Iterable[str]) -> dict[str, set[str]]:
+    """Names of the numbers that specs set, by technique."""
+    found: dict[str, set[str]] = {}
+    for spec in specs:
+        technique, values = parameters_of(spec)
+        found.setdefault(technique, set()).update(key for key, value in values.items() if type(value) in (int, float))
+    return found
+
+
+def _unset(spec: str, full_spec: str, numbers: Mapping[str, set[str]]) -> tuple[str, ...]:
+    """The numbers of a spec at their defaults that another spec of its technique sets."""
+    technique, values = parameters_of(spec)
+    if numbers[technique] <= set(values):
+        return ()
+    return tuple(
+        f"{key}={value}"
+        for key, value in parameters_of(full_spec)[1].items()
+        if key in numbers[technique] and key not in values
+    )
 
 
 def phase_note(rows: Sequence[SummaryRow]) -> str | None:
@@ -219,7 +252,9 @@ def mean_over_scenes(tables: Mapping[str, Sequence[SummaryRow]]) -> tuple[list[s
         for row in taken[scene]:
             found.setdefault((row.spec, row.map_size), []).append(row)
     means = [
-        SummaryRow(spec, size, sum(row.cells for row in rows), (), values, min(row.phases for row in rows))
+        SummaryRow(
+            spec, size, sum(row.cells for row in rows), (), values, min(row.phases for row in rows), rows[0].unset
+        )
         for (spec, size), rows in found.items()
         for values in [{name: _mean([row.values.get(name) for row in rows]) for name in [*ROW_METRICS, *_SOFT[:2]]}]
     ]

@@ -148,7 +148,9 @@ def _penumbra(need: Penumbra, light: LightShape) -> Iterator[Explanation]:
     size = f"{np.degrees(need.radius) * 2:.2g}° across" if sun else f"of {need.radius:.3g} m radius"
     if light == "rectangle":
         size = f"of {need.radius * 2:.3g} m along its longer side"
-    whose = f"the {'sun' if sun else 'lamp'} is {size}" + (" (assumed: the scene has no size)" if need.assumed else "")
+    whose = f"the {'sun' if sun else 'lamp'} is {size}" + (
+        " (assumed, as the scene gives its light no size)" if need.assumed else ""
+    )
     enough = "hard shadows suffice" if need.hard_is_enough else "hard shadows are too sharp"
     yield Explanation(
         "penumbra",

@@ -6,9 +6,12 @@ import numpy as np
 
 from shadowbench.scenes.model import SUN_RADIUS, Floats, Light
 from shadowbench.survey.footprint import longest
+from shadowbench.survey.rays import Mask
 from shadowbench.survey.sampling import Estimate, Samples
 from shadowbench.truths.embree import RAYS_A_SLICE, over_slices
 from shadowbench.truths.light_samples import LightSampler, scrambles_of
+from shadowbench.truths.rays import SUBPIXEL_OFFSETS
+from shadowbench.truths.soft import CHANGE
 from shadowbench.truths.trace import OFFSET
 
 BULB = 0.03
@@ -24,7 +27,7 @@ class Penumbra:
 
     radius: of the light, in radians for a directional one, else in metres; half the longer side of a rectangle;
     assumed: True if the scene has none; median and p95: widths over edge pixels; share: of the shadow that is penumbra;
-    hard_rmse: RMSE of exact hard shadows, those of the light's centre, over receivers.
+    hard_rmse: RMSE of exact hard shadows, those of the light's centre, over decided receivers.
     """
 
     radius: float
@@ -94,24 +97,47 @@ def _softness(samples: Samples, light: Light) -> tuple[Estimate, Estimate]:
         everything = np.sort(np.random.default_rng(0).choice(everything, RECEIVERS, replace=False))
     visibility = _visibility(samples.select(everything), light)
     hard, mean = ~samples.shadowed[everything], visibility.mean(axis=1)
+    partly = (mean > 0) & (mean < 1)
+    decided = np.ones(len(everything), dtype=bool)
+    decided[partly] = ~_undecided(samples.select(everything[partly]), light)
+    decided |= not decided.any()
     # The product of the errors of two independent estimates has no bias by their variance, as a square would have.
-    squared = (visibility[:, 0] - hard) * (visibility[:, 1] - hard)
+    squared = ((visibility[:, 0] - hard) * (visibility[:, 1] - hard))[decided]
     rmse = float(np.sqrt(max(squared.mean(), 0.0)))
     # Errors by the points of the light, and by the pixels left out.
-    spread = (visibility[:, 0] - visibility[:, 1]) ** 2 / 2
+    spread = ((visibility[:, 0] - visibility[:, 1]) ** 2 / 2)[decided]
     by_points = float((2 * np.maximum(squared, 0.0) * spread + spread**2).mean())
     by_pixels = float(squared.var()) * (1 - samples.part * len(everything) / len(samples.pixel))
     error = float(np.sqrt((by_points + by_pixels) / len(squared)))
     shadow = max(int((mean < 1).sum()), 1)
-    share = int(((mean > 0) & (mean < 1)).sum()) / shadow
+    share = int(partly.sum()) / shadow
     return (
         Estimate(share, float(np.sqrt(share * (1 - share) / shadow))),
         Estimate(rmse, error / (2 * rmse) if rmse else 0.0),
     )
 
 
-def _visibility(samples: Samples, light: Light) -> Floats:
-    """(R, 2) share of the light that each sample sees, in two replications; 1 if all of it is below its horizon."""
+def _undecided(samples: Samples, light: Light) -> Mask:
+    """(R,) whether visibility changes within the rasteriser's subpixel grid: scores leave such pixels out.
+
+    As in the truth, by the same 64 points of the light at both places, confirmed by 1024.
+    """
+    undecided = np.zeros(len(samples.pixel), dtype=bool)
+    for x, y in SUBPIXEL_OFFSETS:
+        moved = replace(samples, point=samples.point + (x - 0.5) * samples.across + (y - 0.5) * samples.down)
+        changed = np.ones(len(undecided), dtype=bool)
+        for count in (2 * POINTS, 32 * POINTS):
+            one, other = (_visibility(part.select(changed), light, count).mean(axis=1) for part in (samples, moved))
+            changed[changed] = np.abs(one - other) > CHANGE
+        undecided |= changed
+    return undecided
+
+
+def _visibility(samples: Samples, light: Light, count: int = POINTS) -> Floats:
+    """(R, 2) share of the light that each sample sees, in two replications; 1 if all of it is below its horizon.
+
+    count: points of the light in each of them.
+    """
     sampler = LightSampler(light)
     low, high = samples.view.scene.geometry.bounds
     above = OFFSET * float(np.linalg.norm(high - low))
@@ -119,9 +145,10 @@ def _visibility(samples: Samples, light: Light) -> Floats:
     def work(part: slice) -> Floats:
         points, normals = (np.ascontiguousarray(array[:, part]) for array in (samples.point, samples.normal))
         shifts = scrambles_of(samples.pixel[part], 2, _STAGE)
-        origins, directions, reach, weight, _ = sampler.rays(points, normals, shifts, POINTS, above)
+        origins, directions, reach, weight, _ = sampler.rays(points, normals, shifts, count, above)
         seen = weight * ~samples.casters.occluded(origins.T, directions.T, reach)
-        total, visible = (array.reshape(-1, 2, POINTS).sum(axis=2, dtype=np.float64) for array in (weight, seen))
+        total, visible = (array.reshape(-1, 2, count).sum(axis=2, dtype=np.float64) for array in (weight, seen))
         return np.where(total > 0, visible / np.maximum(total, np.finfo(float).tiny), 1.0)
 
-    return np.concatenate(list(over_slices(work, len(samples.pixel), RAYS_A_SLICE // (2 * POINTS))))
+    parts = list(over_slices(work, len(samples.pixel), max(1, RAYS_A_SLICE // (2 * count))))
+    return np.concatenate(parts) if parts else np.ones((0, 2))

@@ -4,7 +4,7 @@ Conservative: a grid in light space has the depth of the farthest visible receiv
 any cell that its bounds overlap has a receiver behind the triangle's nearest corner.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -33,7 +33,7 @@ class RelevantCasters:
 
     triangles: int
     useless: int
-    matters: Mask
+    matters: Mask = field(repr=False)
     sure: bool
 
 

@@ -117,6 +117,14 @@ class Reader:
                 return tuple(items)
 
 
+def parameters_of(spec: str) -> tuple[str, dict[str, Any]]:
+    """A spec's technique and the parameters that it names: numbers, words and Calls."""
+    reader = Reader(spec)
+    technique = reader.token("word") or ""
+    items = reader.items(named=True) if reader.token("mark", ":") else ()
+    return technique, {str(key): value for key, value in items}
+
+
 def parse_value(text: str) -> Any:
     """One value: a number, a word, or a Call."""
     reader = Reader(text)

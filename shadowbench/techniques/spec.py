@@ -68,7 +68,12 @@ class Spec:
     @property
     def has_size(self) -> bool:
         """Whether the technique has a `size` parameter."""
-        return "size" in self.technique.Params.model_fields
+        return has_size(self.technique)
+
+
+def has_size(technique: "type[Technique]") -> bool:
+    """Whether a technique has a `size` parameter."""
+    return "size" in technique.Params.model_fields
 
 
 def _excerpt(value: object) -> str:

@@ -1,10 +1,10 @@
 """Visibility of a light that has a size: the share of its points that a receiver sees, with a standard error.
 
 A pilot of 64 points finds the penumbra, which is widened by 2 pixels; an audit of the rest with 4096 points repeats the
-pilot with more points if it missed anything. A second pilot of eight replications decides how many points each pixel of
-the penumbra needs, and the estimate is made from fresh points, since stopping on the sample itself would make the error
-look too small. Each replication and each pixel has points of its own (`light_samples`); their spread is the standard
-error.
+pilot with 256 points if it missed anything; a warning says so if these miss anything too. A second pilot of eight
+replications decides how many points each pixel of the penumbra needs, and the estimate is made from fresh points, since
+stopping on the sample itself would make the error look too small. Each replication and each pixel has points of its own
+(`light_samples`); their spread is the standard error.
 
 A pixel is undecided if its receiver or its triangle changes within the rasteriser's subpixel grid, or its visibility,
 at the same points of the light, changes there by more than 1/64; likewise, in low light, if it does so with rays that
@@ -179,7 +179,14 @@ def find_penumbra(estimator: Estimator, centres: Receivers, width: int) -> tuple
         audited = outside[scrambles_of(centres.rays[outside], 1, _AUDIT)[0, :, 0] < AUDITED * 2.0**32]
         found = estimator.sums(centres.select(audited), 16 * PILOT, 4, _AUDIT).visibility
         missed = np.count_nonzero(np.abs(found - value[audited]) > CHANGE)
-        if missed <= MISSED * len(audited) or 4 * samples > MOST_SAMPLES // 16:
+        if missed <= MISSED * len(audited):
+            break
+        if 4 * samples > MOST_SAMPLES // 16:
+            _log.warning(
+                "%d of %d pixels audited outside the penumbra lie in one that %d points of the light do not show: "
+                "the truth has no standard error there",
+                *(missed, len(audited), samples),
+            )
             break
         samples *= 4
         _log.info(

@@ -54,6 +54,18 @@ class Truth:
         """Whether any visibility is an estimate, as under a light with a size."""
         return bool(self.standard_error.any())
 
+    def __repr__(self) -> str:
+        """One line: view, light, and the shares of receivers in shadow and in penumbra."""
+        size, lit, view = len(self.visibility), self.visibility[self.receivers], self.view
+        told = [] if view is None else [view.scene.name, view.camera.name, f"{view.light.name} ({view.light.kind})"]
+        told += [f"{size} × {size} pixels", f"{len(lit)} receivers"]
+        if len(lit):
+            told.append(f"{(lit < 0.5).mean():.1%} in shadow")
+        if len(lit) and self.sampled:
+            told.append(f"{((lit > 0) & (lit < 1)).mean():.1%} in penumbra")
+            told.append(f"standard error up to {self.standard_error.max():.2g}")
+        return f"<Truth of {', '.join(told)}>"
+
     def _repr_png_(self) -> bytes:
         """PNG of the visibility, for notebooks; pixels without a receiver are white."""
         return png_of(np.round(self.visibility * 255).astype(np.uint8))

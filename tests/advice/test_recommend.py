@@ -234,6 +234,15 @@ def test_a_penumbra_is_judged_by_its_rmse(shadowbench: Callable[..., Any], tmp_p
     assert notes[1] == [] and notes[0][0].startswith("IoU judges where visibility is ½")
 
 
+def test_a_light_whose_penumbra_no_pixel_hits_is_judged_as_a_hard_one(
+    shadowbench: Callable[..., Any], scene: Callable[..., Path], tmp_path: Path
+) -> None:
+    file = scene(box="false")
+    file.write_text(file.read_text().replace("direction =", "angular_radius = 0.3\ndirection ="))
+    found = json.loads(shadowbench("recommend", file, "--view-size", "32", "-o", tmp_path / "rows", "--json").out)
+    assert found["target"]["metric"] == "iou" and found["notes"] == []
+
+
 def test_where_nothing_seen_is_in_shadow_drawing_none_is_enough(
     shadowbench: Callable[..., Any], scene: Callable[..., Path], tmp_path: Path
 ) -> None:

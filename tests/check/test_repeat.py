@@ -164,10 +164,15 @@ def test_a_folder_that_was_timed_again_is_compared_with_itself(tmp_path: Path, s
 def test_runs_that_cannot_be_compared_are_one_line(tmp_path: Path, shadowbench: Callable[..., Any]) -> None:
     run = ["run", "cube-on-plane", "-t", "unshadowed", "--view-size", "16", "--rounds", "0", "-q", "-o"]
     assert shadowbench(*run, tmp_path / "a").code == shadowbench(*run, tmp_path / "b").code == 0
+    assert shadowbench(*run, tmp_path / "sun", "--sun").code == 0
+    recorded = [json.loads((tmp_path / name / "run.json").read_text())["study"]["sun"] for name in ("a", "sun")]
+    assert recorded == [False, True]
     for arguments, expected in (
         ((tmp_path / "a", tmp_path / "a"), "named twice; named once,"),
         ((tmp_path / "a", tmp_path / "b"), "no two cells differ sharply"),
         ((tmp_path / "a", tmp_path / "none"), "no such folder"),
+        ((tmp_path / "a", tmp_path / "sun"), "sun: was measured with --sun; allowed: as "),
+        ((tmp_path / "sun", tmp_path / "a"), "a: was measured without --sun; allowed: as "),
     ):
         answer = shadowbench("repeat", *arguments)
         assert (answer.code, answer.out) == (2, "")

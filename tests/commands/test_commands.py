@@ -1,6 +1,7 @@
 """The commands: their output, files and exit codes."""
 
 import csv
+import io
 import json
 import os
 import re
@@ -14,6 +15,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from PIL import Image
+from rich.console import Console
 from scipy.ndimage import binary_dilation
 
 from shadowbench import __version__
@@ -534,6 +536,18 @@ def test_help_groups_every_command_and_cuts_no_summary(
         "Extend": ["new-technique", "export"],
     }
     assert "..." not in "".join(panels.values())
+
+
+def test_the_times_of_a_progress_bar_fit_a_terminal_of_80_columns(monkeypatch: pytest.MonkeyPatch) -> None:
+    shown = io.StringIO()
+    terminal = Console(file=shown, force_terminal=True, width=80, color_system=None)
+    monkeypatch.setattr(console, "err", lambda: terminal)
+    with console.Reporter(quiet=False) as reporter:
+        reporter.stage("measuring", 1234)
+        reporter.step("a-scene light-samples:of=shadow-volume,n=4096 of a name that is longer than the line")
+    bar = shown.getvalue().splitlines()[-3]
+    assert re.search(r"1/1234 \d:\d\d:\d\d [-\d]:[-\d]{2}:[-\d]{2} a-scene", bar), bar
+    assert bar.rstrip().endswith("…")
 
 
 def test_listed_axes_are_those_that_stress_sweeps(shadowbench: Shadowbench) -> None:

@@ -11,11 +11,15 @@ import pytest
 from PIL import Image
 from scipy import ndimage
 
+from shadowbench import api
 from shadowbench.commands import console
 from shadowbench.engines.error_kinds import error_kinds
+from shadowbench.engines.soft_error_kinds import soft_error_kinds
 from shadowbench.scenes.views import chosen_view
+from shadowbench.scores.comparison import Comparison
 from shadowbench.scores.masks import read_mask, write_mask
 from shadowbench.scores.metrics import METRICS, score
+from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.truths.cache import cached_truth
 
 SCENE = "stairs"
@@ -78,6 +82,9 @@ def test_a_mask_of_soft_shadows_is_scored_with_the_error_of_the_truth(shadowbenc
         files.append(tmp_path / f"{name}.png")
         write_mask(files[-1], np.where(truth.receivers, visibility, 1))
     exact, other = (json.loads(shadowbench("score", scene, file, "--json").out) for file in files)
+    assert api.score(read_mask(files[0]), truth) == exact["metrics"] | {
+        name: exact[name] for name in ("truth_error", "truth_error_pen", "penumbra", "width_share")
+    }
     assert 0 < exact["truth_error"] < exact["truth_error_pen"] < 0.01 and exact["penumbra"] > 100
     assert exact["metrics"]["rmse"] == exact["metrics"]["width"] == 0
     assert other["metrics"]["rmse_pen"] > 10 * exact["truth_error_pen"]
@@ -91,6 +98,10 @@ def test_a_mask_of_soft_shadows_is_scored_with_the_error_of_the_truth(shadowbenc
     assert "penumbra," in printed[0] and "width" in printed[0]
     coarse = tmp_path / "coarse.png"
     Image.fromarray(np.rint(shifted * 255).astype(np.uint8)).save(coarse)
+    lines = [shadowbench("score", scene, file).out.splitlines() for file in files]
+    told = [next(line for line in out if "pixels scored" in line) for out in lines]
+    assert f"RMSE <{exact['truth_error']:.2g}, in the penumbra <" in told[0]
+    assert f"RMSE {other['metrics']['rmse']:.2g}, in the penumbra {other['metrics']['rmse_pen']:.2g}" in told[1]
     rounding = "the mask has 8 bits: rounding makes an RMSE of 0.0011 in the penumbra"
     assert [rounding in shadowbench("score", scene, file).out for file in (files[1], coarse)] == [False, True]
     folder, wrong = tmp_path / "rows", tmp_path / "wrong.png"
@@ -99,6 +110,42 @@ def test_a_mask_of_soft_shadows_is_scored_with_the_error_of_the_truth(shadowbenc
         assert picture.width == size < picture.height  # with a legend
     (row,) = rows_of(folder)
     assert (row["metrics"], row["width_share"]) == (other["metrics"], other["width_share"])
+
+
+def test_errors_of_soft_shadows_are_told_in_terms_of_penumbra_umbra_and_full_light() -> None:
+    """A straight penumbra, dark at the left, that widens from top to bottom of a floor of 16 m."""
+    size = 160
+    y, x = np.mgrid[:size, :size].astype(float)
+    exact = np.clip((x - 80) / (6 + y / 4) + 0.5, 0, 1)
+    everywhere, penumbra = np.ones((size, size), bool), (exact > 0) & (exact < 1)
+    truth = PreparedTruth(
+        visibility=exact,
+        receivers=everywhere,
+        undecided=~everywhere,
+        area=exact,
+        blocker=np.where(exact < 1, 5.0, np.inf),
+        cosine=everywhere,
+        diagonal=16.0,
+        positions=lambda: np.stack([x, 0 * x, y], axis=-1) / 10,
+    )
+    checkered = np.where((x + y) % 2, 0.2, -0.2)
+    masks = {
+        "penumbra too narrow": exact > 0.5,
+        "penumbra too wide": np.clip((x - 80) / (12 + y / 2) + 0.5, 0, 1),
+        "contact hardening": np.clip((x - 80) / 26 + 0.5, 0, 1),
+        "penumbra too light": exact**0.5,
+        "penumbra too dark": exact**2,
+        "light bleeding": np.maximum(exact, 0.3),
+        "false shadow": np.minimum(exact, 0.7),
+        "noise": np.where(penumbra, np.clip(exact + checkered, 0, 1), exact),
+        "banding": np.rint(exact * 4) / 4,
+    }
+    opposites = ({"penumbra too narrow", "penumbra too wide"}, {"penumbra too light", "penumbra too dark"})
+    for kind, mask in masks.items():
+        told = {found.name for found in soft_error_kinds(Comparison(mask, truth), score(mask, truth))}
+        assert kind in told, told
+        assert not any(both <= told for both in opposites)
+    assert soft_error_kinds(Comparison(exact, truth), score(exact, truth)) == []
 
 
 @pytest.mark.parametrize(

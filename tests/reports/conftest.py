@@ -266,16 +266,21 @@ def stability_of(sweep_folder: Callable[..., Path]) -> Callable[..., Stability]:
     return make
 
 
-def texts(chart: dict[str, Any]) -> list[str]:
-    """The texts of a drawn chart."""
+def marks(chart: dict[str, Any]) -> list[dict[str, Any]]:
+    """The marks of a drawn chart, groups among them."""
     groups = [vl_convert.vegalite_to_scenegraph({**chart, "width": 600})["scenegraph"]]
     found = []
     while groups:
         group = groups.pop()
         groups += group.get("items", [])
-        text = group.get("text", [])
-        found += [str(line) for line in (text if isinstance(text, list) else [text])]
+        found.append(group)
     return found
+
+
+def texts(chart: dict[str, Any]) -> list[str]:
+    """The texts of a drawn chart."""
+    found = [mark.get("text", []) for mark in marks(chart)]
+    return [str(line) for text in found for line in (text if isinstance(text, list) else [text])]
 
 
 def scripts(page: str) -> list[Any]:

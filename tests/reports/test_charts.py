@@ -13,9 +13,10 @@ from shadowbench.reports.bias_curve import bias_charts
 from shadowbench.reports.charts import default_size, front_chart, pass_chart, section_figure, size_chart
 from shadowbench.reports.styles import COLORS, MAX_SHOWN, SHAPES, Styles, styles_of
 from shadowbench.studies.folder import read_runs
-from tests.reports.conftest import CELLS, TRUTH_ERROR, Cell, texts
+from tests.reports.conftest import CELLS, TRUTH_ERROR, Cell, marks, texts
 
 Chart = dict[str, Any]
+TEXT_WIDTH = 6  # pixels of a letter, on average
 
 
 def charts(section: Section) -> list[Chart]:
@@ -63,6 +64,17 @@ def test_errors_of_soft_shadows_are_drawn_down_to_that_of_the_truth(section_of: 
         assert any(text.startswith("below the truth's own error") for text in texts(chart))
         (title,) = {layer["encoding"]["y"]["title"] for layer in chart["layer"] if "title" in layer["encoding"]["y"]}
         assert title.startswith("RMSE")
+
+
+def test_no_label_of_the_front_is_cut_at_the_right_edge(section_of: Callable[..., Section]) -> None:
+    drawn = marks(charts(section_of())[0])
+    width = max(mark["width"] for mark in drawn if "width" in mark)
+    labels = [mark for mark in drawn if "; label: " in mark.get("description", "")]
+    assert [mark["text"] for mark in labels][-1] == "ray-traced" and len(labels) > 4
+    for mark in labels:
+        length = TEXT_WIDTH * len(mark["text"])
+        start = mark["x"] + mark["dx"] - (length if mark["align"] == "right" else 0)
+        assert start >= 0 and start + length <= width, mark
 
 
 def test_the_times_of_two_machines_share_no_chart(run_folder: Callable[..., Any]) -> None:

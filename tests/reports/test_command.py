@@ -212,6 +212,16 @@ def test_the_verdict_names_the_cheapest_for_each_accuracy(
     assert told[9].startswith(f"{tmp_path / 'report.html'}: 9 cells, ") and len(told) == 10
 
 
+def test_a_run_of_ray_tracing_alone_has_no_cheapest_technique(
+    run_folder: Write, shadowbench: Shadowbench, tmp_path: Path
+) -> None:
+    traced = [cell for cell in CELLS if cell.spec == "ray-traced"]
+    told = verdict_of(shadowbench("report", run_folder(traced), "-o", tmp_path / "report.html"))
+    assert (
+        told[:2] == ["No real-time technique here has a score.", ""] and told[3] == "ray-traced 60.0 ms 60.0 ms 60.0 ms"
+    )
+
+
 def test_the_verdict_over_scenes_counts_those_that_a_technique_supports(
     run_folder: Write, shadowbench: Shadowbench, tmp_path: Path
 ) -> None:

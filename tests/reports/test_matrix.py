@@ -217,6 +217,18 @@ def test_ray_tracing_is_named_for_scale_only(measured: Make) -> None:
     ]
 
 
+def test_what_recommend_never_chooses_is_not_called_the_cheapest(measured: Make) -> None:
+    yardstick, bare = (
+        Cell("light-samples", None, 0.004, 5.0, rmse_pen=0.04),
+        Cell("unshadowed", None, 0.1, 1.0, rmse_pen=0.06),
+    )
+    made = measured(yardstick, bare, Cell("ray-traced:samples=64", None, 0.004, 9.0, rmse_pen=0.06))
+    (line, _) = verdict(made)
+    assert line == "No real-time technique here has a score."
+    with_a_map = measured(yardstick, bare, Cell("shadow-map", 512, 0.004, 20.0, rmse_pen=0.06), name="with-a-map")
+    assert verdict(with_a_map)[0] == "RMSE ≤ 0.02: `shadow-map at 512` is the cheapest, 20.0 ms a frame."
+
+
 def test_a_verdict_falls_back_to_an_easier_target_and_then_to_the_closest(measured: Make) -> None:
     assert verdict(measured(Cell("a", 512, 0.02, 5.0), name="easy")) == [
         "95% of the shadow right: `a at 512` is the cheapest, 5.00 ms a frame.",

@@ -201,6 +201,26 @@ def test_a_spec_without_a_successful_cell_is_left_out_of_the_mean_over_scenes() 
     assert [(row.spec, row.values["iou"].median) for row in means] == [("a", pytest.approx(0.3))]
 
 
+def test_a_number_by_which_specs_of_a_technique_differ_is_printed_at_its_default_too() -> None:
+    specs = {
+        "light-samples": "light-samples:of=shadow-map(size=512),n=16",
+        "light-samples:n=4": "light-samples:of=shadow-map(size=512),n=4",
+        "light-samples:of=shadow-volume": "light-samples:of=shadow-volume,n=16",
+        "shadow-map": "shadow-map:bias=texel,linear=false",
+        "shadow-map:bias=none,linear=true": "shadow-map:bias=none,linear=true",
+        "cascades:count=3": "cascades:count=3,lambda=0.5",
+    }
+    cells = [result(spec=spec) for spec in specs]
+    for cell, full in zip(cells, specs.values(), strict=True):
+        cell.score["full_spec"] = full
+    printed = {row.spec: row.label for row in summary(cells_frame(cells))["cube"]}
+    differing = {
+        "light-samples": "light-samples:n=16",
+        "light-samples:of=shadow-volume": "light-samples:of=shadow-volume,n=16",
+    }
+    assert printed == {spec: differing.get(spec, spec) for spec in specs}
+
+
 def test_a_map_that_was_scored_at_one_offset_is_marked() -> None:
     two = [result(phase=0), result(0.6, phase=1)]
     without, lost = result(size=None, spec="volume"), result(spec="lost", untimed="crashed")

@@ -10,7 +10,7 @@ from shadowbench.scenes.model import Floats, Light, View
 from shadowbench.scenes.views import chosen_view
 from shadowbench.truths.light_samples import MOST_SAMPLES
 from shadowbench.truths.rays import Receivers, ViewRays
-from shadowbench.truths.soft import REPLICATIONS, Estimator, estimate, find_penumbra
+from shadowbench.truths.soft import REPLICATIONS, Estimator, Sums, estimate, find_penumbra
 from shadowbench.truths.trace import OFFSET, STANDARD_ERROR
 
 STUDENT, SHARE = 4.44, 0.997  # of Student's t with 7 degrees of freedom, 99.7% lies within it
@@ -78,6 +78,31 @@ def deviations(view: View) -> Floats:
     assert (errors < STANDARD_ERROR).mean() >= 0.95
     z: Floats = (values - best) / np.hypot(errors, best_error)
     return z
+
+
+class ShortSighted(Estimator):
+    """Sees a penumbra nowhere with few points of the light, and everywhere with many."""
+
+    def __init__(self, enough: int) -> None:
+        self.enough = enough
+
+    def sums(
+        self, receivers: Receivers, samples: int, replications: int, purpose: int, along_normal: bool = False
+    ) -> Sums:
+        weight = np.ones((len(receivers.rays), replications))
+        return Sums(weight, weight * (0.5 if samples >= self.enough else 1.0), weight, weight)
+
+
+@pytest.mark.parametrize(("enough", "told"), [(256, 0), (257, 1), (2000, 0)])
+def test_a_penumbra_that_the_audit_finds_and_256_points_do_not_is_told_once(
+    enough: int, told: int, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Nor is one that the audit, of 1024 points and four replications, does not find."""
+    view = chosen_view("cube-on-plane", 64)
+    _, receivers = receivers_of(view)
+    find_penumbra(ShortSighted(enough), receivers, view.size)
+    assert [record.levelname for record in caplog.records] == ["WARNING"] * told
+    assert all("that 256 points of the light do not show" in record.message for record in caplog.records)
 
 
 @pytest.mark.slow

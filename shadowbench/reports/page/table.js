@@ -46,7 +46,7 @@ function fillTable(rows, columns, shown, onChoose) {
     line.classList.toggle("front", row.front);
     Object.assign(head, { scope: "row", title: row.full });
     Object.assign(button, { type: "button", disabled: !row.scene });
-    button.append(...breakable(row.spec));
+    button.append(...breakable(row.label));
     button.addEventListener("click", () => onChoose(row));
     head.append(button);
     line.append(head, ...names.map((name) => Object.assign(document.createElement("td"), { textContent: row.values[name]?.[1] ?? "–" })));
