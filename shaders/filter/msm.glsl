@@ -7,15 +7,27 @@ const float margin = 0.98;
 
 float inner(float depth) { return margin * (2.0 * clamp(depth, 0.0, 1.0) - 1.0); }
 
-#ifdef FILTER_QUANTISED
-// The paper's transform, by which moments of [−1, 1] use the range of 16-bit unorm best.
-const mat2 odd_to_stored = mat2(1.5, sqrt(3.0) / 2.0, -2.0, -sqrt(3.0) * 2.0 / 9.0);
-const mat2 even_to_stored = mat2(4.0, 0.5, -4.0, 0.5);
+#if FILTER_BITS == 16
+// Peters's quantisation transform of moments of [−1, 1], odd and even, by which they use the range of 16-bit unorm. Mipmaps
+// and blurs commute with it, as it is affine.
+vec4 to_stored(vec4 b) {
+    vec2 odd = mat2(1.5, sqrt(3.0) / 2.0, -2.0, -2.0 / sqrt(27.0)) * b.xz + 0.5, even = mat2(4.0, 0.5, -4.0, 0.5) * b.yw;
+    return vec4(odd.x, even.x, odd.y, even.y);
+}
+vec4 from_stored(vec4 q) {
+    vec2 odd = mat2(-1.0 / 3.0, -0.75, sqrt(3.0), 0.75 * sqrt(3.0)) * (q.xz - 0.5), even = mat2(0.125, -0.125, 1.0, 1.0) * q.yw;
+    return vec4(odd.x, even.x, odd.y, even.y);
+}
+const float published_bias = 6e-5;
+#else
+vec4 to_stored(vec4 b) { return b; }
+vec4 from_stored(vec4 b) { return b; }
+const float published_bias = 3e-6;
 #endif
 
 vec4 filter_contents(float depth) {
     float z = inner(depth);
-    return vec4(z, z * z, z * z * z, z * z * z * z);
+    return to_stored(vec4(z, z * z, z * z * z, z * z * z * z));
 }
 
 // The share of depths nearer than z that any distribution with these moments has at least.
@@ -44,6 +56,7 @@ float least_shadow(vec4 b, float z) {
 }
 
 float filter_visibility(ShadowCoord p) {
-    vec4 b = mix(contents_at(p, vec2(0.0)), vec4(0.0, 0.5, 0.0, 0.5), filter_bias);
+    float bias = filter_bias > 0.0 ? filter_bias : published_bias;
+    vec4 b = mix(from_stored(contents_at(p, vec2(0.0))), vec4(0.0, 0.5, 0.0, 0.5), bias);
     return less_bleeding(1.0 - clamp(least_shadow(b, inner(p.linear)), 0.0, 1.0), filter_bleed);
 }

@@ -109,6 +109,25 @@ class PCF(Filter):
         return self.taps**2
 
 
+class Castano(Filter):
+    """A wider kernel by few bilinear comparisons (Castaño 2013, as in Filament, Bevy and Babylon.js).
+
+    As smooth as bilinear interpolation of percentage-closer filtering with the weights 1 2 1 or 1 3 4 3 1 along a side.
+    """
+
+    name = "castano"
+    shader = "filter/castano.glsl"
+    maps = frozenset({"2d", "array", "cube"})
+    taps: Literal[3, 5] = param(3, "texels along a side of the kernel: 3 by 4 comparisons, 5 by 9")
+
+    def radius(self, size: int) -> float:
+        return (self.taps + 1) / 2
+
+    @property
+    def reads(self) -> int:
+        return ((self.taps + 1) // 2) ** 2
+
+
 class Dither4(Filter):
     """Four taps in a pattern that alternates with the pixel's parity (Bunnell and Pellacini 2004)."""
 

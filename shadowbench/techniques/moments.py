@@ -1,11 +1,15 @@
 """Filterable shadow maps: what they store is blurred and filtered before it is compared."""
 
-from typing import Literal
+from typing import Literal, Self
+
+from pydantic import model_validator
 
 from shadowbench.techniques.biases import MapKind
 from shadowbench.techniques.filters import Contents, Filter, Kernel
 from shadowbench.techniques.params import param
 
+Bits = Literal[16, 32]
+_HALF_EXPONENT = 5.54  # e^(2·5.54) is the largest square that a half float holds
 _ALL: frozenset[MapKind] = frozenset({"2d", "array", "cube"})
 
 
@@ -36,12 +40,13 @@ class VSM(Filterable):
 
     name = "vsm"
     shader = "filter/vsm.glsl"
+    bits: Bits = param(32, "bits of each moment; 16 are half floats, whose step is 5e-4 at the far plane")
     bleed: float = param(0.3, "light bleeding reduction: a bound below it is shadow", ge=0, lt=1)
     min_variance: float = param(1e-7, "least variance, in squared depth", ge=0, le=1)
 
     @property
     def contents(self) -> Contents:
-        return Contents(2, blur=self.blur, kernel=self.kernel, mips=self.mips)
+        return Contents(2, _float(self.bits), blur=self.blur, kernel=self.kernel, mips=self.mips)
 
 
 class ESM(Filterable):
@@ -68,14 +73,22 @@ class EVSM(Filterable):
     name = "evsm"
     shader = "filter/evsm.glsl"
     components: Literal[2, 4] = param(4, "2: the positive warp only; 4: both warps")
+    bits: Bits = param(32, "bits of each moment; 16 are half floats, for exponents of at most 5.54")
     positive: float = param(40.0, "exponent of the positive warp; its square overflows beyond 42", gt=0, le=42)
     negative: float = param(5.0, "exponent of the negative warp", gt=0, le=42)
     bleed: float = param(0.0, "light bleeding reduction: a bound below it is shadow", ge=0, lt=1)
     min_variance: float = param(1e-4, "least variance, in squared depth at the receiver", ge=0, le=1)
 
+    @model_validator(mode="after")
+    def _fits_half_floats(self) -> Self:
+        largest = max(self.positive, self.negative)
+        if self.bits == 16 and largest > _HALF_EXPONENT:
+            raise ValueError(f"bits=16: found an exponent of {largest:g}; allowed: at most {_HALF_EXPONENT:g}")
+        return self
+
     @property
     def contents(self) -> Contents:
-        return Contents(self.components, blur=self.blur, kernel=self.kernel, mips=self.mips)
+        return Contents(self.components, _float(self.bits), blur=self.blur, kernel=self.kernel, mips=self.mips)
 
 
 class MSM(Filterable):
@@ -86,11 +99,20 @@ class MSM(Filterable):
 
     name = "msm"
     shader = "filter/msm.glsl"
-    bits: Literal[16, 32] = param(32, "bits of each moment; 16 are quantised after a transform of the moments")
-    bias: float = param(3e-6, "share of the moments of an even distribution, against rounding", ge=0, le=1)
+    bits: Bits = param(32, "bits of each moment; 16 are unsigned normalised integers of transformed moments")
+    bias: float = param(
+        0.0,
+        "share of fixed moments mixed in, against rounding; 0: as published, 3e-6 for 32 bits and 6e-5 for 16",
+        ge=0,
+        le=1,
+    )
     bleed: float = param(0.0, "light bleeding reduction: a bound below it is shadow", ge=0, lt=1)
 
     @property
     def contents(self) -> Contents:
         dtype: Literal["f4", "nu2"] = "f4" if self.bits == 32 else "nu2"
         return Contents(4, dtype, blur=self.blur, kernel=self.kernel, mips=self.mips)
+
+
+def _float(bits: Bits) -> Literal["f2", "f4"]:
+    return "f2" if bits == 16 else "f4"

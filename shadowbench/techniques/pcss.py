@@ -13,10 +13,12 @@ _ALL: frozenset[MapKind] = frozenset({"2d", "array", "cube"})
 
 
 class Disc(Filter):
-    """Base class of filters that compare taps over a disc, each with the receiver's plane there."""
+    """Base class of filters of taps over a disc, each compared with the receiver's plane there."""
 
     maps = _ALL
-    pattern: Pattern = param("vogel", "positions of the taps: a spiral of equal areas (Vogel 1979), or Poisson disc")
+    pattern: Pattern = param(
+        "vogel", "positions of the taps: a spiral of equal areas (Vogel 1979), or 32 Poisson-disc points"
+    )
     rotate: bool = param(True, "turns the pattern from pixel to pixel by interleaved gradient noise (Jimenez 2014)")
 
     def radius(self, size: int) -> float:
@@ -30,6 +32,10 @@ class PCFDisc(Disc):
     shader = "filter/pcf-disc.glsl"
     width: float = param(2.5, "radius of the disc in texels", gt=0, le=64)
     taps: int = param(16, "bilinear comparisons", ge=1, le=256)
+    plane: bool = param(True, "compares each tap with the receiver's plane; false: all with the receiver, as published")
+
+    def radius(self, size: int) -> float:
+        return super().radius(size) if self.plane else self.reach(size)
 
     def reach(self, size: int) -> float:
         return self.width + 1
@@ -44,7 +50,8 @@ class PCSS(Disc):
 
     The mean distance of the blockers in a search disc gives the penumbra's width by similar triangles, in the scene's
     units, so that it does not depend on the map's depth range. Wrong where casters at several distances overlap; noisy
-    where the disc holds few taps.
+    where the disc holds few taps. The variants of engines depend on the depth range, and need a fit whose near plane is
+    in front of the casters, such as scene.
     """
 
     name = "pcss"
@@ -53,6 +60,18 @@ class PCSS(Disc):
     taps: int = param(32, "comparisons of the nearest texel", ge=1, le=256)
     angle: float = param(0.0, "angular radius of a sun in degrees; 0: the scene's", ge=0, le=45)
     size: float = param(0.0, "radius of other lights; 0: the scene's", ge=0, metres=True)
+
+    variant: Literal["world", "godot", "filament", "bevy", "babylon", "three"] = param(
+        "world", "penumbra by lengths in the scene, or as an engine publishes it, by depths in [0, 1]"
+    )
+    light: float = param(
+        0.0,
+        "the light's size in a variant's unit: angular diameter in degrees (godot), radius in metres (filament, bevy),"
+        " share of the map's side (babylon, three); 0: as shipped: the scene's (godot), 0.02 (filament), 10 (bevy's"
+        " example), 0.1 (babylon), 0.00133 (three's example)",
+        ge=0,
+        le=1e6,
+    )
 
     def light_radius(self, light: Light, placement: Placement) -> float:
         if light.kind == "directional":
@@ -69,3 +88,25 @@ class PCSS(Disc):
     @property
     def reads(self) -> int:
         return self.search + self.taps
+
+
+class DPCF(Disc):
+    """Percentage-closer filtering over a fixed disc, hardened at contacts (Myers, Shadow of Cold War; Filament).
+
+    The share of shadowed taps is sharpened by the ratio of the distances from receiver to blockers and from blockers to
+    the near plane, or to a light that is not a sun: a guess of the penumbra by one set of taps, which depends on the
+    map's near plane.
+    """
+
+    name = "dpcf"
+    shader = "filter/dpcf.glsl"
+    taps: int = param(12, "comparisons of the nearest texel", ge=1, le=256)
+    bulb: float = param(0.02, "radius of the disc in metres", gt=0, metres=True)
+
+    @property
+    def contents(self) -> Contents:
+        return Contents(1, linear=False)
+
+    @property
+    def reads(self) -> int:
+        return self.taps

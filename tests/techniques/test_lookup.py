@@ -77,6 +77,11 @@ class MapLookup:
         reach = range(-(taps // 2), taps // 2 + 1)
         return np.mean([self.nearest(x, y) for x in reach for y in reach], axis=0)
 
+    def kernel(self, weights: list[float]) -> np.ndarray:
+        """Bilinear interpolation of a separable kernel over whole texels."""
+        texels = [(weight / sum(weights), at - len(weights) // 2) for at, weight in enumerate(weights)]
+        return sum(a * b * self.linear(x, y) for a, x in texels for b, y in texels)
+
     def dithered(self, width: float) -> np.ndarray:
         down, across = np.indices(self.u.shape)
         column, row = across, len(down) - 1 - down  # OpenGL counts rows from below
@@ -129,6 +134,15 @@ def test_pcf_is_the_mean_over_texels_around_the_one(looked_up, kind: str, taps: 
 def test_hardware_weights_four_comparisons(looked_up, kind: str, wrap: str) -> None:
     mask, lookup = looked_up(kind, "filter=hardware,bias=constant(0.01)", 0.01, wrap)
     check(mask, lookup.linear(), lookup, WEIGHTS)
+
+
+@pytest.mark.parametrize("bias", ["constant(0.01)", "constant(0.01)+receiver-plane(limit=1e-9,slack=0,ulps=0)"])
+@pytest.mark.parametrize(("taps", "weights"), [(3, [1, 2, 1]), (5, [1, 3, 4, 3, 1])])
+@pytest.mark.parametrize("kind", SCENES)
+def test_castano_interpolates_a_kernel(looked_up, kind: str, taps: int, weights: list[float], bias: str) -> None:
+    """By hardware comparison, and by gathered texels that are compared one by one."""
+    mask, lookup = looked_up(kind, f"filter=castano({taps}),bias={bias}", 0.01)
+    check(mask, lookup.kernel(weights), lookup, WEIGHTS)
 
 
 @pytest.mark.parametrize("kind", SCENES)

@@ -5,7 +5,7 @@ from typing import Any, Literal, get_args, get_origin
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from shadowbench.errors import InputError
 from shadowbench.techniques.base import Technique
@@ -48,7 +48,10 @@ def defaults(technique: type[Technique]) -> list[Any]:
 
 
 def rows(row: type[Component]) -> st.SearchStrategy[Component]:
-    return st.builds(row, **{key: values_of(field) for key, field in row.model_fields.items()})
+    """Components of valid and compatible values."""
+    fields = {key: values_of(field) for key, field in row.model_fields.items()}
+    found = st.fixed_dictionaries(fields).map(lambda values: _compatible(row, values))
+    return found.filter(lambda component: component is not None)
 
 
 def sums(single: st.SearchStrategy[Bias]) -> st.SearchStrategy[Bias]:
@@ -60,13 +63,14 @@ def sums(single: st.SearchStrategy[Bias]) -> st.SearchStrategy[Bias]:
 def specs(technique: type[Technique]) -> st.SearchStrategy[Spec]:
     """Specs of valid and compatible values."""
     fields = {key: values_of(field) for key, field in technique.Params.model_fields.items()}
-    found = st.fixed_dictionaries(fields).map(lambda values: _spec(technique, values))
-    return found.filter(lambda spec: spec is not None)
+    found = st.fixed_dictionaries(fields).map(lambda values: _compatible(technique.Params, values))
+    return found.filter(lambda params: params is not None).map(lambda params: Spec(technique, params))
 
 
-def _spec(technique: type[Technique], values: dict[str, object]) -> Spec | None:
+def _compatible(model: type[BaseModel], values: dict[str, object]) -> Any:
+    """The model of some values; None if each is valid, but not all together."""
     try:
-        return Spec(technique, technique.Params(**values))
+        return model(**values)
     except ValidationError as error:
         if any(one["type"] != "value_error" or one["loc"] for one in error.errors()):
             raise
@@ -204,6 +208,7 @@ MISTAKES = {
     "shadow-map:bias=slope+heavy": "bias.second: unknown bias 'heavy'; allowed: none, constant",
     "shadow-map:bias=slope+2": "expected a comma or the end",
     "shadow-map:fit=scene+view": "fit: fits cannot be added, only biases can; allowed: one of fixed, scene",
+    "shadow-map:filter=evsm(bits=16)": "filter: bits=16: found an exponent of 40; allowed: at most 5.54",
     "shadow-map:filter=hard+pcf(2)": "filter: filters cannot be added, only biases can; allowed: one of hard, ",
     "shadow-map:bias=slope(0.1": r"expected '\)'",
     "shadow-map:bias=slope(0.1,)": "expected a number or a word",
