@@ -1,0 +1,150 @@
+"""Filters over wide kernels and discs, whose answers under a half-plane and a vertical sun are closed forms."""
+
+import math
+import re
+from collections.abc import Callable
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from shadowbench.data import data_folder
+from shadowbench.scenes.model import Light
+
+HEIGHT, DISTANCE = 2.0, 10.0  # of the half-plane above the ground, of the map's origin above it, in metres
+HALF, SIZE = 4.0, 2048  # of the map
+TEXEL = 2 * HALF / SIZE
+RADIUS = 0.05  # of the sun, in radians
+
+Answer = tuple[np.ndarray, np.ndarray]
+
+
+@pytest.fixture
+def under_edge(looking, shape, studio, build) -> Callable[..., Answer]:
+    """Distances of the ground's pixels from the edge's shadow, in metres towards the light, and their visibility."""
+
+    def draw(filter_: str, near: float = 1.0, far: float = 14.0, size: int = SIZE) -> Answer:
+        sheet = shape("plane", (6.0, 1.0, 6.0), (3.0, HEIGHT, 0.0))
+        light = Light("sun", "directional", (0.0, -1.0, 0.0), radius=RADIUS)
+        shot = studio.shot(looking([shape("plane", 8.0), sheet], light, 96, eye=(0.0, 1.0, 1.2), fov=36.0))
+        fit = f"fixed(half={HALF},near={near},far={far},distance={DISTANCE})"
+        spec = f"shadow-map:size={size},fit={fit},bias=constant(world=0.01),filter={filter_}"
+        visibility = build(spec, shot).draw(shot)
+        ground = shot.position[..., 3] > 0
+        across = shot.position[..., 0] / shot.placement.scale + shot.placement.center[0]
+        return -across[ground], visibility[ground]
+
+    return draw
+
+
+def disc_share(across: np.ndarray, radius: float) -> np.ndarray:
+    """Share of a disc on the lit side of a line at a distance from its centre."""
+    x = np.clip(across / radius, -1, 1)
+    return 0.5 + (x * np.sqrt(1 - x**2) + np.arcsin(x)) / math.pi
+
+
+@pytest.mark.parametrize(("taps", "weights"), [(3, [1, 2, 1]), (5, [1, 3, 4, 3, 1])])
+def test_castano_across_an_edge_is_the_sum_of_its_weights_so_far(under_edge, taps: int, weights: list[int]) -> None:
+    across, visibility = under_edge(f"castano({taps})", size=128)
+    # At the centre of a texel the kernel covers whole texels, between centres it is interpolated.
+    centres = np.arange(-taps, taps) + 0.5
+    lit = [sum(w for at, w in enumerate(weights, -(taps // 2)) if centre + at > 0) for centre in centres]
+    expected = np.interp(across / (2 * HALF / 128), centres, np.array(lit) / sum(weights))
+    assert ((visibility > 0) & (visibility < 1)).mean() > 0.1
+    assert visibility == pytest.approx(expected, abs=4e-3)  # samplers may weight in steps of 1/256
+
+
+def poisson_points() -> np.ndarray:
+    """The table of disc.glsl."""
+    text = (data_folder("shaders") / "filter" / "disc.glsl").read_text()
+    table = text[text.index("poisson_disc[32]") :].partition(");\n")[0]
+    return np.array([[float(x) for x in pair] for pair in re.findall(r"vec2\((\S+), (\S+?)\)", table)])
+
+
+def test_poisson_points_lie_in_the_disc_and_no_two_are_near() -> None:
+    points = poisson_points()
+    assert len(points) == 32 and np.linalg.norm(points, axis=1).max() <= 1
+    for count in range(2, 33):
+        nearest = min(math.dist(one, other) for one, other in combinations(points[:count], 2))
+        assert nearest > max(0.26, 1.2 / math.sqrt(count)) - 1e-9, count
+
+
+@pytest.mark.parametrize("taps", [7, 32, 45])
+def test_a_poisson_disc_takes_the_points_of_its_table(under_edge, taps: int) -> None:
+    across, visibility = under_edge(f"pcf-disc(pattern=poisson,rotate=false,width=32,taps={taps})")
+    points = poisson_points()
+    turn = 2.3999632 * (np.arange(taps) // 32)
+    x, y = np.resize(points, (taps, 2)).T
+    # The map's axes are the scene's, up to their signs and order.
+    ways = [sign * way for way in (np.cos(turn) * x - np.sin(turn) * y, np.sin(turn) * x + np.cos(turn) * y)
+            for sign in (-1, 1)]  # fmt: skip
+    expected = [np.clip(across[:, None] / TEXEL + 32 * way + 0.5, 0, 1).mean(axis=1) for way in ways]
+    assert min(np.abs(one - visibility).max() for one in expected) < 0.01
+
+
+@pytest.mark.parametrize(
+    "filter_", ["pcf-disc(pattern=vogel,width=48,taps=64)", "pcf-disc(pattern=poisson,width=48,taps=32)"]
+)
+def test_a_disc_across_an_edge_is_the_share_of_its_area(under_edge, filter_: str) -> None:
+    across, visibility = under_edge(filter_)
+    assert np.sqrt(np.mean((visibility - disc_share(across, 48 * TEXEL)) ** 2)) < 0.02
+
+
+def test_a_disc_without_the_receiver_s_plane_is_the_same_on_a_plane_that_faces_the_light(under_edge) -> None:
+    _, one = under_edge("pcf-disc(width=24,taps=16)")
+    _, other = under_edge("pcf-disc(width=24,taps=16,plane=false)")
+    assert one == pytest.approx(other, abs=4e-3)
+
+
+RANGES = [(1.0, 14.0), (6.0, 14.0), (1.0, 11.5)]
+
+
+def published(variant: str, near: float, far: float) -> float:
+    """Radius of a variant's penumbra under the half-plane, in metres, by depths z and b of [0, 1]."""
+    z, b = (DISTANCE - near) / (far - near), (DISTANCE - HEIGHT - near) / (far - near)
+    side = 2 * HALF
+    if variant == "world":
+        return math.tan(RADIUS) * HEIGHT
+    if variant == "godot":  # its disc's radius is the sun's diameter
+        return math.tan(2 * RADIUS) * z * (far - near) * (z - b) / b
+    if variant == "filament":
+        return 0.4 * (z - b) / b
+    if variant == "bevy":
+        fudge = 0.015 + (TEXEL - 0.00390625) / (0.022949219 - 0.00390625) * (0.035 - 0.015)
+        return fudge * max((z - b) * 3 / (1 - z), 0.5)
+    if variant == "babylon":
+        return (z - b + 10 / SIZE) * 0.1 * side
+    return (z - b) / b * 0.01 * side * 9.5 / z
+
+
+LIGHTS = {
+    "world": "",
+    "godot": "",
+    "filament": ",light=0.4",
+    "bevy": ",light=3",
+    "babylon": "",
+    "three": ",light=0.01",
+}
+
+
+@pytest.mark.parametrize(("near", "far"), RANGES)
+@pytest.mark.parametrize("variant", LIGHTS)
+def test_penumbrae_of_the_variants_are_as_wide_as_published(under_edge, variant: str, near: float, far: float) -> None:
+    across, visibility = under_edge(f"pcss(variant={variant},search=64,taps=64{LIGHTS[variant]})", near, far)
+    radius = published(variant, near, far)
+    expected = disc_share(across, radius)
+    if variant == "babylon":
+        expected += (1 - expected) * HEIGHT / (far - near)  # its shadows lighten with the depth
+    seen = np.abs(across) < 0.9 * radius
+    assert seen.sum() > 200
+    assert np.sqrt(np.mean((visibility - expected)[seen] ** 2)) < 0.04
+
+
+@pytest.mark.parametrize("near", [1.0, 6.0])
+def test_dpcf_sharpens_the_share_of_shadowed_taps_by_the_ratio_of_depths(under_edge, near: float) -> None:
+    across, visibility = under_edge("dpcf(taps=256,bulb=0.25)", near)
+    share = 1 - disc_share(across, 0.25)
+    s = 2 * share - 1
+    hardened = 0.5 + 0.5 * np.sign(s) * (1 - (1 - np.abs(s)) ** 3)
+    ratio = min(HEIGHT / (DISTANCE - HEIGHT - near), 1.0)
+    assert np.sqrt(np.mean((1 - visibility - hardened * (1 - ratio) - share * ratio) ** 2)) < 0.02
