@@ -17,6 +17,7 @@ from shadowbench.gl.targets import DepthFormat, unsupported_map
 from shadowbench.scenes.model import Floats, View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.biases import Bias, Texel
+from shadowbench.techniques.engines import BEVY, GODOT, UNITY
 from shadowbench.techniques.filters import Filter, Hardware
 from shadowbench.techniques.fits import widened
 from shadowbench.techniques.maps import (
@@ -51,6 +52,12 @@ class Cascades(Technique):
     picture_scene = "deep-street"
     grid = {"count": (2, 3, 5), **MAP_GRID, "size": (256, 512, 1024, 2048)}
     variants = ("box=scene", "box=tight", "box=sphere,stable=true")
+    # Engines end their cascades at distances, here shares of the camera's far plane.
+    presets = {
+        "godot": f"count=4,split=shares(0.1,0.2,0.5),box=sphere,stable=true,size=2048,{GODOT}",
+        "bevy": f"count=4,split=shares(0.0667,0.1644,0.4055),box=sphere,stable=true,size=2048,blend=0.2,{BEVY}",
+        "unity": f"count=4,split=shares(0.067,0.2,0.467),box=sphere,stable=true,size=1024,{UNITY}",
+    }
 
     class Params(TechniqueParams):
         """Parameters of cascades."""
@@ -83,8 +90,8 @@ class Cascades(Technique):
 
         @model_validator(mode="after")
         def _agree(self) -> Self:
-            if self.split.name == "fixed" and self.count != 5:
-                raise ValueError(f"split=fixed: found count={self.count}; allowed: 5")
+            if self.split.slices not in (None, self.count):
+                raise ValueError(f"split={self.split.name}: found count={self.count}; allowed: {self.split.slices}")
             if self.stable and self.box != "sphere":
                 raise ValueError(f"stable=true: found box={self.box}; allowed: sphere")
             return self

@@ -12,6 +12,7 @@ from shadowbench.gl.targets import DepthFormat, unsupported_map
 from shadowbench.scenes.model import View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.biases import Bias, Texel
+from shadowbench.techniques.engines import BABYLON, BEVY, FILAMENT, GODOT, THREE, UNITY
 from shadowbench.techniques.filters import Filter, Hardware
 from shadowbench.techniques.fits import Fit
 from shadowbench.techniques.maps import (
@@ -48,6 +49,13 @@ class ShadowMap(Technique):
         "offset": "fit=scene,bias=polygon-offset(2,4),filter=hardware",
         "dither": "fit=scene,bias=polygon-offset(2,4)+before-divide(0.01),filter=dither-4",
         "fixed": "fit=fixed,bias=slope,filter=pcf(taps=3)",
+        # Engines, with one map: those with cascades cover what the camera sees.
+        "three": f"fit=scene,size=512,{THREE}",
+        "babylon": f"fit=scene,size=1024,{BABYLON}",
+        "godot": f"fit=view,size=4096,{GODOT}",
+        "bevy": f"fit=view,size=2048,{BEVY}",
+        "filament": f"fit=view,size=1024,{FILAMENT}",
+        "unity": f"fit=view,size=2048,{UNITY}",
     }
 
     class Params(FittedParams):

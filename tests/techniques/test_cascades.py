@@ -21,7 +21,7 @@ from shadowbench.techniques.biases import Bias
 from shadowbench.techniques.filters import Filter
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
-from shadowbench.techniques.splits import PracticalSplit, Split
+from shadowbench.techniques.splits import PracticalSplit, ShareSplit, Split
 from shadowbench.truths.trace import trace
 from tests.samples import sampled
 
@@ -55,6 +55,12 @@ def test_fixed_splits_are_the_published_shares_of_far(studio, build) -> None:
     found = [one.technique.facts()[f"far_{number}_m"] for number in range(1, 6)]
     assert found == pytest.approx([far / 50, far / 25, far / 10, far / 2, far])
     assert one.technique.map.texture.layers == 5
+
+
+def test_slices_end_at_the_shares_of_far_that_an_engine_sets() -> None:
+    unity = parse_spec("cascades:preset=unity", techniques()).params.split
+    assert unity.depths(0.3, 50.0, 4) == pytest.approx([0.3, 3.35, 10.0, 23.35, 50.0])
+    assert ShareSplit(first=0.5, second=0.2).depths(1.0, 10.0, 4) == pytest.approx([1.0, 5.0, 5.0, 5.0, 10.0])
 
 
 def test_a_fixed_slice_that_ends_before_near_is_empty() -> None:
@@ -313,9 +319,10 @@ def test_only_a_directional_light_has_cascades(kind: str, device, studio, builti
     [
         ("count=9", "count: found 9; allowed: less than or equal to 8"),
         ("split=fixed,count=4", "split=fixed: found count=4; allowed: 5"),
+        ("split=shares", "split=shares: found count=5; allowed: 4"),
         ("stable=true", "stable=true: found box=scene; allowed: sphere"),
         ("stable=true,box=tight", "stable=true: found box=tight; allowed: sphere"),
-        ("split=halves", "split: unknown split 'halves'; allowed: practical, fixed"),
+        ("split=halves", "split: unknown split 'halves'; did you mean 'shares'? allowed: practical, fixed, shares"),
     ],
 )
 def test_bad_input_is_told_in_one_line(items: str, told: str) -> None:

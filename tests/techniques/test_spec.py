@@ -9,11 +9,22 @@ from pydantic import BaseModel, ValidationError
 
 from shadowbench.errors import InputError
 from shadowbench.techniques.base import Technique
-from shadowbench.techniques.biases import BeforeDivide, Bias, Constant, PolygonOffset, Slope, Sum
-from shadowbench.techniques.filters import PCF, PCF20, Dither4, Filter, Hard, Hardware
-from shadowbench.techniques.fits import Fit, FixedFit, SceneFit
+from shadowbench.techniques.biases import (
+    BeforeDivide,
+    Bias,
+    Constant,
+    NoBias,
+    NormalOffset,
+    PolygonOffset,
+    ReceiverPlane,
+    Slope,
+    Sum,
+)
+from shadowbench.techniques.filters import PCF, PCF20, Castano, Dither4, Filter, Hard, Hardware
+from shadowbench.techniques.fits import Fit, FixedFit, SceneFit, ViewFit
 from shadowbench.techniques.grammar import parse_value
 from shadowbench.techniques.params import Component
+from shadowbench.techniques.pcss import PCSS, PCFDisc
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import Spec, format_value, parse_spec
 
@@ -160,6 +171,38 @@ def test_the_published_presets() -> None:
             "fit": FixedFit(half=10.0, near=1.0, far=7.5, distance=4.58, fov=45.0),
             "bias": slope,
             "filter": PCF(taps=3),
+        },
+        "three": {"fit": SceneFit(), "size": 512, "bias": NoBias(), "filter": PCFDisc(width=1.0, taps=5, plane=False)},
+        "babylon": {
+            "fit": SceneFit(),
+            "bias": Constant(units=5e-5),
+            "filter": PCSS(variant="babylon", search=32, taps=64, pattern="poisson"),
+        },
+        "godot": {
+            "fit": ViewFit(),
+            "size": 4096,
+            "bias": Sum(first=NormalOffset(scale=0.236), second=Constant(world=0.001)),
+            "filter": PCFDisc(width=2.0, taps=4, plane=False),
+        },
+        "bevy": {
+            "fit": ViewFit(),
+            "size": 2048,
+            "bias": Sum(first=NormalOffset(scale=0.6), second=Constant(world=0.02)),
+            "filter": Castano(taps=5),
+        },
+        "filament": {
+            "fit": ViewFit(),
+            "bias": Sum(
+                first=PolygonOffset(factor=2.0, units=0.5),
+                second=Sum(first=NormalOffset(scale=0.177), second=Constant(world=0.001)),
+            ),
+            "filter": Castano(taps=3),
+        },
+        "unity": {
+            "fit": ViewFit(),
+            "size": 2048,
+            "bias": Sum(first=NormalOffset(scale=0.589), second=ReceiverPlane(limit=1e-9, slack=2.5)),
+            "filter": Castano(taps=5),
         },
     }
     technique = ALL["shadow-map"]
