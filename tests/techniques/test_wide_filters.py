@@ -148,3 +148,14 @@ def test_dpcf_sharpens_the_share_of_shadowed_taps_by_the_ratio_of_depths(under_e
     hardened = 0.5 + 0.5 * np.sign(s) * (1 - (1 - np.abs(s)) ** 3)
     ratio = min(HEIGHT / (DISTANCE - HEIGHT - near), 1.0)
     assert np.sqrt(np.mean((1 - visibility - hardened * (1 - ratio) - share * ratio) ** 2)) < 0.02
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("variant", LIGHTS)
+def test_penumbrae_of_a_scene_follow_the_map_s_depth_range_in_every_variant_but_world(variant, builtin, mask) -> None:
+    view, light, areas = builtin("post", 256), ",light=4" if variant == "godot" else LIGHTS[variant], []
+    for near, far in [(1.0, 17.0), (6.0, 17.0), (1.0, 40.0)]:
+        fit = f"fixed(half=6,near={near},far={far},distance=10)"
+        visibility = mask(f"shadow-map:fit={fit},filter=pcss(variant={variant},taps=64{light})", view)
+        areas.append((visibility * (1 - visibility)).mean())
+    assert (max(areas) / min(areas) < 1.001) if variant == "world" else (max(areas) / min(areas) > 1.2)
