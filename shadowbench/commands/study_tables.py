@@ -46,9 +46,9 @@ _OPTIONAL = ("bleed", "false_dark", "width", "hardening", "flips", *_COSTS.value
 
 def print_study(found: "StudyResult", folder: Path, quiet: bool) -> None:
     """One table per scene, one over all scenes, and the path of table.csv."""
-    from shadowbench.reports.words import counted
+    from shadowbench.reports.words import counted, digits
     from shadowbench.studies.sweeps import curves
-    from shadowbench.studies.tables import mean_over_scenes, reference_times, slopes, summary
+    from shadowbench.studies.tables import bias_notes, mean_over_scenes, reference_times, slopes, summary
     from shadowbench.studies.times import time_notes
 
     tables, references, fits = summary(found.frame), reference_times(found.frame), slopes(found.frame)
@@ -56,7 +56,7 @@ def print_study(found: "StudyResult", folder: Path, quiet: bool) -> None:
     times = times if found.study.rounds else ""
     for scene, rows in tables.items():
         rough = [row.rough for row in rows if row.values["frame_ms"] is not None]
-        notes = [*_notes(rows), *time_notes(references[scene], rough)]
+        notes = [*_notes(rows), *bias_notes(rows, digits), *time_notes(references[scene], rough)]
         ranked = ", best first by RMSE" if any(row.soft for row in rows) else ", best first"
         _print_scene(f"{scene}{ranked}{times}", rows, [fit for fit in fits if fit.scene == scene], notes)
         _print_curves(scene, curves(rows, found.sweep_positions))

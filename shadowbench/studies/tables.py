@@ -20,6 +20,7 @@ from shadowbench.techniques.grammar import parameters_of
 _IDENTITY = ["scene", "view", "light", "phase", "technique", "spec", "map_size", "view_size", "renderer", "status"]
 _TIMES = ["frame_ms", "frame_iqr_ms", "added_ms", "ratio", "n", "clock"]
 _TOTALS = ["wall_ms", *(f"{moved}_ms" for moved in REDRAWN)]
+_LENGTHS = ("fact_bias_m", "fact_bias_texels", "fact_normal_offset_m", "fact_normal_offset_texels")
 _MORE_TIMES = ["ratio_iqr", "reference", "reference_ms", *_TOTALS]  # additional columns, after the promised ones
 _SOFT = ["truth_error", "truth_error_pen", "penumbra", "width_share"]  # of a soft truth
 _MORE = [
@@ -201,6 +202,7 @@ def summary_rows(table: pd.DataFrame) -> list[SummaryRow]:
         succeeded = group[group["status"] == "ok"]
         names = [*ROW_METRICS, *_SOFT[:2], *_TIMES[:4], *_TOTALS, "gpu_bytes"]
         values = {name: interval(succeeded[name].tolist()) for name in names}
+        values |= {name: interval(succeeded[name].tolist()) for name in _LENGTHS if name in succeeded}
         refused = tuple(group.loc[group["status"] != "ok", "status"])
         map_size = None if pd.isna(size) else int(size)
         unset = _unset(spec, group["full_spec"].iloc[0], numbers)
@@ -236,6 +238,24 @@ def phase_note(rows: Sequence[SummaryRow]) -> str | None:
         return None
     which = "" if all(row.single_phase for row in mapped) else "maps without an interval: "
     return f"{which}scored in one phase (sub-texel offset) only; another may reverse the order of two maps (--phases 8)"
+
+
+def bias_notes(rows: Sequence[SummaryRow], digits: Callable[[float], str]) -> list[str]:
+    """What biases of a fixed size mean on each map, in metres and in texels, for a sun. digits: formats a number."""
+    notes = []
+    for row in rows:
+        bias, bias_texels, offset, offset_texels = (row.values.get(name) for name in _LENGTHS)
+        parts = [
+            f"{digits(metres.median)} m ({digits(texels.median)} texels) {along}"
+            for metres, texels, along in (
+                (bias, bias_texels, "along the light"),
+                (offset, offset_texels, "along the normal at grazing light"),
+            )
+            if metres is not None and texels is not None
+        ]
+        if parts:
+            notes.append(f"bias of {row.label} at {row.map_size}: {' and '.join(parts)}")
+    return notes
 
 
 def mean_over_scenes(tables: Mapping[str, Sequence[SummaryRow]]) -> tuple[list[str], list[SummaryRow]]:

@@ -1,5 +1,6 @@
 """Depth biases against self-shadowing (acne): a class each and, where needed, a shader file in `bias/`."""
 
+import math
 from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, model_validator
@@ -53,6 +54,27 @@ class Bias(Component):
         """The smallest bias in units of [0, 1] depth; None for a bias that is not fixed in these units."""
         return None
 
+    @property
+    def along_light(self) -> tuple[float, float]:
+        """The smallest bias in metres and in texel widths along the light, besides `depth_units`."""
+        return (0.0, 0.0)
+
+    def along_normal(self, radius: float) -> float:
+        """The offset along the normal at grazing light in texel diagonals, for a filter's radius in texels."""
+        return 0.0
+
+    def facts(self, radius: float, texel_m: float, depth_range_m: float) -> dict[str, float]:
+        """A sun's smallest bias along the light and largest offset along the normal, in metres and in texel widths."""
+        metres, texels = self.along_light
+        lengths = {
+            "bias": (self.depth_units or 0.0) * depth_range_m + metres + texels * texel_m,
+            "normal_offset": self.along_normal(radius) * math.sqrt(2) * texel_m,
+        }
+        found = {name: length for name, length in lengths.items() if length}
+        return {f"{name}_m": length for name, length in found.items()} | {
+            f"{name}_texels": length / texel_m for name, length in found.items()
+        }
+
 
 class NoBias(Bias):
     """No bias: shows the acne."""
@@ -74,6 +96,10 @@ class Constant(Bias):
     @property
     def depth_units(self) -> float | None:
         return None if self.world > 0 else self.units
+
+    @property
+    def along_light(self) -> tuple[float, float]:
+        return (self.world, 0.0)
 
 
 class BeforeDivide(Bias):
@@ -142,6 +168,9 @@ class NormalOffset(Bias):
     scale: float = param(1.0, "multiple of the filter radius", ge=0, le=100)
     ulps: float = param(4.0, "steps of the depth format added to the bias", ge=0, le=1e6)
 
+    def along_normal(self, radius: float) -> float:
+        return self.scale * radius
+
 
 class ReceiverPlane(Bias):
     """Comparison of each texel with the receiver's plane at the texel's centre (after Isidoro 2006)."""
@@ -153,6 +182,10 @@ class ReceiverPlane(Bias):
     limit: float = param(10.0, "tan θ to which the gradient is limited", gt=0, le=1e6)
     slack: float = param(1.5, "texel widths along the ray, for surfaces curved within a texel", ge=0, le=1e6)
     ulps: float = param(4.0, "steps of the depth format added to the bias", ge=0, le=1e6)
+
+    @property
+    def along_light(self) -> tuple[float, float]:
+        return (0.0, self.slack)
 
 
 class Texel(Bias):
@@ -208,3 +241,11 @@ class Sum(Bias):
     def depth_units(self) -> float | None:
         fixed = [term.depth_units for term in self.terms if term.depth_units is not None]
         return sum(fixed) if fixed else None
+
+    @property
+    def along_light(self) -> tuple[float, float]:
+        metres, texels = zip(*(term.along_light for term in self.terms), strict=True)
+        return (sum(metres), sum(texels))
+
+    def along_normal(self, radius: float) -> float:
+        return sum(term.along_normal(radius) for term in self.terms)

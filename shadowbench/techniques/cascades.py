@@ -231,6 +231,9 @@ class Cascades(Technique):
         for number, (part, light_view) in enumerate(zip(self.slices, self.light_views, strict=True), start=1):
             facts[f"far_{number}_m"] = part.far / scale
             facts[f"texel_{number}_m"] = max(light_view.texel) / scale
-            if self.params.bias.depth_units is not None:
-                facts[f"bias_{number}_m"] = self.params.bias.depth_units * (light_view.far - light_view.near) / scale
+            radius, depth_range = self.params.filter.radius(self.params.size), light_view.far - light_view.near
+            bias = self.params.bias.facts(radius, facts[f"texel_{number}_m"], depth_range / scale)
+            for name, value in bias.items():
+                length, _, unit = name.rpartition("_")
+                facts[f"{length}_{number}_{unit}"] = value
         return facts

@@ -135,7 +135,7 @@ class ShadowMap(Technique):
             "depth_range_m": (self.light_view.far - self.light_view.near) / scale,
         }
         facts["culled_triangles"] = self.map.culled
-        units = self.params.bias.depth_units
-        if units is not None and not self.light_view.space.perspective:
-            facts["bias_m"] = units * facts["depth_range_m"]
-        return facts
+        if self.light_view.space.perspective:
+            return facts
+        radius = self.params.filter.radius(self.params.size)
+        return facts | self.params.bias.facts(radius, facts["texel_m"], facts["depth_range_m"])

@@ -69,6 +69,16 @@ def test_one_phase_is_called_so(shadowbench: Shadowbench, tmp_path: Path) -> Non
     assert "  scored in one phase" in specs and "2 cells; masks/" in specs
 
 
+def test_a_table_says_what_fixed_biases_are_in_metres_and_texels(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    specs = ("-t", "shadow-map", "-t", "shadow-map:bias=normal-offset(0.5)+constant(world=0.02)")
+    out = shadowbench("run", "cube-on-plane", *specs, *SMALL, "-o", tmp_path).out
+    notes = [line for line in out.splitlines() if "bias of" in line]
+    assert len(notes) == 1 and " at 1024: 0.0200 m (" in notes[0]
+    assert (
+        " texels) along the light and " in notes[0] and "(0.707 texels) along the normal at grazing light" in notes[0]
+    )
+
+
 def test_a_table_says_what_its_milliseconds_are(shadowbench: Shadowbench, tmp_path: Path) -> None:
     out = shadowbench("run", "lamp-by-wall", *CUBE[2:], "-o", tmp_path).out
     assert "  ms: time relative to cube-map:size=1024, in interleaved rounds, × " in out

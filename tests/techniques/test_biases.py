@@ -176,6 +176,23 @@ def test_constant_depth_biases_are_reported_in_metres(builtin, build, studio) ->
     assert whole["bias_m"] == pytest.approx(0.03 * whole["depth_range_m"])
 
 
+def test_fixed_biases_are_reported_in_metres_and_texels(builtin, build, studio) -> None:
+    shot = studio.shot(builtin("cube-on-plane", 32))
+    bias = "normal-offset(0.5)+receiver-plane(slack=2)+constant(world=0.1)"
+    one = build(f"shadow-map:fit=scene,size=64,filter=pcf(5),bias={bias}", shot)
+    many = build(f"cascades:count=2,size=64,filter=pcf(5),bias={bias}", shot)
+    one.draw(shot), many.draw(shot)
+    facts = one.technique.facts()
+    texel, offset = facts["texel_m"], 0.5 * 2.5 * math.sqrt(2)
+    assert facts["bias_m"] == pytest.approx(2 * texel + 0.1)
+    assert facts["bias_texels"] == pytest.approx(2 + 0.1 / texel)
+    assert facts["normal_offset_m"] == pytest.approx(offset * texel)
+    assert facts["normal_offset_texels"] == pytest.approx(offset)
+    facts = many.technique.facts()
+    assert facts["bias_2_m"] == pytest.approx(2 * facts["texel_2_m"] + 0.1)
+    assert facts["normal_offset_1_texels"] == pytest.approx(offset)
+
+
 @pytest.mark.parametrize(
     ("spec", "refused"),
     [
