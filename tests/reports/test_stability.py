@@ -16,7 +16,7 @@ from shadowbench.extremes.axes import AXES
 from shadowbench.extremes.axes.model import NAMES
 from shadowbench.extremes.ranges import TOLERANCES, value_text
 from shadowbench.reports import gallery
-from shadowbench.reports.along_axes import axis_chart, axis_figure, metrics_along
+from shadowbench.reports.along_axes import LIMITS, axis_chart, axis_figure, metrics_along
 from shadowbench.reports.gallery import GalleryCell, size_limit
 from shadowbench.reports.heat_map import UNSUPPORTED_COLOR, heat_map, is_dark, share_color
 from shadowbench.reports.stability import Stability
