@@ -18,8 +18,11 @@ def floor(height: int, width: int) -> np.ndarray:
     return np.stack([x, 0 * x, y], axis=-1)
 
 
-def crossed(profile: np.ndarray, start: int = 40, error: float = 0, **given: np.ndarray) -> int:
-    """Number of crossings, 1 or 0, of a line to the right from column `start`, with visibility `profile` by column."""
+def crossed(profile: np.ndarray, start: int = 40, error: float = 0, slant: float = 0, **given: np.ndarray) -> int:
+    """Number of crossings, 1 or 0, of a line to the right from column `start`, with visibility `profile` by column.
+
+    slant: rows down by which the line deviates per pixel.
+    """
     edge = np.zeros((3, len(profile)), bool)
     edge[1, start] = True
     found = crossings(
@@ -27,7 +30,7 @@ def crossed(profile: np.ndarray, start: int = 40, error: float = 0, **given: np.
         np.full(edge.shape, error, np.float32),
         given.get("valid", np.ones(edge.shape, bool)),
         edge,
-        np.stack([0 * edge, edge]).astype(np.float32),
+        np.stack([slant * edge, edge]).astype(np.float32),
         given.get("positions", floor(*edge.shape)),
     )
     assert found.tried == 1
@@ -75,16 +78,30 @@ def test_a_line_ends_with_the_last_valid_pixel(low: int, high: int, found: int) 
     assert crossed(profile, valid=(column >= low) & (column <= high)) == found
 
 
+@pytest.mark.parametrize(("grazed", "found"), [(0.95e-4, 1), (1.05e-4, 0)])
+def test_a_line_may_graze_an_invalid_pixel_by_a_ten_thousandth(grazed: float, found: int) -> None:
+    """Below the line's row none is valid; 15 px from the start, where it is first lit, it is `grazed` rows lower."""
+    valid = np.arange(3)[:, np.newaxis] + np.zeros(81) < 2
+    profile = rising((25, 0.05), (26, 0.2), (54, 0.8), (55, 0.95))
+    assert crossed(profile, slant=grazed / 15, valid=valid) == found
+
+
 @pytest.mark.parametrize("start", [38, 46])
 @pytest.mark.parametrize(
     ("fall", "error", "found"),
-    [(0.0399, 0.01, 1), (0.0402, 0.01, 0), (0.95 / LEVELS, 0, 1), (1.05 / LEVELS, 0, 0)],
+    [
+        (0.0399, 0.01, 1),
+        (0.0402, 0.01, 0),
+        (0.95 / LEVELS, 0, 1),
+        (1.05 / LEVELS, 0, 0),
+        (0.25, (0.25 - 1 / LEVELS) / 4, 1),
+    ],
 )
 def test_the_truth_may_fall_by_four_standard_errors_and_a_level(
     start: int, fall: float, error: float, found: int
 ) -> None:
     """From column 42 to 43, on the line's lit side or on its dark one."""
-    assert crossed(rising((30, 0), (42, 0.6), (43, 0.6 - fall), (55, 1)), start, error) == found
+    assert crossed(rising((30, 0), (42, 0.75), (43, 0.75 - fall), (55, 1)), start, error) == found
 
 
 @pytest.mark.parametrize(("height", "found"), [(0.95e-3, 1), (1.05e-3, 0)])
