@@ -33,12 +33,15 @@ WHERE = {  # the pixels that are wrong until they are cured, as sets of the trut
     "cut-off-casters": "shadow",
     "outside-the-map": "shadow",
     "eye-in-volume": "valid",
+    "light-bleeding": "shadow",
+    "fixed-width": "penumbra",
 }
 ALSO = {  # other cures that the text names; they leave at most half of the error
     "peter-panning": "shadow-map:preset=constant,fit=visible",
     "aliasing": "shadow-map:fit=visible,filter=hard,size=256",
     "cut-off-casters": "cascades:count=2,size=512,box=tight,depth_clamp=false",
     "outside-the-map": "shadow-map:fit=scene",
+    "light-bleeding": "shadow-map:fit=visible,filter=vsm(blur=15,bleed=0)",
 }
 FREE = ("acne", "peter-panning", "light-leaks", "cascade-seams", "shimmering")
 

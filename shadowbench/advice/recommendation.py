@@ -126,7 +126,7 @@ def find_cheapest(
 ) -> Recommendation:
     """Search the specs of `known` techniques with maps up to `largest`. Raises InputError as `needs` does."""
     found = needs(view)
-    space = full_space(known, view.light.hard_kind, largest)
+    space = full_space(known, view.light.hard_kind, largest, view.light.soft)
     least_iou = target.value if target.metric == "iou" else None
     left, excluded = prune(space, found, least_iou, unit == "work")
     out = [*unavailable(known, view.light.hard_kind), *excluded]

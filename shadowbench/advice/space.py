@@ -23,15 +23,16 @@ class Exclusion:
     specs: int
 
 
-def grid_of(technique: type[Technique]) -> dict[str, Sequence[Any]]:
-    """Grid of parameter values of a technique, including map sizes."""
+def grid_of(technique: type[Technique], soft: bool = False) -> dict[str, Sequence[Any]]:
+    """Grid of parameter values of a technique, including map sizes. soft: for lights with a size."""
+    grid = {**technique.grid, **(technique.soft_grid if soft else {})}
     sizes = {"size": SIZES} if "size" in technique.Params.model_fields else {}
-    return {**technique.grid, **(sizes if "size" not in technique.grid else {})}
+    return {**grid, **(sizes if "size" not in grid else {})}
 
 
-def specs_of(technique: type[Technique], largest: int) -> list[Spec]:
+def specs_of(technique: type[Technique], largest: int, soft: bool = False) -> list[Spec]:
     """All specs of a technique's grid with maps up to `largest`."""
-    grid = grid_of(technique)
+    grid = grid_of(technique, soft)
     if "size" in grid:
         grid["size"] = [size for size in grid["size"] if size <= largest] or [largest]
     home = Spec(technique, technique.Params())
@@ -39,12 +40,12 @@ def specs_of(technique: type[Technique], largest: int) -> list[Spec]:
     return [home.with_(**chosen) if chosen else home for chosen in choices]
 
 
-def full_space(known: Mapping[str, type[Technique]], light: LightKind, largest: int) -> list[Spec]:
-    """All specs that support a kind of light, as an exhaustive search would measure them."""
+def full_space(known: Mapping[str, type[Technique]], light: LightKind, largest: int, soft: bool = False) -> list[Spec]:
+    """All specs that support a kind of light, with or without a size, as an exhaustive search would measure them."""
     answering = [
         technique for technique in known.values() if light in technique.lights and not technique.never_recommended
     ]
-    return [spec for technique in answering for spec in specs_of(technique, largest)]
+    return [spec for technique in answering for spec in specs_of(technique, largest, soft)]
 
 
 def unavailable(known: Mapping[str, type[Technique]], light: LightKind) -> list[Exclusion]:

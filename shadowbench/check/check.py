@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from shadowbench.check.baseline import Change, Findings, compare
 from shadowbench.check.bless import copy_study, write_baseline
+from shadowbench.engines.legend import with_legend
 from shadowbench.errors import InputError
 from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.measure.pictures import write_picture
@@ -19,7 +20,6 @@ from shadowbench.measure.plugin_output import techniques_with
 from shadowbench.measure.rows import Record
 from shadowbench.reports.gallery import difference, read_view
 from shadowbench.reports.words import counted
-from shadowbench.scores.difference import with_legend
 from shadowbench.scores.metrics import is_soft
 from shadowbench.studies.folder import IDENTITY, Run, identity, read_runs
 

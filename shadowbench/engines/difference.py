@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from shadowbench.engines.legend import with_legend
 from shadowbench.files import replace_file
 from shadowbench.scores.comparison import Comparison
-from shadowbench.scores.difference import difference_over, weight, with_legend
+from shadowbench.scores.difference import difference_over, weight
 
 _LIT, _SHADOW, _UNSCORED = 235, 150, 255
 

@@ -1,7 +1,7 @@
 """Failures of cells of `stress`, and operating ranges along axes, computed from rows alone."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,10 +10,16 @@ import pandas as pd
 from shadowbench.extremes.axes.model import Axis, Value, value_label
 from shadowbench.measure.flips import row_metrics
 from shadowbench.measure.rows import Record
-from shadowbench.scores.metrics import METRICS
+from shadowbench.scores.metrics import METRICS, is_soft
 
-TOLERANCES: dict[str, float] = {"acne": 0.01, "leak": 0.01, "flips": 0.01, "iou": 0.95}
-"""Limits of tolerance: a minimum for `iou`, maxima for the others; flips are a share of receivers at true edges."""
+HARD = {"acne": 0.01, "leak": 0.01, "flips": 0.01, "iou": 0.95}
+SOFT = {"bleed": 0.01, "false_dark": 0.01, "rmse": 0.05}
+TOLERANCES: dict[str, float] = {**HARD, **SOFT}
+"""Limits of tolerance, of hard and of soft shadows: a minimum for `iou`, maxima for the others.
+
+Flips are a share of receivers at true edges.
+"""
+_NAMES = {"iou": "IoU", "rmse": "RMSE"}  # of the metrics that are no shares of an area
 
 # Kinds of failure by the beginning or a part of the failure message.
 _FATAL = (
@@ -38,13 +44,20 @@ class Failure:
     def __str__(self) -> str:
         if self.amount is None:
             return self.kind
-        return f"IoU {self.amount:.3f}" if self.kind == "iou" else f"{self.kind} {self.amount:.2%}"
+        name = _NAMES.get(self.kind)
+        return f"{name} {self.amount:.3f}" if name else f"{self.kind} {self.amount:.2%}"
+
+
+def tolerances_of(metrics: Mapping[str, float | None]) -> dict[str, float]:
+    """The limits for a row with these metrics: those of hard or of soft shadows."""
+    return SOFT if is_soft(metrics) else HARD
 
 
 def failure(row: Record) -> Failure | None:
     """Why a row's cell is out of tolerance, by its worst metric; None if it is in tolerance or unsupported.
 
-    IoU is given only if acne, leak and flips are in tolerance; of these, a metric without a value is in tolerance.
+    Soft shadows have tolerances of their own. IoU or RMSE is given only if the others are in tolerance; of these, a
+    metric without a value is in tolerance.
     """
     status = str(row["status"])
     if status.startswith("failed: "):
@@ -58,14 +71,14 @@ def failure(row: Record) -> Failure | None:
         return Failure("unjudged", text="neither the truth nor the mask has a shadow that is decided")
     exceeded = {
         name: value
-        for name, limit in TOLERANCES.items()
+        for name, limit in tolerances_of(values).items()
         if (value := values.get(name)) is not None and (value < limit if name == "iou" else value > limit)
     }
-    shares = {name: value for name, value in exceeded.items() if name != "iou"}
+    shares = {name: value for name, value in exceeded.items() if name not in _NAMES}
     if shares:
         kind = max(shares, key=lambda name: shares[name] / TOLERANCES[name])
         return Failure(kind, shares[kind])
-    return Failure("iou", exceeded["iou"]) if exceeded else None
+    return next((Failure(kind, amount) for kind, amount in exceeded.items()), None)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from shadowbench.extremes.axes import Axis, Value, value_label
 from shadowbench.extremes.axes.model import NAMES
-from shadowbench.extremes.ranges import TOLERANCES, OperatingRange, failure, value_text
+from shadowbench.extremes.ranges import TOLERANCES, OperatingRange, failure, tolerances_of, value_text
 from shadowbench.measure.flips import row_metrics
 from shadowbench.measure.rows import Record
 from shadowbench.reports.axes import Chart
@@ -171,10 +171,11 @@ def _point(one: OperatingRange, light: str, row: Record, x: float) -> Chart:
 
 
 def _errors(row: Record) -> dict[str, float | None]:
-    """The metrics in charts, by name; None without a value."""
+    """The metrics in charts, by name; None without a value, or for shadows of the other kind."""
     values = row_metrics(row)
-    iou = values.get("iou")
-    return {name: (None if iou is None else 1 - iou) if name == ERROR else values.get(name) for name in LIMITS}
+    judged = {name: values.get(name) for name in tolerances_of(values)}
+    iou = judged.pop("iou", None)
+    return dict.fromkeys(LIMITS) | judged | {ERROR: None if iou is None else 1 - iou}
 
 
 def _positions(axis: Axis, values: Sequence[Value]) -> dict[Value, float]:

@@ -3,7 +3,7 @@
 from collections import Counter
 
 from shadowbench.extremes.axes.model import NAMES, Axis, value_label
-from shadowbench.extremes.ranges import TOLERANCES, OperatingRange, value_text
+from shadowbench.extremes.ranges import HARD, SOFT, OperatingRange, value_text
 from shadowbench.reports.analysis import Configuration, Section
 from shadowbench.reports.stability import Stability, complete_count
 from shadowbench.studies.folder import Run, Sweep
@@ -110,9 +110,12 @@ def run_facts(run: Run | Sweep) -> list[tuple[str, str]]:
 
 def tolerances() -> str:
     """The tolerances of `stress` as text."""
-    least = f"IoU of at least {TOLERANCES['iou']:g}"
-    most = [f"{name} of at most {100 * limit:g}%" for name, limit in TOLERANCES.items() if name != "iou"]
-    return f"{least}, {', '.join(most)}; no NaN, infinity, OpenGL error, crash or hang"
+    least = f"IoU of at least {HARD['iou']:g}"
+    most = [f"{name} of at most {100 * limit:g}%" for name, limit in HARD.items() if name != "iou"]
+    soft = [f"{name} of at most {limit:g}" for name, limit in SOFT.items()]
+    return (
+        f"{least}, {', '.join(most)}, of soft shadows {', '.join(soft)}; no NaN, infinity, OpenGL error, crash or hang"
+    )
 
 
 def stability_headline(found: Stability) -> list[str]:

@@ -11,7 +11,7 @@ Mask = NDArray[np.bool_]
 
 SMOOTHING = 1.5  # px, σ of the Gaussian over which the direction of a gradient is found
 REACH = 3  # px along the isoline to either side
-FLAT = 1e-6  # change of visibility per pixel below which a gradient has no direction
+FLAT = 1e-6  # change of visibility per pixel up to which a gradient has no direction
 
 
 def step_squared(visibility: Single, valid: Mask) -> Single:
@@ -62,7 +62,7 @@ class Isolines:
         """Mean square by which values (H, W) differ from their mean along the segment, less the known variance (H, W).
 
         As of a sample's variance, n/(n − 1) times: independent values keep theirs. Points count in pairs, so that what
-        is linear along the segment has none. None if no segment has a pair.
+        is linear along the segment has none. Segments with no more than half a pair are left out; None if all are.
         """
         counted = np.where(valid, values, 0)
         # A point's value is its sample over its weight, and a pair counts by the product of its two weights.

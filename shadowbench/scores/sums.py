@@ -21,7 +21,7 @@ def mean(values: NDArray[np.float32], where: NDArray[np.bool_]) -> float | None:
     return ratio(total(values, where), int(np.count_nonzero(where)))
 
 
-def root_mean(squares: NDArray[np.float32], where: NDArray[np.bool_], variance: float = 0.0) -> float | None:
+def root_mean(squares: NDArray[np.float32], where: NDArray[np.bool_], variance: float) -> float | None:
     """Root of the mean of `squares` less a known variance, at least 0; None if the set is empty."""
     found = mean(squares, where)
     return None if found is None else math.sqrt(max(found - variance, 0.0))

@@ -61,7 +61,7 @@ class Crossings:
         true, drawn = self.width[wide], widths[wide]
         if len(true) < FEWEST or np.percentile(true, 90) < RANGE * np.percentile(true, 10):
             return None
-        one, other = np.triu_indices(len(true), 1)
+        one, other = np.triu_indices(len(true))
         apart = true[one] != true[other]
         one, other = one[apart], other[apart]
         slope = float(np.median((drawn[one] - drawn[other]) / (true[one] - true[other])))
@@ -74,8 +74,8 @@ def crossings(
 ) -> Crossings:
     """Lines across the penumbrae of a truth. All arrays are (H, W).
 
-    edge: bool, where lines start; gradient: (2, H, W) of visibility per pixel; positions: (H, W, 3) of the surface in
-    metres, finite everywhere.
+    edge: bool, valid pixels where lines start; gradient: (2, H, W) of visibility per pixel; positions: (H, W, 3) of the
+    surface in metres, finite everywhere.
     """
     rows, columns = np.nonzero(edge[1:-1, 1:-1])
     chosen = np.linspace(0, len(rows) - 1, min(len(rows), MOST)).round().astype(np.intp)
@@ -144,10 +144,10 @@ def _across(starts: NDArray[np.intp], gradient: Single, positions: Floats) -> tu
 
 
 def _run(usable: Mask, rising: Single, slack: Single) -> NDArray[np.intp]:
-    """(C,) index up to which all points (C, K) are usable and `rising` falls by no more than `slack`."""
+    """(C,) index up to which points (C, K) are usable, as the first is, and `rising` falls by no more than `slack`."""
     good = usable & (rising >= np.maximum.accumulate(rising, axis=1) - slack)
-    length: NDArray[np.intp] = np.logical_and.accumulate(good, axis=1).sum(axis=1) - 1
-    return np.maximum(length, 0)
+    length: NDArray[np.intp] = np.logical_and.accumulate(good, axis=1).sum(axis=1)
+    return length - 1
 
 
 def _widths(profiles: Single, first: NDArray[np.intp], last: NDArray[np.intp], along: Single) -> tuple[Floats, Floats]:
@@ -164,14 +164,13 @@ def _widths(profiles: Single, first: NDArray[np.intp], last: NDArray[np.intp], a
 def _place(
     rising: Single, level: float, first: NDArray[np.intp], last: NDArray[np.intp], along: Single
 ) -> tuple[Floats, Floats]:
-    """(C,) where rising profiles reach a level, in steps and in metres, between `first` and `last`."""
+    """(C,) where rising profiles reach a level, in steps and in metres, between `first` and `last`; else `last`."""
     rows = np.arange(len(rising))
-    after = np.where(rising[:, -1] >= level, np.argmax(rising >= level, axis=1), last)
-    after = np.clip(after, first, last)
+    reached = rising >= level
+    after = np.clip(np.where(reached.any(axis=1), np.argmax(reached, axis=1), last), first, last)
     before = np.maximum(after - 1, first)
     low, high = rising[rows, before].astype(np.float64), rising[rows, after].astype(np.float64)
-    share = np.clip((level - low) / np.where(high > low, high - low, 1), 0, 1)
-    share = np.where(high > low, share, 1.0)
+    share = np.minimum(np.divide(level - low, high - low, out=np.ones_like(low), where=high > low), 1)
     metres = along[rows, before] + share * (along[rows, after] - along[rows, before])
     return before + share * (after - before), metres
 

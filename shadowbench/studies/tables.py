@@ -22,7 +22,8 @@ _TIMES = ["frame_ms", "frame_iqr_ms", "added_ms", "ratio", "n", "clock"]
 _TOTALS = ["wall_ms", *(f"{moved}_ms" for moved in REDRAWN)]
 _LENGTHS = ("fact_bias_m", "fact_bias_texels", "fact_normal_offset_m", "fact_normal_offset_texels")
 _MORE_TIMES = ["ratio_iqr", "reference", "reference_ms", *_TOTALS]  # additional columns, after the promised ones
-_SOFT = ["truth_error", "truth_error_pen", "penumbra", "width_share"]  # of a soft truth
+_TRUTH_ERRORS = ["truth_error", "truth_error_pen"]
+_SOFT = [*_TRUTH_ERRORS, "penumbra", "width_share"]  # of a soft truth
 _MORE = [
     "receivers",
     "undecided",
@@ -149,7 +150,7 @@ class SummaryRow:
         if value is None:
             return "–"
         if name in METRICS:
-            medians = {field: found.median for field in _SOFT[:2] if (found := self.values.get(field)) is not None}
+            medians = {field: found.median for field in _TRUTH_ERRORS if (found := self.values.get(field)) is not None}
             return METRICS[name].text(value.median, digits, medians)
         return f"{'~' if name.endswith('_ms') and self.rough else ''}{digits(value.median)}"
 
@@ -200,7 +201,7 @@ def summary_rows(table: pd.DataFrame) -> list[SummaryRow]:
     for key, group in table.groupby(["spec", "map_size"], sort=False, dropna=False):
         spec, size = cast("tuple[str, float]", key)
         succeeded = group[group["status"] == "ok"]
-        names = [*ROW_METRICS, *_SOFT[:2], *_TIMES[:4], *_TOTALS, "gpu_bytes"]
+        names = [*ROW_METRICS, *_TRUTH_ERRORS, *_TIMES[:4], *_TOTALS, "gpu_bytes"]
         values = {name: interval(succeeded[name].tolist()) for name in names}
         values |= {name: interval(succeeded[name].tolist()) for name in _LENGTHS if name in succeeded}
         refused = tuple(group.loc[group["status"] != "ok", "status"])
@@ -276,7 +277,7 @@ def mean_over_scenes(tables: Mapping[str, Sequence[SummaryRow]]) -> tuple[list[s
             spec, size, sum(row.cells for row in rows), (), values, min(row.phases for row in rows), rows[0].unset
         )
         for (spec, size), rows in found.items()
-        for values in [{name: _mean([row.values.get(name) for row in rows]) for name in [*ROW_METRICS, *_SOFT[:2]]}]
+        for values in [{name: _mean([row.values.get(name) for row in rows]) for name in [*ROW_METRICS, *_TRUTH_ERRORS]}]
     ]
     return scenes, sorted(means, key=_error)
 
@@ -323,6 +324,6 @@ def slopes(frame: pd.DataFrame) -> list[Slope]:
         slope = interval(fits)
         if slope is not None:
             drawn = tuple(sorted({int(size) for size in group["map_size"]}))
-            error = ranking(bool(soft[group.index[0]])).error_label
+            error = ranking(bool(soft[group.index].any())).error_label
             found.append(Slope(str(scene), error, str(spec), drawn, slope, group["phase"].nunique()))
     return found

@@ -104,6 +104,7 @@ class Technique(ABC):
     picture_scene: ClassVar[str] = ""  # the built-in scene that its documentation pictures
     # Parameter values that `recommend` tries, by name, besides map sizes; other parameters stay at their defaults.
     grid: ClassVar[Mapping[str, Sequence[Any]]] = {}
+    soft_grid: ClassVar[Mapping[str, Sequence[Any]]] = {}  # in place of some of these where the light has a size
     never_recommended: ClassVar[str] = ""  # why `recommend` never chooses it
     soft_only: ClassVar[bool] = False  # whether it is another technique where the light has no size
     only_planes: ClassVar[bool] = False  # whether non-planar receivers stay lit

@@ -1,5 +1,6 @@
 """Cascaded shadow maps: one map per slice of the camera's frustum (Engel 2006; Zhang, Sun, Xu and Lun 2006)."""
 
+import math
 from functools import cached_property
 from typing import Annotated, Literal, Self
 
@@ -22,8 +23,10 @@ from shadowbench.techniques.filters import Filter, Hardware
 from shadowbench.techniques.fits import widened
 from shadowbench.techniques.maps import (
     MAP_GRID,
+    MAP_SOFT_GRID,
     CasterMap,
     contents_of,
+    counted_reads,
     map_textures,
     map_uniforms,
     penumbra_uniforms,
@@ -51,6 +54,7 @@ class Cascades(Technique):
     phased = True
     picture_scene = "deep-street"
     grid = {"count": (2, 3, 5), **MAP_GRID, "size": (256, 512, 1024, 2048)}
+    soft_grid = MAP_SOFT_GRID
     variants = ("box=scene", "box=tight", "box=sphere,stable=true")
     # Engines end their cascades at distances, here shares of the camera's far plane.
     presets = {
@@ -226,8 +230,10 @@ class Cascades(Technique):
     def facts(self) -> dict[str, float]:
         scale = self.stage.placement.scale
         facts: dict[str, float] = {"culled_triangles": self.map.culled}
-        if self.params.blend:  # every pixel reads two cascades
-            facts["reads"] = 2 * self.params.filter.reads * self.stage.size[0] * self.stage.size[1]
+        pixels = math.prod(self.stage.size) * (2 if self.params.blend else 1)  # blended, each reads two cascades
+        facts |= counted_reads(self.params.filter, self.contents, pixels)
+        if self.params.blend and self.contents is None:
+            facts["reads"] = self.params.filter.reads * pixels
         for number, (part, light_view) in enumerate(zip(self.slices, self.light_views, strict=True), start=1):
             facts[f"far_{number}_m"] = part.far / scale
             facts[f"texel_{number}_m"] = max(light_view.texel) / scale

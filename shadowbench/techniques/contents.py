@@ -15,7 +15,8 @@ from shadowbench.techniques.stage import Stage
 class MapContents:
     """A filter's contents of a map of one or more layers; its shader's `filter_contents` writes them with the depth.
 
-    texture: the contents, of the map's kind; far: (4,) contents where no caster is, which also surround the map.
+    texture: the contents, of the map's kind; far: (4,) contents where no caster is, which also surround the map; reads:
+    texels read by the blur, and by the first mip level.
     """
 
     def __init__(
@@ -31,6 +32,9 @@ class MapContents:
         self._contents, self._kind, self.layers = contents, kind, layers
         self.texture = stage.map_texture((size, size), kind, layers, contents.components, contents.dtype)
         self.far = _far_contents(stage, params, contents, kind, defines)
+        texels = (6 if kind == "cube" else layers) * size**2
+        blurred = 2 * _taps(contents.blur) if contents.blur > 1 else 0
+        self.reads = texels * (blurred + (1 if contents.mips else 0))
         self._passes = _BlurPasses(stage, self, _taps(contents.blur), size, defines) if contents.blur > 1 else None
 
     def prepare(self, texels: Sequence[float] = ()) -> None:

@@ -1,5 +1,6 @@
 """Shadow mapping of a point light with a cube map of distances."""
 
+import math
 from typing import Annotated, Literal
 
 import moderngl
@@ -16,8 +17,10 @@ from shadowbench.techniques.biases import Bias, Texel
 from shadowbench.techniques.filters import Filter, Hardware
 from shadowbench.techniques.maps import (
     MAP_GRID,
+    MAP_SOFT_GRID,
     CasterMap,
     contents_of,
+    counted_reads,
     map_textures,
     penumbra_uniforms,
     unsupported_components,
@@ -47,6 +50,7 @@ class CubeMap(Technique):
     lights = frozenset({"spot", "point"})
     picture_scene = "lamp-by-wall"
     grid = MAP_GRID
+    soft_grid = MAP_SOFT_GRID
     presets = {"course": "bias=constant(world=0.05),filter=pcf-20"}
 
     class Params(TechniqueParams):
@@ -135,5 +139,6 @@ class CubeMap(Technique):
         far = self.far / self.stage.placement.scale
         facts = {"texel_m": 2 * far / self.params.size, "depth_range_m": far}
         facts["culled_triangles"] = self.map.culled
+        facts |= counted_reads(self.params.filter, self.contents, math.prod(self.stage.size))
         units = self.params.bias.depth_units
         return facts if units is None else facts | {"bias_m": units * far}

@@ -28,6 +28,10 @@ MAP_GRID = {
     "filter": ("hard", "hardware", "pcf(taps=3)", "pcf(taps=5)"),
     "depth": ("d16", "d32f"),  # the smallest and the most precise format
 }
+# The filters in place of these where a light has a size.
+MAP_SOFT_GRID = {
+    "filter": ("hardware", "pcss(search=8,taps=8)", "pcss(search=8,taps=16)", "pcss", "pcss(search=32,taps=64)"),
+}
 _NO_BIAS = NoBias()
 
 
@@ -165,6 +169,11 @@ def contents_of(
     """What a filter stores in a map of `size`² texels besides depth; None if nothing."""
     stored = filter.contents
     return None if stored is None else MapContents(stage, params, stored, size, kind, layers, defines)
+
+
+def counted_reads(filter: Filter, contents: MapContents | None, pixels: int) -> dict[str, float]:
+    """The fact `reads` of a filter that reads the map to prepare it; empty for another, whose reads are per pixel."""
+    return {} if contents is None else {"reads": filter.reads * pixels + contents.reads}
 
 
 def penumbra_uniforms(program: Program, light_radius: float, hull: SceneHull, light: Light) -> dict[str, Value]:

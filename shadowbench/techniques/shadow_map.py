@@ -1,5 +1,6 @@
 """Shadow mapping with one 2-D map (Williams 1978; filtering: Reeves, Salesin and Cook 1987)."""
 
+import math
 from typing import Annotated, Literal
 
 import moderngl
@@ -17,10 +18,12 @@ from shadowbench.techniques.filters import Filter, Hardware
 from shadowbench.techniques.fits import Fit
 from shadowbench.techniques.maps import (
     MAP_GRID,
+    MAP_SOFT_GRID,
     CasterMap,
     FittedParams,
     FittedView,
     contents_of,
+    counted_reads,
     map_textures,
     map_uniforms,
     penumbra_uniforms,
@@ -41,6 +44,7 @@ class ShadowMap(Technique):
     lights = frozenset({"directional", "spot"})
     phased = True
     grid = {"fit": ("visible", "view", "scene"), **MAP_GRID}
+    soft_grid = MAP_SOFT_GRID
     variants = tuple(f"fit={name}" for name in sorted(Fit.table))
     presets = {
         "course": "fit=scene,bias=slope,filter=pcf(taps=3)",
@@ -135,6 +139,7 @@ class ShadowMap(Technique):
             "depth_range_m": (self.light_view.far - self.light_view.near) / scale,
         }
         facts["culled_triangles"] = self.map.culled
+        facts |= counted_reads(self.params.filter, self.contents, math.prod(self.stage.size))
         if self.light_view.space.perspective:
             return facts
         radius = self.params.filter.radius(self.params.size)

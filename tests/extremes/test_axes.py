@@ -99,6 +99,21 @@ def test_the_light_stands_at_its_elevation(kind: LightKind) -> None:
         assert elevation(first("elevation", value, kind).light) == pytest.approx(value)
 
 
+@pytest.mark.parametrize("kind", ["directional", "spot", "point"])
+def test_the_light_has_its_angular_radius(kind: LightKind) -> None:
+    for value in AXES["light-size"].values:
+        light = first("light-size", value, kind).light
+        sine = math.sin(light.radius) if kind == "directional" else light.radius / np.linalg.norm(light.position)
+        assert math.degrees(math.asin(sine)) == pytest.approx(value)
+
+
+@pytest.mark.parametrize("kind", ["directional", "spot", "point"])
+def test_the_upper_of_two_layers_changes_no_shadow_on_the_ground(kind: LightKind) -> None:
+    truths = [trace(replace(first("layers", value, kind), size=SMALL), pixel_samples=1) for value in (0.1, 1.0, 10.0)]
+    below = np.s_[SMALL // 3 :]
+    assert all(np.array_equal(truths[0].visibility[below], one.visibility[below]) for one in truths)
+
+
 @pytest.mark.parametrize("kind", ["directional", "spot"])
 def test_the_light_passes_through_the_up_axis(kind: LightKind) -> None:
     directions = np.array([first("through-up", value, kind).light.direction for value in AXES["through-up"].values])

@@ -69,6 +69,9 @@ def test_worker_messages_map_to_kinds_of_failure(status: str, kind: str) -> None
         ({"iou": 0.9499}, Failure("iou", 0.9499)),
         ({"acne": 0.02, "leak": 0.5}, Failure("leak", 0.5)),
         ({"iou": 0.2, "acne": 0.02}, Failure("acne", 0.02)),
+        ({"iou": 0.2, "acne": 0.5, "rmse": 0.05, "rmse_pen": 0.2, "bleed": 0.01}, None),
+        ({"rmse": 0.06, "rmse_pen": 0.2}, Failure("rmse", 0.06)),
+        ({"rmse": 0.06, "rmse_pen": 0.2, "false_dark": 0.02, "bleed": 0.03}, Failure("bleed", 0.03)),
     ],
 )
 def test_a_cell_fails_by_the_metric_that_exceeds_its_tolerance_most(

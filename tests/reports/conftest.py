@@ -168,7 +168,9 @@ class Point:
             "axis_value": self.value, "axis_unit": "", "light_kind": self.light, "home_spec": self.spec,
         }  # fmt: skip
         if self.status == "ok":
-            values = dict.fromkeys(METRICS, 0.5) | {"iou": self.iou, "acne": self.acne, "leak": self.leak}
+            hard = [name for name, metric in METRICS.items() if metric.kind != "soft"]
+            values = dict.fromkeys(METRICS) | dict.fromkeys(hard, 0.5)
+            values |= {"iou": self.iou, "acne": self.acne, "leak": self.leak}
             row |= {"metrics": values, "receivers": RECEIVERS, "undecided": 3, "gpu_bytes": 1, "work": {"draws": 1}}
             row |= {} if self.flips is None else {"flips": self.flips}
         return row

@@ -58,6 +58,50 @@ def test_a_share_may_move_by_a_thousandth_a_width_by_a_fiftieth_an_edge_by_a_twe
     assert set(tolerances.values()) == {1 / 1000}
 
 
+def test_reports_ask_for_ever_stricter_values_of_what_ranks_shadows_and_of_the_edges_distance():
+    targets = {name: metric.targets for name, metric in METRICS.items() if metric.targets}
+    assert targets == {"iou": (0.95, 0.99, 0.999), "edge_px": (1, 1 / 2, 1 / 4), "rmse": (0.05, 0.02, 0.01)}
+
+
+@pytest.mark.parametrize(
+    ("name", "label", "error"), [("iou", "1 − IoU", 0.25), ("rmse", "RMSE", 0.75), ("edge_px", "edge", 0.75)]
+)
+def test_the_error_of_a_similarity_is_its_complement(name, label, error):
+    assert METRICS[name].error_label == label
+    assert METRICS[name].error(0.75) == error
+
+
+@pytest.mark.parametrize(("name", "better", "worse"), [("iou", 0.96, 0.94), ("rmse", 0.94, 0.96)])
+def test_a_value_meets_a_limit_that_it_reaches(name, better, worse):
+    assert METRICS[name].meets(better, 0.95)
+    assert METRICS[name].meets(0.95, 0.95)
+    assert not METRICS[name].meets(worse, 0.95)
+
+
+def test_a_value_below_the_truths_own_error_is_printed_as_that():
+    fields = {"truth_error": 0.002, "truth_error_pen": 0.004}
+    shown = [METRICS["rmse"].text(value, str, fields) for value in (0.001, 0.002, 0.003, None)]
+    assert shown == ["<0.002", "0.002", "0.003", "–"]
+    assert METRICS["rmse_pen"].text(0.003, str, fields) == "<0.004"
+    assert METRICS["iou"].text(0.001, str, fields) == METRICS["rmse"].text(0.001, str, {}) == "0.001"
+
+
+@pytest.mark.parametrize(
+    ("name", "before", "after", "worse"),
+    [
+        ("iou", 0.75, 0.5, 0.25),
+        ("mae", 0.5, 0.75, 0.25),
+        ("bias_pen", -0.25, 0.25, 0),
+        ("bias_pen", 0.25, -0.5, 0.25),
+        ("hardening", 0.5, 1.5, 0),
+        ("hardening", 1.25, 0.5, 0.25),
+    ],
+)
+def test_a_change_for_the_worse_leads_away_from_the_ideal(name, before, after, worse):
+    assert METRICS[name].worse(before, after) == worse
+    assert METRICS[name].worse(after, before) == -worse
+
+
 def test_scores_are_plain_floats_in_the_tables_order(truth, disc):
     scores = score(disc(29), truth(disc(30), blocker=np.zeros((128, 128))))
     assert list(scores) == list(METRICS)
@@ -179,6 +223,12 @@ def test_partial_acne_shows_in_the_soft_scores_only(truth, half_plane):
     assert scores["iou"] == 1
     assert scores["mae"] == pytest.approx(0.2, abs=1e-5)
     assert scores["iou_soft"] == pytest.approx(64 / (64 + 64 * 0.4), abs=1e-5)
+
+
+def test_light_where_it_should_be_darker_makes_up_for_no_acne(truth):
+    """Half of a lit interior in half light is darker by 0.2, half is lighter by 0.3."""
+    mask = np.repeat([[0.4], [0.9]], 8, axis=0) * np.ones(16)
+    assert score(mask, truth(np.full((16, 16), 0.6)))["acne_soft"] == pytest.approx(0.1, abs=1e-5)
 
 
 def test_errors_beside_an_edge_are_neither_acne_nor_leak(truth, half_plane):

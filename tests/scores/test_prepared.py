@@ -69,6 +69,16 @@ def test_the_boundary_is_a_fiftieth_of_the_diagonal_wide_and_at_least_a_pixel(tr
     assert np.flatnonzero(prepared.boundary[0]).tolist() == list(range(side // 2 - width, side // 2))
 
 
+@pytest.mark.parametrize(
+    ("part", "outside", "inside"),
+    [("penumbra", 1310, 1311), ("penumbra", 64225, 64224), ("umbra", 656, 655), ("full_light", 64879, 64880)],
+)
+def test_penumbra_umbra_and_full_light_begin_between_two_levels(truth, part, outside, inside):
+    """Of levels from 0 to 65535, 1310.7 are 0.02, 64224.3 are 0.98, 655.35 are 0.01 and 64879.65 are 0.99."""
+    assert not getattr(truth([[outside / 65535]]), part).any()
+    assert getattr(truth([[inside / 65535]]), part).all()
+
+
 def test_contact_is_shadow_with_a_near_blocker(truth, half_plane):
     blocker = np.full((128, 128), np.inf)
     blocker[:, :10] = 0.19  # 2% of a diagonal of 10 is 0.2

@@ -192,6 +192,23 @@ def test_few_levels_are_bands_and_many_are_not(scored: Scored) -> None:
     assert scored((truth > 0.5).astype(float), truth)["banding"] == 0
 
 
+@pytest.mark.parametrize(("slope", "share"), [(0.095, 39 / 43), (0.105, 0)])
+def test_a_band_is_less_than_a_tenth_as_steep_as_the_truth(scored: Scored, slope: float, share: float) -> None:
+    """The steps of 39 columns are whole, those of the ramp's two ends half as high; P has two more on either side."""
+    mask = 0.5 + slope * (X - 80) / 40
+    assert scored(mask, ramp(40))["banding"] == pytest.approx(share, abs=1e-6)
+
+
+@pytest.mark.parametrize(("error", "share"), [(0.249, 1 / 3), (0.25, 0)])
+def test_a_step_of_two_standard_errors_is_not_resolved(
+    truth: Callable[..., PreparedTruth], error: float, share: float
+) -> None:
+    """Visibility 0, ½ and 1 by column: only the middle one has neighbours, that are 1 apart."""
+    visibility = np.tile([0, 0.5, 1], (4, 1))
+    bars = np.full(visibility.shape, error)
+    assert score(np.full(visibility.shape, 0.5), truth(visibility, standard_error=bars))["banding"] == share
+
+
 def test_a_step_that_the_truth_cannot_resolve_is_no_band(scored: Scored) -> None:
     truth = ramp(40)
     few = np.clip(np.round(truth * 4), 0, 4) / 4

@@ -166,10 +166,11 @@ def test_soft_shadows_are_ranked_by_rmse_and_hard_ones_by_iou() -> None:
     frame = cells_frame(cells)
     (rows,) = summary(frame).values()
     assert [(row.spec, row.soft) for row in rows] == [("wide", True), ("sharp", True)]
-    assert rows[0].values["truth_error_pen"] == Interval(0.02)
+    assert (rows[0].values["truth_error"], rows[0].values["truth_error_pen"]) == (Interval(0.01), Interval(0.02))
     assert frame["penumbra"].tolist() == [7, 7]
     _, means = mean_over_scenes({"one": rows, "two": rows})
     assert [row.spec for row in means] == ["wide", "sharp"]
+    assert means[0].values["truth_error_pen"] == Interval(0.02)
 
 
 def test_a_slope_of_soft_shadows_is_that_of_their_rmse() -> None:
@@ -181,11 +182,17 @@ def test_a_slope_of_soft_shadows_is_that_of_their_rmse() -> None:
 
 
 def test_a_score_below_the_error_of_the_truth_is_no_number() -> None:
-    values = {"rmse": Interval(0.001, 0.0005, 0.003), "rmse_pen": Interval(0.01), "iou": Interval(0.9)}
+    values = {
+        "rmse": Interval(0.001, 0.0005, 0.003),
+        "rmse_pen": Interval(0.01),
+        "noise": Interval(0.004),
+        "iou": Interval(0.9),
+    }
     truth = {"truth_error": Interval(0.002), "truth_error_pen": Interval(0.005)}
     row = SummaryRow("a", None, 1, (), {**values, **truth}, 1)
     assert row.error_text("{:.3g}".format) == "<0.002"
-    assert [row.text(name, "{:.3g}".format) for name in ("rmse_pen", "iou", "width")] == ["0.01", "0.9", "–"]
+    shown = [row.text(name, "{:.3g}".format) for name in ("rmse_pen", "noise", "iou", "width")]
+    assert shown == ["0.01", "<0.005", "0.9", "–"]
 
 
 def test_a_spec_without_a_successful_cell_is_left_out_of_the_mean_over_scenes() -> None:

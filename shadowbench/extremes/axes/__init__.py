@@ -1,7 +1,7 @@
 """The stress axes: parameters that `stress` drives to extreme values."""
 
-from shadowbench.extremes.axes.casters import GAP, OVERLAP, THICKNESS, TRIANGLES
-from shadowbench.extremes.axes.lights import ELEVATION, FAR_NEAR, LAMP_DISTANCE, UP
+from shadowbench.extremes.axes.casters import GAP, LAYERS, OVERLAP, THICKNESS, TRIANGLES
+from shadowbench.extremes.axes.lights import ELEVATION, FAR_NEAR, LAMP_DISTANCE, LIGHT_SIZE, UP
 from shadowbench.extremes.axes.meshes import MESH
 from shadowbench.extremes.axes.model import Axis, Setting, Value, value_label
 from shadowbench.extremes.axes.motion import CAMERA_STEP, LIGHT_STEP, VOLUME_WALL
@@ -23,9 +23,11 @@ AXES: dict[str, Axis] = {
         THICKNESS,
         GAP,
         LAMP_DISTANCE,
+        LIGHT_SIZE,
         VOLUME_WALL,
         MESH,
         OVERLAP,
+        LAYERS,
         TRIANGLES,
         CAMERA_STEP,
         LIGHT_STEP,

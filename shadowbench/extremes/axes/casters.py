@@ -45,6 +45,18 @@ def _overlap(count: float, kind: LightKind) -> Setting:
     return Setting((view_of_meshes([ground(), Mesh("plates", corners, faces)], light_at(kind, 75.0)),))
 
 
+def _layers(ratio: float, kind: LightKind) -> Setting:
+    """A plate, and above it along the light a smaller one, whose shadow's edge lies in the first one's shadow."""
+    light = light_at(kind, 75.0)
+    height = 0.6
+    lower = np.array([-0.2, height, 0.1])
+    toward = -np.array(light.direction) if kind == "directional" else np.array(light.position) - lower
+    upper = lower + toward / toward[1] * height * ratio
+    plates = [mesh("box", (side, 0.02, side), at, turn=25.0) for side, at in ((1.6, lower), (0.8, upper))]
+    eye, target = (1.7, 0.75, 1.9), (0.0, 0.0, 0.0)  # below the plates
+    return Setting((view_of_meshes([ground(), *plates], light, eye=eye, target=target),))
+
+
 def _triangles(count: float, kind: LightKind) -> Setting:
     """One caster with a number of triangles: a triangle, a box, tori of more and more sections, finally two tori."""
     light = light_at(kind, 65.0)
@@ -93,6 +105,18 @@ OVERLAP = Axis(
     lights=("directional", "point"),
     invariant="a point behind many casters is in shadow",
     change=_overlap,
+)
+LAYERS = Axis(
+    name="layers",
+    about="the upper of two casters rises: their distance over that of the lower one to the ground; maps that are"
+    " filtered let light through where casters overlap (bleeding), the more, the farther they are apart",
+    unit="",
+    values=(0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0),
+    default=0.1,
+    quick=(0.1, 1.0, 10.0),
+    lights=("directional", "spot", "point"),
+    invariant="a caster behind another changes no shadow",
+    change=_layers,
 )
 TRIANGLES = Axis(
     name="triangles",

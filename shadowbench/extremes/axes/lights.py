@@ -1,6 +1,7 @@
 """Axes of the light: elevation, passage through the up axis, far/near ratio, distance of a lamp to a wall."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -55,6 +56,15 @@ def _lamp_distance(metres: float, kind: LightKind) -> Setting:
     return Setting((view_of_meshes([*base_meshes(), wall], light, eye=(4.6, 3.4, 3.6), target=(-0.6, 0.7, 0.0)),))
 
 
+def _light_size(degrees: float, kind: LightKind) -> Setting:
+    """A light of an angular radius as seen from the scene's centre."""
+    light = light_at(kind)
+    distance = float(np.linalg.norm(light.position)) if kind != "directional" else 0.0
+    angle = math.radians(degrees)
+    sized = replace(light, radius=angle if kind == "directional" else distance * math.sin(angle))
+    return Setting((view_of_meshes(base_meshes(), sized),))
+
+
 ELEVATION = Axis(
     name="elevation",
     about="the light sinks from the zenith to the horizon: long shadows, light at grazing incidence",
@@ -98,6 +108,17 @@ UP = Axis(
     lights=("directional", "spot"),
     invariant="a light along the up axis is a light like any other",
     change=_through_up,
+)
+LIGHT_SIZE = Axis(
+    name="light-size",
+    about="the light grows, from a point to a broad light: penumbrae from less than a pixel to wider than the casters",
+    unit="°",
+    values=(0.01, 0.03, 0.1, 0.2665, 0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0),
+    default=0.01,
+    quick=(0.01, 1.0, 20.0),
+    lights=("directional", "spot", "point"),
+    invariant="a shadow's penumbra is as wide as the light seen from its caster's edge",
+    change=_light_size,
 )
 FAR_NEAR = Axis(
     name="far-near",

@@ -1,0 +1,239 @@
+"""Crossings of hand-made penumbrae, whose widths are known in closed form.
+
+Visibility is not quantised, and lines start where a test says; `test_soft_metrics` starts from a truth.
+"""
+
+import numpy as np
+import pytest
+
+from shadowbench.scores.masks import LEVELS
+from shadowbench.scores.widths import Crossings, crossings
+
+METRES = 0.1
+"""Width of a pixel on the floor."""
+
+
+def floor(height: int, width: int) -> np.ndarray:
+    y, x = np.mgrid[:height, :width] * METRES
+    return np.stack([x, 0 * x, y], axis=-1)
+
+
+def crossed(profile: np.ndarray, start: int = 40, error: float = 0, slant: float = 0, **given: np.ndarray) -> int:
+    """Number of crossings, 1 or 0, of a line to the right from column `start`, with visibility `profile` by column.
+
+    slant: rows down by which the line deviates per pixel.
+    """
+    edge = np.zeros((3, len(profile)), bool)
+    edge[1, start] = True
+    found = crossings(
+        np.tile(np.float32(profile), (3, 1)),
+        np.full(edge.shape, error, np.float32),
+        given.get("valid", np.ones(edge.shape, bool)),
+        edge,
+        np.stack([slant * edge, edge]).astype(np.float32),
+        given.get("positions", floor(*edge.shape)),
+    )
+    assert found.tried == 1
+    return len(found.width)
+
+
+def rising(*knots: tuple[float, float], columns: int = 81) -> np.ndarray:
+    """Visibility by column: straight between knots (column, visibility)."""
+    return np.interp(np.arange(columns), *zip(*knots, strict=True))
+
+
+# Lines
+
+
+def test_of_many_edge_pixels_a_thousand_are_taken_at_even_ranks() -> None:
+    """A penumbra of 10 px down the middle of 80 by 80 pixels, with lines from 28 of its columns in 78 rows."""
+    x = np.arange(80) * np.ones((80, 1))
+    edge = np.abs(x - 39.5) < 14
+    visibility = np.clip((x - 39.5) / 10 + 0.5, 0, 1).astype(np.float32)
+    gradient = np.stack([0 * x, 0 * x + 1]).astype(np.float32)
+    found = crossings(visibility, 0 * visibility, x >= 0, edge, gradient, floor(80, 80))
+    ranks = [int(i * (28 * 78 - 1) / 999 + 0.5) for i in range(1000)]
+    starts = np.argwhere(edge[1:-1])[ranks] + (1, 0)
+    assert found.tried == 1000
+    assert found.lines[:, :, 80 // 4].T.tolist() == starts.tolist()
+
+
+def test_of_fewer_edge_pixels_all_but_those_on_the_border_are_tried() -> None:
+    zero = np.zeros((20, 30), np.float32)
+    assert crossings(zero, zero, zero == 0, zero == 0, np.stack([zero, zero]), floor(20, 30)).tried == 18 * 28
+
+
+@pytest.mark.parametrize(("dark", "lit", "found"), [(40, 120, 1), (39, 120, 0), (40, 121, 0)])
+def test_a_line_reaches_a_quarter_of_the_image_to_either_side(dark: int, lit: int, found: int) -> None:
+    """From column 80 of 160 to the first pixels darker than 0.1 and lighter than 0.9."""
+    knots = (dark, 0.05), (dark + 1, 0.2), (lit - 1, 0.8), (lit, 0.95)
+    assert crossed(rising(*knots, columns=160), 80) == found
+
+
+@pytest.mark.parametrize(("low", "high", "found"), [(25, 55, 1), (26, 55, 0), (25, 54, 0)])
+def test_a_line_ends_with_the_last_valid_pixel(low: int, high: int, found: int) -> None:
+    """The first pixels darker than 0.1 and lighter than 0.9 are 25 and 55."""
+    column = np.tile(np.arange(81), (3, 1))
+    profile = rising((25, 0.05), (26, 0.2), (54, 0.8), (55, 0.95))
+    assert crossed(profile, valid=(column >= low) & (column <= high)) == found
+
+
+@pytest.mark.parametrize(("grazed", "found"), [(0.95e-4, 1), (1.05e-4, 0)])
+def test_a_line_may_graze_an_invalid_pixel_by_a_ten_thousandth(grazed: float, found: int) -> None:
+    """Below the line's row none is valid; 15 px from the start, where it is first lit, it is `grazed` rows lower."""
+    valid = np.arange(3)[:, np.newaxis] + np.zeros(81) < 2
+    profile = rising((25, 0.05), (26, 0.2), (54, 0.8), (55, 0.95))
+    assert crossed(profile, slant=grazed / 15, valid=valid) == found
+
+
+@pytest.mark.parametrize("start", [38, 46])
+@pytest.mark.parametrize(
+    ("fall", "error", "found"),
+    [
+        (0.0399, 0.01, 1),
+        (0.0402, 0.01, 0),
+        (0.95 / LEVELS, 0, 1),
+        (1.05 / LEVELS, 0, 0),
+        (0.25, (0.25 - 1 / LEVELS) / 4, 1),
+    ],
+)
+def test_the_truth_may_fall_by_four_standard_errors_and_a_level(
+    start: int, fall: float, error: float, found: int
+) -> None:
+    """From column 42 to 43, on the line's lit side or on its dark one."""
+    assert crossed(rising((30, 0), (42, 0.75), (43, 0.75 - fall), (55, 1)), start, error) == found
+
+
+@pytest.mark.parametrize(("height", "found"), [(0.95e-3, 1), (1.05e-3, 0)])
+def test_a_line_ends_a_thousandth_of_its_length_off_the_plane(height: float, found: int) -> None:
+    """A step, up or down, five pixels from the start; beyond it the line comes nearer to the plane."""
+    for up in (-1, 1):
+        stepped = floor(3, 81)
+        stepped[:, 45:, 1] = up * height * 5 * METRES
+        assert crossed(rising((30, 0), (50, 1)), positions=stepped) == found
+
+
+def test_a_step_of_the_floor_stops_no_line_beside_it() -> None:
+    """At row 60, along lines through all rows: two of them have no plane about their start."""
+    x = np.arange(81) * np.ones((81, 1))
+    stepped = floor(81, 81)
+    stepped[60:, :, 1] = 0.5
+    visibility = np.clip((x - 40) / 10 + 0.5, 0, 1).astype(np.float32)
+    gradient = np.stack([0 * x, 0 * x + 1]).astype(np.float32)
+    found = crossings(visibility, 0 * visibility, x >= 0, x == 40, gradient, stepped)
+    assert found.lines[0, :, 20].tolist() == [*range(1, 59), *range(61, 80)]
+
+
+# Widths of the truth
+
+
+@pytest.mark.parametrize(
+    ("dark", "lit", "found"),
+    [(0.095, 1, 1), (0.1, 1, 0), (0.105, 1, 0), (0, 0.905, 1), (0, 0.9, 0), (0, 0.895, 0)],
+)
+def test_a_penumbra_goes_from_below_a_tenth_to_above_nine_tenths(dark: float, lit: float, found: int) -> None:
+    assert crossed(rising((30, dark), (50, lit))) == found
+
+
+@pytest.mark.parametrize(("width", "found"), [(2.95, 0), (3.05, 1)])
+def test_a_penumbra_is_at_least_three_pixels_wide(width: float, found: int) -> None:
+    """Visibility 0, b, ½, 1 − b and 1 by column: 0.1 lies 0.1/b pixels from the one end, 0.9 as far from the other."""
+    b = 0.2 / (4 - width)
+    assert crossed(rising((38, 0), (39, b), (40, 0.5), (41, 1 - b), (42, 1))) == found
+
+
+@pytest.mark.parametrize("towards", [(0.8, 0.6), (-0.6, 0.8), (0.0, -1.0)])
+@pytest.mark.parametrize("down", [(0.0, 0.4), (0.07, 0.2)], ids=["foreshortened", "sheared"])
+def test_a_width_is_measured_along_the_steepest_line_on_the_plane(
+    towards: tuple[float, float], down: tuple[float, float]
+) -> None:
+    """Eight tenths of a penumbra of 20 px, between straight lines; steepest in metres, not by pixels.
+
+    A pixel to the right is 0.1 m along x, one down is `down` along x and z. If p = J q is the point at the pixel q and
+    visibility rises by s·q / 20, it rises by J⁻ᵀs·p / 20: in that direction, and as fast as that vector is long.
+    """
+    y, x = np.mgrid[:90, :110].astype(float)
+    positions = np.stack([METRES * x + down[0] * y, 0 * x, down[1] * y], axis=-1)
+    right_of, below = x - 54, y - 45
+    visibility = np.clip((towards[0] * right_of + towards[1] * below) / 20 + 0.5, 0, 1).astype(np.float32)
+    gradient = np.stack([towards[1] + 0 * x, towards[0] + 0 * x]).astype(np.float32)
+    edge = (np.abs(right_of) < 3) & (np.abs(below) < 3)
+    found = crossings(visibility, 0 * visibility, x >= 0, edge, gradient, positions)
+    to_metres = np.array([[METRES, down[0]], [0, down[1]]])
+    steepest = np.linalg.solve(to_metres.T, towards)
+    by_pixels = np.linalg.solve(to_metres, steepest)
+    assert len(found.width) == found.tried == 25
+    assert found.width == pytest.approx(16 / np.linalg.norm(steepest), rel=1e-5)
+    assert found.width_px == pytest.approx(16 * np.linalg.norm(by_pixels) / (by_pixels @ towards), rel=1e-5)
+    assert found.pixel == pytest.approx(found.width / found.width_px, rel=1e-5)
+
+
+# Widths of a mask
+
+
+def drawn(*rows: list[float], first: int = 0, last: int | None = None) -> float:
+    """Width in pixels of a mask of a few pixels on a line along the middle of its rows, used from `first` to `last`."""
+    mask = np.array(rows, np.float32)
+    column = np.arange(mask.shape[1])
+    line = np.stack([0 * column + (len(mask) - 1) / 2, column])[:, np.newaxis].astype(np.float32)
+    one = np.ones(1)
+    end = np.array([column[-1] if last is None else last])
+    along = column[np.newaxis].astype(np.float32)
+    (width,) = Crossings(1, line, np.array([first]), end, along, one, one, one / 8).widths_of(mask)
+    return float(width)
+
+
+def test_a_width_lies_between_the_first_points_at_a_tenth_and_at_nine_tenths() -> None:
+    assert drawn([0, 0.5, 1]) == pytest.approx(1.8 - 0.2)
+    assert drawn([0, 0.9, 0.9, 0.9, 1]) == drawn([0, 0.9, 0.9, 0.9]) == pytest.approx(1 - 1 / 9)
+
+
+def test_only_the_used_part_of_a_line_counts() -> None:
+    assert drawn([1, 0, 0.5, 1, 0], first=1, last=3) == pytest.approx(1.6)
+
+
+def test_a_mask_that_stays_grey_is_as_wide_as_the_line_is_long() -> None:
+    assert drawn([0, 0.5, 0.5, 0.5]) == pytest.approx(3 - 0.2)
+    assert drawn([0, 0.4, 0.8]) == pytest.approx(2 - 0.25)
+    assert drawn([0.5, 0.5, 0.5, 1]) == pytest.approx(2.8)
+
+
+def test_a_mask_of_one_shade_is_as_narrow_as_a_pixel() -> None:
+    assert drawn([0, 0, 0]) == drawn([1, 1, 1]) == drawn([0, 1, 1], first=1) == 1 / 8
+
+
+def test_a_mask_that_falls_is_smoothed_by_the_mean_of_its_running_extremes() -> None:
+    assert drawn([0, 0.6, 0.4, 1]) == drawn([0, 0.5, 0.5, 1]) == pytest.approx(2.8 - 0.2)
+
+
+def test_between_rows_a_line_sees_their_mean() -> None:
+    assert drawn([0, 0, 1, 1], [0, 1, 1, 1]) == drawn([0, 0.5, 1, 1]) == pytest.approx(1.6)
+
+
+# Contact hardening
+
+
+def hardening(true: np.ndarray, mask: np.ndarray, pixels: float = 10) -> tuple[float, float] | None:
+    """Of penumbrae that are all `pixels` wide."""
+    none = np.zeros((len(true), 0))
+    flat = Crossings(len(true), none, none, none, none, true, np.full(len(true), pixels), np.ones(len(true)))
+    return flat.hardening(mask)
+
+
+def test_hardening_is_the_line_through_thirty_widths() -> None:
+    true = np.linspace(1, 10, 30)
+    assert hardening(true, 2 * true + 1) == pytest.approx((2, 1 / 5.5))
+    assert hardening(true[1:], 2 * true[1:] + 1) is None
+
+
+def test_hardening_is_judged_by_penumbrae_wider_than_four_pixels() -> None:
+    true = np.linspace(1, 10, 30)
+    assert hardening(true, true, pixels=4.05) == pytest.approx((1, 0))
+    assert hardening(true, true, pixels=4) is None
+
+
+@pytest.mark.parametrize(("high", "found"), [(30, (1, 0)), (29.9, None)])
+def test_hardening_needs_widths_that_vary_by_a_factor_of_three(high: float, found: tuple[float, float] | None) -> None:
+    """Of 41 widths in order, the fifth is the 10th percentile, the fifth but last is the 90th."""
+    true = np.array([5] * 4 + [10] + [20] * 31 + [high] + [40] * 4)
+    assert hardening(true, true) == (found and pytest.approx(found))
