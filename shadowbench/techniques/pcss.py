@@ -60,7 +60,6 @@ class PCSS(Disc):
     taps: int = param(32, "comparisons of the nearest texel", ge=1, le=256)
     angle: float = param(0.0, "angular radius of a sun in degrees; 0: the scene's", ge=0, le=45)
     size: float = param(0.0, "radius of other lights; 0: the scene's", ge=0, metres=True)
-
     variant: Literal["world", "godot", "filament", "bevy", "babylon", "three"] = param(
         "world", "penumbra by lengths in the scene, or as an engine publishes it, by depths in [0, 1]"
     )
