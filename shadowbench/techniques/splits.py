@@ -1,5 +1,7 @@
 """Split schemes: the view depths at which cascades split the camera's frustum."""
 
+from abc import abstractmethod
+
 import numpy as np
 
 from shadowbench.geometry.slices import PRACTICAL_WEIGHT, practical_depths
@@ -10,9 +12,9 @@ from shadowbench.techniques.params import Component, param
 class Split(Component):
     """Base class of the split schemes."""
 
+    @abstractmethod
     def depths(self, near: float, far: float, count: int) -> Floats:
         """(count + 1,) non-decreasing view depths from near to far, which bound the slices."""
-        raise NotImplementedError(self.name)
 
 
 class PracticalSplit(Split):
