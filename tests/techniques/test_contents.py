@@ -62,6 +62,13 @@ def test_a_box_of_an_odd_width_weighs_its_texels_equally(width) -> None:
     assert wide * (width + 1) == pytest.approx([0.5, *np.ones(width), 0.5]), "an even one has half of either end"
 
 
+@pytest.mark.parametrize("width", [5, 8, 33])
+def test_a_gaussian_has_a_standard_deviation_of_a_quarter_of_its_width(width) -> None:
+    weights = kernel_weights("gaussian", width, 65)
+    for texels in range(width // 2):
+        assert weights[32 + texels] / weights[32] == pytest.approx(math.exp(-((texels / (width / 4)) ** 2) / 2))
+
+
 @pytest.mark.parametrize("light", [SUN, SPOT], ids=lambda light: light.kind)
 def test_the_first_moment_is_the_linear_depth_of_the_map(contents, light) -> None:
     """For a spot too, whose depth buffer is not linear."""
@@ -76,8 +83,10 @@ def test_the_first_moment_is_the_linear_depth_of_the_map(contents, light) -> Non
 def test_the_blur_is_scipy_s_with_the_far_contents_around(contents, filter_, width, kernel) -> None:
     name, _, items = filter_.strip(")").partition("(")
     items = f"{items}," if items else ""
-    blurred, _ = contents(f"shadow-map:size=64,fit=fixed,filter={name}({items}blur={width},kernel={kernel})", SUN)
-    sharp, one = contents(f"shadow-map:size=64,fit=fixed,filter={name}({items}blur=1)", SUN)
+    blurred, _ = contents(
+        f"shadow-map:size=64,fit=fixed(half=0.8),filter={name}({items}blur={width},kernel={kernel})", SUN
+    )
+    sharp, one = contents(f"shadow-map:size=64,fit=fixed(half=0.8),filter={name}({items}blur=1)", SUN)
     weights = kernel_weights(kernel, width, width | 1)
     for component, far in zip(range(sharp.shape[-1]), one.technique.contents.far, strict=False):
         expected = sharp[0, ..., component]
