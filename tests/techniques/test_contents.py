@@ -77,6 +77,13 @@ def test_the_first_moment_is_the_linear_depth_of_the_map(contents, light) -> Non
     assert found[0, ::-1, :, 0] == pytest.approx(one.technique.map_image().astype(float), abs=2e-5)
 
 
+def test_vsm_stores_a_quarter_of_the_squared_slope_of_a_texel_as_its_variance(contents) -> None:
+    (found,), _ = contents("shadow-map:size=64,filter=vsm(blur=1)", SUN, plate(0.0))
+    mean, second = np.moveaxis(found[24:40, 24:40], -1, 0)
+    slopes = np.gradient(mean)
+    assert second - mean**2 == pytest.approx(0.25 * (slopes[0] ** 2 + slopes[1] ** 2), rel=0.02)
+
+
 @pytest.mark.parametrize("kernel", ["box", "gaussian"])
 @pytest.mark.parametrize("width", [2, 5, 31])
 @pytest.mark.parametrize("filter_", ["vsm", "evsm(positive=5)", "msm"])

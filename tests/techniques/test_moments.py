@@ -236,6 +236,22 @@ def test_mips_of_a_plane_far_away_are_lit(filter_, name, looking, build, studio)
     assert mask.mean() > 0.97
 
 
+def test_mips_are_the_share_of_stripes_narrower_than_a_pixel(looking, build, studio) -> None:
+    """Above the camera, three a pixel; without mips a pixel has the depth of a texel."""
+    at = 0.1 * np.arange(-120, 120)
+    stripes = [plate("stripe", 50.0, (x, x + 0.05), (-12.0, 12.0)) for x in at.tolist()]
+    vertices, faces = np.vstack([one.vertices for one in stripes]), np.arange(len(stripes))[:, None, None] * 4
+    roof = Mesh("roof", vertices, (stripes[0].faces + faces).reshape(-1, 3))
+    ground = plate("ground", 0.0, (-12.0, 12.0), (-12.0, 12.0))
+    shot = studio.shot(looking([ground, roof], DOWN, 64, eye=(0.0, 20.0, 0.1)))
+    masks = [
+        build(f"shadow-map:size=2048,fit=scene,filter=vsm(blur=1,bleed=0,mips={mips})", shot).draw(shot)[8:-8, 8:-8]
+        for mips in ("true", "false")
+    ]
+    assert masks[0].mean() == pytest.approx(0.5, abs=0.05) and masks[0].std() < 0.1
+    assert masks[1].std() > 0.3
+
+
 @pytest.mark.parametrize("filter_", ["vsm", "esm", LIMITS, "evsm(components=2,positive=42)", "msm", "pcss"])
 @pytest.mark.parametrize("name", TECHNIQUES)
 def test_nothing_overflows_over_the_whole_range_of_depths(filter_, name, looking, build, studio) -> None:
