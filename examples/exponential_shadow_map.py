@@ -1,50 +1,43 @@
-"""Exponential shadow maps: shadowbench run stairs -t exponential-shadow-map --plugin exponential_shadow_map.py."""
+"""An exponential shadow map in layers of depth, as a filter with contents of its own.
 
-from shadowbench.techniques.base import Technique, param
-from shadowbench.techniques.maps import BoxBlur, CasterMap, FittedParams, FittedView, far_distance, map_uniforms
-from shadowbench.techniques.resolve import ResolvePass
+shadowbench run stairs -t "shadow-map:filter=layered-esm" -t shadow-map --plugin examples/exponential_shadow_map.py
+"""
 
-STORE = """#include "linear_depth.glsl"
-uniform float c;
-out float stored;
-void main() { stored = exp(c * (linear_depth(gl_FragCoord.z, 1.0 / gl_FragCoord.w) - 1.0)); }"""
+from shadowbench.techniques.filters import Contents
+from shadowbench.techniques.moments import Filterable
+from shadowbench.techniques.params import param
 
-RESOLVE = """#include "map.glsl"
-#include "linear_depth.glsl"
-uniform sampler2D map_stored;
-uniform float c;
-out float visibility;
-void main() {
-    Receiver r = receiver_at(ivec2(gl_FragCoord.xy));
-    ShadowCoord p = shadow_coord(r.position, 0);
-    float lit = textureLod(map_stored, p.uv, 0.0).r * exp(c * (1.0 - linear_depth(p.depth, p.axis_distance)));
-    visibility = r.facing && p.axis_distance > 0.0 && p.depth < 1.0 ? min(lit, 1.0) : 1.0;
-}"""
+SHADER = """
+uniform float filter_c;
+const float overlap = 0.125;  // of neighbouring layers, so that a blurred plane is lit across their border too
+
+// Depth in each layer: from 0 at its front to 1 at its back, clamped for casters in other layers.
+vec4 layered(float depth) {
+    vec4 front = vec4(0.0, 1.0, 2.0, 3.0) - overlap;
+    return clamp((float(FILTER_LAYERS) * clamp(depth, 0.0, 1.0) - front) / (1.0 + 2.0 * overlap), 0.0, 1.0);
+}
+
+// What the map stores: e^(c (z - 1)) in each layer, which does not overflow.
+vec4 filter_contents(float depth) { return exp(filter_c * (layered(depth) - 1.0)); }
+
+float filter_visibility(ShadowCoord p) {
+    int layer = clamp(int(float(FILTER_LAYERS) * p.linear), 0, FILTER_LAYERS - 1);
+    return min(contents_at(p, vec2(0.0))[layer] * exp(filter_c * (1.0 - layered(p.linear)[layer])), 1.0);
+}
+"""
 
 
-class ExponentialShadowMap(Technique):
-    """Blurred e^(c·depth) over the receiver's (Annen et al. 2008). Leaks at contacts, within 1/c of the range."""
+class LayeredESM(Filterable):
+    """Exponential shadow maps (Annen et al. 2008) of layers of the depth range, each with the full exponent.
 
-    name = "exponential-shadow-map"
-    lights = frozenset({"directional", "spot"})
-    phased = True
+    As sharp as a map with 0.8 · layers · c, which 32 bits do not hold beyond 87, so that it leaks less at contacts.
+    """
 
-    class Params(FittedParams):
-        c: float = param(80.0, "sharpness; e^c overflows float32 beyond 87", gt=0, le=87)
-        blur: int = param(3, "taps along a side of the box blur, odd", ge=1, le=31)
+    name = "layered-esm"
+    shader = SHADER
+    layers: int = param(2, "equal parts of the depth range", ge=1, le=4)
+    c: float = param(80.0, "sharpness in each layer; e^c overflows beyond 87", gt=0, le=87)
 
-    def build(self, stage):
-        self.fitted = FittedView(stage, self.params.fit, self.params.size, filter_radius=self.params.blur / 2 + 0.5)
-        program = stage.program("casters.vert", STORE, params=self.params)
-        self.map = CasterMap(stage, program, self.params.size, components=1, clamp=self.params.fit.clamps)
-        self.blur = BoxBlur(stage, self.map.contents, self.params.blur)
-        self.resolve = ResolvePass(stage, RESOLVE, self.params)
-
-    def draw(self, frame):
-        with frame.timed("map", changes=self.params.fit.invalidated_by):
-            self.light_view = self.fitted(frame)
-            self.map.draw(frame, [self.light_view])
-            self.blur()
-        with frame.timed("resolve", changes="view"):
-            uniforms = map_uniforms([self.light_view]) | {"far_distance": far_distance(self.light_view)}
-            return self.resolve(frame, self.map.stored, **uniforms)
+    @property
+    def contents(self):
+        return Contents(self.layers, blur=self.blur, kernel=self.kernel, mips=self.mips)

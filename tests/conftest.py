@@ -24,6 +24,7 @@ from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Light, Mesh, Placement, Scene, View, view_of
 from shadowbench.scenes.shapes import build_shape
+from shadowbench.techniques.registry import forget_components
 from shadowbench.truths.light_samples import LightSampler
 from shadowbench.truths.packets import load_library
 from shadowbench.truths.trace import Truth, trace
@@ -65,6 +66,13 @@ def truth_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         if "SHADOWBENCH_CACHE" not in os.environ:
             patch.setenv("SHADOWBENCH_CACHE", str(folder / "truth-cache"))
         yield
+
+
+@pytest.fixture(autouse=True)
+def only_own_components() -> Iterator[None]:
+    """No filter of a plug-in outlives its test."""
+    yield
+    forget_components()
 
 
 @pytest.fixture(scope="session")

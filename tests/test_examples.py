@@ -8,11 +8,7 @@ from typing import Any
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-PLUGINS = {
-    "exponential_shadow_map.py": "exponential-shadow-map",
-    "sphere_proxies.py": "sphere-proxies",
-    "variance_shadow_map.py": "variance-shadow-map",
-}
+PLUGINS = {"exponential_shadow_map.py", "sphere_proxies.py", "variance_shadow_map.py"}
 NO_PLUGINS = {"vtk_shadows.py"}  # plays the engine in tests/engines/test_real_masks.py
 BALL = """
 name = "ball"
@@ -45,28 +41,39 @@ def test_every_example_is_tested() -> None:
 
 
 @pytest.mark.slow
-def test_variance_shadow_map_draws_the_lamp_s_shadow_nearly_as_a_hard_map_does(iou: Callable[..., Any]) -> None:
-    found = iou("spot-lamp", "variance_shadow_map.py", "variance-shadow-map", "shadow-map", "unshadowed")
+def test_the_variance_filter_draws_the_lamp_s_shadow_nearly_as_a_hard_map_does(iou: Callable[..., Any]) -> None:
+    variance = "shadow-map:filter=variance"
+    found = iou("spot-lamp", "variance_shadow_map.py", variance, "shadow-map", "unshadowed")
     assert found["unshadowed"] == 0
-    assert 1 - found["variance-shadow-map"] < 0.2
-    assert found["variance-shadow-map"] < found["shadow-map"], "light bleeds where casters lie over each other"
+    assert 1 - found[variance] < 0.2
+    assert found[variance] < found["shadow-map"], "light bleeds where casters lie over each other"
 
 
-def test_variance_shadow_map_draws_a_sun_s_shadow_too(iou: Callable[..., Any]) -> None:
-    assert iou("cube-on-plane", "variance_shadow_map.py", "variance-shadow-map")["variance-shadow-map"] > 0.8
+def test_the_variance_filter_is_the_built_in_one_with_another_reduction(iou: Callable[..., Any]) -> None:
+    plugged, own = (
+        f"shadow-map:filter={name}" for name in ("variance(bleed=0.1)", "vsm(bleed=0.1,min_variance=1e-06)")
+    )
+    found = iou("cube-on-plane", "variance_shadow_map.py", plugged, own)
+    assert found[plugged] == pytest.approx(found[own], abs=0.01) and found[own] > 0.8
 
 
 @pytest.mark.parametrize("scene", ["cube-on-plane", pytest.param("spot-lamp", marks=pytest.mark.slow)])
-def test_exponential_shadow_map_is_about_as_right_as_a_depth_map(iou: Callable[..., Any], scene: str) -> None:
-    found = iou(
-        scene, "exponential_shadow_map.py", "exponential-shadow-map", "exponential-shadow-map:c=5.0", "shadow-map"
-    )
-    assert 1 - found["exponential-shadow-map"] < 1.5 * (1 - found["shadow-map"])
-    assert found["exponential-shadow-map:c=5.0"] < found["exponential-shadow-map"], "a blunt exponential leaks"
+def test_layers_of_an_exponential_shadow_map_are_as_sharp_as_one_of_a_larger_exponent(
+    iou: Callable[..., Any], scene: str
+) -> None:
+    """A quarter of a layer is overlap: one of c = 50 is ESM of 40, two are one of 80."""
+    filters = ("esm(c=40.0)", "layered-esm(layers=1,c=50.0)", "esm", "layered-esm(c=50.0)")
+    specs = [f"shadow-map:filter={one}" for one in filters]
+    found = iou(scene, "exponential_shadow_map.py", *specs)
+    blunt, one, sharp, two = (found[spec] for spec in specs)
+    assert one == pytest.approx(blunt, abs=1e-5)
+    assert two == pytest.approx(sharp, abs=1e-3)
+    assert abs(blunt - sharp) > 5e-4
 
 
-def test_a_map_technique_with_contents_of_its_own_takes_50_lines() -> None:
-    assert len((ROOT / "examples" / "exponential_shadow_map.py").read_text(encoding="utf-8").splitlines()) <= 50
+def test_a_filter_takes_45_lines_with_its_shader_and_contents() -> None:
+    for file, longest in (("exponential_shadow_map.py", 45), ("variance_shadow_map.py", 50)):
+        assert len((ROOT / "examples" / file).read_text(encoding="utf-8").splitlines()) <= longest
 
 
 def test_sphere_proxies_are_right_for_a_ball_and_wrong_for_a_cube(iou: Callable[..., Any], tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ float filter_visibility(ShadowCoord p) {
     vec2 w = warped(p.linear);
     // A depth changes a warp by its derivative, 2 c |w|.
     vec2 scale = 2.0 * vec2(filter_positive, filter_negative) * w;
-    vec2 least = filter_min_variance * filter_min_variance * scale * scale;
+    vec2 least = filter_min_variance * scale * scale;
     vec4 stored = contents_at(p, vec2(0.0));
     float bound = chebyshev_upper_bound(stored.xy, w.x, least.x);
 #if FILTER_COMPONENTS == 4

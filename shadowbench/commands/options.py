@@ -12,7 +12,7 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print results and er
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")]
 Plugins = Annotated[
     list[Path] | None,
-    typer.Option("--plugin", metavar="FILE.py", help="A Python file that adds techniques; repeatable."),
+    typer.Option("--plugin", metavar="FILE.py", help="A Python file that adds techniques or filters; repeatable."),
 ]
 Assets = Annotated[
     Path | None,

@@ -1,7 +1,7 @@
 """Shader source texts composed from includes and defines.
 
-`#include "bias/slope.glsl"` includes a file of the first root that has it, `#include <bias>` the file that the caller
-assigned to this slot. Each file is included once, at its first include. Followed by `with bias = bias_first`, an
+`#include "bias/slope.glsl"` includes a file of the first root that has it, `#include <bias>` the file or text that the
+caller assigned to this slot. Each file is included once, at its first include. Followed by `with bias = bias_first`, an
 include renames: `bias_` and `BIAS_` in the file and its includes become `bias_first_` and `BIAS_FIRST_`, and `<bias>`
 becomes the slot `<bias_first>`.
 """
@@ -20,24 +20,23 @@ def compose(
 ) -> str:
     """The complete source text of one shader stage.
 
-    source: a file relative to a root, or the source itself if it has several lines. Raises FileNotFoundError for an
-    include that no root has, KeyError for a slot without a file.
+    source, and each slot's: a file relative to a root, or the source itself if it has several lines. Raises
+    FileNotFoundError for an include that no root has, KeyError for a slot without a file.
     """
-    taken: set[tuple[Path, str]] = set()
+    taken: set[tuple[Path | str, str]] = set()
 
     def expand(text: str, old: str = "", new: str = "") -> str:
         text = _renamed(text, old, new) if old else text
         return _INCLUDE.sub(lambda match: include(match[1] or slots[match[2]], match[3] or old, match[4] or new), text)
 
     def include(name: str, old: str = "", new: str = "") -> str:
-        path = _find(name, roots)
-        if (path, new) in taken:
+        found = name if "\n" in name else _find(name, roots)
+        if (found, new) in taken:
             return ""
-        taken.add((path, new))
-        return expand(path.read_text(encoding="utf-8"), old, new)
+        taken.add((found, new))
+        return expand(found.read_text(encoding="utf-8") if isinstance(found, Path) else found, old, new)
 
-    text = source if isinstance(source, str) and "\n" in source else include(str(source))
-    body = expand(text)
+    body = include(str(source))
     return "\n".join([VERSION, *(f"#define {name} {value}" for name, value in defines.items()), body])
 
 

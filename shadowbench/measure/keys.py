@@ -14,6 +14,7 @@ from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.model import Coordinates, View
 from shadowbench.sources import PACKAGE, SOURCES, code_digest, files_in
 from shadowbench.techniques.base import Technique
+from shadowbench.techniques.params import Component
 from shadowbench.techniques.registry import own_techniques, source_file
 from shadowbench.truths import cache as truths
 
@@ -28,13 +29,15 @@ def view_key(view: View) -> str:
 
 def cell_key(cell: Cell, view: str, coordinates: Coordinates, renderer: str) -> str:
     """Hex key of a cell on a renderer; `view` is a `view_key`."""
+    # Built-in components are among what the technique imports.
+    plugins = dict.fromkeys(type(component) for component in cell.spec.components if component.plugin_files())
     parts = {
         "spec": cell.spec.full_text,
         "phase": cell.phase,
         "view": view,
         "coordinates": coordinates,
         "renderer": renderer,
-        "sources": [_sources(technique) for technique in cell.spec.techniques],
+        "sources": [*map(_sources, cell.spec.techniques), *map(_sources, plugins)],
     }
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:24]
 
@@ -50,8 +53,9 @@ def counting_digest() -> str:
 
 
 @cache
-def _sources(technique: type[Technique]) -> str:
-    lineage = [cls for cls in (*technique.__mro__, *technique.Params.__mro__) if not _is_library_class(cls)]
+def _sources(one: type[Technique] | type[Component]) -> str:
+    classes = (*one.__mro__, *one.Params.__mro__) if issubclass(one, Technique) else one.__mro__
+    lineage = [cls for cls in classes if not _is_library_class(cls)]
     files = dict.fromkeys(source_file(cls) for cls in lineage)
     around = dict.fromkeys(other for file in files for other in _plugin_sources(file))
     return code_digest(*_MEASURING, *files, *around, extra_files=_shaders(lineage))

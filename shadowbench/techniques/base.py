@@ -14,10 +14,13 @@ map that the casters are rendered into.
     component (a bias, …)   #include <key> includes its file; its own parameters are named KEY_TAPS, key_scale
 
 and `uniform float metre` is one metre in local lengths. `receiver.glsl` reads a pixel's position, normal, N·L and the
-direction to the light from the G-buffer; `map.glsl` computes its shadow-map coordinates from the uniforms of
-`maps.map_uniforms`; `linear_depth.glsl` computes the depth along the light's axis. `map.glsl` uses three defines: SIZE,
-from the parameter of that name; LAYERS, the number of maps in an array (default 1); REVERSED, 1 for reversed depth
-(default 0).
+direction to the light from the G-buffer; `map.glsl` computes its shadow-map coordinates, the depth along the light's
+axis among them, from the uniforms of `maps.map_uniforms`. `map.glsl` uses three defines: SIZE, from the parameter of
+that name; LAYERS, the number of maps in an array (default 1); REVERSED, 1 for reversed depth (default 0).
+
+A plug-in may also define a filter or a bias, which every technique with such a parameter then has: a subclass of
+`filters.Filter` or `biases.Bias`, whose `shader` is the text of the functions that `filter.glsl` or `bias.glsl` lists,
+or a file beside it.
 """
 
 from abc import ABC, abstractmethod

@@ -1,5 +1,6 @@
 """Shadow-map filters: the compared texels and their weights. Each has a class and a shader file in `filter/`."""
 
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -31,9 +32,9 @@ class Filter(Component):
 
     maps: ClassVar[frozenset[MapKind]] = frozenset({"2d", "array"})
 
+    @abstractmethod
     def radius(self, size: int) -> float:
         """The distance from a receiver to compared texels that the bias must span, in texels of a map of `size`."""
-        raise NotImplementedError(self.name)
 
     def reach(self, size: int) -> float:
         """Largest distance from a receiver's point to any point of a texel that is read, in texels."""
@@ -58,9 +59,9 @@ class Filter(Component):
         return {"CONTENTS": str(contents.components)} | mips if contents else {}
 
     @property
+    @abstractmethod
     def reads(self) -> int:
         """Texture reads per pixel; a hardware comparison of 2×2 texels is one read."""
-        raise NotImplementedError(self.name)
 
 
 class Hard(Filter):

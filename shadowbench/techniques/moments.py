@@ -1,5 +1,6 @@
 """Filterable shadow maps: what they store is blurred and filtered before it is compared."""
 
+import math
 from typing import Literal, Self
 
 from pydantic import model_validator
@@ -77,7 +78,7 @@ class EVSM(Filterable):
     positive: float = param(40.0, "exponent of the positive warp; its square overflows beyond 42", gt=0, le=42)
     negative: float = param(5.0, "exponent of the negative warp", gt=0, le=42)
     bleed: float = param(0.0, "light bleeding reduction: a bound below it is shadow", ge=0, lt=1)
-    min_variance: float = param(1e-4, "least variance, in squared depth at the receiver", ge=0, le=1)
+    min_variance: float = param(1e-8, "least variance, in squared depth at the receiver", ge=0, le=0.01)
 
     @model_validator(mode="after")
     def _fits_half_floats(self) -> Self:
@@ -107,6 +108,11 @@ class MSM(Filterable):
         le=1,
     )
     bleed: float = param(0.0, "light bleeding reduction: a bound below it is shadow", ge=0, lt=1)
+
+    def radius(self, size: int) -> float:
+        # Where a kernel covers a plane, the bound is 0 from the standard deviation in front of its mean depth on: that
+        # of a box along its diagonal, and 1/√2 of it for the diagonal of a texel, in which biases count.
+        return max(1.0, self.blur / math.sqrt(24))
 
     @property
     def contents(self) -> Contents:

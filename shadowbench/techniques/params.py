@@ -4,13 +4,16 @@ A `Component` is a bias, filter, fit or split, with parameters of its own. Defin
 its family's table, and so to the allowed values of every technique parameter of that family.
 """
 
+import inspect
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, ClassVar, Literal, Self, get_args, get_origin
 
 from pydantic import BeforeValidator, Field
 from pydantic.fields import FieldInfo
 
-from shadowbench.errors import alternatives
+from shadowbench.errors import InputError, alternatives
+from shadowbench.sources import PACKAGE
 from shadowbench.strict import Strict
 from shadowbench.techniques.grammar import Call, parse_value
 
@@ -56,7 +59,7 @@ class Component(Strict):
     """Base class of biases, filters, fits and splits; a subclass with a `name` is added to its family's table."""
 
     name: ClassVar[str]
-    shader: ClassVar[str] = ""  # the file that fills the include slot of the parameter, or its text
+    shader: ClassVar[str] = ""  # file that fills the include slot of the parameter, or its text of several lines
     table: ClassVar[dict[str, type[Self]]]
 
     @classmethod
@@ -65,6 +68,10 @@ class Component(Strict):
         if Component in cls.__bases__:
             cls.table = {}
         elif "name" in cls.__dict__:
+            found = cls.table.get(cls.name, cls)
+            if (found.__module__, found.__qualname__) != (cls.__module__, cls.__qualname__):  # else imported again
+                places = " and ".join(inspect.getfile(one) for one in (found, cls))
+                raise InputError(f"two {cls.family().__name__.lower()}s are called {cls.name!r}: {places}")
             cls.table[cls.name] = cls  # type: ignore[assignment]  # Self is a subclass of the family here
 
     @property
@@ -76,6 +83,12 @@ class Component(Strict):
     def family(cls) -> "type[Component]":
         """The family of a component: `Bias`, `Filter`, `Fit` or `Split`."""
         return next(base for base in cls.__mro__ if Component in base.__bases__)
+
+    @classmethod
+    def plugin_files(cls) -> list[Path]:
+        """The files outside this package that define the class or its bases; its shader may lie beside them."""
+        files = [Path(inspect.getfile(base)) for base in cls.__mro__ if issubclass(base, Component)]
+        return [file for file in dict.fromkeys(files) if not file.is_relative_to(PACKAGE)]
 
     @classmethod
     def from_value(cls, value: "Component | str | Call") -> Self:
@@ -92,6 +105,13 @@ class Component(Strict):
             raise ValueError(f"unknown {cls.__name__.lower()} {call.name!r}{alternatives(call.name, cls.table)}")
         component = cls.table[call.name]
         return component(**call.keywords(list(component.model_fields)))
+
+
+def components_of(params: TechniqueParams | Component | None) -> list[Component]:
+    """The components among the values of parameters, and those among theirs."""
+    values = [getattr(params, key) for key in type(params).model_fields] if params else []
+    components = [value for value in values if isinstance(value, Component)]
+    return [each for one in components for each in (one, *components_of(one))]
 
 
 def one_of(family: type[Component]) -> Callable[[Any], Any]:

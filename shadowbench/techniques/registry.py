@@ -1,4 +1,7 @@
-"""The registry of techniques: built-in ones, those of installed packages, and files given by --plugin."""
+"""The registry of techniques: built-in ones, those of installed packages, and files given by --plugin.
+
+Plug-ins may also define components: a bias, filter, fit or split, which registers itself where it is defined.
+"""
 
 import hashlib
 import importlib.util
@@ -18,9 +21,19 @@ from shadowbench import techniques as package
 from shadowbench.errors import InputError, message, quoted
 from shadowbench.scenes.tables import LONGEST_NAME
 from shadowbench.techniques.base import Technique
+from shadowbench.techniques.biases import Bias
+from shadowbench.techniques.filters import Filter
+from shadowbench.techniques.fits import Fit
 from shadowbench.techniques.grammar import WORD
+from shadowbench.techniques.params import Component
+from shadowbench.techniques.spec import forget_parsed
+from shadowbench.techniques.splits import Split
 
 GROUP = "shadowbench.techniques"
+FAMILIES: tuple[type[Component], ...] = (Bias, Filter, Fit, Split)
+Plugged = type[Technique] | type[Component]
+_KINDS = "Technique, Bias, Filter, Fit or Split"
+_MODULE = "shadowbench_plugin_"  # begins the names of modules loaded from files
 log = logging.getLogger(__name__)
 
 
@@ -28,11 +41,16 @@ log = logging.getLogger(__name__)
 def own_techniques() -> tuple[type[Technique], ...]:
     """The techniques of this package's modules, in the order of the module names."""
     modules = [import_module(found.name) for found in iter_modules(package.__path__, f"{package.__name__}.")]
-    return tuple(one for module in modules for one in _defined_in(module) if _named(one))
+    found = [one for module in modules for one in _defined_in(module)]
+    return tuple(one for one in found if issubclass(one, Technique) and _named(one))
 
 
 def techniques(plugins: Sequence[Path] = ()) -> Mapping[str, type[Technique]]:
-    """All techniques by name. Raises InputError for a plug-in that cannot be loaded or whose name is taken."""
+    """All techniques by name. Components are those of this package, of installed packages and of these files.
+
+    Raises InputError for a plug-in that cannot be loaded or whose name is taken.
+    """
+    forget_components()
     found: dict[str, type[Technique]] = {}
     files = dict.fromkeys(Path(plugin).resolve() for plugin in plugins)
     for technique in [*own_techniques(), *_installed(), *(one for file in files for one in _from_file(file))]:
@@ -43,19 +61,27 @@ def techniques(plugins: Sequence[Path] = ()) -> Mapping[str, type[Technique]]:
     return found
 
 
+def forget_components() -> None:
+    """Forget the components of files that were loaded before."""
+    for family in FAMILIES:
+        for one in [one for one in family.table.values() if one.__module__.startswith(_MODULE)]:
+            del family.table[one.name]
+    forget_parsed()
+
+
 def shader_folder(technique: type[Technique]) -> Path | None:
     """The folder of a plug-in's own shader files, that of its Python file; None for built-in techniques."""
     return None if technique in own_techniques() else source_file(technique).parent
 
 
-def source_file(technique: type[Technique]) -> Path:
-    """The file that defines a technique."""
+def source_file(technique: type[Technique] | type[Component]) -> Path:
+    """The file that defines a technique or a component."""
     return Path(inspect.getfile(technique))
 
 
 def _installed() -> list[type[Technique]]:
     """Techniques of other packages. One that cannot be loaded is skipped with a warning; the others still run."""
-    loaded = []
+    loaded: list[Plugged] = []
     for point in entry_points(group=GROUP):
         package = point.dist.name if point.dist else "a package"
         where = f"entry point {point.name!r} of {package}"
@@ -65,14 +91,14 @@ def _installed() -> list[type[Technique]]:
             log.warning("%s; it is left out", error)
         except (Exception, SystemExit) as error:  # importing a foreign package may raise anything
             log.warning("%s cannot be imported: %s; it is left out", where, _summary(error))
-    return loaded
+    return [one for one in loaded if issubclass(one, Technique)]
 
 
 def _from_file(file: Path) -> list[type[Technique]]:
     if not file.is_file():
         raise InputError(f"--plugin {file}: no such file")
     # The hash keeps files of the same name in different folders apart.
-    name = f"shadowbench_plugin_{file.stem}_{hashlib.sha256(str(file).encode()).hexdigest()[:8]}"
+    name = f"{_MODULE}{file.stem}_{hashlib.sha256(str(file).encode()).hexdigest()[:8]}"
     spec = importlib.util.spec_from_file_location(name, file)
     if spec is None:
         raise InputError(f"--plugin {file}: not a Python file (.py)")
@@ -80,39 +106,44 @@ def _from_file(file: Path) -> list[type[Technique]]:
     sys.modules[name] = module  # pydantic and inspect look up the file's classes there
     try:
         exec(compile(file.read_bytes(), file, "exec"), module.__dict__)  # an import would leave __pycache__ beside it
+    except InputError:  # a component's name is taken
+        raise
     except (Exception, SystemExit) as error:  # executing a foreign file may raise anything
         raise InputError(f"--plugin {file}: {_summary(error)}") from error
     own = _defined_in(module)
     if not own:
-        raise InputError(f"--plugin {file}: defines no subclass of shadowbench.techniques.base.Technique")
-    bases = {base for technique in own for base in technique.__mro__[1:]}
-    return [_checked(technique, f"--plugin {file}") for technique in own if technique not in bases or _named(technique)]
+        raise InputError(f"--plugin {file}: defines no subclass of {_KINDS}")
+    bases = {base for one in own for base in one.__mro__[1:]}
+    checked = [_checked(one, f"--plugin {file}") for one in own if one not in bases or _named(one)]
+    return [one for one in checked if issubclass(one, Technique)]
 
 
-def _defined_in(module: ModuleType) -> list[type[Technique]]:
+def _defined_in(module: ModuleType) -> list[Plugged]:
     return [
         thing
         for thing in vars(module).values()
-        if inspect.isclass(thing) and issubclass(thing, Technique) and thing.__module__ == module.__name__
+        if inspect.isclass(thing) and issubclass(thing, Technique | Component) and thing.__module__ == module.__name__
     ]
 
 
-def _checked(technique: object, where: str) -> type[Technique]:
-    if not (inspect.isclass(technique) and issubclass(technique, Technique)):
-        raise InputError(f"{where}: {technique!r} is not a subclass of Technique")
-    if not _named(technique):
-        raise InputError(f"{where}: {technique.__name__} has no name")
-    if not re.fullmatch(WORD, technique.name) or len(technique.name) > LONGEST_NAME:
+def _checked(one: object, where: str) -> Plugged:
+    if not (inspect.isclass(one) and issubclass(one, Technique | Component)):
+        raise InputError(f"{where}: {one!r} is not a subclass of {_KINDS}")
+    if not _named(one):
+        raise InputError(f"{where}: {one.__name__} has no name")
+    if not re.fullmatch(WORD, one.name) or len(one.name) > LONGEST_NAME:
         allowed = f"letters, digits, _ and -, at most {LONGEST_NAME} of them"
-        raise InputError(f"{where}: the name {technique.name!r:.90} is not a valid name; allowed: {allowed}")
-    missing = sorted(technique.__abstractmethods__)
+        raise InputError(f"{where}: the name {one.name!r:.90} is not a valid name; allowed: {allowed}")
+    missing = sorted(one.__abstractmethods__) + ["shader"] * (issubclass(one, Filter) and not one.shader)
     if missing:
-        raise InputError(f"{where}: {technique.__name__} lacks {', '.join(missing)}")
-    return technique
+        raise InputError(f"{where}: {one.__name__} lacks {', '.join(missing)}")
+    return one
 
 
-def _named(technique: type[Technique]) -> bool:
-    return isinstance(getattr(technique, "name", None), str)
+def _named(one: Plugged) -> bool:
+    """Whether it has a name; that of a component must be its own, as it is registered by it."""
+    name = vars(one).get("name") if issubclass(one, Component) else getattr(one, "name", None)
+    return isinstance(name, str)
 
 
 def _summary(error: BaseException) -> str:

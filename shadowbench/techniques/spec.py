@@ -15,7 +15,7 @@ from shadowbench.errors import InputError, alternatives
 from shadowbench.strict import explain
 from shadowbench.techniques.biases import Sum
 from shadowbench.techniques.grammar import Call, Reader
-from shadowbench.techniques.params import Component, TechniqueParams
+from shadowbench.techniques.params import Component, TechniqueParams, components_of
 
 if TYPE_CHECKING:
     from shadowbench.techniques.base import Technique
@@ -50,9 +50,17 @@ class Spec:
     @property
     def techniques(self) -> "tuple[type[Technique], ...]":
         """The technique, and those that its parameters name."""
+        return tuple(one.technique for one in self._specs)
+
+    @property
+    def components(self) -> tuple[Component, ...]:
+        """The components among its parameters, and those of the specs and components among them."""
+        return tuple(component for one in self._specs for component in components_of(one.params))
+
+    @property
+    def _specs(self) -> "tuple[Spec, ...]":
         values = (getattr(self.params, key) for key in type(self.params).model_fields)
-        inner = (one for value in values if isinstance(value, Spec) for one in value.techniques)
-        return (self.technique, *inner)
+        return (self, *(one for value in values if isinstance(value, Spec) for one in value._specs))
 
     @property
     def map_size(self) -> int | None:
@@ -89,6 +97,11 @@ def parse_spec(text: str, techniques: "Mapping[str, type[Technique]]") -> Spec:
     if name not in techniques:
         raise InputError(f"unknown technique {name!r:.60}{alternatives(name, sorted(techniques))}")
     return _parsed(text, techniques[name])
+
+
+def forget_parsed() -> None:
+    """Parse every spec anew: one whose components were loaded again must not keep the old ones."""
+    _parsed.cache_clear()
 
 
 @cache

@@ -1,5 +1,6 @@
 """Split schemes: the view depths at which cascades split the camera's frustum."""
 
+from abc import abstractmethod
 from typing import ClassVar
 
 import numpy as np
@@ -14,9 +15,9 @@ class Split(Component):
 
     slices: ClassVar[int | None] = None
 
+    @abstractmethod
     def depths(self, near: float, far: float, count: int) -> Floats:
         """(count + 1,) non-decreasing view depths from near to far, which bound the slices."""
-        raise NotImplementedError(self.name)
 
 
 class PracticalSplit(Split):

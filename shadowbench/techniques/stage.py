@@ -27,7 +27,7 @@ from shadowbench.gl.targets import (
     stencil_target,
 )
 from shadowbench.scenes.model import Placement, Scene
-from shadowbench.techniques.params import Component, TechniqueParams, in_metres
+from shadowbench.techniques.params import Component, TechniqueParams, components_of, in_metres
 
 _COMPONENT_BYTES = {"f1": 1, "f2": 2, "f4": 4, "i4": 4, "u4": 4, "nu2": 2}
 
@@ -45,7 +45,7 @@ class Stage:
     """The scene (local coordinates), device and image size, and factories of programs, textures and targets.
 
     bytes: device memory of its textures and buffers; texts: the shader sources of its programs; shaders: folder of the
-    technique's own shader files, searched before the shared ones.
+    technique's own shader files, searched before the shared ones, as are those of plug-ins' biases and filters.
     """
 
     def __init__(
@@ -82,10 +82,12 @@ class Stage:
         (FILTER_TAPS 3). The uniform `metre` is the length of one metre in local coordinates. defines: further #defines.
         """
         names, slots, uniforms = _shader_values(params, self.placement) if params else ({}, {}, {})
+        plugins = [file.parent for component in components_of(params) for file in component.plugin_files()]
+        roots = [*self._roots[:-1], *plugins, self._roots[-1]]
         names |= {name: str(value) for name, value in defines.items()}
         uniforms["metre"] = self.placement.length(1.0)
         stages = {"vert": vertex, "frag": fragment} | ({"geom": geometry} if geometry is not None else {})
-        texts = {stage: compose(source, self._roots, names, slots) for stage, source in stages.items()}
+        texts = {stage: compose(source, roots, names, slots) for stage, source in stages.items()}
         program = link(self.device, *texts.values())
         self._resources.append(program.linked)
         used = {name: value for name, value in uniforms.items() if program.has(name)}

@@ -49,6 +49,16 @@ def test_an_include_slot_takes_its_file(tmp_path: Path) -> None:
     assert "none" in compose(text, [tmp_path], slots={"bias": "none.glsl"})
 
 
+def test_a_slot_takes_text_of_several_lines_with_includes_of_its_own(tmp_path: Path) -> None:
+    write(tmp_path, common="common", bias="#include <bias>\nafter")
+    text = '#include "common.glsl"\n#include "bias.glsl"\n#include <bias>\n'
+    slots = {"bias": '// inline\n#include "common.glsl"\nuniform float bias_max;'}
+    lines = compose(text, [tmp_path], slots=slots).splitlines()
+    assert [line for line in lines if line] == [VERSION, "common", "// inline", "uniform float bias_max;", "after"]
+    renamed = compose("#include <bias> with bias = bias_a\n", [tmp_path], slots=slots)
+    assert "uniform float bias_a_max;" in renamed
+
+
 def test_a_file_may_be_included_with_renamed_identifiers(tmp_path: Path) -> None:
     """Names that begin with the old one and an underscore, also in what the file includes; `p.bias` is no such name."""
     write(

@@ -329,6 +329,37 @@ def test_modules_that_a_plug_in_package_imports_from_shadowbench_are_in_its_key(
     assert plugged(file) != before
 
 
+FILTER = """
+from shadowbench.techniques.filters import Hard
+
+
+class Plugged(Hard):
+    name = "plugged"
+    shader = "plugged.glsl"
+"""
+
+
+@pytest.mark.parametrize("spec", ["shadow-map:filter={}", "light-samples:of=shadow-map(filter={})"])
+def test_a_plugged_filter_s_file_and_shader_are_in_the_keys_of_the_cells_that_use_it(
+    tmp_path: Path, fresh: Callable[[], None], spec: str
+) -> None:
+    file, shader = tmp_path / "plugged.py", tmp_path / "plugged.glsl"
+    file.write_text(FILTER)
+
+    def found(name: str) -> str:
+        fresh()
+        return cell_key(Cell(parse_spec(spec.format(name), techniques([file])), 0), "v", "relative", "r")
+
+    plugged, other = [found("plugged")], found("hard")
+    for changed in (file, shader):
+        with changed.open("a") as stream:
+            stream.write("# changed\n")
+        plugged.append(found("plugged"))
+        assert found("hard") == other
+    assert found("plugged") == plugged[-1]
+    assert len({*plugged, other}) == 4
+
+
 INHERITS = """
 from {module} import {parent}
 

@@ -42,8 +42,8 @@ def build(device: Device, studio) -> Iterator[Callable[..., Built]]:
     """A spec built for a view's scene and size; released after the test."""
     stages: list[Stage] = []
 
-    def make(spec: str, shot) -> Built:
-        parsed = parse_spec(spec, KNOWN)
+    def make(spec: str, shot, known=KNOWN) -> Built:
+        parsed = parse_spec(spec, known)
         size = (shot.view.size, shot.view.size)
         stage = Stage(shot.view.scene, device, size, shot.geometry, shot.placement, shader_folder(parsed.technique))
         stages.append(stage)

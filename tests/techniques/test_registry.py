@@ -8,8 +8,10 @@ import pytest
 
 from shadowbench.errors import InputError
 from shadowbench.techniques import registry
+from shadowbench.techniques.filters import PCF, Filter
 from shadowbench.techniques.registry import own_techniques, shader_folder, source_file, techniques
 from shadowbench.techniques.shadow_map import ShadowMap
+from shadowbench.techniques.spec import parse_spec
 
 PLUGIN = """
 from shadowbench.techniques.base import Technique, TechniqueParams, param
@@ -33,6 +35,24 @@ SHADER = """
 uniform float level;
 out float visibility;
 void main() { visibility = receiver_at(ivec2(gl_FragCoord.xy)).facing ? level : 1.0; }
+"""
+
+
+FILTER = """
+from shadowbench.techniques.filters import Filter, param
+
+class Share(Filter):
+    name = "{name}"
+    shader = {shader!r}
+    share: float = param(0.25, "visibility everywhere", ge=0, le=1)
+    steps: int = param(1, "an int, which is a define", ge=1)
+    def radius(self, size): return 0.5
+    @property
+    def reads(self): return 1
+"""
+FILTER_SHADER = """
+uniform float filter_share;
+float filter_visibility(ShadowCoord p) { return filter_share * float(FILTER_STEPS); }
 """
 
 
@@ -76,7 +96,6 @@ def test_a_plugin_draws(tmp_path: Path, studio, builtin) -> None:
     from shadowbench.gl.clock import Clock
     from shadowbench.gl.gbuffer import download
     from shadowbench.techniques.base import Frame, Phase, Stage
-    from shadowbench.techniques.spec import parse_spec
 
     (tmp_path / "dusk.frag").write_text(SHADER, encoding="utf-8")
     found = techniques([plugin(tmp_path, PLUGIN.format(name="dusk"))])
@@ -139,6 +158,64 @@ def test_a_name_that_is_taken_is_an_error_that_names_both_files(tmp_path: Path) 
         techniques([plugin(tmp_path, PLUGIN.format(name="shadow-map"))])
 
 
+def test_a_file_may_bring_only_a_filter_for_every_technique_that_has_one(tmp_path: Path) -> None:
+    known = techniques([plugin(tmp_path, FILTER.format(name="share", shader=FILTER_SHADER))])
+    assert set(known) == {one.name for one in own_techniques()}
+    for name in ("shadow-map", "cascades"):
+        spec = parse_spec(f"{name}:filter=share(0.5,steps=2)", known)
+        assert (spec.params.filter.share, spec.params.filter.steps) == (0.5, 2)
+        assert spec.params.filter in spec.components
+        assert "filter=share(share=0.5,steps=2)" in spec.full_text
+        with pytest.raises(InputError, match="share: found 2"):
+            parse_spec(f"{name}:filter=share(2)", known)
+    with pytest.raises(InputError, match=r"cube-map.*unknown filter 'share'"):
+        parse_spec("cube-map:filter=share", techniques())  # without the plug-in
+
+
+@pytest.mark.parametrize("kind", ["text", "file", "file of a base"])
+def test_the_shader_of_a_plugged_filter_is_text_or_a_file_beside_it(
+    tmp_path: Path, studio, builtin, build, kind: str
+) -> None:
+    """Its parameters are passed as those of built-in filters, and it may include files beside it."""
+    (tmp_path / "share.glsl").write_text('#include "uniforms.glsl"\n' + FILTER_SHADER.split(";", 1)[1])
+    (tmp_path / "uniforms.glsl").write_text("uniform float filter_share;\n")
+    text = FILTER.format(name="share", shader=FILTER_SHADER if kind == "text" else "share.glsl")
+    if kind == "file of a base":
+        text += "\nclass Heir(Share):\n    name = 'heir'\n"
+    known = techniques([plugin(tmp_path, text)])
+    name = "heir" if kind == "file of a base" else "share"
+    shot = studio.shot(builtin("cube-on-plane", 32))
+    mask = build(f"shadow-map:size=32,filter={name}(0.25,steps=3)", shot, known).draw(shot)
+    assert set(mask.ravel().tolist()) == {0.75, 1.0}
+
+
+def test_a_filter_that_changed_on_disk_is_loaded_anew(tmp_path: Path) -> None:
+    file = plugin(tmp_path, FILTER.format(name="share", shader=FILTER_SHADER))
+    first = parse_spec("shadow-map:filter=share", techniques([file])).params.filter
+    file.write_text(file.read_text().replace("0.25", "0.75"))
+    again = parse_spec("shadow-map:filter=share", techniques([file])).params.filter
+    assert (first.share, again.share) == (0.25, 0.75)
+
+
+def test_a_package_may_bring_only_a_filter(entry_point, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    plugin(tmp_path, FILTER.format(name="installed-share", shader=FILTER_SHADER), "their_filters.py")
+    monkeypatch.syspath_prepend(tmp_path)
+    entry_point("their_filters:Share")
+    assert parse_spec("shadow-map:filter=installed-share", techniques()).params.filter.share == 0.25
+    del Filter.table["installed-share"]  # which lasts as long as the module
+
+
+def test_a_filter_s_name_that_is_taken_is_an_error_that_names_both_files(tmp_path: Path) -> None:
+    taken = plugin(tmp_path, FILTER.format(name="pcf", shader=FILTER_SHADER))
+    with pytest.raises(InputError, match=r"two filters are called 'pcf': .*filters\.py and .*dusk\.py") as caught:
+        techniques([taken])
+    assert "\n" not in str(caught.value)
+    assert Filter.table["pcf"] is PCF
+    two = [plugin(tmp_path, FILTER.format(name="share", shader=FILTER_SHADER), f"{name}.py") for name in "ab"]
+    with pytest.raises(InputError, match=r"two filters are called 'share': .*a\.py and .*b\.py"):
+        techniques(two)
+
+
 BROKEN = {
     "syntax": ("def (", "SyntaxError"),
     "raises": ("raise OSError('no such thing')", "OSError: no such thing"),
@@ -152,6 +229,12 @@ BROKEN = {
         "A has no name",
     ),
     "misnamed": (PLUGIN.format(name="no such name!"), "name"),
+    "a nameless filter": ("from shadowbench.techniques.moments import VSM\nclass A(VSM):\n    pass", "A has no name"),
+    "an incomplete filter": (
+        "from shadowbench.techniques.filters import Filter\nclass A(Filter):\n    name = 'a'\n",
+        "A lacks radius, reads, shader",
+    ),
+    "a misnamed filter": (FILTER.format(name="no such!", shader=FILTER_SHADER), "name 'no such!' is not a valid name"),
     "incomplete": (
         "from shadowbench.techniques.base import Technique\nclass A(Technique):\n    name = 'a'\n",
         "A lacks build, draw",

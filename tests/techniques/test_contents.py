@@ -1,0 +1,200 @@
+"""What filters store in maps: linear depths, their blur and their mip levels, compared with SciPy."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+from shadowbench.scenes.model import Light, Mesh
+from shadowbench.techniques.contents import kernel_weights
+
+SUN = Light("sun", "directional", (0.4, -1.0, 0.3))
+SPOT = Light("spot", "spot", (0.5, -1.0, 0.2), (-1.5, 3.0, -0.7), 1.0)
+DOWN = Light("sun", "directional", (0.0, -1.0, 0.0))
+
+
+def plate(y: float, x: tuple[float, float] = (-2.0, 2.0), z: tuple[float, float] = (-2.0, 2.0)) -> Mesh:
+    corners = np.array([[x[0], y, z[0]], [x[0], y, z[1]], [x[1], y, z[1]], [x[1], y, z[0]]])
+    return Mesh(f"plate at {y}", corners, np.array([[0, 1, 2], [0, 2, 3]]))
+
+
+def stored(one, level: int = 0) -> np.ndarray:
+    """(layers, size, size, components) of a built technique's map."""
+    contents = one.technique.contents
+    size = one.technique.params.size >> level
+    if contents._kind == "cube":
+        faces = [contents.texture.read(face) for face in range(6)]
+        data = b"".join(faces)
+    else:
+        data = contents.texture.read(level=level) if contents._kind == "2d" else contents.texture.read()
+    return np.frombuffer(data, dtype=np.float32).reshape(-1, size, size, contents.texture.components).astype(float)
+
+
+@pytest.fixture
+def contents(looking, studio, build):
+    """The contents of a map of one scene, and its technique."""
+
+    def make(spec: str, light: Light, *meshes: Mesh):
+        meshes = meshes or (plate(0.0), plate(1.0, (-0.7, 0.4), (-0.3, 0.9)))
+        shot = studio.shot(looking(meshes, light, 48, eye=(0.1, 3.5, 4.0)))
+        one = build(spec, shot)
+        one.draw(shot)
+        return stored(one), one
+
+    return make
+
+
+@pytest.mark.parametrize("kernel", ["box", "gaussian"])
+@pytest.mark.parametrize("width", [1, 2, 3, 4.5, 5, 17, 63, 64])
+def test_the_weights_of_a_kernel_are_symmetric_and_sum_to_1(kernel, width) -> None:
+    weights = kernel_weights(kernel, width, 65)
+    assert weights.sum() == pytest.approx(1)
+    assert (weights >= 0).all() and np.array_equal(weights, weights[::-1])
+    assert (np.diff(weights[:33]) >= -1e-15).all(), "no texel weighs more than one nearer to the middle"
+    assert (weights > 0).sum() <= width + 2
+
+
+@pytest.mark.parametrize("width", [1, 3, 5, 9])
+def test_a_box_of_an_odd_width_weighs_its_texels_equally(width) -> None:
+    assert kernel_weights("box", width, width) == pytest.approx(np.full(width, 1 / width))
+    wide = kernel_weights("box", width + 1, width + 2)
+    assert wide * (width + 1) == pytest.approx([0.5, *np.ones(width), 0.5]), "an even one has half of either end"
+
+
+@pytest.mark.parametrize("width", [5, 8, 33])
+def test_a_gaussian_has_a_standard_deviation_of_a_quarter_of_its_width(width) -> None:
+    weights = kernel_weights("gaussian", width, 65)
+    for texels in range(width // 2):
+        assert weights[32 + texels] / weights[32] == pytest.approx(math.exp(-((texels / (width / 4)) ** 2) / 2))
+
+
+@pytest.mark.parametrize("light", [SUN, SPOT], ids=lambda light: light.kind)
+def test_the_first_moment_is_the_linear_depth_of_the_map(contents, light) -> None:
+    """For a spot too, whose depth buffer is not linear."""
+    found, one = contents("shadow-map:size=128,filter=vsm(blur=1)", light)
+    assert (found[0, ..., 0] < 0.9).mean() > 0.05
+    assert found[0, ::-1, :, 0] == pytest.approx(one.technique.map_image().astype(float), abs=2e-5)
+
+
+def test_vsm_stores_a_quarter_of_the_squared_slope_of_a_texel_as_its_variance(contents) -> None:
+    (found,), _ = contents("shadow-map:size=64,filter=vsm(blur=1)", SUN, plate(0.0))
+    mean, second = np.moveaxis(found[24:40, 24:40], -1, 0)
+    slopes = np.gradient(mean)
+    assert second - mean**2 == pytest.approx(0.25 * (slopes[0] ** 2 + slopes[1] ** 2), rel=0.02)
+
+
+@pytest.mark.parametrize("kernel", ["box", "gaussian"])
+@pytest.mark.parametrize("width", [2, 5, 31])
+@pytest.mark.parametrize("filter_", ["vsm", "evsm(positive=5)", "msm"])
+def test_the_blur_is_scipy_s_with_the_far_contents_around(contents, filter_, width, kernel) -> None:
+    name, _, items = filter_.strip(")").partition("(")
+    items = f"{items}," if items else ""
+    blurred, _ = contents(
+        f"shadow-map:size=64,fit=fixed(half=0.8),filter={name}({items}blur={width},kernel={kernel})", SUN
+    )
+    sharp, one = contents(f"shadow-map:size=64,fit=fixed(half=0.8),filter={name}({items}blur=1)", SUN)
+    weights = kernel_weights(kernel, width, width | 1)
+    for component, far in zip(range(sharp.shape[-1]), one.technique.contents.far, strict=False):
+        expected = sharp[0, ..., component]
+        for axis in (0, 1):
+            expected = ndimage.correlate1d(expected, weights, axis, mode="constant", cval=far)
+        assert blurred[0, ..., component] == pytest.approx(expected, abs=1e-5 * np.abs(expected).max())
+    assert np.abs(blurred - sharp).max() > 0.01
+
+
+@pytest.mark.parametrize(
+    ("filter_", "expected"),
+    [
+        ("vsm", [1, 1]),
+        ("esm", [1]),
+        ("evsm(positive=3,negative=2)", [math.exp(3), math.exp(6), -math.exp(-2), math.exp(-4)]),
+        ("msm", [0.98, 0.98**2, 0.98**3, 0.98**4]),
+        ("pcss", [1]),
+    ],
+)
+@pytest.mark.parametrize("spec", ["shadow-map", "cascades", "cube-map"])
+def test_empty_texels_store_the_far_plane(contents, spec, filter_, expected) -> None:
+    light = SPOT if spec == "cube-map" else SUN
+    found, one = contents(f"{spec}:size=64,filter={filter_}", light)
+    assert one.technique.contents.far == pytest.approx([*expected, 0, 0, 0, 0][:4], rel=1e-5)
+    empty = found[one.technique.map.texture.read() == 1]
+    assert len(empty) and np.isclose(empty, expected, rtol=1e-5).all(axis=-1).mean() > 0.5  # others are blurred
+
+
+@pytest.mark.parametrize("filter_", ["vsm", "evsm(positive=5)", "msm"])
+def test_a_blur_does_not_change_a_uniform_depth(contents, filter_) -> None:
+    name, _, items = filter_.strip(")").partition("(")
+    items = f"{items}," if items else ""
+    maps = [
+        contents(
+            f"shadow-map:size=64,fit=fixed(half=0.5),filter={name}({items}blur={blur},kernel={kernel})",
+            DOWN,
+            plate(0.0),
+        )[0]
+        for blur, kernel in ((1, "box"), (9, "box"), (9, "gaussian"))
+    ]
+    for blurred in maps[1:]:
+        assert blurred[0, 8:-8, 8:-8] == pytest.approx(maps[0][0, 8:-8, 8:-8], rel=1e-5)
+
+
+def test_mip_levels_are_means_of_the_blurred_map(contents) -> None:
+    base, one = contents("shadow-map:size=64,filter=vsm(blur=5,mips=true)", SUN)
+    unblurred, _ = contents("shadow-map:size=64,filter=vsm(blur=1)", SUN)
+    for level in (1, 2, 6):
+        side = 64 >> level
+        means = base[0].reshape(side, 2**level, side, 2**level, 2).mean(axis=(1, 3))
+        assert stored(one, level)[0] == pytest.approx(means, abs=1e-5)
+    assert np.abs(base - unblurred).max() > 0.01
+
+
+def test_the_blur_is_as_wide_in_the_scene_in_every_cascade(contents) -> None:
+    """The variance of the edge of a half-plane is that of the kernel."""
+    ground, half = plate(0.0, (-40.0, 40.0), (-40.0, 40.0)), plate(2.0, (-40.0, 0.0), (-40.0, 40.0))
+    found, one = contents("cascades:size=256,count=3,box=tight,filter=vsm(blur=41)", DOWN, ground, half)
+    views = one.technique.light_views
+    widths = []
+    for layer, view in zip(found[..., 0], views, strict=True):
+        across = int(np.argmax(np.abs(view.to_map()[:2, 0])))  # the map's axis along x; the edge is at 0
+        edge = round(256 * float(view.to_map()[across, 3]))
+        assert 24 < edge < 256 - 24
+        rise = np.abs(np.diff(np.moveaxis(layer, 1 - across, -1)[128, edge - 24 : edge + 24]))
+        at = np.arange(len(rise))
+        mean = (rise * at).sum() / rise.sum()
+        widths.append(math.sqrt((rise * (at - mean) ** 2).sum() / rise.sum()) * view.texel[0])
+    texels = [view.texel[0] for view in views]
+    assert max(texels) > 2 * min(texels)
+    assert widths == pytest.approx([41 / math.sqrt(12) * min(texels)] * 3, rel=0.05)
+
+
+def test_the_blur_crosses_the_edges_of_a_cube_s_faces(contents) -> None:
+    """A plate before the face +X as far as its edge to +Z: three fifths and two fifths on either side, at every row."""
+    lamp = Light("lamp", "point", position=(0.0, 0.0, 0.0))
+    corners = np.array([[1.0, -0.4, 1], [1, -0.4, 0], [1, 0.4, 0], [1, 0.4, 1]])
+    caster = Mesh("caster", corners, np.array([[0, 1, 2], [0, 2, 3]]))
+    ground = plate(-3.0)
+    found, _ = contents("cube-map:size=64,filter=vsm(blur=5)", lamp, ground, caster)
+    sharp, _ = contents("cube-map:size=64,filter=vsm(blur=1)", lamp, ground, caster)
+    rows = slice(26, 38)
+    nearer = 1 - sharp[0, rows, 0, 0]  # the column of +X at its edge, where s = −1, z = +1
+    assert nearer.min() > 0.3 and (sharp[4, rows, -1, 0] == 1).all()
+    assert (1 - found[0, rows, 0, 0]) / nearer == pytest.approx(3 / 5, abs=0.02)
+    assert (1 - found[4, rows, -1, 0]) / nearer == pytest.approx(2 / 5, abs=0.02)
+
+
+def test_a_quarter_turn_of_the_scene_turns_the_faces_of_a_cube(looking, studio, build) -> None:
+    """A caster over the edge of two faces, or three, turned about the lamp."""
+    lamp = Light("lamp", "point", position=(0.0, 2.0, 0.0))
+    box = np.array([[0.6, 0.7, 0.3], [0.6, 0.7, 1.2], [1.3, 0.7, 1.2], [1.3, 0.7, 0.3]])
+    masks = []
+    for quarter in range(4):
+        cosine, sine = round(math.cos(quarter * math.pi / 2)), round(math.sin(quarter * math.pi / 2))
+        turn = np.array([[cosine, 0, sine], [0, 1, 0], [-sine, 0, cosine]], dtype=float)
+        meshes = [plate(0.0, (-4.0, 4.0), (-4.0, 4.0)), Mesh("box", box, np.array([[0, 1, 2], [0, 2, 3]]))]
+        meshes = [Mesh(mesh.name, mesh.vertices @ turn.T, mesh.faces) for mesh in meshes]
+        eye, target = (tuple((turn @ np.array(p)).tolist()) for p in ((3.0, 3.5, 0.5), (1.6, 0.0, 1.4)))
+        shot = studio.shot(looking(meshes, lamp, 96, eye=eye, target=target))
+        masks.append(build("cube-map:size=128,filter=vsm(blur=9)", shot).draw(shot))
+    assert 0.02 < (masks[0] < 0.5).mean() < 0.9
+    for turned in masks[1:]:
+        assert turned == pytest.approx(masks[0], abs=2e-3)
