@@ -1,16 +1,13 @@
 """Filterable shadow maps: what they store is blurred and filtered before it is compared."""
 
 import math
-from typing import Literal, Self
-
-from pydantic import model_validator
+from typing import Literal
 
 from shadowbench.techniques.biases import MapKind
 from shadowbench.techniques.filters import Contents, Filter, Kernel
 from shadowbench.techniques.params import param
 
 Bits = Literal[16, 32]
-_HALF_EXPONENT = 5.54  # e^(2·5.54) is the largest square that a half float holds
 _ALL: frozenset[MapKind] = frozenset({"2d", "array", "cube"})
 
 
@@ -74,18 +71,11 @@ class EVSM(Filterable):
     name = "evsm"
     shader = "filter/evsm.glsl"
     components: Literal[2, 4] = param(4, "2: the positive warp only; 4: both warps")
-    bits: Bits = param(32, "bits of each moment; 16 are half floats, for exponents of at most 5.54")
+    bits: Bits = param(32, "bits of each moment; 16 are half floats, and limit both exponents to 5.54")
     positive: float = param(40.0, "exponent of the positive warp; its square overflows beyond 42", gt=0, le=42)
     negative: float = param(5.0, "exponent of the negative warp", gt=0, le=42)
     bleed: float = param(0.0, "light bleeding reduction: a bound below it is shadow", ge=0, lt=1)
     min_variance: float = param(1e-8, "least variance, in squared depth at the receiver", ge=0, le=0.01)
-
-    @model_validator(mode="after")
-    def _fits_half_floats(self) -> Self:
-        largest = max(self.positive, self.negative)
-        if self.bits == 16 and largest > _HALF_EXPONENT:
-            raise ValueError(f"bits=16: found an exponent of {largest:g}; allowed: at most {_HALF_EXPONENT:g}")
-        return self
 
     @property
     def contents(self) -> Contents:

@@ -222,13 +222,14 @@ def test_a_penumbra_is_judged_by_its_rmse(shadowbench: Callable[..., Any], tmp_p
     file.write_text(VEIL)
     arguments = ("recommend", file, "--view-size", "64", "-o", tmp_path / "rows", "--json")
     hard, met, missed = (
-        shadowbench(*arguments, *target) for target in (("--min-iou", "0.99"), ("--max-rmse", "0.2"), ())
+        shadowbench(*arguments, *target)
+        for target in (("--min-iou", "0.99"), ("--max-rmse", "0.2"), ("--max-rmse", "0.0001"))
     )
     assert [answer.code for answer in (hard, met, missed)] == [0, 0, 1], met.err + missed.err
     choice, none = (json.loads(answer.out)["choice"] for answer in (met, hard))
     assert none["spec"] == "unshadowed" and choice["spec"] != "unshadowed"
     assert 0.001 < choice["metrics"]["rmse"] <= 0.2
-    assert any(line.startswith("nothing meets RMSE ≤ 0.02; ") for line in json.loads(missed.out)["in_the_way"])
+    assert any(line.startswith("nothing meets RMSE ≤ 0.0001; ") for line in json.loads(missed.out)["in_the_way"])
     assert not any("contact" in line or "map size" in line for line in json.loads(missed.out)["in_the_way"])
     notes = [json.loads(answer.out)["notes"] for answer in (hard, met)]
     assert notes[1] == [] and notes[0][0].startswith("IoU judges where visibility is ½")

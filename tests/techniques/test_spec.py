@@ -251,7 +251,6 @@ MISTAKES = {
     "shadow-map:bias=slope+heavy": "bias.second: unknown bias 'heavy'; allowed: none, constant",
     "shadow-map:bias=slope+2": "expected a comma or the end",
     "shadow-map:fit=scene+view": "fit: fits cannot be added, only biases can; allowed: one of fixed, scene",
-    "shadow-map:filter=evsm(bits=16)": "filter: bits=16: found an exponent of 40; allowed: at most 5.54",
     "shadow-map:filter=hard+pcf(2)": "filter: filters cannot be added, only biases can; allowed: one of hard, ",
     "shadow-map:bias=slope(0.1": r"expected '\)'",
     "shadow-map:bias=slope(0.1,)": "expected a number or a word",
