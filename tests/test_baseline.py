@@ -30,7 +30,7 @@ def named(full_spec: str) -> tuple[Any, ...]:
 
 
 def test_the_baseline_is_small() -> None:
-    assert sum(file.stat().st_size for file in BASELINE.iterdir()) < 300_000
+    assert sum(file.stat().st_size for file in BASELINE.iterdir()) < 400_000
 
 
 def test_the_baseline_has_the_cells_of_its_study() -> None:
@@ -50,7 +50,7 @@ def test_every_technique_is_successful_somewhere_in_the_baseline(name: str) -> N
 
 @pytest.mark.parametrize("family", [Bias, Filter, Fit, Split])
 def test_every_component_occurs_in_the_baseline(family: type[Component]) -> None:
-    names = {name for name, row in family.table.items() if row.__module__ == family.__module__}
+    names = {name for name, row in family.table.items() if row.__module__.startswith("shadowbench.")}
     held = {name for name in names for row in HELD if re.search(rf"[=+]{name}\b", row["full_spec"])}
     assert held == names
 
