@@ -4,8 +4,9 @@
 of radius r, are scale = n/(r √2). It falls with sin θ as in Filament; in Godot and Unity with 1 − cos θ, in Bevy not.
 """
 
-# LightShadow: bias 0, normalBias 0; PCFShadowMap: 5 taps within radius 1.
-THREE = "bias=none,filter=pcf-disc(width=1,taps=5,plane=false)"
+# LightShadow: bias 0, normalBias 0; WebGLShadowMap: of materials with a front side the map has the back faces;
+# PCFShadowMap: 5 taps within radius 1.
+THREE = "bias=front-cull,filter=pcf-disc(width=1,taps=5,plane=false)"
 # ShadowGenerator: bias 5e-5 of the depth range, normalBias 0; contact hardening at high quality, light size ratio 0.1.
 BABYLON = "bias=constant(5e-05),filter=pcss(variant=babylon,search=32,taps=64,pattern=poisson)"
 # Light3D: shadow_bias 0.1, which is 0.001 m; shadow_normal_bias 1 texel; soft filter of low quality: 4 taps, radius 2.
