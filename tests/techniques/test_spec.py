@@ -13,7 +13,7 @@ from shadowbench.techniques.biases import (
     BeforeDivide,
     Bias,
     Constant,
-    NoBias,
+    FrontCull,
     NormalOffset,
     PolygonOffset,
     ReceiverPlane,
@@ -172,7 +172,12 @@ def test_the_published_presets() -> None:
             "bias": slope,
             "filter": PCF(taps=3),
         },
-        "three": {"fit": SceneFit(), "size": 512, "bias": NoBias(), "filter": PCFDisc(width=1.0, taps=5, plane=False)},
+        "three": {
+            "fit": SceneFit(),
+            "size": 512,
+            "bias": FrontCull(),
+            "filter": PCFDisc(width=1.0, taps=5, plane=False),
+        },
         "babylon": {
             "fit": SceneFit(),
             "bias": Constant(units=5e-5),
