@@ -110,15 +110,10 @@ def framebuffer_of(depth: DepthTexture, colors: Sequence[Color] = (), layer: int
     return framebuffer
 
 
-def color_framebuffer(device: Device, color: Color, layer: int | None = None) -> moderngl.Framebuffer:
-    """A framebuffer of a colour texture, or of one of its layers."""
-    return _with_colors(device, [color], kind_of(color), layer)
-
-
-def kind_of(color: Color) -> Kind:
-    """The kind of map that a colour texture stores."""
+def color_framebuffer(device: Device, color: Color, layer: int) -> moderngl.Framebuffer:
+    """A framebuffer of one layer of a colour texture."""
     kinds: dict[type, Kind] = {moderngl.TextureArray: "array", moderngl.TextureCube: "cube"}
-    return kinds.get(type(color), "2d")
+    return _with_colors(device, [color], kinds.get(type(color), "2d"), layer)
 
 
 def _with_colors(

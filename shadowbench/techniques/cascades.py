@@ -172,15 +172,15 @@ class Cascades(Technique):
 
     def _light_view(self, space: LightSpace, part: Slice, frame: Frame) -> LightView:
         params, padding, shift = self.params, self.params.filter.reach(self.params.size) + 1, frame.phase.shift
-        box = self._box(space, part)
         if params.stable:  # the window's size must not depend on the camera's pose
             center, radius = part.sphere
-            range_ = space.box(self.hull.points)
-            reach = self.light_radius * float(range_.high[2] - range_.low[2])
-            half = np.array([radius + reach, radius + reach, radius * (1.0 if params.depth_clamp else params.z_mult)])
+            scene = space.box(self.hull.points)
+            reach = self.light_radius * float(scene.high[2] - scene.low[2])
+            half = np.array([radius + reach, radius + reach, radius * self._depth_factor])
             placed = snapped(space, center, half, params.size, padding, shift)
             added = np.full(4, reach)
         else:
+            box = self._box(space, part)
             wide = widened(box, space, self.hull, frame.light, self.light_radius)
             placed = window(wide, space, params.size, padding, shift)
             added = np.concatenate([(box.low - wide.low)[:2], (wide.high - box.high)[:2]])
@@ -190,16 +190,19 @@ class Cascades(Technique):
     def _box(self, space: LightSpace, part: Slice) -> Box:
         """The receivers' box of a slice."""
         params = self.params
-        # With depth clamping a longer range would only cost depth precision and enlarge biases in units of depth.
-        depth_factor = 1.0 if params.depth_clamp else params.z_mult
         if params.box != "sphere":
             hull = self.hull
             points = part.corners if params.box == "tight" else part.corners_within(hull.bounds, hull.extent)
-            return stretched(space.box(points), depth_factor)
+            return stretched(space.box(points), self._depth_factor)
         center, radius = part.sphere
-        half = np.array([radius, radius, radius * depth_factor])
+        half = np.array([radius, radius, radius * self._depth_factor])
         middle = space.box(center[None]).low
         return Box(middle - half, middle + half)
+
+    @property
+    def _depth_factor(self) -> float:
+        # With depth clamping a longer range would only cost depth precision and enlarge biases in units of depth.
+        return 1.0 if self.params.depth_clamp else self.params.z_mult
 
     def _uniforms(self, frame: Frame) -> dict[str, Value]:
         values = map_uniforms(self.light_views) | {

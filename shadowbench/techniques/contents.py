@@ -32,9 +32,8 @@ class MapContents:
         self._contents, self._kind, self.layers = contents, kind, layers
         self.texture = stage.map_texture((size, size), kind, layers, contents.components, contents.dtype)
         self.far = _far_contents(stage, params, contents, kind, defines)
-        texels = (6 if kind == "cube" else layers) * size**2
         blurred = 2 * _taps(contents.blur) if contents.blur > 1 else 0
-        self.reads = texels * (blurred + (1 if contents.mips else 0))
+        self.reads = layers * size**2 * (blurred + (1 if contents.mips else 0))
         self._passes = _BlurPasses(stage, self, _taps(contents.blur), size, defines) if contents.blur > 1 else None
 
     def prepare(self, texels: Sequence[float] = ()) -> None:

@@ -180,7 +180,8 @@ def penumbra_uniforms(program: Program, light_radius: float, hull: SceneHull, li
     """Uniforms of `penumbra.glsl`, if a program includes it."""
     if not program.has("light_radius"):
         return {}
-    return {"light_radius": light_radius, "nearest_caster": hull.nearest_caster(light)}
+    # Without a radius all penumbrae have a width of 0, and the search for the nearest caster is of no use.
+    return {"light_radius": light_radius, "nearest_caster": hull.nearest_caster(light) if light_radius else 1.0}
 
 
 def storable_region(light_view: LightView, bias: Bias) -> Floats:
