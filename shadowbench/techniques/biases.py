@@ -159,7 +159,10 @@ class FrontCull(Bias):
 
 
 class NormalOffset(Bias):
-    """Offset of the receiver along its normal by scale · radius texel diagonals · sin θ (Holbert 2011)."""
+    """Offset of the receiver along its normal by scale · radius texel diagonals · sin θ (Holbert 2011).
+
+    Engines let it fall in other ways towards light that is square to the surface, by 1 − cos θ or not at all.
+    """
 
     name = "normal-offset"
     shader = "bias/normal-offset.glsl"
@@ -167,6 +170,11 @@ class NormalOffset(Bias):
     swept = ("scale",)
     scale: float = param(1.0, "multiple of the filter radius", ge=0, le=100)
     ulps: float = param(4.0, "steps of the depth format added to the bias", ge=0, le=1e6)
+    falloff: Literal["sine", "versine", "across", "none"] = param(
+        "sine",
+        "factor by the angle θ between normal and light: sin θ; versine: 1 − cos θ; across: that, less the part of the"
+        " offset that is along the light; none: 1",
+    )
 
     def along_normal(self, radius: float) -> float:
         return self.scale * radius

@@ -36,6 +36,8 @@ from shadowbench.techniques.params import one_of
 from shadowbench.techniques.resolve import ResolvePass
 from shadowbench.techniques.splits import PracticalSplit, Split
 
+_SPHERES = "count=4,box=sphere,stable=true"  # as in all engines
+
 
 class Cascades(Technique):
     """A depth map for each slice of the camera's frustum, so that texels are small near the camera.
@@ -56,11 +58,14 @@ class Cascades(Technique):
     grid = {"count": (2, 3, 5), **MAP_GRID, "size": (256, 512, 1024, 2048)}
     soft_grid = MAP_SOFT_GRID
     variants = ("box=scene", "box=tight", "box=sphere,stable=true")
-    # Engines end their cascades at distances, here shares of the camera's far plane.
+    # Engines end their cascades at distances, here shares of the camera's far plane. Godot: light_3d.cpp,
+    # PARAM_SHADOW_SPLIT_*_OFFSET of 100 m; four share directional_shadow/size, 4096. Bevy: CascadeShadowConfigBuilder,
+    # 10 m to 150 m by equal factors, overlap_proportion 0.2 (of the end, here of the length), DirectionalLightShadowMap
+    # 2048. Unity: UniversalRenderPipelineAsset.cs, m_Cascade4Split of 50 m, selected by spheres; four share 2048.
     presets = {
-        "godot": f"count=4,split=shares(0.1,0.2,0.5),box=sphere,stable=true,size=2048,{GODOT}",
-        "bevy": f"count=4,split=shares(0.0667,0.1644,0.4055),box=sphere,stable=true,size=2048,blend=0.2,{BEVY}",
-        "unity": f"count=4,split=shares(0.067,0.2,0.467),box=sphere,stable=true,size=1024,{UNITY}",
+        "godot": f"{_SPHERES},split=shares(0.1,0.2,0.5),select=depth,size=2048,{GODOT}",
+        "bevy": f"{_SPHERES},split=shares(0.0667,0.1644,0.4055),select=depth,blend=0.2,size=2048,{BEVY}",
+        "unity": f"{_SPHERES},split=shares(0.067,0.2,0.467),size=1024,{UNITY}",
     }
 
     class Params(TechniqueParams):

@@ -81,6 +81,24 @@ def test_a_fifth_of_the_exact_bias_is_too_little(incline, mask, kind: str) -> No
         assert (visibility < 0.5).mean() > 0.05, bias
 
 
+@pytest.mark.parametrize("tilt", TILTS[1:])
+@pytest.mark.parametrize("falloff", ["sine", "versine", "across", "none"])
+def test_an_offset_is_enough_where_it_moves_a_receiver_as_far_as_the_plane_s_depth_changes(
+    incline, mask, falloff: str, tilt: float
+) -> None:
+    """An offset s along the normal gains s/cos θ on the plane, across the light s tan θ; the reach times tan θ is due.
+
+    Where the plane descends along a side of the map, 1/√2 of that is due, as the reach is half a texel's diagonal.
+    """
+    cos, sin = math.cos(math.radians(tilt)), math.sin(math.radians(tilt))
+    due = {"sine": 1.0, "versine": sin / (1 - cos), "across": 1 / sin / (1 - cos), "none": sin}[falloff]
+    spec = "shadow-map:fit=scene,filter=hard,size=256,bias=normal-offset({},falloff={})"
+    enough = mask(spec.format(due, falloff), incline("directional", tilt))
+    little = mask(spec.format(0.6 * due, falloff), incline("directional", tilt))
+    assert (enough == 1).all(), f"{(enough < 1).sum()} pixels"
+    assert (little < 0.5).mean() > 0.01
+
+
 def test_receiver_planes_without_their_gradient_are_acne(incline, mask) -> None:
     bias = "receiver-plane(gradient=plane,limit=1e-9,slack=0,ulps=4)"
     assert (mask(f"shadow-map:fit=scene,bias={bias},filter=hard", incline("directional", 60)) < 0.5).mean() > 0.2
@@ -191,6 +209,26 @@ def test_fixed_biases_are_reported_in_metres_and_texels(builtin, build, studio) 
     facts = many.technique.facts()
     assert facts["bias_2_m"] == pytest.approx(2 * facts["texel_2_m"] + 0.1)
     assert facts["normal_offset_1_texels"] == pytest.approx(offset)
+
+
+def test_the_biases_of_engines_are_as_long_as_in_their_sources(builtin, build, studio) -> None:
+    """Along the light in metres, from the depth range and the texel's width, and along the normal in texels."""
+    shot = studio.shot(builtin("cube-on-plane", 32))
+    shipped = {
+        "babylon": lambda depth, texel: (5e-5 / 2 * depth, None),  # of clip space, which is 2 deep
+        "godot": lambda depth, texel: (0.1 / 100 * 2 * (depth + 20), 2),  # times the filter's radius; 20 m of pancakes
+        "bevy": lambda depth, texel: (0.02, 1.8 * math.sqrt(2)),
+        "filament": lambda depth, texel: (0.001, 0.5),
+        "unity": lambda depth, texel: (2.5 * texel, 2.5),
+    }
+    for preset, lengths in shipped.items():
+        one = build(f"shadow-map:preset={preset}", shot)
+        one.draw(shot)
+        facts = one.technique.facts()
+        along, normal = lengths(facts["depth_range_m"], facts["texel_m"])
+        assert facts["bias_m"] == pytest.approx(along), preset
+        assert facts.get("normal_offset_texels") == (normal and pytest.approx(normal, rel=2e-3)), preset
+        one.stage.release()
 
 
 @pytest.mark.parametrize(

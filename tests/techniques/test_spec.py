@@ -180,33 +180,42 @@ def test_the_published_presets() -> None:
         },
         "babylon": {
             "fit": SceneFit(),
-            "bias": Constant(units=5e-5),
+            "bias": Constant(units=2.5e-5),
             "filter": PCSS(variant="babylon", search=32, taps=64, pattern="poisson"),
         },
         "godot": {
             "fit": ViewFit(),
             "size": 4096,
-            "bias": Sum(first=NormalOffset(scale=0.236), second=Constant(world=0.001)),
+            "depth": "d16",
+            "bias": Sum(
+                first=NormalOffset(scale=0.4714, ulps=0.0, falloff="across"),
+                second=Sum(first=Constant(units=0.002), second=Constant(world=0.04)),
+            ),
             "filter": PCFDisc(width=2.0, taps=4, plane=False),
         },
         "bevy": {
             "fit": ViewFit(),
             "size": 2048,
-            "bias": Sum(first=NormalOffset(scale=0.6), second=Constant(world=0.02)),
+            "bias": Sum(first=NormalOffset(scale=0.6, falloff="none"), second=Constant(world=0.02)),
             "filter": Castano(taps=5),
         },
         "filament": {
             "fit": ViewFit(),
+            "depth": "d16",
             "bias": Sum(
                 first=PolygonOffset(factor=2.0, units=0.5),
-                second=Sum(first=NormalOffset(scale=0.177), second=Constant(world=0.001)),
+                second=Sum(first=NormalOffset(scale=0.177, ulps=0.0), second=Constant(world=0.001)),
             ),
             "filter": Castano(taps=3),
         },
         "unity": {
             "fit": ViewFit(),
             "size": 2048,
-            "bias": Sum(first=NormalOffset(scale=0.589), second=ReceiverPlane(limit=1e-9, slack=2.5)),
+            "depth": "d16",
+            "bias": Sum(
+                first=NormalOffset(scale=0.589, ulps=0.0, falloff="versine"),
+                second=ReceiverPlane(limit=1e-9, slack=2.5, ulps=0.0),
+            ),
             "filter": Castano(taps=5),
         },
     }
