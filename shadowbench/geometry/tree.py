@@ -24,9 +24,11 @@ _WALK_COST = 2.0  # of a node, in tests of a triangle
 
 @dataclass(frozen=True, eq=False)
 class Tree:
-    """words: (N, 4) uint32 nodes: for x, y, z the box as lowest | highest << 16, in steps from `low`; then the index of
-    the node after the subtree, or for a leaf LEAF | first triangle << 3 | their number. order: (F,) the faces in the
-    order of the leaves. low, step: (3,) float64."""
+    """Nodes of a hierarchy, and its triangles in the order of the leaves.
+
+    words: (N, 4) uint32, a node's box along x, y and z as lowest | highest << 16, in steps (3,) from `low` (3,); then
+    the index of the node after its subtree, or for a leaf LEAF | first triangle << 3 | their number. order: (F,) faces.
+    """
 
     words: NDArray[np.uint32]
     order: NDArray[np.int32]
@@ -42,9 +44,11 @@ def build_tree(vertices: Floats, faces: NDArray[np.int32]) -> Tree:
     _bound(vertices, faces, boxes)
     whole = np.concatenate([boxes[:, :3].min(axis=0), boxes[:, 3:].max(axis=0)]) if count else np.zeros(6)
     nodes, links = np.empty((max(2 * count, 1), 6), dtype=np.float32), np.empty((max(2 * count, 1), 2), dtype=np.int64)
-    nodes, links = (part[: _build(boxes, order, nodes, links)] for part in (nodes, links))
-    step = np.maximum((whole[3:] - whole[:3]).astype(np.float64), np.finfo(np.float32).tiny) / _STEPS
-    tree = Tree(np.empty((len(nodes), 4), dtype=np.uint32), order, whole[:3] - step, step)
+    size = _build(boxes, order, nodes, links)
+    # Steps are no finer than float32 coordinates, so that the boxes of flat scenes are thicker than their rounding.
+    finest = max(float(np.spacing(np.abs(whole).max())), float(np.finfo(np.float32).tiny))
+    step = np.maximum((whole[3:] - whole[:3]).astype(np.float64) / _STEPS, finest)
+    tree = Tree(np.empty((size, 4), dtype=np.uint32), order, whole[:3] - step, step)
     _pack(nodes, links, tree.low, tree.step, tree.words)
     return tree
 

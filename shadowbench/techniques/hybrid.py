@@ -1,10 +1,12 @@
-"""A small shadow map decides where it is certain; only the other pixels are traced (as frustum tracing by Wyman 2015)."""
+"""A small shadow map decides where it is certain; only the other pixels are traced (Hertel et al. 2009)."""
 
 from typing import Literal
 
 import moderngl
+import numpy as np
 
 from shadowbench.gl.device import Device
+from shadowbench.gl.gbuffer import download
 from shadowbench.gl.program import State
 from shadowbench.scenes.model import LightKind, View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
@@ -12,12 +14,13 @@ from shadowbench.techniques.biases import NoBias
 from shadowbench.techniques.cube_map import CUBE, CubeMap
 from shadowbench.techniques.filters import Filter
 from shadowbench.techniques.maps import FittedParams
+from shadowbench.techniques.ray_traced import RayTraced
 from shadowbench.techniques.shadow_map import ShadowMap
 from shadowbench.techniques.tracing import TracePass, ray_offset, too_large
 
 
 class Conservative(Filter):
-    """Visibility where all texels around the receiver agree, elsewhere minus a distance. Not in the table of filters."""
+    """Visibility where all texels around the receiver agree, elsewhere ½. Not in the table of filters."""
 
     shader = "hybrid/conservative.glsl"
     maps = frozenset({"2d", "cube"})
@@ -38,9 +41,10 @@ class Conservative(Filter):
 class Hybrid(Technique):
     """A small shadow map decides where it is certain, and rays elsewhere: shadows as exact as rays, for less.
 
-    A receiver is lit if no texel around it stores a depth before its plane, in shadow if all do. The others, along
-    shadow edges and on curved surfaces, are traced as far as the nearest of these depths. Casters thinner than a texel
-    may be missed: `size` and `texels` buy them back.
+    After Hertel, Hormann and Westermann (2009, "A hybrid GPU rendering pipeline for alias-free hard shadows"). A
+    receiver is lit if no texel around it stores a depth before its plane, in shadow if all do. The others, along
+    shadow edges and on curved surfaces, are traced. Casters thinner than a texel may be missed: `size` and `texels` buy
+    them back.
     """
 
     name = "hybrid"
@@ -58,30 +62,58 @@ class Hybrid(Technique):
     params: Params
 
     @classmethod
+    def draws_on_cpu(cls, params: TechniqueParams) -> bool:
+        assert isinstance(params, cls.Params)
+        return params.rest == "embree"
+
+    @classmethod
     def unsupported(cls, params: TechniqueParams, view: View, device: Device) -> str | None:
         assert isinstance(params, cls.Params)
         inner = _map_of(params, view.light.hard_kind)
         return inner.declines(inner.params, view, device) or too_large(view.scene, device)
 
     def build(self, stage: Stage) -> None:
-        self.visibility, self.reaches = stage.texture(), stage.texture()
-        self.masked = stage.stencil_target(self.visibility, self.reaches)
-        self.unsure = stage.target(self.visibility, depth=self.masked.depth)
-        self.classify = {
-            kind: Classification(stage, _map_of(self.params, kind))
-            for kind in {light.hard_kind for light in stage.scene.lights}
-        }
-        self.trace = TracePass(stage, ray_offset(stage.scene, self.params.offset), reaches=True)
+        self.visibility = stage.texture()
+        self.target = stage.stencil_target(self.visibility).target
+        kinds = {light.hard_kind for light in stage.scene.lights}
+        self.classifications = {kind: Classification(stage, _map_of(self.params, kind)) for kind in kinds}
+        self.stage = stage
+        if self.params.rest == "embree":
+            self.embree = RayTraced(RayTraced.Params(offset=self.params.offset))
+            self.embree.build(stage)
+        else:
+            self.trace = TracePass(stage, ray_offset(stage.scene, self.params.offset))
 
     def draw(self, frame: Frame) -> moderngl.Texture:
-        self.classify[frame.light.hard_kind](frame, self.masked.target)
-        with frame.timed("trace", changes="view"):
-            self.trace(frame, self.unsure, self.reaches, State(depth_test="<", depth_write=False))
+        kind = frame.light.hard_kind
+        if kind not in self.classifications:  # a light that is not the scene's
+            self.classifications[kind] = Classification(self.stage, _map_of(self.params, kind))
+        self.classifications[kind](frame, self.target)
+        if self.params.rest == "embree":
+            self._trace_on_cpu(frame)
+        else:
+            with frame.timed("trace", changes="view"):
+                self.trace(frame, self.target, State(depth_test="<", depth_write=False))
         return self.visibility
+
+    def _trace_on_cpu(self, frame: Frame) -> None:
+        with frame.timed("download", changes="view"):
+            visibility = download(self.visibility).ravel()
+            unsure = np.flatnonzero(visibility == 0.5)
+            position, normal = (
+                download(texture).reshape(-1, 4)[unsure] for texture in (frame.surface.position, frame.surface.normal)
+            )
+        with frame.timed("trace", changes="view"):
+            visibility[unsure] = self.embree.traced(frame, position, normal)
+        with frame.timed("upload", changes="view"):
+            self.visibility.write(np.flipud(visibility.reshape(self.visibility.size)).tobytes())
+
+    def facts(self) -> dict[str, float]:
+        return self.embree.facts() if self.params.rest == "embree" else {}
 
 
 class Classification:
-    """Draws a map, and what it says of each pixel: visibility and reach, see `hybrid/classify.frag`."""
+    """Draws a map, and what it says of each pixel."""
 
     def __init__(self, stage: Stage, map: ShadowMap | CubeMap) -> None:
         self._map = map
@@ -91,7 +123,7 @@ class Classification:
         self._triangle = stage.fullscreen(self._program)
 
     def __call__(self, frame: Frame, target: moderngl.Framebuffer) -> None:
-        """Draw into a target with two colours and depth, which is 1 where the map is unsure, else 0."""
+        """Draw visibility into a target, ½ where the map is unsure, where the target's depth is then 1, else 0."""
         textures, uniforms = self._map.draw_map(frame)
         with frame.timed("classify", changes="view"):
             target.clear(depth=1.0)

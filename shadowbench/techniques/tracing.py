@@ -13,6 +13,7 @@ from shadowbench.scenes.model import Scene, vec3
 from shadowbench.techniques.base import Frame, Stage
 
 _ROW = 1 << 12  # texels of a texture's row
+_PLAIN = State()
 _STEPS = 4.0  # least ray offset, in float32 steps of the largest coordinate
 
 
@@ -34,12 +35,9 @@ def too_large(scene: Scene, device: Device) -> str | None:
 
 
 class TracePass:
-    """Traces a ray from each receiver to the light; built once, called each frame.
+    """Traces a ray from each receiver to the light; built once, called each frame. offset: see `ray_offset`."""
 
-    offset: see `ray_offset`; reaches: whether a texture with the rays' reach in local lengths is given to each call.
-    """
-
-    def __init__(self, stage: Stage, offset: float, reaches: bool = False) -> None:
+    def __init__(self, stage: Stage, offset: float) -> None:
         from shadowbench.geometry.tree import build_tree  # Numba takes 0.4 s to import
 
         geometry = stage.scene.geometry
@@ -50,24 +48,14 @@ class TracePass:
             "tree_nodes": (_texture(stage, tree.words, "u4"), Sampling()),
             "tree_triangles": (_texture(stage, corners, "f4"), Sampling()),
         }
-        defines = {"TREE_ROW": _ROW} | ({"REACHES": 1} if reaches else {})
-        self._program = stage.program("fullscreen.vert", "trace.frag", defines=defines)
-        self._program.set(
-            tree_size=len(tree.words), tree_low=vec3(tree.low), tree_step=vec3(tree.step), offset=offset
-        )
+        self._program = stage.program("fullscreen.vert", "trace.frag", defines={"TREE_ROW": _ROW})
+        self._program.set(tree_size=len(tree.words), tree_low=vec3(tree.low), tree_step=vec3(tree.step), offset=offset)
         self._triangle = stage.fullscreen(self._program)
 
-    def __call__(
-        self,
-        frame: Frame,
-        target: moderngl.Framebuffer,
-        reaches: moderngl.Texture | None = None,
-        state: State = State(),
-    ) -> None:
+    def __call__(self, frame: Frame, target: moderngl.Framebuffer, state: State = _PLAIN) -> None:
         """Draw visibility, 1 or 0, into a target."""
         self._program.set(light=frame.light_uniform)
-        more = {} if reaches is None else {"reaches": (reaches, Sampling())}
-        self._triangle.draw(target, {**frame.surface.inputs, **self._textures, **more}, state)
+        self._triangle.draw(target, {**frame.surface.inputs, **self._textures}, state)
 
 
 def _texture(stage: Stage, texels: NDArray[np.generic], dtype: str) -> moderngl.Texture:
