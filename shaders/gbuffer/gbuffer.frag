@@ -1,6 +1,5 @@
 #include "triangle.glsl"
 in vec3 world;
-flat in vec3 corner;  // any of the triangle
 in float view_depth;
 uniform sampler2D normals;  // by triangle; w = 1 for triangles that receive shadows
 uniform vec3 eye;
@@ -12,9 +11,7 @@ layout(location = 2) out int surface_triangle;
 void main() {
     // Read per triangle: screen derivatives of the position are wrong at silhouettes.
     vec4 normal = texelFetch(normals, texel_of(gl_PrimitiveID), 0);
-    // GPUs interpolate with errors of 1e-5 of a triangle's size. Across its plane they would be acne; along it, a small part
-    // of a pixel.
-    surface_position = vec4(world - normal.xyz * dot(normal.xyz, world - corner), 1.0);
+    surface_position = vec4(world, 1.0);
     surface_normal = vec4(dot(normal.xyz, eye - world) < 0.0 ? -normal.xyz : normal.xyz, normal.w);
     surface_triangle = gl_PrimitiveID;
     // Linear, because hyperbolic depth cannot resolve distant surfaces of a deep scene.

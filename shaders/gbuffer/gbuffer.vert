@@ -2,11 +2,10 @@
 in vec3 position;
 uniform mat4 world_to_clip;
 out vec3 world;
-flat out vec3 corner;
 out float view_depth;
 
 void main() {
-    world = corner = position;
+    world = position;
     gl_Position = world_to_clip * vec4(position, 1.0);
     view_depth = gl_Position.w;
 }

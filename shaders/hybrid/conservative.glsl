@@ -1,6 +1,8 @@
 // 1 where no texel around the receiver stores a depth nearer than its plane, 0 where all are clearly nearer; else ½.
 #define FILTER_HAS_PLANE
 
+uniform float subpixel;
+
 float filter_visibility(ShadowCoord p) {
     float least = 1.0, most = -1.0, low = 1.0, high = -1.0;
     vec2 corner = floor(p.uv * map_size - 0.5) - float(FILTER_REACH - 1);
@@ -14,9 +16,9 @@ float filter_visibility(ShadowCoord p) {
             low = min(low, min(min(plane.x, plane.y), min(plane.z, plane.w)));
             high = max(high, max(max(plane.x, plane.y), max(plane.z, plane.w)));
         }
-    // The rasteriser snaps corners to 1/256 of a texel, which moves depths by as much of the change from texel to texel.
+    // Corners are snapped to the rasteriser's grid, which moves stored depths by as much of their change across a texel.
     float width = max(p.texel.x, p.texel.y) * p.depth_per_length, slope = (high - low) / float(2 * FILTER_REACH - 1);
-    if (most <= 8.0 * p.step + 0.01 * slope) return 1.0;
+    if (most <= 8.0 * p.step + 2.0 * subpixel * slope) return 1.0;
     if (least > 0.5 * slope + 2.0 * width) return 0.0;
     return 0.5;
 }
