@@ -1,6 +1,7 @@
 // Shadow coordinates of a receiver in a cube map, whose depth is the distance to the light divided by map_far, and the
 // depth comparisons. Needs MAP_CUBE. Offsets past a face's edge read the neighbouring face.
 #include "map.glsl"
+#include "bias.glsl"
 #include "cube_faces.glsl"
 uniform samplerCube map_depths;
 uniform samplerCubeShadow map_compare;  // the same map with hardware comparison, 2×2 linear, seamless at edges
@@ -72,6 +73,18 @@ float compare_linear(ShadowCoord p, vec2 offset) {
     return texture(map_compare, vec4(offset_direction(p, offset), COMPARED(p, offset)));
 }
 
+vec4 stored_depths(ShadowCoord p, vec2 texel) {
+    return textureGather(map_depths, offset_direction(p, texel + 1.0 - p.uv * map_size));
+}
+
+#ifdef FILTER_HAS_PLANE
+vec4 plane_depths(ShadowCoord p, vec2 texel) {
+    vec2 offset = texel + 0.5 - p.uv * map_size;
+    return vec4(plane_depth(p, offset + vec2(0.0, 1.0)), plane_depth(p, offset + 1.0),
+                plane_depth(p, offset + vec2(1.0, 0.0)), plane_depth(p, offset));
+}
+#endif
+
 vec3 to_texels(ShadowCoord p, vec4 v) {
     vec3 on_face = (v.xyz - v.w * light.xyz) * cube_faces[p.layer];
     return vec3((on_face.xy + on_face.z) * map_size / 2.0, on_face.z);
@@ -84,3 +97,13 @@ vec4 contents_of_level(ShadowCoord p, vec2 offset, float level) {
     return textureLod(map_contents, offset_direction(p, offset), level);
 }
 #endif
+
+// Visibility of a receiver.
+float map_visibility(Receiver r) {
+    ShadowCoord p = shadow_coord(r.position);
+    p = shadow_coord(r.position + bias_offset(r, p));
+    p.normal = r.normal;
+    p.bias = bias_depth(r, p);
+    p.linear = p.depth - p.bias;
+    return r.facing ? filter_visibility(p) : 1.0;
+}

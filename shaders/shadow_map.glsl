@@ -32,6 +32,16 @@ float compare_nearest(ShadowCoord p, vec2 offset) {
     return compare(textureLod(map_depths, IN_LAYER((texel + 0.5) / map_size, p), 0.0).r, texel, p);
 }
 
+vec4 stored_depths(ShadowCoord p, vec2 texel) {
+    return textureGather(map_depths, IN_LAYER((texel + 1.0) / map_size, p));
+}
+
+vec4 plane_depths(ShadowCoord p, vec2 texel) {
+    vec2 change = p.gradient / map_size;
+    vec4 changes = vec4(change.y, change.x + change.y, change.x, 0.0);
+    return p.depth + dot(p.gradient, (texel + 0.5) / map_size - p.uv) + changes;
+}
+
 // Four texels around uv plus an offset in texels, with bilinear weights.
 float compare_linear(ShadowCoord p, vec2 offset) {
 #if defined(BIAS_HAS_GRADIENT) || defined(FILTER_HAS_PLANE)
@@ -39,7 +49,7 @@ float compare_linear(ShadowCoord p, vec2 offset) {
     vec2 at = p.uv * map_size + offset - 0.5;
     vec2 corner = floor(at);
     vec2 weight = at - corner;
-    vec4 stored = textureGather(map_depths, IN_LAYER((corner + 1.0) / map_size, p));
+    vec4 stored = stored_depths(p, corner);
     float below = mix(compare(stored.w, corner, p), compare(stored.z, corner + vec2(1.0, 0.0), p), weight.x);
     float above = mix(compare(stored.x, corner + vec2(0.0, 1.0), p), compare(stored.y, corner + 1.0, p), weight.x);
     return mix(below, above, weight.y);

@@ -5,6 +5,7 @@
 uniform float bias_limit;
 uniform float bias_slack;
 uniform float bias_ulps;
+uniform float subpixel;
 
 vec2 bias_gradient(Receiver r, ShadowCoord p) {
 #ifdef BIAS_GRADIENT_DERIVATIVE
@@ -20,6 +21,9 @@ vec2 bias_gradient(Receiver r, ShadowCoord p) {
 }
 
 float bias_depth(Receiver r, ShadowCoord p) {
-    // The texel's centre may be on a neighbouring triangle that is nearer to the light.
-    return bias_slack * max(p.texel.x, p.texel.y) * p.depth_per_length + bias_ulps * p.step;
+    // The texel's centre may be on a neighbouring triangle that is nearer to the light. Corners are snapped by up to half a
+    // step of the rasteriser's grid along each axis, which moves stored depths by as much of the slope.
+    vec2 slope = abs(bias_gradient(r, p)) / map_size;
+    float snapped = 0.5 * subpixel * (slope.x + slope.y);
+    return bias_slack * max(p.texel.x, p.texel.y) * p.depth_per_length + snapped + bias_ulps * p.step;
 }

@@ -1,8 +1,8 @@
 """Timing of draws by the clock suited to the device, and counts of their work.
 
 Software renderers: wall clock between two calls of `finish`, as their timer queries are wrong. Hardware:
-GL_TIME_ELAPSED queries, checked against the wall clock. Queries cannot be nested, so whole frames and single passes are
-timed in different draws.
+GL_TIME_ELAPSED queries, checked against the wall clock; the wall clock for what the CPU draws. Queries cannot nest,
+so whole frames and single passes are timed in different draws.
 """
 
 import ctypes
@@ -62,6 +62,7 @@ class Clock:
     def __init__(self, device: Device, seconds: Callable[[], float] = time.perf_counter) -> None:
         self._device, self._seconds = device, seconds
         self._queries = not device.software
+        self._on_cpu = False
         self._passes: PassTimes | None = None
 
     @property
@@ -69,14 +70,16 @@ class Clock:
         """Name of the clock, as in rows."""
         return QUERIES if self._queries else WALL
 
-    def frame(self, draw: Callable[[], object]) -> Sample:
-        """Time of one whole draw."""
+    def frame(self, draw: Callable[[], object], on_cpu: bool = False) -> Sample:
+        """Time of one whole draw. on_cpu: by the wall clock, since the CPU draws, which queries do not see."""
+        self._on_cpu = on_cpu
         with self._span() as samples:
             draw()
         return samples[0]
 
-    def passes(self, draw: Callable[[], object]) -> PassTimes:
-        """Milliseconds of the passes of one draw."""
+    def passes(self, draw: Callable[[], object], on_cpu: bool = False) -> PassTimes:
+        """Milliseconds of the passes of one draw, by the clock of `frame`."""
+        self._on_cpu = on_cpu
         self._passes = times = PassTimes()
         try:
             draw()
@@ -103,7 +106,7 @@ class Clock:
         """Time the body; the yielded list has the sample afterwards."""
         samples: list[Sample] = []
         context = self._device.context
-        query: moderngl.Query | None = context.query(time=True) if self._queries else None
+        query: moderngl.Query | None = context.query(time=True) if self._queries and not self._on_cpu else None
         context.finish()
         start = self._seconds()
         with query or nullcontext():

@@ -210,12 +210,16 @@ class Session:
     def time_frame(self, index: int) -> Sample:
         """Time one whole frame of a cell; index: its position, from 0, in the order of `prepare_timing` calls."""
         with self._isolated_draw(index) as draw:
-            return self.clock.frame(draw)
+            return self.clock.frame(draw, self._draws_on_cpu(index))
 
     def time_passes(self, index: int) -> PassTimes:
         """Time each pass of one frame of a cell, indexed as in `time_frame`."""
         with self._isolated_draw(index) as draw:
-            return self.clock.passes(draw)
+            return self.clock.passes(draw, self._draws_on_cpu(index))
+
+    def _draws_on_cpu(self, index: int) -> bool:
+        technique = self._timed[index].technique
+        return technique.draws_on_cpu(technique.params)
 
     def release_timed(self) -> None:
         """Release all cells prepared for timing."""

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.gl.clock import QUERIES, Changes, PassTimes, Sample
+from shadowbench.gl.clock import QUERIES, WALL, Changes, PassTimes, Sample
 from shadowbench.measure.cells import Cell
 
 # Passes that are redrawn in a frame, by what has moved since the last one: see Changes.
@@ -25,12 +25,21 @@ class Times:
     frames: list[Sample]
     passes: list[PassTimes]
     prepare_ms: float
-    clock: str
 
     @property
-    def frames_ms(self) -> NDArray[np.float64]:
-        """(n,) milliseconds of whole frames, one per round."""
-        return np.array([frame.ms for frame in self.frames])
+    def clocks(self) -> set[str]:
+        """The clocks used; more than one if the clock gave up timer queries midway."""
+        return {frame.clock for frame in self.frames}.union(*(passes.clocks for passes in self.passes))
+
+    @property
+    def clock(self) -> str:
+        """The clock used: times of two have no common median."""
+        (clock,) = self.clocks
+        return clock
+
+    def frames_ms(self, clock: str) -> NDArray[np.float64]:
+        """(n,) milliseconds of whole frames, one per round, for a comparison with times of this clock."""
+        return np.array([frame.ms if clock == QUERIES else frame.wall_ms for frame in self.frames])
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +68,8 @@ def time_row(timing: Timing, key: str, reference_key: str, machine: str) -> dict
     `wall_ms`: only with timer queries, which miss CPU work such as fitting the light's frustum.
     """
     times, reference = timing.times, timing.reference_times
-    frames = times.frames_ms
+    clock = times.clock
+    frames = times.frames_ms(clock)
     frame_ms, frame_iqr = _median_iqr(frames)
     wall_ms = float(np.median([frame.wall_ms for frame in times.frames]))
     passes = _passes(times.passes)
@@ -68,12 +78,12 @@ def time_row(timing: Timing, key: str, reference_key: str, machine: str) -> dict
         "key": key,
         "reference_key": reference_key,
         "machine": machine,
-        "clock": times.clock,
+        "clock": clock,
         "n": len(frames),
         "frame_ms": frame_ms,
         "frame_iqr_ms": frame_iqr,
-        "wall_ms": wall_ms if times.clock == QUERIES else None,
-        "added_ms": float(np.median(frames - timing.floor.frames_ms)),
+        "wall_ms": wall_ms if clock == QUERIES else None,
+        "added_ms": float(np.median(frames - timing.floor.frames_ms(clock))),
         "reference": timing.reference,
         "reference_ms": None,
         "ratio": None,
@@ -90,8 +100,10 @@ def time_row(timing: Timing, key: str, reference_key: str, machine: str) -> dict
         for moved, redrawn in REDRAWN.items()
     }
     if reference is not None:
-        record["reference_ms"] = float(np.median(reference.frames_ms))
-        ratios = frames / reference.frames_ms
+        common = clock if reference.clock == clock else WALL
+        reference_ms = reference.frames_ms(common)
+        record["reference_ms"] = float(np.median(reference_ms))
+        ratios = times.frames_ms(common) / reference_ms
         record["ratio"], record["ratio_iqr"] = _median_iqr(ratios)
         record["ratio_quartiles"] = [float(end) for end in np.percentile(ratios, [25, 75])]
     return record

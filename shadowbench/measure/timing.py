@@ -4,7 +4,6 @@ from collections.abc import Callable, Container, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Concatenate
 
-from shadowbench.gl.clock import PassTimes, Sample
 from shadowbench.measure.cells import Cell, PlacedView
 from shadowbench.measure.executor import CellFailed, Executor, MemoryExceeded, P, R, status_of
 from shadowbench.measure.flips import Step
@@ -143,23 +142,18 @@ def _measure(executor: Executor, placed_view: PlacedView, rounds: int, cells: li
         except (CellFailed, Unsupported) as reason:
             raise _GroupFailed(None if index is None else cells[index], reason) from None
 
-    def sample() -> tuple[list[list[Sample]], list[list[PassTimes]], set[str]]:
+    def sample() -> list[Times]:
         frames = [[call(n, Session.time_frame, n) for n in indices] for _ in range(rounds)]
         passes = [[call(n, Session.time_passes, n) for n in indices] for _ in range(max(rounds // 3, 1))]
-        clocks = {frame.clock for round in frames for frame in round}
-        return frames, passes, clocks.union(*(times.clocks for round in passes for times in round))
+        return [Times([row[n] for row in frames], [row[n] for row in passes], prepare_ms[n]) for n in indices]
 
     call(None, Session.open, placed_view)
     prepare_ms = [call(n, Session.prepare_timing, placed_view, cells[n].request) for n in indices]
-    frames, passes, clocks = sample()
-    if len(clocks) > 1:  # the clock gave up timer queries midway, for good: the wall clock times everything again
-        frames, passes, clocks = sample()
-    (clock,) = clocks  # times of two clocks have no common median
+    times = sample()
+    if any(len(cell.clocks) > 1 for cell in times):  # the clock gave up timer queries midway, for good
+        times = sample()
     _release_timed(executor)
-    return {
-        cell: Times([round[n] for round in frames], [round[n] for round in passes], prepare_ms[n], clock)
-        for n, cell in enumerate(cells)
-    }
+    return dict(zip(cells, times, strict=True))
 
 
 def _release_timed(executor: Executor) -> None:

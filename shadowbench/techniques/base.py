@@ -142,6 +142,11 @@ class Technique(ABC):
         """Why these parameters are excluded where specs are ranked by counts of work; None if they are not."""
         return None
 
+    @classmethod
+    def draws_on_cpu(cls, params: TechniqueParams) -> bool:
+        """Whether the CPU draws, so that its time counts on every device: by the wall clock, not by the GPU's timer."""
+        return False
+
     @abstractmethod
     def build(self, stage: Stage) -> None:
         """Create programs, textures and buffers, independent of the camera's and the light's pose."""

@@ -19,6 +19,7 @@ from shadowbench.techniques.maps import (
     MAP_GRID,
     MAP_SOFT_GRID,
     CasterMap,
+    MapInputs,
     contents_of,
     counted_reads,
     map_textures,
@@ -33,6 +34,8 @@ _NEAREST = 2.0**-24  # near plane as a share of far: closer to the light than fl
 _AXES = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])
 # (6, 4, 3) normals of the planes between a face's pyramid and its neighbours, through the light.
 _SIDES = np.array([[axis + side for side in np.vstack([np.eye(3), -np.eye(3)]) if side @ axis == 0] for axis in _AXES])
+CUBE = {"MAP_CUBE": 1}
+"""#defines of shaders that read a cube map."""
 _CROSS = ((None, 2, None, None), (1, 4, 0, 5), (None, 3, None, None))  # faces of the unfolded cube, +Z in front
 
 
@@ -77,16 +80,21 @@ class CubeMap(Technique):
         )
 
     def build(self, stage: Stage) -> None:
+        self.build_map(stage)
+        self.resolve = ResolvePass(stage, "cube-map/resolve.frag", self.params, CUBE)
+
+    def build_map(self, stage: Stage) -> None:
+        """What `draw_map` needs."""
         params = self.params
         self.stage = stage
         self.hull = SceneHull(stage.scene)
-        layered, defines = params.layers == "geometry", {"MAP_CUBE": 1}
-        self.contents = contents_of(stage, params, params.filter, params.size, "cube", 6, defines)
+        layered = params.layers == "geometry"
+        self.contents = contents_of(stage, params, params.filter, params.size, "cube", 6, CUBE)
         fragment = "cube-map/contents.frag" if self.contents else "cube-map/depth.frag"
         texts = ("cube-map/casters.vert", fragment, "cube-map/faces.geom" if layered else None)
         self.map = CasterMap(
             stage,
-            stage.program(*texts, params=params, defines=defines),
+            stage.program(*texts, params=params, defines=CUBE),
             params.size,
             params.depth,
             "cube",
@@ -95,9 +103,16 @@ class CubeMap(Technique):
             clamp=False,
             cull=params.cull and not layered,
         )
-        self.resolve = ResolvePass(stage, "cube-map/resolve.frag", params, defines)
 
     def draw(self, frame: Frame) -> moderngl.Texture:
+        textures, uniforms = self.draw_map(frame)
+        with frame.timed("resolve", changes="view"):
+            light_radius = self.params.filter.light_radius(frame.light, self.stage.placement)
+            penumbra = penumbra_uniforms(self.resolve.program, light_radius, self.hull, frame.light)
+            return self.resolve(frame, textures, **uniforms, **penumbra)
+
+    def draw_map(self, frame: Frame) -> MapInputs:
+        """Draw the faces; the textures and uniforms of cube_map.glsl."""
         with frame.timed("depth", changes="light"):
             reach = np.linalg.norm(self.hull.points - frame.light.position, axis=1)
             self.far = float(reach.max()) * _MARGIN
@@ -108,18 +123,13 @@ class CubeMap(Technique):
             with frame.timed("blur", changes="light"):
                 self.contents.prepare()
             textures |= self.contents.sampler("edge")
-        light_radius = self.params.filter.light_radius(frame.light, self.stage.placement)
-        with frame.timed("resolve", changes="view"):
-            return self.resolve(
-                frame,
-                textures,
-                map_far=self.far,
-                filter_radius=self.params.filter.radius(self.params.size),
-                depth_step=self.map.step,
-                position_step=self.hull.position_step(frame.light),
-                view_far=frame.view.near_far[1],
-                **penumbra_uniforms(self.resolve.program, light_radius, self.hull, frame.light),
-            )
+        return textures, {
+            "map_far": self.far,
+            "filter_radius": self.params.filter.radius(self.params.size),
+            "depth_step": self.map.step,
+            "position_step": self.hull.position_step(frame.light),
+            "view_far": frame.view.near_far[1],
+        }
 
     def _draws(self, frame: Frame) -> list[tuple[dict[str, Value], list[Floats]]]:
         """Uniforms and cull regions of each draw: one for all faces, or one per face with its pyramid's planes."""

@@ -71,6 +71,11 @@ class LightSamples(Technique):
         hard = replace(view, light=_hard_light(view.light, view.light.position))
         return params.of.technique.declines(params.of.params, hard, device)
 
+    @classmethod
+    def draws_on_cpu(cls, params: TechniqueParams) -> bool:
+        assert isinstance(params, cls.Params)
+        return params.of.technique.draws_on_cpu(params.of.params)
+
     def build(self, stage: Stage) -> None:
         spec = self.params.of
         self.technique = spec.technique(spec.params)

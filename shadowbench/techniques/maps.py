@@ -32,6 +32,8 @@ MAP_GRID = {
 MAP_SOFT_GRID = {
     "filter": ("hardware", "pcss(search=8,taps=8)", "pcss(search=8,taps=16)", "pcss", "pcss(search=32,taps=64)"),
 }
+MapInputs = tuple[dict[str, tuple[Texture, Sampling]], dict[str, Value]]
+"""Textures and uniforms of a shader that reads a map."""
 _NO_BIAS = NoBias()
 
 

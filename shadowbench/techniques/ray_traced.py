@@ -1,19 +1,23 @@
-"""Ray tracing from the G-buffer's points with Embree: the only technique that shares code with the truth."""
+"""Ray tracing from the G-buffer's points, with Embree, which shares code with the truth, or in a shader."""
+
+from typing import Literal, Self
 
 import moderngl
 import numpy as np
+from pydantic import model_validator
 
+from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import download
-from shadowbench.scenes.model import Light
+from shadowbench.scenes.model import Light, View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
+from shadowbench.techniques.tracing import TracePass, ray_offset, too_large
 from shadowbench.truths.embree import INFINITE, RAYS_A_SLICE, Tracer, over_slices
 
-_STEPS = 4.0  # least ray offset, in float32 steps of the largest coordinate
 _STAGE = 1 << 15  # of random shifts, beyond the truth's: with the same points of the light, the errors would correlate
 
 
 class RayTraced(Technique):
-    """One shadow ray per pixel on the CPU, timed with its transfers: the slow end of the speed axis.
+    """One shadow ray per pixel, on the CPU, timed with its transfers, or on the GPU: the slow end of the speed axis.
 
     Exact except for the G-buffer's float32 positions, which move shadows at contacts and at grazing light. With more
     samples, rays to as many points of a light that has a size: noise, which converges to soft shadows.
@@ -26,36 +30,62 @@ class RayTraced(Technique):
     class Params(TechniqueParams):
         """Parameters of ray-traced."""
 
-        offset: float = param(2e-6, "height of a ray's origin above its surface, as a share of the scene", ge=0, le=1)
+        offset: float = param(2e-7, "height of a ray's origin above its surface, as a share of the scene", ge=0, le=1)
         samples: int = param(1, "points of the light for each pixel; 1 is its centre: hard shadows", ge=1, le=1 << 12)
+        where: Literal["cpu", "gpu"] = param("cpu", "Embree, or a tree of the casters that a shader walks")
+
+        @model_validator(mode="after")
+        def _gpu_traces_one_ray(self) -> Self:
+            if self.where == "gpu" and self.samples != 1:
+                raise ValueError(f"where=gpu traces one ray for each pixel; samples is {self.samples}, allowed: 1")
+            return self
 
     params: Params
 
+    @classmethod
+    def unsupported(cls, params: TechniqueParams, view: View, device: Device) -> str | None:
+        assert isinstance(params, cls.Params)
+        return too_large(view.scene, device) if params.where == "gpu" else None
+
+    @classmethod
+    def draws_on_cpu(cls, params: TechniqueParams) -> bool:
+        assert isinstance(params, cls.Params)
+        return params.where == "cpu"
+
     def build(self, stage: Stage) -> None:
-        geometry = stage.scene.geometry
-        self.tracer = Tracer(geometry.vertices, geometry.caster_faces)
-        low, high = geometry.bounds
-        # At least the float32 rounding of the G-buffer's positions, which grows with the distance from the origin.
-        rounding = _STEPS * float(np.spacing(np.abs(geometry.bounds).max(), dtype=np.float32))
-        self.offset = max(self.params.offset * float(np.linalg.norm(high - low)), rounding)
+        self.offset = ray_offset(stage.scene, self.params.offset)
         self.visibility = stage.texture()
+        if self.params.where == "gpu":
+            self.target, self.trace = stage.target(self.visibility), TracePass(stage, self.offset)
+        else:
+            geometry = stage.scene.geometry
+            self.tracer = Tracer(geometry.vertices, geometry.caster_faces)
+        self.rays = 0
 
     def draw(self, frame: Frame) -> moderngl.Texture:
+        if self.params.where == "gpu":
+            with frame.timed("trace", changes="view"):
+                self.trace(frame, self.target)
+            return self.visibility
         with frame.timed("download", changes="view"):
             position, normal = (
                 download(texture).reshape(-1, 4) for texture in (frame.surface.position, frame.surface.normal)
             )
         with frame.timed("trace", changes="view"):
             size = max(1, RAYS_A_SLICE // self.params.samples)
-            parts = list(over_slices(lambda part: self._trace(frame, part, position, normal), len(position), size))
-            visibility = np.concatenate([part for part, _ in parts])
-            self.rays = sum(rays for _, rays in parts)
+            visibility = self.traced(frame, position, normal, size)
         with frame.timed("upload", changes="view"):
             self.visibility.write(np.flipud(visibility.reshape(self.visibility.size)).tobytes())
         return self.visibility
 
     def facts(self) -> dict[str, float]:
-        return {"rays": float(self.rays)}
+        return {"rays": float(self.rays)} if self.rays else {}
+
+    def traced(self, frame: Frame, position: np.ndarray, normal: np.ndarray, size: int = RAYS_A_SLICE) -> np.ndarray:
+        """(N,) visibility of pixels by Embree, from (N, 4) values of the G-buffer; counts `rays`."""
+        parts = list(over_slices(lambda part: self._trace(frame, part, position, normal), len(position), size))
+        self.rays = sum(rays for _, rays in parts)
+        return np.concatenate([part for part, _ in parts]) if parts else np.zeros(0, dtype=np.float32)
 
     def _trace(self, frame: Frame, part: slice, positions: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, int]:
         """Visibility of some pixels, and the number of rays traced."""

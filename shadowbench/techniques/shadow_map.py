@@ -22,6 +22,7 @@ from shadowbench.techniques.maps import (
     CasterMap,
     FittedParams,
     FittedView,
+    MapInputs,
     contents_of,
     counted_reads,
     map_textures,
@@ -87,6 +88,11 @@ class ShadowMap(Technique):
         )
 
     def build(self, stage: Stage) -> None:
+        self.build_map(stage)
+        self.resolve = ResolvePass(stage, "shadow-map/resolve.frag", self.params)
+
+    def build_map(self, stage: Stage) -> None:
+        """What `draw_map` needs."""
         params = self.params
         self.stage = stage
         self.fitted = FittedView(stage, params.fit, params.size, params.filter.reach(params.size))
@@ -103,13 +109,19 @@ class ShadowMap(Technique):
             reversed_depth=params.reversed,
             cull=params.cull,
         )
-        self.resolve = ResolvePass(stage, "shadow-map/resolve.frag", params)
 
     def draw(self, frame: Frame) -> moderngl.Texture:
+        textures, uniforms = self.draw_map(frame)
+        with frame.timed("resolve", changes="view"):
+            light_radius = self.params.filter.light_radius(frame.light, self.stage.placement)
+            penumbra = penumbra_uniforms(self.resolve.program, light_radius, self.fitted.hull, frame.light)
+            return self.resolve(frame, textures, **uniforms, **penumbra)
+
+    def draw_map(self, frame: Frame) -> MapInputs:
+        """Fit and draw the map; the textures and uniforms of shadow_map.glsl."""
         params, moves = self.params, self.params.fit.invalidated_by
-        light_radius = params.filter.light_radius(frame.light, self.stage.placement)
         with frame.timed("fit", changes=moves):
-            self.light_view = self.fitted(frame, light_radius)
+            self.light_view = self.fitted(frame, params.filter.light_radius(frame.light, self.stage.placement))
         with frame.timed("depth", changes=moves):
             self.map.draw(frame, [self.light_view])
         textures = map_textures(self.map.texture, params.wrap, params.reversed)
@@ -117,16 +129,12 @@ class ShadowMap(Technique):
             with frame.timed("blur", changes=moves):
                 self.contents.prepare()
             textures |= self.contents.sampler(params.wrap)
-        with frame.timed("resolve", changes="view"):
-            return self.resolve(
-                frame,
-                textures,
-                filter_radius=params.filter.radius(params.size),
-                depth_step=self.map.step,
-                position_step=self.fitted.hull.position_step(frame.light),
-                **map_uniforms([self.light_view], params.reversed),
-                **penumbra_uniforms(self.resolve.program, light_radius, self.fitted.hull, frame.light),
-            )
+        return textures, {
+            "filter_radius": params.filter.radius(params.size),
+            "depth_step": self.map.step,
+            "position_step": self.fitted.hull.position_step(frame.light),
+            **map_uniforms([self.light_view], params.reversed),
+        }
 
     def map_image(self) -> NDArray[np.float32] | None:
         depths = self.map.texture.read()[0, ::-1].astype(np.float64)

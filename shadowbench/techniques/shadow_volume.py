@@ -73,6 +73,11 @@ class ShadowVolume(Technique):
         by_depth = params.compare == "depth"
         return "also draws the surfaces' depth: faster on a GPU, but more work" if by_depth else None
 
+    @classmethod
+    def draws_on_cpu(cls, params: TechniqueParams) -> bool:
+        assert isinstance(params, cls.Params)
+        return params.build == "cpu"
+
     def build(self, stage: Stage) -> None:
         params = self.params
         self.casters = casters_of(stage.scene)

@@ -79,13 +79,14 @@ class Stage:
         Ints, bools and choices of `params` become #defines (SIZE 1024, REVERSED 0, WRAP_BORDER 1), floats uniforms
         (`bias_max`), with lengths in metres converted to local coordinates. The shader file of the chosen bias, filter,
         fit or split replaces `#include <parameter>` (`#include <bias>`), and its own parameters follow the same rules
-        (FILTER_TAPS 3). The uniform `metre` is the length of one metre in local coordinates. defines: further #defines.
+        (FILTER_TAPS 3). Uniforms: `metre`, the length of one metre in local coordinates; `subpixel`, a step of the
+        rasteriser's grid in pixels. defines: further #defines.
         """
         names, slots, uniforms = _shader_values(params, self.placement) if params else ({}, {}, {})
         plugins = [file.parent for component in components_of(params) for file in component.plugin_files()]
         roots = [*self._roots[:-1], *plugins, self._roots[-1]]
         names |= {name: str(value) for name, value in defines.items()}
-        uniforms["metre"] = self.placement.length(1.0)
+        uniforms |= {"metre": self.placement.length(1.0), "subpixel": 2.0**-self.device.subpixel_bits}
         stages = {"vert": vertex, "frag": fragment} | ({"geom": geometry} if geometry is not None else {})
         texts = {stage: compose(source, roots, names, slots) for stage, source in stages.items()}
         program = link(self.device, *texts.values())

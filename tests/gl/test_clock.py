@@ -104,6 +104,12 @@ def test_a_query_that_the_wall_refutes_is_the_last(queried: Queried, impossible:
     assert clock.name == WALL
 
 
+def test_what_the_cpu_draws_is_timed_by_the_wall(queried: Queried) -> None:
+    clock = queried(1_000_000)  # for the second frame alone
+    assert clock.frame(lambda: None, on_cpu=True) == Sample(pytest.approx(10), pytest.approx(10), WALL)
+    assert clock.frame(lambda: None).clock == QUERIES
+
+
 def test_passes_name_every_clock_that_measured_them(queried: Queried) -> None:
     clock = queried(1_000_000, 1_000_000, 1_000_000, 20_000_000)
 

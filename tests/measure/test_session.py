@@ -48,7 +48,13 @@ class Bare(Session):
             self.device.draws += 1
             return np.ones((2, 2, 1), np.float32)
 
-        technique = SimpleNamespace(draw=draw, facts=lambda: self.facts, map_image=lambda: None, params=self.params)
+        technique = SimpleNamespace(
+            draw=draw,
+            facts=lambda: self.facts,
+            map_image=lambda: None,
+            draws_on_cpu=lambda params: False,
+            params=self.params,
+        )
         surface: Any = None
         frame = Frame(opened.view, Phase(request.phase), 0, surface, self.clock)
         release = partial(self.freed.append, request.spec)

@@ -42,7 +42,9 @@ def cell(text: str) -> Cell:
 
 @dataclass
 class Scripted:
-    """A scripted worker. clock: name of the n-th sample's clock; fails: exception that a call raises."""
+    """A scripted worker. clock: name of the n-th sample's clock; fails: what a call raises; on_cpu: cells that
+    the CPU draws.
+    """
 
     clock: Callable[[int], str] = lambda number: WALL
     fails: Callable[[str, str | None], Exception | None] = lambda method, name: None
@@ -50,6 +52,7 @@ class Scripted:
     calls: list[tuple[str, str | None]] = field(default_factory=list)
     held: list[str] = field(default_factory=list)
     samples: int = 0
+    on_cpu: set[str] = field(default_factory=set)
 
     def stop(self) -> None:
         self.calls.append(("stop", None))
@@ -81,14 +84,16 @@ class Scripted:
     def time_frame(self, number: int, name: str) -> Sample:
         done = Counter(self.calls)["time_frame", name] - 1
         ms = FRAMES[name][done % 3] + 1000 * (done // 3)  # each further series of three is another thousand
-        return Sample(ms, ms + 7, self._next_clock())
+        clock = WALL if name in self.on_cpu else self._next_clock()
+        return Sample(ms, ms if clock == WALL else ms + 7, clock)
 
     def time_passes(self, number: int, name: str) -> PassTimes:
         done = Counter(self.calls)["time_passes", name]
         times = PassTimes()
         for part in (1.0, 2.0):  # drawn twice
-            times.add("depth", "light", Sample(part * done, part * done, self._next_clock()))
-        times.add("resolve", "view", Sample(5.0, 5.0, self._next_clock()))
+            clock = WALL if name in self.on_cpu else self._next_clock()
+            times.add("depth", "light", Sample(part * done, part * done, clock))
+        times.add("resolve", "view", Sample(5.0, 5.0, WALL if name in self.on_cpu else self._next_clock()))
         return times
 
     def release_timed(self) -> None:
@@ -205,6 +210,17 @@ def test_wall_time_is_recorded_only_beside_a_query() -> None:
     assert (queried["clock"], queried["frame_ms"], queried["wall_ms"]) == (QUERIES, 30, 37)
     walled = record(Scripted(), SLOW)
     assert (walled["clock"], walled["frame_ms"], walled["wall_ms"]) == (WALL, 30, None)
+
+
+def test_what_the_cpu_draws_is_compared_with_others_by_the_wall() -> None:
+    worker = Scripted(clock=lambda number: QUERIES)
+    worker.on_cpu = {SLOW}
+    found = timed(worker, SLOW, FAST)
+    slow, fast = (row_of(one) for one in found.values() if isinstance(one, Timing))
+    assert (slow["clock"], fast["clock"]) == (WALL, QUERIES)
+    assert Counter(worker.calls)["time_frame", SLOW] == 3  # two clocks, but each cell has one
+    assert slow["added_ms"] == np.median([30 - 8, 20 - 9, 100 - 16])
+    assert slow["reference_ms"] == fast["reference_ms"] + 7
 
 
 def test_a_group_without_a_change_of_clock_is_measured_once() -> None:

@@ -9,12 +9,15 @@ import pytest
     ("filter_", "dtype"),
     [("msm(bias=6e-5)", "nu2"), ("evsm(positive=5.54)", "f2"), ("vsm(min_variance=0.0001)", "f2")],
 )
-def test_sixteen_bits_are_nearly_as_good_as_thirty_two(technique, filter_, dtype, builtin, studio, build) -> None:
+def test_sixteen_bits_are_nearly_as_good_as_thirty_two(
+    technique, filter_, dtype, builtin, studio, build, device
+) -> None:
     shot = studio.shot(builtin("lamp-over-table" if technique == "cube-map" else "sphere-and-torus", 128))
     exact, rounded = (build(f"{technique}:filter={filter_[:-1]},blur=3,bits={bits})", shot) for bits in (32, 16))
     difference = exact.draw(shot) - rounded.draw(shot)
     assert (exact.technique.contents.texture.dtype, rounded.technique.contents.texture.dtype) == ("f4", dtype)
-    assert 0 < np.sqrt(np.mean(difference**2)) < 0.005
+    # GPUs weigh halves with 8 bits: .011 on an H100.
+    assert 0 < np.sqrt(np.mean(difference**2)) < (0.005 if device.software else 0.02)
 
 
 @pytest.mark.parametrize(("filter_", "bias"), [("msm(bits=16", 6e-5), ("msm(bits=32", 3e-6)])

@@ -97,11 +97,14 @@ def halves(ground) -> Callable[[float, float], tuple[Ground, np.ndarray]]:
 
 
 @pytest.mark.parametrize("heights", HEIGHTS)
-def test_vsm_bleeds_by_chebyshev_s_bound_between_two_casters(halves, heights) -> None:
+def test_vsm_bleeds_by_chebyshev_s_bound_between_two_casters(halves, device, heights) -> None:
     found, weights = halves(*heights)
     expected = chebyshev(np.array([found.depth(height) for height in heights]), weights, found.depth(0.0))
     assert expected.max() > 0.001
-    assert found(f"vsm(blur={BLUR},bleed=0,min_variance=0)") == pytest.approx(expected, abs=2e-4)
+    assert found(f"vsm(blur={BLUR},bleed=0,min_variance=0)") == pytest.approx(
+        expected,
+        abs=2e-4 if device.software else 1e-3,  # GPUs weigh texels with 8 bits
+    )
 
 
 @pytest.mark.parametrize("heights", HEIGHTS)
