@@ -13,7 +13,7 @@ from shadowbench.engines.encoding import MaskEncoding, detect_encoding
 from shadowbench.engines.error_kinds import ErrorKind, error_kinds, wrong_pixels
 from shadowbench.engines.external_mask import ExternalMask
 from shadowbench.engines.orientation import misorientation
-from shadowbench.engines.shift import estimate_shift
+from shadowbench.engines.shift import estimate_shift, shift_text
 from shadowbench.engines.soft_error_kinds import soft_error_kinds
 from shadowbench.errors import InputError
 from shadowbench.measure.scoring import mask_record, prepare_truth
@@ -50,9 +50,13 @@ class Accuracy:
 
     @cached_property
     def kinds(self) -> list[ErrorKind]:
-        """Kinds of error: of hard shadows, most pixels first; of soft ones, those whose metrics stand out."""
-        found = soft_error_kinds if self.comparison.truth.soft else error_kinds
-        return found(self.comparison, self.metrics)
+        """Kinds of error: of hard shadows, most pixels first; of soft ones, causes before symptoms."""
+        if not self.comparison.truth.soft:
+            return error_kinds(self.comparison, self.metrics)
+        found = self.record["input"]
+        return soft_error_kinds(
+            self.comparison, self.metrics, MaskEncoding(found["shift_px"], found["srgb_encoded"], found["umbra"])
+        )
 
     @cached_property
     def wrong(self) -> tuple[int, int]:
@@ -130,7 +134,7 @@ def accuracy_of(external: ExternalMask, view: View) -> Accuracy:
     clipped = 0 if external.clipped is None else int(np.count_nonzero(external.clipped & prepared.valid))
     warnings = []
     if encoding.shift is not None:
-        warnings.append(f"seems shifted by {_shift_text(encoding.shift)}; scored as it is")
+        warnings.append(f"seems shifted by {shift_text(encoding.shift)}; scored as it is")
     if encoding.umbra is not None:
         warnings.append(f"its shadow is {encoding.umbra:.2f}, not 0; scored as it is")
     if encoding.srgb_encoded:
@@ -178,11 +182,3 @@ def seems_unrelated(comparison: Comparison) -> bool:
     mask, truth = comparison.shadow, comparison.truth.shadow
     common, smaller = np.count_nonzero(mask & truth), min(np.count_nonzero(mask), np.count_nonzero(truth))
     return bool(common < _COMMON * smaller and common < _ALIKE_IOU * np.count_nonzero(mask | truth))
-
-
-def _shift_text(shift: tuple[float, float]) -> str:
-    across, down = shift
-    parts = [(across, "to the right", "to the left"), (down, "down", "up")]
-    return " and ".join(
-        f"{abs(value):.2f} px {forth if value > 0 else back}" for value, forth, back in parts if abs(value) >= 0.05
-    )
