@@ -238,7 +238,8 @@ METRICS: dict[str, Metric] = {
             soft.banding,
             "lower",
             "soft",
-            "Share of the penumbra in which the mask is grey and its gradient below a tenth of the truth's.",
+            "Share of the penumbra in which the mask is grey and its gradient below a tenth of the truth's and of its "
+            "own within 8 px: flat steps, few levels.",
         ),
         Metric(
             "width",
