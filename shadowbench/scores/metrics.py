@@ -229,8 +229,8 @@ METRICS: dict[str, Metric] = {
             soft.noise,
             "lower",
             "soft",
-            "Standard deviation of the error of visibility along 7 px of the truth's isolines in the penumbra, the "
-            "truth's own error taken off: dither, too few samples.",
+            "Standard deviation of the error of visibility along 7 px of the truth's isolines in the penumbra, where "
+            "they are straight, the truth's own error taken off: dither, too few samples.",
             resolution="truth_error_pen",
         ),
         Metric(

@@ -171,6 +171,18 @@ def test_a_smooth_error_is_no_noise(scored: Scored, across: np.ndarray) -> None:
     assert scores["noise"] < 0.004
 
 
+def test_a_smooth_error_around_pinholes_is_no_noise_and_dither_is_where_isolines_are_straight(scored: Scored) -> None:
+    """Discs of light of a radius of 4 px, and a straight penumbra of 20 px at the right."""
+    pinholes = ((X % 16 - 8) ** 2 + (Y % 16 - 8) ** 2 < 4**2) & (X < 96)
+    truth = np.maximum(ndimage.gaussian_filter(pinholes.astype(float), 1.5), ramp(20, 130))
+    blurred = ndimage.gaussian_filter(truth, 2.0)
+    soft = (truth > 0.02) & (truth < 0.98)
+    dithered = np.clip(truth + 0.1 * np.random.default_rng(1).choice([-1, 1], truth.shape) * soft, 0, 1)
+    assert scored(blurred, truth)["rmse_pen"] > 0.08
+    assert scored(blurred, truth)["noise"] < 0.01
+    assert scored(dithered, truth)["noise"] > 0.06
+
+
 def test_an_error_that_grows_along_the_penumbra_is_no_noise(scored: Scored) -> None:
     truth = ramp(40)
     mask = truth - 0.3 * Y / SIZE * truth * (1 - truth)
