@@ -70,8 +70,8 @@ class _LogReporter:
     def note(self, line: str) -> None:
         _log.info(line)
 
-    def stage(self, name: str, total: int) -> None:
-        _log.debug("%s: %d", name, total)
+    def stage(self, name: str, total: int | None) -> None:
+        _log.debug("%s: %s", name, total)
 
     def step(self, what: str) -> None:
         _log.debug(what)

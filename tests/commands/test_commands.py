@@ -560,6 +560,33 @@ def test_the_times_of_a_progress_bar_fit_a_terminal_of_80_columns(monkeypatch: p
     assert bar.rstrip().endswith("…")
 
 
+@pytest.mark.parametrize(("total", "told"), [(7, "2 of 7"), (None, "2")])
+def test_progress_is_a_line_now_and_then_where_it_is_piped(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], total: int | None, told: str
+) -> None:
+    monkeypatch.setattr(console, "err", lambda: Console(stderr=True, width=80))
+    for quiet, seconds in ((False, 1e9), (True, 0.0), (False, 0.0)):
+        monkeypatch.setattr(console, "_EVERY", seconds)
+        with console.Reporter(quiet) as reporter:
+            reporter.stage("truth", 3)
+            reporter.stage("measuring", total)
+            reporter.step("one")
+            reporter.step("another")
+        last = f"measuring: {told}, another"
+        assert (capsys.readouterr().err.splitlines()[-1:] == [last]) == (not quiet and not seconds)
+
+
+def test_a_bar_of_unknown_length_has_no_total(monkeypatch: pytest.MonkeyPatch) -> None:
+    shown = io.StringIO()
+    terminal = Console(file=shown, force_terminal=True, width=80, color_system=None)
+    monkeypatch.setattr(console, "err", lambda: terminal)
+    with console.Reporter(quiet=False) as reporter:
+        reporter.stage("measuring", None)
+        reporter.step("first")
+        reporter.step("second")
+    assert "2/?" in shown.getvalue() and "measuring: " not in shown.getvalue()
+
+
 def test_listed_axes_are_those_that_stress_sweeps(shadowbench: Shadowbench) -> None:
     listed = {row["name"]: row for row in json.loads(shadowbench("list", "axes", "--json").out)}
     assert list(listed) == list(AXES)
