@@ -193,6 +193,22 @@ def test_hard_and_soft_scenes_of_a_run_have_a_verdict_each(measured: Make) -> No
     assert [len(kind) for kind in by_kind(sections)] == [1, 2]
 
 
+@pytest.mark.parametrize("kind", [CELLS, SOFT], ids=["hard", "soft"])
+def test_a_scene_in_which_nothing_is_supported_leaves_the_verdict_on_the_others_as_it_is(
+    measured: Make, kind: Sequence[Cell]
+) -> None:
+    """Also as the first of the run, by whose kind of shadows a report would go."""
+    nothing = replace(kind[0], scene="attic", error=None, ms=None, status=UNSUPPORTED, rmse_pen=None)
+    others = [*kind, *(elsewhere(cell) for cell in kind)]
+    alone, beside = measured(*others, name="alone"), measured(nothing, *others, name="beside")
+    assert [len(found) for found in by_kind(beside)] == [len(found) for found in by_kind(alone)] == [2]
+    assert verdict(by_kind(beside)[0]) == verdict(by_kind(alone)[0])
+    panels = [panels_of(found[0].run, 0, found) for found in (alone, beside)]
+    assert panels[1][0].verdict == panels[0][0].verdict and panels[1][0].start == panels[0][0].start
+    assert [panel.title for panel in panels[1]] == [*(panel.title for panel in panels[0]), "attic, 32² view"]
+    assert panels[1][-1].unscored and panels[1][-1].verdict == ["Nothing here has a score."]
+
+
 # The verdict
 
 
