@@ -137,11 +137,12 @@ class Reporter(logging.Handler):
             print_error(f"{task.description}: {task.completed:.0f}{of}, {printable(what)}")
 
 
-def print_unsupported(statuses: Sequence[str]) -> None:
-    """If all cells are unsupported, print that on stderr, as the command's last line."""
+def print_unsupported(statuses: Sequence[str], others: Sequence[str] = ()) -> None:
+    """If all cells are unsupported, print that on stderr, as the command's last line. others: what would be drawn."""
     if statuses and all(status.startswith("unsupported") for status in statuses):
         which = "the only cell is" if len(statuses) == 1 else f"all {len(statuses)} cells are"
-        print_error(f"shadowbench: nothing was drawn, {which} {statuses[0]}")
+        instead = f"; what draws here: {', '.join(others)} (-t)" if others else ""
+        print_error(f"note: nothing was drawn and nothing failed: {which} {statuses[0]}{instead}")
 
 
 def print_table(

@@ -87,11 +87,13 @@ def test_a_table_says_what_its_milliseconds_are(shadowbench: Shadowbench, tmp_pa
 def test_a_command_that_drew_nothing_says_so_in_its_last_line(shadowbench: Shadowbench, tmp_path: Path) -> None:
     lamp = ["run", "room-with-lamp", "-t", "shadow-map", *SMALL]
     why = "unsupported: a point light shines all round, one 2-D map sees less than half of it"
+    nothing = "note: nothing was drawn and nothing failed:"
+    others = "what draws here: cube-map, planar-projection, shadow-volume (-t)"
     alone = shadowbench(*lamp, "-o", tmp_path / "one")
-    assert (alone.code, alone.err) == (0, f"shadowbench: nothing was drawn, the only cell is {why}\n")
+    assert (alone.code, alone.err) == (0, f"{nothing} the only cell is {why}; {others}\n")
     assert "masks/" not in alone.out
     two = shadowbench(*lamp, "-t", "shadow-map:wrap=edge", "-o", tmp_path / "two")
-    assert two.err == f"shadowbench: nothing was drawn, all 2 cells are {why}\n"
+    assert two.err == f"{nothing} all 2 cells are {why}; {others}\n"
     some = shadowbench(*lamp, "-t", "unshadowed", "-o", tmp_path / "some")
     assert "nothing was drawn" not in some.err and "masks/" in some.out
 
@@ -100,7 +102,7 @@ def test_a_sweep_that_drew_nothing_says_so_in_its_last_line(shadowbench: Shadowb
     too_large = "shadow-map:size=65536"
     answer = shadowbench("stress", "-t", too_large, "--quick", "--axis", "through-up", "-o", tmp_path)
     assert answer.code == 0
-    assert answer.err.startswith("shadowbench: nothing was drawn, all 6 cells are unsupported: map size 65536: ")
+    assert answer.err.startswith("note: nothing was drawn and nothing failed: all 6 cells are unsupported: map size ")
     assert answer.err.count("\n") == 1
 
 
