@@ -27,6 +27,9 @@ _ROUNDING = 1 / (255 * math.sqrt(12))  # root mean square, of 8 bits
 _RMSE = ("rmse", "rmse_pen")
 _NOTED_CLIPPED = 0.01
 """Share of clipped pixels among the scored ones above which a warning is given."""
+_GREY = (0.1, 0.9)
+_SOFT_EDGE = 4.0
+"""Grey pixels per pixel of the true edge above which a mask is softer than antialiasing or a small filter makes it."""
 _ALIKE_IOU, _COMMON = 0.2, 0.5
 """IoU, and common share of the smaller shadow, below which a mask may be of another scene. At 256², three in four masks
 of other built-in scenes are below, and none of the built-in techniques', even without bias."""
@@ -103,6 +106,12 @@ class Accuracy:
                 lines.append(f"widths of penumbrae are compared at {share:.0%} of the true edge")
         if soft and _eight_bit(self.comparison):
             lines.append(f"the mask has 8 bits: rounding makes an RMSE of {_ROUNDING:.2g} in the penumbra")
+        if not soft and (width := _edge_width(self.comparison)) > _SOFT_EDGE:
+            size = "--sun gives it one" if self.view.light.kind == "directional" else "a radius in a scene file does"
+            lines.append(
+                f"the mask's edges are soft, some {width:.2g} px wide, but the light of {self.view.scene.name} has no "
+                f"size and its true shadows are hard: {size}"
+            )
         return lines
 
 
@@ -168,6 +177,13 @@ def _uniform(comparison: Comparison) -> str | None:
         if pixels and count in (0, pixels):
             return f"{whose} is {'in shadow' if count else 'lit'} in every scored pixel, so most metrics say little"
     return None
+
+
+def _edge_width(comparison: Comparison) -> float:
+    """Grey pixels of a mask per pixel of the true edge; 0 without one."""
+    truth, mask = comparison.truth, comparison.visibility
+    edges = np.count_nonzero(truth.edge)
+    return float(np.count_nonzero(truth.valid & (mask > _GREY[0]) & (mask < _GREY[1])) / edges) if edges else 0.0
 
 
 def _eight_bit(comparison: Comparison) -> bool:

@@ -113,6 +113,18 @@ def test_a_mask_of_soft_shadows_is_scored_with_the_error_of_the_truth(shadowbenc
     assert (row["metrics"], row["width_share"]) == (other["metrics"], other["width_share"])
 
 
+@pytest.mark.parametrize(
+    ("blur", "sun", "hinted"), [(0.0, False, False), (0.7, False, False), (4.0, False, True), (4.0, True, False)]
+)
+def test_a_soft_mask_of_a_light_without_a_size_gets_a_hint(
+    shadowbench: Callable, drawn: Callable, tmp_path: Path, blur: float, sun: bool, hinted: bool
+) -> None:
+    """Antialiasing is no softness."""
+    write_mask(tmp_path / "mask.png", ndimage.gaussian_filter(drawn(SCENE), blur))
+    out = shadowbench("score", SCENE, tmp_path / "mask.png", *(["--sun"] if sun else [])).out
+    assert ("true shadows are hard: --sun gives it one" in out) == hinted
+
+
 def test_errors_of_soft_shadows_are_told_in_terms_of_penumbra_umbra_and_full_light() -> None:
     """A straight penumbra, dark at the left, that widens from top to bottom of a floor of 16 m."""
     size = 160
