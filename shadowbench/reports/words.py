@@ -61,7 +61,7 @@ def unscored(section: Section) -> list[tuple[str, str]]:
             total = one.row.cells + len(one.row.refused)
             reasons.append(f"{count} of {total} cells {status}" if total > 1 else status)
         for reason in reasons:
-            sizes = found.setdefault((one.spec, reason), [])
+            sizes = found.setdefault((one.row.label, reason), [])
             sizes += [one.map_size] if one.map_size else []
     return [
         (f"{spec} at {', '.join(map(str, sorted(sizes)))}" if sizes else spec, reason)

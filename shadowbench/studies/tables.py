@@ -16,6 +16,7 @@ from shadowbench.measure.time_rows import REDRAWN
 from shadowbench.scores.metrics import METRICS, Metric, is_soft, ranking
 from shadowbench.studies.times import ROUGH, ReferenceTime, normalise_times
 from shadowbench.techniques.grammar import parameters_of
+from shadowbench.techniques.registry import preset_names
 
 _IDENTITY = ["scene", "view", "light", "phase", "technique", "spec", "map_size", "view_size", "renderer", "status"]
 _TIMES = ["frame_ms", "frame_iqr_ms", "added_ms", "ratio", "n", "clock"]
@@ -109,9 +110,9 @@ class SummaryRow:
 
     @property
     def label(self) -> str:
-        """The spec as tables print it, with the numbers by which it differs from others of its technique."""
-        if not self.unset:
-            return self.spec
+        """The spec as tables print it: a preset by its name, or with the numbers by which it differs from others."""
+        if self.spec in preset_names() or not self.unset:
+            return preset_names().get(self.spec, self.spec)
         return f"{self.spec}{',' if ':' in self.spec else ':'}{','.join(self.unset)}"
 
     @property
