@@ -66,7 +66,7 @@ def _obstacles(found: Recommendation) -> Iterator[str]:
         return
     metrics, largest = near.result.score["metrics"], max(trial.spec.map_size or 0 for trial in found.trials)
     if target.metric == "rmse" and is_soft(metrics):
-        faults = [f"{fault.name}, {fault.line}" for fault in soft_faults(metrics)]
+        faults = [f"{fault.name}, {fault.line}" for fault in soft_faults(metrics, near.result.score.get("width_bias"))]
         error = f"an RMSE of {metrics['rmse_pen']:.2g} in the penumbra (rmse_pen)"
         yield f"obstacle: {faults[0] if faults else error}"
         if near.spec.map_size == largest == SIZES[-1]:

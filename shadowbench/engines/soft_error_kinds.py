@@ -27,13 +27,10 @@ def soft_error_kinds(
     `pixels` of a kind is the size of the region that it is about. metrics: values of `score` for the same comparison,
     whose truth has a penumbra; encoding: faults found by `detect_encoding`.
     """
-    truth, across, drawn = comparison.truth, comparison.truth.crossings, comparison.penumbra_widths
-    wider = None
-    if metrics["width"] is not None and across is not None and drawn is not None:
-        wider = float(np.median(np.log2(drawn / across.width)))
+    truth = comparison.truth
     causes = list(_causes(comparison, encoding)) if (metrics["rmse_pen"] or 0.0) >= LEAST else []
     symptoms = []
-    for fault in soft_faults(metrics, wider):
+    for fault in soft_faults(metrics, comparison.width_bias):
         pixels = int(np.count_nonzero(getattr(truth, fault.region)))
         squares = np.inf if fault.error is None else pixels * fault.error**2
         symptoms.append((squares, ErrorKind(fault.name, pixels, fault.line)))

@@ -70,7 +70,11 @@ def score(visibility: ArrayLike, prepared: PreparedTruth) -> dict[str, float | N
     visibility: (H, W) in [0, 1], 1 lit and 0 in shadow, quantised before scoring; values at invalid pixels are ignored,
     but must be finite. Raises ValueError for NaN, infinity, values out of range, or another shape.
     """
-    comparison = Comparison(visibility, prepared)
+    return values_of(Comparison(visibility, prepared))
+
+
+def values_of(comparison: Comparison) -> dict[str, float | None]:
+    """Values of all metrics by name, in the order of the table."""
     return {metric.name: metric.function(comparison) for metric in METRICS.values()}
 
 

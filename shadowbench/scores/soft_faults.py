@@ -15,6 +15,7 @@ WIDTH_FACTOR = 1.25  # between drawn and true penumbrae
 SLOPE = 0.25  # distance of `hardening` from 1
 NOISY = 0.5  # share of `rmse_pen`: a hard edge has noise too, and its error is another
 BANDED = 0.1  # share of the penumbra
+_NAMES = ("rmse_pen", "bias_pen", "bleed", "false_dark", "noise", "banding", "width", "hardening")
 
 
 @dataclass(frozen=True)
@@ -34,13 +35,13 @@ def soft_faults(metrics: Mapping[str, float | None], wider: float | None = None)
     """Faults of a soft shadow that stand out, causes first, then the largest error first.
 
     metrics: values of `score`, of a truth with a penumbra; wider: median log₂ of the drawn over the true width of
-    penumbrae, None for the sign of the line of `hardening` at their median width.
+    penumbrae, None if unknown.
     """
-    value = {name: found or 0.0 for name, found in metrics.items()}
+    value = {name: metrics.get(name) or 0.0 for name in _NAMES}
     found: list[tuple[bool, SoftFault]] = [
         (value["width"] >= math.log2(WIDTH_FACTOR), _width(metrics, wider)),
         (
-            metrics["hardening"] is not None and abs(value["hardening"] - 1) >= SLOPE,
+            metrics.get("hardening") is not None and abs(value["hardening"] - 1) >= SLOPE,
             SoftFault(
                 "contact hardening",
                 "penumbra",
@@ -96,11 +97,9 @@ def soft_faults(metrics: Mapping[str, float | None], wider: float | None = None)
 
 def _width(metrics: Mapping[str, float | None], wider: float | None) -> SoftFault:
     """A wrong width of penumbrae; `width` alone is unsigned."""
-    width, slope, intercept = (metrics[name] for name in ("width", "hardening", "hardening_intercept"))
-    factor = 2 ** (width or 0.0)
-    if wider is None and slope is not None and intercept is not None:
-        wider = math.log2(max(slope + intercept, 1e-6))  # the line of `hardening` at the median width
-    if wider is None or abs(wider) < (width or 0.0) / 2:
+    width = metrics.get("width") or 0.0
+    factor = 2**width
+    if wider is None or abs(wider) < width / 2:
         line = f"half of those drawn are at least {factor:.2g} times too wide or too narrow (width)"
         return SoftFault("penumbra width", "penumbra", line)
     way = "wide" if wider > 0 else "narrow"

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from shadowbench.reports.analysis import Section, by_kind, front, sections
+from shadowbench.reports.gallery import scored_cells
 from shadowbench.reports.matrix import (
     Target,
     candidates,
@@ -19,6 +20,7 @@ from shadowbench.reports.matrix import (
 )
 from shadowbench.reports.panels import panels_of
 from shadowbench.reports.verdict import cell_texts, cost_note, verdict
+from shadowbench.reports.words import faults_of
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.folder import read_runs
 from tests.reports.conftest import CELLS, TRUTH_ERROR, Cell
@@ -286,3 +288,15 @@ def test_the_times_of_two_machines_share_no_matrix(run_folder: Callable[..., Pat
         for _, cells in panel.matrix
     ]
     assert costs == ["50.0 ms", "5.00 ms"]
+
+
+def test_soft_cells_say_what_is_wrong_and_how_much(measured: Make) -> None:
+    """All metrics of these cells are ½: too light, noisy and flat; hard ones have no such words."""
+    (soft,), (hard,) = measured(*SOFT, name="soft"), measured(*CELLS, name="hard")
+    cells = scored_cells(soft)
+    assert [cell.error for cell in cells] == pytest.approx([0.5, 0.1, 0.015, TRUTH_ERROR / 2])
+    assert all(
+        cell.faults[0].startswith("penumbra width: half of those drawn are at least 1.4 times") for cell in cells
+    )
+    assert [label for label, _ in faults_of(soft)] == [one.label for one in soft.scored]
+    assert not faults_of(hard) and not any(cell.faults for cell in scored_cells(hard))

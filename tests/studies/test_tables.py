@@ -263,3 +263,9 @@ def test_a_preset_is_printed_by_its_name_and_other_specs_as_they_are() -> None:
         assert SummaryRow(spec, 128, 1, (), {}, 1, ("blend=0.0",)).label == text
         assert SummaryRow(f"{spec},cull=false", 128, 1, (), {}, 1).label == f"{spec},cull=false"
     assert SummaryRow("shadow-map", 128, 1, (), {}, 1).label == "shadow-map"
+
+
+@pytest.mark.parametrize(("bias", "text"), [(0.9, "1 wide"), (-0.9, "1 narrow"), (0.2, "1"), (None, "1")])
+def test_the_width_of_penumbrae_has_a_direction(bias: float | None, text: str) -> None:
+    values = {"width": Interval(1.0), "width_bias": None if bias is None else Interval(bias)}
+    assert SummaryRow("pcss", 64, 1, (), values, 1).text("width", "{:g}".format) == text
