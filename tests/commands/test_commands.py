@@ -446,7 +446,7 @@ def test_truth_says_how_sure_it_is_of_the_penumbra(shadowbench: Shadowbench, tmp
     ("what", "keys"),
     [
         ("techniques", {"name", "help", "lights", "parameters", "presets"}),
-        ("scenes", {"name", "about"}),
+        ("scenes", {"name", "light", "about"}),
         ("metrics", {"name", "better", "for", "tolerance", "help"}),
         ("studies", {"name", "about"}),
         ("axes", {"name", "about", "unit", "values", "home", "lights"}),
