@@ -194,7 +194,11 @@ def _explained(log: str, stage: str, text: str) -> str:
         if first is None:
             first, told[-1] = index, f"{told[-1]}: {source[index].strip()!r}"
     around = range(max(first - 2, 0), min(first + 3, len(source))) if first is not None else ()
-    excerpt = [f"{known[index][0] % FILE_LINES:4d}  {source[index]}" for index in around]
+    excerpt = [
+        f"{known[index][0] % FILE_LINES:4d}  {source[index]}"
+        for index in around
+        if not source[index].startswith("#line")
+    ]
     return "\n".join([f"{stage} shader: {told[0]}", *told[1:], *excerpt])
 
 

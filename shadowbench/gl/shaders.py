@@ -48,14 +48,15 @@ def compose(
             return ""
         taken.add((found, new))
         text, number = found.read_text(encoding="utf-8") if isinstance(found, Path) else found, len(taken)
+        if not traced:
+            return expand(text, old, new, str)
         label, first = (name, 1) if isinstance(found, Path) else _inline_place(found, roots)
 
         def line(after: int) -> str:
-            """The directive that the next line of the file's is that after so many."""
+            """The directive that numbers the next line, after so many lines of the file."""
             return f"#line {number * FILE_LINES + first + after} // {label}"
 
-        expanded = expand(text, old, new, line)
-        return f"{line(0)}\n{expanded}" if traced else expanded
+        return f"{line(0)}\n{expand(text, old, new, line)}"
 
     body = include(str(source))
     return "\n".join([VERSION, *(f"#define {name} {value}" for name, value in defines.items()), body])
