@@ -7,8 +7,8 @@
 
 A scene argument is a Scene returned by `load`, or an argument of `load`: a built-in name, a `.toml`, or a mesh file. A
 technique is a spec as on the command line. Invalid arguments raise InputError with the line that the command would
-print; failures raise ShadowbenchError. Notes, such as assumptions about a scene, are logged to `shadowbench` at level
-INFO.
+print, in which options have the names of parameters; failures raise ShadowbenchError. Notes, such as assumptions about
+a scene, are logged to `shadowbench` at level INFO.
 
 All drawing functions share one worker process, which owns the OpenGL context and is replaced if it fails; `close` ends
 it. Calls from several threads are serialised. Arguments that take several values accept a single one, a list, an array
@@ -17,6 +17,7 @@ or a Series.
 
 import atexit
 import logging
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -70,8 +71,8 @@ class _LogReporter:
     def note(self, line: str) -> None:
         _log.info(line)
 
-    def stage(self, name: str, total: int) -> None:
-        _log.debug("%s: %d", name, total)
+    def stage(self, name: str, total: int | None) -> None:
+        _log.debug("%s: %s", name, total)
 
     def step(self, what: str) -> None:
         _log.debug(what)
@@ -85,6 +86,16 @@ class _SharedWorker:
     settings: tuple[tuple[Path, ...], Limits] | None = None
 
 
+@contextmanager
+def _parameter_names() -> Iterator[None]:
+    """Errors within it name parameters of Python, as in min_iou, where they name options, as in --min-iou."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(re.sub(r"--([a-z][a-z-]*)", lambda found: found[1].replace("-", "_"), str(error))) from None
+
+
+@_parameter_names()
 def load(scene: SceneLike, *, assets: str | Path | None = None, up: str | None = None, sun: bool = False) -> Scene:
     """Load a scene: a built-in by name, a `.toml`, or a mesh file. Assumptions about missing data are in its `notes`.
 
@@ -204,6 +215,7 @@ def needs(scene: SceneLike, *, view_size: int = 512, view: str | None = None, li
     return survey_view(_view(scene, view_size, view, light))
 
 
+@_parameter_names()
 def recommend(
     scene: SceneLike,
     *,
@@ -277,6 +289,7 @@ def _worker(plugins: tuple[Path, ...], limits: Limits | None = None) -> Worker:
         return _SharedWorker.worker
 
 
+@_parameter_names()
 def _view(scene: SceneLike, size: int, camera: str | None, light: str | None) -> View:
     chosen = chosen_view(load(scene), whole_number(size, "view_size", 1, LARGEST), camera, light)
     for line in notes_on(chosen, camera, light):

@@ -8,7 +8,7 @@ from shadowbench.errors import InputError, alternatives
 from shadowbench.extremes.axes import AXES, value_label
 from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.measure.plugin_output import techniques_with
-from shadowbench.scenes.library import builtin_about, builtin_names
+from shadowbench.scenes.library import builtin_about, builtin_light, builtin_names
 from shadowbench.studies.crossing import Techniques
 from shadowbench.studies.study import find_study, read_study, study_names
 from shadowbench.techniques.params import Component, TechniqueParams, allowed
@@ -25,7 +25,9 @@ def catalogue(plugins: Sequence[Path] = (), what: str = "", name: str = "") -> d
     """
     makers: dict[str, Callable[[], list[Entry]]] = {
         "techniques": lambda: _techniques(techniques_with(plugins)),
-        "scenes": lambda: [{"name": name, "about": builtin_about(name)} for name in builtin_names()],
+        "scenes": lambda: [
+            {"name": name, "light": builtin_light(name), "about": builtin_about(name)} for name in builtin_names()
+        ],
         "metrics": _metrics,
         "studies": lambda: [
             {"name": name, "about": read_study(find_study(name), techniques_with(plugins)).about}

@@ -266,7 +266,7 @@ class Notebook:
     def note(self, line: str) -> None:
         self.notes.append(line)
 
-    def stage(self, name: str, total: int) -> None:
+    def stage(self, name: str, total: int | None) -> None:
         pass
 
     def step(self, what: str) -> None:

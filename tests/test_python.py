@@ -93,6 +93,14 @@ def test_errors_are_exceptions_of_one_line() -> None:
     with pytest.raises(sb.InputError, match=r"did you mean 'stairs'\?"):
         sb.load("stairz")
     assert issubclass(sb.InputError, sb.ShadowbenchError)
+    for call, said in (
+        (lambda: sb.recommend("stairs", max_rmse=2), "max_rmse: found 2; allowed: 0 to 1"),
+        (lambda: sb.recommend("stairs", min_iou=0.9, max_edge_px=1), "min_iou and max_edge_px: found both"),
+        (lambda: sb.load("x.obj", up="x"), "up: found 'x'"),
+        (lambda: sb.needs("stairs", view="64"), "; a view is square, and view_size 64 is its size"),
+    ):
+        with pytest.raises(sb.InputError, match=f"^[^-]*{re.escape(said)}"):
+            call()
     with pytest.raises(AttributeError, match="has no attribute 'shadow'"):
         _ = sb.shadow
 

@@ -65,10 +65,10 @@ def metrics() -> str:
 def scenes() -> str:
     """The table of built-in scenes."""
     rows = [
-        (f"[{row['name']}](../../scenes/{row['name']}.toml)", row["about"])
+        (f"[{row['name']}](../../scenes/{row['name']}.toml)", row["light"], row["about"])
         for row in catalogue(what="scenes")["scenes"]
     ]
-    return _listed(SCENES, ("scene", "what it tests"), rows, "shadowbench list scenes")
+    return _listed(SCENES, ("scene", "light", "what it tests"), rows, "shadowbench list scenes")
 
 
 def axes() -> str:

@@ -100,7 +100,7 @@ def recommend(
     results: list[Result] = []
     with closing(RowStore(folder)) as store:
         measurer = Measurer(executor, store, study.conditions(), reporter, Pictures(folder))
-        reporter.stage("measuring", 1)
+        reporter.stage("measuring", None)  # the search ends when no spec is left that may be cheaper
 
         def measure(spec: Spec) -> Result:
             results.extend(measurer.measure(Block(view, (Cell(spec),))))

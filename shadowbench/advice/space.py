@@ -9,6 +9,7 @@ from typing import Any
 from shadowbench.scenes.model import LightKind
 from shadowbench.survey.survey import Needs
 from shadowbench.techniques.base import Technique
+from shadowbench.techniques.filters import Filter
 from shadowbench.techniques.spec import Spec
 
 SIZES = (256, 512, 1024, 2048, 4096)
@@ -59,6 +60,16 @@ def unavailable(known: Mapping[str, type[Technique]], light: LightKind) -> list[
         for name, technique in known.items()
         if technique.never_recommended or light not in technique.lights
     ]
+
+
+def untried_filters(space: Sequence[Spec], soft: bool) -> list[Exclusion]:
+    """The filters of shadow maps that no spec of a space has, with the reason. soft: for a light with a size."""
+    tried = {chosen.name for spec in space if (chosen := getattr(spec.params, "filter", None)) is not None}
+    names = [name for name in Filter.table if name not in tried]
+    if not tried or not names:
+        return []
+    why = "their penumbrae do not follow the light's size" if soft else "they are made for soft or smooth edges"
+    return [Exclusion(f"the filters {', '.join(names)}", f"{why}; `shadowbench run -t` measures them", 0)]
 
 
 def prune(

@@ -4,7 +4,9 @@ from collections.abc import Iterator
 
 from shadowbench.advice.recommendation import Recommendation, Target
 from shadowbench.advice.search import Trial
+from shadowbench.advice.space import SIZES
 from shadowbench.scores.metrics import is_soft
+from shadowbench.scores.soft_faults import soft_faults
 
 _KINDS = {
     "contact": "of the shadow next to its caster is lit",
@@ -62,19 +64,23 @@ def _obstacles(found: Recommendation) -> Iterator[str]:
     if met and target.budget_ms is not None:
         yield f"obstacle: the budget; {_name(met[0])} reaches {_text(target, met[0])} in {met[0].cost:.3g} ms"
         return
-    metrics = near.result.score["metrics"]
+    metrics, largest = near.result.score["metrics"], max(trial.spec.map_size or 0 for trial in found.trials)
     if target.metric == "rmse" and is_soft(metrics):
-        if (width := metrics["width"]) is not None:
-            yield f"obstacle: half of the penumbrae are at least {2**width:.3g} times too wide or too narrow (width)"
+        faults = [f"{fault.name}, {fault.line}" for fault in soft_faults(metrics, near.result.score.get("width_bias"))]
+        error = f"an RMSE of {metrics['rmse_pen']:.2g} in the penumbra (rmse_pen)"
+        yield f"obstacle: {faults[0] if faults else error}"
+        if near.spec.map_size == largest == SIZES[-1]:
+            yield f"obstacle: map size; the closest has {largest} texels a side, the most that are tried"
         return
     kinds = {kind: metrics[kind] for kind in _KINDS if metrics[kind]}
+    size = (needs.texels.edge_size or needs.texels.size).value
     if kinds:
         worst = max(kinds, key=lambda kind: kinds[kind])
         yield f"obstacle: {worst}, {kinds[worst]:.2%} {_KINDS[worst]}"
-    size = (needs.texels.edge_size or needs.texels.size).value
-    largest = max((trial.spec.map_size or 0 for trial in found.trials), default=0)
-    if largest and size > largest:
+    if 0 < largest < size:
         yield f"obstacle: map size; exact edges need about {size:.0f} texels a side, the largest tried has {largest}"
+    elif not kinds and metrics["edge_px"] is not None:
+        yield f"obstacle: edges, {metrics['edge_px']:.3g} px off on average"
 
 
 def excluded_lines(found: Recommendation) -> list[str]:

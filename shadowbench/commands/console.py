@@ -5,6 +5,7 @@ import sys
 from collections.abc import Collection, Iterable, Sequence
 from functools import cache
 from pathlib import Path
+from time import monotonic
 from typing import TYPE_CHECKING, Any, Literal
 
 from shadowbench.errors import printable
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from shadowbench.scenes.model import View
 
 _LONGEST_WORD = 24  # characters
+_EVERY = 10.0  # seconds between lines of progress where stderr is no terminal
 
 
 @cache
@@ -46,7 +48,9 @@ def print_error(line: str) -> None:
 
 
 class Reporter(logging.Handler):
-    """Notes, and a progress bar for each stage of a run; silent if `quiet`.
+    """Notes, and a progress bar for each stage of a run, or a line now and then where stderr is no terminal.
+
+    Silent if `quiet`.
 
     A context manager, within which warnings that the package logs are printed as notes.
     """
@@ -66,6 +70,7 @@ class Reporter(logging.Handler):
         self._quiet = quiet
         self._noted: set[str] = set()
         self._task: TaskID | None = None
+        self._printed = monotonic()
         columns = (
             TextColumn("{task.description:<24.24}"),
             BarColumn(None, table_column=Column(ratio=1)),  # the bar and the text share what the numbers leave
@@ -96,8 +101,8 @@ class Reporter(logging.Handler):
             self._noted.add(line)
             print_error(f"note: {printable(line)}")
 
-    def stage(self, name: str, total: int, what: str = "") -> None:
-        """Replace the progress bar by one of `total` steps; what: text after it."""
+    def stage(self, name: str, total: int | None, what: str = "") -> None:
+        """Replace the progress bar by one of `total` steps, None if unknown; what: text after it."""
         if self._task is not None:
             self._progress.remove_task(self._task)
         self._task = self._progress.add_task(name, total=total, what=what)
@@ -122,15 +127,22 @@ class Reporter(logging.Handler):
 
     def step(self, what: str) -> None:
         """Advance the bar; what: text after it."""
-        if self._task is not None:
-            self._progress.update(self._task, advance=1, what=what)
+        if self._task is None:
+            return
+        self._progress.update(self._task, advance=1, what=what)
+        if self._progress.disable and not self._quiet and monotonic() - self._printed >= _EVERY:
+            self._printed = monotonic()
+            (task,) = self._progress.tasks
+            of = "" if task.total is None else f" of {task.total:.0f}"
+            print_error(f"{task.description}: {task.completed:.0f}{of}, {printable(what)}")
 
 
-def print_unsupported(statuses: Sequence[str]) -> None:
-    """If all cells are unsupported, print that on stderr, as the command's last line."""
+def print_unsupported(statuses: Sequence[str], others: Sequence[str] = ()) -> None:
+    """If all cells are unsupported, print that on stderr, as the command's last line. others: what would be drawn."""
     if statuses and all(status.startswith("unsupported") for status in statuses):
         which = "the only cell is" if len(statuses) == 1 else f"all {len(statuses)} cells are"
-        print_error(f"shadowbench: nothing was drawn, {which} {statuses[0]}")
+        instead = f"; what draws here: {', '.join(others)} (-t)" if others else ""
+        print_error(f"note: nothing was drawn and nothing failed: {which} {statuses[0]}{instead}")
 
 
 def print_table(

@@ -24,7 +24,9 @@ from shadowbench.commands.study_tables import print_study
 from shadowbench.errors import InputError
 
 if TYPE_CHECKING:
+    from shadowbench.studies.crossing import Techniques
     from shadowbench.studies.folder import Run
+    from shadowbench.studies.study import Study
 
 app = typer.Typer()
 
@@ -193,12 +195,22 @@ def run(
     if profile:
         _print_profile(found.seconds)
     statuses = list(found.frame["status"])
-    console.print_unsupported(statuses)
+    if not any(found.frame["status"] == "ok"):
+        console.print_unsupported(statuses, _others(asked, known))
     failed = [status for status in statuses if status.startswith("failed")]
     if failed:
         first = failed[0].removeprefix("failed: ")
         console.print_error(f"shadowbench: {len(failed)} of {len(statuses)} cells failed; the first: {first}")
     raise typer.Exit(3 if failed else 0)
+
+
+def _others(study: "Study", known: "Techniques") -> list[str]:
+    """The real-time techniques that support all lights of a study, if one of its own does not."""
+    lights = {block.view.light.hard_kind for block in study.blocks()}
+    able = [name for name, technique in known.items() if lights <= technique.lights]
+    if all(spec.technique.name in able for spec in study.specs):
+        return []
+    return [name for name in able if not known[name].never_recommended]
 
 
 def _earlier_cells_note(run: "Run") -> str:

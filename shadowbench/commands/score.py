@@ -64,7 +64,8 @@ def score(
     draw. A mask that is flipped, inverted or not square is refused; one that seems shifted or sRGB-encoded is scored
     unchanged, with a warning. Below the metrics, the wrong pixels are listed by kind of error, most pixels first; the
     line `displaced edge` covers those pixels only, whereas edge_px and edge_p95 cover all edges, also of leaks. Under a
-    light with a size, the errors of penumbra, umbra and full light that stand out are listed instead. The column
+    light with a size, the errors that stand out are listed instead: causes (a shift, an sRGB encoding, a blur, a wrong
+    width of penumbrae) before errors of penumbra, umbra and full light, the larger first. The column
     `shadows` says whether a metric is for hard shadows, soft ones (of a light with a size) or both.
     """
     from shadowbench.engines.accuracy import accuracy_of

@@ -81,6 +81,8 @@ def print_study(found: "StudyResult", folder: Path, quiet: bool) -> None:
 
 def _print_scene(title: str, rows: "list[SummaryRow]", fits: "list[Slope]", notes: list[str]) -> None:
     """Print a table: a line for each spec and map size, best first; then unsuccessful cells, slopes and notes."""
+    from shadowbench.techniques.registry import preset_names
+
     columns = _columns(rows, console.out().width < _WIDE)
     lines = [
         (row.label, str(row.map_size or ""), *(_cell(row, key) for key in columns.values()))
@@ -99,7 +101,9 @@ def _print_scene(title: str, rows: "list[SummaryRow]", fits: "list[Slope]", note
     for fit in fits:
         sizes = f"{fit.sizes[0]} to {fit.sizes[-1]}"
         slope = fit.slope.text("{:+.2f}".format) + (", one phase" if fit.phases == 1 else "")
-        console.print_line(f"  slope of log({fit.error}) over log(size), {sizes}: {slope}  {fit.spec}")
+        console.print_line(
+            f"  slope of log({fit.error}) over log(size), {sizes}: {slope}  {preset_names().get(fit.spec, fit.spec)}"
+        )
     for line in notes:
         console.print_line(f"  {line}")
     console.out().print()

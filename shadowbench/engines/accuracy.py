@@ -13,7 +13,7 @@ from shadowbench.engines.encoding import MaskEncoding, detect_encoding
 from shadowbench.engines.error_kinds import ErrorKind, error_kinds, wrong_pixels
 from shadowbench.engines.external_mask import ExternalMask
 from shadowbench.engines.orientation import misorientation
-from shadowbench.engines.shift import estimate_shift
+from shadowbench.engines.shift import estimate_shift, shift_text
 from shadowbench.engines.soft_error_kinds import soft_error_kinds
 from shadowbench.errors import InputError
 from shadowbench.measure.scoring import mask_record, prepare_truth
@@ -27,6 +27,9 @@ _ROUNDING = 1 / (255 * math.sqrt(12))  # root mean square, of 8 bits
 _RMSE = ("rmse", "rmse_pen")
 _NOTED_CLIPPED = 0.01
 """Share of clipped pixels among the scored ones above which a warning is given."""
+_GREY = (0.1, 0.9)
+_SOFT_EDGE = 4.0
+"""Grey pixels per pixel of the true edge above which a mask is softer than antialiasing or a small filter makes it."""
 _ALIKE_IOU, _COMMON = 0.2, 0.5
 """IoU, and common share of the smaller shadow, below which a mask may be of another scene. At 256², three in four masks
 of other built-in scenes are below, and none of the built-in techniques', even without bias."""
@@ -50,9 +53,13 @@ class Accuracy:
 
     @cached_property
     def kinds(self) -> list[ErrorKind]:
-        """Kinds of error: of hard shadows, most pixels first; of soft ones, those whose metrics stand out."""
-        found = soft_error_kinds if self.comparison.truth.soft else error_kinds
-        return found(self.comparison, self.metrics)
+        """Kinds of error: of hard shadows, most pixels first; of soft ones, causes before symptoms."""
+        if not self.comparison.truth.soft:
+            return error_kinds(self.comparison, self.metrics)
+        found = self.record["input"]
+        return soft_error_kinds(
+            self.comparison, self.metrics, MaskEncoding(found["shift_px"], found["srgb_encoded"], found["umbra"])
+        )
 
     @cached_property
     def wrong(self) -> tuple[int, int]:
@@ -99,6 +106,12 @@ class Accuracy:
                 lines.append(f"widths of penumbrae are compared at {share:.0%} of the true edge")
         if soft and _eight_bit(self.comparison):
             lines.append(f"the mask has 8 bits: rounding makes an RMSE of {_ROUNDING:.2g} in the penumbra")
+        if not soft and (width := _edge_width(self.comparison)) > _SOFT_EDGE:
+            size = "--sun gives it one" if self.view.light.kind == "directional" else "a radius in a scene file does"
+            lines.append(
+                f"the mask's edges are soft, some {width:.2g} px wide, but the light of {self.view.scene.name} has no "
+                f"size and its true shadows are hard: {size}"
+            )
         return lines
 
 
@@ -130,7 +143,7 @@ def accuracy_of(external: ExternalMask, view: View) -> Accuracy:
     clipped = 0 if external.clipped is None else int(np.count_nonzero(external.clipped & prepared.valid))
     warnings = []
     if encoding.shift is not None:
-        warnings.append(f"seems shifted by {_shift_text(encoding.shift)}; scored as it is")
+        warnings.append(f"seems shifted by {shift_text(encoding.shift)}; scored as it is")
     if encoding.umbra is not None:
         warnings.append(f"its shadow is {encoding.umbra:.2f}, not 0; scored as it is")
     if encoding.srgb_encoded:
@@ -166,6 +179,13 @@ def _uniform(comparison: Comparison) -> str | None:
     return None
 
 
+def _edge_width(comparison: Comparison) -> float:
+    """Grey pixels of a mask per pixel of the true edge; 0 without one."""
+    truth, mask = comparison.truth, comparison.visibility
+    edges = np.count_nonzero(truth.edge)
+    return float(np.count_nonzero(truth.valid & (mask > _GREY[0]) & (mask < _GREY[1])) / edges) if edges else 0.0
+
+
 def _eight_bit(comparison: Comparison) -> bool:
     """Whether the mask has grey pixels, all of them at levels of 8 bits."""
     levels = np.rint(comparison.visibility[comparison.truth.valid] * LEVELS)
@@ -178,11 +198,3 @@ def seems_unrelated(comparison: Comparison) -> bool:
     mask, truth = comparison.shadow, comparison.truth.shadow
     common, smaller = np.count_nonzero(mask & truth), min(np.count_nonzero(mask), np.count_nonzero(truth))
     return bool(common < _COMMON * smaller and common < _ALIKE_IOU * np.count_nonzero(mask | truth))
-
-
-def _shift_text(shift: tuple[float, float]) -> str:
-    across, down = shift
-    parts = [(across, "to the right", "to the left"), (down, "down", "up")]
-    return " and ".join(
-        f"{abs(value):.2f} px {forth if value > 0 else back}" for value, forth, back in parts if abs(value) >= 0.05
-    )

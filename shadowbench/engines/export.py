@@ -53,9 +53,9 @@ def inexpressible_in_gltf(view: View) -> list[str]:
 def light_in_gltf(light: Light) -> str:
     """What stands in glTF for a light that is no point or sun, or has a size."""
     if light.kind == light.hard_kind:
-        return f"the light {light.name} has a size, which glTF cannot say: see {DESCRIPTION}"
+        return f"light {light.name!r} has a size, which glTF cannot say: see {DESCRIPTION}"
     spot = f"a spot of {math.degrees(light.frustum_angle or 0.0):.0f}° in {MODEL}"
-    return f"the light {light.name} is a {light.kind}, which glTF cannot say: {spot}; see {DESCRIPTION}"
+    return f"light {light.name!r} is a {light.kind}, which glTF cannot say: {spot}; see {DESCRIPTION}"
 
 
 def size_mismatch(given: Path, view: View) -> str | None:

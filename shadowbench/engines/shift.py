@@ -71,3 +71,12 @@ def _inside(valid: NDArray[np.bool_], margin: float) -> NDArray[np.bool_]:
     size = 2 * int(np.ceil(margin)) + 1
     inside: NDArray[np.bool_] = ndimage.minimum_filter(valid, size, mode="constant", cval=1)
     return inside
+
+
+def shift_text(shift: Shift) -> str:
+    """A shift in words."""
+    across, down = shift
+    parts = [(across, "to the right", "to the left"), (down, "down", "up")]
+    return " and ".join(
+        f"{abs(value):.2f} px {forth if value > 0 else back}" for value, forth, back in parts if abs(value) >= 0.05
+    )

@@ -1,79 +1,66 @@
-"""What is wrong with a soft shadow: a line for each metric of penumbrae, umbra and full light that stands out."""
+"""Kinds of error of a soft shadow: faults of the whole mask by the error that each explains, then what metrics tell."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy import optimize
 
+from shadowbench.engines.encoding import MaskEncoding
 from shadowbench.engines.error_kinds import ErrorKind
+from shadowbench.engines.external_mask import decode_srgb
+from shadowbench.engines.shift import shift_text
+from shadowbench.engines.smoothing import Image, shift_image, smooth
 from shadowbench.scores.comparison import Comparison
+from shadowbench.scores.soft_faults import LEAST, soft_faults
 
-LEAST = 0.01  # visibility: smaller mean errors are not named
-WIDTH_FACTOR = 1.25  # between drawn and true penumbrae
-SLOPE = 0.25  # distance of `hardening` from 1
-NOISY = 0.5  # share of `rmse_pen`: a hard edge has noise too, and its error is another
-BANDED = 0.1  # share of the penumbra
+EXPLAINED = 0.5  # least share of the squared error
+BLURS = (0.3, 16.0)  # px, standard deviations
 
 
-def soft_error_kinds(comparison: Comparison, metrics: Mapping[str, float | None]) -> list[ErrorKind]:
-    """Kinds of error of a soft shadow that stand out: in the penumbra, its width, umbra and full light.
+def soft_error_kinds(
+    comparison: Comparison, metrics: Mapping[str, float | None], encoding: MaskEncoding
+) -> list[ErrorKind]:
+    """Kinds of error of a soft shadow that stand out, causes before their symptoms.
 
-    `pixels` of a kind is the size of the region that it is a mean over. metrics: values of `score` for the same
-    comparison, whose truth has a penumbra.
+    First what is wrong with the whole mask, a shift, an sRGB encoding or a blur, by the share of the squared error that
+    it explains; then the width of penumbrae; then errors in penumbra, umbra and full light, by their squared sums.
+    `pixels` of a kind is the size of the region that it is about. metrics: values of `score` for the same comparison,
+    whose truth has a penumbra; encoding: faults found by `detect_encoding`.
     """
-    value = {name: found or 0.0 for name, found in metrics.items()}
     truth = comparison.truth
-    found: list[tuple[bool, str, NDArray[np.bool_], str]] = [
-        (
-            abs(value["bias_pen"]) >= LEAST,
-            f"penumbra too {'light' if value['bias_pen'] > 0 else 'dark'}",
-            truth.penumbra,
-            f"by {abs(value['bias_pen']):.2g} on average, where 1 is full light (bias_pen)",
-        ),
-        (value["width"] >= np.log2(WIDTH_FACTOR), *_width(comparison, metrics["width"])),
-        (
-            metrics["hardening"] is not None and abs(value["hardening"] - 1) >= SLOPE,
-            "contact hardening",
-            truth.penumbra,
-            f"drawn penumbrae widen {value['hardening']:.2g} times as much as true ones (hardening)",
-        ),
-        (
-            value["bleed"] >= LEAST,
-            "light bleeding",
-            truth.umbra,
-            f"the umbra's mean visibility is {value['bleed']:.2g}, not 0 (bleed)",
-        ),
-        (
-            value["false_dark"] >= LEAST,
-            "false shadow",
-            truth.full_light,
-            f"full light is too dark by {value['false_dark']:.2g} on average (false_dark)",
-        ),
-        (
-            value["noise"] >= max(LEAST, NOISY * value["rmse_pen"]),
-            "noise",
-            truth.penumbra,
-            f"the error varies by {value['noise']:.2g} where visibility should be equal (noise)",
-        ),
-        (
-            value["banding"] >= BANDED,
-            "banding",
-            truth.penumbra,
-            f"{value['banding']:.0%} of the penumbra is flat steps of grey (banding)",
-        ),
-    ]
-    return [
-        ErrorKind(name, int(np.count_nonzero(where)), line) for stands_out, name, where, line in found if stands_out
-    ]
+    causes = list(_causes(comparison, encoding)) if (metrics["rmse_pen"] or 0.0) >= LEAST else []
+    symptoms = []
+    for fault in soft_faults(metrics, comparison.width_bias):
+        pixels = int(np.count_nonzero(getattr(truth, fault.region)))
+        squares = np.inf if fault.error is None else pixels * fault.error**2
+        symptoms.append((squares, ErrorKind(fault.name, pixels, fault.line)))
+    return [kind for found in (causes, symptoms) for _, kind in sorted(found, key=lambda pair: -pair[0])]
 
 
-def _width(comparison: Comparison, width: float | None) -> tuple[str, NDArray[np.bool_], str]:
-    """Name, place and line of penumbrae of a wrong width; `width` alone, None where there are too few, is unsigned."""
-    across, drawn, penumbra = comparison.truth.crossings, comparison.penumbra_widths, comparison.truth.penumbra
-    if width is None or across is None or drawn is None:
-        return "", penumbra, ""
-    wider, factor = float(np.median(np.log2(drawn / across.width))), 2**width
-    if abs(wider) < width / 2:
-        return "penumbra width", penumbra, f"drawn penumbrae are {factor:.2g} times too wide or too narrow (width)"
-    way = "wide" if wider > 0 else "narrow"
-    return f"penumbra too {way}", penumbra, f"{factor:.2g} times too {way} (median; width)"
+def _causes(comparison: Comparison, encoding: MaskEncoding) -> Iterator[tuple[float, ErrorKind]]:
+    """Faults of the whole mask, with the share of the squared error over valid pixels that each explains."""
+    truth, mask, weight = comparison.truth, comparison.visibility, comparison.truth.valid.astype(np.float32)
+    pixels = int(np.count_nonzero(truth.penumbra))
+
+    def error(mask: Image, truth: Image) -> float:
+        return float(np.square(mask - truth).sum(where=comparison.truth.valid, dtype=np.float64))
+
+    def blurred(sigma: float) -> float:
+        return error(mask, smooth(truth.visibility, weight, sigma))
+
+    as_it_is = error(mask, truth.visibility)
+    candidates = []
+    if encoding.shift is not None:
+        undone = error(mask, shift_image(truth.visibility, encoding.shift))
+        candidates.append((undone, "shift", f"by {shift_text(encoding.shift)}"))
+    if encoding.srgb_encoded:
+        undone = error(decode_srgb(mask).astype(np.float32), truth.visibility)
+        candidates.append((undone, "sRGB encoding", "soft values are too light for a linear mask"))
+    best = optimize.minimize_scalar(blurred, bounds=BLURS, method="bounded", options={"xatol": 0.05})
+    candidates.append(
+        (float(best.fun), "blur", f"the truth, blurred by a Gaussian of σ = {best.x:.2g} px, is much like it")
+    )
+    for undone, name, line in candidates:
+        share = 1 - undone / as_it_is
+        if share >= EXPLAINED:
+            yield share, ErrorKind(name, pixels, f"{line}; explains {share:.0%} of the squared error")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pyglm import glm
 
 from shadowbench.gl.device import Device
-from shadowbench.gl.shaders import numbered
+from shadowbench.gl.shaders import FILE_LINES, places
 
 Comparison = Literal["", "<", "<=", ">", ">=", "=="]
 Wrap = Literal["border", "edge", "repeat"]
@@ -20,7 +20,9 @@ Value = bool | int | float | tuple[float, ...] | NDArray[np.float64]
 
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 _UNIFORM = re.compile(r"\buniform\s+(?:(?:low|medium|high)p\s+)?(\w+)\s+(\w[^;{]*);")
-_LINE = re.compile(r"\b0[:(](\d+)")  # Mesa: 0:12(5), NVIDIA: 0(12), Apple and AMD: 0:12
+_PLACE = re.compile(r"\b0(?::(\d+)(?:\(\d+\))?|\((\d+)\))")  # Mesa: 0:12(5), NVIDIA: 0(12), Apple and AMD: 0:12
+_CANDIDATE = "error:   "  # begins Mesa's list of functions that a call might have meant
+_MOST_ERRORS = 5
 _STENCIL_TEST, _CLIP_DISTANCE, _FRONT, _BACK = 0x0B90, 0x3000, 0x0404, 0x0405
 _STENCIL_TESTS = {"always": 0x0207, "==": 0x0202, "!=": 0x0205}
 _STENCIL_OPS = {"keep": 0x1E00, "zero": 0, "replace": 0x1E01, "increment": 0x8507, "decrement": 0x8508}
@@ -166,29 +168,48 @@ def sampler_of(device: Device, sampling: Sampling) -> moderngl.Sampler:
 
 
 class ShaderError(ValueError):
-    """A shader that does not compile or link. The first line has the error; the log and the source text follow."""
+    """A shader that does not compile or link. The first line has the first error, its place and its source line.
+
+    Further errors follow, and the lines around the first.
+    """
 
 
-def _first_error(log: str, stage: str, text: str | None) -> str:
-    """The first error in a driver's log, with the source line that it refers to."""
+def _explained(log: str, stage: str, text: str) -> str:
+    """The errors in a driver's log, with the places in files that the text's #line directives say."""
     lines = [line.strip() for line in log.splitlines()]
-    error = next((line for line in lines if "error" in line.lower() and "failed" not in line.lower()), lines[0])
-    number = _LINE.search(error)
-    source = (text or "").splitlines()
-    if number is None or not 0 < int(number[1]) <= len(source):
-        return f"{stage} shader: {error}"
-    return f"{stage} shader: {error}: {source[int(number[1]) - 1].strip()!r}"
+    errors = [line for line in lines if "error" in line.lower() and "failed" not in line.lower()]
+    errors = [line for line in errors if _CANDIDATE not in line][:_MOST_ERRORS] or lines[:1]
+    source, known = text.splitlines(), places(text)
+    index_at = {number: index for index, (number, _) in enumerate(known)}
+    told, first = [], None
+    for error in errors:
+        place = _PLACE.search(error)
+        index = index_at.get(int(place[1] or place[2])) if place else None
+        if place is None or index is None:
+            told.append(error)
+            continue
+        number, name = known[index]
+        where = f"{name}:{number % FILE_LINES}" if name else f"line {number}"
+        told.append(error.replace(place[0], where))
+        if first is None:
+            first, told[-1] = index, f"{told[-1]}: {source[index].strip()!r}"
+    around = range(max(first - 2, 0), min(first + 3, len(source))) if first is not None else ()
+    excerpt = [
+        f"{known[index][0] % FILE_LINES:4d}  {source[index]}"
+        for index in around
+        if not source[index].startswith("#line")
+    ]
+    return "\n".join([f"{stage} shader: {told[0]}", *told[1:], *excerpt])
 
 
 def link(device: Device, vertex: str, fragment: str, geometry: str | None = None) -> Program:
-    """Compile and link complete shader texts. Raises ShaderError with the log and the numbered source."""
+    """Compile and link complete shader texts. Raises ShaderError."""
     try:
         program = device.context.program(vertex_shader=vertex, fragment_shader=fragment, geometry_shader=geometry)
     except moderngl.Error as error:
-        texts = {"vertex": vertex, "geometry": geometry, "fragment": fragment}
-        failed = [name for name in texts if f"{name}_shader" in str(error)] or list(texts)
-        listing = "\n\n".join(numbered(texts[name] or "") for name in failed)
-        raise ShaderError(f"{_first_error(str(error), failed[0], texts[failed[0]])}\n{error}\n{listing}") from None
+        texts = {"vertex": vertex, "geometry": geometry or "", "fragment": fragment}
+        failed = next((name for name in texts if f"{name}_shader" in str(error)), "vertex")
+        raise ShaderError(_explained(str(error), failed, texts[failed])) from None
     return Program(device, program, "\n".join([vertex, geometry or "", fragment]))
 
 

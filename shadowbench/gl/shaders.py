@@ -7,34 +7,56 @@ becomes the slot `<bias_first>`.
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 VERSION = "#version 410 core"
 _WITH = r"(?:[ \t]+with[ \t]+(\w+)[ \t]*=[ \t]*(\w+))?"
+_LINE = re.compile(r"#line (\d+) // (.+)")
+FILE_LINES = 100_000  # of each file of a traced text; Mesa forgets the number of the file that #line may have
 _INCLUDE = re.compile(rf'^[ \t]*#include[ \t]+(?:"([^"]+)"|<([^>]+)>){_WITH}[ \t]*$', re.MULTILINE)
 
 
 def compose(
-    source: Path | str, roots: Sequence[Path], defines: Mapping[str, str] = {}, slots: Mapping[str, str] = {}
+    source: Path | str,
+    roots: Sequence[Path],
+    defines: Mapping[str, str] = {},
+    slots: Mapping[str, str] = {},
+    *,
+    traced: bool = False,
 ) -> str:
     """The complete source text of one shader stage.
 
-    source, and each slot's: a file relative to a root, or the source itself if it has several lines. Raises
-    FileNotFoundError for an include that no root has, KeyError for a slot without a file.
+    source, and each slot's: a file relative to a root, or the source itself if it has several lines. traced: with #line
+    directives, from which `places` knows the file and line of each line. Raises FileNotFoundError for an include that
+    no root has, KeyError for a slot without a file.
     """
     taken: set[tuple[Path | str, str]] = set()
 
-    def expand(text: str, old: str = "", new: str = "") -> str:
+    def expand(text: str, old: str, new: str, line: Callable[[int], str]) -> str:
         text = _renamed(text, old, new) if old else text
-        return _INCLUDE.sub(lambda match: include(match[1] or slots[match[2]], match[3] or old, match[4] or new), text)
+
+        def included(match: re.Match[str]) -> str:
+            inner = include(match[1] or slots[match[2]], match[3] or old, match[4] or new)
+            return f"{inner}\n{line(text.count(chr(10), 0, match.end()) + 1)}" if traced else inner
+
+        return _INCLUDE.sub(included, text)
 
     def include(name: str, old: str = "", new: str = "") -> str:
         found = name if "\n" in name else _find(name, roots)
         if (found, new) in taken:
             return ""
         taken.add((found, new))
-        return expand(found.read_text(encoding="utf-8") if isinstance(found, Path) else found, old, new)
+        text, number = found.read_text(encoding="utf-8") if isinstance(found, Path) else found, len(taken)
+        if not traced:
+            return expand(text, old, new, str)
+        label, first = (name, 1) if isinstance(found, Path) else _inline_place(found, roots)
+
+        def line(after: int) -> str:
+            """The directive that numbers the next line, after so many lines of the file."""
+            return f"#line {number * FILE_LINES + first + after} // {label}"
+
+        return f"{line(0)}\n{expand(text, old, new, line)}"
 
     body = include(str(source))
     return "\n".join([VERSION, *(f"#define {name} {value}" for name, value in defines.items()), body])
@@ -45,9 +67,27 @@ def _renamed(text: str, old: str, new: str) -> str:
     return re.sub(rf"\b{old.upper()}(?=_)", new.upper(), text)
 
 
-def numbered(text: str) -> str:
-    """The source text with line numbers, for error messages."""
-    return "\n".join(f"{number:4d}  {line}" for number, line in enumerate(text.splitlines(), start=1))
+def places(text: str) -> list[tuple[int, str]]:
+    """The number by which a driver calls each line of a text, and its file; none without #line directives.
+
+    In a file it is the line of the number modulo FILE_LINES.
+    """
+    found, number, name = [], 1, ""
+    for line in text.splitlines():
+        found.append((number, name))
+        number += 1
+        if directive := _LINE.match(line):
+            number, name = int(directive[1]), directive[2]
+    return found
+
+
+def _inline_place(source: str, roots: Sequence[Path]) -> tuple[str, int]:
+    """The Python file beside the shaders that has a source in it, and the source's first line there."""
+    for file in (file for root in roots for file in sorted(root.glob("*.py"))):
+        before, found, _ = file.read_text(encoding="utf-8").partition(source)
+        if found:
+            return file.name, before.count("\n") + 1
+    return "inline source", 1
 
 
 def _find(name: str, roots: Sequence[Path]) -> Path:

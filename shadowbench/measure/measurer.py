@@ -27,8 +27,8 @@ class Reporter(Protocol):
     def note(self, line: str) -> None:
         """Show one line to the user."""
 
-    def stage(self, name: str, total: int) -> None:
-        """Begin a stage of `total` steps."""
+    def stage(self, name: str, total: int | None) -> None:
+        """Begin a stage of `total` steps, None if unknown."""
 
     def step(self, what: str) -> None:
         """Count one step of the stage as done."""

@@ -94,6 +94,7 @@ class ScoreRow(CellIdentity):
     truth_error_pen: NotRequired[NonNegative]
     penumbra: NotRequired[Count]
     width_share: NotRequired[NonNegative | None]
+    width_bias: NotRequired[FiniteFloat | None]
     surface_mismatch: NotRequired[Count]
     assumptions: NotRequired[list[str]]
     flips: NotRequired[FiniteFloat | None]

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.scenes.model import Floats, View
+from shadowbench.scores.comparison import Comparison
 from shadowbench.scores.masks import mask_sha256
-from shadowbench.scores.metrics import score
+from shadowbench.scores.metrics import values_of
 from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.truths.trace import Truth
 
@@ -55,15 +56,19 @@ def mask_record(
 
     visibility: (N, N), quantised to 16 bits; prepared: `prepare_truth(truth)`, shared by many masks; surface: (N, N)
     triangle ids of the G-buffer that the mask was drawn over, None if there is none. Row 0 is at the top.
-    A soft truth adds its own error, root mean square over receivers and over the penumbra, and what widths are from.
+    A soft truth adds its own error, root mean square over receivers and over the penumbra, what widths are from, and
+    whether they are too wide or too narrow.
     """
+    comparison = Comparison(visibility, prepared)
     record: dict[str, Any] = {
-        "metrics": score(visibility, prepared),
+        "metrics": values_of(comparison),
         "receivers": int(truth.receivers.sum()),
         "undecided": int((truth.receivers & truth.undecided).sum()),
         "mask_sha256": mask_sha256(visibility),
         **truth_record(prepared),
     }
+    if prepared.soft:
+        record["width_bias"] = comparison.width_bias
     if surface is not None:
         decided = truth.receivers & ~truth.undecided
         record["surface_mismatch"] = int((decided & (surface != truth.triangle)).sum())

@@ -126,8 +126,11 @@ def sections(runs: Sequence[Run]) -> dict[str, list[Section]]:
 
 
 def by_kind(sections: Sequence[Section]) -> list[list[Section]]:
-    """The sections with hard shadows and those with soft ones, whose errors are not comparable; without empty lists."""
-    kinds = [[section for section in sections if section.soft == soft] for soft in (False, True)]
+    """The sections with hard shadows and those with soft ones, whose errors are not comparable; without empty lists.
+
+    A section without any score, such as one whose light nothing supports, is of neither kind.
+    """
+    kinds = [[section for section in sections if section.scored and section.soft == soft] for soft in (False, True)]
     return [kind for kind in kinds if kind]
 
 

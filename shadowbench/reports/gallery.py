@@ -22,14 +22,15 @@ from shadowbench.extremes.ranges import value_text
 from shadowbench.measure.rows import Record
 from shadowbench.reports.analysis import Section
 from shadowbench.reports.stability import Stability
-from shadowbench.reports.words import digits
+from shadowbench.reports.words import digits, fault_lines
 from shadowbench.scores.difference import difference_over, weight
 from shadowbench.scores.masks import read_mask
-from shadowbench.scores.metrics import METRICS, is_soft
+from shadowbench.scores.metrics import METRICS, is_soft, ranking
 from shadowbench.studies.folder import Folder
 
 MAX_PIXELS = 160 * 1024 * 1024  # of all masks in a report, 28 MB if they are noise; larger masks are scaled down
 _MIN_SIZE = 128  # pixels along a side
+SHOWN_FAULTS = 2  # below a small picture
 _STEPS = 16  # quantisation of a difference's colour, for compression
 
 
@@ -38,7 +39,7 @@ class GalleryCell:
     """A cell whose picture is shown.
 
     view_name: camera and light, or axis value and light; cells of the same view share a truth. caption: text below the
-    picture.
+    picture; error: by which it is ranked, None without one; faults: what is wrong with its soft shadows.
     """
 
     row: Record
@@ -46,6 +47,8 @@ class GalleryCell:
     map_size: int | None
     view_name: str
     caption: str
+    error: float | None = None
+    faults: tuple[str, ...] = ()
 
     @property
     def truth(self) -> str:
@@ -57,9 +60,9 @@ class GalleryCell:
 class Gallery:
     """The pictures of a section or sweep as JSON data; images are data URIs, None if the file is missing.
 
-    cells: dicts of spec, size, view, score, caption, mask, soft (whether the truth is), and picture, used if the view
-    has no shading images; views: by view name, images of the truth, the undecided pixels, and the view without shadow
-    (lit) and in full shadow (ambient); notes: on missing files and on scaling.
+    cells: dicts of spec, size, view, score, caption, error, faults, mask, soft (whether the truth is) and picture,
+    which is used if the view has no shading images; views: by view name, images of the truth, the undecided pixels, and
+    the view without shadow (lit) and in full shadow (ambient); notes: on missing files and on scaling.
     """
 
     cells: tuple[dict[str, Any], ...]
@@ -85,7 +88,10 @@ def scored_cells(section: Section) -> list[GalleryCell]:
         )
         caption = [_score(score), *others, "not timed" if math.isnan(ms) else f"{digits(ms)} ms{software}"]
         view_name = f"{score['view']}, {score['light']}"
-        found.append(GalleryCell(score, score["spec"], score["map_size"], view_name, ", ".join(caption)))
+        ranked_by = ranking(is_soft(metrics))
+        value, told = metrics.get(ranked_by.name), tuple(fault_lines(score)[:SHOWN_FAULTS])
+        error = None if value is None else ranked_by.error(value)
+        found.append(GalleryCell(score, score["spec"], score["map_size"], view_name, ", ".join(caption), error, told))
     return found
 
 
@@ -160,6 +166,8 @@ def _cell(cell: GalleryCell, folder: Path, view: dict[str, str | None], max_size
         "view": cell.view_name,
         "score": _score(cell.row),
         "caption": cell.caption,
+        "error": cell.error,
+        "faults": cell.faults,
         "soft": is_soft(cell.row["metrics"]),
         "mask": _mask(mask, int(cell.row["view_size"]), max_size),
         "picture": None if shaded else _picture(picture, max_size),

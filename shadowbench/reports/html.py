@@ -34,6 +34,7 @@ from shadowbench.reports.words import (
     tolerances,
 )
 from shadowbench.studies.folder import Run, Sweep
+from shadowbench.techniques.registry import preset_names
 
 _PAGE = Path(__file__).parent / "page"
 _GLOBALS = "window.vegaEmbed = vegaEmbed;"
@@ -91,6 +92,7 @@ def _page_data(panels: Sequence[Panel], specs: Sequence[str]) -> dict[str, Any]:
             for one in panels
         ],
         "specs": specs,
+        "names": preset_names(),
         "colors": COLORS[:MAX_SHOWN],
         "shapes": SHAPES,
         "outlines": OUTLINES,

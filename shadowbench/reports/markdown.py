@@ -9,6 +9,7 @@ from shadowbench.reports.verdict import cell_texts, target_name, verdict
 from shadowbench.reports.words import (
     breaks_without_picture,
     digits,
+    faults_of,
     mask_warnings,
     range_tables,
     range_text,
@@ -81,6 +82,7 @@ def _section(section: Section) -> list[str]:
     ]
     if rows:
         blocks.append(_table(["spec", "map", section.ranked_by.error_label, *columns], rows))
+    blocks += [f"- `{label}`: {_cell(line)}" for label, line in faults_of(section)]
     blocks += _costs([section])
     blocks += [f"- `{label}`: {_cell(status)}" for label, status in unscored(section)]
     blocks += [f"- {_cell(line)}" for line in mask_warnings(section)]

@@ -143,8 +143,11 @@ class Panel:
 
 
 def panels_of(run: Run, index: int, every: Sequence[Section]) -> list[Panel]:
-    """The panels of a run: one for all its hard or soft scenes if there are several, then one per scene."""
-    ours = [section for section in every if section.run is run]
+    """The panels of a run: one for all its hard or soft scenes if there are several, then one per scene.
+
+    Scenes without any score come last.
+    """
+    ours = sorted((section for section in every if section.run is run), key=lambda section: not section.scored)
     ids = {section.title: f"{index}-{at}" for at, section in enumerate(ours, start=1)}
     kinds = by_kind(ours)
     overall = [

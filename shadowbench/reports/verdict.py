@@ -61,7 +61,8 @@ def cost_note(sections: Sequence[Section]) -> str:
     if not any(section.timed for section in sections):
         return "Nothing here was timed: the cost is the size of the smallest map that suffices."
     mean = "mean frame time of shadows over these scenes" if len(sections) > 1 else "frame time of shadows"
-    return f"Cost: {mean}. {sentence(time_source(run))} ~ marks a rough time."
+    rough = " ~ marks a rough time." if any(one.row.rough for section in sections for one in section.timed) else ""
+    return f"Cost: {mean}. {sentence(time_source(run))}{rough}"
 
 
 def _main_target(complete: Sequence[Candidate]) -> Target | None:

@@ -4,13 +4,19 @@ from collections import Counter
 
 from shadowbench.extremes.axes.model import NAMES, Axis, value_label
 from shadowbench.extremes.ranges import HARD, SOFT, OperatingRange, value_text
+from shadowbench.measure.rows import Record
 from shadowbench.reports.analysis import Configuration, Section
 from shadowbench.reports.stability import Stability, complete_count
+from shadowbench.scores.metrics import is_soft
+from shadowbench.scores.soft_faults import soft_faults
 from shadowbench.studies.folder import Run, Sweep
 from shadowbench.studies.tables import phase_note
 from shadowbench.studies.times import time_notes
 
 SOFTWARE = "times of a software renderer: for trends only, not representative of a GPU"
+NO_HARDENING = (
+    "no hardening: it needs 30 true penumbrae wider than 4 px on planes, whose widths differ by a factor of 3"
+)
 EDGE_NAMES = {1.0: "1 px", 0.5: "½ px", 0.25: "¼ px"}
 
 
@@ -42,12 +48,28 @@ def section_notes(section: Section) -> list[str]:
     """Notes on a section: maps scored in one phase only, the reference of its times, and rough times."""
     rows = [one.row for one in section.scored]
     rough = [one.row.rough for one in section.timed]
-    return [*filter(None, [phase_note(rows)]), *time_notes(section.reference, rough)]
+    flat = [NO_HARDENING] if section.soft and not any(row.values.get("hardening") for row in rows) else []
+    return [*filter(None, [phase_note(rows)]), *flat, *time_notes(section.reference, rough)]
 
 
 def value_of(one: Configuration, name: str) -> str:
     """Text of a metric or time (see `SummaryRow.text`)."""
     return one.row.text(name, digits)
+
+
+def fault_lines(row: Record) -> list[str]:
+    """What is wrong with the soft shadows of a score row, causes first; empty for hard ones."""
+    metrics = row["metrics"]
+    faults = soft_faults(metrics, row.get("width_bias")) if is_soft(metrics) else []
+    return [f"{fault.name}: {fault.line}" for fault in faults]
+
+
+def faults_of(section: Section) -> list[tuple[str, str]]:
+    """What is wrong with each configuration of a soft scene, best first, by its first cell: label and sentences."""
+    rows = [row for row in section.run.rows if row["key"] in set(section.frame["key"]) and row["status"] == "ok"]
+    first = {(row["spec"], row["map_size"]): row for row in reversed(rows)}
+    told = [(one.label, "; ".join(fault_lines(first[one.spec, one.map_size]))) for one in section.scored]
+    return [(label, line) for label, line in told if line]
 
 
 def unscored(section: Section) -> list[tuple[str, str]]:
@@ -61,7 +83,7 @@ def unscored(section: Section) -> list[tuple[str, str]]:
             total = one.row.cells + len(one.row.refused)
             reasons.append(f"{count} of {total} cells {status}" if total > 1 else status)
         for reason in reasons:
-            sizes = found.setdefault((one.spec, reason), [])
+            sizes = found.setdefault((one.row.label, reason), [])
             sizes += [one.map_size] if one.map_size else []
     return [
         (f"{spec} at {', '.join(map(str, sorted(sizes)))}" if sizes else spec, reason)

@@ -9,7 +9,7 @@ from shadowbench.errors import InputError, alternatives
 from shadowbench.scenes.assumed import assumed_ground, assumed_up_note, mesh_bounds, with_assumptions
 from shadowbench.scenes.files import read_document, read_lights, read_scene_file
 from shadowbench.scenes.meshes import MESH_SUFFIXES, read_meshes
-from shadowbench.scenes.model import Scene
+from shadowbench.scenes.model import Light, Scene
 from shadowbench.scenes.tables import NAME, NAMES, name_from
 
 LONGEST_PATH = 4096
@@ -89,8 +89,7 @@ def builtin_names() -> list[str]:
 
 def hard_names() -> list[str]:
     """Sorted names of the built-in scenes whose lights have no size."""
-    documents = {name: read_document(data_folder("scenes") / f"{name}.toml") for name in builtin_names()}
-    return [name for name, one in documents.items() if not any(light.soft for light in read_lights(one, name))]
+    return [name for name in builtin_names() if not any(light.soft for light in _builtin_lights(name))]
 
 
 def builtin_about(name: str) -> str:
@@ -98,6 +97,16 @@ def builtin_about(name: str) -> str:
     if name not in builtin_names():
         raise InputError(f"{name!r:.60} {_not_builtin(name)}")
     return read_document(data_folder("scenes") / f"{name}.toml").about
+
+
+def builtin_light(name: str) -> str:
+    """The kinds of a built-in scene's lights: `directional`, or `directional, soft` for one with a size."""
+    kinds = [f"{light.kind}, soft" if light.soft else light.kind for light in _builtin_lights(name)]
+    return "; ".join(dict.fromkeys(kinds))
+
+
+def _builtin_lights(name: str) -> tuple[Light, ...]:
+    return tuple(read_lights(read_document(data_folder("scenes") / f"{name}.toml"), name))
 
 
 def _is_utf8(text: str) -> bool:

@@ -1,5 +1,6 @@
 """Views of a scene by the names of camera and light."""
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TypeVar
@@ -60,4 +61,6 @@ def named(things: Sequence[Named], name: str, where: str) -> Named:
     for thing in things:
         if thing.name == name:
             return thing
-    raise InputError(f"{where}: found {name!r:.60}{alternatives(name, [thing.name for thing in things])}")
+    size = re.fullmatch(r"(\d+)(x\d+)?", name)
+    hint = f"; a view is square, and --view-size {size[1]} is its size" if size else ""
+    raise InputError(f"{where}: found {name!r:.60}{alternatives(name, [thing.name for thing in things])}{hint}")

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.scores.ssim import ssim_map
 from shadowbench.scores.thresholded import ThresholdedMask
+from shadowbench.scores.widths import FEWEST
 
 
 class Comparison(ThresholdedMask):
@@ -62,6 +63,14 @@ class Comparison(ThresholdedMask):
         """(C,) widths of the mask's penumbrae at the truth's crossings, in metres; None if unknown."""
         across = self.truth.crossings
         return None if across is None else across.widths_of(self.visibility)
+
+    @property
+    def width_bias(self) -> float | None:
+        """Median log₂ of the mask's over the truth's widths, above 0 where too wide; None where `width` is."""
+        across, widths = self.truth.crossings, self.penumbra_widths
+        if across is None or widths is None or len(widths) < FEWEST:
+            return None
+        return float(np.median(np.log2(widths / across.width)))
 
     @cached_property
     def hardening(self) -> tuple[float, float] | None:

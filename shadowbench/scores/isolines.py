@@ -11,6 +11,7 @@ Mask = NDArray[np.bool_]
 
 SMOOTHING = 1.5  # px, σ of the Gaussian over which the direction of a gradient is found
 REACH = 3  # px along the isoline to either side
+STRAIGHT = np.float32(np.cos(np.radians(30)))  # least cosine between the gradients at a segment's middle and ends
 FLAT = 1e-6  # change of visibility per pixel up to which a gradient has no direction
 
 
@@ -33,7 +34,10 @@ def smooth_gradient(visibility: Single, valid: Mask) -> Single:
 
 @dataclass(frozen=True, eq=False)
 class Isolines:
-    """Segments of REACH pixels to either side of the P pixels of a penumbra where the truth's gradient has a direction.
+    """Segments of REACH pixels to either side of P pixels of a penumbra, along which the truth's isolines are straight.
+
+    Where isolines curve within that length, as around pinholes, a segment leaves its isoline and any smooth error, such
+    as a blur, varies along it.
 
     rows, columns: (P,) pixels; ahead, behind: (REACH, 2, P) rows and columns of points on the segment; weight_ahead,
     weight_behind: (REACH, P) how far they lie on valid pixels, in [0, 1].
@@ -55,6 +59,8 @@ class Isolines:
         steps = np.arange(1, REACH + 1, dtype=np.float32)[:, np.newaxis, np.newaxis] * tangent
         here = np.stack([rows, columns]).astype(np.float32)
         ahead, behind = here + steps, here - steps
+        straight = _straight(gradient, np.stack([down, right]), np.stack([ahead[-1], behind[-1]]))
+        rows, columns, ahead, behind = rows[straight], columns[straight], ahead[..., straight], behind[..., straight]
         counted = valid.astype(np.float32)
         return cls(rows, columns, ahead, behind, _sampled(counted, ahead), _sampled(counted, behind))
 
@@ -75,6 +81,15 @@ class Isolines:
         away, number = (here - (here + pairs.sum(axis=0)) / number)[chosen], number[chosen]
         squares = away.astype(np.float64) ** 2 * number / (number - 1)
         return float(squares.mean() - known[self.rows, self.columns][chosen].mean(dtype=np.float64))
+
+
+def _straight(gradient: Single, here: Single, ends: Single) -> Mask:
+    """(P,) whether the gradients at both ends (2, 2, P) of segments have about the direction of that `here` (2, P)."""
+    there = np.stack([_sampled(part, ends) for part in gradient], axis=1)
+    along = (there * here).sum(axis=1)
+    least = STRAIGHT * np.linalg.norm(there, axis=1) * np.linalg.norm(here, axis=0)
+    straight: Mask = ((along >= least) & (along > 0)).all(axis=0)
+    return straight
 
 
 def _sampled(values: Single, points: Single) -> Single:

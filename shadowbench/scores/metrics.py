@@ -70,7 +70,11 @@ def score(visibility: ArrayLike, prepared: PreparedTruth) -> dict[str, float | N
     visibility: (H, W) in [0, 1], 1 lit and 0 in shadow, quantised before scoring; values at invalid pixels are ignored,
     but must be finite. Raises ValueError for NaN, infinity, values out of range, or another shape.
     """
-    comparison = Comparison(visibility, prepared)
+    return values_of(Comparison(visibility, prepared))
+
+
+def values_of(comparison: Comparison) -> dict[str, float | None]:
+    """Values of all metrics by name, in the order of the table."""
     return {metric.name: metric.function(comparison) for metric in METRICS.values()}
 
 
@@ -229,8 +233,8 @@ METRICS: dict[str, Metric] = {
             soft.noise,
             "lower",
             "soft",
-            "Standard deviation of the error of visibility along 7 px of the truth's isolines in the penumbra, the "
-            "truth's own error taken off: dither, too few samples.",
+            "Standard deviation of the error of visibility along 7 px of the truth's isolines in the penumbra, where "
+            "they are straight, the truth's own error taken off: dither, too few samples.",
             resolution="truth_error_pen",
         ),
         Metric(
@@ -238,7 +242,8 @@ METRICS: dict[str, Metric] = {
             soft.banding,
             "lower",
             "soft",
-            "Share of the penumbra in which the mask is grey and its gradient below a tenth of the truth's.",
+            "Share of the penumbra in which the mask is grey and its gradient below a tenth of the truth's and of its "
+            "own within 8 px: flat steps, few levels.",
         ),
         Metric(
             "width",

@@ -6,6 +6,7 @@ The truth of a soft shadow is sampled: its mean variance is taken off squared er
 import math
 
 import numpy as np
+from scipy import ndimage
 
 from shadowbench.scores.comparison import Comparison
 from shadowbench.scores.isolines import step_squared
@@ -13,7 +14,8 @@ from shadowbench.scores.prepared import PENUMBRA
 from shadowbench.scores.sums import mean, root_mean, share
 from shadowbench.scores.widths import FEWEST
 
-FLAT_STEP = 0.1  # share of the truth's step below which a mask is flat
+FLAT_STEP = 0.1  # share of the truth's step, and of the mask's own nearby, below which a mask is flat
+NEARBY_PX = 8  # along rows and columns, how far a flat step may be from the edge to the next
 RESOLVED_STEP = 2.0  # standard errors above which a step of the truth is one
 
 
@@ -54,14 +56,21 @@ def noise(comparison: Comparison) -> float | None:
 
 
 def banding(comparison: Comparison) -> float | None:
-    """Share of the penumbra in which the mask is grey and flat and the truth is not."""
+    """Share of the penumbra in which the mask is grey and flat, and neither the truth nor the mask nearby is.
+
+    The mask's own step tells a staircase from a smooth ramp that is much wider than the truth's: that is nowhere as
+    steep as the truth, but everywhere about as steep as nearby. (A Gaussian blur of an edge is an eighth as steep at
+    visibility 0.02 as at its middle.)
+    """
     prepared, mask = comparison.truth, comparison.visibility
     if not prepared.soft:
         return None
     grey = (mask > PENUMBRA[0]) & (mask < PENUMBRA[1])
     step, true_step = step_squared(mask, prepared.valid), prepared.step_squared
     resolved = true_step > RESOLVED_STEP**2 * prepared.standard_error**2
-    return share(grey & resolved & (step < FLAT_STEP**2 * true_step), prepared.penumbra)
+    nearby = ndimage.maximum_filter(np.where(prepared.penumbra, step, 0), 2 * NEARBY_PX + 1, mode="nearest")
+    flat = step < FLAT_STEP**2 * np.minimum(true_step, nearby)
+    return share(grey & resolved & flat, prepared.penumbra)
 
 
 def width(comparison: Comparison) -> float | None:

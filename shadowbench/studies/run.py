@@ -17,6 +17,7 @@ from shadowbench.measure.session import DeviceInfo
 from shadowbench.scenes.model import Scene
 from shadowbench.scenes.views import first_of
 from shadowbench.studies.study import Study, scenes_of
+from shadowbench.techniques.filters import Filter
 from shadowbench.techniques.unshadowed import Unshadowed
 from shadowbench.truths.cache import cached_truth
 from shadowbench.truths.trace import Truth
@@ -40,7 +41,8 @@ def run_study(
     """
     check_sizes(study, executor.info)
     profile, blocks = Profile(), list(study.blocks())
-    notes = [*study.notes, *(note for scene in scenes_of(blocks) for note in _notes_on(study, scene))]
+    of_scenes = [note for scene in scenes_of(blocks) for note in _notes_on(study, scene)]
+    notes = [*study.notes, *_filter_notes(study), *of_scenes]
     for note in notes:
         reporter.note(note)
     uniform: set[str] = set()  # views
@@ -95,6 +97,11 @@ def _uniform_mask(result: Result) -> str | None:
     size = f" at {row['map_size']}" if row["map_size"] else ""
     where = "in shadow" if row["metrics"]["iou"] else "lit"
     return f"{row['spec']}{size} draws every scored pixel {where}"
+
+
+def _filter_notes(study: Study) -> list[str]:
+    filters = {spec.text: getattr(spec.params, "filter", None) for spec in study.specs}
+    return [f"{text}: {one.note}" for text, one in filters.items() if isinstance(one, Filter) and one.note]
 
 
 def _notes_on(study: Study, scene: Scene) -> list[str]:

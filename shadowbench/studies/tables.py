@@ -16,6 +16,7 @@ from shadowbench.measure.time_rows import REDRAWN
 from shadowbench.scores.metrics import METRICS, Metric, is_soft, ranking
 from shadowbench.studies.times import ROUGH, ReferenceTime, normalise_times
 from shadowbench.techniques.grammar import parameters_of
+from shadowbench.techniques.registry import preset_names
 
 _IDENTITY = ["scene", "view", "light", "phase", "technique", "spec", "map_size", "view_size", "renderer", "status"]
 _TIMES = ["frame_ms", "frame_iqr_ms", "added_ms", "ratio", "n", "clock"]
@@ -23,7 +24,7 @@ _TOTALS = ["wall_ms", *(f"{moved}_ms" for moved in REDRAWN)]
 _LENGTHS = ("fact_bias_m", "fact_bias_texels", "fact_normal_offset_m", "fact_normal_offset_texels")
 _MORE_TIMES = ["ratio_iqr", "reference", "reference_ms", *_TOTALS]  # additional columns, after the promised ones
 _TRUTH_ERRORS = ["truth_error", "truth_error_pen"]
-_SOFT = [*_TRUTH_ERRORS, "penumbra", "width_share"]  # of a soft truth
+_SOFT = [*_TRUTH_ERRORS, "penumbra", "width_share", "width_bias"]  # of a soft truth
 _MORE = [
     "receivers",
     "undecided",
@@ -109,9 +110,9 @@ class SummaryRow:
 
     @property
     def label(self) -> str:
-        """The spec as tables print it, with the numbers by which it differs from others of its technique."""
-        if not self.unset:
-            return self.spec
+        """The spec as tables print it: a preset by its name, or with the numbers by which it differs from others."""
+        if self.spec in preset_names() or not self.unset:
+            return preset_names().get(self.spec, self.spec)
         return f"{self.spec}{',' if ':' in self.spec else ':'}{','.join(self.unset)}"
 
     @property
@@ -151,8 +152,17 @@ class SummaryRow:
             return "–"
         if name in METRICS:
             medians = {field: found.median for field in _TRUTH_ERRORS if (found := self.values.get(field)) is not None}
-            return METRICS[name].text(value.median, digits, medians)
+            way = self._way if name == "width" else ""
+            return METRICS[name].text(value.median, digits, medians) + way
         return f"{'~' if name.endswith('_ms') and self.rough else ''}{digits(value.median)}"
+
+    @property
+    def _way(self) -> str:
+        """Whether most penumbrae are drawn too wide or too narrow; empty if about as many are either."""
+        width, bias = self.values.get("width"), self.values.get("width_bias")
+        if width is None or bias is None or not bias.median or abs(bias.median) < width.median / 2:
+            return ""
+        return " wide" if bias.median > 0 else " narrow"
 
     @property
     def single_phase(self) -> bool:
@@ -201,7 +211,7 @@ def summary_rows(table: pd.DataFrame) -> list[SummaryRow]:
     for key, group in table.groupby(["spec", "map_size"], sort=False, dropna=False):
         spec, size = cast("tuple[str, float]", key)
         succeeded = group[group["status"] == "ok"]
-        names = [*ROW_METRICS, *_TRUTH_ERRORS, *_TIMES[:4], *_TOTALS, "gpu_bytes"]
+        names = [*ROW_METRICS, *_TRUTH_ERRORS, "width_bias", *_TIMES[:4], *_TOTALS, "gpu_bytes"]
         values = {name: interval(succeeded[name].tolist()) for name in names}
         values |= {name: interval(succeeded[name].tolist()) for name in _LENGTHS if name in succeeded}
         refused = tuple(group.loc[group["status"] != "ok", "status"])

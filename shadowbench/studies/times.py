@@ -26,6 +26,7 @@ class ReferenceTime:
 
     shortest_ms, longest_ms: range over the blocks of one view and light, that with the largest spread; the reference
     may cost more in other views. left_out: number of cells timed against another reference or without a ratio.
+    one_round: whether a cell was timed once only.
     """
 
     name: str
@@ -34,6 +35,7 @@ class ReferenceTime:
     longest_ms: float
     blocks: int
     left_out: int
+    one_round: bool
 
     @property
     def drifted(self) -> bool:
@@ -70,7 +72,8 @@ def normalise_times(table: pd.DataFrame) -> tuple[pd.DataFrame, ReferenceTime | 
     left_out = int((table["frame_ms"].notna() & ~ours).sum())
     spans = reference_ms[ours].groupby([table["view"], table["light"]]).agg(["min", "max"])
     shortest, longest = spans.iloc[(spans["max"] / spans["min"]).to_numpy().argmax()]
-    return shown, ReferenceTime(str(name), ms, float(shortest), float(longest), len(blocks), left_out)
+    one_round = bool(table["n"][ours].eq(1).any())
+    return shown, ReferenceTime(str(name), ms, float(shortest), float(longest), len(blocks), left_out, one_round)
 
 
 def pareto_front(points: Sequence[tuple[float, float]]) -> list[int]:
@@ -96,6 +99,8 @@ def time_notes(reference: ReferenceTime | None, rough: Sequence[bool] = ()) -> l
     if any(rough):
         count = f"{sum(rough)} of {len(rough)} times"
         notes.append(f"~: {count} have an interquartile range above a third of their median; more --rounds help")
+    if reference.one_round:
+        notes.append("timed in one round: how far times vary is unknown, and no ~ marks a rough one")
     if reference.left_out:
         count = f"{reference.left_out} cell{'' if reference.left_out == 1 else 's'}"
         notes.append(f"times of {count} left out: they have no ratio to {name}")

@@ -10,7 +10,7 @@ from shadowbench.survey.cascades import CascadeSizes
 from shadowbench.survey.casters import Casters
 from shadowbench.survey.depth import BIAS_STEPS, CONTACT, BiasNeed, DepthBits
 from shadowbench.survey.maps import REFERENCE_SIZE
-from shadowbench.survey.penumbra import Penumbra
+from shadowbench.survey.penumbra import HARD_RMSE, Penumbra
 from shadowbench.survey.receivers import Receivers
 from shadowbench.survey.relevant_casters import RelevantCasters
 from shadowbench.survey.sampling import Estimate
@@ -151,17 +151,17 @@ def _penumbra(need: Penumbra, light: LightShape) -> Iterator[Explanation]:
     whose = f"the {'sun' if sun else 'lamp'} is {size}" + (
         " (assumed, as the scene gives its light no size)" if need.assumed else ""
     )
-    enough = "hard shadows suffice" if need.hard_is_enough else "hard shadows are too sharp"
     yield Explanation(
         "penumbra",
         f"{_value(need.p95)} px",
-        f"95th percentile of the penumbra's width, the median is {need.median.value:.3g}: {whose}; {enough}",
+        f"95th percentile of the penumbra's width, the median is {need.median.value:.3g}: {whose}",
     )
+    verdict = f"at most {HARD_RMSE:g}: they suffice" if need.hard_is_enough else f"above {HARD_RMSE:g}: too sharp"
     yield Explanation(
         "error of hard",
         _value(need.hard_rmse),
         "RMSE of exact hard shadows, as the centre of the light casts them, over all receivers; "
-        f"{_share(need.share)} of the shadow is penumbra",
+        f"{_share(need.share)} of the shadow is penumbra; {verdict}",
     )
 
 

@@ -16,6 +16,8 @@ from shadowbench.truths.trace import OFFSET
 
 BULB = 0.03
 """Radius of a common household bulb, in metres (A60: 60 mm across)."""
+HARD_RMSE = 0.02
+"""RMSE up to which hard shadows suffice: what `recommend` asks of soft shadows by default."""
 RECEIVERS = 1 << 16  # most receivers whose visibility is sampled
 POINTS = 16  # of the light, in each of two replications
 _STAGE = 1 << 15  # of random shifts, beyond the truth's
@@ -39,8 +41,12 @@ class Penumbra:
 
     @property
     def hard_is_enough(self) -> bool:
-        """Whether 95% of the penumbrae are narrower than a pixel."""
-        return self.p95.value < 1.0
+        """Whether their error is at most HARD_RMSE.
+
+        Widths do not tell: narrow penumbrae are a large error where they cover much of the view, wide ones a small
+        error where they cover little.
+        """
+        return self.hard_rmse.value <= HARD_RMSE
 
 
 def penumbra_of(samples: Samples) -> Penumbra | None:

@@ -55,7 +55,7 @@ class Cascades(Technique):
     lights = frozenset({"directional"})
     phased = True
     picture_scene = "deep-street"
-    grid = {"count": (2, 3, 5), **MAP_GRID, "size": (256, 512, 1024, 2048)}
+    grid = {"count": (2, 3, 5), **MAP_GRID}
     soft_grid = MAP_SOFT_GRID
     variants = ("box=scene", "box=tight", "box=sphere,stable=true")
     # Engines end their cascades at distances, here shares of the camera's far plane. Godot: light_3d.cpp,

@@ -48,6 +48,11 @@ class Filter(Component):
         return 0.0
 
     @property
+    def note(self) -> str:
+        """What it does otherwise than its parameters say; empty if nothing."""
+        return ""
+
+    @property
     def contents(self) -> Contents | None:
         """What the map stores besides depth; None for a filter that reads depths only."""
         return None

@@ -26,7 +26,7 @@ from shadowbench.techniques.filters import Filter
 from shadowbench.techniques.fits import Fit
 from shadowbench.techniques.grammar import WORD
 from shadowbench.techniques.params import Component
-from shadowbench.techniques.spec import forget_parsed
+from shadowbench.techniques.spec import forget_parsed, parse_spec
 from shadowbench.techniques.splits import Split
 
 GROUP = "shadowbench.techniques"
@@ -43,6 +43,14 @@ def own_techniques() -> tuple[type[Technique], ...]:
     modules = [import_module(found.name) for found in iter_modules(package.__path__, f"{package.__name__}.")]
     found = [one for module in modules for one in _defined_in(module)]
     return tuple(one for one in found if issubclass(one, Technique) and _named(one))
+
+
+@cache
+def preset_names() -> Mapping[str, str]:
+    """The short form of specs that equal a preset, as in `shadow-map:preset=three`, by their `sizeless_text`."""
+    known = {technique.name: technique for technique in own_techniques()}
+    shorts = [f"{name}:preset={preset}" for name, technique in known.items() for preset in technique.presets]
+    return {parse_spec(short, known).sizeless_text: short for short in reversed(shorts)}
 
 
 def techniques(plugins: Sequence[Path] = ()) -> Mapping[str, type[Technique]]:

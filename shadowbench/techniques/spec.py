@@ -95,8 +95,17 @@ def parse_spec(text: str, techniques: "Mapping[str, type[Technique]]") -> Spec:
     if name is None:
         raise reader.fail("a technique's name")
     if name not in techniques:
-        raise InputError(f"unknown technique {name!r:.60}{alternatives(name, sorted(techniques))}")
+        raise InputError(f"unknown technique {name!r:.60}{alternatives(name, sorted(techniques))}{_component(name)}")
     return _parsed(text, techniques[name])
+
+
+def _component(name: str) -> str:
+    """A hint on where to write the name of a bias, filter, fit or split; empty for another name."""
+    for family in Component.__subclasses__():
+        if name in family.table:
+            what = family.__name__.lower()
+            return f"; {name} is a {what}: {'cascades' if what == 'split' else 'shadow-map'}:{what}={name}"
+    return ""
 
 
 def forget_parsed() -> None:

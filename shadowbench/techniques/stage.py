@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from shadowbench.data import data_folder
 from shadowbench.gl.device import Device, Releasable
 from shadowbench.gl.geometry import DeviceGeometry
-from shadowbench.gl.program import Drawable, Program, link
+from shadowbench.gl.program import Drawable, Program, ShaderError, link
 from shadowbench.gl.shaders import compose
 from shadowbench.gl.targets import (
     FACES,
@@ -89,7 +89,11 @@ class Stage:
         uniforms |= {"metre": self.placement.length(1.0), "subpixel": 2.0**-self.device.subpixel_bits}
         stages = {"vert": vertex, "frag": fragment} | ({"geom": geometry} if geometry is not None else {})
         texts = {stage: compose(source, roots, names, slots) for stage, source in stages.items()}
-        program = link(self.device, *texts.values())
+        try:
+            program = link(self.device, *texts.values())
+        except ShaderError:  # again, for the places of its errors in files
+            link(self.device, *(compose(one, roots, names, slots, traced=True) for one in stages.values()))
+            raise
         self._resources.append(program.linked)
         used = {name: value for name, value in uniforms.items() if program.has(name)}
         program.set(**used)

@@ -12,13 +12,14 @@ from hypothesis import strategies as st
 
 from shadowbench.advice.recommendation import Target, find_cheapest, least_error, to_milliseconds, trial_of
 from shadowbench.advice.search import Search, Trial, extrapolate, point_of
-from shadowbench.advice.space import full_space, prune, specs_of, start_size, unavailable
+from shadowbench.advice.space import full_space, prune, specs_of, start_size, unavailable, untried_filters
 from shadowbench.advice.words import obstacles, step_lines, target_notes
 from shadowbench.measure.rows import Result
 from shadowbench.measure.scoring import prepare_truth
 from shadowbench.scenes.model import View
 from shadowbench.scores import score
 from shadowbench.survey.survey import Needs, needs
+from shadowbench.techniques.filters import Filter
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import Spec, parse_spec
 from shadowbench.truths.trace import Truth
@@ -267,6 +268,8 @@ def test_the_search_space_has_the_techniques_that_support_the_light() -> None:
     out = {one.what for one in unavailable(KNOWN, "point")}
     assert out >= {"shadow-map", "cascades", "ray-traced", "unshadowed"}
     assert not out & names and out | names == set(KNOWN)
+    for name in ("shadow-map", "cascades", "cube-map"):
+        assert {spec.map_size for spec in specs_of(KNOWN[name], 16384)} == {256, 512, 1024, 2048, 4096}
     assert {spec.map_size for spec in specs_of(KNOWN["shadow-map"], 1000)} == {256, 512}
     assert {spec.map_size for spec in specs_of(KNOWN["shadow-map"], 100)} == {100}
 
@@ -314,6 +317,16 @@ def test_a_group_is_first_measured_at_the_predicted_map_size(street: Needs) -> N
     assert start_size(parse_spec("cascades:count=3", KNOWN), street) == street.cascades.edge_size[3]
 
 
+@pytest.mark.parametrize("soft", [False, True])
+def test_filters_that_are_not_tried_are_named(soft: bool) -> None:
+    space = full_space(KNOWN, "directional", 16384, soft)
+    (line,) = untried_filters(space, soft)
+    tried = {spec.params.filter.name for spec in space if hasattr(spec.params, "filter")}
+    assert set(line.what.removeprefix("the filters ").split(", ")) == set(Filter.table) - tried
+    assert ("pcss" in tried, "the light's size" in line.why) == (soft, soft)
+    assert untried_filters([spec for spec in space if not hasattr(spec.params, "filter")], soft) == []
+
+
 def test_every_spec_of_the_search_space_is_unique() -> None:
     texts = [spec.full_text for spec in full_space(KNOWN, "spot", 16384)]
     assert len(texts) == len(set(texts))
@@ -336,3 +349,42 @@ def test_without_a_match_the_closest_spec_and_the_obstacle_are_named(
     assert told[0].startswith("nothing meets IoU ≥ 0.99; the closest is shadow-map")
     assert told[1] == "obstacle: leak, 30.00% of the umbra is lit"
     assert "the largest tried has 1024" in told[2]
+
+
+@pytest.mark.parametrize(
+    ("metrics", "told"),
+    [
+        ({"iou": 0.98, "edge_px": 0.7}, ["obstacle: edges, 0.7 px off on average"]),
+        ({"rmse": 0.03}, ["obstacle: an RMSE of 0.1 in the penumbra (rmse_pen)"]),
+        (
+            {"rmse": 0.03, "noise": 0.08},
+            ["obstacle: noise, the error varies by 0.08 where visibility should be equal (noise)"],
+        ),
+        (
+            {"rmse": 0.03, "noise": 0.08, "width": 1.0},
+            ["obstacle: penumbra width, half of those drawn are at least 2 times too wide or too narrow (width)"],
+        ),
+    ],
+)
+def test_the_closest_has_its_reason(
+    builtin: Callable[..., View], truth_of: Callable[..., Truth], metrics: dict[str, float], told: list[str]
+) -> None:
+    """Also that the largest map that is tried is too small; of soft shadows the errors that stand out, or the RMSE."""
+    names = ("width", "hardening", "hardening_intercept", "bias_pen", "bleed", "false_dark", "noise", "banding")
+    soft = dict.fromkeys(names) | {"rmse_pen": 0.1} if "rmse" in metrics else {}
+
+    def measure(spec: Spec) -> Result:
+        return texels_cost(spec, {"iou": 0.9, "contact": 0.0, "leak": 0.0, **soft, **metrics})
+
+    known, view, truth = (
+        {"shadow-map": KNOWN["shadow-map"]},
+        builtin("cube-on-plane", 64),
+        truth_of("cube-on-plane", 64),
+    )
+    target = Target("rmse", 0.02) if soft else Target("iou", 0.99)
+    found = dataclasses.replace(find_cheapest(view, truth, target, "work", known, 4096, measure))
+    assert found.choice is None
+    assert obstacles(found)[1:2] == told
+    largest = dataclasses.replace(found, closest=next(one for one in found.trials if one.spec.map_size == 4096))
+    line = "obstacle: map size; the closest has 4096 texels a side, the most that are tried"
+    assert (line in obstacles(largest)) == bool(soft) and line not in obstacles(found)

@@ -87,11 +87,13 @@ def test_a_table_says_what_its_milliseconds_are(shadowbench: Shadowbench, tmp_pa
 def test_a_command_that_drew_nothing_says_so_in_its_last_line(shadowbench: Shadowbench, tmp_path: Path) -> None:
     lamp = ["run", "room-with-lamp", "-t", "shadow-map", *SMALL]
     why = "unsupported: a point light shines all round, one 2-D map sees less than half of it"
+    nothing = "note: nothing was drawn and nothing failed:"
+    others = "what draws here: cube-map, planar-projection, shadow-volume (-t)"
     alone = shadowbench(*lamp, "-o", tmp_path / "one")
-    assert (alone.code, alone.err) == (0, f"shadowbench: nothing was drawn, the only cell is {why}\n")
+    assert (alone.code, alone.err) == (0, f"{nothing} the only cell is {why}; {others}\n")
     assert "masks/" not in alone.out
     two = shadowbench(*lamp, "-t", "shadow-map:wrap=edge", "-o", tmp_path / "two")
-    assert two.err == f"shadowbench: nothing was drawn, all 2 cells are {why}\n"
+    assert two.err == f"{nothing} all 2 cells are {why}; {others}\n"
     some = shadowbench(*lamp, "-t", "unshadowed", "-o", tmp_path / "some")
     assert "nothing was drawn" not in some.err and "masks/" in some.out
 
@@ -100,7 +102,7 @@ def test_a_sweep_that_drew_nothing_says_so_in_its_last_line(shadowbench: Shadowb
     too_large = "shadow-map:size=65536"
     answer = shadowbench("stress", "-t", too_large, "--quick", "--axis", "through-up", "-o", tmp_path)
     assert answer.code == 0
-    assert answer.err.startswith("shadowbench: nothing was drawn, all 6 cells are unsupported: map size 65536: ")
+    assert answer.err.startswith("note: nothing was drawn and nothing failed: all 6 cells are unsupported: map size ")
     assert answer.err.count("\n") == 1
 
 
@@ -444,7 +446,7 @@ def test_truth_says_how_sure_it_is_of_the_penumbra(shadowbench: Shadowbench, tmp
     ("what", "keys"),
     [
         ("techniques", {"name", "help", "lights", "parameters", "presets"}),
-        ("scenes", {"name", "about"}),
+        ("scenes", {"name", "light", "about"}),
         ("metrics", {"name", "better", "for", "tolerance", "help"}),
         ("studies", {"name", "about"}),
         ("axes", {"name", "about", "unit", "values", "home", "lights"}),
@@ -558,6 +560,33 @@ def test_the_times_of_a_progress_bar_fit_a_terminal_of_80_columns(monkeypatch: p
     bar = shown.getvalue().splitlines()[-3]
     assert re.search(r"1/1234 \d:\d\d:\d\d [-\d]:[-\d]{2}:[-\d]{2} a-scene", bar), bar
     assert bar.rstrip().endswith("…")
+
+
+@pytest.mark.parametrize(("total", "told"), [(7, "2 of 7"), (None, "2")])
+def test_progress_is_a_line_now_and_then_where_it_is_piped(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], total: int | None, told: str
+) -> None:
+    monkeypatch.setattr(console, "err", lambda: Console(stderr=True, width=80))
+    for quiet, seconds in ((False, 1e9), (True, 0.0), (False, 0.0)):
+        monkeypatch.setattr(console, "_EVERY", seconds)
+        with console.Reporter(quiet) as reporter:
+            reporter.stage("truth", 3)
+            reporter.stage("measuring", total)
+            reporter.step("one")
+            reporter.step("another")
+        last = f"measuring: {told}, another"
+        assert (capsys.readouterr().err.splitlines()[-1:] == [last]) == (not quiet and not seconds)
+
+
+def test_a_bar_of_unknown_length_has_no_total(monkeypatch: pytest.MonkeyPatch) -> None:
+    shown = io.StringIO()
+    terminal = Console(file=shown, force_terminal=True, width=80, color_system=None)
+    monkeypatch.setattr(console, "err", lambda: terminal)
+    with console.Reporter(quiet=False) as reporter:
+        reporter.stage("measuring", None)
+        reporter.step("first")
+        reporter.step("second")
+    assert "2/?" in shown.getvalue() and "measuring: " not in shown.getvalue()
 
 
 def test_listed_axes_are_those_that_stress_sweeps(shadowbench: Shadowbench) -> None:

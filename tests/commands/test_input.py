@@ -122,6 +122,7 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
         ["truth", "{in}/away.toml", "--view-size", "16", "-o", "{out}.npz"],
         ["camera 'camera'", "away", "shows nothing"],
     ),
+    "a view's size as its name": (["needs", "post", "--view", "384x384"], ["'384x384'", "square", "--view-size 384"]),
     "an unknown technique": ([*RUN, "-t", "no-map"], ["no-map", "shadow-map", "unshadowed"]),
     "an unknown parameter": ([*RUN, "-t", "shadow-map:taps=3"], ["taps", "filter"]),
     "an unknown row": ([*RUN, "-t", "shadow-map:filter=velvet"], ["velvet", "pcf"]),

@@ -55,3 +55,19 @@ def test_nothing_is_overwritten(shadowbench: Shadowbench, tmp_path: Path) -> Non
     assert (tmp_path / "mine.py").read_text() == "precious"
     missing = shadowbench("new-technique", "mine", "-o", tmp_path / "none")
     assert missing.code == 2 and "none: cannot write into this folder" in missing.err
+
+
+def test_an_error_in_a_plugin_s_shader_is_a_few_lines_with_its_own_file_and_line(
+    shadowbench: Shadowbench, tmp_path: Path
+) -> None:
+    assert shadowbench("new-technique", "mine", "-o", tmp_path).code == 0
+    file = tmp_path / "mine.py"
+    file.write_text(file.read_text().replace("textureLod(map_depths", "textureLod(map_depth"))
+    line = 1 + file.read_text().split("\n").index("    float stored = textureLod(map_depth, p.uv, 0.0).r;")
+    small = ("--view-size", "16", "--map-size", "16", "--rounds", "0", "--phases", "1")
+    run = shadowbench("run", "cube-on-plane", "-t", "mine", "--plugin", file, *small, "-o", tmp_path / "out")
+    assert run.code == 3
+    (status,) = [text for text in run.out.splitlines() if "failed: " in text]
+    assert (
+        f"ShaderError: fragment shader: mine.py:{line}: " in status and "'float stored = textureLod(map_depth" in status
+    )

@@ -13,6 +13,7 @@ from scipy import ndimage
 
 from shadowbench import api
 from shadowbench.commands import console
+from shadowbench.engines.encoding import MaskEncoding
 from shadowbench.engines.error_kinds import error_kinds
 from shadowbench.engines.soft_error_kinds import soft_error_kinds
 from shadowbench.scenes.views import chosen_view
@@ -112,6 +113,18 @@ def test_a_mask_of_soft_shadows_is_scored_with_the_error_of_the_truth(shadowbenc
     assert (row["metrics"], row["width_share"]) == (other["metrics"], other["width_share"])
 
 
+@pytest.mark.parametrize(
+    ("blur", "sun", "hinted"), [(0.0, False, False), (0.7, False, False), (4.0, False, True), (4.0, True, False)]
+)
+def test_a_soft_mask_of_a_light_without_a_size_gets_a_hint(
+    shadowbench: Callable, drawn: Callable, tmp_path: Path, blur: float, sun: bool, hinted: bool
+) -> None:
+    """Antialiasing is no softness."""
+    write_mask(tmp_path / "mask.png", ndimage.gaussian_filter(drawn(SCENE), blur))
+    out = shadowbench("score", SCENE, tmp_path / "mask.png", *(["--sun"] if sun else [])).out
+    assert ("true shadows are hard: --sun gives it one" in out) == hinted
+
+
 def test_errors_of_soft_shadows_are_told_in_terms_of_penumbra_umbra_and_full_light() -> None:
     """A straight penumbra, dark at the left, that widens from top to bottom of a floor of 16 m."""
     size = 160
@@ -141,11 +154,23 @@ def test_errors_of_soft_shadows_are_told_in_terms_of_penumbra_umbra_and_full_lig
         "banding": np.rint(exact * 4) / 4,
     }
     opposites = ({"penumbra too narrow", "penumbra too wide"}, {"penumbra too light", "penumbra too dark"})
+
+    def kinds(mask: np.ndarray, shift: tuple[float, float] | None = None, encoded: bool = False) -> list[str]:
+        encoding = MaskEncoding(shift, encoded)
+        return [kind.name for kind in soft_error_kinds(Comparison(mask, truth), score(mask, truth), encoding)]
+
     for kind, mask in masks.items():
-        told = {found.name for found in soft_error_kinds(Comparison(mask, truth), score(mask, truth))}
-        assert kind in told, told
-        assert not any(both <= told for both in opposites)
-    assert soft_error_kinds(Comparison(exact, truth), score(exact, truth)) == []
+        assert kind in kinds(mask)
+        assert not any(both <= set(kinds(mask)) for both in opposites)
+    assert kinds(exact) == []
+    # Causes come first; a blur too narrow to widen penumbrae much is told too.
+    assert kinds(ndimage.gaussian_filter(exact, 2.0)) == ["blur"]
+    assert kinds(ndimage.gaussian_filter(exact, 8.0))[:2] == ["blur", "penumbra too wide"]
+    assert kinds(ndimage.shift(exact, (0, 3), order=1, mode="nearest"), (3.0, 0.0)) == ["shift", "penumbra too dark"]
+    assert kinds(srgb(exact), encoded=True) == ["sRGB encoding", "penumbra too light"]
+    # The umbra is larger than the penumbra: of the same error, its sum of squares is larger.
+    order = kinds(np.maximum(exact, 0.3))
+    assert order.index("light bleeding") < order.index("penumbra too light")
 
 
 @pytest.mark.parametrize(

@@ -176,7 +176,7 @@ class Swept:
     def note(self, line: str) -> None:
         raise AssertionError(line)
 
-    def stage(self, name: str, total: int) -> None:
+    def stage(self, name: str, total: int | None) -> None:
         self.total = total
 
     def step(self, what: str) -> None:

@@ -47,7 +47,7 @@ def measured(scenes: list[str], specs: list[str], phases: int, study: str, folde
         def note(self, line: str) -> None:
             pass
 
-        def stage(self, name: str, total: int) -> None:
+        def stage(self, name: str, total: int | None) -> None:
             pass
 
         def step(self, what: str) -> None:

@@ -134,7 +134,7 @@ def test_a_texture_that_is_left_out_is_an_error(program, paint) -> None:
         paint(reads)
 
 
-def test_a_shader_that_does_not_compile_shows_the_log_and_its_own_numbered_text(device: Device) -> None:
+def test_a_shader_that_does_not_compile_shows_the_lines_around_its_error(device: Device) -> None:
     with pytest.raises(ValueError, match="nowhere") as caught:
         link(device, f"{VERSION}\n{POINT}", f"{VERSION}\nout float value;\nvoid main() {{ value = nowhere; }}")
     text = str(caught.value)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from shadowbench.gl.shaders import VERSION, compose, numbered
+from shadowbench.gl.shaders import FILE_LINES, VERSION, compose, places
 
 
 def write(folder: Path, **files: str) -> None:
@@ -120,5 +120,22 @@ def test_every_reachable_include_is_inserted_once(tmp_path: Path, web: list[set[
     assert "#include" not in text
 
 
-def test_lines_are_numbered_as_the_driver_counts_them() -> None:
-    assert numbered("a\nb").splitlines() == ["   1  a", "   2  b"]
+def test_each_line_of_a_traced_text_knows_its_file_and_line(tmp_path: Path) -> None:
+    """Of includes within includes, of one that is taken already, of renamed ones, and of text in a Python file."""
+    (tmp_path / "a.glsl").write_text('a1\n#include "b.glsl"\na3\n#include "b.glsl"\na5')
+    (tmp_path / "b.glsl").write_text("b1\nb2\n")
+    inline = '\ni2\n#include "a.glsl"\ni4\n#include <bias>\ni6\n'
+    (tmp_path / "mine.py").write_text(f'# a comment\nTEXT = """{inline}"""\n')
+    (tmp_path / "bias.glsl").write_text("bias1\n")
+    text = compose(inline, [tmp_path], {"SIZE": "1"}, {"bias": "bias.glsl"}, traced=True)
+    found = {
+        line: (name, number % FILE_LINES) for line, (number, name) in zip(text.splitlines(), places(text), strict=True)
+    }
+    expected = {"a1": ("a.glsl", 1), "a3": ("a.glsl", 3), "a5": ("a.glsl", 5), "b1": ("b.glsl", 1), "b2": ("b.glsl", 2)}
+    expected |= {f"i{line}": ("mine.py", line + 1) for line in (2, 4, 6)} | {"bias1": ("bias.glsl", 1)}
+    assert {line: found[line] for line in expected} == expected
+    plain = compose(inline, [tmp_path], {"SIZE": "1"}, {"bias": "bias.glsl"})
+    directives = [line for line in text.splitlines() if line.startswith("#line")]
+    assert [line for line in text.split() if line in expected] == [line for line in plain.split() if line in expected]
+    assert directives and "#line" not in plain
+    assert places("a\nb") == [(1, ""), (2, "")]

@@ -14,7 +14,7 @@ from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.truths.trace import Truth, trace
 
 HEIGHT, HALF_ANGLE, SIZE = 1.0, math.radians(8.0), 160
-SOFT_FIELDS = {"truth_error", "truth_error_pen", "penumbra", "width_share"}
+SOFT_FIELDS = {"truth_error", "truth_error_pen", "penumbra", "width_share", "width_bias"}
 
 
 def mesh(name: str, scale: tuple[float, float, float], up: float) -> Mesh:
@@ -79,6 +79,13 @@ def test_a_row_of_a_soft_truth_says_how_well_it_is_known(soft: Truth, prepared: 
     assert record["penumbra"] == np.count_nonzero(prepared.penumbra) > 500
     assert 0.5 < record["width_share"] <= 1
     assert record["metrics"]["rmse"] == record["metrics"]["noise"] == record["metrics"]["width"] == 0
+
+
+def test_a_row_says_whether_penumbrae_are_too_wide_or_too_narrow(soft: Truth, prepared: PreparedTruth) -> None:
+    sharper = np.clip((soft.visibility - 0.5) * 2 + 0.5, 0, 1)
+    found = [mask_record(mask, soft, prepared) for mask in (sharper, soft.visibility)]
+    assert [one["width_bias"] for one in found] == [pytest.approx(-found[0]["metrics"]["width"], rel=0.1), 0]
+    assert found[0]["width_bias"] < -0.5
 
 
 def test_the_true_penumbra_is_no_acne(soft: Truth, prepared: PreparedTruth) -> None:

@@ -206,8 +206,7 @@ def test_the_verdict_names_the_cheapest_for_each_accuracy(
         "over 1 scene IoU ≥ 0.95 IoU ≥ 0.99 IoU ≥ 0.999",
         "shadow-map 5.00 ms 20.0 ms –",
         "ray-traced 60.0 ms 60.0 ms 60.0 ms",
-        "Cost: frame time of shadows. Times of a software renderer: for trends only, not representative of a GPU. "
-        "~ marks a rough time.",
+        "Cost: frame time of shadows. Times of a software renderer: for trends only, not representative of a GPU.",
     ]
     assert told[9].startswith(f"{tmp_path / 'report.html'}: 9 cells, ") and len(told) == 10
 

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from shadowbench.reports.analysis import Section, by_kind, front, sections
+from shadowbench.reports.gallery import scored_cells
 from shadowbench.reports.matrix import (
     Target,
     candidates,
@@ -19,6 +20,7 @@ from shadowbench.reports.matrix import (
 )
 from shadowbench.reports.panels import panels_of
 from shadowbench.reports.verdict import cell_texts, cost_note, verdict
+from shadowbench.reports.words import faults_of
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.folder import read_runs
 from tests.reports.conftest import CELLS, TRUTH_ERROR, Cell
@@ -193,6 +195,22 @@ def test_hard_and_soft_scenes_of_a_run_have_a_verdict_each(measured: Make) -> No
     assert [len(kind) for kind in by_kind(sections)] == [1, 2]
 
 
+@pytest.mark.parametrize("kind", [CELLS, SOFT], ids=["hard", "soft"])
+def test_a_scene_in_which_nothing_is_supported_leaves_the_verdict_on_the_others_as_it_is(
+    measured: Make, kind: Sequence[Cell]
+) -> None:
+    """Also as the first of the run, by whose kind of shadows a report would go."""
+    nothing = replace(kind[0], scene="attic", error=None, ms=None, status=UNSUPPORTED, rmse_pen=None)
+    others = [*kind, *(elsewhere(cell) for cell in kind)]
+    alone, beside = measured(*others, name="alone"), measured(nothing, *others, name="beside")
+    assert [len(found) for found in by_kind(beside)] == [len(found) for found in by_kind(alone)] == [2]
+    assert verdict(by_kind(beside)[0]) == verdict(by_kind(alone)[0])
+    panels = [panels_of(found[0].run, 0, found) for found in (alone, beside)]
+    assert panels[1][0].verdict == panels[0][0].verdict and panels[1][0].start == panels[0][0].start
+    assert [panel.title for panel in panels[1]] == [*(panel.title for panel in panels[0]), "attic, 32² view"]
+    assert panels[1][-1].unscored and panels[1][-1].verdict == ["Nothing here has a score."]
+
+
 # The verdict
 
 
@@ -255,7 +273,8 @@ def test_rough_and_software_times_are_marked(measured: Make) -> None:
         "Cost: frame time of shadows. Times of a software renderer: for trends only, not representative of a GPU. "
         "~ marks a rough time."
     )
-    assert "representative" not in cost_note(measured(Cell("a", 512, 0.004, 5.0), name="gpu", software=False))
+    exact = cost_note(measured(Cell("a", 512, 0.004, 5.0), name="gpu", software=False))
+    assert "representative" not in exact and "~" not in exact
 
 
 def test_the_times_of_two_machines_share_no_matrix(run_folder: Callable[..., Path]) -> None:
@@ -269,3 +288,15 @@ def test_the_times_of_two_machines_share_no_matrix(run_folder: Callable[..., Pat
         for _, cells in panel.matrix
     ]
     assert costs == ["50.0 ms", "5.00 ms"]
+
+
+def test_soft_cells_say_what_is_wrong_and_how_much(measured: Make) -> None:
+    """All metrics of these cells are ½: too light, noisy and flat; hard ones have no such words."""
+    (soft,), (hard,) = measured(*SOFT, name="soft"), measured(*CELLS, name="hard")
+    cells = scored_cells(soft)
+    assert [cell.error for cell in cells] == pytest.approx([0.5, 0.1, 0.015, TRUTH_ERROR / 2])
+    assert all(
+        cell.faults[0].startswith("penumbra width: half of those drawn are at least 1.4 times") for cell in cells
+    )
+    assert [label for label, _ in faults_of(soft)] == [one.label for one in soft.scored]
+    assert not faults_of(hard) and not any(cell.faults for cell in scored_cells(hard))

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from shadowbench.catalogue import catalogue
 from shadowbench.data import data_folder
 from shadowbench.errors import InputError
 from shadowbench.scenes.library import builtin_about, builtin_names, hard_names, load_scene
@@ -112,3 +113,13 @@ def test_assets_must_be_a_folder(tmp_path: Path) -> None:
         load_scene(tmp_path / "a.toml", assets=tmp_path / "none")
     with pytest.raises(InputError, match="no built-in scene"):
         builtin_about("none")
+
+
+def test_the_list_of_scenes_has_the_kind_of_light() -> None:
+    lights = {entry["name"]: entry["light"] for entry in catalogue(what="scenes")["scenes"]}
+    assert [lights[name] for name in ("fence", "street", "spot-lamp", "shade")] == [
+        "directional, soft",
+        "directional",
+        "spot",
+        "point, soft",
+    ]

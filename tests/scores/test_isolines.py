@@ -18,7 +18,7 @@ def along(right: float = 1.0, down: float = 0.0, valid: np.ndarray | None = None
     seen = np.ones((SIZE, SIZE), bool) if valid is None else valid
     middle = np.zeros((SIZE, SIZE), bool)
     middle[MIDDLE, MIDDLE] = True
-    gradient = np.stack([down * middle, right * middle]).astype(np.float32)
+    gradient = np.stack([np.full(middle.shape, part, np.float32) for part in (down, right)])
     return Isolines.of(gradient, seen, middle), seen
 
 
@@ -55,6 +55,16 @@ def test_the_gradient_of_an_edge_is_that_of_a_gaussian_of_one_and_a_half_pixels(
 @pytest.mark.parametrize(("slope", "found"), [(0.95e-6, 0), (1e-6, 0), (1.05e-6, 1)])
 def test_a_gradient_of_a_millionth_a_pixel_has_no_direction(slope: float, found: int) -> None:
     assert len(along(slope)[0].rows) == len(along(0, slope)[0].rows) == found
+
+
+@pytest.mark.parametrize(
+    ("radius", "straight"), [(3 / math.tan(math.radians(29)), 1), (3 / math.tan(math.radians(31)), 0)]
+)
+def test_a_circle_is_straight_over_a_segment_that_turns_by_less_than_30_degrees(radius: float, straight: int) -> None:
+    y, x = np.mgrid[:SIZE, :SIZE] - MIDDLE
+    middle = (x == 0) & (y == 0)
+    gradient = np.stack([y, x + radius]).astype(np.float32)
+    assert len(Isolines.of(gradient, x < SIZE, middle).rows) == straight
 
 
 # Variance

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import ndimage
 
 from shadowbench.scores import METRICS, PreparedTruth, score
 
@@ -170,6 +171,18 @@ def test_a_smooth_error_is_no_noise(scored: Scored, across: np.ndarray) -> None:
     assert scores["noise"] < 0.004
 
 
+def test_a_smooth_error_around_pinholes_is_no_noise_and_dither_is_where_isolines_are_straight(scored: Scored) -> None:
+    """Discs of light of a radius of 4 px, and a straight penumbra of 20 px at the right."""
+    pinholes = ((X % 16 - 8) ** 2 + (Y % 16 - 8) ** 2 < 4**2) & (X < 96)
+    truth = np.maximum(ndimage.gaussian_filter(pinholes.astype(float), 1.5), ramp(20, 130))
+    blurred = ndimage.gaussian_filter(truth, 2.0)
+    soft = (truth > 0.02) & (truth < 0.98)
+    dithered = np.clip(truth + 0.1 * np.random.default_rng(1).choice([-1, 1], truth.shape) * soft, 0, 1)
+    assert scored(blurred, truth)["rmse_pen"] > 0.08
+    assert scored(blurred, truth)["noise"] < 0.01
+    assert scored(dithered, truth)["noise"] > 0.06
+
+
 def test_an_error_that_grows_along_the_penumbra_is_no_noise(scored: Scored) -> None:
     truth = ramp(40)
     mask = truth - 0.3 * Y / SIZE * truth * (1 - truth)
@@ -192,21 +205,37 @@ def test_few_levels_are_bands_and_many_are_not(scored: Scored) -> None:
     assert scored((truth > 0.5).astype(float), truth)["banding"] == 0
 
 
-@pytest.mark.parametrize(("slope", "share"), [(0.095, 39 / 43), (0.105, 0)])
-def test_a_band_is_less_than_a_tenth_as_steep_as_the_truth(scored: Scored, slope: float, share: float) -> None:
-    """The steps of 39 columns are whole, those of the ramp's two ends half as high; P has two more on either side."""
-    mask = 0.5 + slope * (X - 80) / 40
-    assert scored(mask, ramp(40))["banding"] == pytest.approx(share, abs=1e-6)
+@pytest.mark.parametrize(("slope", "bands"), [(0.095, True), (0.105, False)])
+def test_a_band_is_less_than_a_tenth_as_steep_as_the_truth(scored: Scored, slope: float, bands: bool) -> None:
+    truth = ramp(40)
+    few = np.round(truth * 4) / 4
+    found = scored(few + slope * (truth - few), truth)["banding"]
+    assert found == (pytest.approx(scored(few, truth)["banding"]) if bands else 0)
+
+
+@pytest.mark.parametrize("wide", [60, 150, 1000, np.inf])
+def test_a_smooth_wide_ramp_has_no_bands_however_flat(scored: Scored, wide: float) -> None:
+    assert scored(ramp(wide), ramp(6))["banding"] == 0
+
+
+@pytest.mark.parametrize("sigma", [4, 8, 16])
+def test_a_blur_has_no_bands_and_has_them_at_few_levels(scored: Scored, sigma: float) -> None:
+    blurred = ndimage.gaussian_filter1d(WEDGE, sigma)
+    assert scored(blurred, WEDGE)["banding"] == 0
+    assert scored(np.round(blurred * 6) / 6, WEDGE)["banding"] > 0.3
 
 
 @pytest.mark.parametrize(("error", "share"), [(0.249, 1 / 3), (0.25, 0)])
 def test_a_step_of_two_standard_errors_is_not_resolved(
     truth: Callable[..., PreparedTruth], error: float, share: float
 ) -> None:
-    """Visibility 0, ½ and 1 by column: only the middle one has neighbours, that are 1 apart."""
+    """Truth 0, ½ and 1 by column: only the middle one has neighbours that are 1 apart. The mask steps by row."""
     visibility = np.tile([0, 0.5, 1], (4, 1))
+    mask = np.full(visibility.shape, 0.5)
+    mask[3] = 1.0
     bars = np.full(visibility.shape, error)
-    assert score(np.full(visibility.shape, 0.5), truth(visibility, standard_error=bars))["banding"] == share
+    found = score(mask, truth(visibility, standard_error=bars))["banding"]
+    assert found == pytest.approx(share / 2)  # the two rows next to the mask's step are not flat
 
 
 def test_a_step_that_the_truth_cannot_resolve_is_no_band(scored: Scored) -> None:

@@ -18,6 +18,8 @@ from shadowbench.studies.tables import (
     slopes,
     summary,
 )
+from shadowbench.techniques.registry import techniques
+from shadowbench.techniques.spec import parse_spec
 
 
 def result(
@@ -252,3 +254,18 @@ def test_a_time_whose_middle_half_spans_more_than_a_third_of_it_is_rough(iqr: fl
     values = {"frame_ms": Interval(3.0), "frame_iqr_ms": None if iqr is None else Interval(iqr)}
     assert SummaryRow("a", 512, 1, (), values, 1).rough is rough
     assert not SummaryRow("a", 512, 1, (), {"frame_iqr_ms": Interval(9.0)}, 1).rough
+
+
+def test_a_preset_is_printed_by_its_name_and_other_specs_as_they_are() -> None:
+    known = techniques()
+    for text in ("shadow-map:preset=three", "cascades:preset=godot", "cube-map:preset=course"):
+        spec = parse_spec(f"{text},size=128", known).sizeless_text
+        assert SummaryRow(spec, 128, 1, (), {}, 1, ("blend=0.0",)).label == text
+        assert SummaryRow(f"{spec},cull=false", 128, 1, (), {}, 1).label == f"{spec},cull=false"
+    assert SummaryRow("shadow-map", 128, 1, (), {}, 1).label == "shadow-map"
+
+
+@pytest.mark.parametrize(("bias", "text"), [(0.9, "1 wide"), (-0.9, "1 narrow"), (0.2, "1"), (None, "1")])
+def test_the_width_of_penumbrae_has_a_direction(bias: float | None, text: str) -> None:
+    values = {"width": Interval(1.0), "width_bias": None if bias is None else Interval(bias)}
+    assert SummaryRow("pcss", 64, 1, (), values, 1).text("width", "{:g}".format) == text

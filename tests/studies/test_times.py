@@ -138,11 +138,17 @@ def test_notes_name_the_reference_and_the_mark() -> None:
     assert any(note.startswith("~: 1 of 2 times have an interquartile range") for note in others)
 
 
+@pytest.mark.parametrize(("rounds", "known"), [(1, False), (2, True)])
+def test_a_single_round_does_not_tell_how_far_times_vary(rounds: int, known: bool) -> None:
+    reference = normalise_times(cells_frame(MIXED).assign(n=rounds))[1]
+    assert any("one round: how far times vary is unknown" in note for note in time_notes(reference)) != known
+
+
 @pytest.mark.parametrize(
     ("count", "ending", "whose"), [(1, "", "its own time"), (2, "s", "its median over 2 measurements")]
 )
 def test_notes_count_blocks_and_cells_left_out(count: int, ending: str, whose: str) -> None:
-    blocks, left_out = time_notes(ReferenceTime("r", 10.0, 10.0, 10.0, count, count))
+    blocks, left_out = time_notes(ReferenceTime("r", 10.0, 10.0, 10.0, count, count, False))
     assert blocks.endswith(f"× 10 ms, {whose}")
     assert left_out.startswith(f"times of {count} cell{ending} left out")
 

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from shadowbench.scenes.assumed import sunlit
-from shadowbench.scenes.model import SUN_RADIUS, Light
-from shadowbench.survey.penumbra import BULB, penumbra_of
+from shadowbench.scenes.model import SUN_RADIUS, Light, Mesh
+from shadowbench.scores.metrics import ranking
+from shadowbench.survey.penumbra import BULB, HARD_RMSE, penumbra_of
 from shadowbench.survey.sampling import sample_view
 from shadowbench.truths.trace import trace
 from tests.survey.conftest import from_above, plate
@@ -27,7 +28,6 @@ def test_under_a_plate_it_is_as_wide_as_the_sun_makes_it_and_longer_the_way_the_
     across = 2 * math.tan(radius) * way
     assert found.median.value == pytest.approx(across / sine / PIXEL, rel=0.01)
     assert found.p95.value == pytest.approx(across / sine / PIXEL, rel=0.01)
-    assert not found.hard_is_enough
 
 
 def test_a_sun_without_a_size_is_taken_as_the_real_one() -> None:
@@ -43,6 +43,30 @@ def test_a_sun_without_a_size_is_taken_as_the_real_one() -> None:
 def test_a_thin_plate_close_to_the_ground_needs_no_soft_shadow() -> None:
     found = penumbra_of(sample_view(from_above([plate(50.0), plate(0.4, (0.0, 0.05, 0.0))], ALONG, size=256)))
     assert found is not None and found.hard_is_enough
+
+
+def slat(x: float) -> Mesh:
+    flat = plate(1.0)
+    return Mesh("slat", flat.vertices * (0.02, 1.0, 2.0) + (x, HEIGHT, 0.0), flat.faces)
+
+
+@pytest.mark.parametrize(
+    ("casters", "size", "narrow", "enough"),
+    [
+        ([slat(x) for x in np.linspace(-0.9, 0.9, 10)], 64, True, False),
+        ([plate(0.1, (0, HEIGHT, 0))], 256, False, True),
+    ],
+    ids=["slats", "plate"],
+)
+def test_whether_hard_shadows_suffice_follows_from_their_error(
+    casters: list[Mesh], size: int, narrow: bool, enough: bool
+) -> None:
+    """Penumbrae narrower than a pixel of many slats are a large error, wider ones of a small plate a small error."""
+    sun = replace(ALONG, radius=math.radians(0.5))
+    found = penumbra_of(sample_view(from_above([plate(50.0), *casters], sun, size=size)))
+    assert found is not None and ranking(soft=True).targets[1] == HARD_RMSE
+    assert ((found.p95.value < 1), (found.hard_rmse.value <= HARD_RMSE)) == (narrow, enough)
+    assert found.hard_is_enough == enough
 
 
 @pytest.mark.parametrize("scale", [1.0, 100.0])

@@ -281,3 +281,17 @@ def test_receivers_at_1e5_metres_are_shadowed_as_by_a_depth_map(filter_, looking
     shadow = (masks[1] < 0.5).mean()
     assert 0.01 < shadow < 0.9
     assert ((masks[0] < 0.5) != (masks[1] < 0.5)).mean() < 0.1 * shadow
+
+
+@pytest.mark.parametrize(
+    ("text", "note"),
+    [
+        ("evsm", ""),
+        ("evsm(bits=16)", "bits=16 limits positive=40 to 5.54"),
+        ("evsm(bits=16,negative=6)", "bits=16 limits positive=40 and negative=6 to 5.54"),
+        ("evsm(bits=16,positive=5)", ""),
+        ("vsm(bits=16)", ""),
+    ],
+)
+def test_a_filter_tells_where_its_exponents_are_limited(text: str, note: str) -> None:
+    assert Filter.from_value(text).note == note

@@ -253,6 +253,8 @@ def test_with_changes_one_value_and_validates_it() -> None:
 
 MISTAKES = {
     "": "expected a technique's name",
+    "pcss": "unknown technique 'pcss'.*; pcss is a filter: shadow-map:filter=pcss",
+    "texel:scale=2": "unknown technique 'texel'.*; texel is a bias: shadow-map:bias=texel",
     "shadow-mop": "unknown technique 'shadow-mop'; did you mean 'shadow-map'. allowed: .*shadow-map",
     "shadow-map:": "expected key=value",
     "shadow-map:size": "expected key=value",

@@ -61,7 +61,7 @@ function legends() {
       button.setAttribute("aria-pressed", on);
       button.dataset.spec = spec;
       button.innerHTML = `<svg viewBox="-8 -8 16 16" width="15" height="15" aria-hidden="true">${on ? `<path d="${PAGE.outlines[PAGE.shapes[slot]]}" fill="${PAGE.colors[slot]}"/>` : ""}</svg><span></span>`;
-      button.lastChild.append(...breakable(spec));
+      button.lastChild.append(...breakable(PAGE.names[spec] ?? spec));
       button.addEventListener("click", () => {
         if (on) shown.delete(spec);
         else shown.set(spec, PAGE.colors.findIndex((_, index) => ![...shown.values()].includes(index)));

@@ -46,17 +46,17 @@ async function openGallery(id, cell) {
   }
 }
 
-// Fills the thumbnails: one per spec, at the chosen map size or the nearest available.
+// Fills the thumbnails: one per spec, at the chosen map size or the nearest available, best first.
 async function showErrors() {
   const { gallery } = first, size = Number(byId("errors-size").value) || 1024, view = gallery.views[first.viewName];
   const far = (cell) => Math.abs(Math.log2((cell.size ?? size) / size));
-  const cells = [...new Set(first.cells.map((cell) => cell.spec))].map((spec) => first.cells.filter((cell) => cell.spec === spec).sort((a, b) => far(a) - far(b))[0]);
+  const cells = [...new Set(first.cells.map((cell) => cell.spec))].map((spec) => first.cells.filter((cell) => cell.spec === spec).sort((a, b) => far(a) - far(b))[0]).sort((a, b) => (a.error ?? 1) - (b.error ?? 1));
   const made = await Promise.all(cells.map(async (cell) => {
     const button = document.createElement("button"), score = document.createElement("b"), label = document.createElement("span");
     button.type = "button";
     score.textContent = cell.score;
     label.append(...breakable(nameOf(cell)));
-    button.append(...await thumbnail(view, cell), score, label);
+    button.append(...await thumbnail(view, cell), score, label, ...cell.faults.map((line) => Object.assign(document.createElement("small"), { textContent: line })));
     button.addEventListener("click", async () => {
       first.mode = "difference";
       await first.pick("a", first.cells.indexOf(cell));

@@ -112,7 +112,7 @@ async function thumbnail(view, cell) {
   return middle ? [whole, part] : [whole];
 }
 
-const nameOf = (cell) => cell ? `${cell.spec}${cell.size ? ` at ${cell.size}` : ""}` : "truth";
+const nameOf = (cell) => cell ? `${PAGE.names[cell.spec] ?? cell.spec}${cell.size ? ` at ${cell.size}` : ""}` : "truth";
 
 class Viewer {
   constructor(box, onDraw = () => {}) {
