@@ -192,8 +192,7 @@ def test_studies_about_map_sizes_have_several_phases() -> None:
 
 def test_the_demo_has_every_technique_and_preset_under_a_sun_and_a_lamp() -> None:
     demo = read_study(find_study("demo"), KNOWN)
-    # Under a light without a size, light-samples is the technique that it averages.
-    assert {spec.technique.name for spec in demo.specs} == KNOWN.keys() - {"light-samples"}
+    assert {spec.technique.name for spec in demo.specs} == KNOWN.keys()
     presets = {f"{name}:preset={preset}" for name, technique in KNOWN.items() for preset in technique.presets}
     assert {parse_spec(text, KNOWN).sizeless_text for text in presets} <= {spec.sizeless_text for spec in demo.specs}
     kinds = [block.view.light.kind for block in demo.blocks()]
@@ -210,7 +209,7 @@ def test_convergence_is_studied_on_every_scene_whose_light_has_a_size_and_all_el
 def test_a_technique_for_soft_shadows_is_in_the_default_list_where_the_light_has_a_size(phases: int | None) -> None:
     study = study_from_options(KNOWN, ["cube-on-plane", "post"], phases=phases)
     found = [{cell.spec.technique.name for cell in block.cells} for block in study.blocks()]
-    assert found == [KNOWN.keys() - {"light-samples"}, KNOWN.keys()]
+    assert found == [KNOWN.keys() - {"light-samples", "soft-volume"}, KNOWN.keys()]
     named = study_from_options(KNOWN, ["cube-on-plane"], [parse_spec("light-samples", KNOWN)])
     assert [len(block.cells) for block in named.blocks()] == [1]
     assert {spec.technique.name for spec in default_specs(KNOWN.values())} == found[0]
