@@ -40,6 +40,10 @@ class SoftVolume(Technique):
 
     params: Params
 
+    @classmethod
+    def extra_work(cls, params: TechniqueParams) -> str | None:
+        return f"tests {POINTS} points of the light per fragment, which the count of work takes for one"
+
     def build(self, stage: Stage) -> None:
         self.center = ShadowVolume(ShadowVolume.Params(counter="color"))
         self.center.build(stage)

@@ -267,6 +267,8 @@ def test_the_search_space_has_the_techniques_that_support_the_light() -> None:
     out = {one.what for one in unavailable(KNOWN, "point")}
     assert out >= {"shadow-map", "cascades", "ray-traced", "unshadowed"}
     assert not out & names and out | names == set(KNOWN)
+    soft = {spec.technique.name for spec in full_space(KNOWN, "point", 16384, soft=True)}
+    assert soft - names == {"soft-volume"} == out - {one.what for one in unavailable(KNOWN, "point", soft=True)}
     assert {spec.map_size for spec in specs_of(KNOWN["shadow-map"], 1000)} == {256, 512}
     assert {spec.map_size for spec in specs_of(KNOWN["shadow-map"], 100)} == {100}
 
