@@ -24,9 +24,9 @@ class SoftVolume(Technique):
     A shadow volume counts the caster layers before the light's centre. Then each edge that some point of the light sees
     as a silhouette draws its penumbra wedge (Assarsson and Akenine-Möller 2003), and each receiver in it finds the
     points that the edge parts from the centre, and changes their counts (depth complexity sampling, Laine et al. 2005).
-    As exact as `light-samples` with as many points, for the time of some hard shadow volumes. Bands where penumbrae are
-    wide, as all pixels have the same points. Wrong where the number of layers changes by 32 or more within a penumbra,
-    and for casters inside the light. The time grows with the number of silhouette edges and the area of penumbrae.
+    As exact as `light-samples` with as many points, with the same bands. Wrong where the number of layers changes by 32
+    or more within a penumbra, and for casters inside the light. The time grows with the silhouette edges times the area
+    of their penumbrae: below that of `light-samples` unless the light is as wide as the casters.
     """
 
     name = "soft-volume"

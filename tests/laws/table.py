@@ -190,7 +190,7 @@ claim(
 claim("an additional caster", [VISIBLE], "none", SEEN)
 
 _sized = ["truth", "light-samples"]
-claim("a vanishing light", [*_sized, "soft-volume"], "equal", "all points of the light are nearly its centre")
+claim("a vanishing light", _sized, "equal", "all points of the light are nearly its centre")
 claim("a vanishing light", without(*_sized, FIXED), "bits", "the light's size is not used by the default filter")
 claim("a vanishing light", [FIXED], "limit", "the least disc of taps lies within 3² texels of the receiver's")
 
@@ -211,6 +211,10 @@ claim(
 )
 claim("more PCF taps", [SCENE, VIEW, VISIBLE, SLICES, TIGHT, STABLE], "none", "the map is padded by the filter radius")
 claim("more PCF taps", RAYS, "none", "there is no filter")
+
+
+for _law in LAWS:
+    claim(_law, ["soft-volume"], "none", "without a size of the light `shadow-volume`, else as `light-samples`")
 
 
 def claims() -> Iterator[tuple[str, str, Claim]]:
