@@ -48,7 +48,7 @@ class SoftVolume(Technique):
     def build(self, stage: Stage) -> None:
         self.center = ShadowVolume(ShadowVolume.Params(counter="color"))
         self.center.build(stage)
-        self.reach = 2 * SceneHull(stage.scene).extent
+        self.reach = 4 * SceneHull(stage.scene).extent
         defines = {"POINTS": POINTS}
         shaders = "shadow-volume/corner.vert", "soft-volume/count.frag", "soft-volume/wedge.geom"
         self.wedges = stage.program(*shaders, defines=defines)
