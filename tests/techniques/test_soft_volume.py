@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from shadowbench.scenes.model import Light
+from shadowbench.scenes.model import Light, Mesh
 
 DOWN = Light("sun", "directional", (0.0, -1.0, 0.0))
 WIDE = 0.02  # share of the pixels in a penumbra
@@ -75,6 +75,19 @@ def test_many_layers_are_counted(looking, shape, differing) -> None:
     plates = [shape("plane", (2.0, 1.0, 2.0), (1.0, 0.8 + 0.01 * k, 0.0)) for k in range(25)]
     light = replace(DOWN, radius=math.radians(5.0))
     assert differing(looking([shape("plane", 8.0), *plates], light, 96), 20) < 5e-4
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    "light", [replace(DOWN, radius=0.3), Light("lamp", "point", position=(0.0, 2.0, 0.0), radius=0.35)]
+)
+def test_triangles_in_all_directions(seed, light, looking, shape, differing) -> None:
+    """Each with a receiver's slab at its own height, so that wedges count from their edges on."""
+    random = np.random.default_rng(seed)
+    corners = random.uniform((-0.9, 0.1, -0.9), (0.9, 1.4, 0.9), (30, 3))
+    loose = Mesh("loose", corners, np.arange(30, dtype=np.int32).reshape(-1, 3))
+    steps = [shape("box", (1.2, 0.3 * k, 4.0), (1.2 * k - 3.0, 0.15 * k, 0.0)) for k in range(1, 5)]
+    assert differing(looking([shape("plane", 8.0), loose, *steps], light, 96, eye=(1.0, 4.5, 3.0)), 20) < 2e-4
 
 
 def test_under_a_light_without_a_size_it_is_a_shadow_volume(builtin, mask) -> None:
