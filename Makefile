@@ -13,7 +13,7 @@ fast := -n 3 --dist worksteal
 of_4_1 := tests/gl tests/techniques/test_compositions.py tests/techniques/test_contract.py
 
 help:
-	@echo "make demo       every technique on three scenes: what is good enough at which cost, and report.html"
+	@echo "make demo       every technique on four scenes: what is good enough at which cost, and report.html"
 	@echo "make test       lint and the fast tests"
 	@echo "make test-slow  the slow tests; as OpenGL 4.1, all shaders and what every technique must keep"
 	@echo "make test-all   both, with every value of what test-slow takes samples of, and all GL tests as OpenGL 4.1"
@@ -27,7 +27,7 @@ setup:
 	@sh tools/setup.sh
 
 demo: setup
-	@echo "Measuring every technique on three scenes: about a minute on two cores without a GPU"
+	@echo "Measuring every technique on four scenes: about a minute on two cores without a GPU"
 	@$(bin)/shadowbench run -s benchmarks/demo.toml -o results/demo >/dev/null
 	@$(bin)/shadowbench report results/demo
 	@echo "$(bin)/shadowbench recommend stairs  # the cheapest technique for it, or for your .glb or .obj"

@@ -129,7 +129,8 @@ def find_cheapest(
     space = full_space(known, view.light.hard_kind, largest, view.light.soft)
     least_iou = target.value if target.metric == "iou" else None
     left, excluded = prune(space, found, least_iou, unit == "work")
-    out = [*unavailable(known, view.light.hard_kind), *untried_filters(space, view.light.soft), *excluded]
+    declined = unavailable(known, view.light.hard_kind, view.light.soft)
+    out = [*declined, *untried_filters(space, view.light.soft), *excluded]
     if not (truth.receivers & (truth.visibility < (1.0 if target.metric == "rmse" else 0.5))).any():
         left = [Spec(Unshadowed, Unshadowed.Params())]
         out = [Exclusion(f"all but {Unshadowed.name}", "nothing that is seen is in shadow", len(space))]

@@ -43,23 +43,22 @@ def specs_of(technique: type[Technique], largest: int, soft: bool = False) -> li
 
 def full_space(known: Mapping[str, type[Technique]], light: LightKind, largest: int, soft: bool = False) -> list[Spec]:
     """All specs that support a kind of light, with or without a size, as an exhaustive search would measure them."""
-    answering = [
-        technique for technique in known.values() if light in technique.lights and not technique.never_recommended
-    ]
+    answering = [technique for technique in known.values() if _unavailable(technique, light, soft) is None]
     return [spec for technique in answering for spec in specs_of(technique, largest, soft)]
 
 
-def unavailable(known: Mapping[str, type[Technique]], light: LightKind) -> list[Exclusion]:
+def unavailable(known: Mapping[str, type[Technique]], light: LightKind, soft: bool = False) -> list[Exclusion]:
     """Techniques that are never in the space for this light, with the reason."""
-    return [
-        Exclusion(
-            name,
-            technique.never_recommended or f"supports {' and '.join(sorted(technique.lights))} light, not {light}",
-            0,
-        )
-        for name, technique in known.items()
-        if technique.never_recommended or light not in technique.lights
-    ]
+    reasons = {name: _unavailable(technique, light, soft) for name, technique in known.items()}
+    return [Exclusion(name, why, 0) for name, why in reasons.items() if why is not None]
+
+
+def _unavailable(technique: type[Technique], light: LightKind, soft: bool) -> str | None:
+    if technique.never_recommended:
+        return technique.never_recommended
+    if light not in technique.lights:
+        return f"supports {' and '.join(sorted(technique.lights))} light, not {light}"
+    return "is for lights with a size" if technique.soft_only and not soft else None
 
 
 def untried_filters(space: Sequence[Spec], soft: bool) -> list[Exclusion]:

@@ -9,8 +9,8 @@ from shadowbench.engines.external_mask import decode_srgb
 from shadowbench.engines.shift import Shift, estimate_shift
 from shadowbench.engines.smoothing import Image, shift_image, smooth
 from shadowbench.scores.comparison import Comparison
+from shadowbench.scores.prepared import PENUMBRA
 
-_SOFT = (0.02, 0.98)
 _FEWEST = 100
 """Soft pixels needed for a decision: a hard mask is the same in both encodings."""
 _BLURS = (0.0, 0.7, 1.4, 2.8, 5.6)
@@ -43,7 +43,7 @@ def detect_encoding(comparison: Comparison) -> MaskEncoding:
     """
     prepared, given = comparison.truth, comparison.visibility
     as_is = MaskEncoding(estimate_shift(comparison))
-    soft = prepared.valid & (given > _SOFT[0]) & (given < _SOFT[1])
+    soft = prepared.valid & (given > PENUMBRA[0]) & (given < PENUMBRA[1])
     if np.count_nonzero(soft) < _FEWEST:
         return as_is
     candidates = [(MaskEncoding(as_is.shift, False), given)]

@@ -27,13 +27,12 @@ class SceneHull:
         self.extent = float(np.abs(self.bounds).max())
         self.points = hull_points(vertices)
 
-    def nearest_caster(self, light: Light) -> float:
-        """Distance from a light's position to the nearest caster, at least the light's radius and 1e-6 of the extent.
+    def highest_caster(self, sun: Light) -> float:
+        """Largest coordinate of a caster or receiver along the direction towards a directional light."""
+        return float((self.points @ sun.homogeneous[0]).max())
 
-        For a directional light the largest coordinate of a caster along the direction towards it.
-        """
-        if light.kind == "directional":
-            return float((self.points @ light.homogeneous[0]).max())
+    def nearest_caster(self, light: Light) -> float:
+        """Distance from a lamp or spot to the nearest caster, at least the light's radius and 1e-6 of the extent."""
         if self._nearest is None or self._nearest[0] != light:
             import trimesh  # the import takes 0.3 s
 

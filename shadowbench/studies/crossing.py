@@ -20,6 +20,7 @@ Techniques = Mapping[str, type[Technique]]
 MOST_SPECS = 10_000
 """Most specs of a study, counting each map size."""
 
+_NO_PARAMETERS = ("spec", "bias_sweep", "phases", "soft")
 _FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)  # default factors of a bias sweep
 
 
@@ -35,13 +36,13 @@ class BiasSweep:
 class CrossedSpecs:
     """Specs of a `[[technique]]` table, its number of phases (None for the study's), and its bias sweeps.
 
-    soft_only: whether they are measured only under lights with a size.
+    soft: whether they are measured under lights with a size only, or without one only; None for both.
     """
 
     specs: tuple[Spec, ...]
     phases: int | None = None
     sweeps: tuple[BiasSweep, ...] = ()
-    soft_only: bool = False
+    soft: bool | None = None
 
 
 def cross(table: dict[str, Any], techniques: Techniques, where: str, notes: list[str]) -> CrossedSpecs:
@@ -55,11 +56,11 @@ def cross(table: dict[str, Any], techniques: Techniques, where: str, notes: list
             f"{where}: spec: found {table.get('spec', 'none')!r:.60}; allowed: a technique's spec, as text"
         )
     base = parse_spec_at(table["spec"], techniques, where)
-    lists = {key: to_list(value) for key, value in table.items() if key not in ("spec", "bias_sweep", "phases")}
+    lists = {key: to_list(value) for key, value in table.items() if key not in _NO_PARAMETERS}
     factors = _factors(table, where)
     for key, choices in lists.items():
         if key not in base.technique.Params.model_fields:
-            names = [*base.technique.Params.model_fields, "bias_sweep"]
+            names = [*base.technique.Params.model_fields, "bias_sweep", "soft"]
             known = alternatives(key, names, f"parameters of {base.technique.name}")
             raise InputError(f"{where}: unknown parameter {key!r:.60}{known}")
         if not choices:
@@ -98,7 +99,10 @@ def cross(table: dict[str, Any], techniques: Techniques, where: str, notes: list
     if not made:
         raise InputError(f"{where}: {dropped[0]}")
     notes.extend(dict.fromkeys(f"{where}: dropped: {error}" for error in dropped))
-    return CrossedSpecs(tuple(made), _phases(table, where), tuple(sweeps))
+    soft = table.get("soft")
+    if soft is not None and not isinstance(soft, bool):
+        raise InputError(f"{where}: soft: found {soft!r:.60}; allowed: true or false")
+    return CrossedSpecs(tuple(made), _phases(table, where), tuple(sweeps), soft)
 
 
 def _phases(table: dict[str, Any], where: str) -> int | None:

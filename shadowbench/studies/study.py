@@ -123,7 +123,7 @@ class Study(Strict):
         cells = [
             Cell(sized_spec, phase)
             for crossed in self.technique
-            if soft or not crossed.soft_only
+            if crossed.soft in (None, soft)
             for spec in crossed.specs
             for sized_spec in at_map_sizes([spec], self.map_size or ())
             for phase in range(phases[spec] if spec.technique.phased else 1)
@@ -195,7 +195,8 @@ def read_study(file: Path, techniques: Techniques, folder: Path | None = None) -
     table = read_toml(file, str(file), f"no such study file{alternatives(file, study_names(), 'ours')}")
     if "technique" not in table:
         table["technique"] = [
-            CrossedSpecs((parse_spec(name, techniques),), soft_only=one.soft_only) for name, one in techniques.items()
+            CrossedSpecs((parse_spec(name, techniques),), soft=one.soft_only or None)
+            for name, one in techniques.items()
         ]
     source = Source(str(file), folder or file.parent, techniques)
     study = _valid(table, source).with_(notes=tuple(source.notes))

@@ -110,6 +110,7 @@ class Technique(ABC):
     soft_grid: ClassVar[Mapping[str, Sequence[Any]]] = {}  # in place of some of these where the light has a size
     never_recommended: ClassVar[str] = ""  # why `recommend` never chooses it
     soft_only: ClassVar[bool] = False  # whether it is another technique where the light has no size
+    builds_on: ClassVar[Sequence[type["Technique"]]] = ()  # other techniques whose code or shaders it uses
     only_planes: ClassVar[bool] = False  # whether non-planar receivers stay lit
     # Visibility follows from the geometry alone, not from a texel grid or a fitted box; tests/laws tests accordingly.
     exact: ClassVar[bool] = False

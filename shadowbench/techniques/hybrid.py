@@ -67,6 +67,10 @@ class Hybrid(Technique):
         return params.rest == "embree"
 
     @classmethod
+    def extra_work(cls, params: TechniqueParams) -> str | None:
+        return "walks a tree in the shader, which counts of work do not see"
+
+    @classmethod
     def unsupported(cls, params: TechniqueParams, view: View, device: Device) -> str | None:
         assert isinstance(params, cls.Params)
         inner = _map_of(params, view.light.hard_kind)

@@ -68,7 +68,7 @@ class LightSamples(Technique):
     @classmethod
     def unsupported(cls, params: TechniqueParams, view: View, device: Device) -> str | None:
         assert isinstance(params, cls.Params)
-        hard = replace(view, light=_hard_light(view.light, view.light.position))
+        hard = replace(view, light=hard_light(view.light, view.light.position))
         return params.of.technique.declines(params.of.params, hard, device)
 
     @classmethod
@@ -88,7 +88,7 @@ class LightSamples(Technique):
     def draw(self, frame: Frame) -> moderngl.Texture:
         self.rays = 0.0
         if self.params.n == 1 or not frame.light.soft:
-            return self._draw_point(frame, _hard_light(frame.light, frame.light.position))
+            return self._draw_point(frame, hard_light(frame.light, frame.light.position))
         self.target.clear()
         for point in points_of(frame.light, self.params.n):
             visibility = self._draw_point(frame, point.light)
@@ -128,7 +128,7 @@ def points_of(light: Light, count: int) -> Iterator[LightPoint]:
         if light.kind == "rectangle":
             width, height = light.size
             point = center + right * width * (u - 0.5) + up * height * (v - 0.5)
-            yield LightPoint(_hard_light(light, vec3(point)), vec3(-back))
+            yield LightPoint(hard_light(light, vec3(point)), vec3(-back))
             continue
         around = right * math.cos(2 * math.pi * v) + up * math.sin(2 * math.pi * v)
         if light.kind == "directional":
@@ -136,10 +136,10 @@ def points_of(light: Light, count: int) -> Iterator[LightPoint]:
             yield LightPoint(replace(light, direction=vec3(-direction), radius=0.0), vec3(-back))
         elif light.kind == "disc":
             point = center + around * light.radius * math.sqrt(u)
-            yield LightPoint(_hard_light(light, vec3(point)), vec3(-back))
+            yield LightPoint(hard_light(light, vec3(point)), vec3(-back))
         else:
             normal = _on_sphere(around, back, 1.0 - 2.0 * u)
-            yield LightPoint(_hard_light(light, vec3(center + normal * light.radius)), vec3(normal))
+            yield LightPoint(hard_light(light, vec3(center + normal * light.radius)), vec3(normal))
 
 
 def _on_sphere(around: Floats, back: Floats, cosine: float) -> Floats:
@@ -147,7 +147,7 @@ def _on_sphere(around: Floats, back: Floats, cosine: float) -> Floats:
     return around * math.sqrt(max(1.0 - cosine * cosine, 0.0)) + back * cosine
 
 
-def _hard_light(light: Light, position: Vec3) -> Light:
+def hard_light(light: Light, position: Vec3) -> Light:
     """The light without a size at a position. A spot's cone is widened, to light what its centre's lights."""
     widened = light.angle + 2 * math.asin(1 / _NEAREST) if position != light.position else light.angle
     angle = min(widened, math.radians(WIDEST_CONE)) if light.kind == "spot" else light.angle

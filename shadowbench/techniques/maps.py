@@ -183,7 +183,10 @@ def penumbra_uniforms(program: Program, light_radius: float, hull: SceneHull, li
     if not program.has("light_radius"):
         return {}
     # Without a radius all penumbrae have a width of 0, and the search for the nearest caster is of no use.
-    return {"light_radius": light_radius, "nearest_caster": hull.nearest_caster(light) if light_radius else 1.0}
+    if light_radius == 0.0:  # all penumbrae have a width of 0, and the search for the nearest caster is of no use
+        return {"light_radius": 0.0, "nearest_caster": 1.0}
+    nearest = hull.highest_caster(light) if light.kind == "directional" else hull.nearest_caster(light)
+    return {"light_radius": light_radius, "nearest_caster": nearest}
 
 
 def storable_region(light_view: LightView, bias: Bias) -> Floats:

@@ -49,8 +49,8 @@ class Spec:
 
     @property
     def techniques(self) -> "tuple[type[Technique], ...]":
-        """The technique, and those that its parameters name."""
-        return tuple(one.technique for one in self._specs)
+        """The technique, those that its parameters name, and those that they build on."""
+        return tuple(used for one in self._specs for used in (one.technique, *one.technique.builds_on))
 
     @property
     def components(self) -> tuple[Component, ...]:

@@ -20,6 +20,7 @@ TECHNIQUES = [
     "ray-traced",
     "unshadowed",
     "light-samples",
+    "soft-volume",
 ]
 
 SCENES: list[dict[str, Any]] = [

@@ -11,9 +11,12 @@ from inspect import cleandoc
 import numpy as np
 
 from shadowbench.scenes.model import Floats, Mesh, Scene, View, perpendicular_basis, unit, vec3
+from shadowbench.techniques.fits import FixedFit
 
 from .scenes import CONVEX, GRID, SHAPES, Caster, on_grid
 
+SIZE = 96  # texels along a side of the maps
+SHEETS = 8.0, 40.0  # least and largest distance from the origin towards the sun, in metres
 Random = np.random.Generator
 Change = Callable[[View, Random], View]
 
@@ -259,3 +262,41 @@ def more_taps(view: View, random: Random) -> View:
     If all comparisons of a kernel agree, so do those of any smaller kernel, which are among them.
     """
     return view
+
+
+@law("a vanishing light")
+def nearly_hard(view: View, random: Random) -> View:
+    """The light, which has no size, gets a radius of a millionth of its distance.
+
+    Its penumbrae are narrower than the rasteriser's subpixel grid.
+    """
+    light = view.light
+    distance = 1.0 if light.kind == "directional" else float(np.linalg.norm(light.position))
+    return replace(view, light=replace(light, radius=1e-6 * distance))
+
+
+@law("translation by texels of the map")
+def moved_by_texels(view: View, random: Random) -> View:
+    """The scene is translated by up to 5 texels of a fixed map along its rows and columns.
+
+    The map holds the same texels elsewhere.
+    """
+    basis = perpendicular_basis(-unit(view.light.direction), (0.0, 1.0, 0.0))
+    texels = random.integers(-5, 6, 2) * (2 * FixedFit().half / SIZE)
+    return mapped(view, np.eye(3), texels @ basis[:2])
+
+
+@law("a caster over another")
+def sheeted(view: View, random: Random) -> View:
+    """Two sheets that face the sun are added over the scene, of which the upper one covers half of it.
+
+    The lower one shadows all that the upper one would light.
+    """
+    right, up, toward = perpendicular_basis(-unit(view.light.direction), random.normal(size=3))
+    lower, upper = SHEETS[0], random.uniform(1.5 * SHEETS[0], SHEETS[1])
+    meshes = []
+    for height, edge in ((lower, -30.0), (upper, 0.0)):
+        corners = [30 * x * right + 30 * y * up for x, y in ((edge / 30, -1), (1, -1), (1, 1), (edge / 30, 1))]
+        faces = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
+        meshes.append(Mesh("sheet", np.array(corners) + height * toward, faces, receives=False))
+    return with_meshes(view, [*view.scene.meshes, *meshes])

@@ -13,15 +13,18 @@ from shadowbench.scenes.model import LightKind
 from shadowbench.techniques.registry import own_techniques
 from shadowbench.techniques.spec import Spec, parse_spec
 
-from .changes import LAWS
+from .changes import LAWS, SIZE
 
-Kind = Literal["bits", "equal", "within", "subset", "agree", "none"]
+Kind = Literal["bits", "equal", "within", "subset", "agree", "limit", "blurred", "bleeds", "none"]
 KINDS: dict[Kind, str] = {
     "bits": "identical masks, bit for bit",
     "equal": "visibility on the same side of ½ at every pixel that is decided in both views",
     "within": "over 8 phases, the ranges of the errors before and after the change overlap",
     "subset": "no pixel that is decided in both views and shows the same triangle changes from shadow to light",
     "agree": "a pixel that is fully lit or fully in shadow with the largest kernel has the same bits with smaller ones",
+    "limit": "with `filter=pcss`, a pixel whose 3² texels are all lit or all in shadow has the bits of `filter=hard`",
+    "blurred": "equal, and with blurred moments the same visibility to rounding",
+    "bleeds": "with `filter=vsm` the light below the sheets grows at every pixel as the upper one rises",
     "none": "not claimed",
 }
 LIGHTS: tuple[LightKind, ...] = ("directional", "point", "spot")
@@ -53,9 +56,6 @@ class Subject:
     def spec(self) -> Spec | None:
         """Its spec; None for the truth."""
         return parse_spec(self.text, {one.name: one for one in own_techniques()}) if self.text else None
-
-
-SIZE = 96  # texels along a side of the maps
 
 
 @cache
@@ -189,6 +189,20 @@ claim(
 )
 claim("an additional caster", [VISIBLE], "none", SEEN)
 
+_sized = ["truth", "light-samples"]
+claim("a vanishing light", _sized, "equal", "all points of the light are nearly its centre")
+claim("a vanishing light", without(*_sized, FIXED), "bits", "the light's size is not used by the default filter")
+claim("a vanishing light", [FIXED], "limit", "the least disc of taps lies within 3² texels of the receiver's")
+
+_texels = "translation by texels of the map"
+claim(_texels, [FIXED], "blurred", "a uniform blur commutes with a translation by whole texels", ("directional",))
+claim(_texels, without(FIXED), "none", "the map is fitted, has other axes, or is none")
+
+_over = "a caster over another"
+_ratio = "Chebyshev's bound grows with the distance between casters over that of the lower one to the receiver"
+claim(_over, [FIXED], "bleeds", _ratio, ("directional",))
+claim(_over, without(FIXED), "none", "tested with one fit, as bleeding does not depend on it")
+
 claim(
     "more PCF taps",
     [FIXED, "cube-map"],
@@ -197,6 +211,10 @@ claim(
 )
 claim("more PCF taps", [SCENE, VIEW, VISIBLE, SLICES, TIGHT, STABLE], "none", "the map is padded by the filter radius")
 claim("more PCF taps", RAYS, "none", "there is no filter")
+
+
+for _law in LAWS:
+    claim(_law, ["soft-volume"], "none", "without a size of the light `shadow-volume`, else as `light-samples`")
 
 
 def claims() -> Iterator[tuple[str, str, Claim]]:

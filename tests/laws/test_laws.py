@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -17,15 +18,18 @@ from shadowbench.data import data_folder
 from shadowbench.geometry import hull
 from shadowbench.geometry.slices import Slice
 from shadowbench.gl.program import Stencil
-from shadowbench.scenes.model import IDENTITY_PLACEMENT, Scene, View
+from shadowbench.scenes.model import IDENTITY_PLACEMENT, Scene, View, unit
 from shadowbench.techniques import maps, shadow_volume
-from shadowbench.techniques.biases import Constant, FrontCull
-from shadowbench.techniques.filters import PCF, Hard
+from shadowbench.techniques.biases import Constant, FrontCull, NoBias, ReceiverPlane
+from shadowbench.techniques.filters import PCF, Filter, Hard
+from shadowbench.techniques.fits import FixedFit
 from shadowbench.techniques.maps import caster_state
+from shadowbench.techniques.moments import EVSM, VSM
+from shadowbench.techniques.pcss import PCSS
 from shadowbench.techniques.registry import own_techniques
 
 from .answers import Answer, Drawing, traced
-from .changes import LAWS
+from .changes import LAWS, with_meshes
 from .scenes import Little, littles
 from .table import FIXED, SCENE, STABLE, VISIBLE, Claim, Subject, claims, misnamed, subjects
 
@@ -122,16 +126,53 @@ def within(case: Case) -> None:
 def agree(case: Case) -> None:
     """With so fine a map and so large a bias that most kernels agree."""
     assert case.subject.spec is not None
-    masks = []
-    for rows in (Hard(), *(PCF(taps=taps) for taps in (3, 5, 7))):
-        spec = case.subject.spec.with_(size=512, bias=Constant(world=0.3), filter=rows)
-        with Drawing(case.studio, spec, case.views[0]) as drawing:
-            masks.append(drawing.visibility())
-    *fewer, most = masks
+    rows = Hard(), *(PCF(taps=taps) for taps in (3, 5, 7))
+    *fewer, most = (filtered(case, case.views[0], size=512, bias=Constant(world=0.3), filter=row) for row in rows)
     agreed = (most == 0) | (most == 1)
     assert agreed.mean() > 0.6
     for mask in fewer:
         assert (mask == most)[agreed].all(), "taps changed a pixel whose kernel agrees"
+
+
+def limit(case: Case) -> None:
+    """As many texels and as wide a bias as in `agree`; each texel is compared with the receiver's plane."""
+    assert case.subject.spec is not None
+    hard, box, soft = (
+        filtered(case, view, size=512, bias=ReceiverPlane(slack=3.0), filter=row)
+        for view, row in zip((*case.views[:1] * 2, case.changed), (Hard(), PCF(taps=3), PCSS()), strict=True)
+    )
+    agreed = (box == 0) | (box == 1)
+    assert agreed.mean() > 0.6
+    assert (soft == hard)[agreed].all(), "a light of nearly no size has a penumbra"
+
+
+def blurred(case: Case) -> None:
+    equal(case)
+    for row in (VSM(bleed=0.0), EVSM()):
+        before, after = (filtered(case, view, filter=row) for view in case.views)
+        assert np.abs(before - after).max() < 1e-3, "a blur is not the same elsewhere"
+
+
+def bleeds(case: Case) -> None:
+    """Between the changed view, and the same with the upper sheet halfway down to the lower one."""
+    *others, upper = case.changed.scene.meshes
+    toward = -unit(case.changed.light.direction)
+    halfway = replace(
+        upper, vertices=upper.vertices - 0.5 * toward * ((upper.vertices[0] - others[-1].vertices[0]) @ toward)
+    )
+    fit = FixedFit(half=6.5, near=1.0, far=60.0, distance=50.0)
+    low, high = (
+        filtered(case, view, fit=fit, bias=NoBias(), filter=VSM(bleed=0.0))
+        for view in (with_meshes(case.changed, [*others, halfway]), case.changed)
+    )
+    assert (high > low - 1e-3).all() and high.mean() > low.mean() + 1e-3, "no more light through casters farther apart"
+
+
+def filtered(case: Case, view: View, **parameters: Any) -> NDArray[np.float32]:
+    """Visibility of a view with some of the subject's parameters changed."""
+    assert case.subject.spec is not None
+    with Drawing(case.studio, case.subject.spec.with_(**parameters), view) as drawing:
+        return drawing.visibility()
 
 
 CHECKS: dict[str, Callable[[Case], None]] = {
@@ -140,6 +181,9 @@ CHECKS: dict[str, Callable[[Case], None]] = {
     "within": within,
     "subset": subset,
     "agree": agree,
+    "limit": limit,
+    "blurred": blurred,
+    "bleeds": bleeds,
 }
 
 
@@ -232,10 +276,28 @@ def test_volumes_that_take_a_second_layer_for_light_are_caught(studio, monkeypat
     assert_caught(studio, "an additional caster", "shadow-volume", "subset", "a caster lights a pixel")
 
 
+def replace_in_shader(monkeypatch, folder: Path, row: type[Filter], old: str, new: str) -> None:
+    text = data_folder("shaders").joinpath(row.shader).read_text(encoding="utf-8")
+    assert old in text
+    (folder / "faulty.glsl").write_text(text.replace(old, new), encoding="utf-8")
+    monkeypatch.setattr(row, "shader", str(folder / "faulty.glsl"))
+
+
 def test_a_kernel_that_does_not_hold_the_narrower_one_is_caught(studio, monkeypatch, tmp_path: Path) -> None:
-    text = data_folder("shaders").joinpath(PCF.shader).read_text(encoding="utf-8")
-    aside = text.replace("vec2(x, y)", "vec2(x + 2 * FILTER_TAPS, y)")
-    assert aside != text
-    (tmp_path / "aside.glsl").write_text(aside, encoding="utf-8")
-    monkeypatch.setattr(PCF, "shader", str(tmp_path / "aside.glsl"))
+    replace_in_shader(monkeypatch, tmp_path, PCF, "vec2(x, y)", "vec2(x + 2 * FILTER_TAPS, y)")
     assert_caught(studio, "more PCF taps", FIXED, "agree", "taps changed")
+
+
+def test_a_penumbra_that_is_never_narrower_than_some_texels_is_caught(studio, monkeypatch, tmp_path: Path) -> None:
+    replace_in_shader(monkeypatch, tmp_path, PCSS, "0.5 * length(p.texel)", "4.0 * length(p.texel)")
+    assert_caught(studio, "a vanishing light", FIXED, "limit", "has a penumbra")
+
+
+def test_a_read_that_depends_on_the_place_in_the_map_is_caught(studio, monkeypatch, tmp_path: Path) -> None:
+    replace_in_shader(monkeypatch, tmp_path, VSM, "contents_at(p, vec2(0.0))", "contents_at(p, 4.0 * p.uv)")
+    assert_caught(studio, "translation by texels of the map", FIXED, "blurred", "not the same elsewhere")
+
+
+def test_a_bound_that_falls_with_the_casters_distance_is_caught(studio, monkeypatch, tmp_path: Path) -> None:
+    replace_in_shader(monkeypatch, tmp_path, VSM, "filter_min_variance)", "0.001)")
+    assert_caught(studio, "a caster over another", FIXED, "bleeds", "no more light")

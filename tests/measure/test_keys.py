@@ -188,6 +188,8 @@ EDITED = [
     ("techniques/ray_traced.py", "shadow-map", False),
     ("techniques/shadow_map.py", "light-samples:of=shadow-map", True),
     ("techniques/shadow_map.py", "light-samples:of=ray-traced", False),
+    ("../shaders/shadow-volume/count.frag", "soft-volume", True),
+    ("../shaders/shadow-volume/count.frag", "light-samples:of=ray-traced", False),
     ("techniques/base.py", "shadow-map", True),
     ("techniques/biases.py", "unshadowed", True),
     ("techniques/params.py", "unshadowed", True),
@@ -226,7 +228,7 @@ def test_a_key_knows_the_code_that_its_result_rests_on(
     edit: Callable[..., None], file: str, spec: str, differs: bool
 ) -> None:
     before = key(spec)
-    edit(Path(data.__file__).parent / file)
+    edit((Path(data.__file__).parent / file).resolve())
     assert (key(spec) != before) == differs
 
 
@@ -403,7 +405,7 @@ def test_a_plug_in_that_inherits_from_ours_rests_on_its_file_too(
     heir = tmp_path / "heir.py"
     heir.write_text(INHERITS.format(module=ShadowMap.__module__, parent="ShadowMap"))
     before = plugged(heir, "Heir")
-    edit(Path(data.__file__).parent / file)
+    edit((Path(data.__file__).parent / file).resolve())
     assert (plugged(heir, "Heir") != before) == differs
 
 

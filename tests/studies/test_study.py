@@ -184,20 +184,23 @@ def test_phases_may_be_given_for_one_technique(read: ReadStudy) -> None:
 def test_studies_about_map_sizes_have_several_phases() -> None:
     demo, default = (read_study(find_study(name), KNOWN) for name in ("demo", "default"))
     assert {cell.phase for cell in default.cells() if cell.spec.technique.phased} == set(range(8))
-    usual = {(cell.spec.map_size, cell.phase) for cell in demo.cells() if cell.spec.sizeless_text == HOME}
+    usual = {(cell.spec.map_size, cell.phase) for cell in demo.cells(soft=False) if cell.spec.sizeless_text == HOME}
     assert usual == {(size, phase) for size in (512, 1024, 2048, 4096) for phase in range(8)}
     webgl = parse_spec("shadow-map:preset=webgl", KNOWN).sizeless_text
-    assert {c.spec.map_size for c in demo.cells() if c.spec.sizeless_text == webgl} == {512, 4096}
+    assert {c.spec.map_size for c in demo.cells(soft=False) if c.spec.sizeless_text == webgl} == {512, 4096}
 
 
-def test_the_demo_has_every_technique_and_preset_under_a_sun_and_a_lamp() -> None:
+def test_the_demo_has_every_technique_and_preset_under_a_sun_a_lamp_and_a_light_with_a_size() -> None:
     demo = read_study(find_study("demo"), KNOWN)
-    # Under a light without a size, light-samples is the technique that it averages.
-    assert {spec.technique.name for spec in demo.specs} == KNOWN.keys() - {"light-samples"}
+    assert {spec.technique.name for spec in demo.specs} == KNOWN.keys()
     presets = {f"{name}:preset={preset}" for name, technique in KNOWN.items() for preset in technique.presets}
     assert {parse_spec(text, KNOWN).sizeless_text for text in presets} <= {spec.sizeless_text for spec in demo.specs}
-    kinds = [block.view.light.kind for block in demo.blocks()]
-    assert len(kinds) == 3 and {"directional", "point"} == set(kinds)
+    *hard, soft = demo.blocks()
+    assert len(hard) == 3 and {"directional", "point"} == {block.view.light.kind for block in hard}
+    assert soft.view.light.soft and not any(block.view.light.soft for block in hard)
+    drawn = [{cell.spec.technique for cell in block.cells} for block in (*hard, soft)]
+    assert all(not technique.soft_only for block in drawn[:3] for technique in block)
+    assert {technique.name for technique in drawn[3] if technique.soft_only} == {"light-samples", "soft-volume"}
 
 
 def test_convergence_is_studied_on_every_scene_whose_light_has_a_size_and_all_else_on_the_others() -> None:
@@ -206,11 +209,20 @@ def test_convergence_is_studied_on_every_scene_whose_light_has_a_size_and_all_el
     assert hard == set(hard_names())
 
 
+def test_a_table_may_be_for_lights_with_a_size_only_or_for_those_without(read: ReadStudy) -> None:
+    tables = '[[technique]]\nspec = "unshadowed"\n[[technique]]\nspec = "soft-volume"\nsoft = true\n'
+    study = read(f'scenes = ["cube-on-plane", "post"]\n{tables}[[technique]]\nspec = "ray-traced"\nsoft = false\n')
+    drawn = [{cell.spec.technique.name for cell in block.cells} for block in study.blocks()]
+    assert drawn == [{"unshadowed", "ray-traced"}, {"unshadowed", "soft-volume"}]
+    with pytest.raises(InputError, match="soft: found 1; allowed: true or false"):
+        read(f'scenes = ["post"]\n{tables.replace("true", "1")}')
+
+
 @pytest.mark.parametrize("phases", [None, 2])
 def test_a_technique_for_soft_shadows_is_in_the_default_list_where_the_light_has_a_size(phases: int | None) -> None:
     study = study_from_options(KNOWN, ["cube-on-plane", "post"], phases=phases)
     found = [{cell.spec.technique.name for cell in block.cells} for block in study.blocks()]
-    assert found == [KNOWN.keys() - {"light-samples"}, KNOWN.keys()]
+    assert found == [KNOWN.keys() - {"light-samples", "soft-volume"}, KNOWN.keys()]
     named = study_from_options(KNOWN, ["cube-on-plane"], [parse_spec("light-samples", KNOWN)])
     assert [len(block.cells) for block in named.blocks()] == [1]
     assert {spec.technique.name for spec in default_specs(KNOWN.values())} == found[0]

@@ -51,14 +51,14 @@ class Ground:
 def ground(looking, studio, build) -> Callable[..., Ground]:
     """The ground under some casters, seen from below them."""
 
-    def make(*casters: Mesh) -> Ground:
+    def make(*casters: Mesh, fit: str = FIXED) -> Ground:
         view = looking([plate("ground", 0.0), *casters], DOWN, 128, eye=(0.3, 0.7, 1.9), target=(0.0, 0.0, -0.2))
         shot = studio.shot(view)
         position = shot.position[..., :3] / shot.placement.scale + shot.placement.center
         on_ground = (shot.triangle >= 0) & (shot.triangle < 2) & (np.abs(position[..., [0, 2]]).max(axis=-1) < 1.8)
         x, _, y = position[on_ground].T
         assert (np.abs(x) < BLUR * TEXEL / 2).sum() > 300, "the edge is in the picture"
-        linear = build(f"shadow-map:{FIXED}", shot)
+        linear = build(f"shadow-map:{fit}", shot)
         linear.draw(shot)
 
         def depth(height: float) -> float:
@@ -66,7 +66,7 @@ def ground(looking, studio, build) -> Callable[..., Ground]:
             return float(linear.technique.light_view.to_linear @ [*local, 1.0])
 
         def drawn(filter_: str) -> np.ndarray:
-            return build(f"shadow-map:filter={filter_},{FIXED}", shot).draw(shot)[on_ground]
+            return build(f"shadow-map:filter={filter_},{fit}", shot).draw(shot)[on_ground]
 
         return Ground(drawn, x, y, depth)
 
@@ -174,6 +174,54 @@ def test_msm_is_exact_for_three_depths_with_the_receiver_s_and_else_between_the_
     assert (msm < vsm[mixed] + 1e-4).all() and (msm < vsm[mixed] - 0.01).mean() > 0.5
     if not lowest:
         assert msm == pytest.approx(weights[2][mixed], abs=1e-3)
+
+
+BLEEDING = {
+    "vsm": "vsm(",
+    "evsm2": "evsm(components=2,",
+    "evsm4": "evsm(",
+    "msm32": "msm(",
+    "msm16": "msm(bits=16,",
+}
+
+
+@pytest.fixture
+def bleeding(ground) -> Callable[[int, float], dict[str, float]]:
+    """Mean light at the ground below two or three plates, where the kernel holds all of them, by filter.
+
+    The lowest, 1 m above the ground, covers all of it. far: of the map, below a near plane 19 m above the ground.
+    """
+
+    def measure(casters: int, far: float) -> dict[str, float]:
+        plates = [plate("lowest", 1.0), plate("left", 18.0 if casters == 3 else 12.0, x=(-2.2, 0.0))]
+        if casters == 3:
+            plates.append(plate("back", 12.0, x=(0.0, 2.2), z=(-2.2, 0.0)))
+        found = ground(*plates, fit=f"fit=fixed(half=2.5,near=1,far={far},distance=20),size=80,bias=none")
+        all_in_kernel = np.abs(found.x) < 2 * TEXEL
+        if casters == 3:
+            all_in_kernel &= np.abs(found.y) < 2 * TEXEL
+        assert all_in_kernel.sum() > 50
+        return {
+            name: float(found(f"{row}blur={BLUR},bleed=0)")[all_in_kernel].mean()) for name, row in BLEEDING.items()
+        }
+
+    return measure
+
+
+@pytest.mark.parametrize("casters", [2, 3])
+def test_evsm_bleeds_at_most_half_as_much_as_vsm_and_msm_only_below_two_casters(bleeding, casters: int) -> None:
+    bleed = bleeding(casters, 21.0)
+    assert bleed["vsm"] > 0.2
+    assert max(bleed["evsm2"], bleed["evsm4"]) < 0.5 * bleed["vsm"]
+    assert all((bleed[msm] < 0.5 * bleed["vsm"]) == (casters == 2) for msm in ("msm32", "msm16"))
+
+
+@pytest.mark.parametrize("casters", [2, 3])
+def test_a_longer_range_of_depths_adds_to_all_bleeding_but_vsm_s(bleeding, casters: int) -> None:
+    """Which is a ratio of depths; EVSM's exponents are of the range, and moments nearer together need a larger bias."""
+    short, long = bleeding(casters, 21.0), bleeding(casters, 101.0)
+    assert long.pop("vsm") == pytest.approx(short["vsm"], abs=0.005)
+    assert all(bleed > short[name] + 0.001 for name, bleed in long.items())
 
 
 @pytest.mark.parametrize("filter_", ["vsm", "evsm", "msm"])
