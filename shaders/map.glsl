@@ -10,6 +10,7 @@
 uniform float filter_radius;  // largest distance of a compared texel's points from the receiver's point, in texels
 uniform float depth_step;     // spacing of stored depths near 1
 uniform float position_step;  // float32 rounding error of positions, a local length
+uniform float subpixel;       // step of the rasteriser's grid, in texels of the map
 
 const float depth_sign = REVERSED == 1 ? -1.0 : 1.0;
 const float map_size = float(SIZE);

@@ -5,7 +5,6 @@
 uniform float bias_limit;
 uniform float bias_slack;
 uniform float bias_ulps;
-uniform float subpixel;
 
 vec2 bias_gradient(Receiver r, ShadowCoord p) {
 #ifdef BIAS_GRADIENT_DERIVATIVE

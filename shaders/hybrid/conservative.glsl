@@ -1,8 +1,6 @@
 // 1 where no texel around the receiver stores a depth nearer than its plane, 0 where all are clearly nearer; else ½.
 #define FILTER_HAS_PLANE
 
-uniform float subpixel;
-
 float filter_visibility(ShadowCoord p) {
     float least = 1.0, most = -1.0, low = 1.0, high = -1.0;
     vec2 corner = floor(p.uv * map_size - 0.5) - float(FILTER_REACH - 1);

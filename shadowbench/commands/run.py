@@ -206,8 +206,11 @@ def run(
 
 def _others(study: "Study", known: "Techniques") -> list[str]:
     """The real-time techniques that support all lights of a study, if one of its own does not."""
-    lights = {block.view.light.hard_kind for block in study.blocks()}
-    able = [name for name, technique in known.items() if lights <= technique.lights]
+    lights = [block.view.light for block in study.blocks()]
+    kinds, soft = {light.hard_kind for light in lights}, all(light.soft for light in lights)
+    able = [
+        name for name, technique in known.items() if kinds <= technique.lights and (soft or not technique.soft_only)
+    ]
     if all(spec.technique.name in able for spec in study.specs):
         return []
     return [name for name in able if not known[name].never_recommended]

@@ -50,6 +50,7 @@ class Hybrid(Technique):
     name = "hybrid"
     picture_scene = "railings"
     exact = True
+    builds_on = (ShadowMap, CubeMap, RayTraced)
     grid = {"size": (512, 1024, 2048), "texels": (1, 2)}
 
     class Params(FittedParams):
@@ -57,7 +58,7 @@ class Hybrid(Technique):
 
         texels: int = param(2, "the map must agree over 2·texels × 2·texels texels", ge=1, le=8)
         rest: Literal["trace", "embree"] = param("trace", "traces the other pixels: in a shader, or on the CPU")
-        offset: float = param(2e-7, "height of a ray's origin above its surface, as a share of the scene", ge=0, le=1)
+        offset: float = param(1e-6, "height of a ray's origin above its surface, as a share of the scene", ge=0, le=1)
 
     params: Params
 

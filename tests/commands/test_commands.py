@@ -88,7 +88,7 @@ def test_a_command_that_drew_nothing_says_so_in_its_last_line(shadowbench: Shado
     lamp = ["run", "room-with-lamp", "-t", "shadow-map", *SMALL]
     why = "unsupported: a point light shines all round, one 2-D map sees less than half of it"
     nothing = "note: nothing was drawn and nothing failed:"
-    others = "what draws here: cube-map, planar-projection, shadow-volume (-t)"
+    others = "what draws here: cube-map, hybrid, planar-projection, shadow-volume (-t)"
     alone = shadowbench(*lamp, "-o", tmp_path / "one")
     assert (alone.code, alone.err) == (0, f"{nothing} the only cell is {why}; {others}\n")
     assert "masks/" not in alone.out
