@@ -51,7 +51,7 @@ class Hybrid(Technique):
     picture_scene = "railings"
     exact = True
     builds_on = (ShadowMap, CubeMap, RayTraced)
-    grid = {"size": (512, 1024, 2048), "texels": (1, 2)}
+    grid = {"fit": ("visible", "view"), "size": (512, 1024, 2048), "texels": (1, 2)}
 
     class Params(FittedParams):
         """Parameters of hybrid."""
