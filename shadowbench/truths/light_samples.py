@@ -16,8 +16,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from shadowbench.compiled import compile_once, compiled
 from shadowbench.scenes.model import Floats, Light, perpendicular_basis, unit
-from shadowbench.truths.compiled import compile_once, compiled
 
 Single = NDArray[np.float32]
 

@@ -17,7 +17,7 @@ from llvmlite import binding
 from numba import types
 from numpy.typing import NDArray
 
-from shadowbench.truths.compiled import compile_once, compiled
+from shadowbench.compiled import compile_once, compiled
 
 PACKET = 16
 COHERENT = 1 << 16  # RTC_RAY_QUERY_FLAG_COHERENT

@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from shadowbench.compiled import compiled
 from shadowbench.scenes.geometry import Geometry
 from shadowbench.scenes.model import Floats, View
-from shadowbench.truths.compiled import compiled
 
 AT_ONCE = 256  # triangles, whose edges stay in the processor's cache
 PAIRS_PER_RAY = 64  # at first; the search is repeated where there are more
