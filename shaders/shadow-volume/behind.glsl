@@ -1,11 +1,13 @@
 // Depth test of a wall against the receiver, more precise than a depth buffer, whose resolution is mostly near the eye.
 uniform vec3 eye;
 flat in vec3 edge_a;
-flat in vec3 edge_b;
-flat in vec4 wall_normal;  // away from the eye; w: 1 if it is from border a to border b, else −1
+flat in vec3 wall_normal;  // away from the eye
 flat in vec4 border_a;     // planes through the eye and the wall's borders: n·(x − eye) ≥ w on the wall's side
 flat in vec3 border_b;
 flat in vec3 border_edge;
+flat in vec3 inverse_a;    // planes n·(x − eye) = 1 through the borders, perpendicular to the former
+flat in vec3 inverse_b;
+flat in vec3 inverse_edge;
 
 const float touching = 1e-3;  // of the receiver's distance: an edge less far in front belongs to the receiver
 
@@ -17,9 +19,6 @@ bool wall_is_behind(vec3 receiver) {
     // The rasteriser's subpixel grid covers some pixels whose ray just misses the wall. If the wall is edge-on, such a
     // ray intersects its plane anywhere. Then the ray's closest approach to the wall's border decides, which the
     // adjacent wall or cap shares, so that their counts cancel. The edge last: seen end-on, it is ill-conditioned.
-    vec3 direction = beyond_a || beyond_b ? light.w * (beyond_a ? edge_a : edge_b) - light.xyz : edge_b - edge_a;
-    vec3 moment = beyond_a ? border_a.xyz : beyond_b ? border_b : border_edge;
-    vec3 across = cross(ray, direction);
-    float approach = wall_normal.w * (beyond_a ? 1.0 : -1.0) * dot(moment, across);
-    return missed ? approach >= (1.0 - touching) * dot(across, across) : dot(wall_normal.xyz, receiver - edge_a) <= 0.0;
+    vec3 inverse = beyond_a ? inverse_a : beyond_b ? inverse_b : inverse_edge;
+    return missed ? (1.0 - touching) * dot(inverse, ray) <= 1.0 : dot(wall_normal, receiver - edge_a) <= 0.0;
 }

@@ -8,11 +8,13 @@ uniform vec4 far_plane;  // n·x + d = 0, passed by all walls on their way from 
 #ifdef COMPARE_POSITION
 uniform vec3 eye;
 flat out vec3 edge_a;
-flat out vec3 edge_b;
-flat out vec4 wall_normal;
+flat out vec3 wall_normal;
 flat out vec4 border_a;
 flat out vec3 border_b;
 flat out vec3 border_edge;
+flat out vec3 inverse_a;
+flat out vec3 inverse_b;
+flat out vec3 inverse_edge;
 
 const float parallel = 1e-5;  // sine of the angle between edge and light below which the wall's plane is all rounding
 #endif
@@ -27,6 +29,14 @@ vec4 far(vec3 point) {
     return vec4(end, 1.0);
 }
 
+#ifdef COMPARE_POSITION
+// n of the plane n·(x − eye) = 1 through a line, perpendicular to the plane through the line and the eye.
+vec3 inverse(vec3 point, vec3 direction) {
+    vec3 normal = cross(direction, cross(point - eye, direction));
+    return normal / max(dot(normal, point - eye), 1e-30);
+}
+#endif
+
 void main() {
     int corner = gl_VertexID % 6;
     bool is_far = corner == 2 || corner == 3 || corner == 5;
@@ -36,12 +46,14 @@ void main() {
     vec3 along = b - a, normal = cross(along, away(a));
     float side = dot(normal, eye - a) < 0.0 ? -1.0 : 1.0;
     edge_a = a;
-    edge_b = b;
     // Away from the eye, and planes through the eye and the wall's borders, with the wall on their positive side.
-    wall_normal = vec4(-side * normal, side);
+    wall_normal = -side * normal;
     border_a = vec4(side * cross(away(a), eye - a), 0.0);
     border_b = side * cross(eye - b, away(b));
     border_edge = side * cross(eye - a, along);
+    inverse_a = inverse(a, away(a));
+    inverse_b = inverse(b, away(b));
+    inverse_edge = inverse(a, along);
     // The wall of an edge along the light is a line: beyond border a everywhere.
     if (dot(normal, normal) <= parallel * parallel * dot(along, along) * dot(away(a), away(a))) border_a.w = 1e30;
 #endif
