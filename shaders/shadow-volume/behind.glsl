@@ -20,5 +20,6 @@ bool wall_is_behind(vec3 receiver) {
     // ray intersects its plane anywhere. Then the ray's closest approach to the wall's border decides, which the
     // adjacent wall or cap shares, so that their counts cancel. The edge last: seen end-on, it is ill-conditioned.
     vec3 inverse = beyond_a ? inverse_a : beyond_b ? inverse_b : inverse_edge;
-    return missed ? (1.0 - touching) * dot(inverse, ray) <= 1.0 : dot(wall_normal, receiver - edge_a) <= 0.0;
+    float reach = beyond_a || beyond_b ? 1.0 : 1.0 - touching;
+    return missed ? reach * dot(inverse, ray) <= 1.0 : dot(wall_normal, receiver - edge_a) <= 0.0;
 }

@@ -319,7 +319,7 @@ def test_from_255_layers_on_colour_counts(shape, sun, facts) -> None:
     sides = 2.0 - 0.005 * np.arange(256)
     vertices = [square.vertices * side + (0.0, 1e-3 * i, 0.0) for i, side in enumerate(sides)]
     found = set()
-    for count in (252, 253, 254):  # counted as 254, 255 and 256 layers
+    for count in (253, 254, 255):  # with the ground 254, 255 and 256 layers
         faces = np.concatenate([square.faces + len(square.vertices) * i for i in range(count)]).astype(np.int32)
         fact = facts([Mesh("steps", np.concatenate(vertices[:count]), faces)], sun(90.0))
         if "layers_at_most" in fact:
@@ -378,20 +378,11 @@ def armadillo(shared_scenes, studio):
 
 
 @pytest.mark.slow
-def test_silhouettes_draw_fewer_triangles(armadillo, build, device, monkeypatch) -> None:
+def test_silhouettes_draw_fewer_walls(armadillo, build, device, monkeypatch) -> None:
     drawn = {}
     for spec in (SILHOUETTE, TRIANGLE):
         one = build(f"{spec}{',' if ':' in spec else ':'}counter=color", armadillo)
-        draw_part = one.technique.volumes.draw
-
-        def counted(part, *rest, spec=spec, draw_part=draw_part):
-            drawn[spec, part] = work_of(device, lambda: draw_part(part, *rest))["primitives"]
-
-        monkeypatch.setattr(one.technique.volumes, "draw", counted)
-        one.draw(armadillo)
+        drawn[spec] = work_of(device, lambda one=one: one.draw(armadillo))["primitives"]
     if not device.pipeline_statistics:
         pytest.skip("the driver does not count primitives")
-    walls, few_walls = drawn[TRIANGLE, "wall"], drawn[SILHOUETTE, "wall"]
-    assert drawn[TRIANGLE, "cap"] == drawn[SILHOUETTE, "cap"]
-    assert walls >= 10 * few_walls  # found: 14.8
-    assert walls + drawn[TRIANGLE, "cap"] >= 3.2 * (few_walls + drawn[SILHOUETTE, "cap"])  # found: 5.1
+    assert drawn[TRIANGLE] >= 14 * drawn[SILHOUETTE]  # found: 15.3
