@@ -45,7 +45,7 @@ def batches_of(view: View, boxes: Floats, count: Count, cull: bool) -> list[Batc
     region = visible_region(replace(view, camera=replace(view.camera, near=_AT_EYE * far)))
     kept = may_shadow(boxes, light, region) if cull else np.ones(len(boxes), dtype=bool)
     behind = kept & may_shadow(boxes, light, _before_near(view)) if count == "z-fail" else np.zeros_like(kept)
-    extent = float(np.abs(view.scene.geometry.bounds).max())
+    extent = float(np.abs([*view.scene.geometry.bounds, view.camera.position]).max())
     planes = _surrounding(np.vstack([corners(region, extent), view.camera.position]))
     first = _first_passed(planes, boxes, light)
     infinity = np.zeros(4)
@@ -67,10 +67,11 @@ def _before_near(view: View) -> Floats:
 def _shaft(light: Light, points: Floats) -> Floats:
     """(P, 4) planes of a region that has all light rays to the points; P = 0 if it cannot be bounded."""
     xyz, w = light.homogeneous
-    back = unit(np.array(xyz) - w * points.mean(axis=0))
-    space = LightSpace(perpendicular_basis(back, (0.0, 1.0, 0.0)), w * np.array(xyz), bool(w), float("inf"))
-    if w and ((points - space.origin) @ space.basis[2] >= 0).any():
+    toward = np.array(xyz) - w * points.mean(axis=0)
+    if w and ((points - xyz) @ toward >= 0).any():
         return np.empty((0, 4))
+    basis = perpendicular_basis(unit(toward), (0.0, 1.0, 0.0))
+    space = LightSpace(basis, w * np.array(xyz), bool(w), float("inf"))
     return LightView(space, space.box(points), 1).planes
 
 

@@ -100,11 +100,7 @@ class Volumes:
             program.set(world_to_clip=world_to_clip)
         if self._programs["wall"].has("eye"):
             self._programs["wall"].set(eye=frame.camera.position)
-        capped = (
-            np.any([batch.parts & batch.behind for batch in batches], axis=0)
-            if batches
-            else np.zeros(len(self.boxes), bool)
-        )
+        capped = next((batch.parts for batch in batches if batch.behind), np.zeros(len(self.boxes), dtype=bool))
         chosen = np.repeat(capped, np.diff(self._face_ends, prepend=0))
         faces = self._faces[chosen]
         weights = self._cap_weights(self._vertices, faces, self._light, int(chosen[: self._both_from].sum()))

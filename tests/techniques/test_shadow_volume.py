@@ -113,6 +113,15 @@ def test_an_eye_in_a_lamp_s_shadow_sees_it_along_the_light_and_against_it(away, 
         assert wrong(mask(spec, view), truth).sum() <= 1
 
 
+def test_a_lamp_at_the_eye_or_between_it_and_the_near_plane_casts_shadows_that_it_does_not_see(shape, looking, mask):
+    meshes = [shape("plane", 6.0), shape("box", 0.5, (0.0, 0.25, 0.0))]
+    eye = (1.0, 2.0, 1.5)
+    for share in (0.0, 0.5, 1.0):
+        lamp = Light("lamp", "point", position=tuple(np.array(eye) * (1 - 0.05 * share)))
+        view = looking(meshes, lamp, 64, eye, near=0.2, far=9.0)
+        assert wrong(mask(SILHOUETTE, view), trace(view, pixel_samples=1)).sum() <= 1
+
+
 def test_z_pass_from_an_eye_in_shadow_is_wrong(mask, builtin, truth_of, scored) -> None:
     view, truth = builtin("inside-volume"), truth_of("inside-volume")
     assert scored(mask(SILHOUETTE, view), truth)["iou"] >= 0.9995
