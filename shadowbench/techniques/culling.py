@@ -55,13 +55,18 @@ def may_shadow(boxes: Floats, light: tuple[float, ...], planes: Floats) -> NDArr
     planes: (P, 4), the region is where n·x + d ≥ 0. A caster is culled if its box is behind one plane and no light ray
     through the box approaches that plane.
     """
-    box_corners = np.stack([boxes[:, pick, (0, 1, 2)] for pick in np.ndindex(2, 2, 2)], axis=1)
-    away = light[3] * box_corners - np.array(light[:3])
+    points = box_corners(boxes)
+    away = light[3] * points - np.array(light[:3])
     slack = _ROUNDING * float(np.abs(boxes).max(initial=1.0))
-    behind = (box_corners @ planes[:, :3].T + planes[:, 3] < -slack).all(axis=1)
+    behind = (points @ planes[:, :3].T + planes[:, 3] < -slack).all(axis=1)
     receding = (away @ planes[:, :3].T <= slack).all(axis=1)
     kept: NDArray[np.bool_] = ~(behind & receding).any(axis=1)
     return kept
+
+
+def box_corners(boxes: Floats) -> Floats:
+    """(C, 8, 3) corners of (C, 2, 3) boxes."""
+    return np.stack([boxes[:, pick, (0, 1, 2)] for pick in np.ndindex(2, 2, 2)], axis=1)
 
 
 def visible_region(view: View) -> Floats:
@@ -74,14 +79,16 @@ def visible_region(view: View) -> Floats:
     return np.vstack([planes, LightView(space, space.box(visible), 1).planes]) if len(visible) else planes
 
 
-def kept_ranges(kept: NDArray[np.bool_], ends: NDArray[np.int64]) -> Ranges:
+def kept_ranges(kept: NDArray[np.bool_], ends: NDArray[np.int64], others: NDArray[np.bool_] | None = None) -> Ranges:
     """(first, count) ranges of the kept chunks, with small gaps included.
 
-    kept: (C,) bool; ends: (C,) index after the last of each chunk.
+    kept: (C,) bool; ends: (C,) index after the last of each chunk; others: (C,) bool, chunks that no gap may have.
     """
     starts, stops = np.concatenate([[0], ends])[:-1][kept], ends[kept]
     if not len(starts):
         return ()
     wide = starts[1:] - stops[:-1] > _GAP
+    if others is not None:
+        wide |= np.diff(np.cumsum(others)[kept]) > 0
     first, last = starts[np.append(True, wide)], stops[np.append(wide, True)]
     return tuple((int(start), int(stop - start)) for start, stop in zip(first, last, strict=True))

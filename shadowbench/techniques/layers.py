@@ -1,85 +1,80 @@
-"""Upper bound on the number of caster layers that a light ray crosses, by rasterisation from the light."""
+"""Upper bound on the number of caster layers that a light ray crosses, from the silhouette alone."""
 
-import moderngl
 import numpy as np
 
-from shadowbench.geometry.topology import Casters
-from shadowbench.gl.program import Sampling, State
-from shadowbench.scenes.geometry import bounds_of, used_by
+from shadowbench.geometry.facing import Singles
 from shadowbench.scenes.model import Floats, Light, perpendicular_basis, unit
-from shadowbench.techniques.base import Frame, Stage
-from shadowbench.techniques.reduction import MinMaxReduction
 
-_SIZE = (3072, 2048)  # texels; a point light's six tiles have 1024² each. The bound is tighter for smaller texels
-_FACES = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
+_ROUNDING = 1e-6  # of the largest coordinate: exceeds the float32 rounding of a silhouette
 
 
 class LayerBound:
-    """Sums per texel the weights of the triangles at its centre and of the silhouette edges that touch it.
+    """Bounds the layers by the silhouette edges that a half-plane through the light crosses.
 
-    The largest sum bounds the layers of every ray: from the ray through a texel's centre to any other ray through the
-    texel, the number of layers changes only at silhouette edges that touch the texel, at each by at most its weight.
+    On a curve between two light rays, the number of layers changes only at silhouette edges, at each by its weight. The
+    curves are half-planes of parallel rays, which come from where there are no casters, or for a light with a position
+    half-planes bounded by a line through it, on which they come from the ray that meets the fewest triangles' boxes.
     """
 
-    def __init__(self, stage: Stage, casters: Casters) -> None:
-        geometry = stage.scene.geometry
-        self._corners = bounds_of(used_by(geometry.caster_faces, geometry.vertices))
-        program = "shadow-volume/corner.vert", "shadow-volume/layers.frag"
-        self._fill = stage.program(*program, "shadow-volume/layers.geom")
-        self._outline = stage.program(*program, "shadow-volume/outline.geom")
-        self._drawn = [
-            (
-                surface is casters.open,
-                stage.indexed(self._fill, surface.faces),
-                stage.indexed(self._outline, surface.edges, moderngl.LINES_ADJACENCY),
-            )
-            for surface in (casters.closed, casters.open)
-            if len(surface.faces)
-        ]
-        self._counts = stage.texture(_SIZE, dtype="f2")  # exact up to 2048, and never below that for larger sums
-        self._target = stage.target(self._counts)
-        self._bounds = MinMaxReduction(stage, _SIZE, "values")
+    def __init__(self, triangles: Floats) -> None:
+        """Triangles: (F, 3, 3) corners of the casters."""
+        low, high = (triangles.min(axis=1), triangles.max(axis=1)) if len(triangles) else np.zeros((2, 0, 3))
+        self._low: Floats = low.T
+        self._high: Floats = high.T
 
-    def __call__(self, frame: Frame, count_both_facings: bool) -> float:
-        """Upper bound on the layers along any light ray. Stalls until the device has finished."""
-        faces = _to_faces(frame.light, self._corners)
-        tiles = (1, 1) if len(faces) == 1 else (3, 2)
-        world_to_face = np.zeros((6, 4, 4))
-        world_to_face[: len(faces)] = faces
-        texel = tuple(2.0 * tile / size for tile, size in zip(tiles, _SIZE, strict=True))
-        self._target.clear()
-        state = State(depth_clamp=True, blend="add", clip_distances=4)
-        for program in (self._fill, self._outline):
-            program.set(light=frame.light_uniform, world_to_face=world_to_face, faces=len(faces))
-        self._outline.set(texel=texel)
-        for is_open, fill, outline in self._drawn:
-            for drawable in (fill, outline):
-                drawable.program.set(count_both_facings=count_both_facings or is_open)
-                drawable.draw(self._target, state=state)
-        _, highest = self._bounds({"values": (self._counts, Sampling())})
-        return float(highest[0])
+    def __call__(self, light: Light, edges: Singles) -> float:
+        """Upper bound on the layers along any ray of the light.
+
+        edges: (N, 6) edges a → b of the silhouette with the casters to their left as seen from the light, each as often
+        as its weight.
+        """
+        a, b = edges[:, :3].astype(np.float64), edges[:, 3:].astype(np.float64)
+        rounding = _ROUNDING * float(max(np.abs(edges).max(initial=0.0), np.abs(light.position).max()))
+        if light.kind == "directional":
+            basis = perpendicular_basis(-unit(light.direction), (0.0, 1.0, 0.0))
+            start, end = a @ basis[0], b @ basis[0]
+            rising = end >= start - rounding
+            return float(_most_at_once(start[rising] - rounding, end[rising] + rounding))
+        axis, sign, crossed = self._emptiest(np.array(light.position), rounding)
+        return crossed + _most_around(a - light.position, b - light.position, axis, sign, rounding)
+
+    def _emptiest(self, point: Floats, rounding: float) -> tuple[int, int, int]:
+        """Of the six rays from a point along the axes, the one that meets the fewest boxes: axis, sign and number."""
+        above, below = self._low <= point[:, None] + rounding, self._high >= point[:, None] - rounding
+        met = {}
+        for axis in range(3):
+            i, j = (axis + 1) % 3, (axis + 2) % 3
+            beside = above[i] & below[i] & above[j] & below[j]
+            met[axis, 1], met[axis, -1] = int((beside & below[axis]).sum()), int((beside & above[axis]).sum())
+        (axis, sign), fewest = min(met.items(), key=lambda item: item[1])
+        return axis, sign, fewest
 
 
-def _to_faces(light: Light, corners: Floats) -> Floats:
-    """(1 or 6, 4, 4) world to clip space of a directional light's view of a box, or of a point light's cube faces.
+def _most_around(a: Floats, b: Floats, axis: int, sign: int, rounding: float) -> int:
+    """Number of edges a → b, counter-clockwise about an axis through the origin, that a half-plane crosses at most.
 
-    corners: (2, 3) lowest and highest corner of the box.
+    An edge within `rounding` of the axis counts for every half-plane, and so does one of either direction that is as
+    narrow, where it is.
     """
-    if light.kind != "directional":
-        return np.stack([_cube_face(np.array(axis, float), np.array(light.position)) for axis in _FACES])
-    basis = perpendicular_basis(-unit(light.direction), (0.0, 1.0, 0.0))
-    half = np.abs(basis) @ ((corners[1] - corners[0]) / 2) * 1.001
-    half = np.maximum(half, 1e-4 * half.max())  # flat casters have no extent along an axis
-    matrix = np.eye(4)
-    matrix[:3, :3] = basis / half[:, None]
-    matrix[:3, 3] = -matrix[:3, :3] @ corners.mean(axis=0)
-    return matrix[None]
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    p, q = a[:, [i, j]], b[:, [i, j]]
+    along = q - p
+    steps = np.clip(-(p * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), np.finfo(float).tiny), 0.0, 1.0)
+    distance = np.hypot(*(p + steps[:, None] * along).T)
+    near = distance <= 4 * rounding
+    p, q, distance = p[~near], q[~near], distance[~near]
+    start = np.arctan2(p[:, 1], p[:, 0])
+    turn = (np.arctan2(q[:, 1], q[:, 0]) - start + np.pi) % (2 * np.pi) - np.pi
+    slack = 2 * rounding / distance
+    counted = sign * turn >= -slack
+    start, turn, slack = start[counted], turn[counted], slack[counted]
+    first = np.minimum(start, start + turn) - slack
+    last = first + np.abs(turn) + 2 * slack
+    turns = 2 * np.pi * np.array([[-1], [0], [1]])  # an interval may extend beyond −π or π
+    return int(near.sum()) + _most_at_once((first + turns).ravel(), (last + turns).ravel())
 
 
-def _cube_face(axis: Floats, position: Floats) -> Floats:
-    basis = perpendicular_basis(-axis, (0.0, 1.0, 0.0))
-    matrix = np.zeros((4, 4))
-    matrix[:2, :3] = basis[:2]
-    matrix[3, :3] = axis
-    matrix[:, 3] = -matrix[:, :3] @ position
-    return matrix
+def _most_at_once(first: Floats, last: Floats) -> int:
+    """Largest number of intervals that share a point."""
+    order = np.argsort(np.concatenate([first, last]), kind="stable")  # where one ends as another begins, both count
+    return int(np.cumsum(np.where(order < len(first), 1, -1)).max(initial=0))

@@ -11,19 +11,17 @@ from shadowbench.geometry.topology import casters_of
 from shadowbench.gl.matrices import view_projection
 from shadowbench.gl.program import Comparison, Sampling, State, Stencil
 from shadowbench.gl.targets import StencilTarget
-from shadowbench.scenes.model import Floats, View
+from shadowbench.scenes.model import View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
-from shadowbench.techniques.culling import visible_region
+from shadowbench.techniques.batches import Batch, Count, batches_of
 from shadowbench.techniques.layers import LayerBound
 from shadowbench.techniques.reduction import MinMaxReduction
-from shadowbench.techniques.volumes import ArrayVolumes, Extrusion, RenderPass, ShaderVolumes, VolumePart, Volumes
+from shadowbench.techniques.volumes import Extrusion, RenderPass, VolumePart, Volumes
 
 # The stencil stores the number of caster layers between receiver and light modulo 256: increments and decrements wrap,
 # so their order and the number of walls along the camera's ray do not matter. If no light ray crosses 256 layers, 0
 # therefore means lit. With z-pass it is the receiver's number minus the eye's, both below 256, and 0 only if equal.
 MOST_LAYERS = 2**StencilTarget.bits - 2
-
-_AT_EYE = 1e-6  # near plane as a share of far, for a frustum that begins at the eye
 
 _ADDING = Stencil(front=("keep", "keep", "increment"), back=("keep", "keep", "decrement"))
 _SUBTRACTING = Stencil(front=_ADDING.back, back=_ADDING.front)
@@ -32,13 +30,15 @@ _SUBTRACTING = Stencil(front=_ADDING.back, back=_ADDING.front)
 class ShadowVolume(Technique):
     """Shadow volumes, counted along each of the camera's rays (Crow 1977; stencil: Heidmann 1991).
 
-    `z-fail` counts behind the receiver (Bilodeau and Songy 1999, Carmack 2000), to infinity (Everitt and Kilgard 2002).
+    Volumes are counted in front of the receiver, without caps, and end beyond the visible region (Lloyd et al. 2004).
+    With `z-fail`, parts whose volume the eye may be in are counted behind it (Bilodeau and Songy 1999, Carmack 2000),
+    to infinity (Everitt and Kilgard 2002); with `z-pass` none are, which is wrong if the eye is inside a volume, or a
+    caster between the eye and the near plane. Silhouettes are found on the CPU, by compiled code.
     Closed parts extrude the triangles that face the light. Open parts extrude all triangles, oriented towards the
     light, with signed edge weights, and are as exact. With the stencil counter, a view whose light rays may cross 255
-    layers or more is counted in a colour target instead; the row's facts say so. `z-pass` is wrong if the eye is inside
-    a volume, or a caster between the eye and the near plane. Otherwise exact except for single pixels; `compare=depth`
-    has more of them and is faster. Its 24 bits suffice because the near plane is moved to the nearest visible surface.
-    The time grows with the screen area of the walls.
+    layers or more is counted in a colour target instead; the row's facts say so. Exact except for single pixels;
+    `compare=depth` has more of them and is faster. Its 24 bits suffice because the near plane is moved to the nearest
+    visible surface. The time grows with the screen area of the walls.
     """
 
     name = "shadow-volume"
@@ -49,15 +49,15 @@ class ShadowVolume(Technique):
     class Params(TechniqueParams):
         """Parameters of shadow-volume."""
 
-        count: Literal["z-pass", "z-fail"] = param("z-fail", "counts in front of the receiver, or behind it")
+        count: Count = param("z-fail", "counts in front of the receiver, or behind it where the eye may be in a volume")
         faces: Extrusion = param("silhouette", "extrudes every triangle that faces the light, or silhouette edges only")
         counter: Literal["stencil", "color"] = param("stencil", "8-bit wrapping stencil, or a blended float target")
         compare: Literal["position", "depth"] = param(
             "position",
             "orders wall and receiver by the receiver's position, or by a 24-bit depth buffer, which is faster",
         )
-        build: Literal["geometry", "cpu"] = param("geometry", "extrusion by a geometry shader, or by NumPy")
-        cull: bool = param(True, "skips parts that cannot shadow a visible receiver; only with build=geometry")
+        build: Literal["geometry", "cpu"] = param("geometry", "extrusion by compiled code, or by NumPy")
+        cull: bool = param(True, "skips parts that cannot shadow a visible receiver")
 
         @model_validator(mode="after")
         def _cpu_extrudes_triangles(self) -> Self:
@@ -81,16 +81,12 @@ class ShadowVolume(Technique):
     def build(self, stage: Stage) -> None:
         params = self.params
         self.casters = casters_of(stage.scene)
-        self.volumes: Volumes = (
-            ShaderVolumes(stage, self.casters, params.faces, params)
-            if params.build == "geometry"
-            else ArrayVolumes(stage, self.casters, params)
-        )
+        self.volumes = Volumes(stage, self.casters, params.faces, params.build == "cpu", params)
         # No ray crosses more layers than there are triangles.
-        triangles = len(self.casters.closed.faces) + len(self.casters.open.faces)
-        many = triangles > MOST_LAYERS
+        faces = np.concatenate([self.casters.closed.faces, self.casters.open.faces])
+        many = len(faces) > MOST_LAYERS
         stencil = params.counter == "stencil"
-        self.bound = LayerBound(stage, self.casters) if stencil and many else None
+        self.bound = LayerBound(stage.scene.geometry.vertices[faces]) if stencil and many else None
         if params.compare == "depth":
             self.distances = MinMaxReduction(stage, stage.size, "values")
             self.depth_program = stage.program("casters.vert", "depth.frag")
@@ -107,14 +103,14 @@ class ShadowVolume(Technique):
             self.visibility_target = stage.target(self.visibility)
 
     def draw(self, frame: Frame) -> moderngl.Texture:
-        with frame.timed("extrude", changes="light"):  # with build=geometry, sets uniforms only
+        with frame.timed("extrude", changes="light"):
             _, w = frame.light.homogeneous
             count_both_facings = bool(w) and self.casters.may_contain(frame.light.position)
             self.volumes.extrude(frame, count_both_facings)
         self.layers = None
         if self.bound is not None:
             with frame.timed("layers", changes="light"):
-                self.layers = self.bound(frame, count_both_facings)
+                self.layers = self.bound(frame.light, self.volumes.silhouette())
         self.in_color = self.params.counter == "color" or (self.layers or 0) > MOST_LAYERS
         with frame.timed("clear", changes="view"):
             self.stenciled.target.clear(1.0, depth=1.0)
@@ -130,20 +126,15 @@ class ShadowVolume(Technique):
                 self.depth_program.set(world_to_clip=view_projection(view))
                 self.surfaces.draw(self.stenciled.target, state=State(depth_test="<", color_write=False))
         with frame.timed("volumes", changes="view"):
-            planes = self._cull_region(frame.view) if self.params.cull else np.empty((0, 4))
-            self.volumes.set_camera(frame, view_projection(view), planes)
-            self._count("wall", frame)
-            if self.params.count == "z-fail":
-                self._count("cap", frame)
+            self.batches = batches_of(frame.view, self.volumes.boxes, self.params.count, self.params.cull)
+            self.volumes.set_camera(frame, view_projection(view), self.batches)
+            for batch in self.batches:
+                self._count("wall", batch, frame)
+                if batch.behind:
+                    self._count("cap", batch, frame)
         with frame.timed("resolve", changes="view"):
             self._resolve(frame)
         return self.visibility
-
-    def _cull_region(self, view: View) -> Floats:
-        """(P, 4) planes of the region in which volumes are counted: the visible scene, with z-pass from the eye on."""
-        if self.params.count == "z-fail":
-            return visible_region(view)
-        return visible_region(replace(view, camera=replace(view.camera, near=_AT_EYE * view.near_far[1])))
 
     def _with_tight_near(self, frame: Frame) -> View:
         """The view with its near plane just in front of the nearest visible surface.
@@ -154,25 +145,24 @@ class ShadowVolume(Technique):
         near, far = frame.view.near_far
         return replace(frame.view, camera=replace(frame.camera, near=max(near, 0.999 * far * float(lowest[0]))))
 
-    def _count(self, part: VolumePart, frame: Frame) -> None:
-        """Count the walls or caps behind the receivers (z-fail) or in front of them (z-pass)."""
-        behind = self.params.count == "z-fail"
+    def _count(self, part: VolumePart, batch: Batch, frame: Frame) -> None:
+        """Count the walls or caps behind the receivers, or the walls in front of them."""
         # The camera's ray enters a volume through a counter-clockwise cap, and leaves it through a counter-clockwise
         # wall a → b → infinity.
-        front_adds = 1 if behind and part == "wall" else -1
+        front_adds = 1 if batch.behind and part == "wall" else -1
         # The receiver is the nearest surface, so that every cap is at or behind it and needs no depth test. Caps in
         # front of the near plane are clipped.
         by_depth = part == "wall" and self.params.compare == "depth"
-        compare: Comparison = "" if not by_depth else ">=" if behind else "<"
+        compare: Comparison = "" if not by_depth else ">=" if batch.behind else "<"
         state = State(compare, depth_write=False, depth_clamp=True, clip_distances=1 if part == "cap" else 0)
-        if self.in_color:
-            render_pass = RenderPass(self.counting, frame.surface.inputs, replace(state, blend="add"))
-            self.volumes.draw(part, 0, front_adds, render_pass)
-            return
         for sign in (1, -1):
-            stencil = _ADDING if sign * front_adds > 0 else _SUBTRACTING
-            counted = replace(state, color_write=False, stencil=stencil)
-            self.volumes.draw(part, sign, front_adds, RenderPass(self.stenciled.target, frame.surface.inputs, counted))
+            adds = sign * front_adds
+            if self.in_color:
+                target, counted = self.counting, replace(state, blend="add")
+            else:
+                stencil = _ADDING if adds > 0 else _SUBTRACTING
+                target, counted = self.stenciled.target, replace(state, color_write=False, stencil=stencil)
+            self.volumes.draw(part, batch, sign, adds, RenderPass(target, frame.surface.inputs, counted))
 
     def _resolve(self, frame: Frame) -> None:
         if self.in_color:
@@ -188,7 +178,7 @@ class ShadowVolume(Technique):
         facts = {
             "closed_parts": float(len(self.casters.closed.boxes)),
             "open_parts": float(len(self.casters.open.boxes)),
-            "culled_parts": float(self.volumes.culled),
+            "culled_parts": float(len(self.volumes.boxes) - sum(batch.parts.sum() for batch in self.batches)),
             "counted_in_color": float(self.in_color),
         }
         return facts if self.layers is None else facts | {"layers_at_most": self.layers}

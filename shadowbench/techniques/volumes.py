@@ -1,24 +1,27 @@
-"""Shadow volume geometry, extruded by geometry shaders or, to check these, by NumPy."""
+"""Shadow volume geometry: the walls and caps of the casters, and which of them are drawn how far."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.geometry.topology import Casters, Indices, Surface
-from shadowbench.gl.program import Program, Sampling, State, Texture
+from shadowbench.geometry.facing import Singles, Weights, cap_weights, wall_weights
+from shadowbench.geometry.topology import Casters, Indices
+from shadowbench.gl.program import Drawable, Sampling, State, Texture
 from shadowbench.scenes.model import Floats
 from shadowbench.techniques.base import Frame, Stage, TechniqueParams
-from shadowbench.techniques.culling import kept_ranges, may_shadow
+from shadowbench.techniques.batches import Batch
+from shadowbench.techniques.culling import kept_ranges
 
 Extrusion = Literal["triangle", "silhouette"]
 VolumePart = Literal["wall", "cap"]
-Singles = NDArray[np.float32]
+Sign = Literal[1, -1]
 
-_PARTS: tuple[VolumePart, ...] = ("wall", "cap")
+_SIGNS: tuple[Sign, Sign] = (1, -1)
+_WALL_CORNERS = 6  # vertices of a wall in wall.vert
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,173 +33,126 @@ class RenderPass:
     state: State
 
 
-class Volumes(Protocol):
+class Volumes:
     """Draws the walls or caps of all shadow volumes.
 
-    Each has an integer weight. Walls are wound a, b, infinity, and caps as their triangles: seen from the light, a cap
-    of positive weight is counter-clockwise. `culled`: number of parts that cannot shadow the visible region.
+    Each has an integer weight, and is stored that often. Walls are wound a, b, infinity, and caps as their triangles:
+    seen from the light, a cap of positive weight is counter-clockwise. Parts are numbered closed ones first. boxes:
+    (P, 2, 3) their bounds; walls: by sign, (N, 6) float32 edges a → b of the walls with a weight of that sign.
     """
 
-    culled: int
+    def __init__(
+        self, stage: Stage, casters: Casters, faces: Extrusion, by_numpy: bool, params: TechniqueParams
+    ) -> None:
+        parts: tuple[VolumePart, ...] = ("wall", "cap")
+        self._programs = {
+            part: stage.program(
+                f"shadow-volume/{part}.vert", "shadow-volume/count.frag", params=params, defines={part.upper(): 1}
+            )
+            for part in parts
+        }
+        attributes = {"wall": {"a": 3, "b": 3}, "cap": {"point": 4}}
+        self._uploads = {
+            (part, sign): stage.stream(self._programs[part], attributes[part]) for part in parts for sign in _SIGNS
+        }
+        self._drawn: dict[tuple[VolumePart, Sign], Drawable] = {}
+        self._single, self._cap_weights = faces == "triangle", _cap_weights_by_numpy if by_numpy else cap_weights
+        self._vertices = stage.scene.geometry.vertices.astype(np.float32)
+        closed, open_ = casters.closed, casters.open
+        self.boxes = np.concatenate([closed.boxes, open_.boxes])
+        self._faces = np.concatenate([closed.faces, open_.faces])
+        self._edges = np.concatenate([closed.edges, open_.edges])
+        self._face_ends = np.concatenate([closed.face_ends, open_.face_ends + len(closed.faces)])
+        self._edge_ends = np.concatenate([closed.edge_ends, open_.edge_ends + len(closed.edges)])
+        self._closed_faces, self._closed_edges = len(closed.faces), len(closed.edges)
 
     def extrude(self, frame: Frame, count_both_facings: bool) -> None:
         """Extrude for the frame's light.
 
         count_both_facings: extrude all triangles of closed parts too, not only those that face the light.
         """
-
-    def set_camera(self, frame: Frame, world_to_clip: Floats, planes: Floats) -> None:
-        """Set the frame's camera, and cull parts that cannot shadow the region inside (P, 4) planes.
-
-        P = 0: no culling.
-        """
-
-    def draw(self, part: VolumePart, sign: int, front_adds: int, render_pass: RenderPass) -> None:
-        """Draw the walls or the caps.
-
-        sign: 1 or −1 draws those with a weight of that sign, as many times as their weight; 0 draws all once.
-        front_adds: in a colour target, counter-clockwise faces add front_adds · weight, others subtract it.
-        """
-
-
-class ShaderVolumes:
-    """Shadow volumes extruded by geometry shaders; silhouette edges are found from lines with adjacency."""
-
-    def __init__(self, stage: Stage, casters: Casters, faces: Extrusion, params: TechniqueParams) -> None:
-        self._programs: dict[VolumePart, Program] = {
-            part: stage.program(
-                "shadow-volume/corner.vert",
-                "shadow-volume/count.frag",
-                f"shadow-volume/{faces if part == 'wall' else part}.geom",
-                params=params,
-                defines={part.upper(): 1},
-            )
-            for part in _PARTS
-        }
-        self._surfaces = (casters.closed, casters.open)
-        walls = moderngl.LINES_ADJACENCY if faces == "silhouette" else moderngl.TRIANGLES
-        self._modes: dict[VolumePart, int] = {"wall": walls, "cap": moderngl.TRIANGLES}
-        self._drawn = {
-            part: [stage.indexed(self._programs[part], _indices(surface, mode)[0], mode) for surface in self._surfaces]
-            for part, mode in self._modes.items()
-        }
-
-    def extrude(self, frame: Frame, count_both_facings: bool) -> None:
-        self._count_both_facings = count_both_facings
+        self._light = np.array(frame.light_uniform, dtype=np.float32)
+        self._both_from = 0 if count_both_facings else self._closed_faces
         for program in self._programs.values():
             program.set(light=frame.light_uniform)
+        if self._single:
+            start, end = self._faces.ravel(), np.roll(self._faces, -1, axis=1).ravel()
+            a, b, ends = np.minimum(start, end), np.maximum(start, end), 3 * self._face_ends
+            caps = self._cap_weights(self._vertices, self._faces, self._light, self._both_from)
+            weights = np.repeat(caps, 3) * np.where(start < end, 1, -1)
+        else:
+            _, a, b, _ = self._edges.T
+            ends, both_from = self._edge_ends, 0 if count_both_facings else self._closed_edges
+            weights = wall_weights(self._vertices, self._edges, self._light, both_from)
+        self.walls, self._wall_ends = {}, {}
+        for sign in _SIGNS:
+            drawn, self._wall_ends[sign] = _repeated(weights, sign, ends, _WALL_CORNERS)
+            self.walls[sign] = np.concatenate([self._vertices[a[drawn]], self._vertices[b[drawn]]], axis=1)
+            self._drawn["wall", sign] = self._uploads["wall", sign](np.repeat(self.walls[sign], _WALL_CORNERS, axis=0))
 
-    def set_camera(self, frame: Frame, world_to_clip: Floats, planes: Floats) -> None:
-        _set_camera(self._programs, frame, world_to_clip)
-        # Whole parts only: the counts of a part's walls and caps along a camera ray cancel only together.
-        kept = [may_shadow(surface.boxes, frame.light_uniform, planes) for surface in self._surfaces]
-        self._ranges = {
-            part: [
-                kept_ranges(chosen, _indices(surface, mode)[1])
-                for surface, chosen in zip(self._surfaces, kept, strict=True)
-            ]
-            for part, mode in self._modes.items()
-        }
-        self.culled = sum(int((~chosen).sum()) for chosen in kept)
+    def silhouette(self) -> Singles:
+        """(N, 6) edges a → b of the walls, with the casters to their left as seen from the light."""
+        return np.concatenate([self.walls[1], np.roll(self.walls[-1], 3, axis=1)])
 
-    def draw(self, part: VolumePart, sign: int, front_adds: int, render_pass: RenderPass) -> None:
-        program = self._programs[part]
-        program.set(sign_drawn=float(sign), front_adds=float(front_adds))
-        for is_open, drawable, ranges in zip((False, True), self._drawn[part], self._ranges[part], strict=True):
-            program.set(count_both_facings=self._count_both_facings or is_open)
-            drawable.draw(render_pass.target, render_pass.textures, render_pass.state, ranges)
-
-
-def _indices(surface: Surface, mode: int) -> tuple[Indices, Indices]:
-    """Vertex indices of a surface's edges or triangles, and the (P,) index after the last one of each part."""
-    if mode == moderngl.LINES_ADJACENCY:
-        return surface.edges, 4 * surface.edge_ends
-    return surface.faces, 3 * surface.face_ends
-
-
-def _set_camera(programs: Mapping[VolumePart, Program], frame: Frame, world_to_clip: Floats) -> None:
-    for program in programs.values():
-        program.set(world_to_clip=world_to_clip)
-        if program.has("eye"):
-            program.set(eye=frame.camera.position)
-
-
-class ArrayVolumes:
-    """Shadow volumes of single triangles, extruded by NumPy in float32 as in the shaders. No culling."""
-
-    culled = 0
-
-    def __init__(self, stage: Stage, casters: Casters, params: TechniqueParams) -> None:
-        self._programs: dict[VolumePart, Program] = {
-            part: stage.program(
-                "shadow-volume/volume.vert", "shadow-volume/count.frag", params=params, defines={part.upper(): 1}
-            )
-            for part in _PARTS
-        }
-        self._edges = "from" in self._programs["wall"].linked  # declared only with compare=position
-        edges = {"from": 3, "to": 3} if self._edges else {}
-        attributes = {"wall": {"point": 4} | edges, "cap": {"point": 4}}
-        self._uploads = {
-            (part, sign): stage.stream(self._programs[part], attributes[part]) for part in _PARTS for sign in (1, -1)
-        }
-        self._vertices = stage.scene.geometry.vertices.astype(np.float32)
-        self._surfaces = [(casters.closed.faces, False), (casters.open.faces, True)]
-
-    def extrude(self, frame: Frame, count_both_facings: bool) -> None:
-        light = np.array(frame.light_uniform, dtype=np.float32)
+    def set_camera(self, frame: Frame, world_to_clip: Floats, batches: Sequence[Batch]) -> None:
+        """Set the frame's camera, and extrude the caps of the batches that have any."""
         for program in self._programs.values():
-            if program.has("light"):
-                program.set(light=frame.light_uniform)
-        counted = [self._counted(faces, light, count_both_facings or is_open) for faces, is_open in self._surfaces]
-        faces, weights = (np.concatenate(parts) for parts in zip(*counted, strict=True))
-        makers = {"wall": self._walls, "cap": self._caps}
-        self._drawn = {
-            (part, sign): upload(makers[part](faces, weights * sign, light))
-            for (part, sign), upload in self._uploads.items()
-        }
+            program.set(world_to_clip=world_to_clip)
+        if self._programs["wall"].has("eye"):
+            self._programs["wall"].set(eye=frame.camera.position)
+        capped = next((batch.parts for batch in batches if batch.behind), np.zeros(len(self.boxes), dtype=bool))
+        chosen = np.repeat(capped, np.diff(self._face_ends, prepend=0))
+        faces = self._faces[chosen]
+        weights = self._cap_weights(self._vertices, faces, self._light, int(chosen[: self._both_from].sum()))
+        for sign in _SIGNS:
+            self._drawn["cap", sign] = self._uploads["cap", sign](self._caps(faces[sign * weights > 0]))
 
-    def set_camera(self, frame: Frame, world_to_clip: Floats, planes: Floats) -> None:
-        _set_camera(self._programs, frame, world_to_clip)
+    def draw(self, part: VolumePart, batch: Batch, sign: Sign, front_adds: int, render_pass: RenderPass) -> None:
+        """Draw a batch's walls or caps with a weight of this sign, as many times as their weight.
 
-    def draw(self, part: VolumePart, sign: int, front_adds: int, render_pass: RenderPass) -> None:
-        for one in (sign,) if sign else (1, -1):
-            self._programs[part].set(sign_drawn=float(one), front_adds=float(front_adds))
-            self._drawn[part, one].draw(render_pass.target, render_pass.textures, render_pass.state)
+        front_adds: in a colour target, counter-clockwise faces add front_adds, others subtract it.
+        """
+        program, drawn = self._programs[part], self._drawn[part, sign]
+        program.set(front_adds=float(front_adds))
+        ranges = None  # all caps are of the one batch that is counted behind the receivers
+        if part == "wall":
+            program.set(far_plane=tuple(batch.far_plane.tolist()))
+            if program.has("counted_behind"):
+                program.set(counted_behind=batch.behind)
+            ranges = kept_ranges(batch.parts, self._wall_ends[sign], batch.others)
+        drawn.draw(render_pass.target, render_pass.textures, render_pass.state, ranges)
 
-    def _counted(self, faces: Indices, light: Singles, count_both_facings: bool) -> tuple[Indices, Singles]:
-        """The faces to extrude, and their weights: 1 if counter-clockwise seen from the light, else −1."""
-        order = np.argsort(faces, axis=1)
-        parity = np.where((np.diff(order, axis=1) % 3 == 1).all(axis=1), 1.0, -1.0)
-        a, b, c = self._vertices[np.take_along_axis(faces, order, axis=1)].transpose(1, 0, 2)
-        u, v, to_light = b - a, c - a, light[:3] - light[3] * a
-        volume = (
-            (u[:, 1] * v[:, 2] - u[:, 2] * v[:, 1]) * to_light[:, 0]
-            + (u[:, 2] * v[:, 0] - u[:, 0] * v[:, 2]) * to_light[:, 1]
-            + (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) * to_light[:, 2]
-        )
-        side = np.where(volume > 0, parity, -parity)
-        counts = count_both_facings | (side > 0)
-        return faces[counts], side[counts]
+    def _caps(self, faces: Indices) -> Singles:
+        """(N, 4) corners of the near caps and, if the light has a position, of the far caps at infinity."""
+        near = self._vertices[faces.ravel()]
+        points = np.column_stack([near, np.ones(len(near), dtype=np.float32)])
+        if self._light[3] == 0:
+            return points
+        away = self._vertices[faces[:, ::-1].ravel()] - self._light[:3]
+        return np.concatenate([points, np.column_stack([away, np.zeros(len(away), dtype=np.float32)])])
 
-    def _walls(self, faces: Indices, weights: Singles, light: Singles) -> Singles:
-        start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-        drawn = np.where(start < end, 1, -1) * np.repeat(weights, 3) > 0
-        low, high = np.minimum(start, end)[drawn], np.maximum(start, end)[drawn]
-        a, b = self._near(low), self._near(high)
-        far_a, far_b = self._far(low, light), self._far(high, light)
-        corners = [a, b, far_a] if light[3] == 0 else [a, b, far_a, far_a, b, far_b]
-        edge = [a[:, :3], b[:, :3]] if self._edges else []
-        rows = np.stack([np.column_stack([corner, *edge]) for corner in corners], axis=1)
-        return rows.reshape(-1, rows.shape[2])
 
-    def _caps(self, faces: Indices, weights: Singles, light: Singles) -> Singles:
-        faces = faces[weights > 0]
-        near = self._near(faces.ravel())
-        return near if light[3] == 0 else np.concatenate([near, self._far(faces[:, ::-1].ravel(), light)])
+def _repeated(weights: NDArray[np.integer], sign: Sign, ends: Indices, corners: int) -> tuple[Indices, Indices]:
+    """Rows with a weight of this sign, as often as the weight, and each part's end in vertices.
 
-    def _near(self, corners: Indices) -> Singles:
-        return np.column_stack([self._vertices[corners], np.ones(len(corners), dtype=np.float32)])
+    ends: (P,) index after each part's last row; corners: number of vertices of a row.
+    """
+    rows = np.flatnonzero(weights > 0 if sign > 0 else weights < 0)
+    drawn = np.repeat(rows, np.abs(weights[rows]))
+    return drawn, corners * np.searchsorted(drawn, ends)
 
-    def _far(self, corners: Indices, light: Singles) -> Singles:
-        points = light[3] * self._vertices[corners] - light[:3]
-        return np.column_stack([points, np.zeros(len(corners), dtype=np.float32)])
+
+def _cap_weights_by_numpy(vertices: Singles, faces: Indices, light: Singles, both_from: int) -> Weights:
+    """As `cap_weights`, to check it."""
+    order = np.argsort(faces, axis=1)
+    parity = np.where((np.diff(order, axis=1) % 3 == 1).all(axis=1), 1, -1)
+    a, b, c = vertices[np.take_along_axis(faces, order, axis=1)].transpose(1, 0, 2)
+    u, v, to_light = b - a, c - a, light[:3] - light[3] * a
+    volume = (
+        (u[:, 1] * v[:, 2] - u[:, 2] * v[:, 1]) * to_light[:, 0]
+        + (u[:, 2] * v[:, 0] - u[:, 0] * v[:, 2]) * to_light[:, 1]
+        + (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) * to_light[:, 2]
+    )
+    side = np.where(volume > 0, parity, -parity).astype(np.int8)
+    side[:both_from] = np.maximum(side[:both_from], 0)
+    return side

@@ -133,6 +133,8 @@ def test_draw_ranges_cover_the_kept_chunks_and_small_gaps() -> None:
     assert kept_ranges(np.array([False, True, False, True, False]), ends) == ((3000, 6000),)
     assert kept_ranges(np.zeros(5, dtype=bool), ends) == ()
     assert kept_ranges(np.ones(5, dtype=bool), ends) == ((0, 12000),)
+    chosen, other = np.array([True, False, True, False, True]), np.array([False, True, False, False, False])
+    assert kept_ranges(chosen, np.array([1, 2, 3, 4, 5]), other) == ((0, 1), (2, 3))
 
 
 @pytest.mark.parametrize("name", builtin_names())

@@ -1,4 +1,0 @@
-flat in float weight;
-out float count;
-
-void main() { count = weight; }
