@@ -50,7 +50,7 @@ class SoftVolume(Technique):
         self.center.build(stage)
         self.reach = 4 * SceneHull(stage.scene).extent
         defines = {"POINTS": POINTS}
-        shaders = "shadow-volume/corner.vert", "soft-volume/count.frag", "soft-volume/wedge.geom"
+        shaders = "soft-volume/corner.vert", "soft-volume/count.frag", "soft-volume/wedge.geom"
         self.wedges = stage.program(*shaders, defines=defines)
         self.edges = [
             stage.indexed(self.wedges, surface.edges, moderngl.LINES_ADJACENCY)
