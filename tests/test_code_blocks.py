@@ -34,7 +34,7 @@ MOST_WORDS = 900  # of the README
 BUILT = "{"  # begins the name of a directive, which the build of docs/ runs
 SIZE = 128  # pixels along a side of the views
 SMALLER = {  # by command, the largest values of options
-    "run": ("--view-size", str(SIZE), "--rounds", "1"),
+    "run": ("--view-size", str(SIZE), "--rounds", "2"),
     **dict.fromkeys(("export", "render", "truth", "needs", "recommend"), ("--view-size", str(SIZE))),
 }
 OTHER_PROGRAMS = {"pytest": [sys.executable, "-m", "pytest", "-p", "no:cacheprovider"], "sed": ["sed"]}

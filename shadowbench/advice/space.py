@@ -80,7 +80,7 @@ def prune(
     """
     rules = [_depth_rule(needs), _planar_rule(needs, least_iou)]
     if by_work:
-        rules.append(_work_rule)
+        rules.append(_work_rule(space))
     left, excluded = list(space), []
     for rule in rules:
         found = {spec: reason for spec in left if (reason := rule(spec)) is not None}
@@ -121,9 +121,16 @@ def _planar_rule(needs: Needs, least_iou: float | None) -> _Rule:
     return lambda spec: (spec.technique.name, why) if why is not None and spec.technique.only_planes else None
 
 
-def _work_rule(spec: Spec) -> tuple[str, str] | None:
-    reason = spec.technique.extra_work(spec.params)
-    return None if reason is None else (spec.text, reason)
+def _work_rule(space: Sequence[Spec]) -> _Rule:
+    """Excludes specs whose work is not counted as that of others; a technique by its name if all of its specs are."""
+    reasons = {spec: spec.technique.extra_work(spec.params) for spec in space}
+    counted = {spec.technique for spec, reason in reasons.items() if reason is None}
+
+    def rule(spec: Spec) -> tuple[str, str] | None:
+        reason = reasons[spec]
+        return None if reason is None else (spec.text if spec.technique in counted else spec.technique.name, reason)
+
+    return rule
 
 
 def start_size(spec: Spec, needs: Needs) -> float:
