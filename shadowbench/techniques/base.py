@@ -145,7 +145,7 @@ class Technique(ABC):
 
     @classmethod
     def draws_on_cpu(cls, params: TechniqueParams) -> bool:
-        """Whether the CPU draws, so that its time counts on every device: by the wall clock, not by the GPU's timer."""
+        """Whether the CPU does part of the drawing: timed by the wall clock on every device, not by the GPU's timer."""
         return False
 
     @abstractmethod

@@ -42,6 +42,10 @@ class SoftVolume(Technique):
     params: Params
 
     @classmethod
+    def draws_on_cpu(cls, params: TechniqueParams) -> bool:
+        return True  # the shadow volume of the light's centre
+
+    @classmethod
     def extra_work(cls, params: TechniqueParams) -> str | None:
         return f"tests {POINTS} points of the light per fragment, which the count of work takes for one"
 
