@@ -15,7 +15,7 @@ _log = logging.getLogger(__name__)
 
 PATIENCE = 3.0  # seconds; loading from the cache takes less, on a busy machine too
 COMPILING = (
-    "compiling the ray tracer's loops: about 10 s, once on a machine; if again, Numba cannot cache: set NUMBA_CACHE_DIR"
+    "compiling loops: about 10 s, once on a machine; if again, Numba cannot cache: set NUMBA_CACHE_DIR"
 )
 
 
