@@ -14,9 +14,7 @@ import numba
 _log = logging.getLogger(__name__)
 
 PATIENCE = 3.0  # seconds; loading from the cache takes less, on a busy machine too
-COMPILING = (
-    "compiling loops: about 10 s, once on a machine; if again, Numba cannot cache: set NUMBA_CACHE_DIR"
-)
+COMPILING = "compiling loops: about 10 s, once on a machine; if again, Numba cannot cache: set NUMBA_CACHE_DIR"
 
 
 def compiled(**options: Any) -> Callable[[Any], Any]:

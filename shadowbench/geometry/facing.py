@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.compiled import compile_once, compiled
-from shadowbench.geometry.topology import Indices
+from shadowbench.geometry.topology import Indices, Singles
 
-Singles = NDArray[np.float32]
 Weights = NDArray[np.int8]
 
 

@@ -10,6 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from shadowbench.scenes.model import Floats, Scene, Vec3
 
 Indices = NDArray[np.int64]
+Singles = NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from shadowbench.geometry.facing import Singles
+from shadowbench.geometry.topology import Singles
 from shadowbench.scenes.model import Floats, Light, perpendicular_basis, unit
 
 _ROUNDING = 1e-6  # of the largest coordinate: exceeds the float32 rounding of a silhouette

@@ -8,8 +8,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.geometry.facing import Singles, Weights, cap_weights, wall_weights
-from shadowbench.geometry.topology import Casters, Indices
+from shadowbench.geometry.topology import Casters, Indices, Singles
 from shadowbench.gl.program import Drawable, Sampling, State, Texture
 from shadowbench.scenes.model import Floats
 from shadowbench.techniques.base import Frame, Stage, TechniqueParams
@@ -44,6 +43,8 @@ class Volumes:
     def __init__(
         self, stage: Stage, casters: Casters, faces: Extrusion, by_numpy: bool, params: TechniqueParams
     ) -> None:
+        from shadowbench.geometry.facing import cap_weights, wall_weights  # Numba takes 0.4 s to import
+
         parts: tuple[VolumePart, ...] = ("wall", "cap")
         self._programs = {
             part: stage.program(
@@ -57,6 +58,7 @@ class Volumes:
         }
         self._drawn: dict[tuple[VolumePart, Sign], Drawable] = {}
         self._single, self._cap_weights = faces == "triangle", _cap_weights_by_numpy if by_numpy else cap_weights
+        self._wall_weights = wall_weights
         self._vertices = stage.scene.geometry.vertices.astype(np.float32)
         closed, open_ = casters.closed, casters.open
         self.boxes = np.concatenate([closed.boxes, open_.boxes])
@@ -83,7 +85,7 @@ class Volumes:
         else:
             _, a, b, _ = self._edges.T
             ends, both_from = self._edge_ends, 0 if count_both_facings else self._closed_edges
-            weights = wall_weights(self._vertices, self._edges, self._light, both_from)
+            weights = self._wall_weights(self._vertices, self._edges, self._light, both_from)
         self.walls, self._wall_ends = {}, {}
         for sign in _SIGNS:
             drawn, self._wall_ends[sign] = _repeated(weights, sign, ends, _WALL_CORNERS)
@@ -142,7 +144,7 @@ def _repeated(weights: NDArray[np.integer], sign: Sign, ends: Indices, corners: 
     return drawn, corners * np.searchsorted(drawn, ends)
 
 
-def _cap_weights_by_numpy(vertices: Singles, faces: Indices, light: Singles, both_from: int) -> Weights:
+def _cap_weights_by_numpy(vertices: Singles, faces: Indices, light: Singles, both_from: int) -> NDArray[np.int8]:
     """As `cap_weights`, to check it."""
     order = np.argsort(faces, axis=1)
     parity = np.where((np.diff(order, axis=1) % 3 == 1).all(axis=1), 1, -1)
