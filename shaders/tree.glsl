@@ -1,21 +1,21 @@
 // Occlusion by a bounding volume hierarchy that is walked without a stack: nodes are in depth-first order, and each says
-// which one follows its subtree. Both textures are TREE_ROW texels wide.
+// which one follows its subtree.
+#include "triangle.glsl"
 uniform usampler2D tree_nodes;     // box, lowest | highest << 16 in steps; node after the subtree, or LEAF and triangles
-uniform sampler2D tree_triangles;  // three corners each
+uniform sampler2D tree_triangles;  // three corners each, side by side
 uniform int tree_size;             // nodes
 uniform vec3 tree_low;             // lowest corner of the box of all
 uniform vec3 tree_step;            // local lengths
 const uint LEAF = 0x80000000u;     // then the first triangle times 8 plus their number
 const float INFINITE = 1.0e30;
 
-ivec2 tree_texel(int i) { return ivec2(i % TREE_ROW, i / TREE_ROW); }
-
 // Whether a triangle lies within reach. Neighbours have the same volume at their common edge but for its sign, so that no
 // ray passes between them.
 bool hits_triangle(int i, vec3 origin, vec3 direction, float reach) {
-    vec3 a = texelFetch(tree_triangles, tree_texel(3 * i), 0).xyz - origin;
-    vec3 b = texelFetch(tree_triangles, tree_texel(3 * i + 1), 0).xyz - origin;
-    vec3 c = texelFetch(tree_triangles, tree_texel(3 * i + 2), 0).xyz - origin;
+    ivec2 first = texel_of(i) * ivec2(3, 1);
+    vec3 a = texelFetch(tree_triangles, first, 0).xyz - origin;
+    vec3 b = texelFetch(tree_triangles, first + ivec2(1, 0), 0).xyz - origin;
+    vec3 c = texelFetch(tree_triangles, first + ivec2(2, 0), 0).xyz - origin;
     vec3 volumes = vec3(dot(cross(b, c), direction), dot(cross(c, a), direction), dot(cross(a, b), direction));
     vec3 normal = cross(b - a, c - a);
     float distance = dot(normal, a) / dot(normal, direction);  // NaN or infinite for a triangle seen edge-on
@@ -33,7 +33,7 @@ bool occluded(vec3 origin, vec3 direction, float reach) {
     while (node < tree_size && !hit) {
         uint leaf = 0u;
         while (node < tree_size && leaf == 0u) {
-            uvec4 words = texelFetch(tree_nodes, tree_texel(node), 0);
+            uvec4 words = texelFetch(tree_nodes, texel_of(node), 0);
             vec3 low = start + vec3(words.xyz & 0xFFFFu) * scale, high = start + vec3(words.xyz >> 16u) * scale;
             vec3 enter = min(low, high), leave = max(low, high);
             bool inside = max(max(enter.x, enter.y), max(enter.z, 0.0)) <= min(min(leave.x, leave.y), min(leave.z, reach));

@@ -11,15 +11,15 @@ from shadowbench.gl.program import Drawable, Program
 from shadowbench.scenes.geometry import Geometry
 
 _Value = TypeVar("_Value", bound=np.generic)
-_ROW = 2048
-TRIANGLE_DEFINES = {"TRIANGLE_ROW": str(_ROW)}  # defines of `triangle.glsl`
+TRIANGLE_ROW = 2048  # triangles whose values are side by side in a texture
+TRIANGLE_DEFINES = {"TRIANGLE_ROW": str(TRIANGLE_ROW)}  # defines of `triangle.glsl`
 
 
 def triangle_texels(values: NDArray[_Value]) -> NDArray[_Value]:
     """(height, width, …) texels of (F, …) per-triangle values for `triangle.glsl`, padded with zeros."""
-    texels = np.zeros((-(-len(values) // _ROW) * _ROW, *values.shape[1:]), dtype=values.dtype)
+    texels = np.zeros((-(-len(values) // TRIANGLE_ROW) * TRIANGLE_ROW, *values.shape[1:]), dtype=values.dtype)
     texels[: len(values)] = values
-    return texels.reshape(-1, _ROW, *values.shape[1:])
+    return texels.reshape(-1, TRIANGLE_ROW, *values.shape[1:])
 
 
 class DeviceGeometry:
@@ -43,7 +43,7 @@ class DeviceGeometry:
     @staticmethod
     def _texture(device: Device, rows: NDArray[np.float64]) -> moderngl.Texture:
         texels = triangle_texels(rows.astype(np.float32))
-        return device.context.texture((_ROW, len(texels)), 4, texels.tobytes(), dtype="f4")
+        return device.context.texture((TRIANGLE_ROW, len(texels)), 4, texels.tobytes(), dtype="f4")
 
     def all_faces(self, program: Program) -> Drawable:
         """All triangles; `gl_PrimitiveID` is the triangle's index."""

@@ -66,7 +66,8 @@ def fault_lines(row: Record) -> list[str]:
 
 def faults_of(section: Section) -> list[tuple[str, str]]:
     """What is wrong with each configuration of a soft scene, best first, by its first cell: label and sentences."""
-    rows = [row for row in section.run.rows if row["key"] in set(section.frame["key"]) and row["status"] == "ok"]
+    keys = set(section.frame["key"])
+    rows = [row for row in section.run.rows if row["key"] in keys and row["status"] == "ok"]
     first = {(row["spec"], row["map_size"]): row for row in reversed(rows)}
     told = [(one.label, "; ".join(fault_lines(first[one.spec, one.map_size]))) for one in section.scored]
     return [(label, line) for label, line in told if line]

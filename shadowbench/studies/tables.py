@@ -111,8 +111,9 @@ class SummaryRow:
     @property
     def label(self) -> str:
         """The spec as tables print it: a preset by its name, or with the numbers by which it differs from others."""
-        if self.spec in preset_names() or not self.unset:
-            return preset_names().get(self.spec, self.spec)
+        short = preset_names().get(self.spec)
+        if short or not self.unset:
+            return short or self.spec
         return f"{self.spec}{',' if ':' in self.spec else ':'}{','.join(self.unset)}"
 
     @property

@@ -3,10 +3,8 @@
 from typing import Literal
 
 import moderngl
-import numpy as np
 
 from shadowbench.gl.device import Device
-from shadowbench.gl.gbuffer import download
 from shadowbench.gl.program import State
 from shadowbench.scenes.model import LightKind, View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
@@ -18,6 +16,8 @@ from shadowbench.techniques.ray_traced import RayTraced
 from shadowbench.techniques.shadow_map import ShadowMap
 from shadowbench.techniques.tracing import TracePass, ray_offset, too_large
 
+UNSURE = 0.5  # visibility of pixels that the map does not answer
+
 
 class Conservative(Filter):
     """Visibility where all texels around the receiver agree, elsewhere ½. Not in the table of filters."""
@@ -25,10 +25,6 @@ class Conservative(Filter):
     shader = "hybrid/conservative.glsl"
     maps = frozenset({"2d", "cube"})
     texels: int = 2
-
-    @property
-    def defines(self) -> dict[str, str]:
-        return {"REACH": str(self.texels)}
 
     def radius(self, size: int) -> float:
         return self.texels
@@ -78,16 +74,17 @@ class Hybrid(Technique):
         return inner.declines(inner.params, view, device) or too_large(view.scene, device)
 
     def build(self, stage: Stage) -> None:
-        self.visibility = stage.texture()
+        if self.params.rest == "embree":
+            self.embree = RayTraced(RayTraced.Params(offset=self.params.offset))
+            self.embree.build(stage)
+            self.visibility = self.embree.visibility
+        else:
+            self.trace = TracePass(stage, ray_offset(stage.scene, self.params.offset))
+            self.visibility = stage.texture()
         self.target = stage.stencil_target(self.visibility).target
         kinds = {light.hard_kind for light in stage.scene.lights}
         self.classifications = {kind: Classification(stage, _map_of(self.params, kind)) for kind in kinds}
         self.stage = stage
-        if self.params.rest == "embree":
-            self.embree = RayTraced(RayTraced.Params(offset=self.params.offset))
-            self.embree.build(stage)
-        else:
-            self.trace = TracePass(stage, ray_offset(stage.scene, self.params.offset))
 
     def draw(self, frame: Frame) -> moderngl.Texture:
         kind = frame.light.hard_kind
@@ -95,23 +92,11 @@ class Hybrid(Technique):
             self.classifications[kind] = Classification(self.stage, _map_of(self.params, kind))
         self.classifications[kind](frame, self.target)
         if self.params.rest == "embree":
-            self._trace_on_cpu(frame)
+            self.embree.trace_pixels(frame, only=UNSURE)
         else:
             with frame.timed("trace", changes="view"):
                 self.trace(frame, self.target, State(depth_test="<", depth_write=False))
         return self.visibility
-
-    def _trace_on_cpu(self, frame: Frame) -> None:
-        with frame.timed("download", changes="view"):
-            visibility = download(self.visibility).ravel()
-            unsure = np.flatnonzero(visibility == 0.5)
-            position, normal = (
-                download(texture).reshape(-1, 4)[unsure] for texture in (frame.surface.position, frame.surface.normal)
-            )
-        with frame.timed("trace", changes="view"):
-            visibility[unsure] = self.embree.traced(frame, position, normal)
-        with frame.timed("upload", changes="view"):
-            self.visibility.write(np.flipud(visibility.reshape(self.visibility.size)).tobytes())
 
     def facts(self) -> dict[str, float]:
         return self.embree.facts() if self.params.rest == "embree" else {}

@@ -4,7 +4,6 @@ from dataclasses import replace
 from typing import Literal, Self
 
 import moderngl
-import numpy as np
 from pydantic import model_validator
 
 from shadowbench.geometry.topology import casters_of
@@ -82,10 +81,9 @@ class ShadowVolume(Technique):
         self.casters = casters_of(stage.scene)
         self.volumes = Volumes(stage, self.casters, params.faces, params.build == "cpu", params)
         # No ray crosses more layers than there are triangles.
-        faces = np.concatenate([self.casters.closed.faces, self.casters.open.faces])
-        many = len(faces) > MOST_LAYERS
+        many = len(self.volumes.faces) > MOST_LAYERS
         stencil = params.counter == "stencil"
-        self.bound = LayerBound(stage.scene.geometry.vertices[faces]) if stencil and many else None
+        self.bound = LayerBound(stage.scene.geometry.vertices[self.volumes.faces]) if stencil and many else None
         if params.compare == "depth":
             self.distances = MinMaxReduction(stage, stage.size, "values")
             self.depth_program = stage.program("casters.vert", "depth.frag")

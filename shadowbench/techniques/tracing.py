@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.gl.device import Device
+from shadowbench.gl.geometry import TRIANGLE_DEFINES, TRIANGLE_ROW, triangle_texels
 from shadowbench.gl.program import Sampling, State
 from shadowbench.scenes.model import Scene, vec3
 from shadowbench.techniques.base import Frame, Stage
 
-_ROW = 1 << 12  # texels of a texture's row
 _PLAIN = State()
 _STEPS = 4.0  # least ray offset, in float32 steps of the largest coordinate
 
@@ -29,7 +29,7 @@ def ray_offset(scene: Scene, share: float) -> float:
 
 def too_large(scene: Scene, device: Device) -> str | None:
     """Why the casters' tree does not fit into textures; None if it does."""
-    most = _ROW * device.max_map_size // 3
+    most = TRIANGLE_ROW * device.max_map_size // 2  # a tree has at most twice as many nodes
     count = len(scene.geometry.caster_faces)
     return f"{count} triangles; the tree's textures hold {most}" if count > most else None
 
@@ -42,13 +42,13 @@ class TracePass:
 
         geometry = stage.scene.geometry
         tree = build_tree(geometry.vertices, geometry.caster_faces)
-        corners = np.zeros((3 * len(tree.order), 4), dtype=np.float32)
-        corners[:, :3] = geometry.vertices[geometry.caster_faces[tree.order]].reshape(-1, 3)
+        corners = np.zeros((max(len(tree.order), 1), 3, 4), dtype=np.float32)  # a texture cannot be empty
+        corners[: len(tree.order), :, :3] = geometry.vertices[geometry.caster_faces[tree.order]]
         self._textures = {
-            "tree_nodes": (_texture(stage, tree.words, "u4"), Sampling()),
+            "tree_nodes": (_texture(stage, tree.words[:, np.newaxis], "u4"), Sampling()),
             "tree_triangles": (_texture(stage, corners, "f4"), Sampling()),
         }
-        self._program = stage.program("fullscreen.vert", "trace.frag", defines={"TREE_ROW": _ROW})
+        self._program = stage.program("fullscreen.vert", "trace.frag", defines=TRIANGLE_DEFINES)
         self._program.set(tree_size=len(tree.words), tree_low=vec3(tree.low), tree_step=vec3(tree.step), offset=offset)
         self._triangle = stage.fullscreen(self._program)
 
@@ -58,11 +58,10 @@ class TracePass:
         self._triangle.draw(target, {**frame.surface.inputs, **self._textures}, state)
 
 
-def _texture(stage: Stage, texels: NDArray[np.generic], dtype: str) -> moderngl.Texture:
-    """A texture of (N, 4) texels, in rows of _ROW."""
-    rows = max(-(-len(texels) // _ROW), 1)
-    padded = np.zeros((rows * _ROW, 4), dtype=texels.dtype)
-    padded[: len(texels)] = texels
-    texture = stage.texture((_ROW, rows), 4, dtype)
-    texture.write(padded.tobytes())
+def _texture(stage: Stage, rows: NDArray[np.generic], dtype: str) -> moderngl.Texture:
+    """A texture of (N, k, 4) values: k texels side by side for each row, addressed as triangles are."""
+    texels = triangle_texels(rows)
+    height, width, each, components = texels.shape
+    texture = stage.texture((width * each, height), components, dtype)
+    texture.write(texels.tobytes())
     return texture

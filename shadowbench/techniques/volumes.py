@@ -37,7 +37,8 @@ class Volumes:
 
     Each has an integer weight, and is stored that often. Walls are wound a, b, infinity, and caps as their triangles:
     seen from the light, a cap of positive weight is counter-clockwise. Parts are numbered closed ones first. boxes:
-    (P, 2, 3) their bounds; walls: by sign, (N, 6) float32 edges a → b of the walls with a weight of that sign.
+    (P, 2, 3) their bounds; faces: (F, 3) their triangles; walls: by sign, (N, 6) float32 edges a → b of the walls with
+    a weight of that sign.
     """
 
     def __init__(
@@ -62,7 +63,7 @@ class Volumes:
         self._vertices = stage.scene.geometry.vertices.astype(np.float32)
         closed, open_ = casters.closed, casters.open
         self.boxes = np.concatenate([closed.boxes, open_.boxes])
-        self._faces = np.concatenate([closed.faces, open_.faces])
+        self.faces = np.concatenate([closed.faces, open_.faces])
         self._edges = np.concatenate([closed.edges, open_.edges])
         self._face_ends = np.concatenate([closed.face_ends, open_.face_ends + len(closed.faces)])
         self._edge_ends = np.concatenate([closed.edge_ends, open_.edge_ends + len(closed.edges)])
@@ -78,9 +79,9 @@ class Volumes:
         for program in self._programs.values():
             program.set(light=frame.light_uniform)
         if self._single:
-            start, end = self._faces.ravel(), np.roll(self._faces, -1, axis=1).ravel()
+            start, end = self.faces.ravel(), np.roll(self.faces, -1, axis=1).ravel()
             a, b, ends = np.minimum(start, end), np.maximum(start, end), 3 * self._face_ends
-            caps = self._cap_weights(self._vertices, self._faces, self._light, self._both_from)
+            caps = self._cap_weights(self._vertices, self.faces, self._light, self._both_from)
             weights = np.repeat(caps, 3) * np.where(start < end, 1, -1)
         else:
             _, a, b, _ = self._edges.T
@@ -104,7 +105,7 @@ class Volumes:
             self._programs["wall"].set(eye=frame.camera.position)
         capped = next((batch.parts for batch in batches if batch.behind), np.zeros(len(self.boxes), dtype=bool))
         chosen = np.repeat(capped, np.diff(self._face_ends, prepend=0))
-        faces = self._faces[chosen]
+        faces = self.faces[chosen]
         weights = self._cap_weights(self._vertices, faces, self._light, int(chosen[: self._both_from].sum()))
         for sign in _SIGNS:
             self._drawn["cap", sign] = self._uploads["cap", sign](self._caps(faces[sign * weights > 0]))

@@ -283,21 +283,32 @@ def replace_in_shader(monkeypatch, folder: Path, row: type[Filter], old: str, ne
     monkeypatch.setattr(row, "shader", str(folder / "faulty.glsl"))
 
 
-def test_a_kernel_that_does_not_hold_the_narrower_one_is_caught(studio, monkeypatch, tmp_path: Path) -> None:
-    replace_in_shader(monkeypatch, tmp_path, PCF, "vec2(x, y)", "vec2(x + 2 * FILTER_TAPS, y)")
-    assert_caught(studio, "more PCF taps", FIXED, "agree", "taps changed")
+SHADER_FAULTS = {
+    "a kernel that does not hold the narrower one": (
+        PCF,
+        ("vec2(x, y)", "vec2(x + 2 * FILTER_TAPS, y)"),
+        ("more PCF taps", "agree", "taps changed"),
+    ),
+    "a penumbra that is never narrower than some texels": (
+        PCSS,
+        ("0.5 * length(p.texel)", "4.0 * length(p.texel)"),
+        ("a vanishing light", "limit", "has a penumbra"),
+    ),
+    "a read that depends on the place in the map": (
+        VSM,
+        ("contents_at(p, vec2(0.0))", "contents_at(p, 4.0 * p.uv)"),
+        ("translation by texels of the map", "blurred", "not the same elsewhere"),
+    ),
+    "a bound that falls with the casters' distance": (
+        VSM,
+        ("filter_min_variance)", "0.001)"),
+        ("a caster over another", "bleeds", "no more light"),
+    ),
+}
 
 
-def test_a_penumbra_that_is_never_narrower_than_some_texels_is_caught(studio, monkeypatch, tmp_path: Path) -> None:
-    replace_in_shader(monkeypatch, tmp_path, PCSS, "0.5 * length(p.texel)", "4.0 * length(p.texel)")
-    assert_caught(studio, "a vanishing light", FIXED, "limit", "has a penumbra")
-
-
-def test_a_read_that_depends_on_the_place_in_the_map_is_caught(studio, monkeypatch, tmp_path: Path) -> None:
-    replace_in_shader(monkeypatch, tmp_path, VSM, "contents_at(p, vec2(0.0))", "contents_at(p, 4.0 * p.uv)")
-    assert_caught(studio, "translation by texels of the map", FIXED, "blurred", "not the same elsewhere")
-
-
-def test_a_bound_that_falls_with_the_casters_distance_is_caught(studio, monkeypatch, tmp_path: Path) -> None:
-    replace_in_shader(monkeypatch, tmp_path, VSM, "filter_min_variance)", "0.001)")
-    assert_caught(studio, "a caster over another", FIXED, "bleeds", "no more light")
+@pytest.mark.parametrize(("row", "texts", "found"), SHADER_FAULTS.values(), ids=SHADER_FAULTS)
+def test_a_fault_in_a_filter_is_caught(studio, monkeypatch, tmp_path: Path, row, texts, found) -> None:
+    replace_in_shader(monkeypatch, tmp_path, row, *texts)
+    law, kind, words = found
+    assert_caught(studio, law, FIXED, kind, words)
