@@ -145,13 +145,11 @@ class Scorer:
         return make(measurement, extra_fields=extra_fields), rendering
 
     def _draw(self, placed_view: PlacedView, request: ScoreRequest, writer: Writer) -> Rendering:
-        """Draw a cell; the session keeps it for timing while there is room."""
+        """Draw a cell, in a new worker if memory runs out; the session keeps it for timing while there is room."""
         try:
             return self._build_and_draw(placed_view, request.cell.request, writer, request.keep_bytes)
         except MemoryExceeded:
-            if not request.keep_bytes:
-                raise
-            # Kept cells may have taken the memory; the new worker has none.
+            # Cells kept for timing may have taken the memory, or what the driver has not yet freed of earlier ones.
             return self._build_and_draw(placed_view, request.cell.request, writer, 0)
 
     def _build_and_draw(self, placed_view: PlacedView, request: CellRequest, writer: Writer, keep: int) -> Rendering:

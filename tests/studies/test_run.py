@@ -303,6 +303,26 @@ def test_a_cell_is_not_failed_for_the_memory_of_cells_that_wait_to_be_timed(
     assert "" not in {cell["ratio"] for cell in run.cells}
 
 
+def test_a_cell_is_not_failed_for_the_memory_that_earlier_cells_left(
+    bench: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    call, draws = bench.worker.call, []
+
+    def full(method: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
+        if method is Session.draw:
+            draws.append(arguments[1].spec)
+            if len(draws) == 2:
+                bench.worker.stop()
+                raise MemoryExceeded("ate memory")
+        return call(method, *arguments, **options)
+
+    monkeypatch.setattr(bench.worker, "call", full)
+    run = Run(bench, tmp_path / "out", SMALL.replace("rounds = 1", "rounds = 0"))
+    assert len(draws) == 3
+    assert draws[1] == draws[2]
+    assert [cell["status"] for cell in run.cells] == ["ok", "ok"]
+
+
 @pytest.mark.parametrize(
     ("name", "scene"),
     [
