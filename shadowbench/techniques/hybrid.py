@@ -1,17 +1,21 @@
 """A small shadow map decides where it is certain; only the other pixels are traced (Hertel et al. 2009)."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import moderngl
 
 from shadowbench.gl.device import Device
-from shadowbench.gl.program import State
+from shadowbench.gl.program import State, Value
+from shadowbench.gl.targets import Kind
 from shadowbench.scenes.model import LightKind, View
-from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
+from shadowbench.techniques.base import Changes, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.biases import NoBias
 from shadowbench.techniques.cube_map import CUBE, CubeMap
 from shadowbench.techniques.filters import Filter
+from shadowbench.techniques.fits import Fit, ViewFit
 from shadowbench.techniques.maps import FittedParams
+from shadowbench.techniques.outlines import Outlines
+from shadowbench.techniques.params import one_of
 from shadowbench.techniques.ray_traced import RayTraced
 from shadowbench.techniques.shadow_map import ShadowMap
 from shadowbench.techniques.tracing import TracePass, ray_offset, too_large
@@ -20,39 +24,38 @@ UNSURE = 0.5  # visibility of pixels that the map does not answer
 
 
 class Conservative(Filter):
-    """Visibility where all texels around the receiver agree, elsewhere ½. Not in the table of filters."""
+    """Visibility where the map is certain, elsewhere ½. Not in the table of filters."""
 
     shader = "hybrid/conservative.glsl"
     maps = frozenset({"2d", "cube"})
-    texels: int = 2
 
     def radius(self, size: int) -> float:
-        return self.texels
+        return 1
 
     @property
     def reads(self) -> int:
-        return self.texels**2
+        return 2
 
 
 class Hybrid(Technique):
     """A small shadow map decides where it is certain, and rays elsewhere: shadows as exact as rays, for less.
 
-    After Hertel, Hormann and Westermann (2009, "A hybrid GPU rendering pipeline for alias-free hard shadows"). A
-    receiver is lit if no texel around it stores a depth before its plane, in shadow if all do. The others, along
-    shadow edges and on curved surfaces, are traced. Casters thinner than a texel may be missed: `size` and `texels` buy
-    them back.
+    After Hertel, Hormann and Westermann (2009, "A hybrid GPU rendering pipeline for alias-free hard shadows"). The
+    silhouette edges that the light sees are drawn into the map too, so that casters thinner than a texel are not
+    missed. A texel without an edge decides for its receivers, unless the texels around it show a contact or a fold. The
+    others, mostly along shadow edges, are traced. Silhouettes are found on the CPU, by compiled code.
     """
 
     name = "hybrid"
     picture_scene = "railings"
     exact = True
     builds_on = (ShadowMap, CubeMap, RayTraced)
-    grid = {"fit": ("visible", "view"), "size": (512, 1024, 2048), "texels": (1, 2)}
+    grid = {"fit": ("view", "visible"), "size": (512, 1024, 2048)}
 
     class Params(FittedParams):
         """Parameters of hybrid."""
 
-        texels: int = param(2, "the map must agree over 2·texels × 2·texels texels", ge=1, le=8)
+        fit: Annotated[Fit, one_of(Fit)] = param(ViewFit(), "part of the scene that the map covers")
         rest: Literal["trace", "embree"] = param("trace", "traces the other pixels: in a shader, or on the CPU")
         offset: float = param(1e-6, "height of a ray's origin above its surface, as a share of the scene", ge=0, le=1)
 
@@ -60,8 +63,7 @@ class Hybrid(Technique):
 
     @classmethod
     def draws_on_cpu(cls, params: TechniqueParams) -> bool:
-        assert isinstance(params, cls.Params)
-        return params.rest == "embree"
+        return True
 
     @classmethod
     def extra_work(cls, params: TechniqueParams) -> str | None:
@@ -109,21 +111,33 @@ class Classification:
         self._map = map
         map.build_map(stage)
         shader, defines = ("classify-cube", CUBE) if isinstance(map, CubeMap) else ("classify", {})
+        kind: Kind = "cube" if isinstance(map, CubeMap) else "2d"
+        self._outlines = Outlines(stage, map.params, map.params.size, kind, defines)
+        self._changes: Changes = "light" if isinstance(map, CubeMap) else map.params.fit.invalidated_by
         self._program = stage.program("fullscreen.vert", f"hybrid/{shader}.frag", params=map.params, defines=defines)
         self._triangle = stage.fullscreen(self._program)
 
     def __call__(self, frame: Frame, target: moderngl.Framebuffer) -> None:
         """Draw visibility into a target, ½ where the map is unsure, where the target's depth is then 1, else 0."""
         textures, uniforms = self._map.draw_map(frame)
+        with frame.timed("outlines", changes=self._changes):
+            edges = self._outlines.draw(frame, textures["map_depths"], self._layers(frame))
         with frame.timed("classify", changes="view"):
             target.clear(depth=1.0)
             self._program.set(light=frame.light_uniform, **uniforms)
-            self._triangle.draw(target, {**frame.surface.inputs, **textures}, State(depth_test="<="))
+            inputs = {**frame.surface.inputs, **textures, "map_edges": edges}
+            self._triangle.draw(target, inputs, State(depth_test="<="))
+
+    def _layers(self, frame: Frame) -> list[dict[str, Value]]:
+        """Uniforms of outline.vert and outline.frag, for each layer of the map."""
+        if isinstance(self._map, ShadowMap):
+            return [{"world_to_clip": self._map.light_view.to_clip()}]
+        common: dict[str, Value] = {"light_position": frame.light.position, "map_far": self._map.far, "near": 0.0}
+        return [common | {"face": face} for face in range(6)]
 
 
 def _map_of(params: Hybrid.Params, kind: LightKind) -> ShadowMap | CubeMap:
     """The map that classifies: a point light's is a cube, whose faces have half as many texels along a side."""
-    certain = Conservative(texels=params.texels)
     if kind == "point":
-        return CubeMap(CubeMap.Params(size=max(params.size // 2, 1), bias=NoBias(), filter=certain))
-    return ShadowMap(ShadowMap.Params(fit=params.fit, size=params.size, bias=NoBias(), filter=certain))
+        return CubeMap(CubeMap.Params(size=max(params.size // 2, 1), bias=NoBias(), filter=Conservative()))
+    return ShadowMap(ShadowMap.Params(fit=params.fit, size=params.size, bias=NoBias(), filter=Conservative()))
