@@ -16,7 +16,8 @@ float filter_visibility(ShadowCoord p) {
     vec4 stored = stored_depths(p, corner), plane = plane_depths(p, corner);
     vec4 behind = min(plane, 1.0) - stored;  // an empty texel, of depth 1, is beyond all receivers
     behind = mix(behind, vec4(p.depth), lessThanEqual(stored, vec4(0.0)));  // casters clamped to the near plane
-    // Corners are snapped to the rasteriser's grid, which moves stored depths by as much of their change across a texel.
+    // Corners are snapped to the rasteriser's grid, which moves stored depths by as much of their change across a texel;
+    // a curved surface is before the receiver's plane by as little.
     float slope = abs(plane.z - plane.w) + abs(plane.x - plane.w), width = max(p.texel.x, p.texel.y) * p.depth_per_length;
     vec4 lit = vec4(lessThanEqual(behind, vec4(8.0 * p.step + 2.0 * subpixel * slope)));
     vec4 dark = vec4(greaterThan(behind, vec4(slope + 4.0 * width)));
