@@ -73,18 +73,6 @@ float compare_linear(ShadowCoord p, vec2 offset) {
     return texture(map_compare, vec4(offset_direction(p, offset), COMPARED(p, offset)));
 }
 
-vec4 stored_depths(ShadowCoord p, vec2 texel) {
-    return textureGather(map_depths, offset_direction(p, texel + 1.0 - p.uv * map_size));
-}
-
-#ifdef FILTER_HAS_PLANE
-vec4 plane_depths(ShadowCoord p, vec2 texel) {
-    vec2 offset = texel + 0.5 - p.uv * map_size;
-    return vec4(plane_depth(p, offset + vec2(0.0, 1.0)), plane_depth(p, offset + 1.0),
-                plane_depth(p, offset + vec2(1.0, 0.0)), plane_depth(p, offset));
-}
-#endif
-
 vec3 to_texels(ShadowCoord p, vec4 v) {
     vec3 on_face = (v.xyz - v.w * light.xyz) * cube_faces[p.layer];
     return vec3((on_face.xy + on_face.z) * map_size / 2.0, on_face.z);
@@ -95,6 +83,10 @@ uniform samplerCube map_contents;
 
 vec4 contents_of_level(ShadowCoord p, vec2 offset, float level) {
     return textureLod(map_contents, offset_direction(p, offset), level);
+}
+
+vec4 stored_contents(ShadowCoord p, vec2 texel) {
+    return textureGather(map_contents, offset_direction(p, texel + 1.0 - p.uv * map_size));
 }
 #endif
 

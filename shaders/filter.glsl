@@ -8,13 +8,13 @@
 float compare_nearest(ShadowCoord p, vec2 offset);      // of the nearest texel: 1 lit, 0 in shadow
 float compare_linear(ShadowCoord p, vec2 offset);       // of the four nearest, with bilinear weights
 float plane_depth(ShadowCoord p, vec2 offset);          // linear depth of the receiver's plane; with FILTER_HAS_PLANE
-vec4 stored_depths(ShadowCoord p, vec2 texel);          // of a texel and those right of and above it, in textureGather's order
-vec4 plane_depths(ShadowCoord p, vec2 texel);           // of the receiver's plane, in the same units; with FILTER_HAS_PLANE
 vec3 to_texels(ShadowCoord p, vec4 v);                  // homogeneous texels of a point (w = 1) or direction (w = 0)
 mat3 texels_across(ShadowCoord p);                      // lengths across the light's ray, in homogeneous texels
 vec2 offset_across(mat3 across, vec2 lengths);          // the offset by two lengths
 #ifdef FILTER_CONTENTS
 vec4 contents_of_level(ShadowCoord p, vec2 offset, float level);
+vec4 stored_contents(ShadowCoord p, vec2 texel);        // the first component of a texel and those right of and above it, in
+                                                        // textureGather's order
 vec4 contents_at(ShadowCoord p, vec2 offset);           // what the filter stored there, blurred and from the mip levels
 #endif
 #include <filter>

@@ -36,12 +36,6 @@ vec4 stored_depths(ShadowCoord p, vec2 texel) {
     return textureGather(map_depths, IN_LAYER((texel + 1.0) / map_size, p));
 }
 
-vec4 plane_depths(ShadowCoord p, vec2 texel) {
-    vec2 change = p.gradient / map_size;
-    vec4 changes = vec4(change.y, change.x + change.y, change.x, 0.0);
-    return p.depth + dot(p.gradient, (texel + 0.5) / map_size - p.uv) + changes;
-}
-
 // Four texels around uv plus an offset in texels, with bilinear weights.
 float compare_linear(ShadowCoord p, vec2 offset) {
 #if defined(BIAS_HAS_GRADIENT) || defined(FILTER_HAS_PLANE)
@@ -79,6 +73,10 @@ uniform sampler2D map_contents;
 
 vec4 contents_of_level(ShadowCoord p, vec2 offset, float level) {
     return textureLod(map_contents, IN_LAYER(p.uv + offset / map_size, p), level);
+}
+
+vec4 stored_contents(ShadowCoord p, vec2 texel) {
+    return textureGather(map_contents, IN_LAYER((texel + 1.0) / map_size, p));
 }
 #endif
 

@@ -9,14 +9,16 @@ uniform vec3 tree_step;            // local lengths
 const uint LEAF = 0x80000000u;     // then the first triangle times 8 plus their number
 const float INFINITE = 1.0e30;
 
-// Whether a triangle lies within reach. Neighbours have the same volume at their common edge but for its sign, so that no
-// ray passes between them.
+// Whether a triangle lies within reach. The signs of three volumes (Plücker coordinates) say so; neighbours have the same
+// one at their common edge but for its sign, so that no ray passes between them. a × b = (a − b) × (a + b) / 2 loses fewer
+// digits to corners that are far from the ray's origin.
 bool hits_triangle(int i, vec3 origin, vec3 direction, float reach) {
     ivec2 first = texel_of(i) * ivec2(3, 1);
     vec3 a = texelFetch(tree_triangles, first, 0).xyz - origin;
     vec3 b = texelFetch(tree_triangles, first + ivec2(1, 0), 0).xyz - origin;
     vec3 c = texelFetch(tree_triangles, first + ivec2(2, 0), 0).xyz - origin;
-    vec3 volumes = vec3(dot(cross(b, c), direction), dot(cross(c, a), direction), dot(cross(a, b), direction));
+    precise vec3 volumes = vec3(dot(cross(b - c, b + c), direction), dot(cross(c - a, c + a), direction),
+                                dot(cross(a - b, a + b), direction));
     vec3 normal = cross(b - a, c - a);
     float distance = dot(normal, a) / dot(normal, direction);  // NaN or infinite for a triangle seen edge-on
     bool inside = min(volumes.x, min(volumes.y, volumes.z)) >= 0.0 || max(volumes.x, max(volumes.y, volumes.z)) <= 0.0;

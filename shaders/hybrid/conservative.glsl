@@ -1,27 +1,40 @@
-// 1 or 0 where the map is certain, else ½. In a texel that no visible edge of the casters' silhouette crosses, what the light
-// sees is one continuous surface: the receiver is on it, or below it throughout. Only where it meets the receiver, at a
-// contact or a fold, is that not certain either; there some texel nearby stores a depth just before the receiver's plane.
+// 1 or 0 where the map is certain, else ½. In texels that no visible edge of the casters' silhouette crosses, what the light
+// sees is one continuous surface: the receiver is on it, or below it throughout, unless it meets the receiver there, at a
+// contact or a fold. So neither an edge nor a surface close to the receiver's plane may be in the four texels around.
 #define FILTER_HAS_PLANE
+uniform float cos_half_angle;  // of a spot's cone; −1 for other lights
 #ifdef MAP_CUBE
-uniform samplerCube map_edges;  // depth of the nearest edge that crosses the texel
-#define NEAREST_EDGE(p, texel) textureLod(map_edges, offset_direction(p, (texel) + 0.5 - (p).uv * map_size), 0.0).r
+uniform samplerCube silhouette;  // depth of the nearest edge in the texel
+
+vec4 nearest_edges(ShadowCoord p, vec2 texel) {
+    return textureGather(silhouette, offset_direction(p, texel + 1.0 - p.uv * map_size));
+}
 #else
-uniform sampler2D map_edges;
-#define NEAREST_EDGE(p, texel) textureLod(map_edges, ((texel) + 0.5) / map_size, 0.0).r
+uniform sampler2D silhouette;
+
+vec4 nearest_edges(ShadowCoord p, vec2 texel) { return textureGather(silhouette, (texel + 1.0) / map_size); }
 #endif
 
+// Depths are linear: those of a spot's map are too coarse far from it. Casters in front of the near plane have negative ones.
+vec4 filter_contents(float depth) { return vec4(depth, 0.0, 0.0, 0.0); }
+
 float filter_visibility(ShadowCoord p) {
-    vec2 texel = floor(p.uv * map_size), corner = floor(p.uv * map_size - 0.5);
-    if (NEAREST_EDGE(p, texel) < p.depth - 8.0 * p.step) return 0.5;
-    vec4 stored = stored_depths(p, corner), plane = plane_depths(p, corner);
-    vec4 behind = min(plane, 1.0) - stored;  // an empty texel, of depth 1, is beyond all receivers
-    behind = mix(behind, vec4(p.depth), lessThanEqual(stored, vec4(0.0)));  // casters clamped to the near plane
+    vec2 at = p.uv * map_size, corner = floor(at - 0.5);
+#ifndef MAP_CUBE
+    if (clamp(p.uv, 0.0, 1.0) != p.uv)  // outside the map, but perhaps in the cone
+        return dot(normalize(light.xyz - light.w * p.position), p.axis) < cos_half_angle ? 1.0 : 0.5;
+#endif
+    if (p.linear <= 0.0) return 0.5;  // in front of the near plane, where edges are stored at it
+    float tolerance = 8.0 * max(depth_step, position_step * p.linear_per_length);
+    if (any(lessThan(nearest_edges(p, corner), vec4(p.linear - tolerance)))) return 0.5;
+    vec2 from = corner + 0.5 - at;
+    vec4 plane = vec4(plane_depth(p, from + vec2(0.0, 1.0)), plane_depth(p, from + 1.0),
+                      plane_depth(p, from + vec2(1.0, 0.0)), plane_depth(p, from));
+    vec4 behind = min(plane, 1.0) - stored_contents(p, corner);  // an empty texel, of depth 1, is beyond all receivers
     // Corners are snapped to the rasteriser's grid, which moves stored depths by as much of their change across a texel;
     // a curved surface is before the receiver's plane by as little.
-    float slope = abs(plane.z - plane.w) + abs(plane.x - plane.w), width = max(p.texel.x, p.texel.y) * p.depth_per_length;
-    vec4 lit = vec4(lessThanEqual(behind, vec4(8.0 * p.step + 2.0 * subpixel * slope)));
-    vec4 dark = vec4(greaterThan(behind, vec4(slope + 4.0 * width)));
-    if (lit + dark != vec4(1.0)) return 0.5;
-    vec2 side = texel - corner;
-    return mix(mix(lit.w, lit.z, side.x), mix(lit.x, lit.y, side.x), side.y);
+    float slope = max(max(plane.x, plane.y), max(plane.z, plane.w)) - min(min(plane.x, plane.y), min(plane.z, plane.w));
+    float width = max(p.texel.x, p.texel.y) * p.linear_per_length;
+    if (all(lessThanEqual(behind, vec4(tolerance + min((2.0 * subpixel + 0.05) * slope, width))))) return 1.0;
+    return all(greaterThan(behind, vec4(slope + 4.0 * width))) ? 0.0 : 0.5;
 }

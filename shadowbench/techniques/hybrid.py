@@ -1,8 +1,9 @@
 """A small shadow map decides where it is certain; only the other pixels are traced (Hertel et al. 2009)."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import moderngl
+from pydantic import model_validator
 
 from shadowbench.gl.device import Device
 from shadowbench.gl.program import State, Value
@@ -11,14 +12,14 @@ from shadowbench.scenes.model import LightKind, View
 from shadowbench.techniques.base import Changes, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.biases import NoBias
 from shadowbench.techniques.cube_map import CUBE, CubeMap
-from shadowbench.techniques.filters import Filter
+from shadowbench.techniques.filters import Contents, Filter
 from shadowbench.techniques.fits import Fit, ViewFit
 from shadowbench.techniques.maps import FittedParams
-from shadowbench.techniques.outlines import Outlines
 from shadowbench.techniques.params import one_of
 from shadowbench.techniques.ray_traced import RayTraced
 from shadowbench.techniques.shadow_map import ShadowMap
-from shadowbench.techniques.tracing import TracePass, ray_offset, too_large
+from shadowbench.techniques.silhouettes import Silhouettes
+from shadowbench.techniques.tracing import EXTRA_WORK, TracePass, ray_offset, too_large
 
 UNSURE = 0.5  # visibility of pixels that the map does not answer
 
@@ -28,6 +29,10 @@ class Conservative(Filter):
 
     shader = "hybrid/conservative.glsl"
     maps = frozenset({"2d", "cube"})
+
+    @property
+    def contents(self) -> Contents:
+        return Contents(1, linear=False)
 
     def radius(self, size: int) -> float:
         return 1
@@ -42,8 +47,9 @@ class Hybrid(Technique):
 
     After Hertel, Hormann and Westermann (2009, "A hybrid GPU rendering pipeline for alias-free hard shadows"). The
     silhouette edges that the light sees are drawn into the map too, so that casters thinner than a texel are not
-    missed. A texel without an edge decides for its receivers, unless the texels around it show a contact or a fold. The
-    others, mostly along shadow edges, are traced. Silhouettes are found on the CPU, by compiled code.
+    missed. A receiver is lit or in shadow if the four texels around it agree and have no edge, and no surface close to
+    its plane, as at contacts and folds. All others, mostly along shadow edges, are traced. Silhouettes are found on the
+    CPU, by compiled code.
     """
 
     name = "hybrid"
@@ -57,7 +63,13 @@ class Hybrid(Technique):
 
         fit: Annotated[Fit, one_of(Fit)] = param(ViewFit(), "part of the scene that the map covers")
         rest: Literal["trace", "embree"] = param("trace", "traces the other pixels: in a shader, or on the CPU")
-        offset: float = param(1e-6, "height of a ray's origin above its surface, as a share of the scene", ge=0, le=1)
+        offset: float = param(2e-6, "height of a ray's origin above its surface, as a share of the scene", ge=0, le=1)
+
+        @model_validator(mode="after")
+        def _covers_the_scene(self) -> Self:
+            if not self.fit.clamps:
+                raise ValueError(f"fit={self.fit.name} leaves out casters and receivers, allowed: scene, view, visible")
+            return self
 
     params: Params
 
@@ -67,7 +79,7 @@ class Hybrid(Technique):
 
     @classmethod
     def extra_work(cls, params: TechniqueParams) -> str | None:
-        return "walks a tree in the shader, which counts of work do not see"
+        return EXTRA_WORK
 
     @classmethod
     def unsupported(cls, params: TechniqueParams, view: View, device: Device) -> str | None:
@@ -112,7 +124,7 @@ class Classification:
         map.build_map(stage)
         shader, defines = ("classify-cube", CUBE) if isinstance(map, CubeMap) else ("classify", {})
         kind: Kind = "cube" if isinstance(map, CubeMap) else "2d"
-        self._outlines = Outlines(stage, map.params, map.params.size, kind, defines)
+        self._silhouettes = Silhouettes(stage, map.params, map.params.size, kind, defines)
         self._changes: Changes = "light" if isinstance(map, CubeMap) else map.params.fit.invalidated_by
         self._program = stage.program("fullscreen.vert", f"hybrid/{shader}.frag", params=map.params, defines=defines)
         self._triangle = stage.fullscreen(self._program)
@@ -120,18 +132,21 @@ class Classification:
     def __call__(self, frame: Frame, target: moderngl.Framebuffer) -> None:
         """Draw visibility into a target, ½ where the map is unsure, where the target's depth is then 1, else 0."""
         textures, uniforms = self._map.draw_map(frame)
-        with frame.timed("outlines", changes=self._changes):
-            edges = self._outlines.draw(frame, textures["map_depths"], self._layers(frame))
+        with frame.timed("silhouettes", changes=self._changes):
+            edges = self._silhouettes.draw(frame, textures["map_contents"], self._layers(frame))
         with frame.timed("classify", changes="view"):
             target.clear(depth=1.0)
             self._program.set(light=frame.light_uniform, **uniforms)
-            inputs = {**frame.surface.inputs, **textures, "map_edges": edges}
+            if self._program.has("cos_half_angle"):
+                self._program.set(cos_half_angle=frame.light.cos_half_angle)
+            inputs = {**frame.surface.inputs, **textures, "silhouette": edges}
             self._triangle.draw(target, inputs, State(depth_test="<="))
 
     def _layers(self, frame: Frame) -> list[dict[str, Value]]:
-        """Uniforms of outline.vert and outline.frag, for each layer of the map."""
+        """Uniforms of silhouette.vert and silhouette.frag, for each layer of the map."""
         if isinstance(self._map, ShadowMap):
-            return [{"world_to_clip": self._map.light_view.to_clip()}]
+            view = self._map.light_view
+            return [{"world_to_clip": view.to_clip(), "caster_to_linear": view.to_linear}]
         common: dict[str, Value] = {"light_position": frame.light.position, "map_far": self._map.far, "near": 0.0}
         return [common | {"face": face} for face in range(6)]
 
@@ -139,5 +154,5 @@ class Classification:
 def _map_of(params: Hybrid.Params, kind: LightKind) -> ShadowMap | CubeMap:
     """The map that classifies: a point light's is a cube, whose faces have half as many texels along a side."""
     if kind == "point":
-        return CubeMap(CubeMap.Params(size=max(params.size // 2, 1), bias=NoBias(), filter=Conservative()))
+        return CubeMap(CubeMap.Params(size=max(params.size // 2, 2), bias=NoBias(), filter=Conservative()))
     return ShadowMap(ShadowMap.Params(fit=params.fit, size=params.size, bias=NoBias(), filter=Conservative()))

@@ -10,7 +10,7 @@ from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import download
 from shadowbench.scenes.model import Light, View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
-from shadowbench.techniques.tracing import TracePass, ray_offset, too_large
+from shadowbench.techniques.tracing import EXTRA_WORK, TracePass, ray_offset, too_large
 from shadowbench.truths.embree import INFINITE, RAYS_A_SLICE, Tracer, over_slices
 
 _STAGE = 1 << 15  # of random shifts, beyond the truth's: with the same points of the light, the errors would correlate
@@ -25,7 +25,7 @@ class RayTraced(Technique):
 
     name = "ray-traced"
     exact = True
-    never_recommended = "is traced on the CPU, as the truth is: the slow end of the scale, not a real-time technique"
+    never_recommended = "traces a ray for every pixel, as the truth does: the slow end of the scale"
 
     class Params(TechniqueParams):
         """Parameters of ray-traced."""
@@ -46,6 +46,11 @@ class RayTraced(Technique):
     def unsupported(cls, params: TechniqueParams, view: View, device: Device) -> str | None:
         assert isinstance(params, cls.Params)
         return too_large(view.scene, device) if params.where == "gpu" else None
+
+    @classmethod
+    def extra_work(cls, params: TechniqueParams) -> str | None:
+        assert isinstance(params, cls.Params)
+        return EXTRA_WORK if params.where == "gpu" else None
 
     @classmethod
     def draws_on_cpu(cls, params: TechniqueParams) -> bool:

@@ -13,6 +13,8 @@ from shadowbench.gl.program import Sampling, State
 from shadowbench.scenes.model import Scene, vec3
 from shadowbench.techniques.base import Frame, Stage
 
+EXTRA_WORK = "walks a tree in the shader, which counts of work do not see"
+"""Why techniques that trace by `TracePass` are not ranked by counts of work."""
 _PLAIN = State()
 _STEPS = 4.0  # least ray offset, in float32 steps of the largest coordinate
 

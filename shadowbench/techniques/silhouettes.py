@@ -1,4 +1,4 @@
-"""The casters' silhouette as the light sees it, drawn into a map: which of its texels have a caster's edge in them."""
+"""The casters' silhouette as the light sees it, drawn into a map: in which of its texels a caster ends."""
 
 from collections.abc import Mapping, Sequence
 
@@ -9,15 +9,15 @@ from shadowbench.gl.program import Sampling, State, Texture, Value
 from shadowbench.gl.targets import Kind
 from shadowbench.techniques.base import Frame, Stage, TechniqueParams
 
-_CORNERS = 6  # vertices of an edge in outline.vert
+_CORNERS = 6  # vertices of an edge in silhouette.vert
 _STATE = State(depth_test="<=", depth_clamp=True)
 
 
-class Outlines:
-    """Draws the silhouette edges that no caster hides from the light, with the depth of the nearest in each texel.
+class Silhouettes:
+    """Draws silhouette edges that no caster hides from the light, with the linear depth of the nearest in each texel.
 
     The edges are found by compiled code: those between a triangle that faces the light and one that does not, and those
-    of one triangle only. size, kind: of the map whose depths decide what is hidden.
+    of one triangle only. size, kind: of the map whose linear depths decide what is hidden.
     """
 
     def __init__(
@@ -29,14 +29,16 @@ class Outlines:
         self._edges = np.concatenate([casters.closed.edges, casters.open.edges])
         self._vertices = stage.scene.geometry.vertices.astype(np.float32)
         self._weights = wall_weights
-        self._program = stage.program("hybrid/outline.vert", "hybrid/outline.frag", params=params, defines=defines)
+        self._program = stage.program(
+            "hybrid/silhouette.vert", "hybrid/silhouette.frag", params=params, defines=defines
+        )
         self._upload = stage.stream(self._program, {"a": 3, "b": 3})
         self._map = stage.depth_target(size, "d32f", kind)
 
     def draw(
         self, frame: Frame, depths: tuple[Texture, Sampling], draws: Sequence[Mapping[str, Value]]
     ) -> tuple[Texture, Sampling]:
-        """Depth of the nearest edge in each texel, 1 for none. depths: the map; draws: uniforms of each layer."""
+        """Depth of the nearest edge in each texel, 1 for none. depths: of the map; draws: uniforms of each layer."""
         light = np.array(frame.light_uniform, dtype=np.float32)
         drawn = self._edges[self._weights(self._vertices, self._edges, light, 0) != 0]
         ends = np.concatenate([self._vertices[drawn[:, 1]], self._vertices[drawn[:, 2]]], axis=1)
@@ -44,5 +46,5 @@ class Outlines:
         self._map.target.clear(depth=1.0)
         for target, uniforms in zip(self._map.layer_targets or (self._map.target,), draws, strict=True):
             self._program.set(**uniforms)
-            edges.draw(target, {"map_depths": depths}, _STATE)
+            edges.draw(target, {"map_contents": depths}, _STATE)
         return self._map.texture, Sampling()
