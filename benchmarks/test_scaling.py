@@ -20,7 +20,7 @@ from shadowbench.truths.trace import trace
 SPHERES = {1_280: (1, 3), 5_120: (1, 4), 20_480: (1, 5), 81_920: (1, 6), 327_680: (1, 7), 983_040: (3, 7)}
 VIEWS = (256, 512, 1024, 2048)
 # Only for the techniques that are meant for so much. Ten million triangles take 8 GiB of memory.
-MANY = {3_932_160: (12, 7), 10_485_760: (32, 7)}
+MANY = {3_932_160: (12, 7), 9_830_400: (30, 7)}
 LARGE = (4096,)
 SCALING = ("shadow-map", "cascades", "shadow-volume", "hybrid", "ray-traced", "ray-traced:where=gpu")
 TRIANGLES, VIEW = 20_480, 512  # while the other is varied
