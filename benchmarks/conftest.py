@@ -9,6 +9,7 @@ pytest-benchmark times one cell after the other, so that load of the machine aff
 """
 
 import os
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -26,16 +27,16 @@ ROUNDS = 9
 
 
 class Point(NamedTuple):
-    """A size, its median time in seconds, and its entry in the benchmark report."""
+    """A size, what was measured there, and its entry in the benchmark report."""
 
     size: float
-    seconds: float
+    value: float
     extra_info: dict[str, Any]
 
 
 @dataclass
 class Growth:
-    """Curves of time over size, each with its best-fitting exponent k: time ~ size^k."""
+    """Curves of time or memory over size, each with its best-fitting exponent k: time ~ size^k."""
 
     curves: dict[str, list[Point]] = field(default_factory=dict)
 
@@ -50,10 +51,16 @@ class Growth:
                 point.extra_info["exponent"] = round(self.exponent(curve), 3)
                 point.extra_info["exponent_over"] = [point.size for point in points]
 
+    def add_entries(self, curve: str, size: float, benchmark: BenchmarkFixture) -> None:
+        """Add the time of preparation and the memory of a timed cell to curves of their own."""
+        for entry in ("prepare_ms", "gpu_bytes"):
+            points = self.curves.setdefault(f"{entry} of {curve}", [])
+            points.append(Point(size, benchmark.extra_info[entry], benchmark.extra_info))
+
     def exponent(self, curve: str) -> float:
-        """Slope of log(time) over log(size)."""
-        sizes, seconds, _ = zip(*self.curves[curve], strict=True)
-        return float(np.polyfit(np.log(sizes), np.log(seconds), 1)[0])
+        """Slope of log(value) over log(size)."""
+        sizes, values, _ = zip(*self.curves[curve], strict=True)
+        return float(np.polyfit(np.log(sizes), np.log(values), 1)[0])
 
 
 class Cells:
@@ -65,8 +72,10 @@ class Cells:
     def time(self, benchmark: BenchmarkFixture, view: View, spec: str) -> None:
         """Time frames of a spec after a warm-up; skips the test if the cell is unsupported."""
         samples = []
+        placed_view, request = PlacedView(view), CellRequest(spec)
         try:
-            prepare_ms = self.session.prepare_timing(PlacedView(view), CellRequest(spec))
+            rendering = self.session.draw(placed_view, request, keep=sys.maxsize)
+            prepare_ms = self.session.prepare_timing(placed_view, request)
         except Unsupported as reason:
             pytest.skip(str(reason))
         try:
@@ -78,6 +87,7 @@ class Cells:
             "clock": samples[-1].clock,
             "frame_ms": float(np.median([sample.ms for sample in samples])),
             "prepare_ms": prepare_ms,
+            "gpu_bytes": rendering.gpu_bytes,
         }
 
 
@@ -92,10 +102,11 @@ def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> Non
     growth = config.stash[_GROWTH]
     fitted = {curve: points for curve, points in growth.curves.items() if len(points) > 1}
     if fitted:
-        terminalreporter.section("how times grow: time ~ size^k")
+        terminalreporter.section("how times and memory grow: time ~ size^k")
         for curve, points in fitted.items():
             low, high = points[0].size, points[-1].size
-            terminalreporter.line(f"k = {growth.exponent(curve):5.2f}  {curve}, {low:g} to {high:g}")
+            values = ", ".join(f"{point.value:.4g}" for point in points)
+            terminalreporter.line(f"k = {growth.exponent(curve):5.2f}  {curve}, {low:g} to {high:g}: {values}")
 
 
 @pytest.fixture(scope="session")

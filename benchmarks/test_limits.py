@@ -29,6 +29,7 @@ from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, view_of
 from shadowbench.scenes.shapes import build_shape
 from shadowbench.survey.survey import needs
+from shadowbench.techniques import culling, reduction
 from shadowbench.truths.cache import cached_truth
 
 ROUNDS = 7
@@ -135,6 +136,39 @@ def test_the_passes_add_up_to_the_frame(cells: Any, assert_ratio: Any) -> None:
     try:
         passes, frames = lambda: session.time_passes(0), lambda: session.time_frame(0)
         assert_ratio(passes, frames, least=0.7, most=1.3, rounds=15)
+    finally:
+        session.release_timed()
+
+
+@pytest.mark.benchmark(group="limits")
+def test_casters_in_an_order_that_reuses_vertices_against_the_files(
+    scene_file: Any, cells: Any, assert_ratio: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = load_scene(scene_file("armadillo.obj"))
+    session, placed_view = cells.session, PlacedView(view_of(scene, scene.cameras[0], scene.lights[0], 64))
+    for few in (culling._FEW, sys.maxsize):
+        monkeypatch.setattr(culling, "_FEW", few)
+        session.prepare_timing(placed_view, CellRequest("shadow-map:fit=scene,size=1024"))
+    try:
+        assert_ratio(lambda: session.time_frame(0), lambda: session.time_frame(1), most=0.75)
+    finally:
+        session.release_timed()
+
+
+@pytest.mark.benchmark(group="limits")
+def test_a_fit_that_reads_few_receivers_against_one_that_reads_all(
+    cells: Any, assert_ratio: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = load_scene("street")
+    session, placed_view = cells.session, PlacedView(view_of(scene, scene.cameras[0], scene.lights[0], 1024))
+    session.prepare_timing(placed_view, CellRequest("shadow-map:size=16,filter=hard,cull=false"))
+
+    def frame(rounding: float) -> None:
+        monkeypatch.setattr(reduction, "_ROUNDING", rounding)
+        session.time_frame(0)
+
+    try:
+        assert_ratio(lambda: frame(1e-5), lambda: frame(1e12), most=0.8)
     finally:
         session.release_timed()
 

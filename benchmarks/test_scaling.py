@@ -1,10 +1,11 @@
-"""Growth of the time of techniques and of the truth with the number of triangles and with the view size.
+"""Growth of times and memory of techniques, and of the truth, with the number of triangles and with the view size.
 
 pytest benchmarks/test_scaling.py -k "triangles and shadow-volume"
 """
 
 from collections.abc import Callable
 from functools import lru_cache
+from itertools import product
 from typing import Any
 
 import pytest
@@ -18,6 +19,10 @@ from shadowbench.truths.trace import trace
 # Number of triangles: (number of spheres, subdivisions of each). A million triangles take three spheres.
 SPHERES = {1_280: (1, 3), 5_120: (1, 4), 20_480: (1, 5), 81_920: (1, 6), 327_680: (1, 7), 983_040: (3, 7)}
 VIEWS = (256, 512, 1024, 2048)
+# Only for the techniques that are meant for so much. Ten million triangles take 8 GiB of memory.
+MANY = {3_932_160: (12, 7), 9_830_400: (30, 7)}
+LARGE = (4096,)
+SCALING = ("shadow-map", "cascades", "shadow-volume", "hybrid", "ray-traced", "ray-traced:where=gpu")
 TRIANGLES, VIEW = 20_480, 512  # while the other is varied
 
 SCENE = """
@@ -41,7 +46,7 @@ scale = 6
 shape = "sphere"
 subdivisions = {subdivisions}
 translate = [{first}, 0.6, 0.0]
-repeat = {{ count = {count}, step = [1.1, 0.0, 0.0] }}
+repeat = {{ count = {count}, step = [{step}, 0.0, 0.0] }}
 """
 
 
@@ -51,10 +56,11 @@ def view(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int, int, str], 
 
     @lru_cache(1)
     def scene(triangles: int) -> Any:
-        count, subdivisions = SPHERES[triangles]
+        count, subdivisions = (SPHERES | MANY)[triangles]
         file = tmp_path_factory.mktemp("scenes") / f"{triangles}.toml"
-        first = -0.55 * (count - 1)
-        file.write_text(SCENE.format(triangles=triangles, count=count, subdivisions=subdivisions, first=first))
+        step = 2.2 / max(count - 1, 2)  # of spheres that overlap if they are many, so that the view has all of them
+        places = {"count": count, "step": step, "first": -0.5 * step * (count - 1)}
+        file.write_text(SCENE.format(triangles=triangles, subdivisions=subdivisions, **places))
         return load_scene(file)
 
     def make(triangles: int, size: int, kind: str) -> View:
@@ -66,27 +72,31 @@ def view(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int, int, str], 
 
 def _kind(name: str) -> str:
     """A directional light if the technique supports it, else a point light."""
-    return "directional" if "directional" in techniques()[name].lights else "point"
+    return "directional" if "directional" in techniques()[name.partition(":")[0]].lights else "point"
 
 
-@pytest.mark.parametrize("name", techniques())
-@pytest.mark.parametrize("triangles", SPHERES)
+@pytest.mark.parametrize(
+    ("triangles", "name"), [*product(SPHERES, dict.fromkeys([*techniques(), *SCALING])), *product(MANY, SCALING)]
+)
 @pytest.mark.benchmark(group="triangles")
 def test_triangles(
     triangles: int, name: str, view: Callable[..., View], cells: Any, growth: Any, benchmark: BenchmarkFixture
 ) -> None:
     cells.time(benchmark, view(triangles, VIEW, _kind(name)), name)
     growth.add(f"{name} over triangles", triangles, benchmark)
+    growth.add_entries(f"{name} over triangles", triangles, benchmark)
 
 
-@pytest.mark.parametrize("name", techniques())
-@pytest.mark.parametrize("size", VIEWS)
+@pytest.mark.parametrize(
+    ("size", "name"), [*product(VIEWS, dict.fromkeys([*techniques(), *SCALING])), *product(LARGE, SCALING)]
+)
 @pytest.mark.benchmark(group="view size")
 def test_view_size(
     size: int, name: str, view: Callable[..., View], cells: Any, growth: Any, benchmark: BenchmarkFixture
 ) -> None:
     cells.time(benchmark, view(TRIANGLES, size, _kind(name)), name)
-    growth.add(f"{name} over view size", size, benchmark)
+    growth.add(f"{name} over pixels", size**2, benchmark)
+    growth.add_entries(f"{name} over pixels", size**2, benchmark)
 
 
 @pytest.mark.parametrize("triangles", SPHERES)
@@ -100,4 +110,4 @@ def test_truth_triangles(triangles: int, view: Callable[..., View], growth: Any,
 @pytest.mark.benchmark(group="view size")
 def test_truth_view_size(size: int, view: Callable[..., View], growth: Any, benchmark: BenchmarkFixture) -> None:
     benchmark.pedantic(trace, args=(view(TRIANGLES, size, "directional"), 1), rounds=3)
-    growth.add("truth over view size", size, benchmark)
+    growth.add("truth over pixels", size**2, benchmark)

@@ -12,7 +12,7 @@ uniform float scale;
 out float visibility;
 
 void main() {
-    Receiver r = receiver_at(ivec2(gl_FragCoord.xy));
+    Receiver r = receiver_here();
     visibility = 1.0;
     if (!r.facing) return;
     for (int i = 0; i < textureSize(spheres, 0).x; ++i) {

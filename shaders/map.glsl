@@ -1,5 +1,6 @@
 // Shadow coordinates of a receiver in a map of one or more layers (LAYERS). Depths are the map's, in [0, 1], with REVERSED
-// increasing towards the light. SIZE is the parameter of that name. cube_map.glsl has its own shadow_coord.
+// increasing towards the light. SIZE is the parameter of that name. MAP_PARALLEL: of a directional light only.
+// cube_map.glsl has its own shadow_coord.
 #include "receiver.glsl"
 #ifndef LAYERS
 #define LAYERS 1
@@ -62,6 +63,9 @@ ShadowCoord shadow_coord(vec3 position, int layer) {
     ShadowCoord p;
     p.position = position;
     vec4 projected = world_to_map[layer] * vec4(position, 1.0);
+#ifdef MAP_PARALLEL
+    projected.w = 1.0;  // it is; known to the compiler it saves all that depends on it
+#endif
     p.uv = projected.xy / projected.w;
     p.layer = layer;
     p.depth = projected.z / projected.w;

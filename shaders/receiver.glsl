@@ -12,10 +12,11 @@ struct Receiver {
     bool facing;     // a visible surface that receives shadows and faces the light
 };
 
-Receiver receiver_at(ivec2 pixel) {
+// at: texture coordinates of the pixel's centre.
+Receiver receiver_of(vec2 at) {
     Receiver r;
-    vec4 position = texelFetch(surface_position, pixel, 0);
-    vec4 normal = texelFetch(surface_normal, pixel, 0);
+    vec4 position = textureLod(surface_position, at, 0.0);  // Mesa's software renderer takes twice as long to texelFetch
+    vec4 normal = textureLod(surface_normal, at, 0.0);
     r.position = position.xyz;
     r.normal = normal.xyz;
     vec3 to_light = light.xyz - light.w * r.position;
@@ -25,3 +26,8 @@ Receiver receiver_at(ivec2 pixel) {
     r.facing = position.w * normal.w > 0.5 && r.cosine > 0.0;
     return r;
 }
+
+Receiver receiver_at(ivec2 pixel) { return receiver_of((vec2(pixel) + 0.5) / vec2(textureSize(surface_position, 0))); }
+
+// The receiver of this fragment's own pixel.
+Receiver receiver_here() { return receiver_of(gl_FragCoord.xy / vec2(textureSize(surface_position, 0))); }

@@ -80,10 +80,13 @@ vec4 stored_contents(ShadowCoord p, vec2 texel) {
 }
 #endif
 
-// Visibility of a receiver in one layer. All pixels of a quad must call it, as a bias may take screen derivatives.
-float map_visibility(Receiver r, int layer) {
-    ShadowCoord p = shadow_coord(r.position, layer);
-    p = shadow_coord(r.position + bias_offset(r, p), layer);
+// Of the receiver as offset by the bias.
+ShadowCoord offset_coord(Receiver r, int layer) {
+    return shadow_coord(r.position + bias_offset(r, shadow_coord(r.position, layer)), layer);
+}
+
+// Visibility of a receiver at its offset_coord. All pixels of a quad must call it, as a bias may take screen derivatives.
+float visibility_at(Receiver r, ShadowCoord p) {
     p.normal = r.normal;
     // Casters in front of the near plane are stored at near; a bias larger than the receiver's depth would miss them.
     float from_near = REVERSED == 1 ? 1.0 - p.depth : p.depth;
@@ -104,3 +107,6 @@ float map_visibility(Receiver r, int layer) {
 #endif
     return filter_visibility(p);
 }
+
+// Visibility of a receiver in one layer.
+float map_visibility(Receiver r, int layer) { return visibility_at(r, offset_coord(r, layer)); }

@@ -5,7 +5,7 @@ uniform float offset;  // height of a ray's start above its receiver, a local le
 out float visibility;
 
 void main() {
-    Receiver r = receiver_at(ivec2(gl_FragCoord.xy));
+    Receiver r = receiver_here();
     float ahead = offset / max(r.cosine, 1e-6);
     float reach = light.w == 0.0 ? INFINITE : r.distance - ahead;
     if (!r.facing) reach = 0.0;

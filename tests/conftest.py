@@ -17,6 +17,7 @@ from hypothesis import settings
 from shadowbench.commands import main
 from shadowbench.geometry.facing import cap_weights
 from shadowbench.geometry.tree import build_tree
+from shadowbench.geometry.vertex_order import in_reuse_order
 from shadowbench.gl.device import Device, Releasable, open_device
 from shadowbench.gl.gbuffer import GBuffer, GBufferPass, download
 from shadowbench.gl.geometry import DeviceGeometry
@@ -47,6 +48,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         load_library()
         LightSampler(Light("sun", "directional", radius=0.01))
         build_tree(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
+        in_reuse_order(np.zeros((0, 3), np.int32))
         cap_weights(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int64), np.zeros(4, np.float32), 0)
 
 

@@ -8,7 +8,7 @@ const vec3 colors[8] = vec3[8](
 
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    Choice c = cascade_of(receiver_at(pixel));
+    Choice c = cascade_of(receiver_here());
     bool hit = texelFetch(surface_position, pixel, 0).w > 0.5;
-    tint = vec4(hit ? mix(colors[c.next], colors[c.layer], c.share) : vec3(1.0), 1.0);
+    tint = vec4(hit ? mix(colors[c.next.layer], colors[c.coord.layer], c.share) : vec3(1.0), 1.0);
 }

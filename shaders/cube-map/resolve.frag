@@ -2,4 +2,4 @@
 #include "cube_map.glsl"
 out float visibility;
 
-void main() { visibility = map_visibility(receiver_at(ivec2(gl_FragCoord.xy))); }
+void main() { visibility = map_visibility(receiver_here()); }

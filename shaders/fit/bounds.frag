@@ -1,52 +1,107 @@
-// One step of a min-max reduction of REACH² texels to one. Input: FROM_RECEIVERS, the visible receivers in light space
-// (Lauritzen, Salvi and Lefohn 2011); FROM_VALUES, a texture; else the results of the previous step.
+// One step of a min-max reduction of REACH² texels to one, with REACH even. Input: FROM_SAMPLE, the receiver of one pixel
+// in light space; FROM_RECEIVERS, all visible receivers, but read only where the depths of REACH² pixels say that these may
+// extend the bounds of the sample (Lauritzen, Salvi and Lefohn 2011 read all); FROM_VALUES, a texture; else the results of
+// the previous step.
 layout(location = 0) out vec4 low;
 layout(location = 1) out vec4 high;
 const float nothing = 3.0e38;
 
-#if defined(FROM_RECEIVERS)
+void include(vec3 a, vec3 b) {
+    low.xyz = min(low.xyz, a);
+    high.xyz = max(high.xyz, b);
+}
+
+#if defined(FROM_SAMPLE) || defined(FROM_RECEIVERS)
 #include "receiver.glsl"
 uniform mat4 world_to_light;
 uniform float perspective;     // 1: x and y are divided by the distance along the axis
 uniform float cos_half_angle;  // of a spot's cone; −1 for other lights
 
-void read(ivec2 at, out vec3 a, out vec3 b) {
-    Receiver r = receiver_at(at);
+void include_receiver(ivec2 pixel) {
+    Receiver r = receiver_at(min(pixel, textureSize(surface_position, 0) - 1));
     vec3 p = (world_to_light * vec4(r.position, 1.0)).xyz;
     p = vec3(perspective > 0.5 ? p.xy / -p.z : p.xy, -p.z);
     // The third row of the matrix is the light's axis, pointing back to the light.
     vec3 back = vec3(world_to_light[0].z, world_to_light[1].z, world_to_light[2].z);
     bool receives = r.facing && dot(back, r.to_light) >= cos_half_angle;
-    a = receives ? p : vec3(nothing);
-    b = receives ? p : vec3(-nothing);
+    include(receives ? p : vec3(nothing), receives ? p : vec3(-nothing));
 }
-#define EXTENT textureSize(surface_position, 0)
-#elif defined(FROM_VALUES)
-uniform sampler2D values;
+#endif
 
-void read(ivec2 at, out vec3 a, out vec3 b) { a = b = texelFetch(values, at, 0).xyz; }
-#define EXTENT textureSize(values, 0)
+#ifdef FROM_RECEIVERS
+uniform sampler2D surface_depth;  // view depth as a share of the far plane's; 1 where no surface is visible
+uniform sampler2D lows;           // bounds of the sample, one texel
+uniform sampler2D highs;
+uniform mat4 pixel_to_light;      // (pixel · depth, depth, 1) to light space, with the distance along the axis for z
+uniform float rounding;           // exceeds the error of that by rounding
+
+vec4 row(int i) { return vec4(pixel_to_light[0][i], pixel_to_light[1][i], pixel_to_light[2][i], pixel_to_light[3][i]); }
+
+// Whether `plane` · (pixel · depth, depth, 1) may exceed `scale` · rounding in a block of pixels and depths; conservative
+// by half a pixel on each side.
+bool may_exceed(vec4 plane, float scale, vec2 start, vec2 depths) {
+    vec2 first = plane.xy * (start - 0.5), last = plane.xy * (start + float(REACH) - 0.5);
+    float slope = max(first.x, last.x) + max(first.y, last.y) + plane.z;
+    return max(slope * depths.x, slope * depths.y) + plane.w > -scale * rounding;
+}
+
+// Whether a block with surfaces between two depths may extend the bounds.
+bool may_extend(vec2 start, vec2 depths) {
+    vec4 x = row(0), y = row(1), z = row(2), one = perspective > 0.5 ? z : vec4(0.0, 0.0, 0.0, 1.0);
+    if (cos_half_angle > 0.01) {  // a block outside the pyramid around a spot's cone has no receivers
+        float slope = sqrt(1.0 - cos_half_angle * cos_half_angle) / cos_half_angle, scale = 1.0 + slope;
+        bool right = may_exceed(slope * z + x, scale, start, depths), left = may_exceed(slope * z - x, scale, start, depths);
+        bool above = may_exceed(slope * z + y, scale, start, depths), below = may_exceed(slope * z - y, scale, start, depths);
+        if (!right || !left || !above || !below) return false;
+    }
+    if (low.x > high.x) return true;  // no receiver in the sample
+    vec2 largest = 1.0 + max(abs(low.xy), abs(high.xy));
+    return may_exceed(low.x * one - x, largest.x, start, depths) || may_exceed(x - high.x * one, largest.x, start, depths)
+        || may_exceed(low.y * one - y, largest.y, start, depths) || may_exceed(y - high.y * one, largest.y, start, depths)
+        || may_exceed(vec4(0.0, 0.0, 0.0, low.z) - z, 1.0, start, depths)
+        || may_exceed(z - vec4(0.0, 0.0, 0.0, high.z), 1.0, start, depths)
+        || (perspective > 0.5 && may_exceed(-z, 1.0, start, depths));  // behind the light
+}
+
+// The result is that of reading all receivers.
+void include_texels(ivec2 start) {
+    low = textureLod(lows, vec2(0.5), 0.0);
+    high = textureLod(highs, vec2(0.5), 0.0);
+    vec2 size = vec2(textureSize(surface_depth, 0)), depths = vec2(1.0, 0.0);
+    for (int y = 1; y < REACH; y += 2)
+        for (int x = 1; x < REACH; x += 2) {
+            vec4 four = textureGather(surface_depth, vec2(start + ivec2(x, y)) / size);
+            vec4 seen = mix(four, vec4(0.0), equal(four, vec4(1.0)));
+            depths.x = min(depths.x, min(min(four.x, four.y), min(four.z, four.w)));
+            depths.y = max(depths.y, max(max(seen.x, seen.y), max(seen.z, seen.w)));
+        }
+    int texels = depths.x < 1.0 && may_extend(vec2(start), depths) ? REACH * REACH : 0;
+    for (int i = 0; i < texels; ++i) include_receiver(start + ivec2(i % REACH, i / REACH));
+}
+#elif defined(FROM_SAMPLE)
+void include_texels(ivec2 start) { include_receiver(start + REACH / 2); }
+#else
+#ifdef FROM_VALUES
+uniform sampler2D values;
+#define lows values
+#define highs values
 #else
 uniform sampler2D lows;
 uniform sampler2D highs;
+#endif
 
-void read(ivec2 at, out vec3 a, out vec3 b) {
-    a = texelFetch(lows, at, 0).xyz;
-    b = texelFetch(highs, at, 0).xyz;
+void include_texels(ivec2 start) {
+    ivec2 size = textureSize(lows, 0), stop = min(start + REACH, size);
+    for (int y = start.y; y < stop.y; ++y)
+        for (int x = start.x; x < stop.x; ++x) {
+            vec2 at = (vec2(x, y) + 0.5) / vec2(size);
+            include(textureLod(lows, at, 0.0).xyz, textureLod(highs, at, 0.0).xyz);
+        }
 }
-#define EXTENT textureSize(lows, 0)
 #endif
 
 void main() {
-    ivec2 start = ivec2(gl_FragCoord.xy) * REACH;
-    ivec2 stop = min(start + REACH, EXTENT);
     low = vec4(nothing);
     high = vec4(-nothing);
-    for (int y = start.y; y < stop.y; ++y)
-        for (int x = start.x; x < stop.x; ++x) {
-            vec3 a, b;
-            read(ivec2(x, y), a, b);
-            low.xyz = min(low.xyz, a);
-            high.xyz = max(high.xyz, b);
-        }
+    include_texels(ivec2(gl_FragCoord.xy) * REACH);
 }

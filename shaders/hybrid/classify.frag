@@ -3,6 +3,6 @@
 out float visibility;
 
 void main() {
-    visibility = map_visibility(receiver_at(ivec2(gl_FragCoord.xy)), 0);
+    visibility = map_visibility(receiver_here(), 0);
     gl_FragDepth = visibility == 0.5 ? 1.0 : 0.0;
 }

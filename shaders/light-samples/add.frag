@@ -8,7 +8,7 @@ out vec2 sums;
 
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    Receiver r = receiver_at(pixel);
+    Receiver r = receiver_here();
     float weight = light.w == 0.0 ? 1.0 : max(dot(light_normal, -r.to_light), 0.0) / (r.distance * r.distance);
     if (!r.facing) weight = 0.0;
     sums = weight * vec2(texelFetch(visibility, pixel, 0).r, 1.0);

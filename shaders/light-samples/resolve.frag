@@ -6,5 +6,5 @@ out float visibility;
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     vec2 sum = texelFetch(sums, pixel, 0).rg;
-    visibility = receiver_at(pixel).facing && sum.y > 0.0 ? min(sum.x / sum.y, 1.0) : 1.0;
+    visibility = receiver_here().facing && sum.y > 0.0 ? min(sum.x / sum.y, 1.0) : 1.0;
 }

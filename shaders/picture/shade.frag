@@ -21,7 +21,7 @@ vec3 srgb(vec3 linear) {
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     vec2 place = gl_FragCoord.xy / vec2(textureSize(visibility, 0));
-    Receiver r = receiver_at(pixel);
+    Receiver r = receiver_here();
     int triangle = texelFetch(surface_triangle, pixel, 0).r;
     if (triangle < 0) {
         color = vec4(srgb(mix(HORIZON, ZENITH, place.y)), 1.0);

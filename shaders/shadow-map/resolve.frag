@@ -2,4 +2,4 @@
 #include "shadow_map.glsl"
 out float visibility;
 
-void main() { visibility = map_visibility(receiver_at(ivec2(gl_FragCoord.xy)), 0); }
+void main() { visibility = map_visibility(receiver_here(), 0); }

@@ -12,5 +12,5 @@ void main() {
 #else
     bool inside = true;  // by the stencil test
 #endif
-    visibility = receiver_at(pixel).facing && inside ? 0.0 : 1.0;
+    visibility = receiver_here().facing && inside ? 0.0 : 1.0;
 }

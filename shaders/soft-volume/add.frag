@@ -9,7 +9,7 @@ out vec2 sums;
 
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    Receiver r = receiver_at(pixel);
+    Receiver r = receiver_here();
     float layers = texelFetch(center_counts, pixel, 0).r;
     vec4 rest = texelFetch(counts, pixel, 0);
     sums = vec2(0.0);

@@ -12,7 +12,7 @@ out vec4 counts;  // four of the differences in each component, as digits from â
 float facing(vec3 a, vec3 b, vec3 c) { return dot(a, cross(b, c)) > 0.0 ? 1.0 : -1.0; }
 
 void main() {
-    Receiver r = receiver_at(ivec2(gl_FragCoord.xy));
+    Receiver r = receiver_here();
     if (!r.facing) discard;
     vec3 a = corner_a - r.position, b = corner_b - r.position, center = light.xyz - light.w * r.position;
     vec3 plane = cross(a, b);  // of receiver and edge

@@ -3,6 +3,6 @@
 out float visibility;
 
 void main() {
-    Receiver r = receiver_at(ivec2(gl_FragCoord.xy));
+    Receiver r = receiver_here();
     visibility = r.facing ? 1.0 : min(1.0, 2.0 + r.cosine);
 }

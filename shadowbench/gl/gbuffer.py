@@ -33,8 +33,9 @@ class GBuffer:
 
     @property
     def inputs(self) -> dict[str, tuple[moderngl.Texture, Sampling]]:
-        """Inputs of `receiver.glsl`."""
-        return {"surface_position": (self.position, Sampling()), "surface_normal": (self.normal, Sampling())}
+        """Inputs of `receiver.glsl`, and `surface_depth`, the depth."""
+        textures = {"position": self.position, "normal": self.normal, "depth": self.depth}
+        return {f"surface_{name}": (texture, Sampling()) for name, texture in textures.items()}
 
     def triangles(self) -> NDArray[np.int32]:
         """(size, size) int32 triangle indices, −1 for none, row 0 at the top."""

@@ -117,7 +117,10 @@ class Program:
             if name not in self.linked:
                 continue
             if isinstance(value, np.ndarray):
-                self.linked[name].write(_bytes(value, self._types[name]))  # type: ignore[union-attr]
+                uniform = self.linked[name]
+                assert isinstance(uniform, moderngl.Uniform)
+                # Compilers shorten arrays whose last elements are unused.
+                uniform.write(_bytes(value, self._types[name])[: uniform.array_length * uniform.dimension * 4])
             else:
                 self.linked[name].value = value  # type: ignore[union-attr]
 

@@ -124,7 +124,7 @@ class Cascades(Technique):
         params = self.params
         self.stage = stage
         self.hull = SceneHull(stage.scene)
-        self.defines = {"LAYERS": params.count, "MAP_ARRAY": 1}
+        self.defines = {"LAYERS": params.count, "MAP_ARRAY": 1, "MAP_PARALLEL": 1, "BLENDED": int(params.blend > 0)}
         self.contents = contents_of(stage, params, params.filter, params.size, "array", params.count, self.defines)
         fragment = "contents.frag" if self.contents else "depth.frag"
         if params.layers == "geometry":

@@ -8,30 +8,38 @@ from shadowbench.geometry.lights import LightView, light_space
 from shadowbench.gl.program import Ranges
 from shadowbench.scenes.model import Floats, Scene, View
 
-_CHUNK = 512  # triangles that are drawn or culled together
+_CHUNK = 256  # triangles that are drawn or culled together
 _GAP = 1024  # a gap of fewer indices is drawn, as another draw call costs more
+_FEW = 4096  # triangles: any order is as fast
 _ROUNDING = 1e-6  # of the scene's extent: exceeds the float32 rounding of a corner's distance to a plane
 
 
 class CasterChunks:
-    """A scene's caster triangles in chunks, in the order of the device's index buffer; no chunk spans two meshes.
+    """A scene's caster triangles in chunks, in the order in which they are drawn; no chunk spans two meshes.
 
-    cull: False draws all. boxes: (C, 2, 3) bounding box of each chunk; ends: (C,) index of the triangle after its last;
-    triangles: number of caster triangles.
+    cull: False draws all; reorder: an order that reuses vertices, else that of the device's index buffer. vertices: (V,
+    3) float32; faces: (F, 3) int32; reordered: whether these are other than the scene's; boxes: (C, 2, 3) bounding box
+    of each chunk; ends: (C,) index of the triangle after its last.
     """
 
-    def __init__(self, scene: Scene, cull: bool) -> None:
+    def __init__(self, scene: Scene, cull: bool, reorder: bool = True) -> None:
         geometry, self.cull = scene.geometry, cull
+        self.faces, self.vertices = geometry.caster_faces, geometry.vertices.astype(np.float32)
+        self.reordered = reorder and len(self.faces) > _FEW
+        if self.reordered:
+            from shadowbench.geometry.vertex_order import by_first_use, in_reuse_order  # Numba takes 0.3 s to import
+
+            self.faces, used = by_first_use(self.faces[in_reuse_order(self.faces)])
+            self.vertices = self.vertices[used]
         counts = [len(mesh.faces) if mesh.casts else 0 for mesh in scene.meshes]
         starts = [np.arange(end - count, end, _CHUNK) for count, end in zip(counts, np.cumsum(counts), strict=True)]
         first = np.concatenate([np.zeros(0, dtype=np.int64), *starts])
-        self.triangles = sum(counts)
-        self.ends = np.append(first[1:], self.triangles)[: len(first)]
+        self.ends = np.append(first[1:], len(self.faces))[: len(first)]
         self.boxes = np.zeros((0, 2, 3))
         if len(first):
-            vertices = geometry.vertices[geometry.caster_faces].reshape(-1, 3)
-            low, high = np.minimum.reduceat(vertices, 3 * first), np.maximum.reduceat(vertices, 3 * first)
-            self.boxes = np.stack([low, high], axis=1)
+            corners = self.vertices[self.faces].reshape(-1, 3)
+            low, high = np.minimum.reduceat(corners, 3 * first), np.maximum.reduceat(corners, 3 * first)
+            self.boxes = np.stack([low, high], axis=1).astype(np.float64)
 
     def index_ranges(self, light: tuple[float, ...], *regions: Floats) -> Ranges | None:
         """(first, count) index ranges of the chunks that may shadow any region; None to draw all.
@@ -45,7 +53,7 @@ class CasterChunks:
 
     def count_culled(self, ranges: Ranges | None) -> int:
         """Number of caster triangles outside the ranges."""
-        return 0 if ranges is None else self.triangles - sum(count for _, count in ranges) // 3
+        return 0 if ranges is None else len(self.faces) - sum(count for _, count in ranges) // 3
 
 
 def may_shadow(boxes: Floats, light: tuple[float, ...], planes: Floats) -> NDArray[np.bool_]:

@@ -98,8 +98,13 @@ class CasterMap:
                 stage.target(contents.texture, depth=self.texture, layer=layer)
                 for layer in range(len(self._layer_targets))
             )
-        self._casters = stage.casters(program)
-        self._chunks = CasterChunks(stage.scene, cull)
+        # Of triangles with the same depth at a texel, the last drawn decides what a filter stores besides.
+        self._chunks = chunks = CasterChunks(stage.scene, cull, reorder=contents is None)
+        self._casters = (
+            stage.drawable(program, {"position": chunks.vertices}, indices=chunks.faces)
+            if chunks.reordered
+            else stage.casters(program)
+        )
         self._bias, self._state = bias, caster_state(bias, clamp, reversed_depth)
         self.culled = 0
 
@@ -130,12 +135,13 @@ class CasterMap:
         any point of them are culled.
         """
         targets = self._layer_targets if len(draws) > 1 else (self._all_layers,)
-        self._all_layers.clear(*self._far, depth=0.0 if self.reversed_depth else 1.0)
         self.culled = 0
         for target, (uniforms, regions) in zip(targets, draws, strict=True):
             ranges: Ranges | None = self._chunks.index_ranges(frame.light_uniform, *regions)
             self.culled += self._chunks.count_culled(ranges)
             self.program.set(**uniforms)
+            # Each layer on its own, just before it is drawn: tiled renderers then clear a tile as they draw it.
+            target.clear(*self._far, depth=0.0 if self.reversed_depth else 1.0)
             self._casters.draw(target, state=self._state, ranges=ranges)
 
 

@@ -89,7 +89,13 @@ class ShadowMap(Technique):
 
     def build(self, stage: Stage) -> None:
         self.build_map(stage)
-        self.resolve = ResolvePass(stage, "shadow-map/resolve.frag", self.params)
+        parallel = {light.kind == "directional" for light in stage.scene.lights}
+        self.resolves = {one: self._resolve_pass(one) for one in parallel}
+
+    def _resolve_pass(self, parallel: bool) -> ResolvePass:
+        """For light rays that are parallel, or not."""
+        defines = {"MAP_PARALLEL": 1} if parallel else {}
+        return ResolvePass(self.stage, "shadow-map/resolve.frag", self.params, defines)
 
     def build_map(self, stage: Stage) -> None:
         """What `draw_map` needs."""
@@ -113,9 +119,13 @@ class ShadowMap(Technique):
     def draw(self, frame: Frame) -> moderngl.Texture:
         textures, uniforms = self.draw_map(frame)
         with frame.timed("resolve", changes="view"):
+            parallel = frame.light.kind == "directional"
+            if parallel not in self.resolves:  # a light that is not the scene's
+                self.resolves[parallel] = self._resolve_pass(parallel)
+            resolve = self.resolves[parallel]
             light_radius = self.params.filter.light_radius(frame.light, self.stage.placement)
-            penumbra = penumbra_uniforms(self.resolve.program, light_radius, self.fitted.hull, frame.light)
-            return self.resolve(frame, textures, **uniforms, **penumbra)
+            penumbra = penumbra_uniforms(resolve.program, light_radius, self.fitted.hull, frame.light)
+            return resolve(frame, textures, **uniforms, **penumbra)
 
     def draw_map(self, frame: Frame) -> MapInputs:
         """Fit and draw the map; the textures and uniforms of shadow_map.glsl."""

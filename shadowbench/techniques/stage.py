@@ -177,14 +177,19 @@ class Stage:
         return self._drawable(self._geometry.indexed(program, buffer, mode))
 
     def drawable(
-        self, program: Program, attributes: Mapping[str, NDArray[np.generic]], mode: int = moderngl.TRIANGLES
+        self,
+        program: Program,
+        attributes: Mapping[str, NDArray[np.generic]],
+        mode: int = moderngl.TRIANGLES,
+        indices: NDArray[np.integer] | None = None,
     ) -> Drawable:
-        """Custom vertices. attributes: by name, each (N, k) float32 or int32, one row per vertex."""
+        """Custom vertices. attributes: by name, each (N, k) float32 or int32, one row per vertex; indices: of them."""
         content = [
             (self.buffer(values), f"{values[0].size}{'i' if values.dtype.kind == 'i' else 'f'}", name)
             for name, values in attributes.items()
         ]
-        return self._drawable(Drawable(program, self.device.context.vertex_array(program.linked, content), mode))
+        order = None if indices is None else self.buffer(indices.astype(np.uint32))
+        return self._drawable(Drawable(program, self.device.context.vertex_array(program.linked, content, order), mode))
 
     def stream(self, program: Program, attributes: Mapping[str, int]) -> Callable[[NDArray[np.float32]], Drawable]:
         """A function that uploads (N, k) float32 vertices, which may change each frame, and returns their drawable.

@@ -29,7 +29,7 @@ uniform float bias;  // the parameter; an int or a choice would be a #define, su
 out float visibility;
 
 void main() {
-    Receiver r = receiver_at(ivec2(gl_FragCoord.xy));
+    Receiver r = receiver_here();
     ShadowCoord p = shadow_coord(r.position, 0);
     float stored = textureLod(map_depths, p.uv, 0.0).r;
     bool shadowed = p.depth < 1.0 && p.depth - bias * p.depth_per_length > stored;

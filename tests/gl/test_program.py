@@ -72,6 +72,12 @@ def test_a_matrix_that_moves_a_point_right_and_up_moves_it_right_and_up(program,
     assert np.argwhere(image).tolist() == [[1, 3]]
 
 
+def test_an_array_whose_last_elements_are_unused_takes_all_values(program, paint) -> None:
+    one = program("uniform vec2 v[4]; out float value; void main() { value = v[1].x; }")
+    one.set(v=np.arange(8.0).reshape(4, 2))
+    assert (paint(one) == 2.0).all()
+
+
 def test_sampling_of_each_wrap(device: Device, program, paint) -> None:
     texture = device.context.texture((2, 1), 1, np.array([0.25, 0.5], np.float32).tobytes(), dtype="f4")
     beyond = program("uniform sampler2D s; out float value; void main() { value = texture(s, vec2(1.25, 0.5)).r; }")

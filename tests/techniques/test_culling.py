@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from shadowbench.gl.clock import work_of
 from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import Light, view_of
 from shadowbench.techniques.culling import CasterChunks, kept_ranges, may_shadow
@@ -137,16 +138,36 @@ def test_draw_ranges_cover_the_kept_chunks_and_small_gaps() -> None:
     assert kept_ranges(chosen, np.array([1, 2, 3, 4, 5]), other) == ((0, 1), (2, 3))
 
 
+def in_any_order(triangles: np.ndarray) -> list[bytes]:
+    return sorted(triangle.tobytes() for triangle in triangles)
+
+
 @pytest.mark.parametrize("name", builtin_names())
-def test_chunks_contain_all_casters_in_order(name: str) -> None:
+def test_chunks_contain_all_casters_by_mesh(name: str) -> None:
     scene = load_scene(name)
-    chunks, geometry = CasterChunks(scene, cull=True), scene.geometry
-    casters = geometry.vertices[geometry.caster_faces]
-    assert chunks.ends[-1] == chunks.triangles == len(casters)
+    chunks = CasterChunks(scene, cull=True)
+    casters = chunks.vertices[chunks.faces]
+    assert chunks.ends[-1] == len(casters)
     for (low, high), start, end in zip(chunks.boxes, [0, *chunks.ends], chunks.ends, strict=False):
         assert (casters[start:end].min(axis=(0, 1)) == low).all() and (
             casters[start:end].max(axis=(0, 1)) == high
         ).all()
+    end = 0
+    for mesh in (mesh for mesh in scene.meshes if mesh.casts):
+        start, end = end, end + len(mesh.faces)
+        triangles = mesh.vertices[mesh.faces].astype(np.float32)
+        assert in_any_order(casters[start:end]) == in_any_order(triangles) and end in chunks.ends
+
+
+def test_a_map_shades_few_vertices_more_than_once(build, studio, device) -> None:
+    if not device.pipeline_statistics:
+        pytest.skip("no pipeline statistics")
+    scene = load_scene("terrain")
+    shot = studio.shot(view_of(scene, scene.cameras[0], scene.lights[0], 16))
+    one = build("shadow-map:fit=scene,size=16,cull=false", shot)
+    triangles = len(scene.geometry.caster_faces)
+    work = work_of(device, lambda: one.draw(shot))
+    assert triangles / 2 < work["vertices"] < 0.7 * triangles
 
 
 @pytest.mark.parametrize("cull", ["true", "false"])

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -14,7 +14,9 @@ from scipy.spatial import HalfspaceIntersection, QhullError
 from shadowbench.geometry.convex import box_planes, corners, frustum_planes, hull_points
 from shadowbench.geometry.lights import Box, LightView, light_space
 from shadowbench.gl.clock import Clock
-from shadowbench.scenes.model import IDENTITY_PLACEMENT, Light, unit
+from shadowbench.scenes.library import load_scene
+from shadowbench.scenes.model import IDENTITY_PLACEMENT, Light, unit, view_of
+from shadowbench.techniques import reduction
 from shadowbench.techniques.base import Frame, Phase
 from shadowbench.techniques.fits import Fit
 from shadowbench.techniques.reduction import VisibleBounds
@@ -109,6 +111,39 @@ def test_the_reduction_reaches_every_pixel_of_any_size(studio, build, builtin, d
     found = VisibleBounds(one.stage)(Frame(shot.view, Phase(), 0, shot.surface, Clock(device)), space)
     expected = space.box(receivers(shot))
     assert found.low == pytest.approx(expected.low, abs=2e-6) and found.high == pytest.approx(expected.high, abs=2e-6)
+
+
+def bounds_with_and_without_skipping(shot, build, device, monkeypatch: pytest.MonkeyPatch) -> list[Box | None]:
+    """The second reads all pixels, as no rounding error is small enough."""
+    one, frame = build("shadow-map:size=16", shot), Frame(shot.view, Phase(), 0, shot.surface, Clock(device))
+    found = [VisibleBounds(one.stage)(frame, light_space(shot.view.light))]
+    with monkeypatch.context() as patch:
+        patch.setattr(reduction, "_ROUNDING", 1e12)
+        return [*found, VisibleBounds(one.stage)(frame, light_space(shot.view.light))]
+
+
+@pytest.mark.parametrize("name", ["spot-lamp", "deep-street", "window", "canopy"])
+def test_pixels_that_are_not_read_do_not_change_the_bounds(
+    studio, build, device, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    scene = load_scene(name)
+    for camera, light in product(scene.cameras, scene.lights):
+        if light.kind != "point":
+            shot = studio.shot(view_of(scene, camera, light, SIZE))
+            found, expected = bounds_with_and_without_skipping(shot, build, device, monkeypatch)
+            assert (found.low == expected.low).all() and (found.high == expected.high).all()
+
+
+@pytest.mark.parametrize("aim", [0.0, 0.2])
+def test_a_spot_that_lights_fewer_pixels_than_the_sample_is_dense(
+    studio, build, builtin, device, monkeypatch: pytest.MonkeyPatch, aim: float
+) -> None:
+    view = builtin("sphere-and-torus", 64)
+    spot = Light("spot", "spot", (0.2 + aim, -1.0, 0.1 - aim), (0.0, 3.0, 0.0), math.radians(1.5))
+    shot = studio.shot(replace(view, light=spot))
+    found, expected = bounds_with_and_without_skipping(shot, build, device, monkeypatch)
+    assert 0 < len(receivers(shot)) < 64
+    assert (found.low == expected.low).all() and (found.high == expected.high).all()
 
 
 def looking_at(eye: np.ndarray, target: np.ndarray) -> np.ndarray:
