@@ -54,7 +54,7 @@ class Isolines:
         tangent = np.stack([-right, down]) / np.hypot(down, right)
         everywhere = np.ones(penumbra.shape, bool)
         straight = loops.straight(gradient, everywhere, rows, columns, tangent, np.float32(REACH), STRAIGHT)
-        return cls(rows[straight], columns[straight], tangent[:, straight])
+        return cls(rows[straight], columns[straight], np.ascontiguousarray(tangent[:, straight]))
 
     def variance(self, values: Single, valid: Mask, known: Single) -> float | None:
         """Mean square by which values (H, W) differ from their mean along the segment, less the known variance (H, W).

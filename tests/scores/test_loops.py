@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 from scipy import ndimage
 
-from shadowbench.scores import loops
+from shadowbench.scores import loops, score
 from shadowbench.scores.sums import total, total_of
 
 SHAPES = array_shapes(min_dims=2, max_dims=2, max_side=40)
@@ -58,3 +58,13 @@ def test_a_sum_in_bands_is_that_of_the_whole_image() -> None:
     for share in (0.01, 0.9, 1.0):
         where = rng.random(one.shape) < share
         assert total_of(np.subtract, where, one, other) == total(one - other, where)
+
+
+def test_no_loop_is_compiled_while_a_mask_is_scored(truth) -> None:
+    """Loops are compiled anew for arrays of another type or layout than they have been compiled for."""
+    rng = np.random.default_rng(5)
+    mask, visibility = rng.random((2, 64, 64))
+    kinds = {loop: list(loop.signatures) for loop in vars(loops).values() if hasattr(loop, "signatures")}
+    for layout in (np.ascontiguousarray, np.asfortranarray):
+        score(layout(mask), truth(layout(visibility), receivers=layout(mask < 0.9)))
+    assert {loop: list(loop.signatures) for loop in kinds} == kinds
