@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 Single = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -25,6 +24,8 @@ def step_squared(visibility: Single, valid: Mask) -> Single:
 
 def smooth_gradient(visibility: Single, valid: Mask) -> Single:
     """(2, H, W) change of visibility per pixel down and to the right, smoothed over the valid pixels."""
+    from scipy import ndimage  # the import takes 0.2 s, and hard shadows do not need it
+
     weight = ndimage.gaussian_filter(valid.astype(np.float32), SMOOTHING)
     smooth = ndimage.gaussian_filter(np.where(valid, visibility, 0), SMOOTHING) / np.maximum(weight, FLAT)
     return np.stack([np.gradient(smooth, axis=axis).astype(np.float32) for axis in range(2)])
