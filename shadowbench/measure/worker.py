@@ -47,7 +47,11 @@ class Worker:
         self._turn = threading.RLock()
 
     def __enter__(self) -> "Worker":
-        self._begin()
+        try:
+            self._begin()
+        except BaseException:  # such as KeyboardInterrupt
+            self.stop()
+            raise
         return self
 
     def __exit__(self, *_: object) -> None:
