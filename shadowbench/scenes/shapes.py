@@ -117,9 +117,9 @@ def _revolved(profile: Floats, sections: int) -> Triangles:
         [np.cos(angles) * radius, np.sin(angles) * radius, np.broadcast_to(height, angles.shape)], axis=-1
     )
     count = len(radius)
-    quads = np.arange(count - 1)[:, np.newaxis, np.newaxis] + [[0, count, 1], [1, count, count + 1]]
-    faces = np.arange(sections).reshape(-1, 1, 1, 1) * count + quads
-    corners = faces.reshape(-1, 3) % (sections * count)
+    quad = np.array([[0, count, 1], [1, count, count + 1]])
+    strips = np.arange(sections)[:, np.newaxis] * count + np.arange(count - 1)  # the first corner of each quad
+    corners = (strips[..., np.newaxis, np.newaxis] + quad).reshape(-1, 3) % (sections * count)
     closed = without_zero_area(welded(points.reshape(-1, 3), corners))[0]
     return Triangles(closed.vertices[:, [0, 2, 1]] * [1.0, 1.0, -1.0], closed.faces)
 

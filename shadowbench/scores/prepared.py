@@ -28,8 +28,8 @@ KERNEL_PX = 8  # how far a filter may reach into umbra and full light
 class PreparedTruth(ThresholdedMask):
     """The truth of one view, prepared for metrics.
 
-    Derived arrays are computed on first use and kept, about 30 MB at 1024², 45 MB if there is a penumbra. Only `valid` pixels, decided receivers,
-    are in any of the sets.
+    Derived arrays are computed on first use and kept, about 30 MB at 1024², 45 MB if there is a penumbra. Only `valid`
+    pixels, decided receivers, are in any of the sets.
     """
 
     def __init__(
