@@ -20,7 +20,8 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from shadowbench.measure.cells import CellRequest, PlacedView
-from shadowbench.measure.session import Session, Unsupported
+from shadowbench.measure.executor import Unsupported
+from shadowbench.measure.session import Session
 from shadowbench.scenes.model import View
 
 ROUNDS = 9

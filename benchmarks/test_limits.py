@@ -20,6 +20,8 @@ import psutil
 import pytest
 import trimesh
 from pytest_benchmark.fixture import BenchmarkFixture
+from scipy import ndimage
+from skimage.metrics import structural_similarity
 
 from shadowbench.measure.cells import CellRequest, PlacedView
 from shadowbench.measure.noise import MAX_NOISE, measure_noise
@@ -28,6 +30,8 @@ from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, view_of
 from shadowbench.scenes.shapes import build_shape
+from shadowbench.scores import loops
+from shadowbench.scores.ssim import ssim_map
 from shadowbench.survey.survey import needs
 from shadowbench.techniques import culling, reduction
 from shadowbench.truths.cache import cached_truth
@@ -86,12 +90,56 @@ def one_core() -> Iterator[None]:
     os.sched_setaffinity(0, allowed)
 
 
-@pytest.mark.benchmark(group="limits", timer=time.process_time)
-def test_scoring_a_cell_of_1024_pixels_a_side(assert_ratio: Any, fixed_work: Call, one_core: None) -> None:
-    scene = load_scene("colonnade")
-    truth = cached_truth(view_of(scene, scene.cameras[0], scene.lights[0], 1024), 1)
+def a_cell(scene_name: str, size: int) -> Call:
+    """Scores a mask of a view; the truth is prepared."""
+    scene = load_scene(scene_name)
+    truth = cached_truth(view_of(scene, scene.cameras[0], scene.lights[0], size), 1)
     against, mask = prepare_truth(truth), np.roll(truth.visibility, (1, 2), axis=(0, 1))
-    assert_ratio(lambda: mask_record(mask, truth, against, truth.triangle), fixed_work, most=10)
+    return lambda: mask_record(mask, truth, against, truth.triangle)
+
+
+@pytest.mark.parametrize(
+    ("scene", "size", "most"), [("colonnade", 1024, 2), ("window", 1024, 4), ("colonnade", 4096, 32)]
+)
+@pytest.mark.benchmark(group="limits", timer=time.process_time)
+def test_scoring_a_cell(
+    scene: str, size: int, most: float, assert_ratio: Any, fixed_work: Call, one_core: None
+) -> None:
+    assert_ratio(a_cell(scene, size), fixed_work, most)
+
+
+def the_edges_of(image: Any) -> Any:
+    return np.abs(image - 0.5) < 0.005
+
+
+@pytest.mark.parametrize(
+    ("new", "old", "most"),
+    [
+        (
+            lambda image: loops.squared_distance(the_edges_of(image)),
+            lambda image: ndimage.distance_transform_edt(~the_edges_of(image)),
+            0.3,
+        ),
+        (
+            lambda image: ssim_map(image, image[::-1].copy(), image >= 0),
+            lambda image: structural_similarity(
+                image.astype(float),
+                image[::-1].astype(float),
+                gaussian_weights=True,
+                use_sample_covariance=False,
+                data_range=1,
+            ),
+            0.2,
+        ),
+        (lambda image: loops.greatest(image, 8), lambda image: ndimage.maximum_filter(image, 17), 0.2),
+    ],
+    ids=["distance", "ssim", "maximum"],
+)
+@pytest.mark.benchmark(group="limits", timer=time.process_time)
+def test_compiled_loops_against_scipy(new: Any, old: Any, most: float, assert_ratio: Any, one_core: None) -> None:
+    """What scores were computed with before: the distance transform and filters of SciPy, and scikit-image's SSIM."""
+    image = np.random.default_rng(2).random((1024, 1024), dtype=np.float32)
+    assert_ratio(lambda: new(image), lambda: old(image), most)
 
 
 @pytest.mark.benchmark(group="limits", timer=time.process_time)
@@ -126,6 +174,44 @@ def python(*arguments: str) -> Call:
 @pytest.mark.benchmark(group="limits")
 def test_start(code: str, beside: str, most: float, assert_ratio: Any) -> None:
     assert_ratio(python("-c", code), python("-c", beside), most, rounds=15)
+
+
+FIRST_CELL = """
+import os
+from shadowbench.measure.worker import Worker
+call = Worker.call
+def until_drawn(self, method, *arguments, **options):
+    answer = call(self, method, *arguments, **options)
+    if method.__name__ == "draw":
+        self.stop()
+        os._exit(0)
+    return answer
+Worker.call = until_drawn
+from shadowbench.commands import main
+main()
+"""
+
+
+@pytest.mark.benchmark(group="limits")
+def test_start_of_a_run_until_its_first_cell_is_drawn(tmp_path: Path, assert_ratio: Any) -> None:
+    """Once the truth is in the cache. Parent and worker import at the same time: this needs two idle cores."""
+    run = python(
+        "-c", FIRST_CELL, "run", "street", "-t", "shadow-map", "-q", "--rounds", "0", "-o", str(tmp_path / "run")
+    )
+    assert_ratio(run, python("-c", "import numpy"), most=15)
+
+
+@pytest.mark.parametrize("rounds", [0, 5])
+@pytest.mark.benchmark(group="limits")
+def test_what_a_study_spends_on_neither_drawing_nor_truths_nor_scores(
+    rounds: int, tmp_path: Path, benchmark: BenchmarkFixture
+) -> None:
+    command = [sys.executable, "-m", "shadowbench", "run", "street", "stairs", "-s", "presets", "--profile", "-q"]
+    command += ["--phases", "1", "--rounds", str(rounds), "-o", str(tmp_path / "run")]
+    done = benchmark.pedantic(lambda: subprocess.run(command, capture_output=True, text=True, check=True), rounds=1)
+    worked = float(done.stderr.rpartition("scoring, ")[2].partition("%")[0])
+    benchmark.extra_info["overhead"] = round(1 - worked / 100, 3)
+    assert worked >= 92
 
 
 @pytest.mark.benchmark(group="limits")
@@ -268,6 +354,20 @@ def test_views_of_4096_pixels_a_side_work_in_8_gib(tmp_path: Path, benchmark: Be
     benchmark.extra_info["peak_bytes"] = peak
     assert len((tmp_path / "run" / "table.csv").read_text().splitlines()) == 1 + 2 * 3
     assert peak < 8 << 30, f"{peak / 2**30:.2f} GiB"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the peak of a process's memory is reset by Linux alone")
+@pytest.mark.benchmark(group="memory")
+def test_a_cell_of_4096_pixels_a_side_is_scored_in_400_mib(benchmark: BenchmarkFixture) -> None:
+    """Beyond the truth, what is prepared of it, and the mask."""
+    score = a_cell("colonnade", 4096)
+    score()
+    before = psutil.Process().memory_info().rss
+    Path("/proc/self/clear_refs").write_text("5")
+    benchmark.pedantic(score, rounds=1)
+    (peak,) = (line.split()[1] for line in Path("/proc/self/status").read_text().splitlines() if line[:5] == "VmHWM")
+    benchmark.extra_info["peak_bytes"] = 1024 * int(peak) - before
+    assert benchmark.extra_info["peak_bytes"] < 400 << 20
 
 
 @pytest.mark.benchmark(group="memory")

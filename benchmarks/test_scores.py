@@ -17,7 +17,7 @@ from shadowbench.scores.metrics import score
 from shadowbench.truths.cache import cached_truth
 from shadowbench.truths.trace import Truth
 
-SIZES = (512, 1024, 2048)
+SIZES = (512, 1024, 2048, 4096)
 
 
 @lru_cache
@@ -47,7 +47,7 @@ def test_a_cell(size: int, growth: Any, benchmark: BenchmarkFixture) -> None:
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.benchmark(group="scores")
 def test_a_view(size: int, growth: Any, benchmark: BenchmarkFixture) -> None:
-    """The first cell of a view also pays for the truth's edges, distances, interiors and moments."""
+    """The first cell of a view also pays for the truth's edges, distances, and interiors."""
     truth = truth_of(size)
     mask = np.roll(truth.visibility, (1, 2), axis=(0, 1))
     benchmark.pedantic(lambda: score(mask, prepare_truth(truth)), rounds=5, warmup_rounds=1)

@@ -59,15 +59,22 @@ def _names(text: bytes) -> frozenset[str]:
     except (SyntaxError, ValueError):  # no Python, such as a template in a plug-in's package
         return frozenset()
 
-    def names() -> Iterator[str]:
-        for node in ast.walk(tree):
-            if isinstance(node, ast.Import):
-                yield from (alias.name for alias in node.names)
-            elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-                yield node.module
-                yield from (f"{node.module}.{alias.name}" for alias in node.names)
+    return frozenset(_imported(tree))
 
-    return frozenset(names())
+
+_BLOCKS = ("body", "orelse", "finalbody", "handlers", "cases")
+
+
+def _imported(block: ast.AST) -> Iterator[str]:
+    """Names imported by the statements in a block. Expressions, of which code mostly consists, hold no statements."""
+    for node in (node for name in _BLOCKS for node in getattr(block, name, ())):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            yield node.module
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+        else:
+            yield from _imported(node)
 
 
 def _module_files(name: str) -> list[Path]:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -45,6 +46,7 @@ if settings.get_current_profile_name() == "default":  # neither CI's nor that of
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Compile loops after a change: neither the note of it nor the cache's folder is in what tests look at."""
     if not hasattr(session.config, "workerinput"):
+        import_module("shadowbench.scores.loops")
         load_library()
         LightSampler(Light("sun", "directional", radius=0.01))
         build_tree(np.zeros((0, 3)), np.zeros((0, 3), np.int32))

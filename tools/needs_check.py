@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from shadowbench.measure.cells import CellRequest, PlacedView
+from shadowbench.measure.executor import Unsupported
 from shadowbench.measure.scoring import mask_record, prepare_truth
-from shadowbench.measure.session import Session, Unsupported
+from shadowbench.measure.session import Session
 from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import hard_names
 from shadowbench.scenes.model import View

@@ -150,11 +150,7 @@ def run(
     """
     import dataclasses
 
-    from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.measure.worker import Worker
-    from shadowbench.studies.measure import estimate, measure, study_from_options
-    from shadowbench.studies.tables import summary
-    from shadowbench.techniques.spec import parse_spec
 
     stray = [scene for scene in scenes or () if scene.isdecimal()]
     if map_size is not None and stray:
@@ -162,32 +158,40 @@ def run(
         raise InputError(
             f"--map-size: found {map_size!r:.60} and {stray[0]!r:.60} as separate arguments; allowed: {together}"
         )
-    known = techniques_with(plugin or ())
-    asked = study_from_options(
-        known,
-        scenes or (),
-        [parse_spec(text, known) for text in techniques or ()],
-        study=study,
-        map_size=map_sizes(map_size),
-        view_size=view_size,
-        rounds=rounds,
-        phases=phases,
-        step=step,
-        view=view,
-        light=light,
-        assets=assets,
-        up=up,
-        sun=sun or None,
-    )
-    with console.Reporter(quiet) as reporter, Worker(plugin or (), asked.limits) as worker:
-        if not scenes and not study:
-            cells, seconds = estimate(asked)
-            on = f"{len(asked.scenes)} scenes"
-            reporter.note(f"{cells} cells in {on}: about {seconds:.0f} s on two cores without a GPU")
-        found = measure(asked, output, worker, reporter, time_again=time_again, profile=profile)
+    with Worker(plugin or ()) as worker:  # it starts while the rest is imported and the study is read
+        from shadowbench.measure.plugin_output import techniques_with
+        from shadowbench.studies.measure import estimate, measure, study_from_options
+        from shadowbench.techniques.spec import parse_spec
+
+        known = techniques_with(plugin or ())
+        asked = study_from_options(
+            known,
+            scenes or (),
+            [parse_spec(text, known) for text in techniques or ()],
+            study=study,
+            map_size=map_sizes(map_size),
+            view_size=view_size,
+            rounds=rounds,
+            phases=phases,
+            step=step,
+            view=view,
+            light=light,
+            assets=assets,
+            up=up,
+            sun=sun or None,
+        )
+        worker.limits = asked.limits
+        with console.Reporter(quiet) as reporter:
+            if not scenes and not study:
+                cells, seconds = estimate(asked)
+                on = f"{len(asked.scenes)} scenes"
+                reporter.note(f"{cells} cells in {on}: about {seconds:.0f} s on two cores without a GPU")
+            found = measure(asked, output, worker, reporter, time_again=time_again, profile=profile)
     if found.run.earlier and not quiet:
         console.print_error(f"note: {output}: {_earlier_cells_note(found.run)}")
     if json:
+        from shadowbench.studies.tables import summary
+
         tables = summary(found.frame)
         console.print_json({scene: [dataclasses.asdict(row) for row in rows] for scene, rows in tables.items()})
     else:

@@ -5,7 +5,6 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 from shadowbench.scenes.geometry import bounds_of
 from shadowbench.scenes.model import Floats, View
@@ -61,6 +60,8 @@ def corners(planes: Floats, extent: float) -> Floats:
 
 def hull_points(points: Floats) -> Floats:
     """(H, 3) vertices of the convex hull of (N, 3) points; for coplanar points the corners of their bounding box."""
+    from scipy.spatial import ConvexHull, QhullError  # the import takes 0.3 s; the worker has done it at its start
+
     try:
         return points[ConvexHull(points).vertices]
     except QhullError:

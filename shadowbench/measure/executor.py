@@ -2,13 +2,22 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Concatenate, ParamSpec, Protocol, TypeVar
+from typing import TYPE_CHECKING, Concatenate, ParamSpec, Protocol, TypeVar
 
-from shadowbench.errors import ShadowbenchError
-from shadowbench.measure.session import DeviceInfo, Session, Unsupported
+from shadowbench.errors import ShadowbenchError, quoted
+
+if TYPE_CHECKING:
+    from shadowbench.measure.session import DeviceInfo, Session
 
 P = ParamSpec("P")
 R = TypeVar("R")
+
+
+class Unsupported(Exception):
+    """Raised when a technique does not support a view; the message is one line that says why."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(quoted(reason))
 
 
 class CellFailed(ShadowbenchError):
@@ -36,14 +45,14 @@ class Executor(Protocol):
     """A session in another process. After a failure, the next call starts a fresh one."""
 
     @property
-    def info(self) -> DeviceInfo:
+    def info(self) -> "DeviceInfo":
         """Device facts from the start of the session. Raises as `call` does."""
 
     @property
     def limits(self) -> Limits:
         """Limits of each call."""
 
-    def call(self, method: Callable[Concatenate[Session, P], R], *arguments: P.args, **options: P.kwargs) -> R:
+    def call(self, method: "Callable[Concatenate[Session, P], R]", *arguments: P.args, **options: P.kwargs) -> R:
         """Result of `method(session, …)`. Raises Unsupported, CellFailed, or ShadowbenchError if it cannot start."""
 
     def stop(self) -> None:

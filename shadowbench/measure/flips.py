@@ -9,7 +9,6 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter, minimum_filter
 
 from shadowbench.scenes.model import View, perpendicular_basis, unit, vec3
 from shadowbench.scores.comparison import Comparison
@@ -139,6 +138,7 @@ class Stepped:
 
 
 def _near_edge(truth: Truth) -> NDArray[np.bool_]:
-    width = 2 * EDGE + 1
-    near: NDArray[np.bool_] = maximum_filter(truth.visibility, width) != minimum_filter(truth.visibility, width)
+    from shadowbench.scores import loops
+
+    near: NDArray[np.bool_] = loops.greatest(truth.visibility, EDGE) != -loops.greatest(-truth.visibility, EDGE)
     return near

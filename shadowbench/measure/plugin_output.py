@@ -8,10 +8,10 @@ import threading
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
-from typing import IO, TextIO
+from typing import IO, TYPE_CHECKING, TextIO
 
-from shadowbench.techniques.base import Technique
-from shadowbench.techniques.registry import techniques
+if TYPE_CHECKING:
+    from shadowbench.techniques.base import Technique
 
 MAX_CHARACTERS = 100_000
 """Characters forwarded from one process."""
@@ -53,11 +53,13 @@ def forward_output(pipe: IO[bytes]) -> threading.Thread:
     return thread
 
 
-def techniques_with(plugins: Sequence[Path]) -> Mapping[str, type[Technique]]:
+def techniques_with(plugins: Sequence[Path]) -> "Mapping[str, type[Technique]]":
     """All techniques by name, those of plug-ins included. Output printed on loading goes to stderr, truncated.
 
     Raises InputError for a plug-in that cannot be loaded.
     """
+    from shadowbench.techniques.registry import techniques  # the worker's start does not wait for this import
+
     stream = TruncatedStream(sys.stderr)
     with redirect_stdout(stream), redirect_stderr(stream):
         return techniques(plugins)

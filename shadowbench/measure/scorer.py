@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.measure.cells import Cell, CellRequest, PlacedView
-from shadowbench.measure.executor import CellFailed, Executor, MemoryExceeded, status_of
+from shadowbench.measure.executor import CellFailed, Executor, MemoryExceeded, Unsupported, status_of
 from shadowbench.measure.flips import Count, flips
 from shadowbench.measure.pictures import Pictures
 from shadowbench.measure.profile import Profile
@@ -18,7 +18,7 @@ from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.rows import CellIdentity, Record
 from shadowbench.measure.score_rows import Measurement, identity, score_row
 from shadowbench.measure.scoring import mask_record, prepare_truth
-from shadowbench.measure.session import Session, Unsupported
+from shadowbench.measure.session import Session
 from shadowbench.measure.writer import Writer
 from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.truths.cache import cached_truth

@@ -62,8 +62,8 @@ def mask_record(
     comparison = Comparison(visibility, prepared)
     record: dict[str, Any] = {
         "metrics": values_of(comparison),
-        "receivers": int(truth.receivers.sum()),
-        "undecided": int((truth.receivers & truth.undecided).sum()),
+        "receivers": int(np.count_nonzero(truth.receivers)),
+        "undecided": int(np.count_nonzero(truth.receivers & truth.undecided)),
         "mask_sha256": mask_sha256(visibility),
         **truth_record(prepared),
     }
@@ -71,7 +71,7 @@ def mask_record(
         record["width_bias"] = comparison.width_bias
     if surface is not None:
         decided = truth.receivers & ~truth.undecided
-        record["surface_mismatch"] = int((decided & (surface != truth.triangle)).sum())
+        record["surface_mismatch"] = int(np.count_nonzero(decided & (surface != truth.triangle)))
     return record
 
 

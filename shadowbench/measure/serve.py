@@ -17,9 +17,9 @@ import psutil
 import shadowbench
 from shadowbench.errors import ShadowbenchError, message, quoted
 from shadowbench.gl.program import ShaderError
-from shadowbench.measure.executor import CellFailed, MemoryExceeded
+from shadowbench.measure.executor import CellFailed, MemoryExceeded, Unsupported
 from shadowbench.measure.pipe import Pipe
-from shadowbench.measure.session import Session, Unsupported
+from shadowbench.measure.session import Session
 
 if sys.platform == "win32":
     from multiprocessing.connection import PipeConnection as Connection
@@ -51,6 +51,8 @@ def serve(handle: str, parent: str) -> None:
         pipe.send(("error", error))
         return
     pipe.send(("answer", session.info()))
+    import scipy.spatial  # noqa: F401  # for hulls of casters: while the parent works on, and in no build that is timed
+
     while True:
         try:
             method, arguments, options = pipe.receive()

@@ -20,6 +20,7 @@ from shadowbench.gl.clock import Clock, PassTimes, Sample, with_cost, work_of
 from shadowbench.gl.device import Device, open_device
 from shadowbench.gl.gbuffer import download
 from shadowbench.measure.cells import CellRequest, PlacedView
+from shadowbench.measure.executor import Unsupported
 from shadowbench.measure.loaded_scene import BuiltCell, LoadedScene, OpenView
 from shadowbench.measure.profile import Profile
 from shadowbench.measure.rendering import Rendering, declared_work, finite_facts
@@ -45,13 +46,6 @@ class DeviceInfo:
     subpixel_bits: int
     pipeline_statistics: bool
     clip_control: bool
-
-
-class Unsupported(Exception):
-    """Raised when a technique does not support a view; the message is one line that says why."""
-
-    def __init__(self, reason: str) -> None:
-        super().__init__(quoted(reason))
 
 
 class Session:

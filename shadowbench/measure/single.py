@@ -2,9 +2,9 @@
 
 from shadowbench.errors import InputError, ShadowbenchError
 from shadowbench.measure.cells import Cell, PlacedView
-from shadowbench.measure.executor import CellFailed, Executor
+from shadowbench.measure.executor import CellFailed, Executor, Unsupported
 from shadowbench.measure.rendering import Rendering
-from shadowbench.measure.session import Session, Unsupported
+from shadowbench.measure.session import Session
 from shadowbench.scenes.model import View
 from shadowbench.techniques.spec import Spec
 

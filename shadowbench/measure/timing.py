@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from typing import Concatenate
 
 from shadowbench.measure.cells import Cell, PlacedView
-from shadowbench.measure.executor import CellFailed, Executor, MemoryExceeded, P, R, status_of
+from shadowbench.measure.executor import CellFailed, Executor, MemoryExceeded, P, R, Unsupported, status_of
 from shadowbench.measure.flips import Step
 from shadowbench.measure.references import DEFAULT_REFERENCE, reference_for, reference_name
-from shadowbench.measure.session import Session, Unsupported
+from shadowbench.measure.session import Session
 from shadowbench.measure.time_rows import Times, Timing
 from shadowbench.scenes.model import Coordinates, LightKind
 from shadowbench.techniques.spec import Spec

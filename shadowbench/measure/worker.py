@@ -12,14 +12,16 @@ from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection
 from pathlib import Path
 from types import FrameType
-from typing import Any, Concatenate
+from typing import TYPE_CHECKING, Any, Concatenate
 
 import psutil
 
 from shadowbench.measure.executor import CellFailed, Limits, MemoryExceeded, P, R
 from shadowbench.measure.pipe import Pipe
 from shadowbench.measure.plugin_output import forward_output
-from shadowbench.measure.session import DeviceInfo, Session
+
+if TYPE_CHECKING:
+    from shadowbench.measure.session import DeviceInfo, Session
 
 _POLL_S = 0.05
 _START_S = 60.0
@@ -29,8 +31,9 @@ _PROGRAM = "import sys; sys.path[:] = sys.argv[3:]; from shadowbench.measure.ser
 
 
 class Worker:
-    """A session in a separate process; after a failure the next call starts a new one. Use as a context manager.
+    """A session in a separate process; after a failure the next call starts a new one.
 
+    As a context manager it starts the process at once, without waiting until that has imported what it needs.
     Calls from several threads are serialised. A fork of the calling process does not share the session: it starts its
     own.
     """
@@ -44,33 +47,41 @@ class Worker:
         self._turn = threading.RLock()
 
     def __enter__(self) -> "Worker":
+        try:
+            self._begin()
+        except BaseException:  # such as KeyboardInterrupt
+            self.stop()
+            raise
         return self
 
     def __exit__(self, *_: object) -> None:
         self.stop()
 
     @property
-    def info(self) -> DeviceInfo:
+    def info(self) -> "DeviceInfo":
         """Device facts from the start of the process. Raises as `call` does."""
         if self._info is None:
             self.ready()
         assert self._info is not None
         return self._info
 
-    def call(self, method: Callable[Concatenate[Session, P], R], *arguments: P.args, **options: P.kwargs) -> R:
+    def call(self, method: "Callable[Concatenate[Session, P], R]", *arguments: P.args, **options: P.kwargs) -> R:
         """Result of `method(session, …)`. Raises Unsupported, CellFailed, or ShadowbenchError if it cannot start."""
         with self._turn:
             self.ready()
-            answer: R = self._request((method, arguments, options), self.limits.seconds)
+            answer: R = self._request(self.limits.seconds, (method, arguments, options))
             return answer
 
     def ready(self) -> None:
-        """Start the process unless it runs."""
+        """Start the process unless it runs, and wait until it can draw."""
         with self._turn:
             if self._process is None or self._owner != os.getpid() or self._process.poll() is not None:
-                self._start()
+                self._begin()
+            if self._info is None:
+                self._info = self._request(_START_S)
 
-    def _start(self) -> None:
+    def _begin(self) -> None:
+        """Start the process, which answers with its DeviceInfo."""
         self.stop()
         ours, theirs = multiprocessing.Pipe()
         with theirs, _sigint_blocked():
@@ -78,13 +89,15 @@ class Worker:
             assert self._process.stdout is not None
             self._output_thread = forward_output(self._process.stdout)
             self._pipe = Pipe(ours)
-        self._owner = os.getpid()
-        self._info = self._request(self._plugins, _START_S)
+        self._owner, self._info = os.getpid(), None
+        with suppress(BrokenPipeError, ConnectionResetError):  # it has ended; waiting for the answer tells
+            self._pipe.send(self._plugins)
 
-    def _request(self, message: object, seconds: float) -> Any:
-        """Send a message and return the answer. Raises the answer if it is an error, CellFailed if there is none."""
+    def _request(self, seconds: float, *messages: object) -> Any:
+        """Send messages and wait for an answer. Raises the answer if it is an error, CellFailed if there is none."""
         try:
-            self._pipe.send(message)
+            for message in messages:
+                self._pipe.send(message)
             kind, value = self._answer(seconds)
         except (BrokenPipeError, ConnectionResetError, EOFError):
             raise CellFailed(self._exit_reason()) from None

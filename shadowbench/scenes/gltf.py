@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.gltf_schema import Layout, NodeTable
@@ -88,6 +87,8 @@ def nodes_of(layout: Layout) -> Iterator[Node]:
 
 
 def _local_matrix(node: NodeTable) -> Floats:
+    from scipy.spatial.transform import Rotation  # the import takes 0.3 s
+
     if node.matrix is not None:
         return np.array(node.matrix).reshape(4, 4).T
     matrix = np.eye(4)

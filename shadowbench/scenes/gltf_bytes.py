@@ -10,7 +10,6 @@ from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
-from trimesh.util import triangle_strips_to_faces
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.draco import Blob, Decoded, decode
@@ -79,6 +78,8 @@ def _arrays(
     if primitive.indices is not None:
         corners = _array(layout, buffers, primitive.indices, "SCALAR", where).ravel().astype(np.int64)
     if primitive.mode == STRIP:
+        from trimesh.util import triangle_strips_to_faces
+
         return _dequantized(positions, accessor), triangle_strips_to_faces([corners])
     if len(corners) % 3:
         raise InputError(f"{where}: {len(corners)} corners of triangles; allowed are multiples of 3")

@@ -5,8 +5,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from shadowbench.scores.edges import squared_distance
 from shadowbench.scores.prepared import PreparedTruth
-from shadowbench.scores.ssim import ssim_map
+from shadowbench.scores.ssim import INSIDE, ssim_map
+from shadowbench.scores.sums import mean
 from shadowbench.scores.thresholded import ThresholdedMask
 from shadowbench.scores.widths import FEWEST
 
@@ -24,6 +26,17 @@ class Comparison(ThresholdedMask):
         if self.shape != prepared.shape:
             raise ValueError(f"visibility has shape {self.shape}; allowed: the truth's {prepared.shape}")
 
+    @property
+    def boundary(self) -> NDArray[np.bool_]:
+        """Strip of shadow, as wide as the truth's, along the inside of its edge."""
+        return self._around_edge[0]
+
+    @cached_property
+    def _around_edge(self) -> tuple[NDArray[np.bool_], NDArray[np.int32]]:
+        """`boundary`, and squared distances from the truth's edge pixels to `edge`; the image of them is not kept."""
+        squared = squared_distance(self.edge)
+        return self.shadow & (squared < self.truth.boundary_width**2), squared[self.truth.edge]
+
     @cached_property
     def edge_distances(self) -> NDArray[np.float64] | None:
         """(E,) distances in pixels from the edge pixels of either mask to the other's edge; None if neither has one.
@@ -32,7 +45,7 @@ class Comparison(ThresholdedMask):
         """
         prepared = self.truth
         mask_to_truth = prepared.squared_edge_distance[self.edge]
-        truth_to_mask = self.squared_edge_distance[prepared.edge]
+        truth_to_mask = self._around_edge[1]
         if mask_to_truth.size == 0 and truth_to_mask.size == 0:
             return None
         if mask_to_truth.size == 0 or truth_to_mask.size == 0:
@@ -40,23 +53,18 @@ class Comparison(ThresholdedMask):
         pooled: NDArray[np.float64] = np.sqrt(np.concatenate([mask_to_truth, truth_to_mask]), dtype=np.float64)
         return pooled
 
-    @cached_property
+    @property
     def signed_error(self) -> NDArray[np.float32]:
         """(H, W) difference from the truth's visibility, above 0 where the mask is lighter; meaningful where valid."""
         error: NDArray[np.float32] = self.visibility - self.truth.visibility
         return error
 
     @cached_property
-    def error(self) -> NDArray[np.float32]:
-        """(H, W) absolute difference from the truth's visibility; only valid pixels are meaningful."""
-        error: NDArray[np.float32] = np.abs(self.signed_error)
-        return error
-
-    @cached_property
-    def ssim_map(self) -> NDArray[np.float32]:
-        """SSIM at pixels whose window lies inside the image (see `ssim`)."""
-        prepared = self.truth
-        return ssim_map(self.visibility, prepared.visibility, prepared.valid, prepared.ssim_moments)
+    def mean_ssim(self) -> tuple[float | None, float | None]:
+        """Mean SSIM over valid pixels whose window lies inside the image, and over those in the truth's edge zone."""
+        truth = self.truth
+        similarity = ssim_map(self.visibility, truth.visibility, truth.valid)
+        return mean(similarity, truth.valid[INSIDE]), mean(similarity, truth.edge_zone[INSIDE])
 
     @cached_property
     def penumbra_widths(self) -> NDArray[np.float64] | None:

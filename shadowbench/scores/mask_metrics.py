@@ -3,8 +3,7 @@
 import numpy as np
 
 from shadowbench.scores.comparison import Comparison
-from shadowbench.scores.ssim import INSIDE
-from shadowbench.scores.sums import mean, overlap, ratio, share, total
+from shadowbench.scores.sums import Single, mean_of, overlap, ratio, share, total_of
 
 
 def iou(comparison: Comparison) -> float | None:
@@ -14,9 +13,9 @@ def iou(comparison: Comparison) -> float | None:
 
 def iou_soft(comparison: Comparison) -> float | None:
     """Sum of the smaller over the sum of the larger darkness (1 − visibility) of each pixel; Ruzicka 1958."""
-    mask, truth = comparison.visibility, comparison.truth.visibility
-    greater = total(1 - np.minimum(mask, truth), comparison.truth.valid)
-    lesser = total(1 - np.maximum(mask, truth), comparison.truth.valid)
+    images = comparison.truth.valid, comparison.visibility, comparison.truth.visibility
+    greater = total_of(lambda mask, truth: 1 - np.minimum(mask, truth), *images)
+    lesser = total_of(lambda mask, truth: 1 - np.maximum(mask, truth), *images)
     return ratio(lesser, greater)
 
 
@@ -25,36 +24,35 @@ def boundary_iou(comparison: Comparison) -> float | None:
 
     The strip's width is Euclidean, where their code erodes with a square; both agree on edges along rows and columns.
     """
-    prepared = comparison.truth
-    boundary = comparison.shadow & (comparison.squared_edge_distance < prepared.boundary_width**2)
-    return overlap(boundary, prepared.boundary)
+    return overlap(comparison.boundary, comparison.truth.boundary)
 
 
 def ssim(comparison: Comparison) -> float | None:
     """Mean SSIM over valid pixels whose window is inside the image; Wang et al. 2004."""
-    return mean(comparison.ssim_map, comparison.truth.valid[INSIDE])
+    return comparison.mean_ssim[0]
 
 
 def ssim_edge(comparison: Comparison) -> float | None:
     """Mean SSIM over valid pixels that lie within 8 px of an edge of the truth and whose window is inside the image."""
-    return mean(comparison.ssim_map, comparison.truth.edge_zone[INSIDE])
+    return comparison.mean_ssim[1]
 
 
 def mae(comparison: Comparison) -> float | None:
     """Mean absolute error against the truth at pixel centres."""
-    return ratio(total(comparison.error, comparison.truth.valid), comparison.truth.pixels)
+    return mean_of(_error, comparison.truth.valid, comparison.visibility, comparison.truth.visibility)
 
 
 def mae_area(comparison: Comparison) -> float | None:
     """Mean absolute error against the truth averaged over each pixel."""
-    prepared = comparison.truth
-    return ratio(total(np.abs(comparison.visibility - prepared.area), prepared.valid), prepared.pixels)
+    return mean_of(_error, comparison.truth.valid, comparison.visibility, comparison.truth.area)
 
 
 def mae_lit(comparison: Comparison) -> float | None:
     """Mean absolute error weighted by N·L."""
     prepared = comparison.truth
-    return ratio(total(comparison.error * prepared.cosine, prepared.valid), prepared.cosine_sum)
+    images = comparison.visibility, prepared.visibility, prepared.cosine
+    weighted = total_of(lambda mask, truth, cosine: _error(mask, truth) * cosine, prepared.valid, *images)
+    return ratio(weighted, prepared.cosine_sum)
 
 
 def acne(comparison: Comparison) -> float | None:
@@ -64,8 +62,8 @@ def acne(comparison: Comparison) -> float | None:
 
 def acne_soft(comparison: Comparison) -> float | None:
     """Mean of how much darker the lit interior is than it should be."""
-    truth = comparison.truth
-    return mean(np.maximum(truth.visibility - comparison.visibility, 0), truth.lit_interior)
+    images = comparison.truth.visibility, comparison.visibility
+    return mean_of(lambda truth, mask: np.maximum(truth - mask, 0), comparison.truth.lit_interior, *images)
 
 
 def leak(comparison: Comparison) -> float | None:
@@ -88,3 +86,8 @@ def edge_p95(comparison: Comparison) -> float | None:
     """95th percentile of the distances in pixels between the two masks' edges, pooled over both directions."""
     distances = comparison.edge_distances
     return None if distances is None else float(np.percentile(distances, 95))
+
+
+def _error(mask: Single, truth: Single) -> Single:
+    error: Single = np.abs(mask - truth)
+    return error

@@ -90,7 +90,7 @@ def _grey(image: ImageFile.ImageFile) -> Image.Image:
 
 def mask_sha256(visibility: ArrayLike) -> str:
     """Hex SHA-256 of the 16-bit levels of visibility (H, W): row-major, little-endian, no header."""
-    return hashlib.sha256(_levels(visibility).astype("<u2").tobytes()).hexdigest()
+    return hashlib.sha256(np.ascontiguousarray(_levels(visibility), "<u2").data).hexdigest()
 
 
 def _levels(visibility: ArrayLike) -> NDArray[np.uint16]:

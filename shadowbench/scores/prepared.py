@@ -6,12 +6,10 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import ndimage
 
 from shadowbench.scores.edges import squared_distance
 from shadowbench.scores.isolines import Isolines, smooth_gradient, step_squared
 from shadowbench.scores.masks import quantise
-from shadowbench.scores.ssim import WindowMoments, window_moments
 from shadowbench.scores.sums import mean
 from shadowbench.scores.thresholded import ThresholdedMask
 from shadowbench.scores.widths import Crossings, crossings
@@ -23,14 +21,15 @@ CONTACT_DISTANCE = 0.02  # share of the scene's diagonal
 PENUMBRA = (0.02, 0.98)  # visibility in a penumbra, exclusive
 PENUMBRA_MARGIN_PX = 2
 UMBRA, FULL_LIGHT = 0.01, 0.99  # visibility below which a pixel is in the umbra, above which in full light
+RESOLVED_STEP = 2.0  # standard errors above which a step of the truth is one
 KERNEL_PX = 8  # how far a filter may reach into umbra and full light
 
 
 class PreparedTruth(ThresholdedMask):
     """The truth of one view, prepared for metrics.
 
-    Derived arrays are computed on first use and kept, about 50 MB at 1024². Only `valid` pixels, decided receivers,
-    are in any of the sets.
+    Derived arrays are computed on first use and kept, about 30 MB at 1024², 45 MB if there is a penumbra. Only `valid`
+    pixels, decided receivers, are in any of the sets.
     """
 
     def __init__(
@@ -91,6 +90,11 @@ class PreparedTruth(ThresholdedMask):
         return max(1, round(BOUNDARY_WIDTH * self.image_diagonal))
 
     @cached_property
+    def squared_edge_distance(self) -> NDArray[np.int32]:
+        """Squared distance to `edge` in pixels; NOWHERE if there is no edge."""
+        return squared_distance(self.edge)
+
+    @cached_property
     def boundary(self) -> NDArray[np.bool_]:
         """Strip of shadow, `boundary_width` pixels wide, along the inside of its edge."""
         return self.shadow & (self.squared_edge_distance < self.boundary_width**2)
@@ -123,11 +127,6 @@ class PreparedTruth(ThresholdedMask):
     def cosine_sum(self) -> float:
         """Sum of N·L over valid pixels."""
         return float(self.cosine.sum(where=self.valid, dtype=np.float64))
-
-    @cached_property
-    def ssim_moments(self) -> WindowMoments:
-        """Window moments of the truth for SSIM."""
-        return window_moments(self.visibility, self.valid)
 
     @cached_property
     def penumbra(self) -> NDArray[np.bool_]:
@@ -176,13 +175,19 @@ class PreparedTruth(ThresholdedMask):
         return step_squared(self.visibility, self.valid)
 
     @cached_property
+    def resolved(self) -> NDArray[np.bool_]:
+        """Pixels at which visibility changes by more than its error."""
+        resolved: NDArray[np.bool_] = self.step_squared > RESOLVED_STEP**2 * self.standard_error**2
+        return resolved
+
+    @cached_property
     def _gradient(self) -> NDArray[np.float32]:
         return smooth_gradient(self.visibility, self.valid)
 
     @cached_property
     def isolines(self) -> Isolines:
         """Segments of isolines through the penumbra."""
-        return Isolines.of(self._gradient, self.valid, self.penumbra)
+        return Isolines.of(self._gradient, self.penumbra)
 
     @cached_property
     def crossings(self) -> Crossings | None:
@@ -197,5 +202,7 @@ def _spread(pixels: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
     """(H, W) bool: pixels within `reach` of others along rows and columns, in a square."""
     if not pixels.any():
         return pixels
-    spread: NDArray[np.bool_] = ndimage.maximum_filter(pixels.view(np.uint8), 2 * reach + 1, mode="nearest").view(bool)
+    from shadowbench.scores import loops
+
+    spread: NDArray[np.bool_] = loops.greatest(pixels.view(np.uint8), reach).view(bool)
     return spread

@@ -6,34 +6,39 @@ The truth of a soft shadow is sampled: its mean variance is taken off squared er
 import math
 
 import numpy as np
-from scipy import ndimage
+from numpy.typing import NDArray
 
 from shadowbench.scores.comparison import Comparison
 from shadowbench.scores.isolines import step_squared
 from shadowbench.scores.prepared import PENUMBRA
-from shadowbench.scores.sums import mean, root_mean, share
+from shadowbench.scores.sums import mean, mean_of, share
 from shadowbench.scores.widths import FEWEST
 
 FLAT_STEP = 0.1  # share of the truth's step, and of the mask's own nearby, below which a mask is flat
 NEARBY_PX = 8  # along rows and columns, how far a flat step may be from the edge to the next
-RESOLVED_STEP = 2.0  # standard errors above which a step of the truth is one
 
 
 def rmse(comparison: Comparison) -> float | None:
     """Root mean square error over receivers, the truth's error taken off."""
-    prepared = comparison.truth
-    return root_mean(comparison.signed_error**2, prepared.valid, prepared.mean_variance)
+    return _rmse(comparison, comparison.truth.valid, comparison.truth.mean_variance)
 
 
 def rmse_pen(comparison: Comparison) -> float | None:
     """Root mean square error over the penumbra, the truth's error taken off."""
-    prepared = comparison.truth
-    return root_mean(comparison.signed_error**2, prepared.penumbra, prepared.mean_variance_pen)
+    return _rmse(comparison, comparison.truth.penumbra, comparison.truth.mean_variance_pen)
+
+
+def _rmse(comparison: Comparison, where: NDArray[np.bool_], variance: float) -> float | None:
+    """Root of the mean squared error over a set of pixels less a known variance, at least 0; None if it is empty."""
+    images = comparison.visibility, comparison.truth.visibility
+    squared = mean_of(lambda mask, truth: (mask - truth) ** 2, where, *images)
+    return None if squared is None else math.sqrt(max(squared - variance, 0.0))
 
 
 def bias_pen(comparison: Comparison) -> float | None:
     """Mean signed error over the penumbra."""
-    return mean(comparison.signed_error, comparison.truth.penumbra)
+    truth = comparison.truth
+    return mean_of(np.subtract, truth.penumbra, comparison.visibility, truth.visibility)
 
 
 def bleed(comparison: Comparison) -> float | None:
@@ -43,7 +48,7 @@ def bleed(comparison: Comparison) -> float | None:
 
 def false_dark(comparison: Comparison) -> float | None:
     """Mean darkness (1 − visibility) of full light."""
-    return mean(1 - comparison.visibility, comparison.truth.full_light)
+    return mean_of(lambda mask: 1 - mask, comparison.truth.full_light, comparison.visibility)
 
 
 def noise(comparison: Comparison) -> float | None:
@@ -65,12 +70,14 @@ def banding(comparison: Comparison) -> float | None:
     prepared, mask = comparison.truth, comparison.visibility
     if not prepared.soft:
         return None
-    grey = (mask > PENUMBRA[0]) & (mask < PENUMBRA[1])
+    from shadowbench.scores import loops
+
     step, true_step = step_squared(mask, prepared.valid), prepared.step_squared
-    resolved = true_step > RESOLVED_STEP**2 * prepared.standard_error**2
-    nearby = ndimage.maximum_filter(np.where(prepared.penumbra, step, 0), 2 * NEARBY_PX + 1, mode="nearest")
-    flat = step < FLAT_STEP**2 * np.minimum(true_step, nearby)
-    return share(grey & resolved & flat, prepared.penumbra)
+    steepest = loops.greatest(np.where(prepared.penumbra, step, 0), NEARBY_PX)
+    np.minimum(true_step, steepest, out=steepest)
+    flat = step < np.multiply(steepest, np.float32(FLAT_STEP**2), out=steepest)
+    grey = (mask > PENUMBRA[0]) & (mask < PENUMBRA[1])
+    return share(grey & prepared.resolved & flat, prepared.penumbra)
 
 
 def width(comparison: Comparison) -> float | None:

@@ -5,7 +5,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from shadowbench.scores.edges import edge_pixels, squared_distance
+from shadowbench.scores.edges import edge_pixels
 from shadowbench.scores.masks import quantise
 
 
@@ -16,8 +16,8 @@ class ThresholdedMask:
     """
 
     def __init__(self, visibility: ArrayLike, valid: NDArray[np.bool_]) -> None:
-        self.visibility: NDArray[np.float32] = quantise(visibility)
-        self.valid = valid
+        self.visibility: NDArray[np.float32] = np.ascontiguousarray(quantise(visibility))  # for compiled loops
+        self.valid = np.ascontiguousarray(valid)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -39,8 +39,3 @@ class ThresholdedMask:
     def edge(self) -> NDArray[np.bool_]:
         """Shadow pixels beside lit ones (see `edge_pixels`)."""
         return edge_pixels(self.shadow, self.lit)
-
-    @cached_property
-    def squared_edge_distance(self) -> NDArray[np.int32]:
-        """Squared distance to `edge` in pixels; NOWHERE if there is no edge."""
-        return squared_distance(self.edge)

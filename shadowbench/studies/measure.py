@@ -6,9 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
-
-import pandas as pd
+from typing import TYPE_CHECKING, Any
 
 from shadowbench.files import check_folder
 from shadowbench.measure.executor import Executor
@@ -20,12 +18,15 @@ from shadowbench.measure.rows import Result
 from shadowbench.measure.session import DeviceInfo, Session
 from shadowbench.scenes.model import Scene
 from shadowbench.studies.crossing import Techniques
-from shadowbench.studies.folder import Run, write_cells
 from shadowbench.studies.run import run_study
 from shadowbench.studies.study import Study, find_study, read_study
-from shadowbench.studies.sweeps import SweepPositions, sweep_positions
-from shadowbench.studies.tables import cells_frame
 from shadowbench.techniques.spec import Spec, has_size
+
+if TYPE_CHECKING:  # what imports pandas, 0.3 s, waits until the cells are measured
+    import pandas as pd
+
+    from shadowbench.studies.folder import Run
+    from shadowbench.studies.sweeps import SweepPositions
 
 
 def study_from_options(
@@ -95,14 +96,16 @@ class StudyResult:
 
     study: Study
     results: tuple[Result, ...]
-    run: Run
-    sweep_positions: SweepPositions
+    run: "Run"
+    sweep_positions: "SweepPositions"
     info: DeviceInfo
     seconds: Mapping[str, float]
 
     @cached_property
-    def frame(self) -> pd.DataFrame:
+    def frame(self) -> "pd.DataFrame":
         """One line per cell of the study, with the columns of `table.csv`."""
+        from shadowbench.studies.tables import cells_frame
+
         return cells_frame(self.results)
 
 
@@ -124,6 +127,9 @@ def measure(
     start = time.perf_counter()
     result = run_study(study, folder, executor, reporter, time_again)
     spent = executor.call(Session.activity_seconds) if profile else {}
+    from shadowbench.studies.folder import write_cells
+    from shadowbench.studies.sweeps import sweep_positions
+
     positions = sweep_positions(study.sweeps)
     write_run_file(
         folder / "run.json", executor.info, result.notes, study.facts, [cell.score for cell in result.results]

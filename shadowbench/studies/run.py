@@ -39,8 +39,10 @@ def run_study(
 
     time_again: time cells again that have a time; the rows keep both.
     """
-    check_sizes(study, executor.info)
     profile, blocks = Profile(), list(study.blocks())
+    with profile.activity("waiting"):
+        info = executor.info
+    check_sizes(study, info)
     of_scenes = [note for scene in scenes_of(blocks) for note in _notes_on(study, scene)]
     notes = [*study.notes, *_filter_notes(study), *of_scenes]
     for note in notes:

@@ -14,7 +14,6 @@ from shadowbench.truths.embree import over_slices, rows_a_slice
 from shadowbench.truths.hard import hard_shadows
 from shadowbench.truths.near import NearCasters
 from shadowbench.truths.rays import Indices, Mask, ViewRays
-from shadowbench.truths.soft import soft_shadows
 
 Single = NDArray[np.float32]
 
@@ -90,6 +89,8 @@ def trace(view: View, pixel_samples: int = 4, standard_error: float = STANDARD_E
     triangle, diagonal = _visible_triangles(placed, rays)
     delta = OFFSET * diagonal
     if view.light.soft:
+        from shadowbench.truths.soft import soft_shadows  # imports Numba, 0.2 s
+
         arrays = soft_shadows(rays, placed.light, triangle, delta, pixel_samples, standard_error)
     else:
         arrays = hard_shadows(rays, NearCasters(placed.scene.geometry), triangle, delta, pixel_samples)

@@ -12,8 +12,8 @@ import pytest
 from shadowbench.errors import LONGEST_QUOTE
 from shadowbench.measure import plugin_output
 from shadowbench.measure.cells import CellRequest, PlacedView
-from shadowbench.measure.executor import CellFailed, Limits
-from shadowbench.measure.session import Session, Unsupported
+from shadowbench.measure.executor import CellFailed, Limits, Unsupported
+from shadowbench.measure.session import Session
 from shadowbench.measure.worker import Worker
 from shadowbench.scenes.views import chosen_view
 

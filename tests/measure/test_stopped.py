@@ -163,7 +163,7 @@ def test_ctrl_c_waits_until_the_worker_is_known(monkeypatch: pytest.MonkeyPatch)
     other = threading.Thread(target=done.wait)
     other.start()
     try:
-        with Worker() as worker, pytest.raises(KeyboardInterrupt):
+        with pytest.raises(KeyboardInterrupt), Worker() as worker:
             worker.ready()
     finally:
         done.set()

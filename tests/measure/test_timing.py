@@ -11,9 +11,8 @@ import pytest
 
 from shadowbench.gl.clock import QUERIES, WALL, Changes, PassTimes, Sample
 from shadowbench.measure.cells import Cell, CellRequest, PlacedView
-from shadowbench.measure.executor import CellFailed, Limits, MemoryExceeded
+from shadowbench.measure.executor import CellFailed, Limits, MemoryExceeded, Unsupported
 from shadowbench.measure.references import reference_name
-from shadowbench.measure.session import Unsupported
 from shadowbench.measure.time_rows import Timing, time_row
 from shadowbench.measure.timing import Conditions, TimingFailure, reference_cell, time_cells
 from shadowbench.scenes.model import LightKind

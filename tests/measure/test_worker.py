@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 import pytest
 
+from shadowbench.errors import InputError
 from shadowbench.measure.cells import CellRequest, PlacedView
 from shadowbench.measure.executor import CellFailed
 from shadowbench.measure.pipe import Pipe
@@ -116,6 +118,15 @@ def test_a_replaced_worker_is_sent_the_scene_again(wild: Path) -> None:
             worker.call(Session.draw, at, CellRequest("does:what=abort"))
         after = worker.call(Session.draw, at, CellRequest("shadow-map:size=16"))
     assert np.array_equal(before.visibility, after.visibility)
+
+
+def test_a_worker_starts_at_once_and_the_first_call_waits_for_it(tmp_path: Path) -> None:
+    """A plug-in that does not exist ends the process after it has been started, so the first call says so."""
+    before = psutil.Process().children()
+    with Worker([tmp_path / "none.py"]) as worker:
+        assert len(psutil.Process().children()) == len(before) + 1
+        with pytest.raises(InputError, match=r"none\.py"):
+            worker.ready()
 
 
 def test_a_view_is_opened_on_first_use() -> None:

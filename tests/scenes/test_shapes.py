@@ -66,6 +66,25 @@ def test_a_flight_of_steps_fills_half_a_cube_and_half_a_step(steps: int) -> None
     assert flight.volume == pytest.approx((steps + 1) / (2 * steps))
 
 
+TRIMESH = {
+    "sphere": lambda: trimesh.creation.icosphere(subdivisions=3, radius=0.5),
+    "torus": lambda: trimesh.creation.torus(0.5, 1 / 6, major_sections=48, minor_sections=24),
+    "cylinder": lambda: trimesh.creation.cylinder(radius=0.5, height=1.0, sections=48),
+    "cone": lambda: trimesh.creation.cone(radius=0.5, height=1.0, sections=48),
+    "capsule": lambda: trimesh.creation.capsule(height=1.0, radius=0.5, count=(24, 48)),
+}
+
+
+@pytest.mark.parametrize("name", TRIMESH)
+def test_a_round_shape_has_the_triangles_of_trimesh_in_its_order(name: str) -> None:
+    """Those of trimesh stand upright along z, and its cone on the origin."""
+    made, sphere = TRIMESH[name](), name == "sphere"
+    expected = made.triangles if sphere else made.triangles[..., [0, 2, 1]] * [1, 1, -1]
+    expected = expected[made.area_faces > 1e-8] - [0, 0.5 if name == "cone" else 0, 0]
+    shape = build_shape(name, {"subdivisions": 3} if sphere else {"sections": 48}, "test")
+    np.testing.assert_allclose(shape.vertices[shape.faces], expected, rtol=0, atol=1e-15)
+
+
 def test_the_tip_of_a_cone_is_up() -> None:
     vertices = build_shape("cone", {}, "test").vertices
     assert vertices[vertices[:, 1].argmax()] == pytest.approx([0, 0.5, 0], abs=1e-12)
