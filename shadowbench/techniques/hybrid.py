@@ -63,7 +63,7 @@ class Hybrid(Technique):
 
         fit: Annotated[Fit, one_of(Fit)] = param(ViewFit(), "part of the scene that the map covers")
         rest: Literal["trace", "embree"] = param("trace", "traces the other pixels: in a shader, or on the CPU")
-        offset: float = param(2e-6, "height of a ray's origin above its surface, as a share of the scene", ge=0, le=1)
+        offset: float = param(1e-6, "height of a ray's origin above its surface, as a share of the scene", ge=0, le=1)
 
         @model_validator(mode="after")
         def _covers_the_scene(self) -> Self:
