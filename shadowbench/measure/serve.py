@@ -36,7 +36,7 @@ def serve(handle: str, parent: str) -> None:
     the process that started this one.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _die_with(int(parent))
+    die_with(int(parent))
     _make_process_group()
     if os.name == "posix":
         os.set_inheritable(int(handle), False)
@@ -80,7 +80,7 @@ def _error_line(error: Exception) -> str:
     return f"{type(error).__name__}: {first_line} ({os.path.basename(place.filename)}:{place.lineno})"
 
 
-def _die_with(parent: int) -> None:
+def die_with(parent: int) -> None:
     """Kill this process when its parent dies; a hanging technique would never notice the closed pipe."""
     if sys.platform == "linux":
         # By the kernel, which works even while a driver call holds the GIL.

@@ -1,0 +1,78 @@
+"""The truth of what is shown, traced and scored beside the drawing, which never waits for it."""
+
+import multiprocessing
+import queue
+import subprocess
+import threading
+from collections.abc import Mapping
+from contextlib import suppress
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shadowbench.measure.pipe import Pipe
+from shadowbench.measure.plugin_output import forward_output
+from shadowbench.measure.worker import sigint_blocked, spawn
+from shadowbench.scenes.model import Camera, Light, Scene, View
+from shadowbench.viewer.truth_server import Answer, Failed, Request
+
+_Viewed = tuple[Scene, Camera, Light, int]
+
+
+class TruthTask:
+    """A process that traces views and scores masks. Requests are pickled and sent in a thread."""
+
+    def __init__(self) -> None:
+        self._viewed: _Viewed | None = None
+        self._number = 0
+        self._requests: queue.SimpleQueue[Request | None] = queue.SimpleQueue()
+        self._start()
+
+    def number_of(self, view: View) -> int:
+        """The number of a view, the same as the last one's if nothing of it has changed."""
+        viewed = (view.scene, view.camera, view.light, view.size)
+        if self._viewed is None or viewed[0] is not self._viewed[0] or viewed[1:] != self._viewed[1:]:
+            self._viewed, self._number = viewed, self._number + 1
+        return self._number
+
+    def ask(self, view: View, masks: Mapping[str, NDArray[np.float32]]) -> None:
+        """Ask for the truth of a view, unless it was the last one's, and for the scores of masks by spec."""
+        self._requests.put(Request(self.number_of(view), view, dict(masks)))
+
+    def answers(self) -> list[Answer]:
+        """What has been answered since the last call."""
+        found: list[Answer] = []
+        try:
+            while self._pipe.connection.poll():
+                found.append(self._pipe.receive())
+        except (EOFError, OSError):
+            found.append(Failed(self._number, f"the process that traces ended (code {self._process.wait()})"))
+            self.stop()
+            self._viewed = None  # a new process has no truth
+            self._start()
+        return found
+
+    def stop(self) -> None:
+        """End the process."""
+        self._requests.put(None)
+        self._process.kill()
+        self._process.wait()
+        self._sender.join()
+        self._pipe.connection.close()
+
+    def _start(self) -> None:
+        ours, theirs = multiprocessing.Pipe()
+        with theirs, sigint_blocked():
+            self._process: subprocess.Popen[bytes] = spawn(theirs, "shadowbench.viewer.truth_server")
+        assert self._process.stdout is not None
+        forward_output(self._process.stdout)
+        self._pipe, self._requests = Pipe(ours), queue.SimpleQueue()
+        self._sender = threading.Thread(target=self._send, args=(self._pipe, self._requests), daemon=True)
+        self._sender.start()
+
+    @staticmethod
+    def _send(pipe: Pipe, requests: "queue.SimpleQueue[Request | None]") -> None:
+        """Send requests until the process is gone."""
+        with suppress(BrokenPipeError, ConnectionResetError, OSError):
+            while (request := requests.get()) is not None:
+                pipe.send(request)
