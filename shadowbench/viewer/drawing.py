@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from shadowbench.errors import message
 from shadowbench.gl.clock import Clock, PassTimes, with_cost, work_of
 from shadowbench.gl.device import Device
-from shadowbench.gl.gbuffer import GBuffer
 from shadowbench.measure.loaded_scene import LoadedScene
 from shadowbench.measure.rendering import checked_texture, declared_work, finite_facts, visibility_of
 from shadowbench.scenes.model import View
@@ -52,22 +51,25 @@ class Mask:
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """A state drawn at one size: its view in local coordinates, the G-buffer and the specs' masks.
+    """A state drawn at one size: its frame, with view and G-buffer in local coordinates, and the specs' masks.
 
-    lit: visibility 1 everywhere; ms: the time of all of it.
+    lit: visibility 1 everywhere; ms: the time of all of it, without building.
     """
 
-    state: ViewerState
     loaded: LoadedScene
-    view: View
-    surface: GBuffer
+    frame: Frame
     masks: tuple[Mask, ...]
     lit: moderngl.Texture
     ms: float
 
+    @property
+    def size(self) -> int:
+        """Pixels along a side."""
+        return self.frame.view.size
+
     def release(self) -> None:
         """Free the G-buffer; the masks belong to their techniques."""
-        self.surface.release()
+        self.frame.surface.release()
         self.lit.release()
 
 
@@ -82,14 +84,17 @@ class Drawing:
 
     def draw(self, state: ViewerState, size: int) -> Drawn:
         """Draw a state's G-buffer and masks, of size × size pixels. Raises InputError if the camera shows nothing."""
-        start = time.perf_counter()
         file_view = state.view(size)
         loaded = self._load(state)
         view = loaded.to_drawing_coordinates(file_view)
+        built = [self._build(loaded, spec, view) for spec in state.specs]
+        start = time.perf_counter()
         self.device.reset()
         surface = loaded.surface_pass.draw(view)
         try:
-            masks = tuple(self._mask(loaded, spec, view, surface) for spec in state.specs)
+            # Index 0 always: each image is the one that is scored, without history of earlier frames.
+            frame = Frame(view, Phase(state.phase), 0, surface, self.clock)
+            masks = tuple(self._mask(spec, one, frame) for spec, one in zip(state.specs, built, strict=True))
             lit = self.device.context.texture(
                 (size, size), 1, np.ones((size, size), dtype=np.float32).tobytes(), dtype="f4"
             )
@@ -97,7 +102,7 @@ class Drawing:
             surface.release()
             raise
         self.device.context.finish()
-        return Drawn(state, loaded, view, surface, masks, lit, (time.perf_counter() - start) * 1e3)
+        return Drawn(loaded, frame, masks, lit, (time.perf_counter() - start) * 1e3)
 
     def keep_only(self, specs: tuple[Spec, ...], sizes: tuple[int, ...]) -> None:
         """Free the techniques that are built for other specs or sizes."""
@@ -119,7 +124,7 @@ class Drawing:
 
     def visibility(self, drawn: Drawn, mask: Mask) -> NDArray[np.float32]:
         """A mask read back as `render` reads it: quantised, row 0 at the top. Raises ValueError for NaN or infinity."""
-        return visibility_of(mask.spec.text, mask.visibility, drawn.view.size)
+        return visibility_of(mask.spec.text, mask.visibility, drawn.size)
 
     def work(self, drawn: Drawn, mask: Mask) -> dict[str, int]:
         """Counts of work of a mask that was drawn, which is drawn once more for that."""
@@ -127,8 +132,8 @@ class Drawing:
         assert technique is not None
         facts = finite_facts(mask.spec.text, technique.facts())
         self.device.reset()
-        work = work_of(self.device, lambda: technique.draw(self._frame(drawn.view, drawn.surface)))
-        return with_cost(work | declared_work(technique, drawn.view.size**2, facts))
+        work = work_of(self.device, lambda: technique.draw(drawn.frame))
+        return with_cost(work | declared_work(technique, drawn.size**2, facts))
 
     def _load(self, state: ViewerState) -> LoadedScene:
         if self._loaded is None or not (
@@ -141,38 +146,36 @@ class Drawing:
             self._colors = state.colors
         return self._loaded
 
-    def _mask(self, loaded: LoadedScene, spec: Spec, view: View, surface: GBuffer) -> Mask:
+    def _mask(self, spec: Spec, built: tuple[Technique, Stage] | str, frame: Frame) -> Mask:
         """A spec's mask. A technique may raise anything; what it raises is shown in place of its picture."""
+        if isinstance(built, str):
+            return Mask(spec, failure=built)
+        technique, _ = built
         try:
-            reason = spec.technique.declines(spec.params, view, self.device)
-            if reason is not None:
-                return Mask(spec, failure=f"unsupported: {reason}")
-            built = self._build(loaded, spec, view.size)
-            if isinstance(built, str):
-                return Mask(spec, failure=built)
-            technique, _ = built
             self.device.reset()
-            frame = self._frame(view, surface)
             visibility: list[moderngl.Texture] = []
             on_cpu = technique.draws_on_cpu(spec.params)
             passes = self.clock.passes(lambda: visibility.append(technique.draw(frame)), on_cpu)
             self.device.reset()
             self.device.check(f"drawing {spec.text}")
-            return Mask(spec, technique, checked_texture(spec.text, visibility[0], view.size), passes)
+            return Mask(spec, technique, checked_texture(spec.text, visibility[0], frame.view.size), passes)
         except Exception as error:
             self._recover()
             return Mask(spec, failure=told(error))
 
-    def _build(self, loaded: LoadedScene, spec: Spec, size: int) -> tuple[Technique, Stage] | str:
-        """A built technique, or why it failed, which is not tried again until something changes."""
-        key = (spec, size)
-        if key not in self._built:
-            self.device.reset()
-            try:
-                self._built[key] = loaded.build(spec, size)
-            except Exception as error:  # a technique may raise anything
-                self._built[key] = told(error)
-                self._recover()
+    def _build(self, loaded: LoadedScene, spec: Spec, view: View) -> tuple[Technique, Stage] | str:
+        """A built technique; or why there is none: one that failed is not built again until something changes."""
+        key = (spec, view.size)
+        try:
+            reason = spec.technique.declines(spec.params, view, self.device)
+            if reason is not None:
+                return f"unsupported: {reason}"
+            if key not in self._built:
+                self.device.reset()
+                self._built[key] = loaded.build(spec, view.size)
+        except Exception as error:  # a technique may raise anything
+            self._built[key] = told(error)
+            self._recover()
         return self._built[key]
 
     def _recover(self) -> None:
@@ -185,7 +188,3 @@ class Drawing:
         built = self._built.pop(key)
         if not isinstance(built, str):
             built[1].release()
-
-    def _frame(self, view: View, surface: GBuffer) -> Frame:
-        # Index 0 always: each image is the one that is scored, without history of earlier frames.
-        return Frame(view, Phase(), 0, surface, self.clock)

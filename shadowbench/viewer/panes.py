@@ -13,7 +13,7 @@ from shadowbench.gl.shaders import compose
 from shadowbench.scores.difference import FALSE_LIGHT, FALSE_SHADOW
 from shadowbench.techniques.base import Technique
 from shadowbench.viewer.drawing import Drawn
-from shadowbench.viewer.state import Overlay, Source
+from shadowbench.viewer.state import Overlay, Source, ViewerState
 from shadowbench.viewer.truth_server import Traced
 
 _DEFINES: dict[Overlay, str] = {
@@ -61,12 +61,14 @@ class Panes:
         self.device = device
         self._passes: dict[Overlay, Drawable] = {}
 
-    def draw(self, drawn: Drawn, source: Source, truth: TruthTextures | None) -> moderngl.Texture | None:
+    def draw(
+        self, drawn: Drawn, state: ViewerState, source: Source, truth: TruthTextures | None
+    ) -> moderngl.Texture | None:
         """A texture that the caller releases: the picture of A, B or the truth; None if there is none.
 
-        truth: of the drawn view and size, None if it is not traced yet.
+        state: says how to show it; truth: of the drawn view and size, None if it is not traced yet.
         """
-        state, mask = drawn.state, None
+        mask = None
         if source == "truth":
             if truth is None:
                 return None
@@ -81,12 +83,12 @@ class Panes:
         tint = technique.tint() if technique and state.overlay == "tint" else None
         texels = technique.texels() if technique and state.overlay == "texels" else None
         shown = visibility if state.shadows else drawn.lit
-        picture = drawn.loaded.picture_pass.shade(drawn.surface, drawn.view, shown, tint, state.shading)
+        picture = drawn.loaded.picture_pass.shade(drawn.frame.surface, drawn.frame.view, shown, tint, state.shading)
         if self._is_plain(state.overlay, truth, texels):
             return picture
         target_texture = self.device.context.texture(picture.size, 4, dtype="f1")
         target = self.device.context.framebuffer([target_texture])
-        xyz, w = drawn.view.light.homogeneous
+        xyz, w = drawn.frame.light.homogeneous
         one = self._pass(state.overlay)
         one.program.set(light=(*xyz, w))
         if state.overlay == "error" and truth is not None:
@@ -94,7 +96,7 @@ class Panes:
             for name, color in zip(("false_shadow", "false_light"), colors, strict=True):
                 one.program.set(**{name: color})
             one.program.set(soft=float(truth.traced.soft))
-        inputs = {**drawn.surface.inputs, "picture": (picture, Sampling()), "visibility": (visibility, Sampling())}
+        inputs = {**drawn.frame.surface.inputs, "picture": (picture, Sampling()), "visibility": (visibility, Sampling())}
         if truth is not None:
             inputs |= {"truth": (truth.visibility, Sampling()), "blocker": (truth.blocker, Sampling())}
         if texels is not None:

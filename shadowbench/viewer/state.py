@@ -33,7 +33,7 @@ class ViewerState:
     """What the window shows.
 
     origin: of the scene; None for one that no file has, such as a sweep's; coordinates: in which it is drawn; size: of
-    the image, in pixels along a side; colors: linear RGB by the name of a `material`, in place of the scene's; wipe: the
+    the image, in pixels along a side; phase: see `Phase`; colors: linear RGB by the name of a `material`, in place of the scene's; wipe: the
     share of the picture that `left` takes.
     """
 
@@ -44,6 +44,7 @@ class ViewerState:
     size: int = 512
     origin: Origin | None = None
     coordinates: Coordinates = "relative"
+    phase: int = 0
     shading: Shading = field(default_factory=Shading)
     colors: tuple[tuple[str, Vec3], ...] = ()
     shadows: bool = True
@@ -56,6 +57,11 @@ class ViewerState:
     def view(self, size: int | None = None) -> View:
         """The view, by default of `size`. Raises InputError, as `view_of` does."""
         return view_of(self.scene, self.camera, self.light, size or self.size)
+
+    @property
+    def viewed(self) -> tuple[object, ...]:
+        """What the truth depends on; equal for states that have the same one."""
+        return (self.scene, self.camera, self.light, self.size)
 
     @property
     def sources(self) -> tuple[Source, ...]:

@@ -23,21 +23,21 @@ class TruthTask:
     """A process that traces views and scores masks. Requests are pickled and sent in a thread."""
 
     def __init__(self) -> None:
-        self._viewed: _Viewed | None = None
+        self._viewed: _Viewed | None = None  # of the last request
         self._number = 0
         self._requests: queue.SimpleQueue[Request | None] = queue.SimpleQueue()
         self._start()
 
-    def number_of(self, view: View) -> int:
-        """The number of a view, the same as the last one's if nothing of it has changed."""
-        viewed = (view.scene, view.camera, view.light, view.size)
-        if self._viewed is None or viewed[0] is not self._viewed[0] or viewed[1:] != self._viewed[1:]:
-            self._viewed, self._number = viewed, self._number + 1
-        return self._number
+    def ask(self, view: View, masks: Mapping[str, NDArray[np.float32]]) -> int:
+        """Ask for the truth of a view, and for the scores of masks by spec; returns the number of their answers.
 
-    def ask(self, view: View, masks: Mapping[str, NDArray[np.float32]]) -> None:
-        """Ask for the truth of a view, unless it was the last one's, and for the scores of masks by spec."""
-        self._requests.put(Request(self.number_of(view), view, dict(masks)))
+        The truth of the view that was asked for last is not traced again, and keeps its number.
+        """
+        viewed = (view.scene, view.camera, view.light, view.size)
+        if viewed != self._viewed:
+            self._viewed, self._number = viewed, self._number + 1
+        self._requests.put(Request(self._number, view, dict(masks)))
+        return self._number
 
     def answers(self) -> list[Answer]:
         """What has been answered since the last call."""

@@ -23,8 +23,9 @@ class Widget:
     """The widget of one parameter.
 
     value: of the parameter; of a component or a spec its name; low, high: limits of a number, None if there is none;
-    choices: of a choice, the names of components or of techniques; help: with what is allowed; inner: the model whose
-    widgets unfold below it.
+    decades: whether a number's range, or the place of its default in it, asks for a logarithmic slider; choices: of a
+    choice, the names of components or of techniques; help: with what is allowed; inner: the model whose widgets unfold
+    below it.
     """
 
     key: str
@@ -33,13 +34,9 @@ class Widget:
     help: str
     low: float | None = None
     high: float | None = None
+    decades: bool = False
     choices: tuple[Any, ...] = ()
     inner: BaseModel | None = None
-
-    @property
-    def decades(self) -> bool:
-        """Whether its range spans so much that a slider should be logarithmic."""
-        return self.low is not None and self.high is not None and self.high - self.low > 100
 
 
 def widgets(model: BaseModel) -> list[Widget]:
@@ -95,11 +92,18 @@ def _widget(key: str, info: FieldInfo, value: Any) -> Widget:
         return Widget(key, "flag", value, help)
     if isinstance(value, int | float):
         kind: Kind = "whole" if isinstance(value, int) else "number"
-        return Widget(key, kind, value, help, _limit(info, ("ge", "gt")), _limit(info, ("le", "lt")))
+        low, high = _limit(info, "ge", "gt"), _limit(info, "le", "lt")
+        decades = low is not None and high is not None and (high - low > 100 or abs(info.default) < high / 50)
+        return Widget(key, kind, value, help, low, high, decades)
     raise TypeError(f"parameter {key}: no widget for a {type(value).__name__}")
 
 
-def _limit(info: FieldInfo, signs: tuple[str, str]) -> float | None:
-    found = [getattr(one, sign) for one in info.metadata for sign in signs if getattr(one, sign, None) is not None]
-    return float(found[0]) if found else None
-
+def _limit(info: FieldInfo, closed: str, open: str) -> float | None:
+    """A limit that a number may reach: of an open one, a millionth of it inside."""
+    for one in info.metadata:
+        if getattr(one, closed, None) is not None:
+            return float(getattr(one, closed))
+        if getattr(one, open, None) is not None:
+            limit = float(getattr(one, open))
+            return limit + (abs(limit) or 1.0) * (1e-6 if open == "gt" else -1e-6)
+    return None

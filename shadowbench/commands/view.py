@@ -1,0 +1,95 @@
+"""`view`: a window in which what is seen is what is scored."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from shadowbench.commands import completion, console
+from shadowbench.commands.options import SCENE, SPEC, Assets, LightName, Plugins, Quiet, Sun, Up, ViewName, ViewSize
+from shadowbench.errors import InputError
+
+app = typer.Typer()
+_MOST = 2
+
+
+@app.command(
+    epilog="\b\nFor example\n"
+    "  shadowbench view sphere-and-torus -t shadow-map -t shadow-volume\n"
+    "  shadowbench view --state view.toml\n"
+    "  shadowbench view results/stress --cell 5be1f0"
+)
+def view(
+    scene: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[SCENE]",
+            autocompletion=completion.scene,
+            help=f"The scene: {SCENE}; with --cell the folder of a run.",
+            show_default=False,
+        ),
+    ] = None,
+    technique: Annotated[
+        list[str] | None,
+        typer.Option(
+            "-t",
+            "--technique",
+            metavar="SPEC",
+            autocompletion=completion.spec,
+            help=f"One or two techniques, A and B: {SPEC}  [shadow-map].",
+        ),
+    ] = None,
+    state: Annotated[Path | None, typer.Option(metavar="FILE.toml", help="Show a state that the window saved.")] = None,
+    cell: Annotated[
+        str | None, typer.Option(metavar="KEY", help="Show a cell of a folder of `run` or `stress`, by its key.")
+    ] = None,
+    view_size: ViewSize = None,
+    view: ViewName = None,
+    light: LightName = None,
+    plugin: Plugins = None,
+    assets: Assets = None,
+    up: Up = None,
+    sun: Sun = False,
+    quiet: Quiet = False,
+) -> None:
+    """Open a window on a scene, beside its ray-traced truth.
+
+    Move the camera and the light, turn every parameter of two techniques, and see them beside the truth of the same
+    view, which is traced whenever motion rests, with their scores. Needs a display and
+    pip install 'shadowbench[viewer]'.
+    """
+    from shadowbench.measure.plugin_output import techniques_with
+    from shadowbench.techniques.spec import parse_spec
+    from shadowbench.viewer.cells import cell_state
+    from shadowbench.viewer.state import Origin, ViewerState
+    from shadowbench.viewer.state_files import read_state
+
+    if (scene is None) == (state is None):
+        raise InputError("view: found " + ("no scene" if scene is None else "SCENE and --state") + "; allowed: one")
+    if len(technique or ()) > _MOST:
+        raise InputError(f"--technique: found {len(technique or ())}; allowed: one or two, A and B")
+    try:
+        from shadowbench.viewer.window import show
+    except ImportError as error:
+        raise InputError(f"view needs {error.name}: pip install 'shadowbench[viewer]'") from None
+    known = techniques_with(plugin or ())
+    specs = tuple(parse_spec(text, known) for text in technique or ())
+    if state is not None:
+        shown = read_state(state, assets, known)
+    elif cell is not None:
+        shown = cell_state(Path(str(scene)), cell, known, assets)
+    else:
+        with console.Reporter(quiet) as reporter:
+            chosen = reporter.view(str(scene), view_size, view, light, assets, up, sun)
+        first = parse_spec("shadow-map", known)
+        lamp = next(one for one in chosen.scene.lights if one == chosen.light)
+        camera = next(one for one in chosen.scene.cameras if one.name == chosen.camera.name)
+        origin = None if sun else Origin(str(scene), assets, up)
+        shown = ViewerState(chosen.scene, camera, lamp, (first,), chosen.size, origin)
+    from dataclasses import replace
+
+    if specs:
+        shown = replace(shown, specs=specs)
+    if view_size is not None:
+        shown = replace(shown, size=view_size)
+    show(shown, known, plugin or ())

@@ -1,0 +1,249 @@
+"""The window: GLFW through moderngl-window, its events, and the layout of panels and panes."""
+
+import os
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import glfw
+import imgui_bundle
+import moderngl
+from imgui_bundle import imgui
+from moderngl_window.context.glfw.window import Window as GlfwWindow
+from moderngl_window.integrations.imgui_bundle import ModernglWindowRenderer
+
+from shadowbench.errors import InputError, ShadowbenchError
+from shadowbench.gl.device import device_of
+from shadowbench.techniques.base import Technique
+from shadowbench.techniques.spec import Spec
+from shadowbench.viewer.app import Viewer
+from shadowbench.viewer.canvas import Canvas
+from shadowbench.viewer.file_panel import FileNames, file_panel
+from shadowbench.viewer.navigation import distance, walked
+from shadowbench.viewer.result_panels import map_panel, scores_panel, times_panel
+from shadowbench.viewer.scene_panels import light_panel, scene_panel, shading_panel
+from shadowbench.viewer.state import LAYOUTS, OVERLAYS, SOURCES, ViewerState
+from shadowbench.viewer.technique_panel import choice, edited_spec
+
+SIZE = (1400, 860)
+LEFT, RIGHT = 310.0, 340.0  # pixels
+FONT = 15.0
+IDLE_S, WAITING_S = 0.2, 0.02  # longest time between frames at rest, and while something is awaited
+STEP = 0.25  # of the distance to the target that walking covers in a second
+_NO_DISPLAY = "no window can be opened ({}): `shadowbench render` draws without one, and `xvfb-run -s '-screen 0 1400x860x24' shadowbench view …` into a virtual display"
+
+
+class Renderer(ModernglWindowRenderer):  # type: ignore[misc]
+    """Dear ImGui's events and drawing. Queued events: a press and its release between two frames make a click."""
+
+    def __init__(self, window: GlfwWindow) -> None:
+        super().__init__(window)
+        window.mouse_position_event_func = window.mouse_drag_event_func = self._moved
+        window.mouse_press_event_func = lambda x, y, button: self._button(x, y, button, True)
+        window.mouse_release_event_func = lambda x, y, button: self._button(x, y, button, False)
+        window.mouse_scroll_event_func = lambda x, y: self.io.add_mouse_wheel_event(x, y)
+        window.unicode_char_entered_func = self.unicode_char_entered
+        window.resize_func = self.resize
+
+    def texture(self, texture: moderngl.Texture) -> int:
+        """Make a texture known; returns its number."""
+        self.register_texture(texture)
+        return int(texture.glo)
+
+    def forget_textures(self) -> None:
+        """Forget all textures but the font's: they may be freed before the next frame."""
+        self._textures = {self._font_texture.glo: self._font_texture}
+
+    def _moved(self, x: int, y: int, *_: int) -> None:
+        self.io.add_mouse_pos_event(x, y)
+
+    def _button(self, x: int, y: int, button: int, down: bool) -> None:
+        self.io.add_mouse_pos_event(x, y)
+        self.io.add_mouse_button_event(button - 1, down)  # left, right and middle, in the order of both libraries
+
+
+class ViewerWindow:
+    """The window of `shadowbench view`."""
+
+    def __init__(self, state: ViewerState, techniques: Mapping[str, type[Technique]], plugins: Sequence[Path]) -> None:
+        self.window = _open(f"shadowbench view: {state.scene.name}")
+        self.viewer = Viewer(device_of(self.window.ctx), state, techniques, plugins)
+        imgui.create_context()
+        io = imgui.get_io()
+        io.set_ini_filename("")
+        _load_font(io)
+        self.renderer = Renderer(self.window)
+        self.window.key_event_func = self._key
+        self.canvas = Canvas(self.viewer, self.renderer.texture)
+        self.names = FileNames()
+        self.frame_ms = 0.0
+
+    def run(self) -> None:
+        """Show the window until it is closed."""
+        try:
+            while not self.window.is_closing:
+                self.frame()
+                glfw.wait_events_timeout(IDLE_S if self.viewer.idle else WAITING_S) if not self.viewer.moving else None
+        finally:
+            self.close()
+
+    def frame(self) -> None:
+        """One frame: bring the pictures up to date, draw the interface, take events."""
+        start = time.perf_counter()
+        self._walk()
+        self.viewer.step()
+        context = self.window.ctx
+        self.window.use()
+        context.clear(0.1, 0.1, 0.1)
+        self.renderer.forget_textures()
+        imgui.new_frame()
+        self._layout()
+        imgui.render()
+        context.clear_samplers()
+        self.renderer.render(imgui.get_draw_data())
+        self.window.swap_buffers()
+        self.frame_ms = (time.perf_counter() - start) * 1e3
+        imgui.get_io().delta_time = max(time.perf_counter() - start, 1e-4)
+
+    def close(self) -> None:
+        """Free everything and close the window."""
+        self.viewer.stop()
+        self.renderer.shutdown()
+        imgui.destroy_context()
+        self.window.destroy()
+
+    def _layout(self) -> None:
+        width, height = self.window.size
+        self._panel("left", 0, LEFT, height, self._left)
+        self._panel("middle", LEFT, width - LEFT - RIGHT, height, self._middle)
+        self._panel("right", width - RIGHT, RIGHT, height, self._right)
+
+    @staticmethod
+    def _panel(name: str, x: float, width: float, height: float, draw: Callable[[], None]) -> None:
+        flags = imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_move | imgui.WindowFlags_.no_saved_settings
+        imgui.set_next_window_pos((x, 0))
+        imgui.set_next_window_size((max(width, 64.0), height))
+        imgui.begin(name, None, flags & ~imgui.WindowFlags_.no_scrollbar)
+        imgui.push_item_width(-110)
+        draw()
+        imgui.pop_item_width()
+        imgui.end()
+
+    def _left(self) -> None:
+        viewer, opened = self.viewer, imgui.TreeNodeFlags_.default_open
+        if imgui.collapsing_header("Scene", opened):
+            scene_panel(viewer)
+        if imgui.collapsing_header("Light", opened):
+            light_panel(viewer)
+        if imgui.collapsing_header("Shading"):
+            shading_panel(viewer)
+        viewer.shows_map = imgui.collapsing_header("Shadow map")
+        if viewer.shows_map:
+            map_panel(viewer, self.renderer.texture)
+        if imgui.collapsing_header("Times and work"):
+            times_panel(viewer)
+        if imgui.collapsing_header("Take along", opened):
+            file_panel(viewer, self.names, self._copy, viewer.techniques)
+
+    def _middle(self) -> None:
+        viewer, state = self.viewer, self.viewer.state
+        imgui.push_item_width(110)
+        layout = choice("layout", state.layout, LAYOUTS, "one picture, two with a line to drag between them, or all")
+        left = right = None
+        if state.layout != "side by side":
+            imgui.same_line()
+            left = choice("##left", state.left, SOURCES)
+        if state.layout == "wipe":
+            imgui.same_line()
+            right = choice("##right", state.right, SOURCES)
+        imgui.same_line()
+        overlay = choice("show", state.overlay, OVERLAYS, "over the picture: false shadow is orange, false light blue")
+        imgui.pop_item_width()
+        shown = replace(
+            state, layout=layout, left=left or state.left, right=right or state.right, overlay=overlay
+        )
+        viewer.change(shown)
+        message = viewer.broken or viewer.message
+        bottom = imgui.get_text_line_height_with_spacing() * (1 + message.count("\n") + len(message) // 100)
+        room = imgui.get_content_region_avail()
+        imgui.begin_child("panes", (room.x, max(room.y - bottom - 8, 64)))
+        self.canvas.draw()
+        imgui.end_child()
+        imgui.text_wrapped(message or f"{self.frame_ms:.0f} ms a frame; drag: orbit, shift: pan, right: look, wheel: zoom, WASDQE: walk")
+
+    def _right(self) -> None:
+        viewer = self.viewer
+        scores_panel(viewer)
+        for index, source in enumerate("AB"[: len(viewer.state.specs)]):
+            imgui.push_id(source)
+            if imgui.collapsing_header(source, imgui.TreeNodeFlags_.default_open):
+                try:
+                    spec = edited_spec(viewer.state.specs[index], viewer.techniques)
+                    viewer.change(viewer.state.with_spec(index, spec), f"spec {source}")
+                except InputError as error:
+                    viewer.message = str(error)
+            imgui.pop_id()
+        if len(viewer.state.specs) < 2:
+            if imgui.button("add B"):
+                viewer.change(viewer.state.with_spec(1, viewer.state.specs[0]))
+        elif imgui.button("remove B"):
+            viewer.change(replace(viewer.state, specs=viewer.state.specs[:1]))
+        if not imgui.is_any_item_active() and not self.canvas.gesture:
+            viewer.rest()
+
+    def _copy(self, text: str) -> None:
+        glfw.set_clipboard_string(self.window._window, text)
+
+    def _key(self, key: int, action: int, modifiers: Any) -> None:
+        keys, io = self.window.keys, imgui.get_io()
+        io.add_key_event(imgui.Key.mod_shift, bool(modifiers.shift))
+        io.add_key_event(imgui.Key.mod_ctrl, bool(modifiers.ctrl))
+        self.renderer.key_event(key, action, modifiers)
+        if action == keys.ACTION_PRESS and modifiers.ctrl and not io.want_text_input:
+            if key == keys.Z:
+                self.viewer.redo() if modifiers.shift else self.viewer.undo()
+            elif key == keys.Y:
+                self.viewer.redo()
+
+    def _walk(self) -> None:
+        """Move the camera by the keys that are held."""
+        keys, held = self.window.keys, self.window.is_key_pressed
+        if imgui.get_io().want_text_input or imgui.get_io().key_ctrl:
+            return
+        ways = ((keys.D, keys.A), (keys.E, keys.Q), (keys.W, keys.S))
+        right, up, forward = (float(held(plus)) - float(held(minus)) for plus, minus in ways)
+        if right or up or forward:
+            camera = self.viewer.state.camera
+            step = STEP * distance(camera) * min(self.frame_ms / 1e3, 0.2)
+            moved = walked(camera, right * step, up * step, forward * step)
+            self.viewer.change(replace(self.viewer.state, camera=moved), "walk")
+
+
+def _open(title: str) -> GlfwWindow:
+    """A window with an OpenGL 4.1 context. Raises ShadowbenchError that says what to do without a display."""
+    if not glfw.init():
+        raise NoDisplayError(_NO_DISPLAY.format("no display"))
+    glfw.terminate()
+    return GlfwWindow(title=title, size=SIZE, gl_version=(4, 1), resizable=True, vsync=True, samples=0)
+
+
+class NoDisplayError(ShadowbenchError):
+    """No window could be opened."""
+
+    exit_code = 2
+
+
+def _load_font(io: Any) -> None:
+    """A font that has ², ≥ and θ."""
+    file = Path(imgui_bundle.__file__).parent / "assets" / "fonts" / "DroidSans.ttf"
+    io.fonts.add_font_from_file_ttf(str(file), FONT, None, [0x20, 0xFF, 0x2010, 0x2027, 0x370, 0x3FF, 0x2200, 0x22FF, 0])
+
+
+def show(state: ViewerState, techniques: Mapping[str, type[Technique]], plugins: Sequence[Path] = ()) -> None:
+    """Open the window and show it until it is closed. Raises NoDisplayError."""
+    ViewerWindow(state, techniques, plugins).run()
+
+
+__all__ = ["NoDisplayError", "Spec", "ViewerWindow", "os", "show"]
