@@ -32,17 +32,15 @@ void main() {
     float distance = texelFetch(blocker, pixel, 0).r;
     shown = distance < 0.0 ? 0.6 * shown + 0.2 : ramp(distance);
 #elif defined OVERLAY_TEXELS
-    // Lines between texels, or where they are too small to be seen, their even mean.
+    // Each texel of the map in its place, where it covers pixels; where it is smaller, the picture is only paler.
     vec3 here = texelFetch(texels, pixel, 0).xyz;
     vec3 right = texelFetch(texels, min(pixel + ivec2(1, 0), textureSize(texels, 0) - 1), 0).xyz;
     vec3 above = texelFetch(texels, min(pixel + ivec2(0, 1), textureSize(texels, 0) - 1), 0).xyz;
-    if (here.z >= 0.0) {
-        bool line = any(notEqual(floor(here), floor(right))) || any(notEqual(floor(here), floor(above)));
-        float pixels = 1.0 / max(max(distance(here.xy, right.xy), distance(here.xy, above.xy)), 1e-6);  // of a texel
-        vec3 grid = mod(floor(here.x) + floor(here.y), 2.0) > 0.5 ? vec3(0.9, 0.95, 1.0) : vec3(0.25, 0.35, 0.5);
-        if (here.z == right.z && here.z == above.z && pixels < 2.0) grid = vec3(0.95, 0.65, 0.25);
-        shown = mix(shown, line && pixels >= 4.0 ? vec3(0.05) : grid, 0.55);
-    }
+    float pixels = 1.0 / max(max(distance(here.xy, right.xy), distance(here.xy, above.xy)), 1e-6);  // along a texel
+    bool even = mod(floor(here.x) + floor(here.y), 2.0) < 0.5;
+    bool border = any(notEqual(floor(here), floor(right))) || any(notEqual(floor(here), floor(above)));
+    vec3 grid = border && pixels > 6.0 ? vec3(0.1) : even ? vec3(0.95, 0.75, 0.3) : vec3(0.2, 0.35, 0.6);
+    shown = mix(shown, here.z < 0.0 ? vec3(0.3) : pixels < 1.5 ? vec3(0.9) : grid, here.z < 0.0 || pixels < 1.5 ? 0.35 : 0.5);
 #endif
     color = vec4(shown, 1.0);
 }

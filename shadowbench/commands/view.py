@@ -11,6 +11,7 @@ from shadowbench.errors import InputError
 
 app = typer.Typer()
 _MOST = 2
+LIBRARIES = "libx11-6 libxcursor1 libxext6 libxi6 libxinerama1 libxrandr2"
 
 
 @app.command(
@@ -60,7 +61,6 @@ def view(
     """
     from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.techniques.spec import parse_spec
-    from shadowbench.viewer.cells import cell_state
     from shadowbench.viewer.state import Origin, ViewerState
     from shadowbench.viewer.state_files import read_state
 
@@ -70,13 +70,17 @@ def view(
         raise InputError(f"--technique: found {len(technique or ())}; allowed: one or two, A and B")
     try:
         from shadowbench.viewer.window import show
-    except ImportError as error:
+    except ModuleNotFoundError as error:
         raise InputError(f"view needs {error.name}: pip install 'shadowbench[viewer]'") from None
+    except ImportError as error:  # a library of the system
+        raise InputError(f"view cannot be loaded ({error}); on Debian and Ubuntu: apt-get install {LIBRARIES}") from None
     known = techniques_with(plugin or ())
     specs = tuple(parse_spec(text, known) for text in technique or ())
     if state is not None:
-        shown = read_state(state, assets, known)
+        shown = read_state(state, known, assets)
     elif cell is not None:
+        from shadowbench.viewer.cells import cell_state
+
         shown = cell_state(Path(str(scene)), cell, known, assets)
     else:
         with console.Reporter(quiet) as reporter:

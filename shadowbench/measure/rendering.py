@@ -44,7 +44,7 @@ class Rendering:
 
 
 def checked_texture(spec: str, texture: object, size: int) -> moderngl.Texture:
-    """What a technique drew. TypeError or ValueError unless it is a texture of size × size pixels with one component."""
+    """What a technique drew. TypeError or ValueError unless it is a texture, size × size, with one component."""
     if not isinstance(texture, moderngl.Texture):
         raise TypeError(f"{spec} drew {type(texture).__name__}; allowed: a texture")
     if texture.size != (size, size):

@@ -30,20 +30,9 @@ _PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
 
 
 def serve(handle: str, parent: str) -> None:
-    """Answer calls until the pipe is closed.
-
-    handle: file descriptor or handle of the inherited pipe end, whose first message lists the plug-ins; parent: id of
-    the process that started this one.
-    """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    die_with(int(parent))
+    """Answer calls until the pipe is closed, whose first message lists the plug-ins; arguments: see `connected`."""
+    pipe = connected(handle, parent)
     _make_process_group()
-    if os.name == "posix":
-        os.set_inheritable(int(handle), False)
-    logging.getLogger("shadowbench").setLevel(logging.ERROR)  # the parent has logged the same warnings
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(line_buffering=True)  # this process is killed in the end, which flushes nothing
-    pipe = Pipe(Connection(int(handle)))
     try:
         plugins: list[Path] = pipe.receive()
         session = Session(plugins)
@@ -68,6 +57,21 @@ def serve(handle: str, parent: str) -> None:
         pipe.send(answer)
 
 
+def connected(handle: str, parent: str) -> Pipe:
+    """The pipe to the process that started this one, and that decides when this one ends.
+
+    handle: file descriptor or handle of the inherited pipe end; parent: id of that process.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _die_with(int(parent))
+    if os.name == "posix":
+        os.set_inheritable(int(handle), False)
+    logging.getLogger("shadowbench").setLevel(logging.ERROR)  # the parent has logged the same warnings
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(line_buffering=True)  # this process is killed in the end, which flushes nothing
+    return Pipe(Connection(int(handle)))
+
+
 def _error_line(error: Exception) -> str:
     """One line for an exception, with its location in the plug-in if there is one. Prints shader errors in full."""
     if isinstance(error, ShaderError):
@@ -80,7 +84,7 @@ def _error_line(error: Exception) -> str:
     return f"{type(error).__name__}: {first_line} ({os.path.basename(place.filename)}:{place.lineno})"
 
 
-def die_with(parent: int) -> None:
+def _die_with(parent: int) -> None:
     """Kill this process when its parent dies; a hanging technique would never notice the closed pipe."""
     if sys.platform == "linux":
         # By the kernel, which works even while a driver call holds the GIL.

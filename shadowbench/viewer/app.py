@@ -20,7 +20,7 @@ from shadowbench.viewer.lights import Path as LightPath
 from shadowbench.viewer.lights import travelled
 from shadowbench.viewer.panes import Panes, TruthTextures
 from shadowbench.viewer.state import History, Origin, Source, ViewerState
-from shadowbench.viewer.truth_server import Scored, Traced
+from shadowbench.viewer.truth_messages import Scored, Traced
 from shadowbench.viewer.truth_task import TruthTask
 
 REST_S = 0.15
@@ -95,9 +95,9 @@ class Viewer:
         return self.travel.path != "rest" or self._seconds() - self._changed_at < REST_S
 
     @property
-    def idle(self) -> bool:
-        """Whether nothing will change without an event."""
-        return not self.moving and (self.broken != "" or self.current(self.scores.viewed))
+    def waiting(self) -> bool:
+        """Whether a step would change nothing: no motion, no masks to draw or to score, no answer about them."""
+        return not (self.moving or (self.drawn is not self._asked_of and not self.broken) or self.task.has_answers)
 
     def current(self, viewed: tuple[object, ...]) -> bool:
         """Whether a truth or scores are of what is shown."""

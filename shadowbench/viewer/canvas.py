@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import moderngl
+import numpy as np
 from imgui_bundle import imgui
 
 from shadowbench.viewer.app import Viewer
@@ -42,6 +43,19 @@ class Pane:
         return self.x + (x + 1) / 2 * self.side, self.y + (1 - y) / 2 * self.side
 
 
+def squares(x: float, y: float, width: float, height: float, count: int) -> list[Pane]:
+    """The largest equal squares, in rows of equal length, that fit into a rectangle."""
+
+    def side(columns: int) -> float:
+        rows = -(-count // columns)
+        return min((width - GAP * (columns - 1)) / columns, (height - GAP * (rows - 1)) / rows)
+
+    columns = max(range(1, count + 1), key=side)
+    pane = max(side(columns), 16.0)
+    step = pane + GAP
+    return [Pane(x + index % columns * step, y + index // columns * step, pane) for index in range(count)]
+
+
 class Canvas:
     """Shows the panes and turns drags into changes of the state."""
 
@@ -57,11 +71,10 @@ class Canvas:
         state, origin, room = self.viewer.state, imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
         sources = state.sources
         count = len(sources) if state.layout == "side by side" else 1
-        side = max(min((room.x - GAP * (count - 1)) / count, room.y), 16.0)
-        self.panes = [Pane(origin.x + index * (side + GAP), origin.y, side) for index in range(count)]
+        self.panes = squares(origin.x, origin.y, room.x, room.y, count)
         for index, pane in enumerate(self.panes):
             imgui.set_cursor_screen_pos((pane.x, pane.y))
-            imgui.invisible_button(f"pane {index}", (side, side), _ALL_BUTTONS)
+            imgui.invisible_button(f"pane {index}", (pane.side, pane.side), _ALL_BUTTONS)
             if imgui.is_item_hovered():
                 self._wheel()
             if imgui.is_item_activated():
@@ -131,8 +144,8 @@ class Canvas:
             circle = []
             for corner in range(_CORNERS):
                 angle = 2 * math.pi * corner / _CORNERS
-                point = (math.cos(angle) * dome.radius, 0.0, math.sin(angle) * dome.radius)
-                x, y, _ = projected(state.camera, tuple(a + b for a, b in zip(dome.center, point, strict=True)))
+                point = np.multiply(dome.radius, (math.cos(angle), 0.0, math.sin(angle)))
+                x, y, _ = projected(state.camera, np.add(dome.center, point))
                 circle.append(imgui.ImVec2(*pane.point((x, y))))
             draw_list.add_polyline(circle, 0x50FFFFFF, imgui.ImDrawFlags_.closed, 1.0)
         if "aim" in places:
@@ -195,5 +208,7 @@ class Canvas:
 
 
 _ALL_BUTTONS = (
-    imgui.ButtonFlags_.mouse_button_left | imgui.ButtonFlags_.mouse_button_right | imgui.ButtonFlags_.mouse_button_middle
+    imgui.ButtonFlags_.mouse_button_left
+    | imgui.ButtonFlags_.mouse_button_right
+    | imgui.ButtonFlags_.mouse_button_middle
 )

@@ -1,4 +1,4 @@
-"""Drawing of a state with the passes, techniques and shaders of `run`: G-buffer, the specs' masks, the panes' pictures."""
+"""Drawing of a state with the passes, techniques and shaders of `run`: the G-buffer, and the masks of the specs."""
 
 import time
 from contextlib import suppress
@@ -74,7 +74,7 @@ class Drawn:
 
 
 class Drawing:
-    """Draws states on one device. Techniques stay built, at the sizes of a rested and of a moving image, while shown."""
+    """Draws states on one device. Techniques stay built while shown, at the sizes of a rested and a moving image."""
 
     def __init__(self, device: Device) -> None:
         self.device, self.clock = device, Clock(device)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -35,7 +36,7 @@ def file_panel(
             viewer.message = f"copied: {text}"
         imgui.same_line()
         if imgui.button(f"append {source} to study"):
-            viewer.attempt(lambda text=text, index=index: _append(viewer, names.study, index, text, techniques))
+            viewer.attempt(partial(_append, viewer, names.study, index, techniques))
     names.study = imgui.input_text("study file", names.study)[1]
     if imgui.button("save picture"):
         viewer.attempt(lambda: _save_picture(viewer, Path(names.picture)))
@@ -47,9 +48,9 @@ def file_panel(
     names.state = imgui.input_text("state", names.state)[1]
 
 
-def _append(viewer: Viewer, file: str, index: int, text: str, techniques: Mapping[str, type[Technique]]) -> str:
+def _append(viewer: Viewer, file: str, index: int, techniques: Mapping[str, type[Technique]]) -> str:
     append_to_study(Path(file), viewer.state, index, techniques)
-    return f"{file}: appended {text}"
+    return f"{file}: appended {viewer.state.specs[index].text}"
 
 
 def _save_picture(viewer: Viewer, file: Path) -> str:

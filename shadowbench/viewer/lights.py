@@ -97,8 +97,8 @@ def azimuth_elevation(light: Light) -> tuple[float, float]:
 def travelled(light: Light, path: Path, center: Vec3, turns: float) -> Light:
     """The light after `turns` of its path around the scene's centre.
 
-    circle: about the vertical axis; day: on an arc from the east (+x) over the south to the west, from 0 to 1 turns, and
-    anew: lamps at the distance that they have.
+    circle: about the vertical axis, `turns` from where it is; day: on an arc from the east (+x) over the south to the
+    west in one turn, then anew, a lamp at the distance that it has.
     """
     if path == "rest":
         return light

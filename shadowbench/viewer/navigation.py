@@ -23,7 +23,7 @@ def ray(camera: Camera, x: float, y: float) -> Floats:
 
 
 def projected(camera: Camera, point: Vec3 | Floats) -> tuple[float, float, float]:
-    """(x, y, depth) of a point in space: its place in the picture, which means nothing for depth ≤ 0, and view depth."""
+    """(x, y, depth) of a point in space: its place in the picture, of no meaning for depth ≤ 0, and its view depth."""
     right, up, back = camera.basis()
     offset = np.subtract(point, camera.position)
     depth = float(-back @ offset)

@@ -14,7 +14,7 @@ from shadowbench.scores.difference import FALSE_LIGHT, FALSE_SHADOW
 from shadowbench.techniques.base import Technique
 from shadowbench.viewer.drawing import Drawn
 from shadowbench.viewer.state import Overlay, Source, ViewerState
-from shadowbench.viewer.truth_server import Traced
+from shadowbench.viewer.truth_messages import Traced
 
 _DEFINES: dict[Overlay, str] = {
     "error": "ERROR",
@@ -31,7 +31,7 @@ LARGEST_MAP = 1024
 
 @dataclass(frozen=True, eq=False)
 class TruthTextures:
-    """A truth as textures of a size: visibility and, in y, whether a pixel is scored; blockers' distances from 0 to 1."""
+    """A truth as textures of a size: visibility with, in y, whether a pixel is scored; blockers' distances, up to 1."""
 
     device: Device
     traced: Traced
@@ -96,7 +96,11 @@ class Panes:
             for name, color in zip(("false_shadow", "false_light"), colors, strict=True):
                 one.program.set(**{name: color})
             one.program.set(soft=float(truth.traced.soft))
-        inputs = {**drawn.frame.surface.inputs, "picture": (picture, Sampling()), "visibility": (visibility, Sampling())}
+        inputs = {
+            **drawn.frame.surface.inputs,
+            "picture": (picture, Sampling()),
+            "visibility": (visibility, Sampling()),
+        }
         if truth is not None:
             inputs |= {"truth": (truth.visibility, Sampling()), "blocker": (truth.blocker, Sampling())}
         if texels is not None:
@@ -124,7 +128,7 @@ class Panes:
 
     @staticmethod
     def _is_plain(overlay: Overlay, truth: TruthTextures | None, texels: moderngl.Texture | None) -> bool:
-        lacking = overlay in NEEDS_TRUTH and truth is None or overlay == "texels" and texels is None
+        lacking = (overlay in NEEDS_TRUTH and truth is None) or (overlay == "texels" and texels is None)
         return lacking or overlay not in _DEFINES
 
     def _pass(self, overlay: Overlay) -> Drawable:
@@ -144,5 +148,5 @@ def _enlarged(values: NDArray[np.floating], size: int) -> NDArray[np.float32]:
 
 
 def _texture(device: Device, values: NDArray[np.float32]) -> moderngl.Texture:
-    height, width, *components = values.shape
-    return device.context.texture((width, height), *(components or [1]), values.tobytes(), dtype="f4")
+    height, width = values.shape[:2]
+    return device.context.texture((width, height), values.size // (height * width), values.tobytes(), dtype="f4")

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+import moderngl
 import numpy as np
 from imgui_bundle import imgui
 
@@ -24,7 +25,7 @@ def scores_panel(viewer: Viewer) -> None:
     stale = not viewer.current(scores.viewed)
     if stale:
         imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(imgui.Col_.text_disabled))
-    if imgui.begin_table("scores", len(specs) + 1, imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.row_bg):
+    if imgui.begin_table("scores", len(specs) + 1, imgui.TableFlags_.sizing_stretch_same | imgui.TableFlags_.row_bg):
         for title in ("against the truth", *"AB"[: len(specs)]):
             imgui.table_setup_column(title)
         imgui.table_headers_row()
@@ -72,7 +73,7 @@ def times_panel(viewer: Viewer) -> None:
     imgui.text_unformatted(f"{viewer.drawing.bytes / 2**20:.1f} MiB of maps, masks and buffers")
 
 
-def map_panel(viewer: Viewer, register: Callable[[object], int]) -> None:
+def map_panel(viewer: Viewer, register: Callable[[moderngl.Texture], int]) -> None:
     """The shadow map of A or B. register: makes a texture known to the interface and returns its number."""
     for index, source in enumerate("AB"[: len(viewer.state.specs)]):
         if imgui.radio_button(f"map of {source}", viewer.map_of == index):

@@ -32,9 +32,9 @@ class Origin:
 class ViewerState:
     """What the window shows.
 
-    origin: of the scene; None for one that no file has, such as a sweep's; coordinates: in which it is drawn; size: of
-    the image, in pixels along a side; phase: see `Phase`; colors: linear RGB by the name of a `material`, in place of the scene's; wipe: the
-    share of the picture that `left` takes.
+    size: of the image, in pixels along a side; origin: of the scene, None for one that no file has, such as a sweep's;
+    coordinates: in which it is drawn; phase: see `Phase`; colors: linear RGB by the name of a `material`, in place of
+    the scene's; wipe: the share of the picture that `left` takes.
     """
 
     scene: Scene
@@ -67,7 +67,7 @@ class ViewerState:
     def sources(self) -> tuple[Source, ...]:
         """The pictures that the layout shows, from the left."""
         if self.layout == "side by side":
-            return ("A", *(("B",) if len(self.specs) > 1 else ()), "truth")  # type: ignore[return-value]
+            return ("A", *(("B",) if len(self.specs) > 1 else ()), "truth")
         return (self.left,) if self.layout == "one" else (self.left, self.right)
 
     def with_spec(self, index: int, spec: Spec) -> "ViewerState":

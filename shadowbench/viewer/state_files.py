@@ -23,11 +23,11 @@ from shadowbench.scenes.model import Camera, Light, Mesh
 from shadowbench.scenes.tables import LIGHT_TABLES, Color
 from shadowbench.scenes.views import LARGEST
 from shadowbench.strict import Strict, explain
-from shadowbench.studies.crossing import Techniques
-from shadowbench.techniques.registry import techniques as built_in
+from shadowbench.techniques.base import Technique
 from shadowbench.techniques.spec import parse_spec
 from shadowbench.viewer.state import Layout, Origin, Overlay, Source, ViewerState
 
+Techniques = Mapping[str, type[Technique]]
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 
@@ -61,14 +61,14 @@ class ViewerTable(Strict):
     shading: ShadingTable = ShadingTable()
 
 
-def read_state(file: Path, assets: Path | None = None, techniques: Techniques | None = None) -> ViewerState:
+def read_state(file: Path, techniques: Techniques, assets: Path | None = None) -> ViewerState:
     """The state that a file holds. Raises InputError, as `load_scene` does, and for an invalid table `[viewer]`."""
     scene = load_scene(file, assets)
     try:
         table = ViewerTable.model_validate(read_document(file).viewer)
     except ValidationError as error:
         raise explain(f"{file.name}: [viewer]", error) from None
-    specs = tuple(parse_spec(text, techniques or built_in()) for text in table.techniques)
+    specs = tuple(parse_spec(text, techniques) for text in table.techniques)
     own = {field.name for field in fields(ViewerState)} - {"colors", "shading"}
     shown = {key: value for key, value in table if key in own}
     return ViewerState(
@@ -107,23 +107,22 @@ def save_state(state: ViewerState, file: Path) -> None:
         temporary.write_text(toml_of(document), encoding="utf-8")
 
 
-def append_to_study(file: Path, state: ViewerState, index: int, techniques: Techniques | None = None) -> None:
+def append_to_study(file: Path, state: ViewerState, index: int, techniques: Techniques) -> None:
     """Append a spec of a state to a study file, which is made for the state's scene if there is none.
 
     Raises InputError if the file is no study, or would not be one with it.
     """
-    from shadowbench.studies.study import read_study
+    from shadowbench.studies.study import read_study  # with pandas, only when it is needed
 
     if file.suffix != ".toml":
         raise InputError(f"{file}: found a name that ends with {file.suffix or 'no suffix'!r}; allowed: .toml")
-    known = techniques or built_in()
     before = f"scenes = {_value([_source(state, file)])}\n"
     if file.exists():
-        read_study(file, known)
+        read_study(file, techniques)
         before = file.read_text(encoding="utf-8")
     with replace_file(file) as temporary:
         temporary.write_text(f"{before}\n[[technique]]\nspec = {_value(state.specs[index].text)}\n", encoding="utf-8")
-        read_study(temporary, known, file.parent)
+        read_study(temporary, techniques, file.parent)
 
 
 def toml_of(document: Mapping[str, Any]) -> str:

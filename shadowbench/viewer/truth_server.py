@@ -1,73 +1,20 @@
 """Tracing and scoring in a process of its own: coarse truths first, then the one that `score` compares with."""
 
-import io
-import logging
-import signal
-import sys
-from collections.abc import Mapping
-from dataclasses import dataclass
-
-import numpy as np
-from numpy.typing import NDArray
-
 from shadowbench.errors import message
 from shadowbench.measure.pipe import Pipe
 from shadowbench.measure.scoring import prepare_truth, truth_record
-from shadowbench.measure.serve import Connection, die_with
+from shadowbench.measure.serve import connected
 from shadowbench.scenes.model import View
 from shadowbench.scenes.views import chosen_view
 from shadowbench.scores.metrics import score
 from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.truths.trace import Truth, trace
+from shadowbench.viewer.truth_messages import Failed, Request, Scored, Traced
 
 COARSE = (8, 4)
 """By which shares of its size a view is traced before it is traced in full."""
 COARSE_ERROR = 0.05
 """Standard error of visibility in a coarse truth of a light with a size."""
-
-
-@dataclass(frozen=True, eq=False)
-class Request:
-    """A view to trace, unless it was the last one, and masks to score, by spec. number: of the view."""
-
-    number: int
-    view: View
-    masks: Mapping[str, NDArray[np.float32]]
-
-
-@dataclass(frozen=True, eq=False)
-class Traced:
-    """What the window shows of a truth: arrays (N, N), row 0 at the top, as those of `Truth`.
-
-    scored: receivers that are not undecided; soft: whether there is a penumbra; final: whether it is the full truth.
-    """
-
-    number: int
-    visibility: NDArray[np.float32]
-    scored: NDArray[np.bool_]
-    blocker: NDArray[np.float32]
-    soft: bool
-    final: bool
-
-
-@dataclass(frozen=True, eq=False)
-class Scored:
-    """The scores of a spec's mask in a view."""
-
-    number: int
-    spec: str
-    scores: Mapping[str, float | None]
-
-
-@dataclass(frozen=True, eq=False)
-class Failed:
-    """Why a view cannot be traced or a mask not scored."""
-
-    number: int
-    reason: str
-
-
-Answer = Traced | Scored | Failed
 
 
 class TruthServer:
@@ -112,14 +59,9 @@ def _shown(truth: Truth, number: int, final: bool) -> Traced:
 
 
 def serve(handle: str, parent: str) -> None:
-    """Answer requests until the pipe is closed; arguments as of `measure.serve.serve`."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    die_with(int(parent))
-    logging.getLogger("shadowbench").setLevel(logging.ERROR)
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(line_buffering=True)
+    """Answer requests until the pipe is closed; arguments: see `connected`."""
+    pipe = connected(handle, parent)
     trace(chosen_view("post", 16))  # compiled loops and libraries are loaded before the first request
-    pipe = Pipe(Connection(int(handle)))
     server = TruthServer(pipe)
     while True:
         try:

@@ -14,7 +14,7 @@ from shadowbench.measure.pipe import Pipe
 from shadowbench.measure.plugin_output import forward_output
 from shadowbench.measure.worker import sigint_blocked, spawn
 from shadowbench.scenes.model import Camera, Light, Scene, View
-from shadowbench.viewer.truth_server import Answer, Failed, Request
+from shadowbench.viewer.truth_messages import Answer, Failed, Request
 
 _Viewed = tuple[Scene, Camera, Light, int]
 
@@ -38,6 +38,11 @@ class TruthTask:
             self._viewed, self._number = viewed, self._number + 1
         self._requests.put(Request(self._number, view, dict(masks)))
         return self._number
+
+    @property
+    def has_answers(self) -> bool:
+        """Whether `answers` would return some."""
+        return self._pipe.connection.poll()
 
     def answers(self) -> list[Answer]:
         """What has been answered since the last call."""

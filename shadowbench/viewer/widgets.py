@@ -40,7 +40,7 @@ class Widget:
 
 
 def widgets(model: BaseModel) -> list[Widget]:
-    """The widgets of the parameters of a technique or a component, in their order. Raises TypeError for another type."""
+    """The widgets of a technique's or a component's parameters. Raises TypeError for one of another type."""
     return [_widget(key, info, getattr(model, key)) for key, info in type(model).model_fields.items()]
 
 

@@ -1,7 +1,7 @@
 """The window: GLFW through moderngl-window, its events, and the layout of panels and panes."""
 
-import os
 import time
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +17,6 @@ from moderngl_window.integrations.imgui_bundle import ModernglWindowRenderer
 from shadowbench.errors import InputError, ShadowbenchError
 from shadowbench.gl.device import device_of
 from shadowbench.techniques.base import Technique
-from shadowbench.techniques.spec import Spec
 from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.canvas import Canvas
 from shadowbench.viewer.file_panel import FileNames, file_panel
@@ -30,20 +29,26 @@ from shadowbench.viewer.technique_panel import choice, edited_spec
 SIZE = (1400, 860)
 LEFT, RIGHT = 310.0, 340.0  # pixels
 FONT = 15.0
-IDLE_S, WAITING_S = 0.2, 0.02  # longest time between frames at rest, and while something is awaited
+IDLE_S, AFTER_EVENT_S = 0.5, 0.4  # longest time between frames at rest; frames are drawn for so long after an event
+POLL_S = 0.01  # between looks for an answer
 STEP = 0.25  # of the distance to the target that walking covers in a second
-_NO_DISPLAY = "no window can be opened ({}): `shadowbench render` draws without one, and `xvfb-run -s '-screen 0 1400x860x24' shadowbench view …` into a virtual display"
+_NO_DISPLAY = (
+    "no window can be opened here ({}): `shadowbench render` draws without one; "
+    "xvfb-run -s '-screen 0 1400x860x24' shadowbench view … opens one on a virtual display"
+)
 
 
-class Renderer(ModernglWindowRenderer):  # type: ignore[misc]
+class Renderer(ModernglWindowRenderer):
     """Dear ImGui's events and drawing. Queued events: a press and its release between two frames make a click."""
 
-    def __init__(self, window: GlfwWindow) -> None:
-        super().__init__(window)
+    def __init__(self, window: GlfwWindow, heard: Callable[[], None]) -> None:
+        """heard: called for each event."""
+        super().__init__(window)  # type: ignore[no-untyped-call]
+        self._heard = heard
         window.mouse_position_event_func = window.mouse_drag_event_func = self._moved
         window.mouse_press_event_func = lambda x, y, button: self._button(x, y, button, True)
         window.mouse_release_event_func = lambda x, y, button: self._button(x, y, button, False)
-        window.mouse_scroll_event_func = lambda x, y: self.io.add_mouse_wheel_event(x, y)
+        window.mouse_scroll_event_func = self._scrolled
         window.unicode_char_entered_func = self.unicode_char_entered
         window.resize_func = self.resize
 
@@ -54,12 +59,18 @@ class Renderer(ModernglWindowRenderer):  # type: ignore[misc]
 
     def forget_textures(self) -> None:
         """Forget all textures but the font's: they may be freed before the next frame."""
-        self._textures = {self._font_texture.glo: self._font_texture}
+        self._textures = {number: one for number, one in self._textures.items() if one is self._font_texture}
+
+    def _scrolled(self, x: float, y: float) -> None:
+        self._heard()
+        self.io.add_mouse_wheel_event(x, y)
 
     def _moved(self, x: int, y: int, *_: int) -> None:
+        self._heard()
         self.io.add_mouse_pos_event(x, y)
 
     def _button(self, x: int, y: int, button: int, down: bool) -> None:
+        self._heard()
         self.io.add_mouse_pos_event(x, y)
         self.io.add_mouse_button_event(button - 1, down)  # left, right and middle, in the order of both libraries
 
@@ -74,18 +85,19 @@ class ViewerWindow:
         io = imgui.get_io()
         io.set_ini_filename("")
         _load_font(io)
-        self.renderer = Renderer(self.window)
+        self.renderer = Renderer(self.window, self._heard)
         self.window.key_event_func = self._key
         self.canvas = Canvas(self.viewer, self.renderer.texture)
         self.names = FileNames()
         self.frame_ms = 0.0
+        self._quiet_from = 0.0  # time from which on frames without a change need not be drawn
 
     def run(self) -> None:
         """Show the window until it is closed."""
         try:
             while not self.window.is_closing:
                 self.frame()
-                glfw.wait_events_timeout(IDLE_S if self.viewer.idle else WAITING_S) if not self.viewer.moving else None
+                self._wait()
         finally:
             self.close()
 
@@ -107,10 +119,16 @@ class ViewerWindow:
         self.frame_ms = (time.perf_counter() - start) * 1e3
         imgui.get_io().delta_time = max(time.perf_counter() - start, 1e-4)
 
+    def _wait(self) -> None:
+        """Wait for an event, an answer of the process that traces, or until files should be looked at again."""
+        until = time.perf_counter() + IDLE_S
+        while self.viewer.waiting and self._quiet_from < time.perf_counter() < until:
+            glfw.wait_events_timeout(POLL_S)
+
     def close(self) -> None:
         """Free everything and close the window."""
         self.viewer.stop()
-        self.renderer.shutdown()
+        self.renderer.shutdown()  # type: ignore[no-untyped-call]
         imgui.destroy_context()
         self.window.destroy()
 
@@ -161,9 +179,7 @@ class ViewerWindow:
         imgui.same_line()
         overlay = choice("show", state.overlay, OVERLAYS, "over the picture: false shadow is orange, false light blue")
         imgui.pop_item_width()
-        shown = replace(
-            state, layout=layout, left=left or state.left, right=right or state.right, overlay=overlay
-        )
+        shown = replace(state, layout=layout, left=left or state.left, right=right or state.right, overlay=overlay)
         viewer.change(shown)
         message = viewer.broken or viewer.message
         bottom = imgui.get_text_line_height_with_spacing() * (1 + message.count("\n") + len(message) // 100)
@@ -171,7 +187,10 @@ class ViewerWindow:
         imgui.begin_child("panes", (room.x, max(room.y - bottom - 8, 64)))
         self.canvas.draw()
         imgui.end_child()
-        imgui.text_wrapped(message or f"{self.frame_ms:.0f} ms a frame; drag: orbit, shift: pan, right: look, wheel: zoom, WASDQE: walk")
+        imgui.text_wrapped(
+            message
+            or f"{self.frame_ms:.0f} ms a frame; drag: orbit, shift: pan, right: look, wheel: zoom, WASDQE: walk"
+        )
 
     def _right(self) -> None:
         viewer = self.viewer
@@ -193,14 +212,18 @@ class ViewerWindow:
         if not imgui.is_any_item_active() and not self.canvas.gesture:
             viewer.rest()
 
+    def _heard(self) -> None:
+        self._quiet_from = time.perf_counter() + AFTER_EVENT_S
+
     def _copy(self, text: str) -> None:
         glfw.set_clipboard_string(self.window._window, text)
 
     def _key(self, key: int, action: int, modifiers: Any) -> None:
+        self._heard()
         keys, io = self.window.keys, imgui.get_io()
         io.add_key_event(imgui.Key.mod_shift, bool(modifiers.shift))
         io.add_key_event(imgui.Key.mod_ctrl, bool(modifiers.ctrl))
-        self.renderer.key_event(key, action, modifiers)
+        self.renderer.key_event(key, action, modifiers)  # type: ignore[no-untyped-call]
         if action == keys.ACTION_PRESS and modifiers.ctrl and not io.want_text_input:
             if key == keys.Z:
                 self.viewer.redo() if modifiers.shift else self.viewer.undo()
@@ -209,7 +232,8 @@ class ViewerWindow:
 
     def _walk(self) -> None:
         """Move the camera by the keys that are held."""
-        keys, held = self.window.keys, self.window.is_key_pressed
+        keys: Any = self.window.keys  # whose types are of no one backend
+        held = self.window.is_key_pressed
         if imgui.get_io().want_text_input or imgui.get_io().key_ctrl:
             return
         ways = ((keys.D, keys.A), (keys.E, keys.Q), (keys.W, keys.S))
@@ -221,29 +245,31 @@ class ViewerWindow:
             self.viewer.change(replace(self.viewer.state, camera=moved), "walk")
 
 
-def _open(title: str) -> GlfwWindow:
-    """A window with an OpenGL 4.1 context. Raises ShadowbenchError that says what to do without a display."""
-    if not glfw.init():
-        raise NoDisplayError(_NO_DISPLAY.format("no display"))
-    glfw.terminate()
-    return GlfwWindow(title=title, size=SIZE, gl_version=(4, 1), resizable=True, vsync=True, samples=0)
-
-
 class NoDisplayError(ShadowbenchError):
     """No window could be opened."""
 
     exit_code = 2
 
 
+def _open(title: str) -> GlfwWindow:
+    """A window with an OpenGL 4.1 context. Raises NoDisplayError."""
+    with warnings.catch_warnings(record=True) as heard:  # GLFW's errors are warnings
+        warnings.simplefilter("always")
+        try:
+            return GlfwWindow(title=title, size=SIZE, gl_version=(4, 1), resizable=True, vsync=True, samples=0)
+        except Exception as error:  # ValueError, or moderngl's own
+            reason = heard[-1].message if heard else error
+            raise NoDisplayError(_NO_DISPLAY.format(" ".join(str(reason).split()))) from None
+
+
 def _load_font(io: Any) -> None:
     """A font that has ², ≥ and θ."""
     file = Path(imgui_bundle.__file__).parent / "assets" / "fonts" / "DroidSans.ttf"
-    io.fonts.add_font_from_file_ttf(str(file), FONT, None, [0x20, 0xFF, 0x2010, 0x2027, 0x370, 0x3FF, 0x2200, 0x22FF, 0])
+    io.fonts.add_font_from_file_ttf(
+        str(file), FONT, None, [0x20, 0xFF, 0x2010, 0x2027, 0x370, 0x3FF, 0x2200, 0x22FF, 0]
+    )
 
 
 def show(state: ViewerState, techniques: Mapping[str, type[Technique]], plugins: Sequence[Path] = ()) -> None:
     """Open the window and show it until it is closed. Raises NoDisplayError."""
     ViewerWindow(state, techniques, plugins).run()
-
-
-__all__ = ["NoDisplayError", "Spec", "ViewerWindow", "os", "show"]
