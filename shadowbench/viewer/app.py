@@ -54,12 +54,13 @@ class Viewer:
         device: Device,
         state: ViewerState,
         techniques: Mapping[str, type[Technique]],
+        task: TruthTask,
         plugins: Sequence[Path] = (),
         seconds: Callable[[], float] = time.perf_counter,
     ) -> None:
-        self.device, self.techniques = device, techniques
+        self.device, self.techniques, self.task = device, techniques, task
         self.history = History(state)
-        self.drawing, self.panes, self.task = Drawing(device), Panes(device), TruthTask()
+        self.drawing, self.panes = Drawing(device), Panes(device)
         self.travel = Travel()
         self.message = ""  # the last error or result of an action
         self.broken = ""  # why nothing can be drawn
@@ -159,11 +160,12 @@ class Viewer:
         """Why A and B drew nothing; empty for one that did."""
         return [mask.failure for mask in self.drawn.masks] if self.drawn else []
 
-    def stop(self) -> None:
-        """End the process that traces, and free everything."""
-        self.task.stop()
+    def release(self) -> None:
+        """Free what is on the device."""
         self._release_drawn()
         self.drawing.reload()
+        self.panes.reload()
+        self.device.free(self.pictures.values())
 
     def _to(self, history: History) -> None:
         if self._drawing_key(history.state) != self._drawing_key(self.state):

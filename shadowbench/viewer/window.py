@@ -25,6 +25,7 @@ from shadowbench.viewer.result_panels import map_panel, scores_panel, times_pane
 from shadowbench.viewer.scene_panels import light_panel, scene_panel, shading_panel
 from shadowbench.viewer.state import LAYOUTS, OVERLAYS, SOURCES, ViewerState
 from shadowbench.viewer.technique_panel import choice, edited_spec
+from shadowbench.viewer.truth_task import TruthTask
 
 SIZE = (1400, 860)
 LEFT, RIGHT = 310.0, 340.0  # pixels
@@ -80,7 +81,8 @@ class ViewerWindow:
 
     def __init__(self, state: ViewerState, techniques: Mapping[str, type[Technique]], plugins: Sequence[Path]) -> None:
         self.window = _open(f"shadowbench view: {state.scene.name}")
-        self.viewer = Viewer(device_of(self.window.ctx), state, techniques, plugins)
+        self.task = TruthTask()
+        self.viewer = Viewer(device_of(self.window.ctx), state, techniques, self.task, plugins)
         imgui.create_context()
         io = imgui.get_io()
         io.set_ini_filename("")
@@ -127,7 +129,8 @@ class ViewerWindow:
 
     def close(self) -> None:
         """Free everything and close the window."""
-        self.viewer.stop()
+        self.task.stop()
+        self.viewer.release()
         self.renderer.shutdown()  # type: ignore[no-untyped-call]
         imgui.destroy_context()
         self.window.destroy()
