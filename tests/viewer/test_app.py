@@ -1,10 +1,13 @@
 """What the window does between its frames, without a window."""
 
+import gc
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import moderngl
 import numpy as np
 import pytest
 
@@ -79,7 +82,8 @@ def settle(viewer: Viewer, clock: Clock) -> None:
     """Let motion rest, until everything is scored."""
     clock.now += 1.0
     viewer.step()
-    while not (viewer.waiting and viewer.current(viewer.scores.viewed) and len(viewer.scores.by_spec) >= 2):
+    wanted = {spec.full_text for spec in viewer.state.specs}
+    while not (viewer.waiting and viewer.current(viewer.scores.viewed) and wanted <= set(viewer.scores.by_spec)):
         assert not viewer.message, viewer.message
         time.sleep(0.01)
         viewer.step()
@@ -207,3 +211,31 @@ def test_another_scene_is_opened_from_its_first_camera(
     viewer.attempt(lambda: viewer.open_scene(Origin("no-such-scene")))
     assert "no-such-scene" in viewer.message
     assert viewer.state.scene.name == "spot-lamp"
+
+
+def live_objects() -> Counter[str]:
+    """Number of moderngl objects that have not been released, by type."""
+    kinds = (moderngl.Texture, moderngl.Buffer, moderngl.Framebuffer, moderngl.Program, moderngl.VertexArray)
+    gc.collect()
+    found = [one for one in gc.get_objects() if type(one) in kinds]
+    return Counter(type(one).__name__ for one in found if not isinstance(one.mglo, moderngl.InvalidObject))
+
+
+def test_nothing_is_left_behind_by_frames_and_other_techniques(viewer: Viewer, clock: Clock) -> None:
+    specs = [parse_spec(text, KNOWN) for text in ("shadow-map:size=64", "cascades:size=64", "shadow-volume")]
+
+    def change_all() -> None:
+        for number, spec in enumerate(specs):
+            for overlay in ("picture", "tint", "texels", "error"):
+                camera = orbited(viewer.state.camera, 0.01 * (number + 1), 0.0)
+                viewer.change(replace(viewer.state.with_spec(0, spec), camera=camera, overlay=overlay))  # type: ignore[arg-type]
+                viewer.step()
+
+    viewer.shows_map = True
+    change_all()
+    settle(viewer, clock)
+    before = live_objects()
+    for _ in range(5):
+        change_all()
+    settle(viewer, clock)
+    assert live_objects() == before
