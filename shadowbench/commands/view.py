@@ -59,13 +59,18 @@ def view(
     view, which is traced whenever motion rests, with their scores. Needs a display and
     pip install 'shadowbench[viewer]'.
     """
+    from dataclasses import replace
+
     from shadowbench.measure.plugin_output import techniques_with
+    from shadowbench.scenes.views import named
     from shadowbench.techniques.spec import parse_spec
     from shadowbench.viewer.state import Origin, ViewerState
     from shadowbench.viewer.state_files import read_state
 
     if (scene is None) == (state is None):
         raise InputError("view: found " + ("no scene" if scene is None else "SCENE and --state") + "; allowed: one")
+    if (state or cell) and (view or light or up or sun):
+        raise InputError("--view, --light, --up and --sun choose from a SCENE; a state and a cell have their own")
     if len(technique or ()) > _MOST:
         raise InputError(f"--technique: found {len(technique or ())}; allowed: one or two, A and B")
     try:
@@ -73,29 +78,20 @@ def view(
     except ModuleNotFoundError as error:
         raise InputError(f"view needs {error.name}: pip install 'shadowbench[viewer]'") from None
     except ImportError as error:  # a library of the system
-        raise InputError(
-            f"view cannot be loaded ({error}); on Debian and Ubuntu: apt-get install {LIBRARIES}"
-        ) from None
+        raise InputError(f"view cannot be loaded ({error}); on Debian and Ubuntu: apt-get install {LIBRARIES}") from None
     known = techniques_with(plugin or ())
     specs = tuple(parse_spec(text, known) for text in technique or ())
     if state is not None:
         shown = read_state(state, known, assets)
     elif cell is not None:
-        from shadowbench.viewer.cells import cell_state
+        from shadowbench.viewer.cells import cell_state  # with pandas, only when it is needed
 
         shown = cell_state(Path(str(scene)), cell, known, assets)
     else:
         with console.Reporter(quiet) as reporter:
             chosen = reporter.view(str(scene), view_size, view, light, assets, up, sun)
+        camera = named(chosen.scene.cameras, chosen.camera.name, "view")  # its planes are the file's, not of this view
         first = parse_spec("shadow-map", known)
-        lamp = next(one for one in chosen.scene.lights if one == chosen.light)
-        camera = next(one for one in chosen.scene.cameras if one.name == chosen.camera.name)
-        origin = None if sun else Origin(str(scene), assets, up)
-        shown = ViewerState(chosen.scene, camera, lamp, (first,), chosen.size, origin)
-    from dataclasses import replace
-
-    if specs:
-        shown = replace(shown, specs=specs)
-    if view_size is not None:
-        shown = replace(shown, size=view_size)
-    show(shown, known, plugin or ())
+        origin = Origin(str(scene), assets, up)
+        shown = ViewerState(chosen.scene, camera, chosen.light, (first,), chosen.size, origin)
+    show(replace(shown, specs=specs or shown.specs, size=view_size or shown.size), known, plugin or ())

@@ -219,7 +219,7 @@ class ViewerWindow:
         self._quiet_from = time.perf_counter() + AFTER_EVENT_S
 
     def _copy(self, text: str) -> None:
-        glfw.set_clipboard_string(self.window._window, text)
+        glfw.set_clipboard_string(None, text)
 
     def _key(self, key: int, action: int, modifiers: Any) -> None:
         self._heard()
