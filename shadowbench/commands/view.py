@@ -78,7 +78,9 @@ def view(
     except ModuleNotFoundError as error:
         raise InputError(f"view needs {error.name}: pip install 'shadowbench[viewer]'") from None
     except ImportError as error:  # a library of the system
-        raise InputError(f"view cannot be loaded ({error}); on Debian and Ubuntu: apt-get install {LIBRARIES}") from None
+        raise InputError(
+            f"view cannot be loaded ({error}); on Debian and Ubuntu: apt-get install {LIBRARIES}"
+        ) from None
     known = techniques_with(plugin or ())
     specs = tuple(parse_spec(text, known) for text in technique or ())
     if state is not None:

@@ -63,8 +63,9 @@ class Gallery:
     """The pictures of a section or sweep as JSON data; images are data URIs, None if the file is missing.
 
     cells: dicts of spec, size, view, score, caption, error, faults, command (that shows it in the window), mask, soft
-    (whether the truth is) and picture, which is used if the view has no shading images; views: by view name, images of the truth, the undecided pixels, and
-    the view without shadow (lit) and in full shadow (ambient); notes: on missing files and on scaling.
+    (whether the truth is) and picture, which is used if the view has no shading images; views: by view name, images of
+    the truth, the undecided pixels, and the view without shadow (lit) and in full shadow (ambient); notes: on missing
+    files and on scaling.
     """
 
     cells: tuple[dict[str, Any], ...]

@@ -73,11 +73,11 @@ class Panes:
             if truth is None:
                 return None
             visibility = truth.visibility
+        elif "AB".index(source) < len(drawn.masks):
+            mask = drawn.masks["AB".index(source)]
+            visibility = mask.visibility or drawn.lit  # where it failed, the scene without shadows
         else:
-            mask = drawn.masks["AB".index(source)] if "AB".index(source) < len(drawn.masks) else None
-            if mask is None or mask.visibility is None:
-                return None
-            visibility = mask.visibility
+            return None
         technique = None if mask is None else mask.technique
         self.device.reset()
         tint = technique.tint() if technique and state.overlay == "tint" else None

@@ -44,7 +44,7 @@ def edited(model: Model) -> Model:
 
 def choice(label: str, value: Any, names: Any, help: str = "") -> Any:
     """A combo box; the value that was chosen."""
-    if imgui.begin_combo(label, str(value)):
+    if imgui.begin_combo(label, str(value), imgui.ComboFlags_.height_largest):
         for name in names:
             if imgui.selectable(str(name), name == value)[0]:
                 value = name

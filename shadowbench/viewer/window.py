@@ -106,7 +106,7 @@ class ViewerWindow:
     def frame(self) -> None:
         """One frame: bring the pictures up to date, draw the interface, take events."""
         start = time.perf_counter()
-        self._walk()
+        walks = self._walk()
         self.viewer.step()
         context = self.window.ctx
         self.window.use()
@@ -114,6 +114,8 @@ class ViewerWindow:
         self.renderer.forget_textures()
         imgui.new_frame()
         self._layout()
+        if not (walks or imgui.is_any_item_active() or self.canvas.gesture or self.viewer.travel.path != "rest"):
+            self.viewer.rest()
         imgui.render()
         context.clear_samplers()
         self.renderer.render(imgui.get_draw_data())
@@ -212,14 +214,12 @@ class ViewerWindow:
                 viewer.change(viewer.state.with_spec(1, viewer.state.specs[0]))
         elif imgui.button("remove B"):
             viewer.change(replace(viewer.state, specs=viewer.state.specs[:1]))
-        if not imgui.is_any_item_active() and not self.canvas.gesture:
-            viewer.rest()
 
     def _heard(self) -> None:
         self._quiet_from = time.perf_counter() + AFTER_EVENT_S
 
     def _copy(self, text: str) -> None:
-        glfw.set_clipboard_string(None, text)
+        glfw.set_clipboard_string(None, text)  # type: ignore[arg-type]  # a window is deprecated
 
     def _key(self, key: int, action: int, modifiers: Any) -> None:
         self._heard()
@@ -233,12 +233,12 @@ class ViewerWindow:
             elif key == keys.Y:
                 self.viewer.redo()
 
-    def _walk(self) -> None:
-        """Move the camera by the keys that are held."""
+    def _walk(self) -> bool:
+        """Move the camera by the keys that are held; whether there are any."""
         keys: Any = self.window.keys  # whose types are of no one backend
         held = self.window.is_key_pressed
         if imgui.get_io().want_text_input or imgui.get_io().key_ctrl:
-            return
+            return False
         ways = ((keys.D, keys.A), (keys.E, keys.Q), (keys.W, keys.S))
         right, up, forward = (float(held(plus)) - float(held(minus)) for plus, minus in ways)
         if right or up or forward:
@@ -246,6 +246,7 @@ class ViewerWindow:
             step = STEP * distance(camera) * min(self.frame_ms / 1e3, 0.2)
             moved = walked(camera, right * step, up * step, forward * step)
             self.viewer.change(replace(self.viewer.state, camera=moved), "walk")
+        return bool(right or up or forward)
 
 
 class NoDisplayError(ShadowbenchError):

@@ -79,13 +79,18 @@ class Driver:
         xdotool("mousemove", round(x), round(y), "sleep", 0.2, "click", 1)
 
     def choose(self, label: str, item: str, panel: str, chosen: Callable[[], object]) -> None:
-        """Choose an item of a combo box."""
-        drawn.pop((panel, item), None)
-        self.click(label, panel)
-        self.place(item, panel)
-        time.sleep(0.5)  # an opened list is moved to its place in its second frame
-        self.click(item, panel)
-        self.until(f"{label} is {item}", chosen)
+        """Choose an item of a combo box. An opened list is moved to its place in a later frame: look, and try again."""
+        end = time.monotonic() + PATIENCE
+        while not chosen():
+            assert time.monotonic() < end, f"waited for: {label} {item}; message: {self.viewer.message!r}"
+            seen = drawn.get((panel, item), (0.0,) * 5)
+            if time.monotonic() - seen[4] > 1.5:
+                self.click(label, panel)
+            time.sleep(0.5)
+            now = drawn.get((panel, item), (0.0,) * 5)
+            if now[:4] == seen[:4] and now[4] > seen[4]:  # it is drawn, and where it was
+                self.click(item, panel)
+                time.sleep(1.0)
 
     def drag(self, start: tuple[float, float], end: tuple[float, float], steps: int = 8) -> None:
         xdotool("mousemove", round(start[0]), round(start[1]), "sleep", 0.3, "mousedown", 1, "sleep", 0.3)
@@ -129,7 +134,10 @@ class Driver:
 
 
 def drive(
-    state: Any, techniques: Mapping[str, Any], script: Callable[[Driver], None], pictures: Path | None = None,
+    state: Any,
+    techniques: Mapping[str, Any],
+    script: Callable[[Driver], None],
+    pictures: Path | None = None,
     plugins: Sequence[Path] = (),
 ) -> None:
     """Open the window, run a script on it and close it. Raises AssertionError with what failed in the script."""

@@ -36,7 +36,7 @@ def test_orbiting_back_and_a_whole_turn_return(yaw: float) -> None:
 
 @given(st.floats(-10.0, 10.0))
 def test_orbiting_stops_short_of_the_poles(pitch: float) -> None:
-    x, y, z = np.subtract(orbited(CAMERA, 0.0, pitch).position, CAMERA.target)
+    x, _, z = np.subtract(orbited(CAMERA, 0.0, pitch).position, CAMERA.target)
     assert math.hypot(x, z) >= 0.999 * math.sin(LEAST_TILT) * distance(CAMERA)
 
 
