@@ -37,7 +37,7 @@ def view(
             "--technique",
             metavar="SPEC",
             autocompletion=completion.spec,
-            help=f"One or two techniques, A and B: {SPEC}  [shadow-map].",
+            help=f"One or two techniques, A and B: {SPEC}  [shadow-map; cube-map under a point light].",
         ),
     ] = None,
     state: Annotated[Path | None, typer.Option(metavar="FILE.toml", help="Show a state that the window saved.")] = None,
@@ -93,7 +93,7 @@ def view(
         with console.Reporter(quiet) as reporter:
             chosen = reporter.view(str(scene), view_size, view, light, assets, up, sun)
         camera = named(chosen.scene.cameras, chosen.camera.name, "view")  # its planes are the file's, not of this view
-        first = parse_spec("shadow-map", known)
+        first = parse_spec("cube-map" if chosen.light.kind == "point" else "shadow-map", known)
         origin = Origin(str(scene), assets, up)
         shown = ViewerState(chosen.scene, camera, chosen.light, (first,), chosen.size, origin)
     show(replace(shown, specs=specs or shown.specs, size=view_size or shown.size), known, plugin or ())

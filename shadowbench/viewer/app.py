@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import moderngl
-import numpy as np
 
 from shadowbench.errors import ShadowbenchError
 from shadowbench.gl.device import Device
@@ -16,8 +15,7 @@ from shadowbench.scenes.library import load_scene
 from shadowbench.techniques.base import Technique
 from shadowbench.viewer.changed_files import ChangedFiles
 from shadowbench.viewer.drawing import Drawing, Drawn, moving_size, told
-from shadowbench.viewer.lights import Path as LightPath
-from shadowbench.viewer.lights import travelled
+from shadowbench.viewer.lights import Travel
 from shadowbench.viewer.panes import Panes, TruthTextures
 from shadowbench.viewer.state import History, Origin, Source, ViewerState
 from shadowbench.viewer.truth_messages import Scored, Traced
@@ -27,15 +25,6 @@ REST_S = 0.15
 """Time without a change after which a motion has ended, in seconds."""
 SHOWN_FRAMES = 120
 """Frames in the history of times."""
-
-
-@dataclass
-class Travel:
-    """The motion of the light: its path, turns a minute, and where it began."""
-
-    path: LightPath = "rest"
-    per_minute: float = 2.0
-    turns: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +61,6 @@ class Viewer:
         self.scores = Scores()
         self.work: dict[str, Mapping[str, int]] = {}
         self.pass_ms: deque[Mapping[str, float]] = deque(maxlen=SHOWN_FRAMES)
-        self.frames = 0  # drawn since the start
         self.asked: tuple[object, ...] = ()  # `viewed` of the last request to the task
         self._traced: Traced | None = None
         self._number = 0  # of the last request
@@ -168,6 +156,8 @@ class Viewer:
         self.device.free(self.pictures.values())
 
     def _to(self, history: History) -> None:
+        if history.state is not self.state:
+            self.message = ""
         if self._drawing_key(history.state) != self._drawing_key(self.state):
             self._changed_at = self._seconds()
         if history.state.origin != self.state.origin:
@@ -191,7 +181,6 @@ class Viewer:
             return
         self._release_drawn()
         self.drawn, self.broken = drawn, ""
-        self.frames += 1
         self.drawing.keep_only(self.state.specs, (size, self.state.size))
         self.pass_ms.append(
             {
@@ -286,15 +275,9 @@ class Viewer:
         """Move a travelling light by the time since the last frame."""
         now = self._seconds()
         passed, self._stepped_at = now - self._stepped_at, now
-        if self.travel.path == "rest":
-            return
-        turn = passed * self.travel.per_minute / 60
-        self.travel.turns += turn
-        low, high = self.state.scene.geometry.bounds
-        center = tuple(np.asarray(low + high) / 2)
-        turns = turn if self.travel.path == "circle" else self.travel.turns
-        light = travelled(self.state.light, self.travel.path, center, turns)
-        self.change(replace(self.state, light=light), "travel")
+        if self.travel.path != "rest":
+            light = self.travel.moved(self.state.light, self.state.scene, passed)
+            self.change(replace(self.state, light=light), "travel")
 
     def _read_changed_files(self) -> None:
         changed = self._files.changed()

@@ -116,6 +116,22 @@ def travelled(light: Light, path: Path, center: Vec3, turns: float) -> Light:
     )
 
 
+@dataclass
+class Travel:
+    """The motion of a light: its path and speed, and how far it is on it."""
+
+    path: Path = "rest"
+    per_minute: float = 2.0
+    turns: float = 0.0
+
+    def moved(self, light: Light, scene: Scene, seconds: float) -> Light:
+        """The light after so many more seconds."""
+        turn = seconds * self.per_minute / 60
+        self.turns += turn
+        center = vec3(scene.geometry.bounds.mean(axis=0))
+        return travelled(light, self.path, center, turn if self.path == "circle" else self.turns)
+
+
 def with_kind(light: Light, kind: LightShape, scene: Scene) -> Light:
     """The light as one of another kind that shines on the scene from the same side.
 

@@ -1,5 +1,6 @@
 """The window: GLFW through moderngl-window, its events, and the layout of panels and panes."""
 
+import re
 import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -33,6 +34,7 @@ FONT = 15.0
 IDLE_S, AFTER_EVENT_S = 0.5, 0.4  # longest time between frames at rest; frames are drawn for so long after an event
 POLL_S = 0.01  # between looks for an answer
 STEP = 0.25  # of the distance to the target that walking covers in a second
+_PLAIN = re.compile(r"^\(\d+\) b['\"](.*)['\"]$")  # the text in a GLFWError
 _NO_DISPLAY = (
     "no window can be opened here ({}): `shadowbench render` draws without one; "
     "xvfb-run -s '-screen 0 1400x860x24' shadowbench view … opens one on a virtual display"
@@ -91,7 +93,7 @@ class ViewerWindow:
         self.window.key_event_func = self._key
         self.canvas = Canvas(self.viewer, self.renderer.texture)
         self.names = FileNames()
-        self.frame_ms = 0.0
+        self.frame_ms, self._started = 0.0, time.perf_counter()
         self._quiet_from = 0.0  # time from which on frames without a change need not be drawn
 
     def run(self) -> None:
@@ -106,6 +108,11 @@ class ViewerWindow:
     def frame(self) -> None:
         """One frame: bring the pictures up to date, draw the interface, take events."""
         start = time.perf_counter()
+        io = imgui.get_io()
+        io.delta_time, self._started = max(start - self._started, 1e-4), start
+        # Not the modifiers of key events, which on X11 are those from before the event.
+        io.add_key_event(imgui.Key.mod_shift, self._held(glfw.KEY_LEFT_SHIFT, glfw.KEY_RIGHT_SHIFT))
+        io.add_key_event(imgui.Key.mod_ctrl, self._held(glfw.KEY_LEFT_CONTROL, glfw.KEY_RIGHT_CONTROL))
         walks = self._walk()
         self.viewer.step()
         context = self.window.ctx
@@ -121,7 +128,6 @@ class ViewerWindow:
         self.renderer.render(imgui.get_draw_data())
         self.window.swap_buffers()
         self.frame_ms = (time.perf_counter() - start) * 1e3
-        imgui.get_io().delta_time = max(time.perf_counter() - start, 1e-4)
 
     def _wait(self) -> None:
         """Wait for an event, an answer of the process that traces, or until files should be looked at again."""
@@ -218,14 +224,15 @@ class ViewerWindow:
     def _heard(self) -> None:
         self._quiet_from = time.perf_counter() + AFTER_EVENT_S
 
+    def _held(self, *keys: int) -> bool:
+        return any(glfw.get_key(self.window._window, key) == glfw.PRESS for key in keys)
+
     def _copy(self, text: str) -> None:
         glfw.set_clipboard_string(None, text)  # type: ignore[arg-type]  # a window is deprecated
 
     def _key(self, key: int, action: int, modifiers: Any) -> None:
         self._heard()
         keys, io = self.window.keys, imgui.get_io()
-        io.add_key_event(imgui.Key.mod_shift, bool(modifiers.shift))
-        io.add_key_event(imgui.Key.mod_ctrl, bool(modifiers.ctrl))
         self.renderer.key_event(key, action, modifiers)  # type: ignore[no-untyped-call]
         if action == keys.ACTION_PRESS and modifiers.ctrl and not io.want_text_input:
             if key == keys.Z:
@@ -235,12 +242,10 @@ class ViewerWindow:
 
     def _walk(self) -> bool:
         """Move the camera by the keys that are held; whether there are any."""
-        keys: Any = self.window.keys  # whose types are of no one backend
-        held = self.window.is_key_pressed
         if imgui.get_io().want_text_input or imgui.get_io().key_ctrl:
             return False
-        ways = ((keys.D, keys.A), (keys.E, keys.Q), (keys.W, keys.S))
-        right, up, forward = (float(held(plus)) - float(held(minus)) for plus, minus in ways)
+        ways = ((glfw.KEY_D, glfw.KEY_A), (glfw.KEY_E, glfw.KEY_Q), (glfw.KEY_W, glfw.KEY_S))
+        right, up, forward = (self._held(plus) - self._held(minus) for plus, minus in ways)
         if right or up or forward:
             camera = self.viewer.state.camera
             step = STEP * distance(camera) * min(self.frame_ms / 1e3, 0.2)
@@ -260,10 +265,12 @@ def _open(title: str) -> GlfwWindow:
     with warnings.catch_warnings(record=True) as heard:  # GLFW's errors are warnings
         warnings.simplefilter("always")
         try:
-            return GlfwWindow(title=title, size=SIZE, gl_version=(4, 1), resizable=True, vsync=True, samples=0)
+            window = GlfwWindow(title=title, size=SIZE, gl_version=(4, 1), resizable=True, vsync=True, samples=0)
         except Exception as error:  # ValueError, or moderngl's own
             reason = heard[-1].message if heard else error
-            raise NoDisplayError(_NO_DISPLAY.format(" ".join(str(reason).split()))) from None
+            raise NoDisplayError(_NO_DISPLAY.format(_PLAIN.sub(r"\1", " ".join(str(reason).split())))) from None
+    window.exit_key = None  # Escape closes a list, not the window
+    return window
 
 
 def _load_font(io: Any) -> None:

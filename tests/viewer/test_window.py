@@ -90,7 +90,7 @@ def test_without_a_display_one_line_says_what_to_do(
         monkeypatch.delenv(name, raising=False)
     answer = shadowbench("view", "post", "--view-size", "64")
     assert answer.code == 2
-    assert answer.err.startswith("shadowbench: no window can be opened here (")
+    assert answer.err.startswith("shadowbench: no window can be opened here (X11: The DISPLAY environment variable is")
     assert "shadowbench render" in answer.err and "xvfb-run" in answer.err
     assert len(answer.err.splitlines()) == 1
 
