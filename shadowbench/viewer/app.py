@@ -88,6 +88,11 @@ class Viewer:
         """Whether a step would change nothing: no motion, no masks to draw or to score, no answer about them."""
         return not (self.moving or (self.drawn is not self._asked_of and not self.broken) or self.task.has_answers)
 
+    @property
+    def is_traced(self) -> bool:
+        """Whether there is a truth, perhaps a coarse one, of what is shown."""
+        return self._traced is not None and self.current(self.asked)
+
     def current(self, viewed: tuple[object, ...]) -> bool:
         """Whether a truth or scores are of what is shown."""
         return viewed == self.state.viewed
@@ -233,7 +238,7 @@ class Viewer:
     def _truth_textures(self, size: int) -> TruthTextures | None:
         """The last truth at a size, if it is of what is shown."""
         traced = self._traced
-        if traced is None or not self.current(self.asked):
+        if traced is None or not self.is_traced:
             return None
         if self.truth is None or self.truth.traced is not traced or self.truth.size != size:
             if self.truth is not None:
@@ -245,8 +250,7 @@ class Viewer:
         """Ask for the truth and the scores of what is shown, once, and count the work of the techniques."""
         if drawn is self._asked_of:
             return
-        self._asked_of = drawn
-        visibility = {}
+        self._asked_of, self.work, visibility = drawn, {}, {}
         for mask in drawn.masks:
             if mask.visibility is not None:
                 try:

@@ -100,15 +100,14 @@ class Canvas:
         picture = viewer.pictures.get(source)
         failures = viewer.mask_failures()
         failure = viewer.broken or (failures["AB".index(source)] if source in "AB"[: len(failures)] else "")
-        traced = viewer.current(viewer.asked) and viewer.truth is not None
-        dimmed = bool(failure) or (source == "truth" and not traced)
+        dimmed = bool(failure) or (source == "truth" and not viewer.is_traced)
         if picture is not None:
             color = imgui.color_convert_float4_to_u32(_DIMMED if dimmed else (1, 1, 1, 1))
             draw_list.add_image(
                 self._register(picture), (left, pane.y), (right, pane.y + pane.side), (start, 1), (end, 0), color
             )
         label = "truth" if source == "truth" else f"{source}: {self._spec(source)}"
-        if source == "truth" and not traced:
+        if source == "truth" and not viewer.is_traced:
             label += " (of an earlier view)" if picture is not None else " (tracing)"
         self._write(left, pane.y, right - left, label)
         if failure:

@@ -166,6 +166,8 @@ class ViewerWindow:
             scene_panel(viewer)
         if imgui.collapsing_header("Light", opened):
             light_panel(viewer)
+        if imgui.collapsing_header("Take along", opened):
+            file_panel(viewer, self.names, self._copy, viewer.techniques)
         if imgui.collapsing_header("Shading"):
             shading_panel(viewer)
         viewer.shows_map = imgui.collapsing_header("Shadow map")
@@ -173,8 +175,6 @@ class ViewerWindow:
             map_panel(viewer, self.renderer.texture)
         if imgui.collapsing_header("Times and work"):
             times_panel(viewer)
-        if imgui.collapsing_header("Take along", opened):
-            file_panel(viewer, self.names, self._copy, viewer.techniques)
 
     def _middle(self) -> None:
         viewer, state = self.viewer, self.viewer.state

@@ -16,6 +16,7 @@ from imgui_bundle import imgui
 from PIL import ImageGrab
 
 PATIENCE = 60.0  # seconds
+ITEM = "item "  # begins the name of an item of a list: a widget may have the same label
 WIDGETS = (
     "button", "small_button", "checkbox", "slider_float", "slider_int", "drag_float", "begin_combo", "selectable",
     "collapsing_header", "input_text", "radio_button",
@@ -32,17 +33,17 @@ def record_widgets() -> None:
     imgui.push_id = lambda name: (ids.append(str(name)), push(name))[1]
     imgui.pop_id = lambda: (ids.pop(), pop())[1]
 
-    def recorded(make: Callable[..., Any]) -> Callable[..., Any]:
+    def recorded(make: Callable[..., Any], prefix: str) -> Callable[..., Any]:
         def call(label: str, *arguments: Any, **options: Any) -> Any:
             result = make(label, *arguments, **options)
             low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
-            drawn[ids[0] if ids else "", label] = (low.x, low.y, high.x, high.y, time.monotonic())
+            drawn[ids[0] if ids else "", prefix + label] = (low.x, low.y, high.x, high.y, time.monotonic())
             return result
 
         return call
 
     for name in WIDGETS:
-        setattr(imgui, name, recorded(getattr(imgui, name)))
+        setattr(imgui, name, recorded(getattr(imgui, name), ITEM if name == "selectable" else ""))
 
 
 def xdotool(*arguments: object) -> None:
@@ -80,7 +81,7 @@ class Driver:
 
     def choose(self, label: str, item: str, panel: str, chosen: Callable[[], object]) -> None:
         """Choose an item of a combo box. An opened list is moved to its place in a later frame: look, and try again."""
-        end = time.monotonic() + PATIENCE
+        item, end = ITEM + item, time.monotonic() + PATIENCE
         while not chosen():
             assert time.monotonic() < end, f"waited for: {label} {item}; message: {self.viewer.message!r}"
             seen = drawn.get((panel, item), (0.0,) * 5)

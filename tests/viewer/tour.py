@@ -86,13 +86,19 @@ def wipe(d: Driver) -> None:
 
 
 def orbit(d: Driver) -> None:
-    """Drag the picture to orbit; Ctrl+Z takes that back."""
-    pane, before = d.window.canvas.panes[0], d.viewer.state.camera
+    """Drag the picture to orbit, and walk by W A S D. Ctrl+Z takes back one after the other."""
+    pane, start = d.window.canvas.panes[0], d.viewer.state.camera
     x, y = pane.x + 0.3 * pane.side, pane.y + 0.8 * pane.side
     d.drag((x, y), (x + 60, y))
-    d.until("the camera to move", lambda: d.viewer.state.camera != before)
-    xdotool("key", "ctrl+z")
-    d.until("the camera to be back", lambda: d.viewer.state.camera == before)
+    d.until("the camera to move", lambda: d.viewer.state.camera != start)
+    d.scored()
+    orbited = d.viewer.state.camera
+    xdotool("keydown", "w", "sleep", 1, "keyup", "w")
+    d.until("the camera to walk", lambda: d.viewer.state.camera.target != orbited.target)
+    d.scored()
+    for camera in (orbited, start):
+        xdotool("key", "ctrl+z")
+        d.until("the camera to be back", lambda camera=camera: d.viewer.state.camera == camera)
     d.scored()
 
 
