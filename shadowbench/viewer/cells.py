@@ -7,7 +7,7 @@ from shadowbench.errors import InputError
 from shadowbench.extremes.axes import AXES
 from shadowbench.measure.rows import Record, read_rows, read_run_file
 from shadowbench.scenes.assumed import with_sun
-from shadowbench.scenes.library import load_scene
+from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.views import named
 from shadowbench.studies.crossing import Techniques
 from shadowbench.techniques.spec import parse_spec
@@ -28,15 +28,16 @@ def cell_state(folder: Path, key: str, techniques: Techniques, assets: Path | No
             raise InputError(f"{folder}: cell {row['key']} is of an axis that stress no longer has: {row['axis']!r}")
         view = axis.at(row["axis_value"], row["light_kind"]).views[0]
         return ViewerState(view.scene, view.camera, view.light, (spec,), **shown)
-    about = read_run_file(folder / "run.json")
-    study = about.get("study", {})
-    for source in study.get("scenes", ()):
+    about = folder / "run.json"
+    study = read_run_file(about).get("study", {}) if about.exists() else {}
+    own = [row["scene"]] if row["scene"] in builtin_names() else []
+    for source in sorted({*study.get("scenes", ()), *own}, key=lambda source: Path(source).stem != row["scene"]):
         scene = load_scene(source, assets)
         if scene.name == row["scene"]:
             scene = with_sun(scene) if study.get("sun") else scene
             camera, light = named(scene.cameras, row["view"], "view"), named(scene.lights, row["light"], "light")
             return ViewerState(scene, camera, light, (spec,), origin=Origin(source, assets), **shown)
-    raise InputError(f"{folder}: run.json names no file of the scene {row['scene']!r}")
+    raise InputError(f"{folder}: found no file of the scene {row['scene']!r}; allowed: one that run.json names")
 
 
 def _row(folder: Path, key: str) -> Record:

@@ -131,7 +131,7 @@ class Driver:
         if self.pictures is not None:
             time.sleep(1.0)
             shown = ImageGrab.grab(box, xdisplay=os.environ["DISPLAY"])
-            shown.quantize(128).save(self.pictures / f"{name}.png", optimize=True)
+            shown.quantize(256).save(self.pictures / f"{name}.png", optimize=True)
 
 
 def drive(
