@@ -5,6 +5,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 import moderngl
@@ -13,8 +14,9 @@ from shadowbench.errors import ShadowbenchError
 from shadowbench.gl.device import Device
 from shadowbench.scenes.library import load_scene
 from shadowbench.techniques.base import Technique
+from shadowbench.techniques.spec import Spec
 from shadowbench.viewer.changed_files import ChangedFiles
-from shadowbench.viewer.drawing import Drawing, Drawn, moving_size, told
+from shadowbench.viewer.drawing import Drawing, Drawn, Mask, moving_size, told
 from shadowbench.viewer.lights import Travel
 from shadowbench.viewer.panes import Panes, TruthTextures
 from shadowbench.viewer.state import History, Origin, Source, ViewerState
@@ -59,7 +61,7 @@ class Viewer:
         self.map_of, self.shows_map = 0, False  # the spec whose map is shown, and whether it is
         self.truth: TruthTextures | None = None
         self.scores = Scores()
-        self.work: dict[str, Mapping[str, int]] = {}
+        self.work: dict[Spec, Mapping[str, int]] = {}
         self.pass_ms: deque[Mapping[str, float]] = deque(maxlen=SHOWN_FRAMES)
         self.asked: tuple[object, ...] = ()  # `viewed` of the last request to the task
         self._traced: Traced | None = None
@@ -85,8 +87,8 @@ class Viewer:
 
     @property
     def waiting(self) -> bool:
-        """Whether a step would change nothing: no motion, no masks to draw or to score, no answer about them."""
-        return not (self.moving or (self.drawn is not self._asked_of and not self.broken) or self.task.has_answers)
+        """Whether a step would change nothing: no motion, no masks to score, no answer about them."""
+        return not (self.moving or self._chore() or self.task.has_answers)
 
     @property
     def is_traced(self) -> bool:
@@ -144,9 +146,10 @@ class Viewer:
         size = self.state.size
         if moving:
             size = moving_size(size, self._rested_ms, self.device.software)
-        self._draw(size)
-        if not moving and self.drawn is not None and not self.broken:
-            self._ask(self.drawn)
+        drew = self._draw(size)
+        chore = None if moving or drew else self._chore()
+        if chore is not None:
+            chore()
         self._draw_panes()
 
     def mask_failures(self) -> Sequence[str]:
@@ -173,17 +176,17 @@ class Viewer:
     def _drawing_key(state: ViewerState) -> tuple[object, ...]:
         return (*state.viewed, state.specs, state.coordinates, state.phase, state.colors)
 
-    def _draw(self, size: int) -> None:
-        """Draw the masks unless they are of this state and size."""
+    def _draw(self, size: int) -> bool:
+        """Draw the masks unless they are of this state and size; whether they were drawn."""
         key = (*self._drawing_key(self.state), size)
         if key == self._drawn_of:
-            return
+            return False
         self._drawn_of = key
         try:
             drawn = self.drawing.draw(self.state, size)
         except Exception as error:  # a camera inside the ground, a G-buffer shader that does not compile
             self.broken = str(error) if isinstance(error, ShadowbenchError) else told(error)
-            return
+            return False
         self._release_drawn()
         self.drawn, self.broken = drawn, ""
         self.drawing.keep_only(self.state.specs, (size, self.state.size))
@@ -194,6 +197,7 @@ class Viewer:
                 for name, ms in mask.passes.ms.items()
             }
         )
+        return True
 
     def _draw_panes(self) -> None:
         """Draw the pictures unless they are of these masks and this way to show them."""
@@ -246,21 +250,36 @@ class Viewer:
             self.truth = TruthTextures.of(self.device, traced, size)
         return self.truth
 
+    def _chore(self) -> Callable[[], None] | None:
+        """What is to be done next about the masks at rest, a little in each frame; None if nothing is left."""
+        drawn = self.drawn
+        if drawn is None or self.broken:
+            return None
+        if drawn is not self._asked_of:
+            return partial(self._ask, drawn)
+        uncounted = [mask for mask in drawn.masks if mask.visibility is not None and mask.spec not in self.work]
+        return partial(self._count, drawn, uncounted[0]) if uncounted else None
+
     def _ask(self, drawn: Drawn) -> None:
-        """Ask for the truth and the scores of what is shown, once, and count the work of the techniques."""
-        if drawn is self._asked_of:
-            return
+        """Ask for the truth and the scores of what is shown."""
         self._asked_of, self.work, visibility = drawn, {}, {}
         for mask in drawn.masks:
             if mask.visibility is not None:
                 try:
                     visibility[mask.spec.full_text] = self.drawing.visibility(drawn, mask)
-                    self.work[mask.spec.full_text] = self.drawing.work(drawn, mask)
-                except Exception as error:  # a technique may raise anything, and draw NaN
+                except ValueError as error:  # NaN
                     self.message = told(error)
         if not self.current(self.asked):
             self._traced, self.asked = None, self.state.viewed
         self._number = self.task.ask(self.state.view(), visibility)
+
+    def _count(self, drawn: Drawn, mask: Mask) -> None:
+        """Count the work of a technique."""
+        self.work[mask.spec] = {}
+        try:
+            self.work[mask.spec] = self.drawing.work(drawn, mask)
+        except Exception as error:  # a technique may raise anything
+            self.message = told(error)
 
     def _receive(self) -> None:
         """Take what was traced and scored; answers about an earlier view are dropped."""

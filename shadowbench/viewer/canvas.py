@@ -1,17 +1,16 @@
 """The panes of the window, the light's handles over them, and what the mouse does there."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
-import moderngl
 import numpy as np
 from imgui_bundle import imgui
 
 from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.lights import Dome, Handle, dragged, handles, is_far
 from shadowbench.viewer.navigation import looked, orbited, panned, projected, zoomed
+from shadowbench.viewer.panes import NUMBERS
 from shadowbench.viewer.state import Source
 
 REACH = 12.0  # pixels, from a handle or the wipe's line, that count as on it
@@ -59,8 +58,8 @@ def squares(x: float, y: float, width: float, height: float, count: int) -> list
 class Canvas:
     """Shows the panes and turns drags into changes of the state."""
 
-    def __init__(self, viewer: Viewer, register: Callable[[moderngl.Texture], int]) -> None:
-        self.viewer, self._register = viewer, register
+    def __init__(self, viewer: Viewer) -> None:
+        self.viewer = viewer
         self.gesture: Gesture = ""
         self.panes: list[Pane] = []
         self._far = False
@@ -104,7 +103,7 @@ class Canvas:
         if picture is not None:
             color = imgui.color_convert_float4_to_u32(_DIMMED if dimmed else (1, 1, 1, 1))
             draw_list.add_image(
-                self._register(picture), (left, pane.y), (right, pane.y + pane.side), (start, 1), (end, 0), color
+                NUMBERS[source], (left, pane.y), (right, pane.y + pane.side), (start, 1), (end, 0), color
             )
         label = "truth" if source == "truth" else f"{source}: {self._spec(source)}"
         if source == "truth" and not viewer.is_traced:

@@ -25,6 +25,8 @@ _DEFINES: dict[Overlay, str] = {
     "blockers": "BLOCKERS",
 }
 NEEDS_TRUTH: tuple[Overlay, ...] = ("error", "blockers")
+NUMBERS = {"A": 1_000_001, "B": 1_000_002, "truth": 1_000_003, "map": 1_000_004}
+"""By which the interface names the pictures, whose textures are drawn after it was laid out."""
 LARGEST_MAP = 1024
 """Largest side of a shown shadow map, in pixels: of a larger one every n-th texel is shown."""
 

@@ -1,13 +1,11 @@
 """The panels of what was measured: scores, times of passes, work, and the shadow map."""
 
-from collections.abc import Callable
-
-import moderngl
 import numpy as np
 from imgui_bundle import imgui
 
 from shadowbench.scores.metrics import METRICS, is_soft
 from shadowbench.viewer.app import Viewer
+from shadowbench.viewer.panes import NUMBERS
 from shadowbench.viewer.technique_panel import tooltip
 
 HARD = ("iou", "acne", "leak", "contact", "edge_px", "ssim")
@@ -66,15 +64,15 @@ def times_panel(viewer: Viewer) -> None:
     if viewer.device.software:
         imgui.text_disabled("of a software renderer: no GPU's times")
     for source, spec in zip("AB", viewer.state.specs, strict=False):
-        work = viewer.work.get(spec.full_text, {})
+        work = viewer.work.get(spec, {})
         text = ", ".join(f"{name} {count:,}" for name, count in work.items())
         imgui.text_wrapped(f"{source}: {text or '…'}")
         tooltip("counts of work of one frame, as in rows")
     imgui.text_unformatted(f"{viewer.drawing.bytes / 2**20:.1f} MiB of maps, masks and buffers")
 
 
-def map_panel(viewer: Viewer, register: Callable[[moderngl.Texture], int]) -> None:
-    """The shadow map of A or B. register: makes a texture known to the interface and returns its number."""
+def map_panel(viewer: Viewer) -> None:
+    """The shadow map of A or B."""
     for index, source in enumerate("AB"[: len(viewer.state.specs)]):
         if imgui.radio_button(f"map of {source}", viewer.map_of == index):
             viewer.map_of = index
@@ -86,4 +84,4 @@ def map_panel(viewer: Viewer, register: Callable[[moderngl.Texture], int]) -> No
         return
     width = max(imgui.get_content_region_avail().x, 64.0)
     width, height = min(width, width * picture.width / picture.height), width * picture.height / picture.width
-    imgui.image(register(picture), (width, height), (0, 1), (1, 0))
+    imgui.image(NUMBERS["map"], (width, height), (0, 1), (1, 0))

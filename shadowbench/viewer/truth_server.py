@@ -1,5 +1,7 @@
 """Tracing and scoring in a process of its own: coarse truths first, then the one that `score` compares with."""
 
+import os
+
 from shadowbench.errors import message
 from shadowbench.measure.pipe import Pipe
 from shadowbench.measure.scoring import prepare_truth, truth_record
@@ -13,6 +15,7 @@ from shadowbench.viewer.truth_messages import Failed, Request, Scored, Traced
 
 COARSE = (8, 4)
 """By which shares of its size a view is traced before it is traced in full."""
+PATIENCE = 5  # by which its priority is lower than the window's
 COARSE_ERROR = 0.05
 """Standard error of visibility in a coarse truth of a light with a size."""
 
@@ -61,6 +64,8 @@ def _shown(truth: Truth, number: int, final: bool) -> Traced:
 def serve(handle: str, parent: str) -> None:
     """Answer requests until the pipe is closed; arguments: see `connected`."""
     pipe = connected(handle, parent)
+    if os.name == "posix":
+        os.nice(PATIENCE)  # drawing goes first
     trace(chosen_view("post", 16))  # compiled loops and libraries are loaded before the first request
     server = TruthServer(pipe)
     while True:

@@ -22,9 +22,10 @@ from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.canvas import Canvas
 from shadowbench.viewer.file_panel import FileNames, file_panel
 from shadowbench.viewer.navigation import distance, walked
+from shadowbench.viewer.panes import NUMBERS
 from shadowbench.viewer.result_panels import map_panel, scores_panel, times_panel
 from shadowbench.viewer.scene_panels import light_panel, scene_panel, shading_panel
-from shadowbench.viewer.state import LAYOUTS, OVERLAYS, SOURCES, ViewerState
+from shadowbench.viewer.state import LAYOUTS, OVERLAYS, SOURCES, Source, ViewerState
 from shadowbench.viewer.technique_panel import choice, edited_spec
 from shadowbench.viewer.truth_task import TruthTask
 
@@ -55,14 +56,14 @@ class Renderer(ModernglWindowRenderer):
         window.unicode_char_entered_func = self.unicode_char_entered
         window.resize_func = self.resize
 
-    def texture(self, texture: moderngl.Texture) -> int:
-        """Make a texture known; returns its number."""
-        self.register_texture(texture)
-        return int(texture.glo)
-
-    def forget_textures(self) -> None:
-        """Forget all textures but the font's: they may be freed before the next frame."""
-        self._textures = {number: one for number, one in self._textures.items() if one is self._font_texture}
+    def show(self, pictures: Mapping[Source, moderngl.Texture], map_picture: moderngl.Texture | None) -> None:
+        """Draw the interface with these pictures, by their names in NUMBERS."""
+        font: Any = self._font_texture
+        shown = {NUMBERS[name]: picture for name, picture in pictures.items()}
+        self._textures = {font.glo: font, **dict.fromkeys(NUMBERS.values(), font), **shown}
+        self._textures[NUMBERS["map"]] = map_picture or font
+        self.ctx.clear_samplers()
+        self.render(imgui.get_draw_data())
 
     def _scrolled(self, x: float, y: float) -> None:
         self._heard()
@@ -91,7 +92,7 @@ class ViewerWindow:
         _load_font(io)
         self.renderer = Renderer(self.window, self._heard)
         self.window.key_event_func = self._key
-        self.canvas = Canvas(self.viewer, self.renderer.texture)
+        self.canvas = Canvas(self.viewer)
         self.names = FileNames()
         self.frame_ms, self._started = 0.0, time.perf_counter()
         self._quiet_from = 0.0  # time from which on frames without a change need not be drawn
@@ -114,18 +115,15 @@ class ViewerWindow:
         io.add_key_event(imgui.Key.mod_shift, self._held(glfw.KEY_LEFT_SHIFT, glfw.KEY_RIGHT_SHIFT))
         io.add_key_event(imgui.Key.mod_ctrl, self._held(glfw.KEY_LEFT_CONTROL, glfw.KEY_RIGHT_CONTROL))
         walks = self._walk()
-        self.viewer.step()
-        context = self.window.ctx
-        self.window.use()
-        context.clear(0.1, 0.1, 0.1)
-        self.renderer.forget_textures()
         imgui.new_frame()
         self._layout()
         if not (walks or imgui.is_any_item_active() or self.canvas.gesture or self.viewer.travel.path != "rest"):
             self.viewer.rest()
         imgui.render()
-        context.clear_samplers()
-        self.renderer.render(imgui.get_draw_data())
+        self.viewer.step()  # after the input: what it changed is seen in this very frame
+        self.window.use()
+        self.window.ctx.clear(0.1, 0.1, 0.1)
+        self.renderer.show(self.viewer.pictures, self.viewer.map_picture)
         self.window.swap_buffers()
         self.frame_ms = (time.perf_counter() - start) * 1e3
 
@@ -172,7 +170,7 @@ class ViewerWindow:
             shading_panel(viewer)
         viewer.shows_map = imgui.collapsing_header("Shadow map")
         if viewer.shows_map:
-            map_panel(viewer, self.renderer.texture)
+            map_panel(viewer)
         if imgui.collapsing_header("Times and work"):
             times_panel(viewer)
 

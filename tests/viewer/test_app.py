@@ -96,7 +96,7 @@ def test_at_rest_the_scores_are_those_of_the_truth_and_stale_after_a_move(viewer
     for mask in viewer.drawn.masks:
         expected = score(viewer.drawing.visibility(viewer.drawn, mask), prepared)
         assert dict(viewer.scores.by_spec[mask.spec.full_text]) == expected
-        assert viewer.work[mask.spec.full_text]["draws"] > 0
+        assert viewer.work[mask.spec]["draws"] > 0
     viewer.change(replace(viewer.state, camera=orbited(viewer.state.camera, 0.2, 0.0)))
     viewer.step()
     assert viewer.moving and not viewer.current(viewer.scores.viewed)
