@@ -4,7 +4,7 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -17,24 +17,16 @@ from shadowbench.techniques.base import Technique
 from shadowbench.techniques.spec import Spec
 from shadowbench.viewer.changed_files import ChangedFiles
 from shadowbench.viewer.drawing import Drawing, Drawn, Mask, moving_size, told
+from shadowbench.viewer.judge import Judge, Scores
 from shadowbench.viewer.lights import Travel
-from shadowbench.viewer.panes import Panes, TruthTextures
+from shadowbench.viewer.panes import Panes
 from shadowbench.viewer.state import History, Origin, Source, ViewerState
-from shadowbench.viewer.truth_messages import Scored, Traced
 from shadowbench.viewer.truth_task import TruthTask
 
 REST_S = 0.15
 """Time without a change after which a motion has ended, in seconds."""
 SHOWN_FRAMES = 120
 """Frames in the history of times."""
-
-
-@dataclass(frozen=True, eq=False)
-class Scores:
-    """Scores of specs by their text, of a state whose `viewed` is given."""
-
-    viewed: tuple[object, ...] = ()
-    by_spec: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict)
 
 
 class Viewer:
@@ -49,7 +41,7 @@ class Viewer:
         plugins: Sequence[Path] = (),
         seconds: Callable[[], float] = time.perf_counter,
     ) -> None:
-        self.device, self.techniques, self.task = device, techniques, task
+        self.device, self.techniques = device, techniques
         self.history = History(state)
         self.drawing, self.panes = Drawing(device), Panes(device)
         self.travel = Travel()
@@ -59,13 +51,9 @@ class Viewer:
         self.pictures: dict[Source, moderngl.Texture] = {}
         self.map_picture: moderngl.Texture | None = None
         self.map_of, self.shows_map = 0, False  # the spec whose map is shown, and whether it is
-        self.truth: TruthTextures | None = None
-        self.scores = Scores()
+        self.judge = Judge(device, task)
         self.work: dict[Spec, Mapping[str, int]] = {}
         self.pass_ms: deque[Mapping[str, float]] = deque(maxlen=SHOWN_FRAMES)
-        self.asked: tuple[object, ...] = ()  # `viewed` of the last request to the task
-        self._traced: Traced | None = None
-        self._number = 0  # of the last request
         self._seconds, self._changed_at, self._stepped_at = seconds, -math.inf, seconds()
         self._rested_ms = 0.0
         # Of what the masks, the pictures and the last request are.
@@ -81,6 +69,11 @@ class Viewer:
         return self.history.state
 
     @property
+    def scores(self) -> Scores:
+        """The last scores, which are of what is shown if that is `current`."""
+        return self.judge.scores
+
+    @property
     def moving(self) -> bool:
         """Whether something has changed a moment ago, or the light travels."""
         return self.travel.path != "rest" or self._seconds() - self._changed_at < REST_S
@@ -88,12 +81,7 @@ class Viewer:
     @property
     def waiting(self) -> bool:
         """Whether a step would change nothing: no motion, no masks to score, no answer about them."""
-        return not (self.moving or self._chore() or self.task.has_answers)
-
-    @property
-    def is_traced(self) -> bool:
-        """Whether there is a truth, perhaps a coarse one, of what is shown."""
-        return self._traced is not None and self.current(self.asked)
+        return not (self.moving or self._chore() or self.judge.task.has_answers)
 
     def current(self, viewed: tuple[object, ...]) -> bool:
         """Whether a truth or scores are of what is shown."""
@@ -141,7 +129,7 @@ class Viewer:
         """Bring everything up to date that a frame of the window shows."""
         self._read_changed_files()
         self._move_light()
-        self._receive()
+        self.message = self.judge.receive() or self.message
         moving = self.moving
         size = self.state.size
         if moving:
@@ -161,6 +149,7 @@ class Viewer:
         self._release_drawn()
         self.drawing.reload()
         self.panes.reload()
+        self.judge.release()
         self.device.free(self.pictures.values())
 
     def _to(self, history: History) -> None:
@@ -204,7 +193,7 @@ class Viewer:
         state, drawn = self.state, self.drawn
         if drawn is None:
             return
-        truth = self._truth_textures(drawn.size)
+        truth = self.judge.textures(state, drawn.size)
         shading = (state.shading, state.shadows, state.overlay, state.sources)
         key = (drawn, truth, self.shows_map and not self.moving, self.map_of, shading)
         if key == self._shown_of:
@@ -239,17 +228,6 @@ class Viewer:
             except Exception as error:  # a technique may raise anything
                 self.message = told(error)
 
-    def _truth_textures(self, size: int) -> TruthTextures | None:
-        """The last truth at a size, if it is of what is shown."""
-        traced = self._traced
-        if traced is None or not self.is_traced:
-            return None
-        if self.truth is None or self.truth.traced is not traced or self.truth.size != size:
-            if self.truth is not None:
-                self.truth.release()
-            self.truth = TruthTextures.of(self.device, traced, size)
-        return self.truth
-
     def _chore(self) -> Callable[[], None] | None:
         """What is to be done next about the masks at rest, a little in each frame; None if nothing is left."""
         drawn = self.drawn
@@ -269,9 +247,7 @@ class Viewer:
                     visibility[mask.spec.full_text] = self.drawing.visibility(drawn, mask)
                 except ValueError as error:  # NaN
                     self.message = told(error)
-        if not self.current(self.asked):
-            self._traced, self.asked = None, self.state.viewed
-        self._number = self.task.ask(self.state.view(), visibility)
+        self.judge.ask(self.state, visibility)
 
     def _count(self, drawn: Drawn, mask: Mask) -> None:
         """Count the work of a technique."""
@@ -280,19 +256,6 @@ class Viewer:
             self.work[mask.spec] = self.drawing.work(drawn, mask)
         except Exception as error:  # a technique may raise anything
             self.message = told(error)
-
-    def _receive(self) -> None:
-        """Take what was traced and scored; answers about an earlier view are dropped."""
-        for answer in self.task.answers():
-            if answer.number != self._number:
-                continue
-            if isinstance(answer, Traced):
-                self._traced = answer
-            elif isinstance(answer, Scored):
-                kept = self.scores.by_spec if self.scores.viewed == self.asked else {}
-                self.scores = Scores(self.asked, {**kept, answer.spec: answer.scores})
-            else:
-                self.message = answer.reason
 
     def _move_light(self) -> None:
         """Move a travelling light by the time since the last frame."""

@@ -99,14 +99,14 @@ class Canvas:
         picture = viewer.pictures.get(source)
         failures = viewer.mask_failures()
         failure = viewer.broken or (failures["AB".index(source)] if source in "AB"[: len(failures)] else "")
-        dimmed = bool(failure) or (source == "truth" and not viewer.is_traced)
+        dimmed = bool(failure) or (source == "truth" and not viewer.judge.has_traced(viewer.state))
         if picture is not None:
             color = imgui.color_convert_float4_to_u32(_DIMMED if dimmed else (1, 1, 1, 1))
             draw_list.add_image(
                 NUMBERS[source], (left, pane.y), (right, pane.y + pane.side), (start, 1), (end, 0), color
             )
         label = "truth" if source == "truth" else f"{source}: {self._spec(source)}"
-        if source == "truth" and not viewer.is_traced:
+        if source == "truth" and not viewer.judge.has_traced(viewer.state):
             label += " (of an earlier view)" if picture is not None else " (tracing)"
         self._write(left, pane.y, right - left, label)
         if failure:
