@@ -109,6 +109,8 @@ class Viewer:
             self.message = action() or ""
         except (ShadowbenchError, OSError) as error:
             self.message = str(error)
+        except Exception as error:  # a scene too large for the memory, whatever a file's reader raises
+            self.message = told(error)
 
     def open_scene(self, origin: Origin) -> None:
         """Show another scene from its first camera, under its first light. Raises InputError."""

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from imgui_bundle import imgui
 
+from shadowbench.errors import InputError
 from shadowbench.files import check_outputs
 from shadowbench.gl.gbuffer import download
 from shadowbench.measure.pictures import write_picture
@@ -54,10 +55,14 @@ def _append(viewer: Viewer, file: str, index: int, techniques: Mapping[str, type
 
 
 def _save_picture(viewer: Viewer, file: Path) -> str:
-    """Write the panes that are shown side by side, or as a wipe shows them."""
+    """Write the panes that are shown side by side, or as a wipe shows them; of a truth only that of this view."""
     check_outputs(".png", file)
-    state = viewer.state
-    images = [download(viewer.pictures[one], "u1")[..., :3] for one in state.sources if one in viewer.pictures]
+    state, side = viewer.state, viewer.drawn.size if viewer.drawn else 0
+    shown = [one for one in state.sources if one != "truth" or viewer.judge.has_traced(state)]
+    pictures = [viewer.pictures[one] for one in shown if one in viewer.pictures]
+    images = [download(one, "u1")[..., :3] for one in pictures if one.width == side]
+    if not images:
+        raise InputError(f"{file}: nothing is drawn yet")
     if state.layout == "wipe" and len(images) == 2:
         cut = round(state.wipe * images[0].shape[1])
         images = [images[0][:, :cut], images[1][:, cut:]]

@@ -10,6 +10,7 @@ from pathlib import Path
 import moderngl
 import numpy as np
 import pytest
+from PIL import Image
 
 from shadowbench.gl.device import Device
 from shadowbench.measure.scoring import prepare_truth
@@ -21,6 +22,7 @@ from shadowbench.techniques.spec import parse_spec
 from shadowbench.truths.trace import trace
 from shadowbench.viewer import changed_files
 from shadowbench.viewer.app import Viewer
+from shadowbench.viewer.file_panel import _save_picture
 from shadowbench.viewer.navigation import orbited
 from shadowbench.viewer.state import Origin, ViewerState
 from shadowbench.viewer.truth_task import TruthTask
@@ -200,6 +202,25 @@ def test_the_pictures_of_all_panes_are_drawn(viewer: Viewer, clock: Clock) -> No
     assert viewer.map_picture.size == (64, 64)
     assert any(np.ptp(np.frombuffer(one.read(), np.uint8)) > 100 for one in viewer.pictures.values())
     assert {name.split()[0] for name in viewer.pass_ms[-1]} == {"A", "B"}
+
+
+def test_a_saved_picture_has_what_is_shown(viewer: Viewer, clock: Clock, tmp_path: Path) -> None:
+    def saved() -> tuple[int, int]:
+        viewer.attempt(lambda: _save_picture(viewer, tmp_path / "view.png"))
+        with Image.open(tmp_path / "view.png") as image:
+            return image.size
+
+    viewer.attempt(lambda: _save_picture(viewer, tmp_path / "view.png"))
+    assert viewer.message.endswith("view.png: nothing is drawn yet")
+    viewer.change(replace(viewer.state, layout="side by side"))
+    settle(viewer, clock)
+    assert saved() == (3 * SIZE, SIZE)
+    viewer.change(replace(viewer.state, layout="wipe", wipe=0.25))
+    viewer.step()
+    assert saved() == (SIZE, SIZE)
+    viewer.change(replace(viewer.state, layout="side by side", camera=orbited(viewer.state.camera, 0.1, 0.0)))
+    viewer.step()
+    assert saved() == (2 * SIZE, SIZE), "the truth is of an earlier view"
 
 
 def test_another_scene_is_opened_from_its_first_camera(
