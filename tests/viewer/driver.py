@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from imgui_bundle import imgui
-from PIL import ImageGrab
+from PIL import Image, ImageGrab
 
 PATIENCE = 60.0  # seconds
 ITEM = "item "  # begins the name of an item of a list: a widget may have the same label
@@ -131,7 +131,7 @@ class Driver:
         if self.pictures is not None:
             time.sleep(1.0)
             shown = ImageGrab.grab(box, xdisplay=os.environ["DISPLAY"])
-            shown.quantize(256).save(self.pictures / f"{name}.png", optimize=True)
+            shown.quantize(256, Image.Quantize.MAXCOVERAGE).save(self.pictures / f"{name}.png", optimize=True)
 
 
 def drive(
