@@ -1,6 +1,6 @@
 # Everything runs from .venv, which `setup` keeps ready; nothing needs to be installed before `make`.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-slow test-all lint docs wheel clean
+.PHONY: help setup demo view test test-slow test-all lint docs wheel clean
 
 bin := .venv/bin
 gl_4_1 := MESA_GL_VERSION_OVERRIDE=4.1FC MESA_GLSL_VERSION_OVERRIDE=410
@@ -12,8 +12,12 @@ fast := -n 3 --dist worksteal
 # What another version of OpenGL may break: state and targets, shaders, and what every technique must keep.
 of_4_1 := tests/gl tests/techniques/test_compositions.py tests/techniques/test_contract.py
 
+# A browser for the report; a virtual display with its mouse and keyboard for the window.
+for_slow := chromium Xvfb xdotool window
+
 help:
 	@echo "make demo       every technique on four scenes: what is good enough at which cost, and report.html"
+	@echo "make view       a window on a built-in scene: techniques beside the ray-traced truth"
 	@echo "make test       lint and the fast tests"
 	@echo "make test-slow  the slow tests; as OpenGL 4.1, all shaders and what every technique must keep"
 	@echo "make test-all   both, with every value of what test-slow takes samples of, and all GL tests as OpenGL 4.1"
@@ -34,16 +38,20 @@ demo: setup
 	@echo "$(bin)/shadowbench needs stairs      # the map size, the cascades and the bias that it needs"
 	@echo "$(bin)/shadowbench run stairs -t shadow-map:bias=none -t shadow-map  # settings of your choice"
 
+view:
+	@sh tools/setup.sh window
+	$(bin)/shadowbench view sphere-and-torus -t shadow-map -t shadow-map:preset=course
+
 test: lint
 	$(bin)/pytest -q -m "not slow" $(fast)
 
 test-slow:
-	@sh tools/setup.sh chromium
+	@sh tools/setup.sh $(for_slow)
 	$(bin)/pytest -q -m "slow and not exhaustive" $(two_cores)
 	$(gl_4_1) $(bin)/pytest -q -m "not slow" $(two_cores) $(of_4_1)
 
 test-all: test
-	@sh tools/setup.sh chromium
+	@sh tools/setup.sh $(for_slow)
 	$(bin)/pytest -q -m slow $(two_cores)
 	$(gl_4_1) $(bin)/pytest -q -m "not slow" $(two_cores) tests/gl tests/techniques tests/laws
 

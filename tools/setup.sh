@@ -1,12 +1,14 @@
 #!/bin/sh
 # Sets up .venv. As root, installs missing Debian packages (Python, an OpenGL driver); other users get the command to run.
 # Python packages are installed again only after pyproject.toml or constraints.txt changed.
-# Arguments: further commands needed, provided by Debian packages of the same name: `tools/setup.sh chromium`.
+# Arguments: what else is needed: commands, each provided by the Debian package of its name in lower case, and `window`,
+# the libraries that GLFW opens a window with: `tools/setup.sh chromium Xvfb window`.
 set -eu
 cd "$(dirname "$0")/.."
 
 python_packages="python3 python3-venv"
 gl_packages="libegl1 libgl1-mesa-dri libgl1"
+window_packages="libx11-6 libxcursor1 libxext6 libxi6 libxinerama1 libxrandr2"
 stamp=.venv/installed
 
 stop() {
@@ -28,12 +30,27 @@ find_python() {
     done
 }
 
-# Whether the dynamic linker finds libEGL and libGL. Only Linux needs them: macOS has its own OpenGL.
-has_gl() {
+# Whether the dynamic linker finds these libraries. Only Linux needs them: macOS has its own OpenGL and windows.
+has_libraries() {
     [ "$(uname -s)" = Linux ] || return 0
     known=$(PATH="$PATH:/sbin:/usr/sbin" ldconfig -p) || return 1
-    case $known in *libEGL.so.1\ *) ;; *) return 1 ;; esac
-    case $known in *libGL.so.1\ *) ;; *) return 1 ;; esac
+    for library in "$@"; do
+        case $known in *"$library "*) ;; *) return 1 ;; esac
+    done
+}
+
+has() {
+    case $1 in
+        window) has_libraries libX11.so.6 libXcursor.so.1 libXext.so.6 libXi.so.6 libXinerama.so.1 libXrandr.so.2 ;;
+        *) command -v "$1" >/dev/null ;;
+    esac
+}
+
+packages_of() {
+    case $1 in
+        window) echo "$window_packages" ;;
+        *) echo "$1" | tr '[:upper:]' '[:lower:]' ;;
+    esac
 }
 
 install_packages() {
@@ -57,8 +74,8 @@ install_packages() {
 
 missing=""
 if ! new_enough .venv/bin/python && [ -z "$(find_python)" ]; then missing=$python_packages; fi
-if ! has_gl; then missing="$missing $gl_packages"; fi
-for package in "$@"; do command -v "$package" >/dev/null || missing="$missing $package"; done
+if ! has_libraries libEGL.so.1 libGL.so.1; then missing="$missing $gl_packages"; fi
+for need in "$@"; do has "$need" || missing="$missing $(packages_of "$need")"; done
 # shellcheck disable=SC2086  # one word a package
 if [ -n "$missing" ]; then install_packages $missing; fi
 

@@ -9,10 +9,10 @@ uniform sampler2D tint;  // what the technique wants to show of itself, of the p
 uniform vec3 eye;
 uniform vec3 cone_axis;
 uniform float cos_half_angle;
+uniform float ambient, diffuse, specular, shininess;  // coefficients, and the exponent of the highlight
+uniform vec3 light_color, sky, ground;  // of the light, and of ambient light from above and from below
+uniform vec3 horizon, zenith;           // behind the scene; white is for what is lit
 out vec4 color;
-
-const vec3 SUN = vec3(0.86, 0.82, 0.76), SKY = vec3(0.13, 0.17, 0.25), GROUND = vec3(0.085, 0.075, 0.06);
-const vec3 HORIZON = vec3(0.28, 0.36, 0.46), ZENITH = vec3(0.11, 0.18, 0.32);  // behind the scene; white is for what is lit
 
 vec3 srgb(vec3 linear) {
     return mix(1.055 * pow(linear, vec3(1.0 / 2.4)) - 0.055, 12.92 * linear, lessThan(linear, vec3(0.0031308)));
@@ -24,14 +24,15 @@ void main() {
     Receiver r = receiver_here();
     int triangle = texelFetch(surface_triangle, pixel, 0).r;
     if (triangle < 0) {
-        color = vec4(srgb(mix(HORIZON, ZENITH, place.y)), 1.0);
+        color = vec4(srgb(mix(horizon, zenith, place.y)), 1.0);
         return;
     }
     vec3 albedo = texelFetch(colors, texel_of(triangle), 0).rgb * textureLod(tint, place, 0.0).rgb;
     vec3 to_eye = normalize(eye - r.position);
     float lit = r.cosine > 0.0 && dot(-r.to_light, normalize(cone_axis)) >= cos_half_angle ? texelFetch(visibility, pixel, 0).r : 0.0;
-    float specular = 0.12 * pow(max(dot(r.normal, normalize(r.to_light + to_eye)), 0.0), 32.0);
+    float highlight = specular * pow(max(dot(r.normal, normalize(r.to_light + to_eye)), 0.0), shininess);
     // Two walls look alike to a hemisphere: a little more light from one side tells them apart.
-    vec3 ambient = mix(GROUND, SKY, 0.5 + 0.5 * r.normal.y) * (1.0 + dot(r.normal, vec3(0.25, 0.0, -0.25)));
-    color = vec4(srgb(clamp(albedo * ambient + lit * SUN * (albedo * max(r.cosine, 0.0) + specular), 0.0, 1.0)), 1.0);
+    vec3 around = ambient * mix(ground, sky, 0.5 + 0.5 * r.normal.y) * (1.0 + dot(r.normal, vec3(0.25, 0.0, -0.25)));
+    vec3 direct = lit * light_color * (diffuse * albedo * max(r.cosine, 0.0) + highlight);
+    color = vec4(srgb(clamp(albedo * around + direct, 0.0, 1.0)), 1.0);
 }

@@ -28,6 +28,7 @@ from shadowbench.commands import (
     stress,
     truth,
     tune,
+    view,
 )
 
 _STOPPED = 130
@@ -67,7 +68,7 @@ _PANELS = {  # as --help lists them
     "Measure techniques": (run, stress, score, truth),
     "Decide what a scene needs": (recommend, needs, tune),
     "Check results and the machine": (check, repeat, doctor),
-    "Look": (report, render, listing),
+    "Look": (report, render, view, listing),
     "Extend with a technique or an engine": (new_technique, export),
 }
 for panel, modules in _PANELS.items():

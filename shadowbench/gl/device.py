@@ -91,6 +91,11 @@ class Device:
         for resource in resources:
             resource.release()
 
+    def reset(self) -> None:
+        """Reset state that a technique may have changed by raw calls, so that it cannot affect what is drawn next."""
+        self.context.enable_only(moderngl.NOTHING)
+        self.context.wireframe = False
+
     def check(self, what: str) -> None:
         """Raise RuntimeError if OpenGL has recorded an error since the last check."""
         error = self.context.error
@@ -108,6 +113,11 @@ def open_device() -> Device:
             f"no OpenGL 4.1 context ({str(error).strip() or type(error).__name__}); "
             "on Debian and Ubuntu without a GPU: apt-get install libegl1 libgl1-mesa-dri libgl1"
         ) from error
+    return device_of(context)
+
+
+def device_of(context: moderngl.Context) -> Device:
+    """The device of a context that exists, such as a window's."""
     context.gc_mode = "auto"
     context.enable_direct(_CUBE_MAP_SEAMLESS)  # filters read across the edges of cube faces
     return Device(context)

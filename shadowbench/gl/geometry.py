@@ -22,6 +22,10 @@ def triangle_texels(values: NDArray[_Value]) -> NDArray[_Value]:
     return texels.reshape(-1, TRIANGLE_ROW, *values.shape[1:])
 
 
+def _with_alpha(colors: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.column_stack([colors, np.ones(len(colors))])
+
+
 class DeviceGeometry:
     """A scene's buffers and per-triangle textures, uploaded once.
 
@@ -38,12 +42,16 @@ class DeviceGeometry:
         whole = self.caster_count in (0, len(geometry.faces))
         self._casters = self._faces if whole else context.buffer(casters.astype(np.uint32).tobytes())
         self.normals = self._texture(device, np.column_stack([geometry.normals, geometry.receives]))
-        self.colors = self._texture(device, np.column_stack([geometry.colors, np.ones(len(geometry.faces))]))
+        self.colors = self._texture(device, _with_alpha(geometry.colors))
 
     @staticmethod
     def _texture(device: Device, rows: NDArray[np.float64]) -> moderngl.Texture:
         texels = triangle_texels(rows.astype(np.float32))
         return device.context.texture((TRIANGLE_ROW, len(texels)), 4, texels.tobytes(), dtype="f4")
+
+    def recolor(self, colors: NDArray[np.float64]) -> None:
+        """Give the triangles other colours, (F, 3) linear RGB."""
+        self.colors.write(triangle_texels(_with_alpha(colors).astype(np.float32)))
 
     def all_faces(self, program: Program) -> Drawable:
         """All triangles; `gl_PrimitiveID` is the triangle's index."""

@@ -1,5 +1,7 @@
 """The shaded picture (Blinn-Phong, anti-aliased where surfaces meet): for people to look at, never scored."""
 
+from dataclasses import asdict, dataclass
+
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +12,29 @@ from shadowbench.gl.gbuffer import GBuffer, download
 from shadowbench.gl.geometry import TRIANGLE_DEFINES, DeviceGeometry
 from shadowbench.gl.program import Drawable, Sampling, link
 from shadowbench.gl.shaders import compose
-from shadowbench.scenes.model import View, unit, vec3
+from shadowbench.scenes.model import Vec3, View, unit, vec3
+
+
+@dataclass(frozen=True)
+class Shading:
+    """Coefficients of Blinn-Phong, the exponent of its highlight, and linear RGB colours.
+
+    light_color: of the light; sky, ground: of ambient light from above and from below; horizon, zenith: behind the
+    scene.
+    """
+
+    ambient: float = 1.0
+    diffuse: float = 1.0
+    specular: float = 0.12
+    shininess: float = 32.0
+    light_color: Vec3 = (0.86, 0.82, 0.76)
+    sky: Vec3 = (0.13, 0.17, 0.25)
+    ground: Vec3 = (0.085, 0.075, 0.06)
+    horizon: Vec3 = (0.28, 0.36, 0.46)
+    zenith: Vec3 = (0.11, 0.18, 0.32)
+
+
+DEFAULT_SHADING = Shading()
 
 
 class PicturePass:
@@ -31,7 +55,21 @@ class PicturePass:
     def draw(
         self, surface: GBuffer, view: View, visibility: moderngl.Texture, tint: moderngl.Texture | None = None
     ) -> NDArray[np.uint8]:
-        """(N, N, 3) uint8 sRGB, row 0 at the top: ambient + visibility · (diffuse + specular).
+        """(N, N, 3) uint8 sRGB, row 0 at the top: the picture that `shade` draws."""
+        smooth = self.shade(surface, view, visibility, tint)
+        picture = download(smooth, "u1")[..., :3].astype(np.uint8)
+        self._device.free((smooth,))
+        return picture
+
+    def shade(
+        self,
+        surface: GBuffer,
+        view: View,
+        visibility: moderngl.Texture,
+        tint: moderngl.Texture | None = None,
+        shading: Shading = DEFAULT_SHADING,
+    ) -> moderngl.Texture:
+        """A texture (N, N) of sRGB bytes, which the caller releases: ambient + visibility · (diffuse + specular).
 
         `tint`, a texture of the picture's size, is multiplied into the surfaces' colours.
         """
@@ -41,6 +79,7 @@ class PicturePass:
             eye=view.camera.position,
             cone_axis=vec3(unit(view.light.direction)),
             cos_half_angle=view.light.cos_half_angle,
+            **asdict(shading),
         )
         shaded, smooth = (self._device.context.texture((view.size, view.size), 4, dtype="f1") for _ in range(2))
         targets = [self._device.context.framebuffer([texture]) for texture in (shaded, smooth)]
@@ -53,9 +92,8 @@ class PicturePass:
         }
         self._shade.draw(targets[0], inputs)
         self._antialias.draw(targets[1], {**surface.inputs, "shaded": (shaded, Sampling(linear=True))})
-        picture = download(smooth, "u1")[..., :3].astype(np.uint8)
-        self._device.free((*targets, shaded, smooth))
-        return picture
+        self._device.free((*targets, shaded))
+        return smooth
 
     def extremes(self, surface: GBuffer, view: View) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
         """The view lit everywhere and in shadow everywhere, as `draw` gives them; every mask's picture lies between."""

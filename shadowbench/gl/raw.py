@@ -52,7 +52,7 @@ class RawGL:
         self, context: moderngl.Context, signatures: Mapping[str, tuple[Any, tuple[Any, ...]]] = SIGNATURES
     ) -> None:
         self._signatures = signatures
-        self._load: Callable[[str], int] = context.mglo._context.load
+        self._load: Callable[[str], int] = context.mglo._context.load_opengl_function
         self._functions: dict[str, Callable[..., Any]] = {}
 
     def __call__(self, name: str, *arguments: Any) -> Any:

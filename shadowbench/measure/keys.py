@@ -66,8 +66,8 @@ def _is_library_class(cls: type) -> bool:
 
 
 def _shaders(lineage: Sequence[type]) -> list[Path]:
-    """Built-in shader files and folders that a technique may include: all but other techniques' folders."""
-    others = {other.name for other in own_techniques() if other not in lineage}
+    """Built-in shader files and folders that a technique may include: all but other techniques' and the viewer's."""
+    others = {"viewer", *(other.name for other in own_techniques() if other not in lineage)}
     return [file for file in sorted(data_folder("shaders").iterdir()) if file.name not in others]
 
 

@@ -9,13 +9,15 @@ from shadowbench.gl.picture import PicturePass
 from shadowbench.measure.cells import PlacedView
 from shadowbench.scenes.model import IDENTITY_PLACEMENT, Coordinates, Scene, View
 from shadowbench.techniques.base import Frame, Stage, Technique
+from shadowbench.techniques.registry import shader_folder
+from shadowbench.techniques.spec import Spec
 
 
 class LoadedScene:
     """A scene on the GPU: its buffers and passes, in the coordinates in which it is drawn."""
 
     def __init__(self, device: Device, file_scene: Scene, coordinates: Coordinates) -> None:
-        self.file_scene, self.coordinates = file_scene, coordinates
+        self.device, self.file_scene, self.coordinates = device, file_scene, coordinates
         self.placement = file_scene.placement if coordinates == "relative" else IDENTITY_PLACEMENT
         self.scene = self.placement.scene(file_scene)
         self.geometry = DeviceGeometry(device, self.scene.geometry)
@@ -29,6 +31,19 @@ class LoadedScene:
     def to_drawing_coordinates(self, view: View) -> View:
         """A view of this scene converted from file coordinates (near and far planes known) to drawing coordinates."""
         return View(self.scene, self.placement.camera(view.camera), self.placement.light(view.light), view.size)
+
+    def build(self, spec: Spec, size: int) -> tuple[Technique, Stage]:
+        """A technique built for images of size × size pixels. Raises any exception of the technique."""
+        folder = shader_folder(spec.technique)
+        stage = Stage(self.scene, self.device, (size, size), self.geometry, self.placement, folder)
+        technique = spec.technique(spec.params)
+        try:
+            technique.build(stage)
+            self.device.check(f"building {spec.full_text}")
+        except BaseException:
+            stage.release()
+            raise
+        return technique, stage
 
     def release(self) -> None:
         """Free GPU memory."""

@@ -4,11 +4,14 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.files import png_of
+from shadowbench.gl.gbuffer import download
 from shadowbench.scenes.tables import LONGEST_NAME
+from shadowbench.scores.masks import quantise
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.filters import Filter
 
@@ -38,6 +41,29 @@ class Rendering:
     def _repr_png_(self) -> bytes:
         """PNG of the picture, for notebooks."""
         return png_of(self.picture)
+
+
+def checked_texture(spec: str, texture: object, size: int) -> moderngl.Texture:
+    """What a technique drew. TypeError or ValueError unless it is a texture, size × size, with one component."""
+    if not isinstance(texture, moderngl.Texture):
+        raise TypeError(f"{spec} drew {type(texture).__name__}; allowed: a texture")
+    if texture.size != (size, size):
+        raise ValueError(f"{spec} drew {' × '.join(map(str, texture.size))} pixels; allowed: {size} × {size}")
+    if texture.components != 1:
+        raise ValueError(f"{spec} drew {texture.components} components; allowed: 1, the visibility")
+    return texture
+
+
+def visibility_of(spec: str, texture: object, size: int) -> NDArray[np.float32]:
+    """(size, size) quantised visibility that a technique drew, row 0 at the top.
+
+    Raises as `checked_texture` does, and ValueError for values that are not finite or not in [0, 1].
+    """
+    drawn = checked_texture(spec, texture, size)
+    try:
+        return quantise(download(drawn)[..., 0])
+    except ValueError as error:
+        raise ValueError(f"{spec} drew {error}") from error
 
 
 def declared_work(technique: Technique, pixels: int, facts: dict[str, float]) -> dict[str, int]:

@@ -30,20 +30,9 @@ _PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
 
 
 def serve(handle: str, parent: str) -> None:
-    """Answer calls until the pipe is closed.
-
-    handle: file descriptor or handle of the inherited pipe end, whose first message lists the plug-ins; parent: id of
-    the process that started this one.
-    """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _die_with(int(parent))
+    """Answer calls until the pipe is closed, whose first message lists the plug-ins; arguments: see `connected`."""
+    pipe = connected(handle, parent)
     _make_process_group()
-    if os.name == "posix":
-        os.set_inheritable(int(handle), False)
-    logging.getLogger("shadowbench").setLevel(logging.ERROR)  # the parent has logged the same warnings
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(line_buffering=True)  # this process is killed in the end, which flushes nothing
-    pipe = Pipe(Connection(int(handle)))
     try:
         plugins: list[Path] = pipe.receive()
         session = Session(plugins)
@@ -68,6 +57,21 @@ def serve(handle: str, parent: str) -> None:
         except Exception as error:  # any exception of a technique fails its own cell only
             answer = "error", CellFailed(_error_line(error))
         pipe.send(answer)
+
+
+def connected(handle: str, parent: str) -> Pipe:
+    """The pipe to the process that started this one, and that decides when this one ends.
+
+    handle: file descriptor or handle of the inherited pipe end; parent: id of that process.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _die_with(int(parent))
+    if os.name == "posix":
+        os.set_inheritable(int(handle), False)
+    logging.getLogger("shadowbench").setLevel(logging.ERROR)  # the parent has logged the same warnings
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(line_buffering=True)  # this process is killed in the end, which flushes nothing
+    return Pipe(Connection(int(handle)))
 
 
 def _error_line(error: Exception) -> str:

@@ -11,22 +11,19 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import quoted
 from shadowbench.gl.clock import Clock, PassTimes, Sample, with_cost, work_of
 from shadowbench.gl.device import Device, open_device
-from shadowbench.gl.gbuffer import download
 from shadowbench.measure.cells import CellRequest, PlacedView
 from shadowbench.measure.executor import Unsupported
 from shadowbench.measure.loaded_scene import BuiltCell, LoadedScene, OpenView
 from shadowbench.measure.profile import Profile
-from shadowbench.measure.rendering import Rendering, declared_work, finite_facts
-from shadowbench.scores.masks import quantise
+from shadowbench.measure.rendering import Rendering, declared_work, finite_facts, visibility_of
 from shadowbench.techniques.base import Frame, Phase, Stage, Technique
-from shadowbench.techniques.registry import shader_folder, techniques
+from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import Spec, parse_spec
 from shadowbench.techniques.stage import ShaderText
 
@@ -115,7 +112,7 @@ class Session:
             self._close()
             loaded = self._load(placed_view)
             view = loaded.to_drawing_coordinates(placed_view.view)
-            self._reset_state()
+            self.device.reset()
             with self._gpu_work():
                 self._open_view = OpenView(placed_view.view, loaded, view, loaded.surface_pass.draw(view))
         return self._open_view
@@ -171,13 +168,13 @@ class Session:
         self, open_view: OpenView, request: CellRequest, built: BuiltCell, with_map: bool, tinted: bool
     ) -> Rendering:
         technique, frame, view = built.technique, built.frame, open_view.view
-        self._reset_state()
+        self.device.reset()
         with self._gpu_work():
             texture = technique.draw(frame)
-        self._reset_state()
+        self.device.reset()
         self.device.check(f"drawing {request.spec}")
         with self.profile.activity("read back"):
-            visibility = self._read(request.spec, texture, view.size)
+            visibility = visibility_of(request.spec, texture, view.size)
         with self._gpu_work():
             tint = technique.tint() if tinted else None
             picture = open_view.loaded.picture_pass.draw(frame.surface, view, texture, tint)
@@ -195,7 +192,7 @@ class Session:
         built = self._kept.pop(request, None) or self._build(open_view, request)
         self._timed.append(built)
         for _ in range(WARM_UP):
-            self._reset_state()
+            self.device.reset()
             with self._gpu_work():
                 self._next_draw(-1)()
         self.device.check(f"warming up {request.spec}")
@@ -230,7 +227,7 @@ class Session:
     def _isolated_draw(self, index: int) -> Iterator[Callable[[], object]]:
         """The next draw call of a prepared cell, run without the garbage collector and with default GL state."""
         draw = self._next_draw(index)
-        self._reset_state()
+        self.device.reset()
         gc.disable()
         try:
             with self._gpu_work():
@@ -252,24 +249,6 @@ class Session:
     def _unsupported(self, open_view: OpenView, spec: Spec) -> str | None:
         return spec.technique.declines(spec.params, open_view.view, self.device)
 
-    def _reset_state(self) -> None:
-        """Reset GL state that a technique may have changed by raw calls, so that it cannot affect other cells."""
-        self.device.context.enable_only(moderngl.NOTHING)
-        self.device.context.wireframe = False
-
-    def _read(self, spec: str, texture: object, size: int) -> NDArray[np.float32]:
-        """(size, size) visibility of a texture. TypeError or ValueError unless it has that size and one component."""
-        if not isinstance(texture, moderngl.Texture):
-            raise TypeError(f"{spec} drew {type(texture).__name__}; allowed: a texture")
-        if texture.size != (size, size):
-            raise ValueError(f"{spec} drew {' × '.join(map(str, texture.size))} pixels; allowed: {size} × {size}")
-        if texture.components != 1:
-            raise ValueError(f"{spec} drew {texture.components} components; allowed: 1, the visibility")
-        try:
-            return quantise(download(texture)[..., 0])
-        except ValueError as error:
-            raise ValueError(f"{spec} drew {error}") from error
-
     def _build(self, open_view: OpenView, request: CellRequest) -> BuiltCell:
         start = time.perf_counter()
         with self.profile.activity("prepare"):
@@ -282,14 +261,5 @@ class Session:
         reason = self._unsupported(open_view, spec)
         if reason is not None:
             raise Unsupported(reason)
-        loaded, view = open_view.loaded, open_view.view
-        size, folder = (view.size, view.size), shader_folder(spec.technique)
-        stage = Stage(loaded.scene, self.device, size, loaded.geometry, loaded.placement, folder)
-        technique = spec.technique(spec.params)
-        try:
-            technique.build(stage)
-            self.device.check(f"building {request.spec}")
-        except BaseException:
-            stage.release()
-            raise
-        return technique, stage, Frame(view, Phase(request.phase), 0, open_view.surface, self.clock)
+        technique, stage = open_view.loaded.build(spec, open_view.view.size)
+        return technique, stage, Frame(open_view.view, Phase(request.phase), 0, open_view.surface, self.clock)

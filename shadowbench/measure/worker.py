@@ -27,7 +27,7 @@ _POLL_S = 0.05
 _START_S = 60.0
 
 # Not multiprocessing, which imports the caller's main module: a notebook, or a script without a __main__ guard.
-_PROGRAM = "import sys; sys.path[:] = sys.argv[3:]; from shadowbench.measure.serve import serve; serve(*sys.argv[1:3])"
+_PROGRAM = "import sys; sys.path[:] = sys.argv[3:]; from {} import serve; serve(*sys.argv[1:3])"
 
 
 class Worker:
@@ -84,8 +84,8 @@ class Worker:
         """Start the process, which answers with its DeviceInfo."""
         self.stop()
         ours, theirs = multiprocessing.Pipe()
-        with theirs, _sigint_blocked():
-            self._process = _spawn(theirs)
+        with theirs, sigint_blocked():
+            self._process = spawn(theirs, "shadowbench.measure.serve")
             assert self._process.stdout is not None
             self._output_thread = forward_output(self._process.stdout)
             self._pipe = Pipe(ours)
@@ -158,8 +158,11 @@ class Worker:
         self._process = None
 
 
-def _spawn(pipe: Connection) -> subprocess.Popen[bytes]:
-    """Start the worker program. It inherits its end of the pipe; its stdout also takes the output of plug-ins."""
+def spawn(pipe: Connection, module: str) -> subprocess.Popen[bytes]:
+    """Start `serve` of a module in a process that inherits its end of the pipe.
+
+    Its stdout also takes the output of plug-ins. Called within `sigint_blocked`, since Ctrl-C is for the caller.
+    """
     handle = pipe.fileno()
     inherits: dict[str, Any] = {"pass_fds": [handle]}
     if sys.platform == "win32":
@@ -167,7 +170,7 @@ def _spawn(pipe: Connection) -> subprocess.Popen[bytes]:
         inherits = {"startupinfo": subprocess.STARTUPINFO(lpAttributeList={"handle_list": [handle]})}
     return subprocess.Popen(
         # -P: the current folder is not searched for modules, unless this process's sys.path has it
-        [sys.executable, "-P", "-c", _PROGRAM, str(handle), str(os.getpid()), *sys.path],
+        [sys.executable, "-P", "-c", _PROGRAM.format(module), str(handle), str(os.getpid()), *sys.path],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
@@ -184,7 +187,7 @@ def _descendants(worker: int) -> list[psutil.Process]:
 
 
 @contextmanager
-def _sigint_blocked() -> Iterator[None]:
+def sigint_blocked() -> Iterator[None]:
     """Blocks SIGINT in a process started in this block, even while it imports; this process handles it afterwards."""
     with _sigint_deferred():
         if not hasattr(signal, "pthread_sigmask"):  # Windows: the worker ignores SIGINT itself, a little later

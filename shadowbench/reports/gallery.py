@@ -7,6 +7,8 @@ and computes its difference from the truth.
 import base64
 import io
 import math
+import os
+import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -60,9 +62,10 @@ class GalleryCell:
 class Gallery:
     """The pictures of a section or sweep as JSON data; images are data URIs, None if the file is missing.
 
-    cells: dicts of spec, size, view, score, caption, error, faults, mask, soft (whether the truth is) and picture,
-    which is used if the view has no shading images; views: by view name, images of the truth, the undecided pixels, and
-    the view without shadow (lit) and in full shadow (ambient); notes: on missing files and on scaling.
+    cells: dicts of spec, size, view, score, caption, error, faults, command (that shows it in the window), mask, soft
+    (whether the truth is) and picture, which is used if the view has no shading images; views: by view name, images of
+    the truth, the undecided pixels, and the view without shadow (lit) and in full shadow (ambient); notes: on missing
+    files and on scaling.
     """
 
     cells: tuple[dict[str, Any], ...]
@@ -168,10 +171,18 @@ def _cell(cell: GalleryCell, folder: Path, view: dict[str, str | None], max_size
         "caption": cell.caption,
         "error": cell.error,
         "faults": cell.faults,
+        "command": _view_command(cell.row, folder),
         "soft": is_soft(cell.row["metrics"]),
         "mask": _mask(mask, int(cell.row["view_size"]), max_size),
         "picture": None if shaded else _picture(picture, max_size),
     }
+
+
+def _view_command(row: Record, folder: Path) -> str:
+    """The command line that shows a cell in the window; empty for a mask of another renderer."""
+    if "content" in row:
+        return ""
+    return shlex.join(["shadowbench", "view", os.path.relpath(folder), "--cell", row["key"]])
 
 
 def _score(row: Record) -> str:

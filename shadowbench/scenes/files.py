@@ -38,6 +38,7 @@ class SceneFile(Strict):
     camera: dict[str, object] | list[dict[str, object]] = Field([])
     light: dict[str, object] | list[dict[str, object]] = Field([])
     mesh: list[dict[str, object]] = Field([])
+    viewer: dict[str, object] = Field({})  # what `shadowbench view` showed when it saved the file
 
 
 def read_document(path: Path) -> SceneFile:

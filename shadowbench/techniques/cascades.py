@@ -232,6 +232,13 @@ class Cascades(Technique):
     def tint(self) -> moderngl.Texture:
         return self._tint(self.last, self._textures, **self._uniforms(self.last))
 
+    @cached_property
+    def _texels(self) -> ResolvePass:
+        return ResolvePass(self.stage, "cascades/texels.frag", self.params, self.defines, components=4)
+
+    def texels(self) -> moderngl.Texture:
+        return self._texels(self.last, self._textures, **self._uniforms(self.last))
+
     def map_image(self) -> NDArray[np.float32]:
         return np.hstack(list(self.map.texture.read()[:, ::-1]))
 

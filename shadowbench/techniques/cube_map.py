@@ -1,6 +1,7 @@
 """Shadow mapping of a point light with a cube map of distances."""
 
 import math
+from functools import cached_property
 from typing import Annotated, Literal
 
 import moderngl
@@ -109,6 +110,7 @@ class CubeMap(Technique):
         with frame.timed("resolve", changes="view"):
             light_radius = self.params.filter.light_radius(frame.light, self.stage.placement)
             penumbra = penumbra_uniforms(self.resolve.program, light_radius, self.hull, frame.light)
+            self.last = frame, textures, uniforms
             return self.resolve(frame, textures, **uniforms, **penumbra)
 
     def draw_map(self, frame: Frame) -> MapInputs:
@@ -137,6 +139,14 @@ class CubeMap(Technique):
             return [({}, [])]
         planes = [np.column_stack([sides, -sides @ frame.light.position]) for sides in _SIDES]
         return [({"face": face}, [pyramid]) for face, pyramid in enumerate(planes)]
+
+    @cached_property
+    def _texels(self) -> ResolvePass:
+        return ResolvePass(self.stage, "cube-map/texels.frag", self.params, CUBE, components=4)
+
+    def texels(self) -> moderngl.Texture:
+        frame, textures, uniforms = self.last
+        return self._texels(frame, textures, **uniforms)
 
     def map_image(self) -> NDArray[np.float32]:
         """The faces as an unfolded cross, (3·size, 4·size), seen from the light: +Z in front, +X to its left."""

@@ -1,6 +1,7 @@
 """Shadow mapping with one 2-D map (Williams 1978; filtering: Reeves, Salesin and Cook 1987)."""
 
 import math
+from functools import cached_property
 from typing import Annotated, Literal
 
 import moderngl
@@ -125,6 +126,7 @@ class ShadowMap(Technique):
             resolve = self.resolves[parallel]
             light_radius = self.params.filter.light_radius(frame.light, self.stage.placement)
             penumbra = penumbra_uniforms(resolve.program, light_radius, self.fitted.hull, frame.light)
+            self.last = frame, textures, uniforms
             return resolve(frame, textures, **uniforms, **penumbra)
 
     def draw_map(self, frame: Frame) -> MapInputs:
@@ -145,6 +147,14 @@ class ShadowMap(Technique):
             "position_step": self.fitted.hull.position_step(frame.light),
             **map_uniforms([self.light_view], params.reversed),
         }
+
+    @cached_property
+    def _texels(self) -> ResolvePass:
+        return ResolvePass(self.stage, "shadow-map/texels.frag", self.params, components=4)
+
+    def texels(self) -> moderngl.Texture:
+        frame, textures, uniforms = self.last
+        return self._texels(frame, textures, **uniforms)
 
     def map_image(self) -> NDArray[np.float32] | None:
         depths = self.map.texture.read()[0, ::-1].astype(np.float64)

@@ -544,7 +544,7 @@ def test_help_groups_every_command_and_cuts_no_summary(
         "Measure": ["run", "stress", "score", "truth"],
         "Decide": ["recommend", "needs", "tune"],
         "Check": ["check", "repeat", "doctor"],
-        "Look": ["report", "render", "list"],
+        "Look": ["report", "render", "view", "list"],
         "Extend": ["new-technique", "export"],
     }
     assert "..." not in "".join(panels.values())

@@ -53,7 +53,7 @@ def test_every_declared_entry_point_that_4_1_promises_can_be_loaded(device: Devi
 
 
 def test_a_missing_entry_point_is_named() -> None:
-    context = SimpleNamespace(mglo=SimpleNamespace(_context=SimpleNamespace(load=lambda name: 0)))
+    context = SimpleNamespace(mglo=SimpleNamespace(_context=SimpleNamespace(load_opengl_function=lambda name: 0)))
     with pytest.raises(NotImplementedError, match="the OpenGL driver has no glSlowDown"):
         RawGL(context, {"glSlowDown": (None, ())})("glSlowDown", 1)
 

@@ -24,9 +24,13 @@ class Bare(Session):
     """A session without a device, whose technique records the index of every frame drawn."""
 
     def __init__(self) -> None:
-        context = SimpleNamespace(finish=lambda: None, enable_only=lambda flags: None, wireframe=False)
         self.device: Any = SimpleNamespace(
-            context=context, check=lambda what: None, pipeline_statistics=False, software=True, draws=0
+            context=SimpleNamespace(finish=lambda: None),
+            reset=lambda: None,
+            check=lambda what: None,
+            pipeline_statistics=False,
+            software=True,
+            draws=0,
         )
         self.clock = Clock(self.device)
         self.profile = Profile()
@@ -60,12 +64,10 @@ class Bare(Session):
         release = partial(self.freed.append, request.spec)
         return technique, SimpleNamespace(release=release, bytes=10), frame
 
-    def _read(self, spec: str, texture: Any, size: int) -> Any:
-        return texture[..., 0]
-
 
 @pytest.fixture
-def bare() -> Bare:
+def bare(monkeypatch: pytest.MonkeyPatch) -> Bare:
+    monkeypatch.setattr(module, "visibility_of", lambda spec, texture, size: texture[..., 0])
     return Bare()
 
 

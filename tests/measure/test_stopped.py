@@ -150,15 +150,15 @@ def test_ctrl_c_while_the_worker_starts_is_silent_too(start: Any, arguments: Any
 def test_ctrl_c_waits_until_the_worker_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
     """With a second thread, as of a progress bar: it receives a signal that the main thread blocks."""
     started = []
-    start = worker_module._spawn
+    start = worker_module.spawn
 
-    def interrupted(pipe: Any) -> Any:
+    def interrupted(pipe: Any, module: str) -> Any:
         os.kill(os.getpid(), signal.SIGINT)
         time.sleep(0.1)  # Python interrupts here, if anywhere
-        started.append(start(pipe))
+        started.append(start(pipe, module))
         return started[-1]
 
-    monkeypatch.setattr(worker_module, "_spawn", interrupted)
+    monkeypatch.setattr(worker_module, "spawn", interrupted)
     done = threading.Event()
     other = threading.Thread(target=done.wait)
     other.start()

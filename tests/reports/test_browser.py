@@ -1,5 +1,6 @@
 """The report of a run and a sweep in a real browser: charts, interaction, print, and no network access."""
 
+import re
 import shutil
 import subprocess
 import sys
@@ -568,6 +569,7 @@ def test_a_breaking_point_shows_its_picture(visit: Callable[..., Visit]) -> None
     view.select_option("map-size 16 texels, sun")
     assert box.locator(".tag.a").inner_text() == "shadow-map" and box.locator(".tag.b").inner_text() == "truth"
     assert "leak" in box.locator(".caption.a").inner_text()
+    assert re.search(r"shadowbench view \S+ --cell [0-9a-f]{24}$", box.locator(".caption.a").inner_text())
     box.get_by_role("radio", name="difference").check()
     page.wait_for_timeout(500)
     assert pixels(box.locator("canvas.a")) != pixels(box.locator("canvas.b"))

@@ -72,6 +72,7 @@ def test_every_cell_has_its_pictures_in_the_page(run_folder: Write, page_of: Cal
     (shown,) = galleries(page_of(run_folder(pictures=True)))
     held = [cell for cell in CELLS if cell.status == "ok"]
     assert len(shown["cells"]) == len(held) and shown["notes"] == []
+    assert all(re.fullmatch(r"shadowbench view \S+ --cell [0-9a-f]{24}", cell["command"]) for cell in shown["cells"])
     for cell in shown["cells"]:
         assert cell["mask"].startswith("data:image/webp;base64,") and cell["picture"] is None
     (view,) = shown["views"].values()

@@ -172,7 +172,9 @@ class Viewer {
       const cell = this[side];
       this.find(`select.${side}`).value = this.cells.indexOf(cell);
       this.find(`.tag.${side}`).textContent = nameOf(cell);
-      this.find(`.caption.${side}`).textContent = cell ? `${nameOf(cell)}: ${cell.caption}` : "truth: ray traced";
+      const caption = this.find(`.caption.${side}`);
+      caption.textContent = cell ? `${nameOf(cell)}: ${cell.caption}` : "truth: ray traced";
+      if (cell?.command) caption.append(" ", Object.assign(document.createElement("code"), { textContent: cell.command }));
     }
     this.find(".errors").hidden = !this.cells[0]?.soft;
     for (const input of this.box.querySelectorAll(".modes input")) input.checked = input.value === this.mode;

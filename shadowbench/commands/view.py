@@ -1,0 +1,99 @@
+"""`view`: a window in which what is seen is what is scored."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from shadowbench.commands import completion, console
+from shadowbench.commands.options import SCENE, SPEC, Assets, LightName, Plugins, Quiet, Sun, Up, ViewName, ViewSize
+from shadowbench.errors import InputError
+
+app = typer.Typer()
+_MOST = 2
+LIBRARIES = "libx11-6 libxcursor1 libxext6 libxi6 libxinerama1 libxrandr2"
+
+
+@app.command(
+    epilog="\b\nFor example\n"
+    "  shadowbench view sphere-and-torus -t shadow-map -t shadow-volume\n"
+    "  shadowbench view --state view.toml\n"
+    "  shadowbench view results/stress --cell 5be1f0"
+)
+def view(
+    scene: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="[SCENE]",
+            autocompletion=completion.scene,
+            help=f"The scene: {SCENE}; with --cell the folder of a run.",
+            show_default=False,
+        ),
+    ] = None,
+    technique: Annotated[
+        list[str] | None,
+        typer.Option(
+            "-t",
+            "--technique",
+            metavar="SPEC",
+            autocompletion=completion.spec,
+            help=f"One or two techniques, A and B: {SPEC}  [shadow-map; cube-map under a point light].",
+        ),
+    ] = None,
+    state: Annotated[Path | None, typer.Option(metavar="FILE.toml", help="Show a state that the window saved.")] = None,
+    cell: Annotated[
+        str | None, typer.Option(metavar="KEY", help="Show a cell of a folder of `run` or `stress`, by its key.")
+    ] = None,
+    view_size: ViewSize = None,
+    view: ViewName = None,
+    light: LightName = None,
+    plugin: Plugins = None,
+    assets: Assets = None,
+    up: Up = None,
+    sun: Sun = False,
+    quiet: Quiet = False,
+) -> None:
+    """Open a window on a scene, beside its ray-traced truth.
+
+    Move the camera and the light, turn every parameter of two techniques, and see them beside the truth of the same
+    view, which is traced whenever motion rests, with their scores. Needs a display and
+    pip install 'shadowbench[viewer]'.
+    """
+    from dataclasses import replace
+
+    from shadowbench.measure.plugin_output import techniques_with
+    from shadowbench.scenes.views import named
+    from shadowbench.techniques.spec import parse_spec
+    from shadowbench.viewer.state import Origin, ViewerState
+    from shadowbench.viewer.state_files import read_state
+
+    if (scene is None) == (state is None):
+        raise InputError("view: found " + ("no scene" if scene is None else "SCENE and --state") + "; allowed: one")
+    if (state or cell) and (view or light or up or sun):
+        raise InputError("--view, --light, --up and --sun choose from a SCENE; a state and a cell have their own")
+    if len(technique or ()) > _MOST:
+        raise InputError(f"--technique: found {len(technique or ())}; allowed: one or two, A and B")
+    try:
+        from shadowbench.viewer.window import show
+    except ModuleNotFoundError as error:
+        raise InputError(f"view needs {error.name}: pip install 'shadowbench[viewer]'") from None
+    except ImportError as error:  # a library of the system
+        raise InputError(
+            f"view cannot be loaded ({error}); on Debian and Ubuntu: apt-get install {LIBRARIES}"
+        ) from None
+    known = techniques_with(plugin or ())
+    specs = tuple(parse_spec(text, known) for text in technique or ())
+    if state is not None:
+        shown = read_state(state, known, assets)
+    elif cell is not None:
+        from shadowbench.viewer.cells import cell_state  # with pandas, only when it is needed
+
+        shown = cell_state(Path(str(scene)), cell, known, assets)
+    else:
+        with console.Reporter(quiet) as reporter:
+            chosen = reporter.view(str(scene), view_size, view, light, assets, up, sun)
+        camera = named(chosen.scene.cameras, chosen.camera.name, "view")  # its planes are the file's, not of this view
+        first = parse_spec("cube-map" if chosen.light.kind == "point" else "shadow-map", known)
+        origin = Origin(str(scene), assets, up)
+        shown = ViewerState(chosen.scene, camera, chosen.light, (first,), chosen.size, origin)
+    show(replace(shown, specs=specs or shown.specs, size=view_size or shown.size), known, plugin or ())

@@ -1,0 +1,1 @@
+"""The window of `shadowbench view`: what is seen is what is scored."""

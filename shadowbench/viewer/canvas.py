@@ -1,0 +1,212 @@
+"""The panes of the window, the light's handles over them, and what the mouse does there."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from imgui_bundle import imgui
+
+from shadowbench.viewer.app import Viewer
+from shadowbench.viewer.lights import Dome, Handle, dragged, handles, is_far
+from shadowbench.viewer.navigation import looked, orbited, panned, projected, zoomed
+from shadowbench.viewer.panes import NUMBERS
+from shadowbench.viewer.state import Source
+
+REACH = 12.0  # pixels, from a handle or the wipe's line, that count as on it
+GAP = 6.0  # pixels between panes
+TURN = math.pi  # by which a drag over a whole pane turns
+ZOOM = 1.12  # by a step of the wheel
+_YELLOW, _DARK, _WHITE = 0xFF33DDFF, 0xFF202020, 0xFFFFFFFF  # ABGR
+_DIMMED = (0.45, 0.45, 0.45, 1.0)
+_CORNERS = 48  # of the horizon's circle
+
+Gesture = Literal["", "orbit", "pan", "look", "wipe", "light", "aim"]
+
+
+@dataclass
+class Pane:
+    """A square of the window in which pictures are shown, from its top left corner."""
+
+    x: float
+    y: float
+    side: float
+
+    def place(self, x: float, y: float) -> tuple[float, float]:
+        """Place in the window as one in the picture."""
+        return 2 * (x - self.x) / self.side - 1, 1 - 2 * (y - self.y) / self.side
+
+    def point(self, place: tuple[float, float]) -> tuple[float, float]:
+        """Place in the picture as one in the window, moved to the pane's border if outside."""
+        x, y = (min(max(value, -0.98), 0.98) for value in place)
+        return self.x + (x + 1) / 2 * self.side, self.y + (1 - y) / 2 * self.side
+
+
+def squares(x: float, y: float, width: float, height: float, count: int) -> list[Pane]:
+    """The largest equal squares, in rows of equal length, that fit into a rectangle."""
+
+    def side(columns: int) -> float:
+        rows = -(-count // columns)
+        return min((width - GAP * (columns - 1)) / columns, (height - GAP * (rows - 1)) / rows)
+
+    columns = max(range(1, count + 1), key=side)
+    pane = max(side(columns), 16.0)
+    step = pane + GAP
+    return [Pane(x + index % columns * step, y + index // columns * step, pane) for index in range(count)]
+
+
+class Canvas:
+    """Shows the panes and turns drags into changes of the state."""
+
+    def __init__(self, viewer: Viewer) -> None:
+        self.viewer = viewer
+        self.gesture: Gesture = ""
+        self.panes: list[Pane] = []
+        self._far = False
+        self._last = (0.0, 0.0)
+
+    def draw(self) -> None:
+        """Show the panes in the rest of the window, and handle the mouse in them."""
+        state, origin, room = self.viewer.state, imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
+        sources = state.sources
+        count = len(sources) if state.layout == "side by side" else 1
+        self.panes = squares(origin.x, origin.y, room.x, room.y, count)
+        for index, pane in enumerate(self.panes):
+            imgui.set_cursor_screen_pos((pane.x, pane.y))
+            imgui.invisible_button(f"pane {index}", (pane.side, pane.side), _ALL_BUTTONS)
+            if imgui.is_item_hovered():
+                self._wheel()
+            if imgui.is_item_activated():
+                self._begin(pane)
+            if imgui.is_item_active():
+                self._drag(pane)
+            if imgui.is_item_deactivated():
+                self.gesture = ""
+                self.viewer.rest()
+        if state.layout == "wipe":
+            self._show_wipe(self.panes[0], *sources)
+        else:
+            for pane, source in zip(self.panes, sources, strict=False):
+                self._show(pane, source, 0.0, 1.0)
+        for pane in self.panes:
+            self._show_handles(pane)
+
+    def _show(self, pane: Pane, source: Source, start: float, end: float) -> None:
+        """Show a part of a source's picture, between two shares of its width."""
+        draw_list, viewer = imgui.get_window_draw_list(), self.viewer
+        left, right = pane.x + start * pane.side, pane.x + end * pane.side
+        draw_list.add_rect_filled((left, pane.y), (right, pane.y + pane.side), 0xFF303030)
+        picture = viewer.pictures.get(source)
+        failures = viewer.mask_failures()
+        failure = viewer.broken or (failures["AB".index(source)] if source in "AB"[: len(failures)] else "")
+        dimmed = bool(failure) or (source == "truth" and not viewer.judge.has_traced(viewer.state))
+        if picture is not None:
+            color = imgui.color_convert_float4_to_u32(_DIMMED if dimmed else (1, 1, 1, 1))
+            draw_list.add_image(
+                NUMBERS[source], (left, pane.y), (right, pane.y + pane.side), (start, 1), (end, 0), color
+            )
+        label = "truth" if source == "truth" else f"{source}: {self._spec(source)}"
+        if source == "truth" and not viewer.judge.has_traced(viewer.state):
+            label += " (of an earlier view)" if picture is not None else " (tracing)"
+        self._write(left, pane.y, right - left, label)
+        if failure:
+            self._write(left, pane.y + 24, right - left, failure)
+
+    def _show_wipe(self, pane: Pane, left: Source, right: Source) -> None:
+        share = self.viewer.state.wipe
+        self._show(pane, left, 0.0, share)
+        self._show(pane, right, share, 1.0)
+        x = pane.x + share * pane.side
+        imgui.get_window_draw_list().add_line((x, pane.y), (x, pane.y + pane.side), _WHITE, 2.0)
+
+    def _spec(self, source: Source) -> str:
+        specs = self.viewer.state.specs
+        index = "AB".index(source)
+        return specs[index].text if index < len(specs) else "none: add B"
+
+    def _write(self, x: float, y: float, width: float, text: str) -> None:
+        """Text on a dark ground, wrapped to a width."""
+        if width < 40:
+            return
+        size = imgui.calc_text_size(text, wrap_width=width - 12)
+        draw_list = imgui.get_window_draw_list()
+        draw_list.add_rect_filled((x + 4, y + 4), (x + 10 + size.x, y + 8 + size.y), 0xC0000000)
+        draw_list.add_text(imgui.get_font(), imgui.get_font_size(), (x + 7, y + 6), _WHITE, text, None, width - 12)
+
+    def _show_handles(self, pane: Pane) -> None:
+        """The light's handles; of a sun also its dome's horizon."""
+        state, draw_list = self.viewer.state, imgui.get_window_draw_list()
+        places = {handle: pane.point(place) for handle, place in self._places().items()}
+        if state.light.kind == "directional":
+            dome = Dome.of(state.camera)
+            circle = []
+            for corner in range(_CORNERS):
+                angle = 2 * math.pi * corner / _CORNERS
+                point = np.multiply(dome.radius, (math.cos(angle), 0.0, math.sin(angle)))
+                x, y, _ = projected(state.camera, np.add(dome.center, point))
+                circle.append(imgui.ImVec2(*pane.point((x, y))))
+            draw_list.add_polyline(circle, 0x50FFFFFF, imgui.ImDrawFlags_.closed, 1.0)
+        if "aim" in places:
+            draw_list.add_line(places["light"], places["aim"], _YELLOW, 1.5)
+            draw_list.add_circle(places["aim"], 6, _YELLOW, 0, 2.0)
+        draw_list.add_circle_filled(places["light"], 7, _YELLOW)
+        draw_list.add_circle(places["light"], 7, _DARK, 0, 1.5)
+
+    def _places(self) -> dict[Handle, tuple[float, float]]:
+        """The places of the light's handles in the picture; of one behind the camera, at its border."""
+        state, found = self.viewer.state, {}
+        for handle, point in handles(state.light, state.camera).items():
+            x, y, depth = projected(state.camera, point)
+            found[handle] = (x, y) if depth > 0 else (math.copysign(2.0, -x), math.copysign(2.0, -y))
+        return found
+
+    def _begin(self, pane: Pane) -> None:
+        """What a press begins, by what lies under it and by the button."""
+        mouse, state = imgui.get_mouse_pos(), self.viewer.state
+        self._last = (mouse.x, mouse.y)
+        if imgui.is_mouse_down(imgui.MouseButton_.right):
+            self.gesture = "look"
+        elif imgui.is_mouse_down(imgui.MouseButton_.middle) or imgui.get_io().key_shift:
+            self.gesture = "pan"
+        else:
+            self.gesture = "orbit"
+            line = pane.x + state.wipe * pane.side
+            if state.layout == "wipe" and abs(mouse.x - line) <= REACH:
+                self.gesture = "wipe"
+            for handle, place in self._places().items():
+                if math.dist(pane.point(place), self._last) <= REACH:
+                    self.gesture, self._far = handle, is_far(state.light, state.camera)
+
+    def _drag(self, pane: Pane) -> None:
+        mouse, state = imgui.get_mouse_pos(), self.viewer.state
+        right, down = mouse.x - self._last[0], mouse.y - self._last[1]
+        if (right, down) == (0, 0):
+            return
+        self._last = (mouse.x, mouse.y)
+        x, y = right / pane.side, down / pane.side
+        changed = state
+        match self.gesture:
+            case "orbit":
+                changed = replace(state, camera=orbited(state.camera, -x * TURN, y * TURN))
+            case "look":
+                changed = replace(state, camera=looked(state.camera, -x, -y))
+            case "pan":
+                changed = replace(state, camera=panned(state.camera, 2 * x, -2 * y))
+            case "wipe":
+                changed = replace(state, wipe=min(max((mouse.x - pane.x) / pane.side, 0.0), 1.0))
+            case "light" | "aim":
+                place = pane.place(mouse.x, mouse.y)
+                changed = replace(state, light=dragged(state.light, state.camera, self.gesture, place, self._far))
+        self.viewer.change(changed, f"drag {self.gesture}")
+
+    def _wheel(self) -> None:
+        wheel, state = imgui.get_io().mouse_wheel, self.viewer.state
+        if wheel:
+            self.viewer.change(replace(state, camera=zoomed(state.camera, ZOOM**-wheel)), "zoom")
+
+
+_ALL_BUTTONS = (
+    imgui.ButtonFlags_.mouse_button_left
+    | imgui.ButtonFlags_.mouse_button_right
+    | imgui.ButtonFlags_.mouse_button_middle
+)

@@ -1,0 +1,53 @@
+"""Files that the window shows, and whether they have changed on disk."""
+
+import time
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from shadowbench.data import data_folder
+from shadowbench.scenes.library import builtin_names
+from shadowbench.viewer.state import Origin
+
+EVERY_S = 0.5
+"""How often files are looked at, in seconds."""
+_SHADERS = (".glsl", ".vert", ".frag", ".geom")
+
+
+@dataclass(frozen=True)
+class Changes:
+    """What has changed: the scene's file, any shader."""
+
+    scene: bool = False
+    shaders: bool = False
+
+
+class ChangedFiles:
+    """Looks at the modification times of a scene's file and of the shaders, those of plug-ins included."""
+
+    def __init__(self, origin: Origin | None, plugins: Iterable[Path] = ()) -> None:
+        self._scene = [] if origin is None else [_file(origin.source)]
+        self._folders = [plugin.resolve().parent for plugin in plugins]
+        self._times, self._looked = self._modified(), time.monotonic()
+
+    def changed(self) -> Changes:
+        """What has changed since the last call; nothing if that was a moment ago."""
+        if time.monotonic() - self._looked < EVERY_S:
+            return Changes()
+        before, self._times, self._looked = self._times, self._modified(), time.monotonic()
+        changed = {file for file in {*before, *self._times} if before.get(file) != self._times.get(file)}
+        return Changes(any(file in self._scene for file in changed), any(file.suffix in _SHADERS for file in changed))
+
+    def _modified(self) -> Mapping[Path, int]:
+        near = [file for folder in self._folders for pattern in ("*", "*/*") for file in folder.glob(pattern)]
+        files = [file for file in (*data_folder("shaders").rglob("*"), *near) if file.suffix in _SHADERS]
+        times = {}
+        for file in (*self._scene, *files):
+            with suppress(OSError):  # removed, as an editor does while it saves
+                times[file] = file.stat().st_mtime_ns
+        return times
+
+
+def _file(source: str) -> Path:
+    return data_folder("scenes") / f"{source}.toml" if source in builtin_names() else Path(source)

@@ -1,0 +1,87 @@
+"""The panels of what was measured: scores, times of passes, work, and the shadow map."""
+
+import numpy as np
+from imgui_bundle import imgui
+
+from shadowbench.scores.metrics import METRICS, is_soft
+from shadowbench.viewer.app import Viewer
+from shadowbench.viewer.panes import NUMBERS
+from shadowbench.viewer.technique_panel import tooltip
+
+HARD = ("iou", "acne", "leak", "contact", "edge_px", "ssim")
+SOFT = ("rmse", "rmse_pen", "bleed", "false_dark", "width", "hardening", "noise")
+GRAPH = (240, 40)  # pixels
+
+
+def scores_panel(viewer: Viewer) -> None:
+    """The scores of A and B, grey while they are of another view or of other masks."""
+    state, scores = viewer.state, viewer.scores
+    specs = [spec.full_text for spec in state.specs]
+    known = [scores.by_spec.get(text) for text in specs]
+    soft = any(is_soft(one) for one in known if one is not None)
+    names = [name for name in (*(SOFT if soft else ()), *HARD) if name in METRICS]
+    stale = not viewer.current(scores.viewed)
+    if stale:
+        imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(imgui.Col_.text_disabled))
+    if imgui.begin_table("scores", len(specs) + 1, imgui.TableFlags_.sizing_stretch_same | imgui.TableFlags_.row_bg):
+        for title in ("against the truth", *"AB"[: len(specs)]):
+            imgui.table_setup_column(title)
+        imgui.table_headers_row()
+        for name in names:
+            imgui.table_next_row()
+            imgui.table_next_column()
+            imgui.text_unformatted(METRICS[name].label or name)
+            tooltip(f"{METRICS[name].help} Better: {METRICS[name].better}.")
+            for one in known:
+                imgui.table_next_column()
+                value = None if one is None else one.get(name)
+                imgui.text_unformatted("–" if value is None else f"{value:.5f}")
+        imgui.end_table()
+    if stale:
+        imgui.pop_style_color()
+    _status(viewer, stale, all(one is not None for one in known))
+
+
+def _status(viewer: Viewer, stale: bool, complete: bool) -> None:
+    """One line: moving, tracing, or what the scores are of."""
+    drawn, size = viewer.drawn, viewer.state.size
+    if viewer.moving and drawn is not None and drawn.size < size:
+        imgui.text_unformatted(f"{size}² drawn at {drawn.size}² while moving: a software renderer")
+    elif viewer.moving:
+        imgui.text_unformatted("moving: scores follow at rest")
+    elif stale or not complete:
+        imgui.text_unformatted("tracing the truth of this view …")
+    else:
+        imgui.text_unformatted(f"scored at {size}² against the full truth")
+
+
+def times_panel(viewer: Viewer) -> None:
+    """Milliseconds of each pass with a short history, and the counts of work."""
+    history = list(viewer.pass_ms)
+    for name, ms in history[-1].items() if history else ():
+        values = np.array([frame.get(name, 0.0) for frame in history], dtype=np.float32)
+        imgui.plot_lines(f"##{name}", values, 0, f"{name}  {ms:.2f} ms", 0.0, float(values.max()) * 1.2, GRAPH)
+    if viewer.device.software:
+        imgui.text_disabled("of a software renderer: no GPU's times")
+    for source, spec in zip("AB", viewer.state.specs, strict=False):
+        work = viewer.work.get(spec, {})
+        text = ", ".join(f"{name} {count:,}" for name, count in work.items())
+        imgui.text_wrapped(f"{source}: {text or '…'}")
+        tooltip("counts of work of one frame, as in rows")
+    imgui.text_unformatted(f"{viewer.drawing.bytes / 2**20:.1f} MiB of maps, masks and buffers")
+
+
+def map_panel(viewer: Viewer) -> None:
+    """The shadow map of A or B."""
+    for index, source in enumerate("AB"[: len(viewer.state.specs)]):
+        if imgui.radio_button(f"map of {source}", viewer.map_of == index):
+            viewer.map_of = index
+        imgui.same_line()
+    imgui.text_disabled("linear depth, near is dark")
+    picture = viewer.map_picture
+    if picture is None:
+        imgui.text_disabled("none, or it is drawn at rest")
+        return
+    width = max(imgui.get_content_region_avail().x, 64.0)
+    width, height = min(width, width * picture.width / picture.height), width * picture.height / picture.width
+    imgui.image(NUMBERS["map"], (width, height), (0, 1), (1, 0))

@@ -1,0 +1,134 @@
+"""Everything that the window shows, as one immutable value, and its history for undo and redo."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Literal, get_args
+
+from shadowbench.gl.picture import Shading
+from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, Vec3, View, view_of
+from shadowbench.techniques.spec import Spec
+
+Layout = Literal["one", "wipe", "side by side"]
+Source = Literal["A", "B", "truth"]
+Overlay = Literal["picture", "error", "mask", "normals", "N·L", "texels", "blockers", "tint"]
+LAYOUTS, SOURCES, OVERLAYS = (get_args(one) for one in (Layout, Source, Overlay))
+
+MOST_UNDO = 500
+_COPY = re.compile(r"( \d+)+$")  # what a repeated mesh's name ends with
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a scene was loaded from: the arguments of `load_scene`."""
+
+    source: str
+    assets: Path | None = None
+    up: str | None = None
+
+
+@dataclass(frozen=True)
+class ViewerState:
+    """What the window shows.
+
+    size: of the image, in pixels along a side; origin: of the scene, None for one that no file has, such as a sweep's;
+    coordinates: in which it is drawn; phase: see `Phase`; colors: linear RGB by the name of a `material`, in place of
+    the scene's; wipe: the share of the picture that `left` takes.
+    """
+
+    scene: Scene
+    camera: Camera
+    light: Light
+    specs: tuple[Spec, ...]
+    size: int = 512
+    origin: Origin | None = None
+    coordinates: Coordinates = "relative"
+    phase: int = 0
+    shading: Shading = field(default_factory=Shading)
+    colors: tuple[tuple[str, Vec3], ...] = ()
+    shadows: bool = True
+    layout: Layout = "one"
+    left: Source = "A"
+    right: Source = "truth"
+    wipe: float = 0.5
+    overlay: Overlay = "picture"
+
+    def view(self, size: int | None = None) -> View:
+        """The view, by default of `size`. Raises InputError, as `view_of` does."""
+        return view_of(self.scene, self.camera, self.light, size or self.size)
+
+    @property
+    def viewed(self) -> tuple[object, ...]:
+        """What the truth depends on; equal for states that have the same one."""
+        return (self.scene, self.camera, self.light, self.size)
+
+    @property
+    def sources(self) -> tuple[Source, ...]:
+        """The pictures that the layout shows, from the left."""
+        if self.layout == "side by side":
+            return ("A", *(("B",) if len(self.specs) > 1 else ()), "truth")
+        return (self.left,) if self.layout == "one" else (self.left, self.right)
+
+    def with_spec(self, index: int, spec: Spec) -> "ViewerState":
+        """With another spec as A (0) or B (1)."""
+        specs = list(self.specs)
+        specs[index : index + 1] = [spec]
+        return replace(self, specs=tuple(specs))
+
+    def with_color(self, name: str, color: Vec3) -> "ViewerState":
+        """With another colour of a material."""
+        return replace(self, colors=tuple((dict(self.colors) | {name: color}).items()))
+
+
+def material(name: str) -> str:
+    """Name of what a mesh is a part of: without the numbers of a repetition."""
+    return _COPY.sub("", name)
+
+
+def materials(scene: Scene) -> Mapping[str, Vec3]:
+    """The colours of a scene's materials, by name."""
+    return {material(mesh.name): mesh.color for mesh in reversed(scene.meshes)}
+
+
+def recolored(scene: Scene, colors: Mapping[str, Vec3]) -> Scene:
+    """The scene with other colours of some materials."""
+    meshes = (replace(mesh, color=colors.get(material(mesh.name), mesh.color)) for mesh in scene.meshes)
+    return replace(scene, meshes=tuple(meshes)) if colors else scene
+
+
+@dataclass(frozen=True)
+class History:
+    """The current state, what undo and redo return to, and the gesture that made it.
+
+    A gesture, such as a drag, makes many states, of which undo skips all but the first.
+    """
+
+    state: ViewerState
+    past: tuple[ViewerState, ...] = ()
+    future: tuple[ViewerState, ...] = ()
+    gesture: str = ""
+
+    def changed(self, state: ViewerState, gesture: str = "") -> "History":
+        """With another state; one of the same gesture, unless that is empty, replaces the last."""
+        if state == self.state:
+            return self
+        same = gesture != "" and gesture == self.gesture
+        past = self.past if same else (*self.past, self.state)[-MOST_UNDO:]
+        return History(state, past, (), gesture)
+
+    def rested(self) -> "History":
+        """The gesture has ended: the next change is one of its own."""
+        return replace(self, gesture="") if self.gesture else self
+
+    def undone(self) -> "History":
+        """The state before; itself if there is none."""
+        if not self.past:
+            return self
+        return History(self.past[-1], self.past[:-1], (self.state, *self.future))
+
+    def redone(self) -> "History":
+        """The state that was undone last; itself if there is none."""
+        if not self.future:
+            return self
+        return History(self.future[0], (*self.past, self.state), self.future[1:])

@@ -1,0 +1,245 @@
+"""State files: a scene file with the moved camera and light, and what was shown of it in a table `[viewer]`."""
+
+import json
+import math
+import os
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, fields, replace
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import Field, ValidationError
+
+from shadowbench.data import data_folder
+from shadowbench.errors import InputError
+from shadowbench.files import replace_file
+from shadowbench.gl.picture import Shading
+from shadowbench.scenes.files import read_document
+from shadowbench.scenes.library import builtin_names, load_scene
+from shadowbench.scenes.model import Camera, Light, Mesh
+from shadowbench.scenes.tables import LIGHT_TABLES, Color
+from shadowbench.scenes.views import LARGEST
+from shadowbench.strict import Strict, explain
+from shadowbench.techniques.base import Technique
+from shadowbench.techniques.spec import parse_spec
+from shadowbench.viewer.state import Layout, Origin, Overlay, Source, ViewerState
+
+Techniques = Mapping[str, type[Technique]]
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
+
+
+class ShadingTable(Strict):
+    """The table `[viewer.shading]`: fields of `Shading`, by default its values."""
+
+    ambient: float = Field(1.0, ge=0)
+    diffuse: float = Field(1.0, ge=0)
+    specular: float = Field(0.12, ge=0)
+    shininess: float = Field(32.0, ge=1)
+    light_color: Color = Shading.light_color
+    sky: Color = Shading.sky
+    ground: Color = Shading.ground
+    horizon: Color = Shading.horizon
+    zenith: Color = Shading.zenith
+
+
+class ViewerTable(Strict):
+    """The table `[viewer]` of a state file: the fields of `ViewerState` that no scene has."""
+
+    techniques: list[str] = Field(["shadow-map"], min_length=1, max_length=2)
+    size: int = Field(512, ge=1, le=LARGEST, strict=True)
+    phase: int = Field(0, ge=0, strict=True)
+    shadows: bool = Field(True, strict=True)
+    layout: Layout = "one"
+    left: Source = "A"
+    right: Source = "truth"
+    wipe: float = Field(0.5, ge=0, le=1)
+    overlay: Overlay = "picture"
+    colors: dict[str, Color] = Field({})
+    shading: ShadingTable = ShadingTable()
+
+
+def read_state(file: Path, techniques: Techniques, assets: Path | None = None) -> ViewerState:
+    """The state that a file holds. Raises InputError, as `load_scene` does, and for an invalid table `[viewer]`."""
+    scene = load_scene(file, assets)
+    try:
+        table = ViewerTable.model_validate(read_document(file).viewer)
+    except ValidationError as error:
+        raise explain(f"{file.name}: [viewer]", error) from None
+    specs = tuple(parse_spec(text, techniques) for text in table.techniques)
+    own = {field.name for field in fields(ViewerState)} - {"colors", "shading"}
+    shown = {key: value for key, value in table if key in own}
+    return ViewerState(
+        scene,
+        scene.cameras[0],
+        scene.lights[0],
+        specs,
+        origin=Origin(str(file), assets),
+        colors=tuple(table.colors.items()),
+        shading=Shading(**dict(table.shading)),
+        **shown,
+    )
+
+
+def save_state(state: ViewerState, file: Path) -> None:
+    """Write a state, and the meshes that no scene file describes beside it.
+
+    Degrees of a file are not radians to the last bit: what is drawn afterwards must be what `read_state` gives. Raises
+    InputError if the file cannot be written, if the meshes of the scene's file would not be found from there, and for
+    raw coordinates, which no file has.
+    """
+    if state.coordinates != "relative":
+        raise InputError(f"{file}: the scene is drawn in absolute coordinates, which no scene file can say")
+    if file.suffix != ".toml":
+        raise InputError(f"{file}: found a name that ends with {file.suffix or 'no suffix'!r}; allowed: .toml")
+    scene = _scene_file(state.origin)
+    meshes = _written_meshes(state, file) if scene is None else _moved_tables(read_document(scene).mesh, scene, file)
+    document: dict[str, Any] = {
+        "name": state.scene.name,
+        "viewer": _viewer_table(state),
+        "camera": _camera_table(state.camera),
+        "light": _light_table(state.light),
+        "mesh": meshes,
+    }
+    with replace_file(file) as temporary:
+        temporary.write_text(toml_of(document), encoding="utf-8")
+
+
+def append_to_study(file: Path, state: ViewerState, index: int, techniques: Techniques) -> None:
+    """Append a spec of a state to a study file, which is made for the state's scene if there is none.
+
+    Raises InputError if the file is no study, or would not be one with it.
+    """
+    from shadowbench.studies.study import read_study  # with pandas, only when it is needed
+
+    if file.suffix != ".toml":
+        raise InputError(f"{file}: found a name that ends with {file.suffix or 'no suffix'!r}; allowed: .toml")
+    before = f"scenes = {_value([_source(state, file)])}\n"
+    if file.exists():
+        read_study(file, techniques)
+        before = file.read_text(encoding="utf-8")
+    with replace_file(file) as temporary:
+        temporary.write_text(f"{before}\n[[technique]]\nspec = {_value(state.specs[index].text)}\n", encoding="utf-8")
+        read_study(temporary, techniques, file.parent)
+
+
+def toml_of(document: Mapping[str, Any]) -> str:
+    """A document as TOML: plain values first, then tables and lists of tables."""
+    return "\n".join(_lines(document, ())) + "\n"
+
+
+def _lines(table: Mapping[str, Any], path: Sequence[str]) -> list[str]:
+    inner = {key: value for key, value in table.items() if isinstance(value, dict) or _is_tables(value)}
+    lines = [f"{_key(key)} = {_value(value)}" for key, value in table.items() if key not in inner and value is not None]
+    for key, value in inner.items():
+        name = ".".join(map(_key, (*path, key)))
+        for one in [value] if isinstance(value, dict) else value:
+            lines += ["", f"[{name}]" if isinstance(value, dict) else f"[[{name}]]", *_lines(one, (*path, key))]
+    return lines
+
+
+def _is_tables(value: object) -> bool:
+    return isinstance(value, list) and bool(value) and all(isinstance(one, dict) for one in value)
+
+
+def _key(key: str) -> str:
+    return key if _BARE.fullmatch(key) else json.dumps(key, ensure_ascii=False)
+
+
+def _value(value: Any) -> str:
+    """A value in TOML, whose texts and numbers are those of JSON."""
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{_key(key)} = {_value(one)}" for key, one in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_value, value)) + "]"
+    return json.dumps(value, ensure_ascii=False)
+
+
+def _viewer_table(state: ViewerState) -> dict[str, Any]:
+    names = [name for name in ViewerTable.model_fields if name not in ("techniques", "colors", "shading")]
+    table = {"techniques": [spec.text for spec in state.specs], **{name: getattr(state, name) for name in names}}
+    return {**table, "colors": dict(state.colors), "shading": asdict(state.shading)}
+
+
+def _camera_table(camera: Camera) -> dict[str, Any]:
+    return asdict(camera) | {"fov_y": math.degrees(camera.fov_y)}
+
+
+def _light_table(light: Light) -> dict[str, Any]:
+    values = asdict(light) | {"angle": math.degrees(light.angle), "angular_radius": math.degrees(light.radius)}
+    return {name: values[name] for name in LIGHT_TABLES[light.kind].model_fields}
+
+
+def _scene_file(origin: Origin | None) -> Path | None:
+    """The scene file that a scene was loaded from; None for a mesh file and for a scene that no file has."""
+    if origin is None:
+        return None
+    if origin.source in builtin_names():
+        return data_folder("scenes") / f"{origin.source}.toml"
+    return Path(origin.source) if origin.source.endswith(".toml") else None
+
+
+def _source(state: ViewerState, file: Path) -> str:
+    """The scene's name or path in a study file."""
+    if state.origin is None:
+        raise InputError(f"{file}: no file has the scene {state.scene.name!r}; save the state, and open it")
+    source = state.origin.source
+    return source if source in builtin_names() else os.path.relpath(source, file.parent)
+
+
+def _moved_tables(tables: Sequence[Mapping[str, Any]], scene: Path, file: Path) -> list[dict[str, Any]]:
+    """A scene file's mesh tables for a file in another folder."""
+    moved = []
+    for table in tables:
+        mesh = table.get("file")
+        if isinstance(mesh, str) and (scene.parent / mesh).is_file():
+            path = os.path.relpath((scene.parent / mesh).resolve(), file.parent.resolve())
+            if path.startswith(".."):
+                raise InputError(f"{file}: meshes must be in its folder, where {mesh} is not; allowed: {scene.parent}")
+            table = {**table, "file": Path(path).as_posix()}
+        moved.append(dict(table))
+    return moved
+
+
+def _written_meshes(state: ViewerState, file: Path) -> list[dict[str, Any]]:
+    """The tables of a scene's meshes, written as PLY files beside a file: float64, so that no bit is lost."""
+    tables = []
+    for number, (_, group) in enumerate(groupby(state.scene.meshes, key=_attributes), start=1):
+        meshes = list(group)
+        ply = file.with_name(f"{file.stem}-{number}.ply")
+        with replace_file(ply) as temporary:
+            temporary.write_bytes(ply_of(meshes))
+        attributes = dict(zip(("color", "casts", "receives", "planar"), _attributes(meshes[0]), strict=True))
+        tables.append({"name": meshes[0].name, "file": ply.name, **attributes})
+    return tables
+
+
+def _attributes(mesh: Mesh) -> tuple[Any, ...]:
+    return mesh.color, mesh.casts, mesh.receives, mesh.planar
+
+
+def ply_of(meshes: Sequence[Mesh]) -> bytes:
+    """Meshes one after another as a binary PLY with float64 positions."""
+    offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    vertices = np.concatenate([mesh.vertices for mesh in meshes])
+    faces = np.concatenate([mesh.faces + offset for mesh, offset in zip(meshes, offsets, strict=False)])
+    rows = np.empty(len(faces), dtype=[("count", "u1"), ("indices", "<i4", 3)])
+    rows["count"], rows["indices"] = 3, faces
+    header = [
+        "ply",
+        "format binary_little_endian 1.0",
+        f"element vertex {len(vertices)}",
+        *(f"property double {axis}" for axis in "xyz"),
+        f"element face {len(faces)}",
+        "property list uchar int vertex_indices",
+        "end_header",
+    ]
+    return ("\n".join(header) + "\n").encode() + vertices.astype("<f8").tobytes() + rows.tobytes()
+
+
+def adopted(state: ViewerState, file: Path) -> ViewerState:
+    """The state with camera and light as a file that was saved from it has them, to the last bit."""
+    saved = load_scene(file, None if state.origin is None else state.origin.assets)
+    return replace(state, camera=saved.cameras[0], light=saved.lights[0])

@@ -1,0 +1,101 @@
+"""The panel of a technique, made of the widgets of its parameters alone."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from imgui_bundle import imgui
+
+from shadowbench.techniques.base import Technique
+from shadowbench.techniques.spec import Spec
+from shadowbench.viewer.widgets import Model, Widget, preset, widgets, with_inner, with_params, with_value
+
+DIGITS = 6  # that a slider keeps: its numbers are float32
+
+
+def edited_spec(spec: Spec, techniques: Mapping[str, type[Technique]]) -> Spec:
+    """The spec after this frame's edits. Raises InputError for a value that is not allowed."""
+    name = choice("technique", spec.technique.name, sorted(techniques), (spec.technique.__doc__ or "").splitlines()[0])
+    if name != spec.technique.name:
+        return Spec(techniques[name], techniques[name].Params())
+    if spec.technique.presets:
+        chosen = choice("preset", "…", list(spec.technique.presets), "parameters that belong together")
+        if chosen != "…":
+            return preset(spec.technique, chosen)
+    params = edited(spec.params)
+    return spec if params is spec.params else with_params(spec, params)
+
+
+def edited(model: Model) -> Model:
+    """Parameters after this frame's edits; the same object if there were none."""
+    for widget in widgets(model):
+        value = _input(widget)
+        if value != widget.value:
+            return with_value(model, widget.key, value)
+        if widget.inner is not None and type(widget.inner).model_fields:
+            imgui.indent()
+            imgui.push_id(widget.key)
+            inner = edited(widget.inner)  # type: ignore[type-var]  # parameters or a component
+            imgui.pop_id()
+            imgui.unindent()
+            if inner is not widget.inner:
+                return with_inner(model, widget.key, inner)
+    return model
+
+
+def choice(label: str, value: Any, names: Any, help: str = "") -> Any:
+    """A combo box; the value that was chosen."""
+    if imgui.begin_combo(label, str(value), imgui.ComboFlags_.height_largest):
+        for name in names:
+            if imgui.selectable(str(name), name == value)[0]:
+                value = name
+        imgui.end_combo()
+    tooltip(help)
+    return value
+
+
+def tooltip(text: str) -> None:
+    """What the last item says when the pointer rests on it."""
+    if text and imgui.is_item_hovered(imgui.HoveredFlags_.delay_short):
+        imgui.begin_tooltip()
+        imgui.push_text_wrap_pos(360)
+        imgui.text_unformatted(text)
+        imgui.pop_text_wrap_pos()
+        imgui.end_tooltip()
+
+
+def number(label: str, value: float, low: float | None, high: float | None, decades: bool = False) -> float:
+    """A slider, or without limits a number that is dragged; the value itself unless it was edited."""
+    if low is not None and high is not None:
+        flags = imgui.SliderFlags_.always_clamp | (imgui.SliderFlags_.logarithmic if decades else 0)
+        changed, new = imgui.slider_float(label, value, low, high, "%.6g", flags)
+    else:
+        least = -3e38 if low is None else low
+        changed, new = imgui.drag_float(label, value, max(abs(value), 1e-3) / 100, least, 3e38, "%.6g")
+    return float(f"{new:.{DIGITS}g}") if changed else value
+
+
+def _input(widget: Widget) -> Any:
+    """Draw a widget and return its value."""
+    if widget.kind in ("choice", "component", "spec"):
+        return choice(widget.key, widget.value, widget.choices, widget.help)
+    if widget.kind == "flag":
+        value: Any = imgui.checkbox(widget.key, widget.value)[1]
+    elif widget.kind == "number":
+        value = number(widget.key, widget.value, widget.low, widget.high, widget.decades)
+    else:
+        value = _whole(widget)
+    tooltip(widget.help)
+    return value
+
+
+def _whole(widget: Widget) -> int:
+    """A slider of whole numbers; of those that span decades, such as map sizes, with buttons for half and double."""
+    low, high = int(widget.low or 0), int(widget.high or 2**31 - 1)
+    flags = imgui.SliderFlags_.always_clamp | (imgui.SliderFlags_.logarithmic if widget.decades else 0)
+    value = int(imgui.slider_int(widget.key, widget.value, low, high, "%d", flags)[1])
+    if widget.decades:
+        for text, factor in (("½", 0.5), ("×2", 2.0)):
+            imgui.same_line()
+            if imgui.small_button(f"{text}##{widget.key}"):
+                value = min(max(int(value * factor), low), high)
+    return value

@@ -1,0 +1,262 @@
+"""What the window does between its frames, without a window."""
+
+import gc
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import moderngl
+import numpy as np
+import pytest
+from PIL import Image
+
+from shadowbench.gl.device import Device
+from shadowbench.measure.scoring import prepare_truth
+from shadowbench.scenes.library import load_scene
+from shadowbench.scenes.model import View
+from shadowbench.scores.metrics import score
+from shadowbench.techniques.registry import techniques
+from shadowbench.techniques.spec import parse_spec
+from shadowbench.truths.trace import trace
+from shadowbench.viewer import changed_files
+from shadowbench.viewer.app import Viewer
+from shadowbench.viewer.file_panel import _save_picture
+from shadowbench.viewer.navigation import orbited
+from shadowbench.viewer.state import Origin, ViewerState
+from shadowbench.viewer.truth_task import TruthTask
+
+KNOWN = techniques()
+SIZE = 64
+SCENE = """
+[camera]
+position = [3.0, 3.0, 4.0]
+target = [0.0, 0.3, 0.0]
+[[light]]
+kind = "directional"
+direction = [0.5, -1.0, -0.3]
+[[mesh]]
+shape = "plane"
+scale = 4.0
+[[mesh]]
+shape = "box"
+translate = [0.0, 0.5, 0.0]
+"""
+
+
+class Clock:
+    """A clock that tests set."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    monkeypatch.setattr(changed_files, "EVERY_S", 0.0)
+    return Clock()
+
+
+@pytest.fixture(scope="module")
+def task() -> Iterator[TruthTask]:
+    task = TruthTask()
+    yield task
+    task.stop()
+
+
+@pytest.fixture
+def viewer(device: Device, clock: Clock, task: TruthTask, tmp_path: Path) -> Iterator[Viewer]:
+    file = tmp_path / "mine.toml"
+    file.write_text(SCENE)
+    scene = load_scene(file)
+    specs = tuple(parse_spec(text, KNOWN) for text in ("shadow-map:size=64", "shadow-volume"))
+    state = ViewerState(scene, scene.cameras[0], scene.lights[0], specs, SIZE, Origin(str(file)))
+    viewer = Viewer(device, state, KNOWN, task, seconds=clock)
+    yield viewer
+    viewer.release()
+
+
+def settle(viewer: Viewer, clock: Clock) -> None:
+    """Let motion rest, until everything is scored."""
+    clock.now += 1.0
+    viewer.step()
+    wanted = {spec.full_text for spec in viewer.state.specs}
+    while not (viewer.waiting and viewer.current(viewer.scores.viewed) and wanted <= set(viewer.scores.by_spec)):
+        assert not viewer.message, viewer.message
+        time.sleep(0.01)
+        viewer.step()
+
+
+def test_at_rest_the_scores_are_those_of_the_truth_and_stale_after_a_move(viewer: Viewer, clock: Clock) -> None:
+    settle(viewer, clock)
+    prepared = prepare_truth(trace(viewer.state.view()))
+    assert viewer.drawn is not None
+    for mask in viewer.drawn.masks:
+        expected = score(viewer.drawing.visibility(viewer.drawn, mask), prepared)
+        assert dict(viewer.scores.by_spec[mask.spec.full_text]) == expected
+        assert viewer.work[mask.spec]["draws"] > 0
+    viewer.change(replace(viewer.state, camera=orbited(viewer.state.camera, 0.2, 0.0)))
+    viewer.step()
+    assert viewer.moving and not viewer.current(viewer.scores.viewed)
+    settle(viewer, clock)
+    viewer.undo()
+    assert not viewer.current(viewer.scores.viewed)
+
+
+def test_only_masks_are_asked_about_when_a_spec_changes(viewer: Viewer, clock: Clock) -> None:
+    settle(viewer, clock)
+    spec = viewer.state.specs[0].with_(size=32)
+    viewer.change(viewer.state.with_spec(0, spec))
+    viewer.step()
+    assert viewer.current(viewer.scores.viewed) and spec.full_text not in viewer.scores.by_spec
+    clock.now += 1.0
+    while spec.full_text not in viewer.scores.by_spec:
+        time.sleep(0.01)
+        viewer.step()
+
+
+def test_nothing_is_drawn_again_without_a_change(viewer: Viewer, clock: Clock) -> None:
+    settle(viewer, clock)
+    drawn = viewer.drawn
+    viewer.change(replace(viewer.state, wipe=0.3, layout="wipe"))
+    for _ in range(5):
+        viewer.step()
+    assert viewer.drawn is drawn
+    assert viewer.waiting
+
+
+def test_a_travelling_light_moves_by_the_clock_and_undo_returns(viewer: Viewer, clock: Clock) -> None:
+    viewer.step()
+    before = viewer.state.light
+    viewer.travel.path, viewer.travel.per_minute = "circle", 60.0
+    for _ in range(4):
+        clock.now += 0.125
+        viewer.step()
+    x, y, z = before.direction
+    assert viewer.state.light.direction == pytest.approx((-x, y, -z)), "half a turn in half a second"
+    viewer.travel.path = "rest"
+    viewer.undo()
+    assert viewer.state.light == before
+
+
+def test_a_changed_scene_file_is_loaded_and_nonsense_is_told(viewer: Viewer, clock: Clock) -> None:
+    settle(viewer, clock)
+    file = Path(str(viewer.state.origin and viewer.state.origin.source))
+    moved = orbited(viewer.state.camera, 0.2, 0.0)
+    viewer.change(replace(viewer.state, camera=moved))
+    file.write_text(SCENE.replace("0.5, -1.0", "0.1, -1.0").replace("box", "sphere"))
+    viewer.step()
+    assert viewer.state.scene.meshes[1].name == "sphere"
+    assert viewer.state.camera == moved, "where it was moved to"
+    assert viewer.state.light.direction[0] == 0.1, "as it was not moved"
+    file.write_text("[[mesh]\n")
+    viewer.step()
+    assert "mine.toml: not TOML" in viewer.message
+    viewer.message = ""
+    file.write_text(SCENE)
+    viewer.step()
+    assert viewer.state.scene.meshes[1].name == "box"
+    assert viewer.message.endswith("was loaded again")
+
+
+def test_a_camera_that_shows_nothing_is_told_and_the_next_one_is_drawn(viewer: Viewer, clock: Clock) -> None:
+    camera = viewer.state.camera
+    viewer.change(replace(viewer.state, camera=replace(camera, position=camera.target)))
+    viewer.step()
+    assert "position and target are only" in viewer.broken
+    viewer.undo()
+    viewer.step()
+    assert viewer.broken == "" and viewer.drawn is not None
+
+
+def test_nan_in_a_mask_is_told(viewer: Viewer, clock: Clock, tmp_path: Path) -> None:
+    file = tmp_path / "nan.py"
+    file.write_text(
+        "from shadowbench.techniques.base import Technique\n"
+        "class NaN(Technique):\n"
+        "    '''NaN.'''\n"
+        "    name = 'nan'\n"
+        "    def build(self, stage):\n"
+        "        self.texture = stage.texture()\n"
+        "        self.texture.write(b'\\xff' * 4 * stage.size[0] ** 2)\n"
+        "    def draw(self, frame):\n"
+        "        return self.texture\n"
+    )
+    viewer.change(viewer.state.with_spec(0, parse_spec("nan", techniques([file]))))
+    viewer.step()
+    clock.now += 1.0
+    viewer.step()
+    assert viewer.message == "ValueError: nan drew visibility is NaN or infinite in 4096 of 4096 pixels"
+
+
+def test_the_pictures_of_all_panes_are_drawn(viewer: Viewer, clock: Clock) -> None:
+    viewer.change(replace(viewer.state, layout="side by side"))
+    viewer.shows_map = True
+    settle(viewer, clock)
+    assert set(viewer.pictures) == {"A", "B", "truth"}
+    assert viewer.map_picture is not None
+    assert viewer.map_picture.size == (64, 64)
+    assert any(np.ptp(np.frombuffer(one.read(), np.uint8)) > 100 for one in viewer.pictures.values())
+    assert {name.split()[0] for name in viewer.pass_ms[-1]} == {"A", "B"}
+
+
+def test_a_saved_picture_has_what_is_shown(viewer: Viewer, clock: Clock, tmp_path: Path) -> None:
+    def saved() -> tuple[int, int]:
+        viewer.attempt(lambda: _save_picture(viewer, tmp_path / "view.png"))
+        with Image.open(tmp_path / "view.png") as image:
+            return image.size
+
+    viewer.attempt(lambda: _save_picture(viewer, tmp_path / "view.png"))
+    assert viewer.message.endswith("view.png: nothing is drawn yet")
+    viewer.change(replace(viewer.state, layout="side by side"))
+    settle(viewer, clock)
+    assert saved() == (3 * SIZE, SIZE)
+    viewer.change(replace(viewer.state, layout="wipe", wipe=0.25))
+    viewer.step()
+    assert saved() == (SIZE, SIZE)
+    viewer.change(replace(viewer.state, layout="side by side", camera=orbited(viewer.state.camera, 0.1, 0.0)))
+    viewer.step()
+    assert saved() == (2 * SIZE, SIZE), "the truth is of an earlier view"
+
+
+def test_another_scene_is_opened_from_its_first_camera(
+    viewer: Viewer, clock: Clock, builtin: Callable[..., View]
+) -> None:
+    viewer.attempt(lambda: viewer.open_scene(Origin("spot-lamp")))
+    assert viewer.state.scene.name == "spot-lamp"
+    assert viewer.state.camera == viewer.state.scene.cameras[0]
+    viewer.attempt(lambda: viewer.open_scene(Origin("no-such-scene")))
+    assert "no-such-scene" in viewer.message
+    assert viewer.state.scene.name == "spot-lamp"
+
+
+def live_objects() -> Counter[str]:
+    """Number of moderngl objects that have not been released, by type."""
+    kinds = (moderngl.Texture, moderngl.Buffer, moderngl.Framebuffer, moderngl.Program, moderngl.VertexArray)
+    gc.collect()
+    found = [one for one in gc.get_objects() if type(one) in kinds]
+    return Counter(type(one).__name__ for one in found if not isinstance(one.mglo, moderngl.InvalidObject))
+
+
+def test_nothing_is_left_behind_by_frames_and_other_techniques(viewer: Viewer, clock: Clock) -> None:
+    specs = [parse_spec(text, KNOWN) for text in ("shadow-map:size=64", "cascades:size=64", "shadow-volume")]
+
+    def change_all() -> None:
+        for number, spec in enumerate(specs):
+            for overlay in ("picture", "tint", "texels", "error"):
+                camera = orbited(viewer.state.camera, 0.01 * (number + 1), 0.0)
+                viewer.change(replace(viewer.state.with_spec(0, spec), camera=camera, overlay=overlay))  # type: ignore[arg-type]
+                viewer.step()
+
+    viewer.shows_map = True
+    change_all()
+    settle(viewer, clock)
+    before = live_objects()
+    for _ in range(5):
+        change_all()
+    settle(viewer, clock)
+    assert live_objects() == before

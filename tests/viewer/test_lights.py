@@ -1,0 +1,106 @@
+"""Handles of lights, and their motion."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shadowbench.scenes.model import Camera, Light, LightShape, View, unit
+from shadowbench.viewer.lights import (
+    KINDS,
+    Dome,
+    azimuth_elevation,
+    dragged,
+    handles,
+    is_far,
+    sun_at,
+    travelled,
+    with_kind,
+)
+from shadowbench.viewer.navigation import projected
+
+CAMERA = Camera("camera", (3.0, 2.0, 4.0), (0.5, 0.5, -0.2), math.radians(40.0))
+SUN = Light("sun", "directional", direction=(0.4, -1.0, -0.3))
+SPOT = Light("spot", "spot", direction=(0.0, -1.0, 0.2), position=(0.3, 2.0, 0.4), angle=1.0)
+PLACE = st.floats(-0.5, 0.5)
+
+
+@given(PLACE, PLACE, st.booleans())
+def test_a_suns_handle_goes_where_it_is_dragged(x: float, y: float, far: bool) -> None:
+    moved = dragged(SUN, CAMERA, "light", (x, y), far)
+    elevation = azimuth_elevation(moved)[1]
+    assert elevation >= math.radians(0.99)
+    if elevation > math.radians(1.01):  # not held above the horizon
+        assert projected(CAMERA, handles(moved, CAMERA)["light"])[:2] == pytest.approx((x, y), abs=1e-6)
+        assert is_far(moved, CAMERA) == far
+
+
+def test_a_suns_handle_stays_on_its_dome_when_it_is_dragged_off() -> None:
+    moved = dragged(SUN, CAMERA, "light", (0.9, 0.9), False)
+    dome = Dome.of(CAMERA)
+    assert np.linalg.norm(np.subtract(handles(moved, CAMERA)["light"], dome.center)) == pytest.approx(dome.radius)
+    x, y, _ = projected(CAMERA, handles(moved, CAMERA)["light"])
+    assert x == pytest.approx(y), "in the direction in which it was dragged"
+
+
+@given(PLACE, PLACE)
+def test_a_lamps_handle_moves_parallel_to_the_picture(x: float, y: float) -> None:
+    depth = projected(CAMERA, SPOT.position)[2]
+    moved = dragged(SPOT, CAMERA, "light", (x, y), False)
+    assert projected(CAMERA, moved.position) == pytest.approx((x, y, depth))
+    assert moved.direction == SPOT.direction
+
+
+@given(PLACE, PLACE)
+def test_a_spot_shines_to_where_its_aim_is_dragged(x: float, y: float) -> None:
+    moved = dragged(SPOT, CAMERA, "aim", (x, y), False)
+    aim = handles(SPOT, CAMERA)["aim"]
+    target = np.add(moved.position, np.asarray(moved.direction) * 1.0)
+    assert moved.position == SPOT.position
+    assert np.linalg.norm(moved.direction) == pytest.approx(1.0)
+    to = dragged(replace(SPOT, position=aim), CAMERA, "light", (x, y), False).position
+    assert unit(np.subtract(target, SPOT.position)) == pytest.approx(unit(np.subtract(to, SPOT.position)))
+
+
+@given(st.floats(-3.0, 3.0), st.floats(-1.5, 1.5))
+def test_azimuth_and_elevation_are_those_of_the_sun(azimuth: float, elevation: float) -> None:
+    assert azimuth_elevation(replace(SUN, direction=sun_at(azimuth, elevation))) == pytest.approx((azimuth, elevation))
+
+
+def test_a_day_goes_from_east_over_south_to_west() -> None:
+    morning, noon, evening = (-unit(travelled(SUN, "day", (0, 0, 0), turns).direction) for turns in (0.01, 0.5, 0.99))
+    assert morning[0] > 0.99 and evening[0] < -0.99
+    assert noon[0] == pytest.approx(0.0) and noon[1] > 0.8 and noon[2] > 0
+    assert travelled(SUN, "day", (0, 0, 0), 1.25) == travelled(SUN, "day", (0, 0, 0), 0.25)
+
+
+@given(st.floats(0.0, 5.0))
+def test_a_lamp_that_travels_keeps_its_distance(turns: float) -> None:
+    center = (0.1, 0.2, 0.3)
+    for path in ("day", "circle"):
+        moved = travelled(SPOT, path, center, turns)  # type: ignore[arg-type]
+        before = np.linalg.norm(np.subtract(SPOT.position, center))
+        assert np.linalg.norm(np.subtract(moved.position, center)) == pytest.approx(before)
+
+
+def test_a_whole_circle_returns_and_rest_changes_nothing() -> None:
+    assert travelled(SPOT, "circle", (1, 2, 3), 1.0).position == pytest.approx(SPOT.position)
+    assert travelled(SPOT, "rest", (1, 2, 3), 0.3) is SPOT
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_light_of_another_kind_shines_from_the_same_side(builtin: Callable[..., View], kind: LightShape) -> None:
+    view = builtin("sphere-and-torus")
+    changed = with_kind(view.light, kind, view.scene)
+    assert changed.kind == kind
+    low, high = view.scene.geometry.bounds
+    xyz, w = changed.homogeneous
+    toward = unit(np.subtract(xyz, w * (low + high) / 2))
+    assert toward == pytest.approx(-unit(view.light.direction))
+    assert with_kind(changed, "directional", view.scene).direction == pytest.approx(
+        view.light.direction if kind != "point" else tuple(-toward), rel=1e-6
+    )

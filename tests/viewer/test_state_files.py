@@ -1,0 +1,158 @@
+"""State files: every command takes them as a scene, and draws what was shown."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from shadowbench.errors import InputError
+from shadowbench.gl.picture import Shading
+from shadowbench.scenes.library import load_scene
+from shadowbench.scenes.meshes import read_meshes
+from shadowbench.scenes.model import Light
+from shadowbench.strict import read_toml
+from shadowbench.studies.study import read_study
+from shadowbench.techniques.registry import techniques
+from shadowbench.techniques.spec import parse_spec
+from shadowbench.viewer.navigation import orbited
+from shadowbench.viewer.state import Origin, ViewerState
+from shadowbench.viewer.state_files import adopted, append_to_study, ply_of, read_state, save_state, toml_of
+
+KNOWN = techniques()
+
+
+def shown(source: str, **others: object) -> ViewerState:
+    scene = load_scene(source)
+    spec = parse_spec("shadow-map:size=64,bias=constant(0.01)+normal-offset", KNOWN)
+    return ViewerState(scene, scene.cameras[0], scene.lights[0], (spec,), 64, Origin(source), **others)  # type: ignore[arg-type]
+
+
+def test_a_state_is_read_as_it_was_saved(tmp_path: Path) -> None:
+    state = shown(
+        "spot-lamp",
+        phase=2,
+        shading=Shading(ambient=0.5, sky=(0.1, 0.2, 0.3)),
+        colors=(("wall", (1.0, 0.0, 0.25)),),
+        shadows=False,
+        layout="wipe",
+        left="B",
+        right="A",
+        wipe=0.25,
+        overlay="N·L",
+    ).with_spec(1, parse_spec("shadow-volume", KNOWN))
+    file = tmp_path / "state.toml"
+    save_state(state, file)
+    read = read_state(file, KNOWN)
+    assert replace(read, scene=state.scene, origin=state.origin) == state
+    assert np.array_equal(read.scene.geometry.vertices, state.scene.geometry.vertices)
+
+
+@pytest.mark.parametrize("turn", [0.1, 0.7, 2.9])
+def test_what_is_adopted_from_a_saved_file_is_what_it_says_to_the_bit(tmp_path: Path, turn: float) -> None:
+    """Radians of a file's degrees may differ in their last bit from those that were saved."""
+    sun = Light("light", "directional", (math.sin(turn), -1.0, 0.3), radius=turn / 100)
+    state = shown("sphere-and-torus")
+    moved = replace(state, camera=replace(orbited(state.camera, turn, 0.1), fov_y=turn / 3), light=sun)
+    file = tmp_path / "state.toml"
+    save_state(moved, file)
+    kept = adopted(moved, file)
+    assert (kept.camera, kept.light) == (load_scene(file).cameras[0], load_scene(file).lights[0])
+    assert kept.camera.fov_y == pytest.approx(moved.camera.fov_y, rel=1e-15)
+
+
+@pytest.mark.parametrize("name", ["sphere-and-torus", "fence", "table-top"])
+def test_a_scene_that_no_file_has_is_written_without_loss(tmp_path: Path, name: str) -> None:
+    state = replace(shown(name), origin=None)
+    file = tmp_path / "state.toml"
+    save_state(state, file)
+    read, before = load_scene(file).geometry, state.scene.geometry
+    assert np.array_equal(read.vertices[read.faces], before.vertices[before.faces])
+    for kind in ("casts", "receives", "planar", "colors"):
+        assert np.array_equal(getattr(read, kind), getattr(before, kind))
+
+
+def test_meshes_of_a_scenes_file_are_found_from_the_state(tmp_path: Path) -> None:
+    (tmp_path / "scenes").mkdir()
+    mesh = load_scene("post").meshes[0]
+    (tmp_path / "scenes" / "mine.ply").write_bytes(ply_of([mesh]))
+    file = tmp_path / "scenes" / "mine.toml"
+    file.write_text('[[mesh]]\nfile = "mine.ply"\n[camera]\nposition = [3, 2, 4]\ntarget = [0, 0, 0]\n')
+    state = shown(str(file))
+    save_state(state, tmp_path / "state.toml")
+    assert read_toml(tmp_path / "state.toml", "")["mesh"] == [{"file": "scenes/mine.ply"}]
+    assert len(load_scene(tmp_path / "state.toml").meshes) == 1
+    (tmp_path / "beside").mkdir()
+    with pytest.raises(InputError, match=r"meshes must be in its folder, where mine\.ply is not; allowed: "):
+        save_state(state, tmp_path / "beside" / "state.toml")
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"coordinates": "absolute"}, "absolute coordinates, which no scene file can say"),
+        ({}, "found a name that ends with '.txt'; allowed: .toml"),
+    ],
+)
+def test_what_cannot_be_saved_is_one_line(tmp_path: Path, change: dict[str, str], told: str) -> None:
+    with pytest.raises(InputError, match=told):
+        save_state(shown("post", **change), tmp_path / ("state.toml" if change else "state.txt"))
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ("size = 0", r"\[viewer\]: size: found 0"),
+        ('layout = "three"', r"\[viewer\]: layout: found 'three'"),
+        ("speed = 1", r"\[viewer\]: .*unknown field 'speed'"),
+        ('techniques = ["nothing"]', "unknown technique 'nothing'"),
+    ],
+)
+def test_an_invalid_table_is_one_line(tmp_path: Path, line: str, told: str) -> None:
+    file = tmp_path / "state.toml"
+    file.write_text(f'[viewer]\n{line}\n[[mesh]]\nshape = "plane"\n')
+    load_scene(file)
+    with pytest.raises(InputError, match=told):
+        read_state(file, KNOWN)
+
+
+def test_a_study_grows_by_the_spec(tmp_path: Path) -> None:
+    file = tmp_path / "study.toml"
+    state = shown("post").with_spec(1, parse_spec("shadow-volume", KNOWN))
+    append_to_study(file, state, 0, KNOWN)
+    append_to_study(file, state, 1, KNOWN)
+    study = read_study(file, KNOWN)
+    assert [spec.text for spec in study.specs] == [spec.text for spec in state.specs]
+    assert study.scenes == ("post",)
+
+
+def test_a_file_that_is_no_study_is_left_alone(tmp_path: Path) -> None:
+    file = tmp_path / "study.toml"
+    file.write_text("scenes = 3\n")
+    with pytest.raises(InputError, match="scenes"):
+        append_to_study(file, shown("post"), 0, KNOWN)
+    assert file.read_text() == "scenes = 3\n"
+
+
+def test_toml_is_read_as_it_was_written(tmp_path: Path) -> None:
+    document = {
+        "name": 'a "b" \\ é',
+        "on": True,
+        "values": [1, 2.5, -3e-300],
+        "odd key": {"inner": {"x": [1.0]}, "list": [{"a": 1}, {"b": [{"c": 2}]}]},
+    }
+    file = tmp_path / "some.toml"
+    file.write_text(toml_of(document), encoding="utf-8")
+    assert read_toml(file, "") == document
+
+
+def test_ply_keeps_every_bit(tmp_path: Path, builtin: Callable[..., object]) -> None:
+    meshes = load_scene("spot-lamp").meshes
+    file = tmp_path / "all.ply"
+    file.write_bytes(ply_of(meshes))
+    (read,) = read_meshes(file).meshes
+    corners = np.concatenate([mesh.vertices[mesh.faces] for mesh in meshes])
+    assert np.array_equal(read.vertices[read.faces], corners)
