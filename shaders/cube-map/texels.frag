@@ -3,7 +3,7 @@
 out vec4 texel;
 
 void main() {
-    Receiver r = receiver_at(ivec2(gl_FragCoord.xy));
+    Receiver r = receiver_here();
     ShadowCoord p = shadow_coord(r.position);
     texel = vec4(p.uv * map_size, r.facing ? float(p.layer) : -1.0, 1.0);
 }
