@@ -208,7 +208,7 @@ def planted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Callabl
             spec.loader.exec_module(loaded[name])
             if name == "light_samples" and text.endswith(source[source.index(COMPILED) :]):
                 loaded[name].__dict__["_fill_rays"] = light_samples._fill_rays  # compiling takes 3 s
-        monkeypatch.setattr(tracing, "soft_shadows", loaded["soft"].soft_shadows)
+        monkeypatch.setattr(soft, "soft_shadows", loaded["soft"].soft_shadows)
         estimator: type[soft.Estimator] = loaded["soft"].Estimator
         return estimator
 
