@@ -38,6 +38,8 @@ UNCHANGED = {
     "cascades:cull": "only casters are skipped that cannot shadow any receiver",
     "cube-map:layers": "as cascades:layers",
     "cube-map:cull": "as cascades:cull",
+    "hybrid:fit": "the map decides only where it is certain, and rays elsewhere: any map gives the same mask",
+    "hybrid:size": "as hybrid:fit",
     "hybrid:rest": "rays give the same answer on the CPU and in a shader",
     "ray-traced:where": "as hybrid:rest",
     "shadow-map:cull": "as cascades:cull",
