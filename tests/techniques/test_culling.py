@@ -121,7 +121,8 @@ boxes = st.tuples(places, places).map(lambda ends: np.stack([np.minimum(*ends), 
 def test_casters_between_a_receiver_and_the_light_are_kept(box, inside, along, seen, turn, w) -> None:
     """For receivers behind a point of a caster's box, in any convex region that contains them."""
     caster = box[0] + (inside + 1) / 2 * (box[1] - box[0])
-    light = seen * 3 if w else seen / max(np.linalg.norm(seen), 1e-3)
+    length = np.linalg.norm(seen)
+    light = seen * 3 if w else seen / length if length > 1e-3 else np.array([0.0, 1.0, 0.0])  # a unit vector
     receiver = caster + along * (w * caster - light)
     normals = np.vstack([np.eye(3), -np.eye(3), turn[None]])
     planes = np.column_stack([normals, -normals @ receiver])
