@@ -165,7 +165,7 @@ def python(*arguments: str) -> Call:
 @pytest.mark.parametrize(
     ("code", "beside", "most"),
     [
-        ("import shadowbench", "pass", 1.5),
+        ("import shadowbench", "import typing", 1.2),
         ("import sys; sys.argv[1:] = ['--help']; from shadowbench.commands import main; main()", "import asyncio", 3.0),
         ("import pytest, shadowbench.pytest_plugin", "import pytest", 1.2),
     ],
@@ -194,11 +194,14 @@ main()
 
 @pytest.mark.benchmark(group="limits")
 def test_start_of_a_run_until_its_first_cell_is_drawn(tmp_path: Path, assert_ratio: Any) -> None:
-    """Once the truth is in the cache. Parent and worker import at the same time: this needs two idle cores."""
+    """At most 1.5 s where importing NumPy takes 0.08 s, once the truth is in the cache.
+
+    Parent and worker import at the same time: this needs two idle cores.
+    """
     run = python(
         "-c", FIRST_CELL, "run", "street", "-t", "shadow-map", "-q", "--rounds", "0", "-o", str(tmp_path / "run")
     )
-    assert_ratio(run, python("-c", "import numpy"), most=15)
+    assert_ratio(run, python("-c", "import numpy"), most=19)
 
 
 @pytest.mark.parametrize("rounds", [0, 5])
@@ -315,13 +318,13 @@ def peak_bytes(process: subprocess.Popen[bytes]) -> int:
     """Peak of the summed resident bytes of a process and its descendants, until it ends."""
     parent, peak = psutil.Process(process.pid), 0
     while process.poll() is None:
-        assert_ratio = 0
+        total = 0
         for one in [parent, *parent.children(recursive=True)]:
             try:
-                assert_ratio += one.memory_info().rss
+                total += one.memory_info().rss
             except psutil.NoSuchProcess:
                 continue
-        peak = max(peak, assert_ratio)
+        peak = max(peak, total)
         time.sleep(0.02)
     return peak
 

@@ -3,7 +3,11 @@
 #include "map.glsl"
 #include "bias.glsl"
 #include "cube_faces.glsl"
-uniform samplerCube map_depths;
+#define MAP_SAMPLER samplerCube
+uniform MAP_SAMPLER map_depths;
+#ifdef FILTER_CONTENTS
+uniform MAP_SAMPLER map_contents;
+#endif
 uniform samplerCubeShadow map_compare;  // the same map with hardware comparison, 2×2 linear, seamless at edges
 uniform float map_far;                  // local length
 uniform vec3 eye;
@@ -79,16 +83,14 @@ vec3 to_texels(ShadowCoord p, vec4 v) {
 }
 
 #ifdef FILTER_CONTENTS
-uniform samplerCube map_contents;
-
 vec4 contents_of_level(ShadowCoord p, vec2 offset, float level) {
     return textureLod(map_contents, offset_direction(p, offset), level);
 }
-
-vec4 stored_contents(ShadowCoord p, vec2 texel) {
-    return textureGather(map_contents, offset_direction(p, texel + 1.0 - p.uv * map_size));
-}
 #endif
+
+vec4 four_texels(MAP_SAMPLER map, ShadowCoord p, vec2 texel) {
+    return textureGather(map, offset_direction(p, texel + 1.0 - p.uv * map_size));
+}
 
 // Visibility of a receiver.
 float map_visibility(Receiver r) {

@@ -11,10 +11,10 @@ float plane_depth(ShadowCoord p, vec2 offset);          // linear depth of the r
 vec3 to_texels(ShadowCoord p, vec4 v);                  // homogeneous texels of a point (w = 1) or direction (w = 0)
 mat3 texels_across(ShadowCoord p);                      // lengths across the light's ray, in homogeneous texels
 vec2 offset_across(mat3 across, vec2 lengths);          // the offset by two lengths
+vec4 four_texels(MAP_SAMPLER map, ShadowCoord p, vec2 texel);  // the first component of a texel and those right of and above
+                                                        // it, in textureGather's order
 #ifdef FILTER_CONTENTS
 vec4 contents_of_level(ShadowCoord p, vec2 offset, float level);
-vec4 stored_contents(ShadowCoord p, vec2 texel);        // the first component of a texel and those right of and above it, in
-                                                        // textureGather's order
 vec4 contents_at(ShadowCoord p, vec2 offset);           // what the filter stored there, blurred and from the mip levels
 #endif
 #include <filter>

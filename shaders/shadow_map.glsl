@@ -3,15 +3,19 @@
 #include "map.glsl"
 #include "bias.glsl"
 #ifdef MAP_ARRAY
-uniform sampler2DArray map_depths;
+#define MAP_SAMPLER sampler2DArray
 uniform sampler2DArrayShadow map_compare;
 #define IN_LAYER(uv, p) vec3(uv, p.layer)
 #define COMPARED(uv, p, depth) vec4(uv, p.layer, depth)
 #else
-uniform sampler2D map_depths;
+#define MAP_SAMPLER sampler2D
 uniform sampler2DShadow map_compare;  // the same map with hardware comparison, 2×2 linear
 #define IN_LAYER(uv, p) (uv)
 #define COMPARED(uv, p, depth) vec3(uv, depth)
+#endif
+uniform MAP_SAMPLER map_depths;
+#ifdef FILTER_CONTENTS
+uniform MAP_SAMPLER map_contents;
 #endif
 
 #include "filter.glsl"
@@ -32,8 +36,8 @@ float compare_nearest(ShadowCoord p, vec2 offset) {
     return compare(textureLod(map_depths, IN_LAYER((texel + 0.5) / map_size, p), 0.0).r, texel, p);
 }
 
-vec4 stored_depths(ShadowCoord p, vec2 texel) {
-    return textureGather(map_depths, IN_LAYER((texel + 1.0) / map_size, p));
+vec4 four_texels(MAP_SAMPLER map, ShadowCoord p, vec2 texel) {
+    return textureGather(map, IN_LAYER((texel + 1.0) / map_size, p));
 }
 
 // Four texels around uv plus an offset in texels, with bilinear weights.
@@ -43,7 +47,7 @@ float compare_linear(ShadowCoord p, vec2 offset) {
     vec2 at = p.uv * map_size + offset - 0.5;
     vec2 corner = floor(at);
     vec2 weight = at - corner;
-    vec4 stored = stored_depths(p, corner);
+    vec4 stored = four_texels(map_depths, p, corner);
     float below = mix(compare(stored.w, corner, p), compare(stored.z, corner + vec2(1.0, 0.0), p), weight.x);
     float above = mix(compare(stored.x, corner + vec2(0.0, 1.0), p), compare(stored.y, corner + 1.0, p), weight.x);
     return mix(below, above, weight.y);
@@ -65,18 +69,8 @@ float plane_depth(ShadowCoord p, vec2 offset) {
 vec3 to_texels(ShadowCoord p, vec4 v) { return (world_to_map[p.layer] * v).xyw * vec3(map_size, map_size, 1.0); }
 
 #ifdef FILTER_CONTENTS
-#ifdef MAP_ARRAY
-uniform sampler2DArray map_contents;
-#else
-uniform sampler2D map_contents;
-#endif
-
 vec4 contents_of_level(ShadowCoord p, vec2 offset, float level) {
     return textureLod(map_contents, IN_LAYER(p.uv + offset / map_size, p), level);
-}
-
-vec4 stored_contents(ShadowCoord p, vec2 texel) {
-    return textureGather(map_contents, IN_LAYER((texel + 1.0) / map_size, p));
 }
 #endif
 

@@ -3,17 +3,7 @@
 // contact or a fold. So neither an edge nor a surface close to the receiver's plane may be in the four texels around.
 #define FILTER_HAS_PLANE
 uniform float cos_half_angle;  // of a spot's cone; −1 for other lights
-#ifdef MAP_CUBE
-uniform samplerCube silhouette;  // depth of the nearest edge in the texel
-
-vec4 nearest_edges(ShadowCoord p, vec2 texel) {
-    return textureGather(silhouette, offset_direction(p, texel + 1.0 - p.uv * map_size));
-}
-#else
-uniform sampler2D silhouette;
-
-vec4 nearest_edges(ShadowCoord p, vec2 texel) { return textureGather(silhouette, (texel + 1.0) / map_size); }
-#endif
+uniform MAP_SAMPLER silhouette;  // depth of the nearest edge in the texel
 
 // Depths are linear: those of a spot's map are too coarse far from it. Casters in front of the near plane have negative ones.
 vec4 filter_contents(float depth) { return vec4(depth, 0.0, 0.0, 0.0); }
@@ -26,11 +16,11 @@ float filter_visibility(ShadowCoord p) {
 #endif
     if (p.linear <= 0.0) return 0.5;  // in front of the near plane, where edges are stored at it
     float tolerance = 8.0 * max(depth_step, position_step * p.linear_per_length);
-    if (any(lessThan(nearest_edges(p, corner), vec4(p.linear - tolerance)))) return 0.5;
+    if (any(lessThan(four_texels(silhouette, p, corner), vec4(p.linear - tolerance)))) return 0.5;
     vec2 from = corner + 0.5 - at;
     vec4 plane = vec4(plane_depth(p, from + vec2(0.0, 1.0)), plane_depth(p, from + 1.0),
                       plane_depth(p, from + vec2(1.0, 0.0)), plane_depth(p, from));
-    vec4 behind = min(plane, 1.0) - stored_contents(p, corner);  // an empty texel, of depth 1, is beyond all receivers
+    vec4 behind = min(plane, 1.0) - four_texels(map_contents, p, corner);  // an empty texel, of depth 1, is beyond all receivers
     // Corners are snapped to the rasteriser's grid, which moves stored depths by as much of their change across a texel;
     // a curved surface is before the receiver's plane by as little.
     float slope = max(max(plane.x, plane.y), max(plane.z, plane.w)) - min(min(plane.x, plane.y), min(plane.z, plane.w));

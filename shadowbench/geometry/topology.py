@@ -1,6 +1,7 @@
 """Edge topology of the casters: connected parts, closed or open, with the edges for shadow volumes."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,18 @@ class Casters:
 
     closed: Surface
     open: Surface
+
+    @cached_property
+    def all(self) -> Surface:
+        """Both, closed parts first."""
+        first, second = self.closed, self.open
+        return Surface(
+            np.concatenate([first.faces, second.faces]),
+            np.concatenate([first.edges, second.edges]),
+            np.concatenate([first.face_ends, second.face_ends + len(first.faces)]),
+            np.concatenate([first.edge_ends, second.edge_ends + len(first.edges)]),
+            np.concatenate([first.boxes, second.boxes]),
+        )
 
     def may_contain(self, point: Vec3) -> bool:
         """Whether a point may be inside a closed part."""

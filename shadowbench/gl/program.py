@@ -20,6 +20,7 @@ Value = bool | int | float | tuple[float, ...] | NDArray[np.float64]
 
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.DOTALL)
 _UNIFORM = re.compile(r"\buniform\s+(?:(?:low|medium|high)p\s+)?(\w+)\s+(\w[^;{]*);")
+_MACRO = re.compile(r"^[ \t]*#[ \t]*define[ \t]+(\w+)[ \t]+(\w+)", re.MULTILINE)
 _PLACE = re.compile(r"\b0(?::(\d+)(?:\(\d+\))?|\((\d+)\))")  # Mesa: 0:12(5), NVIDIA: 0(12), Apple and AMD: 0:12
 _CANDIDATE = "error:   "  # begins Mesa's list of functions that a call might have meant
 _MOST_ERRORS = 5
@@ -138,10 +139,11 @@ class Program:
 
 def _uniforms(text: str) -> dict[str, str]:
     """The type of each uniform declared in a source text, by name, used or not."""
-    types = {}
-    for kind, names in _UNIFORM.findall(_COMMENT.sub("", text)):
+    types, code = {}, _COMMENT.sub("", text)
+    macros = dict(_MACRO.findall(code))
+    for kind, names in _UNIFORM.findall(code):
         for name in names.split(","):
-            types[re.split(r"\W", name.strip())[0]] = kind
+            types[re.split(r"\W", name.strip())[0]] = macros.get(kind, kind)
     return types
 
 

@@ -37,14 +37,22 @@ class Pipe:
     def send(self, thing: object) -> None:
         """Pickle and send a thing. Raises BrokenPipeError or ConnectionResetError if the other end is closed."""
         buffer = io.BytesIO()
-        pickler = _Pickler(buffer, pickle.HIGHEST_PROTOCOL)
+        arrays: list[pickle.PickleBuffer] = []  # sent as they are: copying them takes as long as sending them
+        pickler = _Pickler(buffer, pickle.HIGHEST_PROTOCOL, buffer_callback=arrays.append)
         pickler.stand_in = self._scene_out
         pickler.dump(thing)
-        self.connection.send_bytes(buffer.getbuffer())
+        contents = [array.raw() for array in arrays]
+        self.connection.send_bytes(pickle.dumps(([content.nbytes for content in contents], buffer.getvalue())))
+        for content in filter(len, contents):
+            self.connection.send_bytes(content)
 
     def receive(self) -> Any:
         """Wait for the next thing and return it. Raises EOFError if the other end is closed."""
-        unpickler = _Unpickler(io.BytesIO(self.connection.recv_bytes()))
+        sizes, pickled = pickle.loads(self.connection.recv_bytes())
+        contents = [bytearray(size) for size in sizes]
+        for content in filter(len, contents):
+            self.connection.recv_bytes_into(content)
+        unpickler = _Unpickler(io.BytesIO(pickled), buffers=contents)
         unpickler.restore = self._scene_in
         return unpickler.load()
 

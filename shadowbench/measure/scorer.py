@@ -113,7 +113,8 @@ class Scorer:
                 if self.pictures is None or (self.writes_images is not None and not self.writes_images(row)):
                     rendering = None
                 elif rendering is not None and not shading_written:
-                    shading = self.executor.call(Session.shading, frames[0])
+                    with self.profile.activity("waiting"):
+                        shading = self.executor.call(Session.shading, frames[0])
                     writer.add(partial(self.pictures.write_shading, frames[0].view, *shading))
                     shading_written = True
                 writer.add(partial(self._write, views[0], row, rendering))

@@ -79,7 +79,8 @@ class Hybrid(Technique):
 
     @classmethod
     def extra_work(cls, params: TechniqueParams) -> str | None:
-        return EXTRA_WORK
+        assert isinstance(params, cls.Params)
+        return EXTRA_WORK if params.rest == "trace" else None
 
     @classmethod
     def unsupported(cls, params: TechniqueParams, view: View, device: Device) -> str | None:

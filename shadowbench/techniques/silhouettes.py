@@ -25,8 +25,7 @@ class Silhouettes:
     ) -> None:
         from shadowbench.geometry.facing import wall_weights  # Numba takes 0.4 s to import
 
-        casters = casters_of(stage.scene)
-        self._edges = np.concatenate([casters.closed.edges, casters.open.edges])
+        self._edges = casters_of(stage.scene).all.edges
         self._vertices = stage.scene.geometry.vertices.astype(np.float32)
         self._weights = wall_weights
         self._program = stage.program(

@@ -61,13 +61,9 @@ class Volumes:
         self._single, self._cap_weights = faces == "triangle", _cap_weights_by_numpy if by_numpy else cap_weights
         self._wall_weights = wall_weights
         self._vertices = stage.scene.geometry.vertices.astype(np.float32)
-        closed, open_ = casters.closed, casters.open
-        self.boxes = np.concatenate([closed.boxes, open_.boxes])
-        self.faces = np.concatenate([closed.faces, open_.faces])
-        self._edges = np.concatenate([closed.edges, open_.edges])
-        self._face_ends = np.concatenate([closed.face_ends, open_.face_ends + len(closed.faces)])
-        self._edge_ends = np.concatenate([closed.edge_ends, open_.edge_ends + len(closed.edges)])
-        self._closed_faces, self._closed_edges = len(closed.faces), len(closed.edges)
+        self.boxes, self.faces, self._edges = casters.all.boxes, casters.all.faces, casters.all.edges
+        self._face_ends, self._edge_ends = casters.all.face_ends, casters.all.edge_ends
+        self._closed_faces, self._closed_edges = len(casters.closed.faces), len(casters.closed.edges)
 
     def extrude(self, frame: Frame, count_both_facings: bool) -> None:
         """Extrude for the frame's light.

@@ -49,6 +49,16 @@ def test_uniforms_are_found_however_they_are_declared(program, paint) -> None:
     assert styles.has("list") and not styles.has("old") and not styles.has("gone")
 
 
+def test_samplers_whose_type_is_a_macro_have_units_of_their_own(program, paint, device) -> None:
+    dim, bright = (device.context.texture((1, 1), 1, np.float32(value).tobytes(), dtype="f4") for value in (0.25, 0.5))
+    both = program(
+        "#define IMAGE sampler2D\nuniform IMAGE one; uniform IMAGE two; out float value;"
+        "void main() { value = texture(one, vec2(0.5)).r + 2.0 * texture(two, vec2(0.5)).r; }"
+    )
+    textures = {"one": (dim, Sampling()), "two": (bright, Sampling())}
+    assert (paint(both, textures) == 1.25).all()
+
+
 def test_has_checks_the_shader_text(program) -> None:
     two = program(TWO)
     assert two.has("dropped") and not two.has("usd")
