@@ -44,6 +44,10 @@ class SceneFile(Strict):
 def read_document(path: Path) -> SceneFile:
     """The validated top level of a scene file. Raises InputError if it is unreadable or not TOML."""
     document = read_toml(path, path.name)
+    if "scenes" in document and "mesh" not in document:
+        raise InputError(
+            f"{path.name}: found a study file; allowed: a scene file, or `shadowbench run --study` with it"
+        )
     for key in ("camera", "light", "mesh"):
         value = document.get(key, [])
         tables = value if isinstance(value, list) else [value]

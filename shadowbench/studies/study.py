@@ -193,6 +193,8 @@ def read_study(file: Path, techniques: Techniques, folder: Path | None = None) -
     default the file's folder.
     """
     table = read_toml(file, str(file), f"no such study file{alternatives(file, study_names(), 'ours')}")
+    if "mesh" in table and "scenes" not in table:
+        raise InputError(f"{file}: found a scene file; allowed: a study file, or `shadowbench run` with it as a scene")
     if "technique" not in table:
         table["technique"] = [
             CrossedSpecs((parse_spec(name, techniques),), soft=one.soft_only or None)

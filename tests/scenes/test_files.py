@@ -183,6 +183,7 @@ HUGE = "9" * 400
         ("camera = 1\n" + BOX, ["camera"]),
         ("light = [1]\n" + BOX, ["light"]),
         ('nam = "x"\n' + BOX, ["unknown field 'nam'", "name"]),
+        ('scenes = ["stairs"]\n', ["found a study file", "a scene file, or `shadowbench run --study`"]),
         ('name = "a/b"\n' + BOX, ["name", "a/b"]),
         ("name = 3\n" + BOX, ["name"]),
         (BOX + "colour = [1, 1, 1]\n", ["colour", "color"]),

@@ -290,6 +290,7 @@ ONE = '[[technique]]\nspec = "shadow-map"\n'
         ("", ["scenes"]),
         ("scenes = []\n", ["scenes"]),
         ("scenes = [1]\n", ["scenes"]),
+        ('[[mesh]]\nshape = "box"\n', ["found a scene file", "a study file, or `shadowbench run`"]),
         (SCENE + "size = 3\n", ["unknown field 'size'", "map_size"]),
         (SCENE + 'assets = "meshes"\n', ["unknown field 'assets'", "about, scenes, map_size"]),
         (SCENE + "map_size = 0\n", ["map_size", "0"]),
