@@ -1,26 +1,40 @@
 """The panel of a technique, made of the widgets of its parameters alone."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from imgui_bundle import imgui
 
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.spec import Spec
-from shadowbench.viewer.widgets import Model, Widget, preset, widgets, with_inner, with_params, with_value
+from shadowbench.viewer.widgets import (
+    CUSTOM,
+    Model,
+    Widget,
+    preset_of,
+    presets,
+    summary,
+    widgets,
+    with_inner,
+    with_params,
+    with_value,
+)
 
 DIGITS = 6  # that a slider keeps: its numbers are float32
 
 
 def edited_spec(spec: Spec, techniques: Mapping[str, type[Technique]]) -> Spec:
     """The spec after this frame's edits. Raises InputError for a value that is not allowed."""
-    name = choice("technique", spec.technique.name, sorted(techniques), (spec.technique.__doc__ or "").splitlines()[0])
+    names = {name: summary(techniques[name]) for name in sorted(techniques)}
+    name = choice("technique", spec.technique.name, names)
     if name != spec.technique.name:
         return Spec(techniques[name], techniques[name].Params())
-    if spec.technique.presets:
-        chosen = choice("preset", "…", list(spec.technique.presets), "parameters that belong together")
-        if chosen != "…":
-            return preset(spec.technique, chosen)
+    if type(spec.params).model_fields:
+        named, now = presets(spec.technique), preset_of(spec)
+        helps = {name: one.text.partition(":")[2].replace(",", ", ") for name, one in named.items()}
+        chosen = choice("preset", now, helps, "all parameters at once")
+        if chosen not in (now, CUSTOM):
+            return named[chosen]
     params = edited(spec.params)
     return spec if params is spec.params else with_params(spec, params)
 
@@ -42,14 +56,17 @@ def edited(model: Model) -> Model:
     return model
 
 
-def choice(label: str, value: Any, names: Any, help: str = "") -> Any:
-    """A combo box; the value that was chosen."""
+def choice(label: str, value: Any, names: Collection[Any], help: str = "") -> Any:
+    """A combo box; the value that was chosen. names: as a mapping, with the help of each."""
+    helps = names if isinstance(names, Mapping) else {}
+    lines = (help, f"{value}: {helps[value]}" if helps.get(value) else "")
     if imgui.begin_combo(label, str(value), imgui.ComboFlags_.height_largest):
         for name in names:
             if imgui.selectable(str(name), name == value)[0]:
                 value = name
+            tooltip(helps.get(name, ""))
         imgui.end_combo()
-    tooltip(help)
+    tooltip("\n".join(line for line in lines if line))
     return value
 
 
@@ -78,12 +95,12 @@ def _input(widget: Widget) -> Any:
     """Draw a widget and return its value."""
     if widget.kind in ("choice", "component", "spec"):
         return choice(widget.key, widget.value, widget.choices, widget.help)
+    if widget.kind == "whole":
+        return _whole(widget)
     if widget.kind == "flag":
         value: Any = imgui.checkbox(widget.key, widget.value)[1]
-    elif widget.kind == "number":
-        value = number(widget.key, widget.value, widget.low, widget.high, widget.decades)
     else:
-        value = _whole(widget)
+        value = number(widget.key, widget.value, widget.low, widget.high, widget.decades)
     tooltip(widget.help)
     return value
 
@@ -93,6 +110,7 @@ def _whole(widget: Widget) -> int:
     low, high = int(widget.low or 0), int(widget.high or 2**31 - 1)
     flags = imgui.SliderFlags_.always_clamp | (imgui.SliderFlags_.logarithmic if widget.decades else 0)
     value = int(imgui.slider_int(widget.key, widget.value, low, high, "%d", flags)[1])
+    tooltip(widget.help)
     if widget.decades:
         for text, factor in (("½", 0.5), ("×2", 2.0)):
             imgui.same_line()

@@ -1,6 +1,8 @@
 """The widgets of a technique's parameters, from their pydantic models alone: what a panel draws, without a window."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
 from typing import Any, Literal, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
@@ -14,6 +16,7 @@ from shadowbench.techniques.registry import own_techniques
 from shadowbench.techniques.spec import Spec, format_value, spec_of
 
 SUM = "+"  # the name of the sum of two biases
+DEFAULT, CUSTOM = "default", "custom"  # beside the names of presets
 Model = TypeVar("Model", TechniqueParams, Component)
 Kind = Literal["flag", "choice", "whole", "number", "component", "spec"]
 
@@ -24,8 +27,8 @@ class Widget:
 
     value: of the parameter; of a component or a spec its name; low, high: limits of a number, None if there is none;
     decades: whether a number's range, or the place of its default in it, asks for a logarithmic slider; choices: of a
-    choice, the names of components or of techniques; help: with what is allowed; inner: the model whose widgets unfold
-    below it.
+    choice, the names of components or of techniques, each with its help; help: with what is allowed; inner: the model
+    whose widgets unfold below it.
     """
 
     key: str
@@ -35,7 +38,7 @@ class Widget:
     low: float | None = None
     high: float | None = None
     decades: bool = False
-    choices: tuple[Any, ...] = ()
+    choices: Mapping[Any, str] = field(default_factory=dict)
     inner: BaseModel | None = None
 
 
@@ -70,9 +73,21 @@ def with_params(spec: Spec, params: TechniqueParams) -> Spec:
     return Spec(spec.technique, params, frozenset(type(params).model_fields))
 
 
-def preset(technique: type[Technique], name: str) -> Spec:
-    """A technique's preset."""
-    return spec_of(technique, (("preset", name),), technique.name)
+@cache
+def presets(technique: type[Technique]) -> Mapping[str, Spec]:
+    """A technique's defaults, as the preset DEFAULT, and its presets."""
+    named = {name: spec_of(technique, (("preset", name),), technique.name) for name in technique.presets}
+    return {DEFAULT: Spec(technique, technique.Params()), **named}
+
+
+def preset_of(spec: Spec) -> str:
+    """The preset whose parameters a spec has; CUSTOM if there is none."""
+    return next((name for name, one in presets(spec.technique).items() if one.params == spec.params), CUSTOM)
+
+
+def summary(one: type[Technique | Component]) -> str:
+    """The first line of a docstring; empty if there is none."""
+    return (one.__doc__ or "").partition("\n")[0]
 
 
 def _widget(key: str, info: FieldInfo, value: Any) -> Widget:
@@ -80,14 +95,16 @@ def _widget(key: str, info: FieldInfo, value: Any) -> Widget:
     help = f"{info.description or key}{f' ({told})' if told else ''}"
     if isinstance(value, Component):
         family = type(value).family()
-        names = (*family.table, *((SUM,) if issubclass(Sum, family) else ()))
+        names = {name: summary(component) for name, component in family.table.items()}
+        if issubclass(Sum, family):
+            names[SUM] = "two that act together"
         name = SUM if isinstance(value, Sum) else value.name
         return Widget(key, "component", name, help, choices=names, inner=value)
     if isinstance(value, Spec):
-        names = tuple(one.name for one in own_techniques() if not one.soft_only)
+        names = {one.name: summary(one) for one in own_techniques() if not one.soft_only}
         return Widget(key, "spec", value.technique.name, help, choices=names, inner=value.params)
     if get_origin(info.annotation) is Literal:
-        return Widget(key, "choice", value, help, choices=get_args(info.annotation))
+        return Widget(key, "choice", value, help, choices=dict.fromkeys(get_args(info.annotation), ""))
     if isinstance(value, bool):
         return Widget(key, "flag", value, help)
     if isinstance(value, int | float):
