@@ -57,6 +57,11 @@ class Judge:
         """Whether there is a truth, perhaps a coarse one, of a state."""
         return self._traced is not None and self._viewed == state.viewed
 
+    @property
+    def is_coarse(self) -> bool:
+        """Whether the last truth will be followed by a finer one."""
+        return self._traced is not None and not self._traced.final
+
     def textures(self, state: ViewerState, size: int) -> TruthTextures | None:
         """The truth of a state at a size; None if it is not traced yet."""
         if not self.has_traced(state) or self._traced is None:

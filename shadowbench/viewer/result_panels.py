@@ -1,5 +1,7 @@
 """The panels of what was measured: scores, times of passes, work, and the shadow map."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from imgui_bundle import imgui
 
@@ -10,7 +12,20 @@ from shadowbench.viewer.technique_panel import tooltip
 
 HARD = ("iou", "acne", "leak", "contact", "edge_px", "ssim")
 SOFT = ("rmse", "rmse_pen", "bleed", "false_dark", "width", "hardening", "noise")
+UNITS = {"edge_px": " (px)"}
 GRAPH = (240, 40)  # pixels
+BETTER = imgui.ImVec4(0.55, 0.9, 0.55, 1.0)  # colour of the better of two scores
+WORK_HELP = "in one frame, the same on every machine; cost: vertices, geometry, fragments, reads and rays together"
+
+
+def better(values: Sequence[float | None], direction: str) -> list[bool]:
+    """Which of the scores of A and B is the better one; neither if they are shown as the same number."""
+    known = [round(value, 5) for value in values if value is not None]
+    if len(known) < max(len(values), 2):
+        return [False] * len(values)
+    aim = {"higher": max(known), "lower": min(known), "near 0": 0.0, "near 1": 1.0}[direction]
+    errors = [abs(value - aim) for value in known]
+    return [error == min(errors) < max(errors) for error in errors]
 
 
 def scores_panel(viewer: Viewer) -> None:
@@ -30,16 +45,18 @@ def scores_panel(viewer: Viewer) -> None:
         for name in names:
             imgui.table_next_row()
             imgui.table_next_column()
-            imgui.text_unformatted(METRICS[name].label or name)
+            imgui.text_unformatted(f"{METRICS[name].label or name}{UNITS.get(name, '')}")
             tooltip(f"{METRICS[name].help} Better: {METRICS[name].better}.")
-            for one in known:
+            values = [None if one is None else one.get(name) for one in known]
+            for value, best in zip(values, better(values, METRICS[name].better), strict=True):
                 imgui.table_next_column()
-                value = None if one is None else one.get(name)
-                imgui.text_unformatted("–" if value is None else f"{value:.5f}")
+                text = "–" if value is None else f"{value:.5f}"
+                imgui.text_colored(BETTER, text) if best and not stale else imgui.text_unformatted(text)
         imgui.end_table()
     if stale:
         imgui.pop_style_color()
-    _status(viewer, stale, all(one is not None for one in known))
+    failures = viewer.mask_failures() or [""] * len(known)
+    _status(viewer, stale, all(one is not None or why for one, why in zip(known, failures, strict=False)))
 
 
 def _status(viewer: Viewer, stale: bool, complete: bool) -> None:
@@ -63,11 +80,21 @@ def times_panel(viewer: Viewer) -> None:
         imgui.plot_lines(f"##{name}", values, 0, f"{name}  {ms:.2f} ms", 0.0, float(values.max()) * 1.2, GRAPH)
     if viewer.device.software:
         imgui.text_disabled("of a software renderer: no GPU's times")
-    for source, spec in zip("AB", viewer.state.specs, strict=False):
-        work = viewer.work.get(spec, {})
-        text = ", ".join(f"{name} {count:,}" for name, count in work.items())
-        imgui.text_wrapped(f"{source}: {text or '…'}")
-        tooltip("counts of work of one frame, as in rows")
+    specs = viewer.state.specs
+    works = [viewer.work.get(spec, {}) for spec in specs]
+    if imgui.begin_table("work", len(specs) + 1, imgui.TableFlags_.sizing_stretch_same | imgui.TableFlags_.row_bg):
+        for title in ("work", *"AB"[: len(specs)]):
+            imgui.table_setup_column(title)
+        imgui.table_headers_row()
+        for name in dict.fromkeys(name for work in works for name in work):
+            imgui.table_next_row()
+            imgui.table_next_column()
+            imgui.text_unformatted(name)
+            tooltip(WORK_HELP)
+            for work in works:
+                imgui.table_next_column()
+                imgui.text_unformatted(f"{work[name]:,}" if name in work else "–")
+        imgui.end_table()
     imgui.text_unformatted(f"{viewer.drawing.bytes / 2**20:.1f} MiB of maps, masks and buffers")
 
 
@@ -77,10 +104,11 @@ def map_panel(viewer: Viewer) -> None:
         if imgui.radio_button(f"map of {source}", viewer.map_of == index):
             viewer.map_of = index
         imgui.same_line()
-    imgui.text_disabled("linear depth, near is dark")
+    imgui.new_line()
+    imgui.text_disabled("linear depth: near is dark")
     picture = viewer.map_picture
     if picture is None:
-        imgui.text_disabled("none, or it is drawn at rest")
+        imgui.text_disabled("no map: the technique has none, or it is drawn at rest")
         return
     width = max(imgui.get_content_region_avail().x, 64.0)
     width, height = min(width, width * picture.width / picture.height), width * picture.height / picture.width

@@ -13,7 +13,7 @@ from shadowbench.techniques.spec import Spec
 Layout = Literal["one", "wipe", "side by side"]
 Source = Literal["A", "B", "truth"]
 Overlay = Literal["picture", "error", "mask", "normals", "N·L", "texels", "blockers", "tint"]
-LAYOUTS, SOURCES, OVERLAYS = (get_args(one) for one in (Layout, Source, Overlay))
+OVERLAYS = get_args(Overlay)
 
 MOST_UNDO = 500
 _COPY = re.compile(r"( \d+)+$")  # what a repeated mesh's name ends with
@@ -48,7 +48,7 @@ class ViewerState:
     shading: Shading = field(default_factory=Shading)
     colors: tuple[tuple[str, Vec3], ...] = ()
     shadows: bool = True
-    layout: Layout = "one"
+    layout: Layout = "wipe"
     left: Source = "A"
     right: Source = "truth"
     wipe: float = 0.5

@@ -52,7 +52,7 @@ class ViewerTable(Strict):
     size: int = Field(512, ge=1, le=LARGEST, strict=True)
     phase: int = Field(0, ge=0, strict=True)
     shadows: bool = Field(True, strict=True)
-    layout: Layout = "one"
+    layout: Layout = "wipe"
     left: Source = "A"
     right: Source = "truth"
     wipe: float = Field(0.5, ge=0, le=1)
