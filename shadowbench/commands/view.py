@@ -68,7 +68,12 @@ def view(
     from shadowbench.viewer.state_files import read_state
 
     if (scene is None) == (state is None):
-        raise InputError("view: found " + ("no scene" if scene is None else "SCENE and --state") + "; allowed: one")
+        raise InputError(
+            "view: found " + ("no scene" if scene is None else "SCENE and --state") + "; allowed: SCENE, such as"
+            " sphere-and-torus or a mesh file, or --state FILE.toml"
+        )
+    if cell is None and scene is not None and Path(scene).is_dir():
+        raise InputError(f"{scene}: found a folder; allowed with --cell KEY, a key of its rows.jsonl or its report")
     if (state or cell) and (view or light or up or sun):
         raise InputError("--view, --light, --up and --sun choose from a SCENE; a state and a cell have their own")
     if len(technique or ()) > _MOST:

@@ -271,6 +271,8 @@ class Viewer:
         changed = self._files.changed()
         if changed.scene:
             self.attempt(self._reload_scene)
+        for file in changed.plugins:
+            self.message = f"{file} has changed: its shader files are read again, its Python when the window is opened"
         if changed.shaders:
             self.panes.reload()
             self._release_drawn()

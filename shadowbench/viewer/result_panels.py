@@ -13,7 +13,7 @@ from shadowbench.viewer.technique_panel import tooltip
 HARD = ("iou", "acne", "leak", "contact", "edge_px", "ssim")
 SOFT = ("rmse", "rmse_pen", "bleed", "false_dark", "width", "hardening", "noise")
 UNITS = {"edge_px": " (px)"}
-GRAPH = (240, 40)  # pixels
+GRAPH_HEIGHT = 36  # pixels
 BETTER = imgui.ImVec4(0.55, 0.9, 0.55, 1.0)  # colour of the better of two scores
 WORK_HELP = "in one frame, the same on every machine; cost: vertices, geometry, fragments, reads and rays together"
 
@@ -74,13 +74,17 @@ def _status(viewer: Viewer, stale: bool, complete: bool) -> None:
 
 def times_panel(viewer: Viewer) -> None:
     """Milliseconds of each pass with a short history, and the counts of work."""
-    history = list(viewer.pass_ms)
-    for name, ms in history[-1].items() if history else ():
+    history, specs = list(viewer.pass_ms), viewer.state.specs
+    last = history[-1] if history else {}
+    totals = [sum(ms for name, ms in last.items() if name.startswith(source)) for source in "AB"[: len(specs)]]
+    imgui.text_unformatted(",  ".join(f"{source}: {ms:.1f} ms" for source, ms in zip("AB", totals, strict=False)))
+    tooltip("when the masks were drawn last; at rest they are not drawn again")
+    size = (imgui.get_content_region_avail().x, GRAPH_HEIGHT)
+    for name, ms in last.items():
         values = np.array([frame.get(name, 0.0) for frame in history], dtype=np.float32)
-        imgui.plot_lines(f"##{name}", values, 0, f"{name}  {ms:.2f} ms", 0.0, float(values.max()) * 1.2, GRAPH)
+        imgui.plot_lines(f"##{name}", values, 0, f"{name}  {ms:.2f} ms", 0.0, float(values.max()) * 1.2, size)
     if viewer.device.software:
         imgui.text_disabled("of a software renderer: no GPU's times")
-    specs = viewer.state.specs
     works = [viewer.work.get(spec, {}) for spec in specs]
     if imgui.begin_table("work", len(specs) + 1, imgui.TableFlags_.sizing_stretch_same | imgui.TableFlags_.row_bg):
         for title in ("work", *"AB"[: len(specs)]):
