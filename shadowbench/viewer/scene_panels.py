@@ -83,6 +83,10 @@ def light_panel(viewer: Viewer) -> None:
         travel.path, travel.turns = path, 0.0
     if path != "rest":
         travel.per_minute = number("turns a minute", travel.per_minute, 0.1, 60.0, decades=True)
+    if imgui.button("reset light"):
+        travel.path = "rest"
+        own = next((one for one in state.scene.lights if one.name == state.light.name), state.scene.lights[0])
+        viewer.change(replace(viewer.state, light=own))
 
 
 def _edited(light: Light) -> Light:
