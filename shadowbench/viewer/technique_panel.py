@@ -65,6 +65,8 @@ def choice(label: str, value: Any, names: Collection[Any], help: str = "") -> An
             if imgui.selectable(str(name), name == value)[0]:
                 value = name
             tooltip(helps.get(name, ""))
+        if imgui.is_key_pressed(imgui.Key.escape):
+            imgui.close_current_popup()
         imgui.end_combo()
     tooltip("\n".join(line for line in lines if line))
     return value
