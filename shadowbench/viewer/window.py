@@ -50,9 +50,13 @@ class Renderer(ModernglWindowRenderer):
         """heard: called for each event."""
         super().__init__(window)  # type: ignore[no-untyped-call]
         self._heard = heard
+        self.listen(window)
+
+    def listen(self, window: GlfwWindow) -> None:
+        """Take the window's events."""
         window.mouse_position_event_func = window.mouse_drag_event_func = self._moved
-        window.mouse_press_event_func = lambda x, y, button: self._button(x, y, button, True)
-        window.mouse_release_event_func = lambda x, y, button: self._button(x, y, button, False)
+        window.mouse_press_event_func = lambda _x, _y, button: self._button(button, True)
+        window.mouse_release_event_func = lambda _x, _y, button: self._button(button, False)
         window.mouse_scroll_event_func = self._scrolled
         window.unicode_char_entered_func = self.unicode_char_entered
         window.resize_func = self.resize
@@ -74,9 +78,9 @@ class Renderer(ModernglWindowRenderer):
         self._heard()
         self.io.add_mouse_pos_event(x, y)
 
-    def _button(self, x: int, y: int, button: int, down: bool) -> None:
+    def _button(self, button: int, down: bool) -> None:
+        # At the place of the last motion: that of a button's event is where the pointer is by now, after a slow frame.
         self._heard()
-        self.io.add_mouse_pos_event(x, y)
         self.io.add_mouse_button_event(button - 1, down)  # left, right and middle, in the order of both libraries
 
 

@@ -45,6 +45,24 @@ def test_every_kind_and_path_of_a_light_and_colour_of_the_shading_is_named() -> 
     assert list(SHADING_LABELS) == [one.name for one in fields(Shading) if isinstance(one.default, tuple)]
 
 
+def test_a_button_is_pressed_where_the_last_motion_ended() -> None:
+    """GLFW's place of a press is the pointer's when the event is read, which after a slow frame is another."""
+    pytest.importorskip("glfw")
+    from shadowbench.viewer.window import Renderer
+
+    heard: list[tuple[str, tuple[object, ...]]] = []
+    io = SimpleNamespace(
+        add_mouse_pos_event=lambda *at: heard.append(("at", at)),
+        add_mouse_button_event=lambda *what: heard.append(("button", what)),
+    )
+    window, renderer = SimpleNamespace(), Renderer.__new__(Renderer)
+    renderer.io, renderer._heard = io, lambda: None
+    renderer.listen(window)
+    window.mouse_position_event_func(10, 20, 0, 0)
+    window.mouse_press_event_func(70, 80, 1)
+    assert heard == [("at", (10, 20)), ("button", (0, True))]
+
+
 def canvas(light: Light) -> Canvas:
     viewer: Any = SimpleNamespace(state=SimpleNamespace(light=light, camera=CAMERA))
     return Canvas(viewer)
