@@ -74,6 +74,11 @@ class Viewer:
         return self.judge.scores
 
     @property
+    def judged(self) -> bool:
+        """Whether the truth, the scores and the work that are asked for are of the masks that are shown."""
+        return not self.broken and self.drawn is not None and self.drawn is self._asked_of
+
+    @property
     def moving(self) -> bool:
         """Whether something has changed a moment ago, or the light travels."""
         return self.travel.path != "rest" or self._seconds() - self._changed_at < REST_S
@@ -206,7 +211,7 @@ class Viewer:
                 picture = self.panes.draw(drawn, state, source, truth)
             except Exception as error:  # the tint of a technique, a shader of the overlay
                 self.message, picture = told(error), None
-            if picture is not None:
+            if picture is not None or source != "truth":  # an earlier truth is shown as such
                 self._keep(source, picture)
         self.device.context.finish()
         if drawn.size == state.size:
@@ -214,10 +219,11 @@ class Viewer:
         if self.shows_map and not self.moving:
             self._draw_map(drawn)
 
-    def _keep(self, source: Source, picture: moderngl.Texture) -> None:
+    def _keep(self, source: Source, picture: moderngl.Texture | None) -> None:
         if source in self.pictures:
-            self.device.free((self.pictures[source],))
-        self.pictures[source] = picture
+            self.device.free((self.pictures.pop(source),))
+        if picture is not None:
+            self.pictures[source] = picture
 
     def _draw_map(self, drawn: Drawn) -> None:
         if self.map_picture is not None:
@@ -247,7 +253,7 @@ class Viewer:
             if mask.visibility is not None:
                 try:
                     visibility[mask.spec.full_text] = self.drawing.visibility(drawn, mask)
-                except ValueError as error:  # NaN
+                except Exception as error:  # NaN, or whatever the driver says
                     self.message = told(error)
         self.judge.ask(self.state, visibility)
 
