@@ -13,19 +13,21 @@ from shadowbench.techniques.params import Component, TechniqueParams, allowed
 from shadowbench.techniques.registry import own_techniques
 from shadowbench.techniques.spec import Spec, format_value, spec_of
 
+BEYOND = 2**30
+"""Numbers of this magnitude or more are texts: sliders take 32 bits, and no limits near them."""
 SUM = "+"  # the name of the sum of two biases
 Model = TypeVar("Model", TechniqueParams, Component)
-Kind = Literal["flag", "choice", "whole", "number", "component", "spec"]
+Kind = Literal["flag", "choice", "whole", "number", "component", "spec", "text"]
 
 
 @dataclass(frozen=True)
 class Widget:
     """The widget of one parameter.
 
-    value: of the parameter; of a component or a spec its name; low, high: limits of a number, None if there is none;
-    decades: whether a number's range, or the place of its default in it, asks for a logarithmic slider; choices: of a
-    choice, the names of components or of techniques; help: with what is allowed; inner: the model whose widgets unfold
-    below it.
+    value: of the parameter; of a component or a spec its name; of a text, the kind of every type without a widget of
+    its own, what a spec says and `parse_value` reads; low, high: limits of a number, None if there is none; decades:
+    whether a number's range, or the place of its default in it, asks for a logarithmic slider; choices: of a choice,
+    the names of components or of techniques; help: with what is allowed; inner: the model whose widgets unfold below.
     """
 
     key: str
@@ -40,7 +42,7 @@ class Widget:
 
 
 def widgets(model: BaseModel) -> list[Widget]:
-    """The widgets of a technique's or a component's parameters. Raises TypeError for one of another type."""
+    """The widgets of a technique's or a component's parameters."""
     return [_widget(key, info, getattr(model, key)) for key, info in type(model).model_fields.items()]
 
 
@@ -90,12 +92,13 @@ def _widget(key: str, info: FieldInfo, value: Any) -> Widget:
         return Widget(key, "choice", value, help, choices=get_args(info.annotation))
     if isinstance(value, bool):
         return Widget(key, "flag", value, help)
-    if isinstance(value, int | float):
+    if isinstance(value, int | float) and abs(value) < BEYOND:
         kind: Kind = "whole" if isinstance(value, int) else "number"
         low, high = _limit(info, "ge", "gt"), _limit(info, "le", "lt")
-        decades = low is not None and high is not None and (high - low > 100 or abs(info.default) < high / 50)
+        default = info.default if isinstance(info.default, int | float) else value
+        decades = low is not None and high is not None and (high - low > 100 or abs(default) < high / 50)
         return Widget(key, kind, value, help, low, high, decades)
-    raise TypeError(f"parameter {key}: no widget for a {type(value).__name__}")
+    return Widget(key, "text", format_value(value), help)
 
 
 def _limit(info: FieldInfo, closed: str, open: str) -> float | None:
