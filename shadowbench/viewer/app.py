@@ -12,7 +12,7 @@ import moderngl
 
 from shadowbench.errors import ShadowbenchError
 from shadowbench.gl.device import Device
-from shadowbench.scenes.library import load_scene
+from shadowbench.scenes.views import Named
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.spec import Spec
 from shadowbench.viewer.changed_files import ChangedFiles
@@ -119,7 +119,7 @@ class Viewer:
 
     def open_scene(self, origin: Origin) -> None:
         """Show another scene from its first camera, under its first light. Raises InputError."""
-        scene = load_scene(origin.source, origin.assets, origin.up)
+        scene = origin.load()
         chosen = replace(
             self.state,
             scene=scene,
@@ -288,9 +288,9 @@ class Viewer:
         """Load the scene's file again; a camera or a light that was moved stays where it is."""
         old, origin = self.state, self.state.origin
         assert origin is not None
-        scene = load_scene(origin.source, origin.assets, origin.up)
-        camera = scene.cameras[0] if old.camera == old.scene.cameras[0] else old.camera
-        light = scene.lights[0] if old.light == old.scene.lights[0] else old.light
+        scene = origin.load()
+        camera = _followed(old.camera, old.scene.cameras, scene.cameras)
+        light = _followed(old.light, old.scene.lights, scene.lights)
         self.change(replace(old, scene=scene, camera=camera, light=light))
         return f"{origin.source} was loaded again"
 
@@ -299,3 +299,8 @@ class Viewer:
             self.drawn.release()
             self.drawn = None
             self._shown_of = ()
+
+
+def _followed(shown: Named, before: Sequence[Named], now: Sequence[Named]) -> Named:
+    """A file's camera or light as it is now, of the same name or else the first; one that was moved as it is."""
+    return next((one for one in now if one.name == shown.name), now[0]) if shown in before else shown

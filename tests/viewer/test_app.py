@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 
 from shadowbench.measure.scoring import prepare_truth
-from shadowbench.scenes.model import View
+from shadowbench.scenes.model import SUN_RADIUS, View
 from shadowbench.scores.metrics import score
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
@@ -105,6 +105,33 @@ def test_a_changed_scene_file_is_loaded_and_nonsense_is_told(
     viewer.step()
     assert viewer.state.scene.meshes[1].name == "box"
     assert viewer.message.endswith("was loaded again")
+
+
+def test_a_light_that_was_chosen_and_not_moved_follows_its_file(viewer: Viewer, clock: Any) -> None:
+    origin = viewer.state.origin
+    assert origin is not None
+    file, text = Path(origin.source), Path(origin.source).read_text()
+    lamp = '[[light]]\nname = "lamp"\nkind = "point"\nposition = [0.0, 3.0, {}]\n[[mesh]]'
+    file.write_text(text.replace("[[mesh]]", lamp.format(0), 1))
+    viewer.step()
+    viewer.change(replace(viewer.state, light=viewer.state.scene.lights[1]))
+    file.write_text(text.replace("[[mesh]]", lamp.format(1), 1))
+    viewer.step()
+    assert viewer.state.light.position == (0.0, 3.0, 1.0)
+    file.write_text(text)
+    viewer.step()
+    assert viewer.state.light == viewer.state.scene.lights[0], "there is no lamp any longer"
+
+
+def test_a_sun_keeps_its_size_when_its_file_is_read_again(viewer: Viewer, clock: Any) -> None:
+    origin = replace(viewer.state.origin, sun=True)  # type: ignore[type-var]
+    scene = origin.load()
+    viewer.change(replace(viewer.state, scene=scene, light=scene.lights[0], origin=origin))
+    file = Path(origin.source)
+    file.write_text(file.read_text().replace("0.5, -1.0", "0.1, -1.0"))
+    viewer.step()
+    assert viewer.state.light.direction[0] == 0.1
+    assert viewer.state.light.radius == SUN_RADIUS
 
 
 def test_a_camera_that_shows_nothing_is_told_and_the_next_one_is_drawn(viewer: Viewer, clock: Any) -> None:
