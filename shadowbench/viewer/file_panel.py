@@ -1,5 +1,6 @@
 """The panel of what can be taken along: spec, picture, study entry, state."""
 
+import shlex
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -79,4 +80,4 @@ def _save_picture(viewer: Viewer, file: Path) -> str:
 def _save_state(viewer: Viewer, file: Path) -> str:
     save_state(viewer.state, file)
     viewer.change(adopted(viewer.state, file))
-    return f"{file}: saved; shadowbench view --state {file}, or as the scene of any command"
+    return f"{file}: saved; shadowbench view --state {shlex.quote(str(file))}, or as the scene of any command"

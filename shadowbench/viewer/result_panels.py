@@ -35,9 +35,8 @@ def scores_panel(viewer: Viewer) -> None:
     known = [scores.by_spec.get(text) for text in specs]
     soft = any(is_soft(one) for one in known if one is not None)
     names = [name for name in (*(SOFT if soft else ()), *HARD) if name in METRICS]
-    stale = not viewer.current(scores.viewed)
-    if stale:
-        imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(imgui.Col_.text_disabled))
+    stale = not (viewer.judged and viewer.current(scores.viewed))
+    push_grey(stale)
     if imgui.begin_table("scores", len(specs) + 1, imgui.TableFlags_.sizing_stretch_same | imgui.TableFlags_.row_bg):
         for title in ("against the truth", *"AB"[: len(specs)]):
             imgui.table_setup_column(title)
@@ -53,23 +52,31 @@ def scores_panel(viewer: Viewer) -> None:
                 text = "–" if value is None else f"{value:.5f}"
                 imgui.text_colored(BETTER, text) if best and not stale else imgui.text_unformatted(text)
         imgui.end_table()
-    if stale:
-        imgui.pop_style_color()
-    failures = viewer.mask_failures() or [""] * len(known)
-    _status(viewer, stale, all(one is not None or why for one, why in zip(known, failures, strict=False)))
+    imgui.pop_style_color()
+    imgui.text_wrapped(status(viewer))
 
 
-def _status(viewer: Viewer, stale: bool, complete: bool) -> None:
-    """One line: moving, tracing, or what the scores are of."""
-    drawn, size = viewer.drawn, viewer.state.size
+def push_grey(grey: bool) -> None:
+    """Text is grey, or as ever, until `imgui.pop_style_color`."""
+    color = imgui.Col_.text_disabled if grey else imgui.Col_.text
+    imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(color))
+
+
+def status(viewer: Viewer) -> str:
+    """One line: moving, tracing, what the scores are of, or why there are none."""
+    drawn, size, judge = viewer.drawn, viewer.state.size, viewer.judge
     if viewer.moving and drawn is not None and drawn.size < size:
-        imgui.text_unformatted(f"{size}² drawn at {drawn.size}² while moving: a software renderer")
-    elif viewer.moving:
-        imgui.text_unformatted("moving: scores follow at rest")
-    elif stale or not complete:
-        imgui.text_unformatted("tracing the truth of this view …")
-    else:
-        imgui.text_unformatted(f"scored at {size}² against the full truth")
+        return f"{size}² drawn at {drawn.size}² while moving: a software renderer"
+    if viewer.moving:
+        return "moving: scores follow at rest"
+    if viewer.broken:
+        return "nothing is drawn, and nothing scored"
+    if not viewer.judged or judge.waits:
+        failed = viewer.judged and judge.failure
+        return f"not scored: {judge.failure}" if failed else "tracing the truth of this view …"
+    texts = [spec.full_text for spec in viewer.state.specs]
+    without = [source for source, text in zip("AB", texts, strict=False) if text not in viewer.scores.by_spec]
+    return f"scored at {size}² against the full truth{''.join(f'; {one} has no mask' for one in without)}"
 
 
 def times_panel(viewer: Viewer) -> None:
@@ -85,6 +92,7 @@ def times_panel(viewer: Viewer) -> None:
         imgui.plot_lines(f"##{name}", values, 0, f"{name}  {ms:.2f} ms", 0.0, float(values.max()) * 1.2, size)
     if viewer.device.software:
         imgui.text_disabled("of a software renderer: no GPU's times")
+    push_grey(not viewer.judged)
     works = [viewer.work.get(spec, {}) for spec in specs]
     if imgui.begin_table("work", len(specs) + 1, imgui.TableFlags_.sizing_stretch_same | imgui.TableFlags_.row_bg):
         for title in ("work", *"AB"[: len(specs)]):
@@ -99,6 +107,7 @@ def times_panel(viewer: Viewer) -> None:
                 imgui.table_next_column()
                 imgui.text_unformatted(f"{work[name]:,}" if name in work else "–")
         imgui.end_table()
+    imgui.pop_style_color()
     imgui.text_unformatted(f"{viewer.drawing.bytes / 2**20:.1f} MiB of maps, masks and buffers")
 
 

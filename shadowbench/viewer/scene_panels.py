@@ -10,6 +10,7 @@ from imgui_bundle import imgui
 from shadowbench.gl.picture import Shading
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import SUN_RADIUS, Light, LightShape, Vec3, vec3
+from shadowbench.scenes.triangles import LARGEST
 from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.lights import Path as LightPath
 from shadowbench.viewer.lights import azimuth_elevation, sun_at, with_kind
@@ -155,9 +156,9 @@ def _linear(x: float) -> float:
 
 def _angle(label: str, radians: float, low: float, high: float, help: str) -> float:
     degrees = math.degrees(radians)
-    changed, new = imgui.slider_float(label, degrees, low, high, "%.2f°")
+    changed, new = imgui.slider_float(label, degrees, low, high, "%.2f°", imgui.SliderFlags_.always_clamp)
     tooltip(help)
-    return math.radians(round(new, 3)) if changed else radians
+    return math.radians(round(new, 3)) if changed and math.isfinite(new) else radians
 
 
 def _metres(label: str, value: float) -> float:
@@ -169,4 +170,5 @@ def _metres(label: str, value: float) -> float:
 def _vector(label: str, values: Vec3, help: str) -> Vec3:
     changed, new = imgui.drag_float3(label, list(values), max(map(abs, values)) / 200 + 1e-4, 0.0, 0.0, "%.4g")
     tooltip(f"{help}; drag, or Ctrl+click to type")
-    return vec3([float(f"{value:.6g}") for value in new[:3]]) if changed else values
+    allowed = changed and all(abs(value) <= LARGEST for value in new[:3])  # "nan" and "inf" can be typed
+    return vec3([float(f"{value:.6g}") for value in new[:3]]) if allowed else values

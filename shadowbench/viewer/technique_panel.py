@@ -1,13 +1,17 @@
 """The panel of a technique, made of the widgets of its parameters alone."""
 
+import math
 from collections.abc import Collection, Mapping
 from typing import Any
 
 from imgui_bundle import imgui
 
+from shadowbench.scenes.triangles import LARGEST
 from shadowbench.techniques.base import Technique
-from shadowbench.techniques.spec import Spec
+from shadowbench.techniques.grammar import parse_value
+from shadowbench.techniques.spec import Spec, spec_of
 from shadowbench.viewer.widgets import (
+    BEYOND,
     CUSTOM,
     Model,
     Widget,
@@ -28,7 +32,7 @@ def edited_spec(spec: Spec, techniques: Mapping[str, type[Technique]]) -> Spec:
     names = {name: summary(techniques[name]) for name in sorted(techniques)}
     name = choice("technique", spec.technique.name, names)
     if name != spec.technique.name:
-        return Spec(techniques[name], techniques[name].Params())
+        return spec_of(techniques[name], (), name)
     if type(spec.params).model_fields:
         named, now = presets(spec.technique), preset_of(spec)
         helps = {name: one.text.partition(":")[2].replace(",", ", ") for name, one in named.items()}
@@ -84,13 +88,13 @@ def tooltip(text: str) -> None:
 
 def number(label: str, value: float, low: float | None, high: float | None, decades: bool = False) -> float:
     """A slider, or without limits a number that is dragged; the value itself unless it was edited."""
+    flags = imgui.SliderFlags_.always_clamp | (imgui.SliderFlags_.logarithmic if decades else 0)
+    least, most = -LARGEST if low is None else low, min(LARGEST if high is None else high, LARGEST)
     if low is not None and high is not None:
-        flags = imgui.SliderFlags_.always_clamp | (imgui.SliderFlags_.logarithmic if decades else 0)
-        changed, new = imgui.slider_float(label, value, low, high, "%.6g", flags)
+        changed, new = imgui.slider_float(label, value, least, most, "%.6g", flags)
     else:
-        least = -3e38 if low is None else low
-        changed, new = imgui.drag_float(label, value, max(abs(value), 1e-3) / 100, least, 3e38, "%.6g")
-    return float(f"{new:.{DIGITS}g}") if changed else value
+        changed, new = imgui.drag_float(label, value, max(abs(value), 1e-3) / 100, least, most, "%.6g", flags)
+    return float(f"{new:.{DIGITS}g}") if changed and math.isfinite(new) else value  # "nan" can be typed
 
 
 def _input(widget: Widget) -> Any:
@@ -101,6 +105,9 @@ def _input(widget: Widget) -> Any:
         return _whole(widget)
     if widget.kind == "flag":
         value: Any = imgui.checkbox(widget.key, widget.value)[1]
+    elif widget.kind == "text":
+        changed, text = imgui.input_text(widget.key, widget.value, imgui.InputTextFlags_.enter_returns_true)
+        value = parse_value(text) if changed else widget.value
     else:
         value = number(widget.key, widget.value, widget.low, widget.high, widget.decades)
     tooltip(widget.help)
@@ -108,10 +115,17 @@ def _input(widget: Widget) -> Any:
 
 
 def _whole(widget: Widget) -> int:
-    """A slider of whole numbers; of those that span decades, such as map sizes, with buttons for half and double."""
-    low, high = int(widget.low or 0), int(widget.high or 2**31 - 1)
+    """A number of the limits, or one that is dragged; of one that spans decades also buttons for half and double."""
+    value = int(widget.value)
+    if widget.low is None or widget.high is None:
+        least = 1 - BEYOND if widget.low is None else int(widget.low)
+        flags = imgui.SliderFlags_.always_clamp
+        value = int(imgui.drag_int(widget.key, value, 0.1, least, BEYOND - 1, "%d", flags)[1])
+        tooltip(widget.help)
+        return value
+    low, high = max(int(widget.low), 1 - BEYOND), min(int(widget.high), BEYOND - 1)
     flags = imgui.SliderFlags_.always_clamp | (imgui.SliderFlags_.logarithmic if widget.decades else 0)
-    value = int(imgui.slider_int(widget.key, widget.value, low, high, "%d", flags)[1])
+    value = int(imgui.slider_int(widget.key, value, low, high, "%d", flags)[1])
     tooltip(widget.help)
     if widget.decades:
         for text, factor in (("½", 0.5), ("×2", 2.0)):

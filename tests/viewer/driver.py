@@ -114,7 +114,8 @@ class Driver:
 
         def is_scored() -> bool:
             texts = {spec.full_text for spec in viewer.state.specs}
-            return not viewer.moving and viewer.current(viewer.scores.viewed) and texts <= set(viewer.scores.by_spec)
+            current = viewer.judged and viewer.current(viewer.scores.viewed)
+            return not viewer.moving and current and texts <= set(viewer.scores.by_spec)
 
         self.until("scores", is_scored)
 
