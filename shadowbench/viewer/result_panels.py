@@ -83,8 +83,8 @@ def times_panel(viewer: Viewer) -> None:
     """Milliseconds of each pass with a short history, and the counts of work."""
     history, specs = list(viewer.pass_ms), viewer.state.specs
     last = history[-1] if history else {}
-    totals = [sum(ms for name, ms in last.items() if name.startswith(source)) for source in "AB"[: len(specs)]]
-    imgui.text_unformatted(",  ".join(f"{source}: {ms:.1f} ms" for source, ms in zip("AB", totals, strict=False)))
+    own = {source: [ms for name, ms in last.items() if name.startswith(source)] for source in "AB"[: len(specs)]}
+    imgui.text_unformatted(",  ".join(f"{source}: {f'{sum(ms):.1f} ms' if ms else '–'}" for source, ms in own.items()))
     tooltip("when the masks were drawn last; at rest they are not drawn again")
     size = (imgui.get_content_region_avail().x, GRAPH_HEIGHT)
     for name, ms in last.items():
