@@ -29,4 +29,6 @@ def new_technique(
     from shadowbench.techniques.template import write_technique
 
     file = write_technique(name, output)
-    typer.echo(f"{file}: try it with\n  shadowbench run cube-on-plane -t {name} -t shadow-map --plugin {file}")
+    typer.echo(f"{file}: try it with")
+    for command in ("run", "view"):
+        typer.echo(f"  shadowbench {command} cube-on-plane -t {name} -t shadow-map --plugin {file}")

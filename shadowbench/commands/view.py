@@ -68,7 +68,14 @@ def view(
     from shadowbench.viewer.state_files import read_state
 
     if (scene is None) == (state is None):
-        raise InputError("view: found " + ("no scene" if scene is None else "SCENE and --state") + "; allowed: one")
+        raise InputError(
+            "view: found " + ("no scene" if scene is None else "SCENE and --state") + "; allowed: SCENE, such as"
+            " sphere-and-torus or a mesh file, or --state FILE.toml"
+        )
+    if cell is None and scene is not None and Path(scene).is_dir():
+        raise InputError(f"{scene}: found a folder; allowed with --cell KEY, a key of its rows.jsonl or its report")
+    if state is not None and cell is not None:
+        raise InputError("view: found --state and --cell; allowed: one")
     if (state or cell) and (view or light or up or sun):
         raise InputError("--view, --light, --up and --sun choose from a SCENE; a state and a cell have their own")
     if len(technique or ()) > _MOST:
@@ -94,6 +101,6 @@ def view(
             chosen = reporter.view(str(scene), view_size, view, light, assets, up, sun)
         camera = named(chosen.scene.cameras, chosen.camera.name, "view")  # its planes are the file's, not of this view
         first = parse_spec("cube-map" if chosen.light.kind == "point" else "shadow-map", known)
-        origin = Origin(str(scene), assets, up)
+        origin = Origin(str(scene), assets, up, sun)
         shown = ViewerState(chosen.scene, camera, chosen.light, (first,), chosen.size, origin)
     show(replace(shown, specs=specs or shown.specs, size=view_size or shown.size), known, plugin or ())

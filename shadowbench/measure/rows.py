@@ -178,6 +178,7 @@ class StudyFacts(TypedDict, total=False):
     phases: Count
     coordinates: Coordinates
     sun: bool
+    up: str
 
 
 @with_config(_STRICT)

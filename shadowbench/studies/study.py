@@ -112,6 +112,7 @@ class Study(Strict):
             "phases": self.phases,
             "coordinates": self.coordinates,
             "sun": self.sun,
+            **({"up": self.up} if self.up else {}),
         }
 
     def cells(self, soft: bool = True) -> tuple[Cell, ...]:

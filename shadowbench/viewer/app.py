@@ -12,7 +12,7 @@ import moderngl
 
 from shadowbench.errors import ShadowbenchError
 from shadowbench.gl.device import Device
-from shadowbench.scenes.library import load_scene
+from shadowbench.scenes.views import Named
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.spec import Spec
 from shadowbench.viewer.changed_files import ChangedFiles
@@ -74,6 +74,11 @@ class Viewer:
         return self.judge.scores
 
     @property
+    def judged(self) -> bool:
+        """Whether the truth, the scores and the work that are asked for are of the masks that are shown."""
+        return not self.broken and self.drawn is not None and self.drawn is self._asked_of
+
+    @property
     def moving(self) -> bool:
         """Whether something has changed a moment ago, or the light travels."""
         return self.travel.path != "rest" or self._seconds() - self._changed_at < REST_S
@@ -114,7 +119,7 @@ class Viewer:
 
     def open_scene(self, origin: Origin) -> None:
         """Show another scene from its first camera, under its first light. Raises InputError."""
-        scene = load_scene(origin.source, origin.assets, origin.up)
+        scene = origin.load()
         chosen = replace(
             self.state,
             scene=scene,
@@ -206,7 +211,7 @@ class Viewer:
                 picture = self.panes.draw(drawn, state, source, truth)
             except Exception as error:  # the tint of a technique, a shader of the overlay
                 self.message, picture = told(error), None
-            if picture is not None:
+            if picture is not None or source != "truth":  # an earlier truth is shown as such
                 self._keep(source, picture)
         self.device.context.finish()
         if drawn.size == state.size:
@@ -214,10 +219,11 @@ class Viewer:
         if self.shows_map and not self.moving:
             self._draw_map(drawn)
 
-    def _keep(self, source: Source, picture: moderngl.Texture) -> None:
+    def _keep(self, source: Source, picture: moderngl.Texture | None) -> None:
         if source in self.pictures:
-            self.device.free((self.pictures[source],))
-        self.pictures[source] = picture
+            self.device.free((self.pictures.pop(source),))
+        if picture is not None:
+            self.pictures[source] = picture
 
     def _draw_map(self, drawn: Drawn) -> None:
         if self.map_picture is not None:
@@ -247,7 +253,7 @@ class Viewer:
             if mask.visibility is not None:
                 try:
                     visibility[mask.spec.full_text] = self.drawing.visibility(drawn, mask)
-                except ValueError as error:  # NaN
+                except Exception as error:  # NaN, or whatever the driver says
                     self.message = told(error)
         self.judge.ask(self.state, visibility)
 
@@ -271,6 +277,8 @@ class Viewer:
         changed = self._files.changed()
         if changed.scene:
             self.attempt(self._reload_scene)
+        for file in changed.plugins:
+            self.message = f"{file} has changed: its shader files are read again, its Python when the window is opened"
         if changed.shaders:
             self.panes.reload()
             self._release_drawn()
@@ -282,9 +290,9 @@ class Viewer:
         """Load the scene's file again; a camera or a light that was moved stays where it is."""
         old, origin = self.state, self.state.origin
         assert origin is not None
-        scene = load_scene(origin.source, origin.assets, origin.up)
-        camera = scene.cameras[0] if old.camera == old.scene.cameras[0] else old.camera
-        light = scene.lights[0] if old.light == old.scene.lights[0] else old.light
+        scene = origin.load()
+        camera = _followed(old.camera, old.scene.cameras, scene.cameras)
+        light = _followed(old.light, old.scene.lights, scene.lights)
         self.change(replace(old, scene=scene, camera=camera, light=light))
         return f"{origin.source} was loaded again"
 
@@ -293,3 +301,8 @@ class Viewer:
             self.drawn.release()
             self.drawn = None
             self._shown_of = ()
+
+
+def _followed(shown: Named, before: Sequence[Named], now: Sequence[Named]) -> Named:
+    """A file's camera or light as it is now, of the same name or else the first; one that was moved as it is."""
+    return next((one for one in now if one.name == shown.name), now[0]) if shown in before else shown

@@ -1,6 +1,7 @@
 """The panes of the window, the light's handles over them, and what the mouse does there."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -12,6 +13,8 @@ from shadowbench.viewer.lights import Dome, Handle, dragged, handles, is_far
 from shadowbench.viewer.navigation import looked, orbited, panned, projected, zoomed
 from shadowbench.viewer.panes import NUMBERS
 from shadowbench.viewer.state import Source
+from shadowbench.viewer.technique_panel import tooltip
+from shadowbench.viewer.widgets import CUSTOM, DEFAULT, preset_of
 
 REACH = 12.0  # pixels, from a handle or the wipe's line, that count as on it
 GAP = 6.0  # pixels between panes
@@ -20,6 +23,8 @@ ZOOM = 1.12  # by a step of the wheel
 _YELLOW, _DARK, _WHITE = 0xFF33DDFF, 0xFF202020, 0xFFFFFFFF  # ABGR
 _DIMMED = (0.45, 0.45, 0.45, 1.0)
 _CORNERS = 48  # of the horizon's circle
+
+HANDLE_HELP: Mapping[Handle, str] = {"light": "drag: move the light", "aim": "drag: aim the light"}
 
 Gesture = Literal["", "orbit", "pan", "look", "wipe", "light", "aim"]
 
@@ -76,6 +81,8 @@ class Canvas:
             imgui.invisible_button(f"pane {index}", (pane.side, pane.side), _ALL_BUTTONS)
             if imgui.is_item_hovered():
                 self._wheel()
+                if not self.gesture:
+                    self._explain(pane)
             if imgui.is_item_activated():
                 self._begin(pane)
             if imgui.is_item_active():
@@ -105,9 +112,10 @@ class Canvas:
             draw_list.add_image(
                 NUMBERS[source], (left, pane.y), (right, pane.y + pane.side), (start, 1), (end, 0), color
             )
-        label = "truth" if source == "truth" else f"{source}: {self._spec(source)}"
+        coarse = " (coarse, tracing)" if viewer.judge.is_coarse else ""
+        label = f"truth{coarse}" if source == "truth" else f"{source}: {self._spec(source)}"
         if source == "truth" and not viewer.judge.has_traced(viewer.state):
-            label += " (of an earlier view)" if picture is not None else " (tracing)"
+            label = "truth (of an earlier view)" if picture is not None else "truth (tracing)"
         self._write(left, pane.y, right - left, label)
         if failure:
             self._write(left, pane.y + 24, right - left, failure)
@@ -122,7 +130,11 @@ class Canvas:
     def _spec(self, source: Source) -> str:
         specs = self.viewer.state.specs
         index = "AB".index(source)
-        return specs[index].text if index < len(specs) else "none: add B"
+        if index >= len(specs):
+            return "none: add B"
+        preset = preset_of(specs[index])
+        named = f"{specs[index].technique.name}:preset={preset}"
+        return specs[index].text if preset in (DEFAULT, CUSTOM) else named
 
     def _write(self, x: float, y: float, width: float, text: str) -> None:
         """Text on a dark ground, wrapped to a width."""
@@ -173,9 +185,24 @@ class Canvas:
             line = pane.x + state.wipe * pane.side
             if state.layout == "wipe" and abs(mouse.x - line) <= REACH:
                 self.gesture = "wipe"
-            for handle, place in self._places().items():
-                if math.dist(pane.point(place), self._last) <= REACH:
-                    self.gesture, self._far = handle, is_far(state.light, state.camera)
+            handle = self._handle_at(pane, self._last)
+            if handle is not None:
+                self.gesture, self._far = handle, is_far(state.light, state.camera)
+
+    def _handle_at(self, pane: Pane, mouse: tuple[float, float]) -> Handle | None:
+        """The nearest handle of the light within reach; of several in one place, such as a corner, the light's own."""
+        away = {handle: math.dist(pane.point(place), mouse) for handle, place in self._places().items()}
+        nearest = min(away, key=lambda handle: away[handle])
+        return nearest if away[nearest] <= REACH else None
+
+    def _explain(self, pane: Pane) -> None:
+        """What a drag would do where the pointer rests, if it is not to orbit."""
+        mouse, state = imgui.get_mouse_pos(), self.viewer.state
+        handle = self._handle_at(pane, (mouse.x, mouse.y))
+        if handle is not None:
+            tooltip(HANDLE_HELP[handle])
+        elif state.layout == "wipe" and abs(mouse.x - pane.x - state.wipe * pane.side) <= REACH:
+            tooltip("drag the line between the two pictures")
 
     def _drag(self, pane: Pane) -> None:
         mouse, state = imgui.get_mouse_pos(), self.viewer.state

@@ -6,8 +6,7 @@ from pathlib import Path
 from shadowbench.errors import InputError
 from shadowbench.extremes.axes import AXES
 from shadowbench.measure.rows import Record, read_rows, read_run_file
-from shadowbench.scenes.assumed import with_sun
-from shadowbench.scenes.library import builtin_names, load_scene
+from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.views import named
 from shadowbench.studies.crossing import Techniques
 from shadowbench.techniques.spec import parse_spec
@@ -32,11 +31,13 @@ def cell_state(folder: Path, key: str, techniques: Techniques, assets: Path | No
     study = read_run_file(about).get("study", {}) if about.exists() else {}
     own = [row["scene"]] if row["scene"] in builtin_names() else []
     for source in sorted({*study.get("scenes", ()), *own}, key=lambda source: Path(source).stem != row["scene"]):
-        scene = load_scene(source, assets)
+        origin = Origin(source, assets, study.get("up"), study.get("sun", False))
+        scene = origin.load()
         if scene.name == row["scene"]:
-            scene = with_sun(scene) if study.get("sun") else scene
-            camera, light = named(scene.cameras, row["view"], "view"), named(scene.lights, row["light"], "light")
-            return ViewerState(scene, camera, light, (spec,), origin=Origin(source, assets), **shown)
+            where = f"{folder}: cell {row['key']} is of a camera or a light of its study, not of the scene: "
+            camera = named(scene.cameras, row["view"], f"{where}view")
+            light = named(scene.lights, row["light"], f"{where}light")
+            return ViewerState(scene, camera, light, (spec,), origin=origin, **shown)
     raise InputError(f"{folder}: found no file of the scene {row['scene']!r}; allowed: one that run.json names")
 
 

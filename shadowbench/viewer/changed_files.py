@@ -17,18 +17,20 @@ _SHADERS = (".glsl", ".vert", ".frag", ".geom")
 
 @dataclass(frozen=True)
 class Changes:
-    """What has changed: the scene's file, any shader."""
+    """What has changed: the scene's file, any shader, plug-ins."""
 
     scene: bool = False
     shaders: bool = False
+    plugins: tuple[Path, ...] = ()
 
 
 class ChangedFiles:
-    """Looks at the modification times of a scene's file and of the shaders, those of plug-ins included."""
+    """Looks at the modification times of a scene's file, of plug-ins and of shaders, theirs included."""
 
     def __init__(self, origin: Origin | None, plugins: Iterable[Path] = ()) -> None:
         self._scene = [] if origin is None else [_file(origin.source)]
-        self._folders = [plugin.resolve().parent for plugin in plugins]
+        self._plugins = list(plugins)
+        self._folders = [plugin.resolve().parent for plugin in self._plugins]
         self._times, self._looked = self._modified(), time.monotonic()
 
     def changed(self) -> Changes:
@@ -37,13 +39,17 @@ class ChangedFiles:
             return Changes()
         before, self._times, self._looked = self._times, self._modified(), time.monotonic()
         changed = {file for file in {*before, *self._times} if before.get(file) != self._times.get(file)}
-        return Changes(any(file in self._scene for file in changed), any(file.suffix in _SHADERS for file in changed))
+        return Changes(
+            any(file in self._scene for file in changed),
+            any(file.suffix in _SHADERS for file in changed),
+            tuple(file for file in self._plugins if file in changed),
+        )
 
     def _modified(self) -> Mapping[Path, int]:
         near = [file for folder in self._folders for pattern in ("*", "*/*") for file in folder.glob(pattern)]
         files = [file for file in (*data_folder("shaders").rglob("*"), *near) if file.suffix in _SHADERS]
         times = {}
-        for file in (*self._scene, *files):
+        for file in (*self._scene, *self._plugins, *files):
             with suppress(OSError):  # removed, as an editor does while it saves
                 times[file] = file.stat().st_mtime_ns
         return times

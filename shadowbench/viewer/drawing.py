@@ -168,14 +168,17 @@ class Drawing:
         key = (spec, view.size)
         try:
             reason = spec.technique.declines(spec.params, view, self.device)
-            if reason is not None:
-                return f"unsupported: {reason}"
-            if key not in self._built:
-                self.device.reset()
-                self._built[key] = loaded.build(spec, view.size)
         except Exception as error:  # a technique may raise anything
-            self._built[key] = told(error)
-            self._recover()
+            return told(error)
+        if reason is not None:
+            return f"unsupported: {reason}"
+        if key not in self._built:
+            self.device.reset()
+            try:
+                self._built[key] = loaded.build(spec, view.size)
+            except Exception as error:
+                self._built[key] = told(error)
+                self._recover()
         return self._built[key]
 
     def _recover(self) -> None:

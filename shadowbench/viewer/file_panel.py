@@ -1,5 +1,6 @@
 """The panel of what can be taken along: spec, picture, study entry, state."""
 
+import shlex
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -15,6 +16,7 @@ from shadowbench.measure.pictures import write_picture
 from shadowbench.techniques.base import Technique
 from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.state_files import adopted, append_to_study, save_state
+from shadowbench.viewer.technique_panel import tooltip
 
 
 @dataclass
@@ -35,23 +37,28 @@ def file_panel(
         if imgui.button(f"copy spec of {source}"):
             copy(text)
             viewer.message = f"copied: {text}"
+        tooltip(f"for --technique of any command: {text}")
         imgui.same_line()
         if imgui.button(f"append {source} to study"):
             viewer.attempt(partial(_append, viewer, names.study, index, techniques))
+        tooltip("adds the technique, and the scene as its file has it: save the state first to study this very view")
     names.study = imgui.input_text("study file", names.study)[1]
     if imgui.button("save picture"):
         viewer.attempt(lambda: _save_picture(viewer, Path(names.picture)))
+    tooltip("what is shown, as PNG")
     imgui.same_line()
     names.picture = imgui.input_text("picture", names.picture)[1]
     if imgui.button("save state"):
         viewer.attempt(lambda: _save_state(viewer, Path(names.state)))
+    tooltip("scene, camera, light, techniques and layout: a scene file, for --state and for every command")
     imgui.same_line()
     names.state = imgui.input_text("state", names.state)[1]
+    imgui.text_disabled("in the folder where shadowbench was started")
 
 
 def _append(viewer: Viewer, file: str, index: int, techniques: Mapping[str, type[Technique]]) -> str:
     append_to_study(Path(file), viewer.state, index, techniques)
-    return f"{file}: appended {viewer.state.specs[index].text}"
+    return f"{file}: appended {viewer.state.specs[index].text}; shadowbench run --study {file}"
 
 
 def _save_picture(viewer: Viewer, file: Path) -> str:
@@ -73,4 +80,4 @@ def _save_picture(viewer: Viewer, file: Path) -> str:
 def _save_state(viewer: Viewer, file: Path) -> str:
     save_state(viewer.state, file)
     viewer.change(adopted(viewer.state, file))
-    return f"{file}: saved; shadowbench view --state {file}, or as the scene of any command"
+    return f"{file}: saved; shadowbench view --state {shlex.quote(str(file))}, or as the scene of any command"

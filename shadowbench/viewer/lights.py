@@ -6,7 +6,7 @@ where they are, and those that have a direction a second one on their axis, to a
 
 import math
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 
@@ -15,8 +15,6 @@ from shadowbench.viewer.navigation import distance, projected, ray
 
 Handle = Literal["light", "aim"]
 Path = Literal["rest", "day", "circle"]
-PATHS = get_args(Path)
-KINDS: tuple[LightShape, ...] = get_args(LightShape)
 DAY_TILT = math.radians(35.0)
 """Angle between the plane of a day's arc and the vertical."""
 _CONE = math.radians(60.0)
@@ -168,5 +166,5 @@ def _above_horizon(toward: Floats) -> Floats:
 
 
 def _reach(light: Light, camera: Camera) -> float:
-    """Distance of the handle that aims from its light: half that of the camera's target from the camera."""
-    return 0.5 * distance(camera)
+    """Distance of the handle that aims from its light: as far as the camera's target, or half the camera's distance."""
+    return max(math.dist(light.position, camera.target), 0.5 * distance(camera))

@@ -8,10 +8,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from shadowbench.scenes.model import Camera, Floats, Vec3, unit, vec3
+from shadowbench.scenes.model import NEAREST_TARGET, Camera, Floats, Vec3, unit, vec3
+from shadowbench.scenes.triangles import LARGEST
 
 LEAST_TILT = math.radians(1.0)
 """Least angle between the direction of view and the camera's up vector, in radians."""
+
+NEAREST = 1e3 * NEAREST_TARGET
+"""Least distance to the target to which a camera zooms, as a share of their coordinates."""
 
 
 def ray(camera: Camera, x: float, y: float) -> Floats:
@@ -59,8 +63,12 @@ def panned(camera: Camera, x: float, y: float) -> Camera:
 
 
 def zoomed(camera: Camera, factor: float) -> Camera:
-    """The camera at `factor` times its distance from its target."""
-    return _at(camera, np.add(camera.target, np.subtract(camera.position, camera.target) * factor), camera.target)
+    """The camera at `factor` times its distance from its target; where it is if that would be too near or too far."""
+    moved = np.add(camera.target, np.subtract(camera.position, camera.target) * factor)
+    reach = float(np.abs(np.concatenate([moved, camera.target])).max())
+    if reach > LARGEST or np.abs(moved - camera.target).max() < NEAREST * reach:
+        return camera
+    return _at(camera, moved, camera.target)
 
 
 def walked(camera: Camera, right: float, up: float, forward: float) -> Camera:

@@ -1,5 +1,7 @@
 """The panels of what was measured: scores, times of passes, work, and the shadow map."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from imgui_bundle import imgui
 
@@ -10,7 +12,20 @@ from shadowbench.viewer.technique_panel import tooltip
 
 HARD = ("iou", "acne", "leak", "contact", "edge_px", "ssim")
 SOFT = ("rmse", "rmse_pen", "bleed", "false_dark", "width", "hardening", "noise")
-GRAPH = (240, 40)  # pixels
+UNITS = {"edge_px": " (px)"}
+GRAPH_HEIGHT = 36  # pixels
+BETTER = imgui.ImVec4(0.55, 0.9, 0.55, 1.0)  # colour of the better of two scores
+WORK_HELP = "in one frame, the same on every machine; cost: vertices, geometry, fragments, reads and rays together"
+
+
+def better(values: Sequence[float | None], direction: str) -> list[bool]:
+    """Which of the scores of A and B is the better one; neither if they are shown as the same number."""
+    known = [round(value, 5) for value in values if value is not None]
+    if len(known) < max(len(values), 2):
+        return [False] * len(values)
+    aim = {"higher": max(known), "lower": min(known), "near 0": 0.0, "near 1": 1.0}[direction]
+    errors = [abs(value - aim) for value in known]
+    return [error == min(errors) < max(errors) for error in errors]
 
 
 def scores_panel(viewer: Viewer) -> None:
@@ -20,9 +35,8 @@ def scores_panel(viewer: Viewer) -> None:
     known = [scores.by_spec.get(text) for text in specs]
     soft = any(is_soft(one) for one in known if one is not None)
     names = [name for name in (*(SOFT if soft else ()), *HARD) if name in METRICS]
-    stale = not viewer.current(scores.viewed)
-    if stale:
-        imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(imgui.Col_.text_disabled))
+    stale = not (viewer.judged and viewer.current(scores.viewed))
+    push_grey(stale)
     if imgui.begin_table("scores", len(specs) + 1, imgui.TableFlags_.sizing_stretch_same | imgui.TableFlags_.row_bg):
         for title in ("against the truth", *"AB"[: len(specs)]):
             imgui.table_setup_column(title)
@@ -30,44 +44,70 @@ def scores_panel(viewer: Viewer) -> None:
         for name in names:
             imgui.table_next_row()
             imgui.table_next_column()
-            imgui.text_unformatted(METRICS[name].label or name)
+            imgui.text_unformatted(f"{METRICS[name].label or name}{UNITS.get(name, '')}")
             tooltip(f"{METRICS[name].help} Better: {METRICS[name].better}.")
-            for one in known:
+            values = [None if one is None else one.get(name) for one in known]
+            for value, best in zip(values, better(values, METRICS[name].better), strict=True):
                 imgui.table_next_column()
-                value = None if one is None else one.get(name)
-                imgui.text_unformatted("–" if value is None else f"{value:.5f}")
+                text = "–" if value is None else f"{value:.5f}"
+                imgui.text_colored(BETTER, text) if best and not stale else imgui.text_unformatted(text)
         imgui.end_table()
-    if stale:
-        imgui.pop_style_color()
-    _status(viewer, stale, all(one is not None for one in known))
+    imgui.pop_style_color()
+    imgui.text_wrapped(status(viewer))
 
 
-def _status(viewer: Viewer, stale: bool, complete: bool) -> None:
-    """One line: moving, tracing, or what the scores are of."""
-    drawn, size = viewer.drawn, viewer.state.size
+def push_grey(grey: bool) -> None:
+    """Text is grey, or as ever, until `imgui.pop_style_color`."""
+    color = imgui.Col_.text_disabled if grey else imgui.Col_.text
+    imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(color))
+
+
+def status(viewer: Viewer) -> str:
+    """One line: moving, tracing, what the scores are of, or why there are none."""
+    drawn, size, judge = viewer.drawn, viewer.state.size, viewer.judge
     if viewer.moving and drawn is not None and drawn.size < size:
-        imgui.text_unformatted(f"{size}² drawn at {drawn.size}² while moving: a software renderer")
-    elif viewer.moving:
-        imgui.text_unformatted("moving: scores follow at rest")
-    elif stale or not complete:
-        imgui.text_unformatted("tracing the truth of this view …")
-    else:
-        imgui.text_unformatted(f"scored at {size}² against the full truth")
+        return f"{size}² drawn at {drawn.size}² while moving: a software renderer"
+    if viewer.moving:
+        return "moving: scores follow at rest"
+    if viewer.broken:
+        return "nothing is drawn, and nothing scored"
+    if not viewer.judged or judge.waits:
+        failed = viewer.judged and judge.failure
+        return f"not scored: {judge.failure}" if failed else "tracing the truth of this view …"
+    texts = [spec.full_text for spec in viewer.state.specs]
+    without = [source for source, text in zip("AB", texts, strict=False) if text not in viewer.scores.by_spec]
+    return f"scored at {size}² against the full truth{''.join(f'; {one} has no mask' for one in without)}"
 
 
 def times_panel(viewer: Viewer) -> None:
     """Milliseconds of each pass with a short history, and the counts of work."""
-    history = list(viewer.pass_ms)
-    for name, ms in history[-1].items() if history else ():
+    history, specs = list(viewer.pass_ms), viewer.state.specs
+    last = history[-1] if history else {}
+    own = {source: [ms for name, ms in last.items() if name.startswith(source)] for source in "AB"[: len(specs)]}
+    imgui.text_unformatted(",  ".join(f"{source}: {f'{sum(ms):.1f} ms' if ms else '–'}" for source, ms in own.items()))
+    tooltip("when the masks were drawn last; at rest they are not drawn again")
+    size = (imgui.get_content_region_avail().x, GRAPH_HEIGHT)
+    for name, ms in last.items():
         values = np.array([frame.get(name, 0.0) for frame in history], dtype=np.float32)
-        imgui.plot_lines(f"##{name}", values, 0, f"{name}  {ms:.2f} ms", 0.0, float(values.max()) * 1.2, GRAPH)
+        imgui.plot_lines(f"##{name}", values, 0, f"{name}  {ms:.2f} ms", 0.0, float(values.max()) * 1.2, size)
     if viewer.device.software:
         imgui.text_disabled("of a software renderer: no GPU's times")
-    for source, spec in zip("AB", viewer.state.specs, strict=False):
-        work = viewer.work.get(spec, {})
-        text = ", ".join(f"{name} {count:,}" for name, count in work.items())
-        imgui.text_wrapped(f"{source}: {text or '…'}")
-        tooltip("counts of work of one frame, as in rows")
+    push_grey(not viewer.judged)
+    works = [viewer.work.get(spec, {}) for spec in specs]
+    if imgui.begin_table("work", len(specs) + 1, imgui.TableFlags_.sizing_stretch_same | imgui.TableFlags_.row_bg):
+        for title in ("work", *"AB"[: len(specs)]):
+            imgui.table_setup_column(title)
+        imgui.table_headers_row()
+        for name in dict.fromkeys(name for work in works for name in work):
+            imgui.table_next_row()
+            imgui.table_next_column()
+            imgui.text_unformatted(name)
+            tooltip(WORK_HELP)
+            for work in works:
+                imgui.table_next_column()
+                imgui.text_unformatted(f"{work[name]:,}" if name in work else "–")
+        imgui.end_table()
+    imgui.pop_style_color()
     imgui.text_unformatted(f"{viewer.drawing.bytes / 2**20:.1f} MiB of maps, masks and buffers")
 
 
@@ -77,10 +117,11 @@ def map_panel(viewer: Viewer) -> None:
         if imgui.radio_button(f"map of {source}", viewer.map_of == index):
             viewer.map_of = index
         imgui.same_line()
-    imgui.text_disabled("linear depth, near is dark")
+    imgui.new_line()
+    imgui.text_disabled("linear depth: near is dark")
     picture = viewer.map_picture
     if picture is None:
-        imgui.text_disabled("none, or it is drawn at rest")
+        imgui.text_disabled("no map: the technique has none, or it is drawn at rest")
         return
     width = max(imgui.get_content_region_avail().x, 64.0)
     width, height = min(width, width * picture.width / picture.height), width * picture.height / picture.width

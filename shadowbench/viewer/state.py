@@ -7,13 +7,15 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from shadowbench.gl.picture import Shading
+from shadowbench.scenes.assumed import with_sun
+from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, Vec3, View, view_of
 from shadowbench.techniques.spec import Spec
 
 Layout = Literal["one", "wipe", "side by side"]
 Source = Literal["A", "B", "truth"]
 Overlay = Literal["picture", "error", "mask", "normals", "N·L", "texels", "blockers", "tint"]
-LAYOUTS, SOURCES, OVERLAYS = (get_args(one) for one in (Layout, Source, Overlay))
+OVERLAYS = get_args(Overlay)
 
 MOST_UNDO = 500
 _COPY = re.compile(r"( \d+)+$")  # what a repeated mesh's name ends with
@@ -21,11 +23,17 @@ _COPY = re.compile(r"( \d+)+$")  # what a repeated mesh's name ends with
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a scene was loaded from: the arguments of `load_scene`."""
+    """Where a scene was loaded from: the arguments of `load_scene`, and whether its suns have their size."""
 
     source: str
     assets: Path | None = None
     up: str | None = None
+    sun: bool = False
+
+    def load(self) -> Scene:
+        """The scene, as it is on disk now. Raises InputError, as `load_scene` does."""
+        scene = load_scene(self.source, self.assets, self.up)
+        return with_sun(scene) if self.sun else scene
 
 
 @dataclass(frozen=True)
@@ -48,7 +56,7 @@ class ViewerState:
     shading: Shading = field(default_factory=Shading)
     colors: tuple[tuple[str, Vec3], ...] = ()
     shadows: bool = True
-    layout: Layout = "one"
+    layout: Layout = "wipe"
     left: Source = "A"
     right: Source = "truth"
     wipe: float = 0.5

@@ -52,7 +52,7 @@ class ViewerTable(Strict):
     size: int = Field(512, ge=1, le=LARGEST, strict=True)
     phase: int = Field(0, ge=0, strict=True)
     shadows: bool = Field(True, strict=True)
-    layout: Layout = "one"
+    layout: Layout = "wipe"
     left: Source = "A"
     right: Source = "truth"
     wipe: float = Field(0.5, ge=0, le=1)
@@ -116,13 +116,18 @@ def append_to_study(file: Path, state: ViewerState, index: int, techniques: Tech
 
     if file.suffix != ".toml":
         raise InputError(f"{file}: found a name that ends with {file.suffix or 'no suffix'!r}; allowed: .toml")
-    before = f"scenes = {_value([_source(state, file)])}\n"
+    sun = "sun = true\n" if state.origin and state.origin.sun else ""
+    before = f"scenes = {_value([_source(state, file)])}\n{sun}".encode()
     if file.exists():
         read_study(file, techniques)
-        before = file.read_text(encoding="utf-8")
-    with replace_file(file) as temporary:
-        temporary.write_text(f"{before}\n[[technique]]\nspec = {_value(state.specs[index].text)}\n", encoding="utf-8")
-        read_study(temporary, techniques, file.parent)
+        before = file.read_bytes()
+    added = f"\n[[technique]]\nspec = {_value(state.specs[index].text)}\n"
+    with replace_file(file.resolve()) as temporary:  # a link remains one
+        temporary.write_bytes(before + (b"" if before.endswith(b"\n") else b"\n") + added.encode())
+        try:
+            read_study(temporary, techniques, file.parent)
+        except InputError as error:
+            raise InputError(f"{file}: takes no further [[technique]]: {error}".replace(str(temporary), "it")) from None
 
 
 def toml_of(document: Mapping[str, Any]) -> str:
@@ -183,8 +188,9 @@ def _scene_file(origin: Origin | None) -> Path | None:
 
 def _source(state: ViewerState, file: Path) -> str:
     """The scene's name or path in a study file."""
-    if state.origin is None:
-        raise InputError(f"{file}: no file has the scene {state.scene.name!r}; save the state, and open it")
+    if state.origin is None or state.origin.up:
+        missing = "no file has" if state.origin is None else "no study file can turn (--up)"
+        raise InputError(f"{file}: {missing} the scene {state.scene.name!r}; save the state, and open it")
     source = state.origin.source
     return source if source in builtin_names() else os.path.relpath(source, file.parent)
 

@@ -11,9 +11,13 @@ from shadowbench.scenes.model import View
 
 @dataclass(frozen=True, eq=False)
 class Request:
-    """A view to trace, unless it was the last one, and masks to score, by spec. number: of the view."""
+    """A view to trace, unless it was the last one, and masks to score, by spec.
+
+    number: of the request, which its answers carry; of_view: equal for requests of the same view.
+    """
 
     number: int
+    of_view: int
     view: View
     masks: Mapping[str, NDArray[np.float32]]
 

@@ -25,13 +25,13 @@ class TruthServer:
 
     def __init__(self, pipe: Pipe) -> None:
         self._pipe = pipe
-        self._number = -1
+        self._of_view = -1
         self._prepared: PreparedTruth | None = None
 
     def answer(self, request: Request) -> None:
         """Answer a request, unless another one has come in the meantime: that one is about what is shown now."""
         try:
-            if request.number != self._number and not self._trace(request):
+            if request.of_view != self._of_view and not self._trace(request):
                 return
             assert self._prepared is not None
             for spec, mask in request.masks.items():
@@ -51,7 +51,7 @@ class TruthServer:
                 if self._pipe.connection.poll():
                     return False
         truth = trace(view)
-        self._prepared, self._number = prepare_truth(truth), number
+        self._prepared, self._of_view = prepare_truth(truth), request.of_view
         self._pipe.send(_shown(truth, number, final=True))
         return True
 

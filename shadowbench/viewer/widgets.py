@@ -1,11 +1,15 @@
 """The widgets of a technique's parameters, from their pydantic models alone: what a panel draws, without a window."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import cache
 from typing import Any, Literal, TypeVar, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
+from shadowbench.errors import InputError
 from shadowbench.strict import explain
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.biases import NoBias, Sum
@@ -13,19 +17,23 @@ from shadowbench.techniques.params import Component, TechniqueParams, allowed
 from shadowbench.techniques.registry import own_techniques
 from shadowbench.techniques.spec import Spec, format_value, spec_of
 
+BEYOND = 2**30
+"""Numbers of this magnitude or more are texts: sliders take 32 bits, and no limits near them."""
 SUM = "+"  # the name of the sum of two biases
+DEFAULT, CUSTOM = "default", "custom"  # beside the names of presets
 Model = TypeVar("Model", TechniqueParams, Component)
-Kind = Literal["flag", "choice", "whole", "number", "component", "spec"]
+Kind = Literal["flag", "choice", "whole", "number", "component", "spec", "text"]
 
 
 @dataclass(frozen=True)
 class Widget:
     """The widget of one parameter.
 
-    value: of the parameter; of a component or a spec its name; low, high: limits of a number, None if there is none;
-    decades: whether a number's range, or the place of its default in it, asks for a logarithmic slider; choices: of a
-    choice, the names of components or of techniques; help: with what is allowed; inner: the model whose widgets unfold
-    below it.
+    value: of the parameter; of a component or a spec its name; of a text, the kind of every type without a widget of
+    its own, what a spec says and `parse_value` reads; low, high: limits of a number, None if there is none; decades:
+    whether a number's range, or the place of its default in it, asks for a logarithmic slider; choices: of a choice,
+    the names of components or of techniques, each with its help; help: with what is allowed; inner: the model whose
+    widgets unfold below.
     """
 
     key: str
@@ -35,12 +43,12 @@ class Widget:
     low: float | None = None
     high: float | None = None
     decades: bool = False
-    choices: tuple[Any, ...] = ()
+    choices: Mapping[Any, str] = field(default_factory=dict)
     inner: BaseModel | None = None
 
 
 def widgets(model: BaseModel) -> list[Widget]:
-    """The widgets of a technique's or a component's parameters. Raises TypeError for one of another type."""
+    """The widgets of a technique's or a component's parameters."""
     return [_widget(key, info, getattr(model, key)) for key, info in type(model).model_fields.items()]
 
 
@@ -70,9 +78,24 @@ def with_params(spec: Spec, params: TechniqueParams) -> Spec:
     return Spec(spec.technique, params, frozenset(type(params).model_fields))
 
 
-def preset(technique: type[Technique], name: str) -> Spec:
-    """A technique's preset."""
-    return spec_of(technique, (("preset", name),), technique.name)
+@cache
+def presets(technique: type[Technique]) -> Mapping[str, Spec]:
+    """A technique's defaults, as the preset DEFAULT unless a parameter has none, and its presets."""
+    named = {}
+    for name in (DEFAULT, *technique.presets):
+        with suppress(InputError):  # a parameter that must be given
+            named[name] = spec_of(technique, (() if name == DEFAULT else (("preset", name),)), technique.name)
+    return named
+
+
+def preset_of(spec: Spec) -> str:
+    """The preset whose parameters a spec has; CUSTOM if there is none."""
+    return next((name for name, one in presets(spec.technique).items() if one.params == spec.params), CUSTOM)
+
+
+def summary(one: type[Technique | Component]) -> str:
+    """The first line of a docstring; empty if there is none."""
+    return (one.__doc__ or "").partition("\n")[0]
 
 
 def _widget(key: str, info: FieldInfo, value: Any) -> Widget:
@@ -80,22 +103,25 @@ def _widget(key: str, info: FieldInfo, value: Any) -> Widget:
     help = f"{info.description or key}{f' ({told})' if told else ''}"
     if isinstance(value, Component):
         family = type(value).family()
-        names = (*family.table, *((SUM,) if issubclass(Sum, family) else ()))
+        names = {name: summary(component) for name, component in family.table.items()}
+        if issubclass(Sum, family):
+            names[SUM] = "two that act together"
         name = SUM if isinstance(value, Sum) else value.name
         return Widget(key, "component", name, help, choices=names, inner=value)
     if isinstance(value, Spec):
-        names = tuple(one.name for one in own_techniques() if not one.soft_only)
+        names = {one.name: summary(one) for one in own_techniques() if not one.soft_only}
         return Widget(key, "spec", value.technique.name, help, choices=names, inner=value.params)
     if get_origin(info.annotation) is Literal:
-        return Widget(key, "choice", value, help, choices=get_args(info.annotation))
+        return Widget(key, "choice", value, help, choices=dict.fromkeys(get_args(info.annotation), ""))
     if isinstance(value, bool):
         return Widget(key, "flag", value, help)
-    if isinstance(value, int | float):
+    if isinstance(value, int | float) and abs(value) < BEYOND:
         kind: Kind = "whole" if isinstance(value, int) else "number"
         low, high = _limit(info, "ge", "gt"), _limit(info, "le", "lt")
-        decades = low is not None and high is not None and (high - low > 100 or abs(info.default) < high / 50)
+        default = info.default if isinstance(info.default, int | float) else value
+        decades = low is not None and high is not None and (high - low > 100 or abs(default) < high / 50)
         return Widget(key, kind, value, help, low, high, decades)
-    raise TypeError(f"parameter {key}: no widget for a {type(value).__name__}")
+    return Widget(key, "text", format_value(value), help)
 
 
 def _limit(info: FieldInfo, closed: str, open: str) -> float | None:

@@ -25,9 +25,10 @@ from shadowbench.viewer.navigation import distance, walked
 from shadowbench.viewer.panes import NUMBERS
 from shadowbench.viewer.result_panels import map_panel, scores_panel, times_panel
 from shadowbench.viewer.scene_panels import light_panel, scene_panel, shading_panel
-from shadowbench.viewer.state import LAYOUTS, OVERLAYS, SOURCES, Source, ViewerState
-from shadowbench.viewer.technique_panel import choice, edited_spec
+from shadowbench.viewer.state import Source, ViewerState
+from shadowbench.viewer.technique_panel import edited_spec
 from shadowbench.viewer.truth_task import TruthTask
+from shadowbench.viewer.view_panel import below, view_panel
 
 SIZE = (1400, 860)
 LEFT, RIGHT = 310.0, 340.0  # pixels
@@ -49,9 +50,13 @@ class Renderer(ModernglWindowRenderer):
         """heard: called for each event."""
         super().__init__(window)  # type: ignore[no-untyped-call]
         self._heard = heard
+        self.listen(window)
+
+    def listen(self, window: GlfwWindow) -> None:
+        """Take the window's events."""
         window.mouse_position_event_func = window.mouse_drag_event_func = self._moved
-        window.mouse_press_event_func = lambda x, y, button: self._button(x, y, button, True)
-        window.mouse_release_event_func = lambda x, y, button: self._button(x, y, button, False)
+        window.mouse_press_event_func = lambda _x, _y, button: self._button(button, True)
+        window.mouse_release_event_func = lambda _x, _y, button: self._button(button, False)
         window.mouse_scroll_event_func = self._scrolled
         window.unicode_char_entered_func = self.unicode_char_entered
         window.resize_func = self.resize
@@ -73,9 +78,9 @@ class Renderer(ModernglWindowRenderer):
         self._heard()
         self.io.add_mouse_pos_event(x, y)
 
-    def _button(self, x: int, y: int, button: int, down: bool) -> None:
+    def _button(self, button: int, down: bool) -> None:
+        # At the place of the last motion: that of a button's event is where the pointer is by now, after a slow frame.
         self._heard()
-        self.io.add_mouse_pos_event(x, y)
         self.io.add_mouse_button_event(button - 1, down)  # left, right and middle, in the order of both libraries
 
 
@@ -164,7 +169,7 @@ class ViewerWindow:
             scene_panel(viewer)
         if imgui.collapsing_header("Light", opened):
             light_panel(viewer)
-        if imgui.collapsing_header("Take along", opened):
+        if imgui.collapsing_header("Copy and save", opened):
             file_panel(viewer, self.names, self._copy, viewer.techniques)
         if imgui.collapsing_header("Shading"):
             shading_panel(viewer)
@@ -175,31 +180,14 @@ class ViewerWindow:
             times_panel(viewer)
 
     def _middle(self) -> None:
-        viewer, state = self.viewer, self.viewer.state
-        imgui.push_item_width(110)
-        layout = choice("layout", state.layout, LAYOUTS, "one picture, two with a line to drag between them, or all")
-        left = right = None
-        if state.layout != "side by side":
-            imgui.same_line()
-            left = choice("##left", state.left, SOURCES)
-        if state.layout == "wipe":
-            imgui.same_line()
-            right = choice("##right", state.right, SOURCES)
-        imgui.same_line()
-        overlay = choice("show", state.overlay, OVERLAYS, "over the picture: false shadow is orange, false light blue")
-        imgui.pop_item_width()
-        shown = replace(state, layout=layout, left=left or state.left, right=right or state.right, overlay=overlay)
-        viewer.change(shown)
-        message = viewer.broken or viewer.message
-        bottom = imgui.get_text_line_height_with_spacing() * (1 + message.count("\n") + len(message) // 100)
-        room = imgui.get_content_region_avail()
-        imgui.begin_child("panes", (room.x, max(room.y - bottom - 8, 64)))
+        view_panel(self.viewer)
+        lines, room = below(self.viewer, self.frame_ms), imgui.get_content_region_avail()
+        height = sum(imgui.calc_text_size(line, wrap_width=room.x).y + 4 for line in lines)
+        imgui.begin_child("panes", (room.x, max(room.y - height - 8, 64)))
         self.canvas.draw()
         imgui.end_child()
-        imgui.text_wrapped(
-            message
-            or f"{self.frame_ms:.0f} ms a frame; drag: orbit, shift: pan, right: look, wheel: zoom, WASDQE: walk"
-        )
+        for line in lines:
+            imgui.text_wrapped(line)
 
     def _right(self) -> None:
         viewer = self.viewer

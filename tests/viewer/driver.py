@@ -16,6 +16,7 @@ from imgui_bundle import imgui
 from PIL import Image, ImageGrab
 
 PATIENCE = 60.0  # seconds
+AWAY = (700, 850)  # a place of the pointer where the window has nothing to say
 ITEM = "item "  # begins the name of an item of a list: a widget may have the same label
 WIDGETS = (
     "button", "small_button", "checkbox", "slider_float", "slider_int", "drag_float", "begin_combo", "selectable",
@@ -113,7 +114,8 @@ class Driver:
 
         def is_scored() -> bool:
             texts = {spec.full_text for spec in viewer.state.specs}
-            return not viewer.moving and viewer.current(viewer.scores.viewed) and texts <= set(viewer.scores.by_spec)
+            current = viewer.judged and viewer.current(viewer.scores.viewed)
+            return not viewer.moving and current and texts <= set(viewer.scores.by_spec)
 
         self.until("scores", is_scored)
 
@@ -129,6 +131,7 @@ class Driver:
     def picture(self, name: str, box: tuple[int, int, int, int] | None = None) -> None:
         """Save what the display shows, or a box of it, if pictures are wanted."""
         if self.pictures is not None:
+            xdotool("mousemove", *AWAY)
             time.sleep(1.0)
             shown = ImageGrab.grab(box, xdisplay=os.environ["DISPLAY"])
             shown.quantize(256, Image.Quantize.MAXCOVERAGE).save(self.pictures / f"{name}.png", optimize=True)

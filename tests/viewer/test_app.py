@@ -3,96 +3,35 @@
 import gc
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import moderngl
 import numpy as np
 import pytest
 from PIL import Image
 
-from shadowbench.gl.device import Device
 from shadowbench.measure.scoring import prepare_truth
-from shadowbench.scenes.library import load_scene
-from shadowbench.scenes.model import View
+from shadowbench.scenes.model import SUN_RADIUS, View
 from shadowbench.scores.metrics import score
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
 from shadowbench.truths.trace import trace
-from shadowbench.viewer import changed_files
 from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.file_panel import _save_picture
 from shadowbench.viewer.navigation import orbited
-from shadowbench.viewer.state import Origin, ViewerState
-from shadowbench.viewer.truth_task import TruthTask
+from shadowbench.viewer.state import Origin
 
 KNOWN = techniques()
-SIZE = 64
-SCENE = """
-[camera]
-position = [3.0, 3.0, 4.0]
-target = [0.0, 0.3, 0.0]
-[[light]]
-kind = "directional"
-direction = [0.5, -1.0, -0.3]
-[[mesh]]
-shape = "plane"
-scale = 4.0
-[[mesh]]
-shape = "box"
-translate = [0.0, 0.5, 0.0]
-"""
+SIZE = 64  # of the viewer in conftest.py
 
 
-class Clock:
-    """A clock that tests set."""
-
-    def __init__(self) -> None:
-        self.now = 100.0
-
-    def __call__(self) -> float:
-        return self.now
-
-
-@pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
-    monkeypatch.setattr(changed_files, "EVERY_S", 0.0)
-    return Clock()
-
-
-@pytest.fixture(scope="module")
-def task() -> Iterator[TruthTask]:
-    task = TruthTask()
-    yield task
-    task.stop()
-
-
-@pytest.fixture
-def viewer(device: Device, clock: Clock, task: TruthTask, tmp_path: Path) -> Iterator[Viewer]:
-    file = tmp_path / "mine.toml"
-    file.write_text(SCENE)
-    scene = load_scene(file)
-    specs = tuple(parse_spec(text, KNOWN) for text in ("shadow-map:size=64", "shadow-volume"))
-    state = ViewerState(scene, scene.cameras[0], scene.lights[0], specs, SIZE, Origin(str(file)))
-    viewer = Viewer(device, state, KNOWN, task, seconds=clock)
-    yield viewer
-    viewer.release()
-
-
-def settle(viewer: Viewer, clock: Clock) -> None:
-    """Let motion rest, until everything is scored."""
-    clock.now += 1.0
-    viewer.step()
-    wanted = {spec.full_text for spec in viewer.state.specs}
-    while not (viewer.waiting and viewer.current(viewer.scores.viewed) and wanted <= set(viewer.scores.by_spec)):
-        assert not viewer.message, viewer.message
-        time.sleep(0.01)
-        viewer.step()
-
-
-def test_at_rest_the_scores_are_those_of_the_truth_and_stale_after_a_move(viewer: Viewer, clock: Clock) -> None:
-    settle(viewer, clock)
+def test_at_rest_the_scores_are_those_of_the_truth_and_stale_after_a_move(
+    viewer: Viewer, clock: Any, settle: Callable[[Viewer], None]
+) -> None:
+    settle(viewer)
     prepared = prepare_truth(trace(viewer.state.view()))
     assert viewer.drawn is not None
     for mask in viewer.drawn.masks:
@@ -102,13 +41,15 @@ def test_at_rest_the_scores_are_those_of_the_truth_and_stale_after_a_move(viewer
     viewer.change(replace(viewer.state, camera=orbited(viewer.state.camera, 0.2, 0.0)))
     viewer.step()
     assert viewer.moving and not viewer.current(viewer.scores.viewed)
-    settle(viewer, clock)
+    settle(viewer)
     viewer.undo()
     assert not viewer.current(viewer.scores.viewed)
 
 
-def test_only_masks_are_asked_about_when_a_spec_changes(viewer: Viewer, clock: Clock) -> None:
-    settle(viewer, clock)
+def test_only_masks_are_asked_about_when_a_spec_changes(
+    viewer: Viewer, clock: Any, settle: Callable[[Viewer], None]
+) -> None:
+    settle(viewer)
     spec = viewer.state.specs[0].with_(size=32)
     viewer.change(viewer.state.with_spec(0, spec))
     viewer.step()
@@ -119,8 +60,8 @@ def test_only_masks_are_asked_about_when_a_spec_changes(viewer: Viewer, clock: C
         viewer.step()
 
 
-def test_nothing_is_drawn_again_without_a_change(viewer: Viewer, clock: Clock) -> None:
-    settle(viewer, clock)
+def test_nothing_is_drawn_again_without_a_change(viewer: Viewer, clock: Any, settle: Callable[[Viewer], None]) -> None:
+    settle(viewer)
     drawn = viewer.drawn
     viewer.change(replace(viewer.state, wipe=0.3, layout="wipe"))
     for _ in range(5):
@@ -129,7 +70,7 @@ def test_nothing_is_drawn_again_without_a_change(viewer: Viewer, clock: Clock) -
     assert viewer.waiting
 
 
-def test_a_travelling_light_moves_by_the_clock_and_undo_returns(viewer: Viewer, clock: Clock) -> None:
+def test_a_travelling_light_moves_by_the_clock_and_undo_returns(viewer: Viewer, clock: Any) -> None:
     viewer.step()
     before = viewer.state.light
     viewer.travel.path, viewer.travel.per_minute = "circle", 60.0
@@ -143,12 +84,15 @@ def test_a_travelling_light_moves_by_the_clock_and_undo_returns(viewer: Viewer, 
     assert viewer.state.light == before
 
 
-def test_a_changed_scene_file_is_loaded_and_nonsense_is_told(viewer: Viewer, clock: Clock) -> None:
-    settle(viewer, clock)
+def test_a_changed_scene_file_is_loaded_and_nonsense_is_told(
+    viewer: Viewer, clock: Any, settle: Callable[[Viewer], None]
+) -> None:
+    settle(viewer)
     file = Path(str(viewer.state.origin and viewer.state.origin.source))
+    text = file.read_text()
     moved = orbited(viewer.state.camera, 0.2, 0.0)
     viewer.change(replace(viewer.state, camera=moved))
-    file.write_text(SCENE.replace("0.5, -1.0", "0.1, -1.0").replace("box", "sphere"))
+    file.write_text(text.replace("0.5, -1.0", "0.1, -1.0").replace("box", "sphere"))
     viewer.step()
     assert viewer.state.scene.meshes[1].name == "sphere"
     assert viewer.state.camera == moved, "where it was moved to"
@@ -157,13 +101,40 @@ def test_a_changed_scene_file_is_loaded_and_nonsense_is_told(viewer: Viewer, clo
     viewer.step()
     assert "mine.toml: not TOML" in viewer.message
     viewer.message = ""
-    file.write_text(SCENE)
+    file.write_text(text)
     viewer.step()
     assert viewer.state.scene.meshes[1].name == "box"
     assert viewer.message.endswith("was loaded again")
 
 
-def test_a_camera_that_shows_nothing_is_told_and_the_next_one_is_drawn(viewer: Viewer, clock: Clock) -> None:
+def test_a_light_that_was_chosen_and_not_moved_follows_its_file(viewer: Viewer, clock: Any) -> None:
+    origin = viewer.state.origin
+    assert origin is not None
+    file, text = Path(origin.source), Path(origin.source).read_text()
+    lamp = '[[light]]\nname = "lamp"\nkind = "point"\nposition = [0.0, 3.0, {}]\n[[mesh]]'
+    file.write_text(text.replace("[[mesh]]", lamp.format(0), 1))
+    viewer.step()
+    viewer.change(replace(viewer.state, light=viewer.state.scene.lights[1]))
+    file.write_text(text.replace("[[mesh]]", lamp.format(1), 1))
+    viewer.step()
+    assert viewer.state.light.position == (0.0, 3.0, 1.0)
+    file.write_text(text)
+    viewer.step()
+    assert viewer.state.light == viewer.state.scene.lights[0], "there is no lamp any longer"
+
+
+def test_a_sun_keeps_its_size_when_its_file_is_read_again(viewer: Viewer, clock: Any) -> None:
+    origin = replace(viewer.state.origin, sun=True)  # type: ignore[type-var]
+    scene = origin.load()
+    viewer.change(replace(viewer.state, scene=scene, light=scene.lights[0], origin=origin))
+    file = Path(origin.source)
+    file.write_text(file.read_text().replace("0.5, -1.0", "0.1, -1.0"))
+    viewer.step()
+    assert viewer.state.light.direction[0] == 0.1
+    assert viewer.state.light.radius == SUN_RADIUS
+
+
+def test_a_camera_that_shows_nothing_is_told_and_the_next_one_is_drawn(viewer: Viewer, clock: Any) -> None:
     camera = viewer.state.camera
     viewer.change(replace(viewer.state, camera=replace(camera, position=camera.target)))
     viewer.step()
@@ -173,7 +144,7 @@ def test_a_camera_that_shows_nothing_is_told_and_the_next_one_is_drawn(viewer: V
     assert viewer.broken == "" and viewer.drawn is not None
 
 
-def test_nan_in_a_mask_is_told(viewer: Viewer, clock: Clock, tmp_path: Path) -> None:
+def test_nan_in_a_mask_is_told(viewer: Viewer, clock: Any, tmp_path: Path) -> None:
     file = tmp_path / "nan.py"
     file.write_text(
         "from shadowbench.techniques.base import Technique\n"
@@ -193,10 +164,10 @@ def test_nan_in_a_mask_is_told(viewer: Viewer, clock: Clock, tmp_path: Path) -> 
     assert viewer.message == "ValueError: nan drew visibility is NaN or infinite in 4096 of 4096 pixels"
 
 
-def test_the_pictures_of_all_panes_are_drawn(viewer: Viewer, clock: Clock) -> None:
+def test_the_pictures_of_all_panes_are_drawn(viewer: Viewer, clock: Any, settle: Callable[[Viewer], None]) -> None:
     viewer.change(replace(viewer.state, layout="side by side"))
     viewer.shows_map = True
-    settle(viewer, clock)
+    settle(viewer)
     assert set(viewer.pictures) == {"A", "B", "truth"}
     assert viewer.map_picture is not None
     assert viewer.map_picture.size == (64, 64)
@@ -204,7 +175,9 @@ def test_the_pictures_of_all_panes_are_drawn(viewer: Viewer, clock: Clock) -> No
     assert {name.split()[0] for name in viewer.pass_ms[-1]} == {"A", "B"}
 
 
-def test_a_saved_picture_has_what_is_shown(viewer: Viewer, clock: Clock, tmp_path: Path) -> None:
+def test_a_saved_picture_has_what_is_shown(
+    viewer: Viewer, clock: Any, tmp_path: Path, settle: Callable[[Viewer], None]
+) -> None:
     def saved() -> tuple[int, int]:
         viewer.attempt(lambda: _save_picture(viewer, tmp_path / "view.png"))
         with Image.open(tmp_path / "view.png") as image:
@@ -213,7 +186,7 @@ def test_a_saved_picture_has_what_is_shown(viewer: Viewer, clock: Clock, tmp_pat
     viewer.attempt(lambda: _save_picture(viewer, tmp_path / "view.png"))
     assert viewer.message.endswith("view.png: nothing is drawn yet")
     viewer.change(replace(viewer.state, layout="side by side"))
-    settle(viewer, clock)
+    settle(viewer)
     assert saved() == (3 * SIZE, SIZE)
     viewer.change(replace(viewer.state, layout="wipe", wipe=0.25))
     viewer.step()
@@ -224,7 +197,7 @@ def test_a_saved_picture_has_what_is_shown(viewer: Viewer, clock: Clock, tmp_pat
 
 
 def test_another_scene_is_opened_from_its_first_camera(
-    viewer: Viewer, clock: Clock, builtin: Callable[..., View]
+    viewer: Viewer, clock: Any, builtin: Callable[..., View]
 ) -> None:
     viewer.attempt(lambda: viewer.open_scene(Origin("spot-lamp")))
     assert viewer.state.scene.name == "spot-lamp"
@@ -242,7 +215,9 @@ def live_objects() -> Counter[str]:
     return Counter(type(one).__name__ for one in found if not isinstance(one.mglo, moderngl.InvalidObject))
 
 
-def test_nothing_is_left_behind_by_frames_and_other_techniques(viewer: Viewer, clock: Clock) -> None:
+def test_nothing_is_left_behind_by_frames_and_other_techniques(
+    viewer: Viewer, clock: Any, settle: Callable[[Viewer], None]
+) -> None:
     specs = [parse_spec(text, KNOWN) for text in ("shadow-map:size=64", "cascades:size=64", "shadow-volume")]
 
     def change_all() -> None:
@@ -254,9 +229,9 @@ def test_nothing_is_left_behind_by_frames_and_other_techniques(viewer: Viewer, c
 
     viewer.shows_map = True
     change_all()
-    settle(viewer, clock)
+    settle(viewer)
     before = live_objects()
     for _ in range(5):
         change_all()
-    settle(viewer, clock)
+    settle(viewer)
     assert live_objects() == before

@@ -8,11 +8,13 @@ import pytest
 
 from shadowbench.errors import InputError
 from shadowbench.gl.device import Device
+from shadowbench.scenes.library import load_scene
 from shadowbench.scores.masks import mask_sha256
 from shadowbench.techniques.registry import techniques
 from shadowbench.viewer.cells import cell_state
 from shadowbench.viewer.drawing import Drawing
 from shadowbench.viewer.state import ViewerState
+from shadowbench.viewer.state_files import ply_of
 
 KNOWN = techniques()
 
@@ -60,3 +62,25 @@ def test_a_key_that_names_no_cell_or_several_is_one_line(folder: Path) -> None:
         cell_state(folder / "run", "", KNOWN)
     with pytest.raises(InputError, match=r"rows\.jsonl"):
         cell_state(folder / "nothing", "a", KNOWN)
+
+
+def test_a_cell_has_the_axis_and_the_sun_of_its_run(
+    shadowbench: Callable[..., object], device: Device, tmp_path: Path
+) -> None:
+    mesh, folder = tmp_path / "model.ply", tmp_path / "run"
+    mesh.write_bytes(ply_of(load_scene("post").meshes))
+    options = ["--map-size", "64", "--view-size", "64", "--rounds", "0", "--quiet"]
+    shadowbench("run", mesh, "-t", "shadow-map", "--up", "z", "--sun", "-o", folder, *options)
+    row, *_ = rows_of(folder)
+    shown = cell_state(folder, row["key"], KNOWN)
+    assert shown.light.radius > 0
+    assert digest(device, shown) == row["mask_sha256"]
+
+
+def test_a_cell_of_a_studys_own_camera_is_one_line(shadowbench: Callable[..., object], tmp_path: Path) -> None:
+    study, folder = tmp_path / "study.toml", tmp_path / "run"
+    low = 'views = [{ name = "low", position = [0, 1, 5], target = [0, 0, 0] }]'
+    study.write_text(f'scenes = ["post"]\nview_size = 64\nrounds = 0\n{low}\n[[technique]]\nspec = "unshadowed"\n')
+    shadowbench("run", "-s", study, "-o", folder, "--quiet")
+    with pytest.raises(InputError, match=r"is of a camera or a light of its study, .*: view: found 'low'"):
+        cell_state(folder, rows_of(folder)[0]["key"], KNOWN)

@@ -37,7 +37,8 @@ class Broken(Technique):
         how: str = param("build", "where it breaks")
     @classmethod
     def unsupported(cls, params, view, device):
-        return 1 / 0 if params.how == "unsupported" else None
+        below = params.how == "below" and view.light.direction[1] > 0
+        return 1 / 0 if params.how == "unsupported" or below else None
     def build(self, stage):
         if self.params.how == "build":
             raise KeyError("nothing there")
@@ -99,6 +100,24 @@ def test_the_mask_is_that_of_render_also_after_motion(
     mask_of(drawing, moved, SIZE // 2)
     assert not np.array_equal(mask_of(drawing, moved), expected)
     assert np.array_equal(mask_of(drawing, state), expected)
+
+
+def test_a_technique_that_raised_for_one_view_is_drawn_for_the_next(
+    drawing: Drawing, builtin: Callable[..., View], tmp_path: Path
+) -> None:
+    file = tmp_path / "broken.py"
+    file.write_text(BROKEN)
+    state = replace(
+        state_of(builtin("cube-on-plane"), "unshadowed"), specs=(parse_spec("broken:how=below", techniques([file])),)
+    )
+    above = state.light.direction
+    for direction, failure in ((above, ""), ((0.0, 1.0, 0.0), "ZeroDivisionError"), (above, "")):
+        drawn = drawing.draw(replace(state, light=replace(state.light, direction=direction)), SIZE)
+        assert drawn.masks[0].failure.partition(":")[0] == failure
+        drawn.release()
+    built = drawing.bytes
+    drawing.keep_only((), ())
+    assert drawing.bytes == 0 < built
 
 
 @pytest.mark.parametrize("how", ["unsupported", "build", "shader", "draw", "gl", "size"])

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -11,7 +12,6 @@ from hypothesis import strategies as st
 
 from shadowbench.scenes.model import Camera, Light, LightShape, View, unit
 from shadowbench.viewer.lights import (
-    KINDS,
     Dome,
     azimuth_elevation,
     dragged,
@@ -92,7 +92,7 @@ def test_a_whole_circle_returns_and_rest_changes_nothing() -> None:
     assert travelled(SPOT, "rest", (1, 2, 3), 0.3) is SPOT
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", get_args(LightShape))
 def test_a_light_of_another_kind_shines_from_the_same_side(builtin: Callable[..., View], kind: LightShape) -> None:
     view = builtin("sphere-and-torus")
     changed = with_kind(view.light, kind, view.scene)

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shadowbench.scenes.model import Camera, vec3
+from shadowbench.scenes.triangles import LARGEST
 from shadowbench.viewer.navigation import LEAST_TILT, distance, looked, orbited, panned, projected, ray, walked, zoomed
 
 CAMERA = Camera("camera", (3.0, 2.0, 4.0), (0.5, 0.5, -0.2), math.radians(40.0), near=0.1, far=50.0)
@@ -61,6 +62,17 @@ def test_panning_takes_the_target_along(x: float, y: float) -> None:
 def test_zooming_scales_the_distance_and_zooming_back_returns(factor: float) -> None:
     assert distance(zoomed(CAMERA, factor)) == pytest.approx(factor * distance(CAMERA))
     assert zoomed(zoomed(CAMERA, factor), 1 / factor).position == pytest.approx(CAMERA.position)
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_zooming_without_end_keeps_a_camera_that_has_a_direction(factor: float) -> None:
+    camera = CAMERA
+    for _ in range(2000):
+        camera = zoomed(camera, factor)
+    assert np.abs(camera.position).max() <= LARGEST
+    back = zoomed(camera, 1 / factor)
+    assert distance(back) == pytest.approx(distance(camera) / factor, rel=1e-3)
+    assert np.allclose(back.basis(), CAMERA.basis(), atol=1e-4)
 
 
 def test_walking_forward_stays_level() -> None:

@@ -50,7 +50,8 @@ def test_an_equal_state_is_no_change(state: ViewerState) -> None:
 
 
 def test_layouts_show_their_sources(state: ViewerState) -> None:
-    assert state.sources == ("A",)
+    assert state.sources == ("A", "truth")
+    assert replace(state, layout="one").sources == ("A",)
     assert replace(state, layout="wipe", left="truth", right="A").sources == ("truth", "A")
     beside = replace(state, layout="side by side")
     assert beside.sources == ("A", "truth")

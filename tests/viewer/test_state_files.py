@@ -129,6 +129,36 @@ def test_a_study_grows_by_the_spec(tmp_path: Path) -> None:
     assert study.scenes == ("post",)
 
 
+def test_what_a_study_holds_stays_as_it_is_written(tmp_path: Path) -> None:
+    """Comments, line ends, and a link to the file."""
+    before = b'# mine\r\nscenes = ["post"] # one\r\n[[technique]]\r\nspec = "shadow-map" # the last line'
+    (tmp_path / "real.toml").write_bytes(before)
+    file = tmp_path / "study.toml"
+    file.symlink_to("real.toml")
+    append_to_study(file, shown("post"), 0, KNOWN)
+    assert file.is_symlink() and file.read_bytes().startswith(before)
+    assert len(read_study(file, KNOWN).specs) == 2
+
+
+def test_a_study_that_takes_no_further_table_is_told_by_its_name(tmp_path: Path) -> None:
+    file = tmp_path / "study.toml"
+    file.write_text('scenes = ["post"]\ntechnique = [{ spec = "shadow-map" }]\n')
+    with pytest.raises(InputError, match=r"study\.toml: takes no further \[\[technique\]\]: it: not TOML") as told:
+        append_to_study(file, shown("post"), 0, KNOWN)
+    assert "/." not in str(told.value)
+    assert "further" not in file.read_text() and len(list(tmp_path.iterdir())) == 1
+
+
+def test_a_new_study_measures_the_scene_that_is_shown(tmp_path: Path) -> None:
+    model = tmp_path / "model.ply"
+    model.write_bytes(ply_of(load_scene("post").meshes))
+    state = shown(str(model))
+    append_to_study(tmp_path / "study.toml", replace(state, origin=Origin(str(model), sun=True)), 0, KNOWN)
+    assert read_study(tmp_path / "study.toml", KNOWN).sun
+    with pytest.raises(InputError, match=r"no study file can turn \(--up\) the scene 'model'; save the state"):
+        append_to_study(tmp_path / "other.toml", replace(state, origin=Origin(str(model), up="z")), 0, KNOWN)
+
+
 def test_a_file_that_is_no_study_is_left_alone(tmp_path: Path) -> None:
     file = tmp_path / "study.toml"
     file.write_text("scenes = 3\n")

@@ -11,7 +11,17 @@ from shadowbench.techniques.params import Component
 from shadowbench.techniques.registry import FAMILIES, own_techniques, techniques
 from shadowbench.techniques.shadow_map import ShadowMap
 from shadowbench.techniques.spec import parse_spec
-from shadowbench.viewer.widgets import SUM, Widget, preset, widgets, with_inner, with_params, with_value
+from shadowbench.viewer.widgets import (
+    SUM,
+    Widget,
+    preset_of,
+    presets,
+    summary,
+    widgets,
+    with_inner,
+    with_params,
+    with_value,
+)
 
 PLUGIN = """
 from typing import Literal
@@ -62,7 +72,7 @@ def test_a_plug_ins_parameters_have_widgets_too(tmp_path: Path) -> None:
     file = tmp_path / "striped.py"
     file.write_text(PLUGIN)
     params = techniques([file])["striped"].Params()
-    kinds = {one.key: (one.kind, one.low, one.high, one.choices) for one in widgets(params)}
+    kinds = {one.key: (one.kind, one.low, one.high, tuple(one.choices)) for one in widgets(params)}
     assert kinds["width"] == ("whole", 1.0, 64.0, ())
     assert kinds["level"] == ("number", 0.0, pytest.approx(1.0, rel=1e-5), ())
     assert kinds["shape"] == ("choice", None, None, ("rows", "columns"))
@@ -101,5 +111,22 @@ def test_a_parameter_of_a_parameter_changes_the_spec() -> None:
     assert with_params(spec, changed).text == "light-samples:of=shadow-map(size=64)"
 
 
-def test_presets_are_those_of_the_command_line() -> None:
-    assert preset(ShadowMap, "webgl") == parse_spec("shadow-map:preset=webgl", techniques())
+def test_presets_are_the_defaults_and_those_of_the_command_line() -> None:
+    assert list(presets(ShadowMap)) == ["default", *ShadowMap.presets]
+    assert presets(ShadowMap)["default"] == parse_spec("shadow-map", techniques())
+    assert presets(ShadowMap)["webgl"] == parse_spec("shadow-map:preset=webgl", techniques())
+
+
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [("shadow-map", "default"), ("shadow-map:preset=unity", "unity"), ("shadow-map:preset=unity,size=64", "custom")],
+)
+def test_the_preset_that_a_spec_has_is_found(text: str, name: str) -> None:
+    assert preset_of(parse_spec(text, techniques())) == name
+
+
+def test_every_component_and_technique_says_in_a_line_what_it_is() -> None:
+    params = ShadowMap.Params()
+    assert all(of(params, key).choices[name] for key in ("fit", "bias", "filter") for name in of(params, key).choices)
+    assert summary(ShadowMap).startswith("One depth map from the light")
+    assert summary(type("Undocumented", (Technique,), {})) == ""

@@ -109,11 +109,13 @@ def test_without_the_extra_one_line_says_what_to_install(
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        ((), "view: found no scene; allowed: one"),
-        (("post", "--state", "x.toml"), "view: found SCENE and --state; allowed: one"),
+        ((), "view: found no scene; allowed: SCENE, such as sphere-and-torus or a mesh file, or --state FILE.toml"),
+        (("post", "--state", "x.toml"), "view: found SCENE and --state; allowed: SCENE, "),
+        (("--state", "x.toml", "--cell", "abc"), "view: found --state and --cell; allowed: one"),
         (("post", "-t", "shadow-map", "-t", "shadow-volume", "-t", "hybrid"), "--technique: found 3; allowed"),
         (("--state", "x.toml"), "x.toml: no such file"),
         (("results", "--cell", "abc"), "rows.jsonl"),
+        ((".",), ".: found a folder; allowed with --cell KEY"),
         (("--state", "x.toml", "--sun"), "--view, --light, --up and --sun choose from a SCENE"),
     ],
 )

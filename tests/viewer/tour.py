@@ -46,8 +46,9 @@ def add_acne(d: Driver) -> None:
 
 
 def show_the_error(d: Driver) -> None:
-    """Choose **show** *error*: false shadow is orange, false light blue."""
-    d.choose("show", "error", "", lambda: d.viewer.state.overlay == "error")
+    """Choose **layout** *one* and **show** *error*: false shadow is orange, false light blue."""
+    d.choose("##layout", "one", "", lambda: d.viewer.state.layout == "one")
+    d.choose("##show", "error", "", lambda: d.viewer.state.overlay == "error")
 
 
 def cure_acne(d: Driver) -> None:
@@ -64,7 +65,7 @@ def halve_the_map(d: Driver) -> None:
     for size in (512, 256):
         d.click("½##size", "A")
         d.until(f"a map of {size}", lambda size=size: d.viewer.state.specs[0].map_size == size)
-    d.choose("show", "texels", "", lambda: d.viewer.state.overlay == "texels")
+    d.choose("##show", "texels", "", lambda: d.viewer.state.overlay == "texels")
     d.scored()
 
 
@@ -77,8 +78,8 @@ def open_the_map(d: Driver) -> None:
 
 def wipe(d: Driver) -> None:
     """Choose **show** *picture* and **layout** *wipe*, and drag the line between A and the truth."""
-    d.choose("show", "picture", "", lambda: d.viewer.state.overlay == "picture")
-    d.choose("layout", "wipe", "", lambda: d.viewer.state.layout == "wipe")
+    d.choose("##show", "picture", "", lambda: d.viewer.state.overlay == "picture")
+    d.choose("##layout", "wipe", "", lambda: d.viewer.state.layout == "wipe")
     pane = d.window.canvas.panes[0]
     y = pane.y + 0.8 * pane.side
     d.drag((pane.x + pane.side / 2, y), (pane.x + 0.7 * pane.side, y))

@@ -1,0 +1,82 @@
+"""A viewer without a window, its clock, and the process beside it."""
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from shadowbench.gl.device import Device
+from shadowbench.scenes.library import load_scene
+from shadowbench.techniques.registry import techniques
+from shadowbench.techniques.spec import parse_spec
+from shadowbench.viewer import changed_files
+from shadowbench.viewer.app import Viewer
+from shadowbench.viewer.state import Origin, ViewerState
+from shadowbench.viewer.truth_task import TruthTask
+
+SCENE = """
+[camera]
+position = [3.0, 3.0, 4.0]
+target = [0.0, 0.3, 0.0]
+[[light]]
+kind = "directional"
+direction = [0.5, -1.0, -0.3]
+[[mesh]]
+shape = "plane"
+scale = 4.0
+[[mesh]]
+shape = "box"
+translate = [0.0, 0.5, 0.0]
+"""
+
+
+class Clock:
+    """A clock that tests set."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    monkeypatch.setattr(changed_files, "EVERY_S", 0.0)
+    return Clock()
+
+
+@pytest.fixture(scope="module")
+def task() -> Iterator[TruthTask]:
+    task = TruthTask()
+    yield task
+    task.stop()
+
+
+@pytest.fixture
+def viewer(device: Device, clock: Clock, task: TruthTask, tmp_path: Path) -> Iterator[Viewer]:
+    """A viewer of `SCENE` at 64 × 64 pixels, whose plug-ins lie in the test's folder."""
+    file, known = tmp_path / "mine.toml", techniques()
+    file.write_text(SCENE)
+    scene = load_scene(file)
+    specs = tuple(parse_spec(text, known) for text in ("shadow-map:size=64", "shadow-volume"))
+    state = ViewerState(scene, scene.cameras[0], scene.lights[0], specs, 64, Origin(str(file)))
+    viewer = Viewer(device, state, known, task, [tmp_path / "plugin.py"], seconds=clock)
+    yield viewer
+    viewer.release()
+
+
+@pytest.fixture
+def settle(clock: Clock) -> Callable[[Viewer], None]:
+    """Lets motion rest, until everything is scored."""
+
+    def settled(viewer: Viewer) -> None:
+        clock.now += 1.0
+        viewer.step()
+        while not viewer.waiting or viewer.judge.waits:
+            assert not viewer.judge.failure, viewer.judge.failure
+            time.sleep(0.01)
+            viewer.step()
+
+    return settled

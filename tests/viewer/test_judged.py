@@ -1,0 +1,154 @@
+"""Scores are shown for the masks on screen and for no others."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from shadowbench.techniques.registry import techniques
+from shadowbench.techniques.spec import Spec, parse_spec
+from shadowbench.viewer.app import Viewer
+from shadowbench.viewer.judge import Judge
+from shadowbench.viewer.result_panels import status
+from shadowbench.viewer.truth_messages import Answer, Failed, Scored, Traced
+
+LEVEL = """
+from pathlib import Path
+import numpy as np
+from shadowbench.techniques.base import Technique
+class Level(Technique):
+    '''The visibility that a file has, as if it were a shader.'''
+    name = "level"
+    def build(self, stage):
+        level = float((Path(__file__).parent / "level.glsl").read_text())
+        if level < 0:
+            raise RuntimeError("less than none")
+        self.texture = stage.texture()
+        self.texture.write(np.full(stage.size, level, dtype=np.float32))
+    def draw(self, frame):
+        return self.texture
+"""
+SCORED = "scored at 64² against the full truth"
+
+
+@pytest.fixture
+def level(viewer: Viewer, tmp_path: Path) -> Spec:
+    """A technique, shown as A, whose mask a file says."""
+    (tmp_path / "plugin.py").write_text(LEVEL)
+    (tmp_path / "level.glsl").write_text("1.0")
+    spec = parse_spec("level", techniques([tmp_path / "plugin.py"]))
+    viewer.change(viewer.state.with_spec(0, spec))
+    viewer._read_changed_files()
+    return spec
+
+
+def test_after_a_changed_shader_the_scores_are_of_the_new_mask(
+    viewer: Viewer, clock: Any, settle: Callable[[Viewer], None], level: Spec, tmp_path: Path
+) -> None:
+    settle(viewer)
+    assert viewer.judged and status(viewer) == SCORED
+    lit = viewer.scores.by_spec[level.full_text]
+    (tmp_path / "level.glsl").write_text("0.0")
+    viewer.step()
+    assert not viewer.judged, "the old scores are grey"
+    clock.now += 1.0
+    viewer._ask(viewer.drawn)  # type: ignore[arg-type]
+    assert level.full_text not in viewer.scores.by_spec
+    assert viewer.state.specs[1].full_text in viewer.scores.by_spec, "B has the same mask as before"
+    settle(viewer)
+    assert viewer.scores.by_spec[level.full_text]["leak"] == 0.0 != lit["leak"]
+
+
+def test_a_mask_that_is_no_longer_drawn_has_no_scores(
+    viewer: Viewer, settle: Callable[[Viewer], None], level: Spec, tmp_path: Path
+) -> None:
+    settle(viewer)
+    (tmp_path / "level.glsl").write_text("-1.0")
+    viewer.step()
+    settle(viewer)
+    assert "less than none" in viewer.mask_failures()[0]
+    assert level.full_text not in viewer.scores.by_spec
+    assert status(viewer) == f"{SCORED}; A has no mask"
+
+
+def test_what_is_removed_leaves_no_picture(viewer: Viewer, settle: Callable[[Viewer], None]) -> None:
+    viewer.change(replace(viewer.state, layout="wipe", left="A", right="B"))
+    settle(viewer)
+    assert "B" in viewer.pictures
+    viewer.change(replace(viewer.state, specs=viewer.state.specs[:1]))
+    viewer.step()
+    assert set(viewer.pictures) == {"A"}
+
+
+class Task:
+    """Stands for the process: numbers questions, and gives the answers that a test puts into it."""
+
+    def __init__(self) -> None:
+        self.number, self.given, self.again = 0, list[Answer](), False
+
+    def ask(self, view: object, masks: object, again: bool) -> int:
+        self.number, self.again = self.number + 1, again
+        return self.number
+
+    def answers(self) -> list[Answer]:
+        given, self.given = self.given, []
+        return given
+
+
+def traced(number: int, final: bool) -> Traced:
+    return Traced(number, *(np.ones((4, 4)),) * 3, soft=False, final=final)  # type: ignore[arg-type]
+
+
+def mask(level: float) -> NDArray[np.float32]:
+    return np.full((4, 4), level, dtype=np.float32)
+
+
+def test_only_answers_to_the_last_question_are_taken(viewer: Viewer) -> None:
+    task, state = Task(), viewer.state
+    judge = Judge(viewer.device, task)  # type: ignore[arg-type]
+    judge.ask(state, {"a": mask(0.0), "b": mask(0.0)})
+    judge.ask(state, {"a": mask(1.0), "b": mask(0.0)})
+    assert task.again
+    task.given = [traced(1, True), Scored(1, "a", {"iou": 0.1}), Scored(2, "b", {"iou": 0.2})]
+    judge.receive()
+    assert judge.scores.by_spec == {"b": {"iou": 0.2}} and judge.waits
+    task.given = [Scored(2, "a", {"iou": 0.3})]
+    judge.receive()
+    assert not judge.waits
+    judge.ask(state, {"a": mask(1.0), "b": mask(1.0)})
+    assert judge.scores.by_spec == {"a": {"iou": 0.3}}, "of the very same mask"
+    judge.ask(replace(state, size=32), {"a": mask(1.0)})
+    assert not task.again and not judge.has_traced(state)
+    task.given = [traced(3, True), Scored(3, "b", {"iou": 0.4}), Failed(3, "late")]
+    assert judge.receive() == "" and not judge.is_final
+    assert judge.scores.viewed == state.viewed, "earlier scores are kept, and known as such"
+
+
+def test_a_full_truth_is_not_replaced_by_a_coarse_one_of_the_same_view(viewer: Viewer) -> None:
+    task = Task()
+    judge = Judge(viewer.device, task)  # type: ignore[arg-type]
+    judge.ask(viewer.state, {})
+    task.given = [traced(1, False), traced(1, True), traced(1, False)]
+    judge.receive()
+    assert judge.is_final and not judge.waits
+
+
+def test_why_nothing_is_scored_is_said(viewer: Viewer, clock: Any) -> None:
+    viewer.step()
+    clock.now += 1.0
+    viewer.step()
+    viewer.step()
+    assert viewer.judged and status(viewer) == "tracing the truth of this view …"
+    viewer.judge.task._process.kill()
+    while not viewer.judge.failure:
+        viewer.step()
+    assert status(viewer).startswith("not scored: the process that traces ended (code -9)")
+    camera = viewer.state.camera
+    viewer.change(replace(viewer.state, camera=replace(camera, position=camera.target)))
+    viewer.step()
+    clock.now += 1.0
+    assert status(viewer) == "nothing is drawn, and nothing scored"
