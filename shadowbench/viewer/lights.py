@@ -61,13 +61,15 @@ def dragged(light: Light, camera: Camera, handle: Handle, to: tuple[float, float
     """The light after its handle was dragged to a place in the picture.
 
     A sun moves on its dome, above the horizon; far: on the half of it that is behind its centre. Other handles move
-    parallel to the picture.
+    parallel to the picture, and come to the depth of the camera's target if they were behind the camera.
     """
     if light.kind == "directional":
         toward = Dome.of(camera).hit(camera, *to, far)
         return replace(light, direction=vec3(-_above_horizon(toward)))
     point = np.asarray(handles(light, camera)[handle])
-    depth = max(projected(camera, vec3(point))[2], 1e-3 * distance(camera))
+    depth = projected(camera, vec3(point))[2]
+    if depth < 1e-3 * distance(camera):
+        depth = distance(camera)
     moved = np.add(camera.position, ray(camera, *to) * depth)
     if handle == "light":
         return replace(light, position=vec3(moved))

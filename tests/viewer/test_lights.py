@@ -55,6 +55,13 @@ def test_a_lamps_handle_moves_parallel_to_the_picture(x: float, y: float) -> Non
     assert moved.direction == SPOT.direction
 
 
+def test_a_lamp_behind_the_camera_comes_to_the_depth_of_its_target() -> None:
+    behind = replace(SPOT, position=(8.0, 5.0, 9.0))
+    assert projected(CAMERA, behind.position)[2] < 0
+    place = projected(CAMERA, dragged(behind, CAMERA, "light", (0.2, -0.1), False).position)
+    assert place == pytest.approx((0.2, -0.1, math.dist(CAMERA.position, CAMERA.target)))
+
+
 @given(PLACE, PLACE)
 def test_a_spot_shines_to_where_its_aim_is_dragged(x: float, y: float) -> None:
     moved = dragged(SPOT, CAMERA, "aim", (x, y), False)
