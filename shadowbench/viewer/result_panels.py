@@ -58,7 +58,7 @@ def status(viewer: Viewer) -> str:
         failed = viewer.judged and judge.failure
         return f"not scored: {judge.failure}" if failed else "tracing the truth of this view …"
     texts = [spec.full_text for spec in viewer.state.specs]
-    without = [source for source, text in zip("AB", texts, strict=False) if text not in viewer.scores.by_spec]
+    without = [source for source, text in zip("AB", texts, strict=False) if text not in judge.known]
     return f"scored at {size}² against the full truth{''.join(f'; {one} has no mask' for one in without)}"
 
 

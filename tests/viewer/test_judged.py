@@ -73,6 +73,14 @@ def test_a_mask_that_is_no_longer_drawn_has_no_scores(
     assert "less than none" in viewer.mask_failures()[0]
     assert level.full_text not in viewer.scores.by_spec
     assert status(viewer) == f"{SCORED}; A has no mask"
+    (tmp_path / "level.glsl").write_text("1.0")
+    viewer.step()
+    settle(viewer)
+    (tmp_path / "level.glsl").write_text("-1.0")
+    viewer.change(replace(viewer.state, specs=(level,), size=32))
+    viewer.step()
+    settle(viewer)
+    assert status(viewer) == "scored at 32² against the full truth; A has no mask", "that of another size is no score"
 
 
 def test_what_is_removed_leaves_no_picture(viewer: Viewer, settle: Callable[[Viewer], None]) -> None:
