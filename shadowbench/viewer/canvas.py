@@ -10,7 +10,7 @@ from imgui_bundle import imgui
 from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.lights import Dome, Handle, dragged, handles, is_far
 from shadowbench.viewer.navigation import looked, orbited, panned, projected, zoomed
-from shadowbench.viewer.panes import NUMBERS
+from shadowbench.viewer.panes import NEEDS_TRUTH, NUMBERS
 from shadowbench.viewer.state import Source
 
 REACH = 12.0  # pixels, from a handle or the wipe's line, that count as on it
@@ -105,10 +105,7 @@ class Canvas:
             draw_list.add_image(
                 NUMBERS[source], (left, pane.y), (right, pane.y + pane.side), (start, 1), (end, 0), color
             )
-        label = "truth" if source == "truth" else f"{source}: {self._spec(source)}"
-        if source == "truth" and not viewer.judge.has_traced(viewer.state):
-            label += " (of an earlier view)" if picture is not None else " (tracing)"
-        self._write(left, pane.y, right - left, label)
+        self._write(left, pane.y, right - left, label(viewer, source))
         if failure:
             self._write(left, pane.y + 24, right - left, failure)
 
@@ -118,11 +115,6 @@ class Canvas:
         self._show(pane, right, share, 1.0)
         x = pane.x + share * pane.side
         imgui.get_window_draw_list().add_line((x, pane.y), (x, pane.y + pane.side), _WHITE, 2.0)
-
-    def _spec(self, source: Source) -> str:
-        specs = self.viewer.state.specs
-        index = "AB".index(source)
-        return specs[index].text if index < len(specs) else "none: add B"
 
     def _write(self, x: float, y: float, width: float, text: str) -> None:
         """Text on a dark ground, wrapped to a width."""
@@ -203,6 +195,22 @@ class Canvas:
         wheel, state = imgui.get_io().mouse_wheel, self.viewer.state
         if wheel:
             self.viewer.change(replace(state, camera=zoomed(state.camera, ZOOM**-wheel)), "zoom")
+
+
+def label(viewer: Viewer, source: Source) -> str:
+    """What a pane shows; of which truth, if it shows one that is not the full one of this view."""
+    state, judge = viewer.state, viewer.judge
+    if source == "truth":
+        text, missing = "truth", "of an earlier view" if source in viewer.pictures else "tracing"
+    else:
+        index = "AB".index(source)
+        text = f"{source}: {state.specs[index].text if index < len(state.specs) else 'none: add B'}"
+        if state.overlay not in NEEDS_TRUTH:
+            return text
+        missing = f"{state.overlay} follows the truth"
+    if not judge.has_traced(state):
+        return f"{text} ({missing})"
+    return text if judge.is_final else f"{text} (coarse truth)"
 
 
 _ALL_BUTTONS = (

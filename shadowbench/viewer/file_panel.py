@@ -62,8 +62,8 @@ def _save_picture(viewer: Viewer, file: Path) -> str:
     shown = [one for one in state.sources if one != "truth" or viewer.judge.has_traced(state)]
     pictures = [viewer.pictures[one] for one in shown if one in viewer.pictures]
     images = [download(one, "u1")[..., :3] for one in pictures if one.width == side]
-    if not images:
-        raise InputError(f"{file}: nothing is drawn yet")
+    if viewer.broken or not images:
+        raise InputError(f"{file}: nothing is drawn{'' if viewer.broken else ' yet'}")
     if state.layout == "wipe" and len(images) == 2:
         cut = round(state.wipe * images[0].shape[1])
         images = [images[0][:, :cut], images[1][:, cut:]]

@@ -92,5 +92,4 @@ def map_panel(viewer: Viewer) -> None:
         imgui.text_disabled("none, or it is drawn at rest")
         return
     width = max(imgui.get_content_region_avail().x, 64.0)
-    width, height = min(width, width * picture.width / picture.height), width * picture.height / picture.width
-    imgui.image(NUMBERS["map"], (width, height), (0, 1), (1, 0))
+    imgui.image(NUMBERS["map"], (width, width * picture.height / picture.width), (0, 1), (1, 0))

@@ -23,9 +23,9 @@ _MOST_MATERIALS = 40
 def scene_panel(viewer: Viewer) -> None:
     """Choice of scene, camera, size; undo and redo."""
     state = viewer.state
-    source = "" if state.origin is None else state.origin.source
-    name = choice("scene", source or state.scene.name, builtin_names(), "a built-in scene; others by the command line")
-    if name not in (source, state.scene.name):
+    source = state.scene.name if state.origin is None else state.origin.source
+    name = choice("scene", source, builtin_names(), "a built-in scene; others by the command line")
+    if name != source:
         viewer.attempt(lambda: viewer.open_scene(Origin(name)))
         return
     camera = choice("camera", state.camera.name, [one.name for one in state.scene.cameras])

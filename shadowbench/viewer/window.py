@@ -83,7 +83,7 @@ class ViewerWindow:
     """The window of `shadowbench view`."""
 
     def __init__(self, state: ViewerState, techniques: Mapping[str, type[Technique]], plugins: Sequence[Path]) -> None:
-        self.window = _open(f"shadowbench view: {state.scene.name}")
+        self.window = _open("shadowbench view")
         self.task = TruthTask()
         self.viewer = Viewer(device_of(self.window.ctx), state, techniques, self.task, plugins)
         imgui.create_context()
@@ -190,16 +190,14 @@ class ViewerWindow:
         imgui.pop_item_width()
         shown = replace(state, layout=layout, left=left or state.left, right=right or state.right, overlay=overlay)
         viewer.change(shown)
-        message = viewer.broken or viewer.message
-        bottom = imgui.get_text_line_height_with_spacing() * (1 + message.count("\n") + len(message) // 100)
+        help = f"{self.frame_ms:.0f} ms a frame; drag: orbit, shift: pan, right: look, wheel: zoom, WASDQE: walk"
+        message = viewer.broken or viewer.message or help
         room = imgui.get_content_region_avail()
+        bottom = imgui.calc_text_size(message, wrap_width=room.x).y
         imgui.begin_child("panes", (room.x, max(room.y - bottom - 8, 64)))
         self.canvas.draw()
         imgui.end_child()
-        imgui.text_wrapped(
-            message
-            or f"{self.frame_ms:.0f} ms a frame; drag: orbit, shift: pan, right: look, wheel: zoom, WASDQE: walk"
-        )
+        imgui.text_wrapped(message)
 
     def _right(self) -> None:
         viewer = self.viewer

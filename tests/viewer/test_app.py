@@ -19,6 +19,7 @@ from shadowbench.scores.metrics import score
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
 from shadowbench.truths.trace import trace
+from shadowbench.viewer import scene_panels
 from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.file_panel import _save_picture
 from shadowbench.viewer.navigation import orbited
@@ -134,11 +135,16 @@ def test_a_sun_keeps_its_size_when_its_file_is_read_again(viewer: Viewer, clock:
     assert viewer.state.light.radius == SUN_RADIUS
 
 
-def test_a_camera_that_shows_nothing_is_told_and_the_next_one_is_drawn(viewer: Viewer, clock: Any) -> None:
+def test_a_camera_that_shows_nothing_is_told_and_the_next_one_is_drawn(
+    viewer: Viewer, clock: Any, tmp_path: Path
+) -> None:
+    viewer.step()
     camera = viewer.state.camera
     viewer.change(replace(viewer.state, camera=replace(camera, position=camera.target)))
     viewer.step()
     assert "position and target are only" in viewer.broken
+    viewer.attempt(lambda: _save_picture(viewer, tmp_path / "view.png"))
+    assert viewer.message.endswith("view.png: nothing is drawn")
     viewer.undo()
     viewer.step()
     assert viewer.broken == "" and viewer.drawn is not None
@@ -205,6 +211,17 @@ def test_another_scene_is_opened_from_its_first_camera(
     viewer.attempt(lambda: viewer.open_scene(Origin("no-such-scene")))
     assert "no-such-scene" in viewer.message
     assert viewer.state.scene.name == "spot-lamp"
+
+
+def test_a_scene_of_the_name_of_a_file_that_is_shown_can_be_chosen(
+    frame: None, viewer: Viewer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A state file has the name of its scene."""
+    file = viewer.state.scene
+    viewer.change(replace(viewer.state, scene=replace(file, name="post")))
+    monkeypatch.setattr(scene_panels, "choice", lambda label, value, *_: "post" if label == "scene" else value)
+    scene_panels.scene_panel(viewer)
+    assert viewer.state.origin == Origin("post")
 
 
 def live_objects() -> Counter[str]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import Spec, parse_spec
 from shadowbench.viewer.app import Viewer
+from shadowbench.viewer.canvas import label
 from shadowbench.viewer.judge import Judge
 from shadowbench.viewer.result_panels import status
 from shadowbench.viewer.truth_messages import Answer, Failed, Scored, Traced
@@ -90,6 +91,20 @@ def test_what_is_removed_leaves_no_picture(viewer: Viewer, settle: Callable[[Vie
     viewer.change(replace(viewer.state, specs=viewer.state.specs[:1]))
     viewer.step()
     assert set(viewer.pictures) == {"A"}
+
+
+def test_a_pane_says_of_which_truth_it_is(viewer: Viewer, settle: Callable[[Viewer], None]) -> None:
+    viewer.change(replace(viewer.state, layout="side by side", overlay="error"))
+    viewer.step()
+    assert label(viewer, "A") == "A: shadow-map:size=64 (error follows the truth)"
+    assert label(viewer, "truth") == "truth (tracing)"
+    settle(viewer)
+    assert (label(viewer, "A"), label(viewer, "truth")) == ("A: shadow-map:size=64", "truth")
+    viewer.judge._traced = traced(viewer.judge._number, False)
+    assert label(viewer, "truth") == "truth (coarse truth)"
+    viewer.change(replace(viewer.state, size=32))
+    viewer.step()
+    assert label(viewer, "truth") == "truth (of an earlier view)"
 
 
 class Task:
