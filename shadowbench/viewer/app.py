@@ -285,13 +285,19 @@ class Viewer:
             self._changed_at = self._seconds()
 
     def _reload_scene(self) -> str:
-        """Load the scene's file again; a camera or a light that was moved stays where it is."""
-        old, origin = self.state, self.state.origin
+        """Load the scene's file again, for undo too; a camera or a light that was moved stays where it is."""
+        old, origin = self.state.scene, self.state.origin
         assert origin is not None
         scene = origin.load()
-        camera = _followed(old.camera, old.scene.cameras, scene.cameras)
-        light = _followed(old.light, old.scene.lights, scene.lights)
-        self.change(replace(old, scene=scene, camera=camera, light=light))
+
+        def reloaded(state: ViewerState) -> ViewerState:
+            if state.scene is not old:
+                return state
+            camera = _followed(state.camera, old.cameras, scene.cameras)
+            return replace(state, scene=scene, camera=camera, light=_followed(state.light, old.lights, scene.lights))
+
+        self._to(self.history.mapped(reloaded))
+        self._files = ChangedFiles(origin, self._plugins)  # it may name other meshes
         return f"{origin.source} was loaded again"
 
     def _release_drawn(self) -> None:

@@ -1,7 +1,7 @@
 """Everything that the window shows, as one immutable value, and its history for undo and redo."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, get_args
@@ -124,6 +124,11 @@ class History:
         same = gesture != "" and gesture == self.gesture
         past = self.past if same else (*self.past, self.state)[-MOST_UNDO:]
         return History(state, past, (), gesture)
+
+    def mapped(self, change: Callable[[ViewerState], ViewerState]) -> "History":
+        """With every state changed, such as by a scene whose file has changed on disk."""
+        past, future = (tuple(map(change, states)) for states in (self.past, self.future))
+        return History(change(self.state), past, future, self.gesture)
 
     def rested(self) -> "History":
         """The gesture has ended: the next change is one of its own."""

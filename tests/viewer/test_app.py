@@ -14,6 +14,7 @@ import pytest
 from PIL import Image
 
 from shadowbench.measure.scoring import prepare_truth
+from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import SUN_RADIUS, View
 from shadowbench.scores.metrics import score
 from shadowbench.techniques.registry import techniques
@@ -24,6 +25,7 @@ from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.file_panel import _save_picture
 from shadowbench.viewer.navigation import orbited
 from shadowbench.viewer.state import Origin
+from shadowbench.viewer.state_files import ply_of
 
 KNOWN = techniques()
 SIZE = 64  # of the viewer in conftest.py
@@ -122,6 +124,30 @@ def test_a_light_that_was_chosen_and_not_moved_follows_its_file(viewer: Viewer, 
     file.write_text(text)
     viewer.step()
     assert viewer.state.light == viewer.state.scene.lights[0], "there is no lamp any longer"
+
+
+def test_undo_does_not_return_to_what_a_file_said_before(viewer: Viewer, clock: Any) -> None:
+    """A saved state would be of another scene than the one on screen."""
+    origin, wipe = viewer.state.origin, viewer.state.wipe
+    assert origin is not None
+    viewer.change(replace(viewer.state, wipe=0.1))
+    file = Path(origin.source)
+    file.write_text(file.read_text().replace("box", "sphere").replace("3.0, 3.0, 4.0", "2.0, 3.0, 4.0"))
+    viewer.step()
+    viewer.undo()
+    assert viewer.state.wipe == wipe
+    assert viewer.state.scene.meshes[1].name == "sphere" and viewer.state.camera.position[0] == 2.0
+
+
+def test_a_changed_mesh_of_a_scenes_file_is_loaded(viewer: Viewer, clock: Any, tmp_path: Path) -> None:
+    (tmp_path / "own.ply").write_bytes(ply_of(load_scene("post").meshes[:1]))
+    file = tmp_path / "mine.toml"
+    file.write_text(file.read_text() + '[[mesh]]\nfile = "own.ply"\n')
+    viewer.step()
+    before = len(viewer.state.scene.geometry.faces)
+    (tmp_path / "own.ply").write_bytes(ply_of(load_scene("post").meshes))
+    viewer.step()
+    assert len(viewer.state.scene.geometry.faces) > before
 
 
 def test_a_sun_keeps_its_size_when_its_file_is_read_again(viewer: Viewer, clock: Any) -> None:
