@@ -12,7 +12,6 @@ import moderngl
 
 from shadowbench.errors import ShadowbenchError
 from shadowbench.gl.device import Device
-from shadowbench.scenes.views import Named
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.spec import Spec
 from shadowbench.viewer.changed_files import ChangedFiles
@@ -70,13 +69,18 @@ class Viewer:
 
     @property
     def scores(self) -> Scores:
-        """The last scores, which are of what is shown if that is `current`."""
+        """The last scores, which are of what is shown if they are `fresh`."""
         return self.judge.scores
 
     @property
     def judged(self) -> bool:
         """Whether the truth, the scores and the work that are asked for are of the masks that are shown."""
         return not self.broken and self.drawn is not None and self.drawn is self._asked_of
+
+    @property
+    def fresh(self) -> bool:
+        """Whether the scores are of the masks that are shown."""
+        return self.judged and self.scores.viewed == self.state.viewed
 
     @property
     def moving(self) -> bool:
@@ -87,10 +91,6 @@ class Viewer:
     def waiting(self) -> bool:
         """Whether a step would change nothing: no motion, no masks to score, no answer about them."""
         return not (self.moving or self._chore() or self.judge.task.has_answers)
-
-    def current(self, viewed: tuple[object, ...]) -> bool:
-        """Whether a truth or scores are of what is shown."""
-        return viewed == self.state.viewed
 
     def change(self, state: ViewerState, gesture: str = "") -> None:
         """Show another state; changes of one gesture are undone together."""
@@ -289,14 +289,7 @@ class Viewer:
         old, origin = self.state.scene, self.state.origin
         assert origin is not None
         scene = origin.load()
-
-        def reloaded(state: ViewerState) -> ViewerState:
-            if state.scene is not old:
-                return state
-            camera = _followed(state.camera, old.cameras, scene.cameras)
-            return replace(state, scene=scene, camera=camera, light=_followed(state.light, old.lights, scene.lights))
-
-        self._to(self.history.mapped(reloaded))
+        self._to(self.history.mapped(lambda state: state.with_scene(scene) if state.scene is old else state))
         self._files = ChangedFiles(origin, self._plugins)  # it may name other meshes
         return f"{origin.source} was loaded again"
 
@@ -305,8 +298,3 @@ class Viewer:
             self.drawn.release()
             self.drawn = None
             self._shown_of = ()
-
-
-def _followed(shown: Named, before: Sequence[Named], now: Sequence[Named]) -> Named:
-    """A file's camera or light as it is now, of the same name or else the first; one that was moved as it is."""
-    return next((one for one in now if one.name == shown.name), now[0]) if shown in before else shown

@@ -20,7 +20,7 @@ def scores_panel(viewer: Viewer) -> None:
     known = [scores.by_spec.get(text) for text in specs]
     soft = any(is_soft(one) for one in known if one is not None)
     names = [name for name in (*(SOFT if soft else ()), *HARD) if name in METRICS]
-    push_grey(not (viewer.judged and viewer.current(scores.viewed)))
+    push_grey(not viewer.fresh)
     if imgui.begin_table("scores", len(specs) + 1, imgui.TableFlags_.sizing_stretch_same | imgui.TableFlags_.row_bg):
         for title in ("against the truth", *"AB"[: len(specs)]):
             imgui.table_setup_column(title)

@@ -43,10 +43,10 @@ def test_at_rest_the_scores_are_those_of_the_truth_and_stale_after_a_move(
         assert viewer.work[mask.spec]["draws"] > 0
     viewer.change(replace(viewer.state, camera=orbited(viewer.state.camera, 0.2, 0.0)))
     viewer.step()
-    assert viewer.moving and not viewer.current(viewer.scores.viewed)
+    assert viewer.moving and not viewer.fresh
     settle(viewer)
     viewer.undo()
-    assert not viewer.current(viewer.scores.viewed)
+    assert not viewer.fresh
 
 
 def test_only_masks_are_asked_about_when_a_spec_changes(
@@ -56,7 +56,7 @@ def test_only_masks_are_asked_about_when_a_spec_changes(
     spec = viewer.state.specs[0].with_(size=32)
     viewer.change(viewer.state.with_spec(0, spec))
     viewer.step()
-    assert viewer.current(viewer.scores.viewed) and spec.full_text not in viewer.scores.by_spec
+    assert viewer.scores.viewed == viewer.state.viewed and spec.full_text not in viewer.scores.by_spec
     clock.now += 1.0
     while spec.full_text not in viewer.scores.by_spec:
         time.sleep(0.01)
