@@ -23,6 +23,8 @@ SMOOTH_MS = 50.0
 """Time of a frame that is not too long for motion, in milliseconds."""
 LEAST_SIZE = 64
 LONGEST_FAILURE = 2000
+RAISED = (Exception, SystemExit)
+"""What a technique may raise while the window lives."""
 
 
 def moving_size(size: int, rested_ms: float, software: bool) -> int:
@@ -33,7 +35,7 @@ def moving_size(size: int, rested_ms: float, software: bool) -> int:
     return max(size // shrink, min(size, LEAST_SIZE))
 
 
-def told(error: Exception) -> str:
+def told(error: BaseException) -> str:
     """An exception as text of several lines, such as a shader's errors."""
     return f"{type(error).__name__}: {message(error)}"[:LONGEST_FAILURE]
 
@@ -159,7 +161,7 @@ class Drawing:
             self.device.reset()
             self.device.check(f"drawing {spec.text}")
             return Mask(spec, technique, checked_texture(spec.text, visibility[0], frame.view.size), passes)
-        except Exception as error:
+        except RAISED as error:
             self._recover()
             return Mask(spec, failure=told(error))
 
@@ -176,7 +178,7 @@ class Drawing:
             self.device.reset()
             try:
                 self._built[key] = loaded.build(spec, view.size)
-            except Exception as error:
+            except RAISED as error:
                 self._built[key] = told(error)
                 self._recover()
         return self._built[key]
