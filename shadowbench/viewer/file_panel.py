@@ -1,7 +1,7 @@
 """The panel of what can be taken along: spec, picture, study entry, state."""
 
 import shlex
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -13,7 +13,6 @@ from shadowbench.errors import InputError
 from shadowbench.files import check_outputs
 from shadowbench.gl.gbuffer import download
 from shadowbench.measure.pictures import write_picture
-from shadowbench.techniques.base import Technique
 from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.state_files import adopted, append_to_study, save_state
 
@@ -27,9 +26,7 @@ class FileNames:
     state: str = "view.toml"
 
 
-def file_panel(
-    viewer: Viewer, names: FileNames, copy: Callable[[str], None], techniques: Mapping[str, type[Technique]]
-) -> None:
+def file_panel(viewer: Viewer, names: FileNames, copy: Callable[[str], None]) -> None:
     """Buttons that copy or write. copy: puts a text on the clipboard."""
     for index, source in enumerate("AB"[: len(viewer.state.specs)]):
         text = viewer.state.specs[index].text
@@ -38,20 +35,18 @@ def file_panel(
             viewer.message = f"copied: {text}"
         imgui.same_line()
         if imgui.button(f"append {source} to study"):
-            viewer.attempt(partial(_append, viewer, names.study, index, techniques))
+            viewer.attempt(partial(_append, viewer, names.study, index))
     names.study = imgui.input_text("study file", names.study)[1]
-    if imgui.button("save picture"):
-        viewer.attempt(lambda: _save_picture(viewer, Path(names.picture)))
-    imgui.same_line()
-    names.picture = imgui.input_text("picture", names.picture)[1]
-    if imgui.button("save state"):
-        viewer.attempt(lambda: _save_state(viewer, Path(names.state)))
-    imgui.same_line()
-    names.state = imgui.input_text("state", names.state)[1]
+    for what, save in (("picture", _save_picture), ("state", _save_state)):
+        name = getattr(names, what)
+        if imgui.button(f"save {what}"):
+            viewer.attempt(partial(save, viewer, Path(name)))
+        imgui.same_line()
+        setattr(names, what, imgui.input_text(what, name)[1])
 
 
-def _append(viewer: Viewer, file: str, index: int, techniques: Mapping[str, type[Technique]]) -> str:
-    append_to_study(Path(file), viewer.state, index, techniques)
+def _append(viewer: Viewer, file: str, index: int) -> str:
+    append_to_study(Path(file), viewer.state, index, viewer.techniques)
     return f"{file}: appended {viewer.state.specs[index].text}"
 
 

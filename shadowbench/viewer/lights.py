@@ -55,7 +55,7 @@ def handles(light: Light, camera: Camera) -> dict[Handle, Vec3]:
         return {"light": vec3(np.subtract(dome.center, unit(light.direction) * dome.radius))}
     found: dict[Handle, Vec3] = {"light": light.position}
     if light.kind != "point":
-        found["aim"] = vec3(np.add(light.position, unit(light.direction) * _reach(light, camera)))
+        found["aim"] = vec3(np.add(light.position, unit(light.direction) * 0.5 * distance(camera)))
     return found
 
 
@@ -165,8 +165,3 @@ def _above_horizon(toward: Floats) -> Floats:
     level = np.array([toward[0], 0.0, toward[2]])
     back = unit(level) if level.any() else perpendicular_basis(np.array([0.0, 1.0, 0.0]), (0, 0, 1))[0]
     return unit(back * math.cos(math.radians(1.0)) + np.array([0.0, least, 0.0]))
-
-
-def _reach(light: Light, camera: Camera) -> float:
-    """Distance of the handle that aims from its light: half that of the camera's target from the camera."""
-    return 0.5 * distance(camera)

@@ -165,7 +165,7 @@ class ViewerWindow:
         if imgui.collapsing_header("Light", opened):
             light_panel(viewer)
         if imgui.collapsing_header("Take along", opened):
-            file_panel(viewer, self.names, self._copy, viewer.techniques)
+            file_panel(viewer, self.names, self._copy)
         if imgui.collapsing_header("Shading"):
             shading_panel(viewer)
         viewer.shows_map = imgui.collapsing_header("Shadow map")
