@@ -198,7 +198,7 @@ class Viewer:
     def _draw_panes(self) -> None:
         """Draw the pictures unless they are of these masks and this way to show them."""
         state, drawn = self.state, self.drawn
-        if drawn is None:
+        if drawn is None or self.broken:
             return
         truth = self.judge.textures(state, drawn.size)
         shading = (state.shading, state.shadows, state.overlay, state.sources)

@@ -91,7 +91,7 @@ class Drawing:
         view = loaded.to_drawing_coordinates(file_view)
         built = [self._build(loaded, spec, view) for spec in state.specs]
         start = time.perf_counter()
-        self.device.reset()
+        self._recover()
         surface = loaded.surface_pass.draw(view)
         try:
             # Index 0 always: each image is the one that is scored, without history of earlier frames.
@@ -153,8 +153,8 @@ class Drawing:
         if isinstance(built, str):
             return Mask(spec, failure=built)
         technique, _ = built
+        self._recover()
         try:
-            self.device.reset()
             visibility: list[moderngl.Texture] = []
             on_cpu = technique.draws_on_cpu(spec.params)
             passes = self.clock.passes(lambda: visibility.append(technique.draw(frame)), on_cpu)
@@ -162,7 +162,6 @@ class Drawing:
             self.device.check(f"drawing {spec.text}")
             return Mask(spec, technique, checked_texture(spec.text, visibility[0], frame.view.size), passes)
         except RAISED as error:
-            self._recover()
             return Mask(spec, failure=told(error))
 
     def _build(self, loaded: LoadedScene, spec: Spec, view: View) -> tuple[Technique, Stage] | str:
@@ -175,19 +174,18 @@ class Drawing:
         if reason is not None:
             return f"unsupported: {reason}"
         if key not in self._built:
-            self.device.reset()
+            self._recover()
             try:
                 self._built[key] = loaded.build(spec, view.size)
             except RAISED as error:
                 self._built[key] = told(error)
-                self._recover()
         return self._built[key]
 
     def _recover(self) -> None:
-        """Default state and no recorded error after a technique failed."""
+        """Default state, and no recorded error for which the next technique would be blamed."""
         self.device.reset()
         with suppress(RuntimeError):
-            self.device.check("a technique that failed")
+            self.device.check("what was drawn before")
 
     def _free(self, key: tuple[Spec, int]) -> None:
         built = self._built.pop(key)

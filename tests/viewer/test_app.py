@@ -20,7 +20,7 @@ from shadowbench.scores.metrics import score
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
 from shadowbench.truths.trace import trace
-from shadowbench.viewer import scene_panels
+from shadowbench.viewer import drawing, scene_panels
 from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.file_panel import _save_picture
 from shadowbench.viewer.navigation import orbited
@@ -174,6 +174,35 @@ def test_a_camera_that_shows_nothing_is_told_and_the_next_one_is_drawn(
     viewer.undo()
     viewer.step()
     assert viewer.broken == "" and viewer.drawn is not None
+
+
+def test_a_scene_that_the_device_refuses_is_told_and_undone(
+    viewer: Viewer, clock: Any, settle: Callable[[Viewer], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise MemoryError("no room")
+
+    settle(viewer)
+    with monkeypatch.context() as full:
+        full.setattr(drawing, "LoadedScene", refuse)
+        viewer.open_scene(Origin("post"))
+        viewer.step()
+        viewer.change(replace(viewer.state, layout="side by side", overlay="normals"))
+        viewer.step()
+        assert (viewer.broken, viewer.message) == ("MemoryError: no room", "")
+    viewer.undo()
+    viewer.undo()
+    settle(viewer)
+    assert list(viewer.mask_failures()) == ["", ""]
+
+
+def test_a_technique_is_not_blamed_for_errors_of_another(viewer: Viewer, clock: Any) -> None:
+    viewer.step()
+    viewer.device.raw("glActiveTexture", 1)  # no texture unit
+    before = viewer.drawn
+    viewer.change(replace(viewer.state, camera=orbited(viewer.state.camera, 0.1, 0.0)))
+    viewer.step()
+    assert viewer.drawn is not before and (viewer.broken, *viewer.mask_failures()) == ("", "", "")
 
 
 def test_nan_in_a_mask_is_told(viewer: Viewer, clock: Any, tmp_path: Path) -> None:
