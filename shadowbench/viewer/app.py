@@ -120,17 +120,8 @@ class Viewer:
     def open_scene(self, origin: Origin) -> None:
         """Show another scene from its first camera, under its first light. Raises InputError."""
         scene = origin.load()
-        chosen = replace(
-            self.state,
-            scene=scene,
-            camera=scene.cameras[0],
-            light=scene.lights[0],
-            origin=origin,
-            colors=(),
-            coordinates="relative",
-            phase=0,
-        )
-        self.change(chosen)
+        shown = replace(self.state, scene=scene, camera=scene.cameras[0], light=scene.lights[0], origin=origin)
+        self.change(replace(shown, colors=(), coordinates="relative", phase=0))
 
     def step(self) -> None:
         """Bring everything up to date that a frame of the window shows."""
