@@ -12,7 +12,6 @@ import moderngl
 
 from shadowbench.errors import ShadowbenchError
 from shadowbench.gl.device import Device
-from shadowbench.scenes.views import Named
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.spec import Spec
 from shadowbench.viewer.changed_files import ChangedFiles
@@ -70,13 +69,18 @@ class Viewer:
 
     @property
     def scores(self) -> Scores:
-        """The last scores, which are of what is shown if that is `current`."""
+        """The last scores, which are of what is shown if they are `fresh`."""
         return self.judge.scores
 
     @property
     def judged(self) -> bool:
         """Whether the truth, the scores and the work that are asked for are of the masks that are shown."""
         return not self.broken and self.drawn is not None and self.drawn is self._asked_of
+
+    @property
+    def fresh(self) -> bool:
+        """Whether the scores are of the masks that are shown."""
+        return self.judged and self.scores.viewed == self.state.viewed
 
     @property
     def moving(self) -> bool:
@@ -87,10 +91,6 @@ class Viewer:
     def waiting(self) -> bool:
         """Whether a step would change nothing: no motion, no masks to score, no answer about them."""
         return not (self.moving or self._chore() or self.judge.task.has_answers)
-
-    def current(self, viewed: tuple[object, ...]) -> bool:
-        """Whether a truth or scores are of what is shown."""
-        return viewed == self.state.viewed
 
     def change(self, state: ViewerState, gesture: str = "") -> None:
         """Show another state; changes of one gesture are undone together."""
@@ -120,17 +120,8 @@ class Viewer:
     def open_scene(self, origin: Origin) -> None:
         """Show another scene from its first camera, under its first light. Raises InputError."""
         scene = origin.load()
-        chosen = replace(
-            self.state,
-            scene=scene,
-            camera=scene.cameras[0],
-            light=scene.lights[0],
-            origin=origin,
-            colors=(),
-            coordinates="relative",
-            phase=0,
-        )
-        self.change(chosen)
+        shown = replace(self.state, scene=scene, camera=scene.cameras[0], light=scene.lights[0], origin=origin)
+        self.change(replace(shown, colors=(), coordinates="relative", phase=0))
 
     def step(self) -> None:
         """Bring everything up to date that a frame of the window shows."""
@@ -198,7 +189,7 @@ class Viewer:
     def _draw_panes(self) -> None:
         """Draw the pictures unless they are of these masks and this way to show them."""
         state, drawn = self.state, self.drawn
-        if drawn is None:
+        if drawn is None or self.broken:
             return
         truth = self.judge.textures(state, drawn.size)
         shading = (state.shading, state.shadows, state.overlay, state.sources)
@@ -287,13 +278,12 @@ class Viewer:
             self._changed_at = self._seconds()
 
     def _reload_scene(self) -> str:
-        """Load the scene's file again; a camera or a light that was moved stays where it is."""
-        old, origin = self.state, self.state.origin
+        """Load the scene's file again, for undo too; a camera or a light that was moved stays where it is."""
+        old, origin = self.state.scene, self.state.origin
         assert origin is not None
         scene = origin.load()
-        camera = _followed(old.camera, old.scene.cameras, scene.cameras)
-        light = _followed(old.light, old.scene.lights, scene.lights)
-        self.change(replace(old, scene=scene, camera=camera, light=light))
+        self._to(self.history.mapped(lambda state: state.with_scene(scene) if state.scene is old else state))
+        self._files = ChangedFiles(origin, self._plugins)  # it may name other meshes
         return f"{origin.source} was loaded again"
 
     def _release_drawn(self) -> None:
@@ -301,8 +291,3 @@ class Viewer:
             self.drawn.release()
             self.drawn = None
             self._shown_of = ()
-
-
-def _followed(shown: Named, before: Sequence[Named], now: Sequence[Named]) -> Named:
-    """A file's camera or light as it is now, of the same name or else the first; one that was moved as it is."""
-    return next((one for one in now if one.name == shown.name), now[0]) if shown in before else shown

@@ -8,10 +8,11 @@ from typing import Literal
 import numpy as np
 from imgui_bundle import imgui
 
+from shadowbench.techniques.spec import Spec
 from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.lights import Dome, Handle, dragged, handles, is_far
 from shadowbench.viewer.navigation import looked, orbited, panned, projected, zoomed
-from shadowbench.viewer.panes import NUMBERS
+from shadowbench.viewer.panes import NEEDS_TRUTH, NUMBERS
 from shadowbench.viewer.state import Source
 from shadowbench.viewer.technique_panel import tooltip
 from shadowbench.viewer.widgets import CUSTOM, DEFAULT, preset_of
@@ -112,11 +113,7 @@ class Canvas:
             draw_list.add_image(
                 NUMBERS[source], (left, pane.y), (right, pane.y + pane.side), (start, 1), (end, 0), color
             )
-        coarse = " (coarse, tracing)" if viewer.judge.is_coarse else ""
-        label = f"truth{coarse}" if source == "truth" else f"{source}: {self._spec(source)}"
-        if source == "truth" and not viewer.judge.has_traced(viewer.state):
-            label = "truth (of an earlier view)" if picture is not None else "truth (tracing)"
-        self._write(left, pane.y, right - left, label)
+        self._write(left, pane.y, right - left, label(viewer, source))
         if failure:
             self._write(left, pane.y + 24, right - left, failure)
 
@@ -126,15 +123,6 @@ class Canvas:
         self._show(pane, right, share, 1.0)
         x = pane.x + share * pane.side
         imgui.get_window_draw_list().add_line((x, pane.y), (x, pane.y + pane.side), _WHITE, 2.0)
-
-    def _spec(self, source: Source) -> str:
-        specs = self.viewer.state.specs
-        index = "AB".index(source)
-        if index >= len(specs):
-            return "none: add B"
-        preset = preset_of(specs[index])
-        named = f"{specs[index].technique.name}:preset={preset}"
-        return specs[index].text if preset in (DEFAULT, CUSTOM) else named
 
     def _write(self, x: float, y: float, width: float, text: str) -> None:
         """Text on a dark ground, wrapped to a width."""
@@ -230,6 +218,28 @@ class Canvas:
         wheel, state = imgui.get_io().mouse_wheel, self.viewer.state
         if wheel:
             self.viewer.change(replace(state, camera=zoomed(state.camera, ZOOM**-wheel)), "zoom")
+
+
+def label(viewer: Viewer, source: Source) -> str:
+    """What a pane shows; of which truth, if it shows one that is not the full one of this view."""
+    state, judge = viewer.state, viewer.judge
+    if source == "truth":
+        text, missing = "truth", "of an earlier view" if source in viewer.pictures else "tracing"
+    else:
+        index = "AB".index(source)
+        text = f"{source}: {_caption(state.specs[index]) if index < len(state.specs) else 'none: add B'}"
+        if state.overlay not in NEEDS_TRUTH:
+            return text
+        missing = f"{state.overlay} follows the truth"
+    if not judge.has_traced(state):
+        return f"{text} ({missing})"
+    return text if judge.is_final else f"{text} (coarse truth)"
+
+
+def _caption(spec: Spec) -> str:
+    """A spec by the name of its preset, if it is one."""
+    preset = preset_of(spec)
+    return spec.text if preset in (DEFAULT, CUSTOM) else f"{spec.technique.name}:preset={preset}"
 
 
 _ALL_BUTTONS = (

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from shadowbench.data import data_folder
+from shadowbench.errors import InputError
+from shadowbench.scenes.files import read_document
 from shadowbench.scenes.library import builtin_names
 from shadowbench.viewer.state import Origin
 
@@ -17,7 +19,7 @@ _SHADERS = (".glsl", ".vert", ".frag", ".geom")
 
 @dataclass(frozen=True)
 class Changes:
-    """What has changed: the scene's file, any shader, plug-ins."""
+    """What has changed: any of the scene's files, any shader, plug-ins."""
 
     scene: bool = False
     shaders: bool = False
@@ -25,10 +27,10 @@ class Changes:
 
 
 class ChangedFiles:
-    """Looks at the modification times of a scene's file, of plug-ins and of shaders, theirs included."""
+    """Looks at the modification times of a scene's files, of plug-ins and of shaders, theirs included."""
 
     def __init__(self, origin: Origin | None, plugins: Iterable[Path] = ()) -> None:
-        self._scene = [] if origin is None else [_file(origin.source)]
+        self._scene = [] if origin is None else scene_files(origin)
         self._plugins = list(plugins)
         self._folders = [plugin.resolve().parent for plugin in self._plugins]
         self._times, self._looked = self._modified(), time.monotonic()
@@ -55,5 +57,14 @@ class ChangedFiles:
         return times
 
 
-def _file(source: str) -> Path:
-    return data_folder("scenes") / f"{source}.toml" if source in builtin_names() else Path(source)
+def scene_files(origin: Origin) -> list[Path]:
+    """A scene's file and the meshes that it names; of a file that cannot be read only that."""
+    if origin.source in builtin_names():
+        return [data_folder("scenes") / f"{origin.source}.toml"]
+    file, tables = Path(origin.source), []
+    if file.suffix.lower() == ".toml":
+        with suppress(InputError):
+            tables = read_document(file).mesh
+    folders = [file.parent, *([origin.assets] if origin.assets else [])]
+    names = [str(table["file"]) for table in tables if isinstance(table.get("file"), str)]
+    return [file, *(folder / name for folder in folders for name in names)]

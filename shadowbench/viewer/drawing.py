@@ -23,6 +23,8 @@ SMOOTH_MS = 50.0
 """Time of a frame that is not too long for motion, in milliseconds."""
 LEAST_SIZE = 64
 LONGEST_FAILURE = 2000
+RAISED = (Exception, SystemExit)
+"""What a technique may raise while the window lives."""
 
 
 def moving_size(size: int, rested_ms: float, software: bool) -> int:
@@ -33,7 +35,7 @@ def moving_size(size: int, rested_ms: float, software: bool) -> int:
     return max(size // shrink, min(size, LEAST_SIZE))
 
 
-def told(error: Exception) -> str:
+def told(error: BaseException) -> str:
     """An exception as text of several lines, such as a shader's errors."""
     return f"{type(error).__name__}: {message(error)}"[:LONGEST_FAILURE]
 
@@ -89,7 +91,7 @@ class Drawing:
         view = loaded.to_drawing_coordinates(file_view)
         built = [self._build(loaded, spec, view) for spec in state.specs]
         start = time.perf_counter()
-        self.device.reset()
+        self._recover()
         surface = loaded.surface_pass.draw(view)
         try:
             # Index 0 always: each image is the one that is scored, without history of earlier frames.
@@ -151,16 +153,15 @@ class Drawing:
         if isinstance(built, str):
             return Mask(spec, failure=built)
         technique, _ = built
+        self._recover()
         try:
-            self.device.reset()
             visibility: list[moderngl.Texture] = []
             on_cpu = technique.draws_on_cpu(spec.params)
             passes = self.clock.passes(lambda: visibility.append(technique.draw(frame)), on_cpu)
             self.device.reset()
             self.device.check(f"drawing {spec.text}")
             return Mask(spec, technique, checked_texture(spec.text, visibility[0], frame.view.size), passes)
-        except Exception as error:
-            self._recover()
+        except RAISED as error:
             return Mask(spec, failure=told(error))
 
     def _build(self, loaded: LoadedScene, spec: Spec, view: View) -> tuple[Technique, Stage] | str:
@@ -173,19 +174,18 @@ class Drawing:
         if reason is not None:
             return f"unsupported: {reason}"
         if key not in self._built:
-            self.device.reset()
+            self._recover()
             try:
                 self._built[key] = loaded.build(spec, view.size)
-            except Exception as error:
+            except RAISED as error:
                 self._built[key] = told(error)
-                self._recover()
         return self._built[key]
 
     def _recover(self) -> None:
-        """Default state and no recorded error after a technique failed."""
+        """Default state, and no recorded error for which the next technique would be blamed."""
         self.device.reset()
         with suppress(RuntimeError):
-            self.device.check("a technique that failed")
+            self.device.check("what was drawn before")
 
     def _free(self, key: tuple[Spec, int]) -> None:
         built = self._built.pop(key)

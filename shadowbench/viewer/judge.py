@@ -45,9 +45,9 @@ class Judge:
         self._number = self.task.ask(state.view(), masks, again)
         if not again:
             self._traced, self._viewed, self._first = None, state.viewed, self._number
-        elif self._known:
-            known = self._known.items()
-            same = {text: scores for text, scores in known if _equal(self._masks.get(text), masks.get(text))}
+        elif self.known:
+            pairs = self.known.items()
+            same = {text: scores for text, scores in pairs if _equal(self._masks.get(text), masks.get(text))}
             self.scores = Scores(self._viewed, same)
         self._masks, self.failure = masks, ""
 
@@ -61,7 +61,7 @@ class Judge:
             elif answer.number != self._number:
                 continue
             elif isinstance(answer, Scored):
-                self.scores = Scores(self._viewed, {**self._known, answer.spec: answer.scores})
+                self.scores = Scores(self._viewed, {**self.known, answer.spec: answer.scores})
             else:
                 self.failure = failure = answer.reason
         return failure
@@ -69,10 +69,10 @@ class Judge:
     @property
     def waits(self) -> bool:
         """Whether the truth of the last question or a score is still to come."""
-        return not (self.is_final and self._masks.keys() <= self._known.keys())
+        return not (self.is_final and self._masks.keys() <= self.known.keys())
 
     @property
-    def _known(self) -> Mapping[str, Mapping[str, float | None]]:
+    def known(self) -> Mapping[str, Mapping[str, float | None]]:
         """The scores of the view of the last question."""
         return self.scores.by_spec if self.scores.viewed == self._viewed else {}
 

@@ -35,8 +35,7 @@ def scores_panel(viewer: Viewer) -> None:
     known = [scores.by_spec.get(text) for text in specs]
     soft = any(is_soft(one) for one in known if one is not None)
     names = [name for name in (*(SOFT if soft else ()), *HARD) if name in METRICS]
-    stale = not (viewer.judged and viewer.current(scores.viewed))
-    push_grey(stale)
+    push_grey(not viewer.fresh)
     if imgui.begin_table("scores", len(specs) + 1, imgui.TableFlags_.sizing_stretch_same | imgui.TableFlags_.row_bg):
         for title in ("against the truth", *"AB"[: len(specs)]):
             imgui.table_setup_column(title)
@@ -50,7 +49,7 @@ def scores_panel(viewer: Viewer) -> None:
             for value, best in zip(values, better(values, METRICS[name].better), strict=True):
                 imgui.table_next_column()
                 text = "–" if value is None else f"{value:.5f}"
-                imgui.text_colored(BETTER, text) if best and not stale else imgui.text_unformatted(text)
+                imgui.text_colored(BETTER, text) if best and viewer.fresh else imgui.text_unformatted(text)
         imgui.end_table()
     imgui.pop_style_color()
     imgui.text_wrapped(status(viewer))
@@ -75,7 +74,7 @@ def status(viewer: Viewer) -> str:
         failed = viewer.judged and judge.failure
         return f"not scored: {judge.failure}" if failed else "tracing the truth of this view …"
     texts = [spec.full_text for spec in viewer.state.specs]
-    without = [source for source, text in zip("AB", texts, strict=False) if text not in viewer.scores.by_spec]
+    without = [source for source, text in zip("AB", texts, strict=False) if text not in judge.known]
     return f"scored at {size}² against the full truth{''.join(f'; {one} has no mask' for one in without)}"
 
 
@@ -124,5 +123,4 @@ def map_panel(viewer: Viewer) -> None:
         imgui.text_disabled("no map: the technique has none, or it is drawn at rest")
         return
     width = max(imgui.get_content_region_avail().x, 64.0)
-    width, height = min(width, width * picture.width / picture.height), width * picture.height / picture.width
-    imgui.image(NUMBERS["map"], (width, height), (0, 1), (1, 0))
+    imgui.image(NUMBERS["map"], (width, width * picture.height / picture.width), (0, 1), (1, 0))

@@ -1,7 +1,7 @@
 """Everything that the window shows, as one immutable value, and its history for undo and redo."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, get_args
@@ -10,6 +10,7 @@ from shadowbench.gl.picture import Shading
 from shadowbench.scenes.assumed import with_sun
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, Vec3, View, view_of
+from shadowbench.scenes.views import Named
 from shadowbench.techniques.spec import Spec
 
 Layout = Literal["one", "wipe", "side by side"]
@@ -84,6 +85,11 @@ class ViewerState:
         specs[index : index + 1] = [spec]
         return replace(self, specs=tuple(specs))
 
+    def with_scene(self, scene: Scene) -> "ViewerState":
+        """With another version of its scene, whose camera and light of the same names it has unless they were moved."""
+        camera = _followed(self.camera, self.scene.cameras, scene.cameras)
+        return replace(self, scene=scene, camera=camera, light=_followed(self.light, self.scene.lights, scene.lights))
+
     def with_color(self, name: str, color: Vec3) -> "ViewerState":
         """With another colour of a material."""
         return replace(self, colors=tuple((dict(self.colors) | {name: color}).items()))
@@ -125,6 +131,11 @@ class History:
         past = self.past if same else (*self.past, self.state)[-MOST_UNDO:]
         return History(state, past, (), gesture)
 
+    def mapped(self, change: Callable[[ViewerState], ViewerState]) -> "History":
+        """With every state changed, such as by a scene whose file has changed on disk."""
+        past, future = (tuple(map(change, states)) for states in (self.past, self.future))
+        return History(change(self.state), past, future, self.gesture)
+
     def rested(self) -> "History":
         """The gesture has ended: the next change is one of its own."""
         return replace(self, gesture="") if self.gesture else self
@@ -140,3 +151,8 @@ class History:
         if not self.future:
             return self
         return History(self.future[0], (*self.past, self.state), self.future[1:])
+
+
+def _followed(shown: Named, before: Sequence[Named], now: Sequence[Named]) -> Named:
+    """A camera or light as it is now, of the same name or else the first; one that was moved as it is."""
+    return next((one for one in now if one.name == shown.name), now[0]) if shown in before else shown

@@ -246,6 +246,12 @@ def ply_of(meshes: Sequence[Mesh]) -> bytes:
 
 
 def adopted(state: ViewerState, file: Path) -> ViewerState:
-    """The state with camera and light as a file that was saved from it has them, to the last bit."""
+    """The state with camera and light as a file that was saved from it has them, to the last bit.
+
+    Raises InputError if the file's meshes are not those of the state, whose own files have changed in the meantime.
+    """
     saved = load_scene(file, None if state.origin is None else state.origin.assets)
+    ours, theirs = (scene.geometry.vertices[scene.geometry.faces] for scene in (state.scene, saved))
+    if not np.array_equal(ours, theirs):
+        raise InputError(f"{file}: holds the scene as it is on disk now, which is not what is shown; save it once more")
     return replace(state, camera=saved.cameras[0], light=saved.lights[0])

@@ -88,7 +88,7 @@ class ViewerWindow:
     """The window of `shadowbench view`."""
 
     def __init__(self, state: ViewerState, techniques: Mapping[str, type[Technique]], plugins: Sequence[Path]) -> None:
-        self.window = _open(f"shadowbench view: {state.scene.name}")
+        self.window = _open("shadowbench view")
         self.task = TruthTask()
         self.viewer = Viewer(device_of(self.window.ctx), state, techniques, self.task, plugins)
         imgui.create_context()
@@ -170,7 +170,7 @@ class ViewerWindow:
         if imgui.collapsing_header("Light", opened):
             light_panel(viewer)
         if imgui.collapsing_header("Copy and save", opened):
-            file_panel(viewer, self.names, self._copy, viewer.techniques)
+            file_panel(viewer, self.names, self._copy)
         if imgui.collapsing_header("Shading"):
             shading_panel(viewer)
         viewer.shows_map = imgui.collapsing_header("Shadow map")

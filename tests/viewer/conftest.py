@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from imgui_bundle import imgui
 
 from shadowbench.gl.device import Device
 from shadowbench.scenes.library import load_scene
@@ -80,3 +81,19 @@ def settle(clock: Clock) -> Callable[[Viewer], None]:
             viewer.step()
 
     return settled
+
+
+@pytest.fixture
+def frame() -> Iterator[None]:
+    """A frame of Dear ImGui without a window."""
+    imgui.create_context()
+    io = imgui.get_io()
+    io.set_ini_filename("")
+    io.display_size = imgui.ImVec2(800, 600)
+    io.fonts.build()
+    imgui.new_frame()
+    imgui.begin("panel")
+    yield
+    imgui.end()
+    imgui.end_frame()
+    imgui.destroy_context()

@@ -114,8 +114,7 @@ class Driver:
 
         def is_scored() -> bool:
             texts = {spec.full_text for spec in viewer.state.specs}
-            current = viewer.judged and viewer.current(viewer.scores.viewed)
-            return not viewer.moving and current and texts <= set(viewer.scores.by_spec)
+            return not viewer.moving and viewer.fresh and texts <= set(viewer.scores.by_spec)
 
         self.until("scores", is_scored)
 

@@ -14,11 +14,12 @@ import pytest
 from PIL import Image
 
 from shadowbench.measure.scoring import prepare_truth
-from shadowbench.scenes.model import SUN_RADIUS, View
+from shadowbench.scenes.model import View
 from shadowbench.scores.metrics import score
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
 from shadowbench.truths.trace import trace
+from shadowbench.viewer import drawing, scene_panels
 from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.file_panel import _save_picture
 from shadowbench.viewer.navigation import orbited
@@ -40,10 +41,10 @@ def test_at_rest_the_scores_are_those_of_the_truth_and_stale_after_a_move(
         assert viewer.work[mask.spec]["draws"] > 0
     viewer.change(replace(viewer.state, camera=orbited(viewer.state.camera, 0.2, 0.0)))
     viewer.step()
-    assert viewer.moving and not viewer.current(viewer.scores.viewed)
+    assert viewer.moving and not viewer.fresh
     settle(viewer)
     viewer.undo()
-    assert not viewer.current(viewer.scores.viewed)
+    assert not viewer.fresh
 
 
 def test_only_masks_are_asked_about_when_a_spec_changes(
@@ -53,7 +54,7 @@ def test_only_masks_are_asked_about_when_a_spec_changes(
     spec = viewer.state.specs[0].with_(size=32)
     viewer.change(viewer.state.with_spec(0, spec))
     viewer.step()
-    assert viewer.current(viewer.scores.viewed) and spec.full_text not in viewer.scores.by_spec
+    assert viewer.scores.viewed == viewer.state.viewed and spec.full_text not in viewer.scores.by_spec
     clock.now += 1.0
     while spec.full_text not in viewer.scores.by_spec:
         time.sleep(0.01)
@@ -84,64 +85,48 @@ def test_a_travelling_light_moves_by_the_clock_and_undo_returns(viewer: Viewer, 
     assert viewer.state.light == before
 
 
-def test_a_changed_scene_file_is_loaded_and_nonsense_is_told(
-    viewer: Viewer, clock: Any, settle: Callable[[Viewer], None]
+def test_a_camera_that_shows_nothing_is_told_and_the_next_one_is_drawn(
+    viewer: Viewer, clock: Any, tmp_path: Path
 ) -> None:
-    settle(viewer)
-    file = Path(str(viewer.state.origin and viewer.state.origin.source))
-    text = file.read_text()
-    moved = orbited(viewer.state.camera, 0.2, 0.0)
-    viewer.change(replace(viewer.state, camera=moved))
-    file.write_text(text.replace("0.5, -1.0", "0.1, -1.0").replace("box", "sphere"))
     viewer.step()
-    assert viewer.state.scene.meshes[1].name == "sphere"
-    assert viewer.state.camera == moved, "where it was moved to"
-    assert viewer.state.light.direction[0] == 0.1, "as it was not moved"
-    file.write_text("[[mesh]\n")
-    viewer.step()
-    assert "mine.toml: not TOML" in viewer.message
-    viewer.message = ""
-    file.write_text(text)
-    viewer.step()
-    assert viewer.state.scene.meshes[1].name == "box"
-    assert viewer.message.endswith("was loaded again")
-
-
-def test_a_light_that_was_chosen_and_not_moved_follows_its_file(viewer: Viewer, clock: Any) -> None:
-    origin = viewer.state.origin
-    assert origin is not None
-    file, text = Path(origin.source), Path(origin.source).read_text()
-    lamp = '[[light]]\nname = "lamp"\nkind = "point"\nposition = [0.0, 3.0, {}]\n[[mesh]]'
-    file.write_text(text.replace("[[mesh]]", lamp.format(0), 1))
-    viewer.step()
-    viewer.change(replace(viewer.state, light=viewer.state.scene.lights[1]))
-    file.write_text(text.replace("[[mesh]]", lamp.format(1), 1))
-    viewer.step()
-    assert viewer.state.light.position == (0.0, 3.0, 1.0)
-    file.write_text(text)
-    viewer.step()
-    assert viewer.state.light == viewer.state.scene.lights[0], "there is no lamp any longer"
-
-
-def test_a_sun_keeps_its_size_when_its_file_is_read_again(viewer: Viewer, clock: Any) -> None:
-    origin = replace(viewer.state.origin, sun=True)  # type: ignore[type-var]
-    scene = origin.load()
-    viewer.change(replace(viewer.state, scene=scene, light=scene.lights[0], origin=origin))
-    file = Path(origin.source)
-    file.write_text(file.read_text().replace("0.5, -1.0", "0.1, -1.0"))
-    viewer.step()
-    assert viewer.state.light.direction[0] == 0.1
-    assert viewer.state.light.radius == SUN_RADIUS
-
-
-def test_a_camera_that_shows_nothing_is_told_and_the_next_one_is_drawn(viewer: Viewer, clock: Any) -> None:
     camera = viewer.state.camera
     viewer.change(replace(viewer.state, camera=replace(camera, position=camera.target)))
     viewer.step()
     assert "position and target are only" in viewer.broken
+    viewer.attempt(lambda: _save_picture(viewer, tmp_path / "view.png"))
+    assert viewer.message.endswith("view.png: nothing is drawn")
     viewer.undo()
     viewer.step()
     assert viewer.broken == "" and viewer.drawn is not None
+
+
+def test_a_scene_that_the_device_refuses_is_told_and_undone(
+    viewer: Viewer, clock: Any, settle: Callable[[Viewer], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise MemoryError("no room")
+
+    settle(viewer)
+    with monkeypatch.context() as full:
+        full.setattr(drawing, "LoadedScene", refuse)
+        viewer.open_scene(Origin("post"))
+        viewer.step()
+        viewer.change(replace(viewer.state, layout="side by side", overlay="normals"))
+        viewer.step()
+        assert (viewer.broken, viewer.message) == ("MemoryError: no room", "")
+    viewer.undo()
+    viewer.undo()
+    settle(viewer)
+    assert list(viewer.mask_failures()) == ["", ""]
+
+
+def test_a_technique_is_not_blamed_for_errors_of_another(viewer: Viewer, clock: Any) -> None:
+    viewer.step()
+    viewer.device.raw("glActiveTexture", 1)  # no texture unit
+    before = viewer.drawn
+    viewer.change(replace(viewer.state, camera=orbited(viewer.state.camera, 0.1, 0.0)))
+    viewer.step()
+    assert viewer.drawn is not before and (viewer.broken, *viewer.mask_failures()) == ("", "", "")
 
 
 def test_nan_in_a_mask_is_told(viewer: Viewer, clock: Any, tmp_path: Path) -> None:
@@ -205,6 +190,17 @@ def test_another_scene_is_opened_from_its_first_camera(
     viewer.attempt(lambda: viewer.open_scene(Origin("no-such-scene")))
     assert "no-such-scene" in viewer.message
     assert viewer.state.scene.name == "spot-lamp"
+
+
+def test_a_scene_of_the_name_of_a_file_that_is_shown_can_be_chosen(
+    frame: None, viewer: Viewer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A state file has the name of its scene."""
+    file = viewer.state.scene
+    viewer.change(replace(viewer.state, scene=replace(file, name="post")))
+    monkeypatch.setattr(scene_panels, "choice", lambda label, value, *_: "post" if label == "scene" else value)
+    scene_panels.scene_panel(viewer)
+    assert viewer.state.origin == Origin("post")
 
 
 def live_objects() -> Counter[str]:

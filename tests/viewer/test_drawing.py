@@ -47,6 +47,8 @@ class Broken(Technique):
         self.texture = stage.texture()
         self.wide = stage.texture((8, 8))
     def draw(self, frame):
+        if self.params.how == "exit":
+            raise SystemExit(3)
         if self.params.how == "draw":
             raise RuntimeError("while drawing")
         if self.params.how == "gl":
@@ -120,7 +122,7 @@ def test_a_technique_that_raised_for_one_view_is_drawn_for_the_next(
     assert drawing.bytes == 0 < built
 
 
-@pytest.mark.parametrize("how", ["unsupported", "build", "shader", "draw", "gl", "size"])
+@pytest.mark.parametrize("how", ["unsupported", "build", "shader", "draw", "exit", "gl", "size"])
 def test_a_broken_technique_is_told_and_the_other_is_drawn(
     device: Device, drawing: Drawing, builtin: Callable[..., View], tmp_path: Path, how: str
 ) -> None:
@@ -134,6 +136,7 @@ def test_a_broken_technique_is_told_and_the_other_is_drawn(
         "build": "KeyError: 'nothing there'",
         "shader": "ShaderError: fragment shader: ",
         "draw": "RuntimeError: while drawing",
+        "exit": "SystemExit: 3",
         "gl": "RuntimeError: OpenGL error GL_INVALID_ENUM in drawing broken",
         "size": "ValueError: broken:how=size drew 8 × 8 pixels; allowed: 64 × 64",
     }

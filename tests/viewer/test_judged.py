@@ -1,18 +1,27 @@
 """Scores are shown for the masks on screen and for no others."""
 
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from random import Random
 from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from shadowbench.measure.scoring import prepare_truth
+from shadowbench.scores.metrics import score
+from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import Spec, parse_spec
+from shadowbench.truths.trace import trace
 from shadowbench.viewer.app import Viewer
+from shadowbench.viewer.canvas import label
 from shadowbench.viewer.judge import Judge
+from shadowbench.viewer.lights import with_kind
+from shadowbench.viewer.navigation import orbited
 from shadowbench.viewer.result_panels import status
 from shadowbench.viewer.truth_messages import Answer, Failed, Scored, Traced
 
@@ -73,6 +82,14 @@ def test_a_mask_that_is_no_longer_drawn_has_no_scores(
     assert "less than none" in viewer.mask_failures()[0]
     assert level.full_text not in viewer.scores.by_spec
     assert status(viewer) == f"{SCORED}; A has no mask"
+    (tmp_path / "level.glsl").write_text("1.0")
+    viewer.step()
+    settle(viewer)
+    (tmp_path / "level.glsl").write_text("-1.0")
+    viewer.change(replace(viewer.state, specs=(level,), size=32))
+    viewer.step()
+    settle(viewer)
+    assert status(viewer) == "scored at 32² against the full truth; A has no mask", "that of another size is no score"
 
 
 def test_what_is_removed_leaves_no_picture(viewer: Viewer, settle: Callable[[Viewer], None]) -> None:
@@ -82,6 +99,20 @@ def test_what_is_removed_leaves_no_picture(viewer: Viewer, settle: Callable[[Vie
     viewer.change(replace(viewer.state, specs=viewer.state.specs[:1]))
     viewer.step()
     assert set(viewer.pictures) == {"A"}
+
+
+def test_a_pane_says_of_which_truth_it_is(viewer: Viewer, settle: Callable[[Viewer], None]) -> None:
+    viewer.change(replace(viewer.state, layout="side by side", overlay="error"))
+    viewer.step()
+    assert label(viewer, "A") == "A: shadow-map:size=64 (error follows the truth)"
+    assert label(viewer, "truth") == "truth (tracing)"
+    settle(viewer)
+    assert (label(viewer, "A"), label(viewer, "truth")) == ("A: shadow-map:size=64", "truth")
+    viewer.judge._traced = traced(viewer.judge._number, False)
+    assert label(viewer, "truth") == "truth (coarse truth)"
+    viewer.change(replace(viewer.state, size=32))
+    viewer.step()
+    assert label(viewer, "truth") == "truth (of an earlier view)"
 
 
 class Task:
@@ -152,3 +183,42 @@ def test_why_nothing_is_scored_is_said(viewer: Viewer, clock: Any) -> None:
     viewer.step()
     clock.now += 1.0
     assert status(viewer) == "nothing is drawn, and nothing scored"
+
+
+@pytest.mark.slow
+def test_scores_that_are_shown_as_fresh_are_always_of_what_is_shown(viewer: Viewer, clock: Any) -> None:
+    """Whatever is done, in whatever order, while the process beside traces and scores, or dies."""
+    random, known, file = Random(5), techniques(), Path(str(viewer.state.origin and viewer.state.origin.source))
+    specs = [parse_spec(text, known) for text in ("shadow-map:size=32", "shadow-volume", "cube-map:size=32", "hybrid")]
+    cameras = [orbited(viewer.state.camera, 0.1 * turn, 0.05) for turn in range(3)]
+    text, truths, checked = file.read_text(), dict[object, PreparedTruth](), 0
+    for _ in range(500):
+        state = viewer.state
+        light = with_kind(state.scene.lights[0], random.choice(("directional", "spot", "point")), state.scene)
+        random.choice(
+            [
+                lambda state=state: viewer.change(replace(state, camera=random.choice(cameras))),
+                lambda state=state: viewer.change(replace(state, size=random.choice((32, 64)))),
+                lambda state=state: viewer.change(state.with_spec(random.randrange(2), random.choice(specs))),
+                lambda state=state, light=light: viewer.change(replace(state, light=light)),
+                viewer.undo,
+                viewer.redo,
+                lambda: file.write_text(text.replace("0.5, -1.0", f"{random.choice((0.5, 0.4))}, -1.0")),
+                lambda: viewer.judge.task._process.kill() if random.random() < 0.1 else None,
+                *[lambda: None] * 8,
+            ]
+        )()
+        clock.now += random.choice((0.01, 0.3))
+        time.sleep(random.choice((0.0, 0.02, 0.1)))
+        viewer.step()
+        if viewer.fresh and viewer.drawn is not None:
+            if viewer.state.viewed not in truths:
+                truths[viewer.state.viewed] = prepare_truth(trace(viewer.state.view()))
+            for one in viewer.drawn.masks:
+                scores = viewer.scores.by_spec.get(one.spec.full_text)
+                if scores is not None:
+                    assert one.visibility is not None
+                    expected = score(viewer.drawing.visibility(viewer.drawn, one), truths[viewer.state.viewed])
+                    assert {name: scores[name] for name in expected} == expected
+                    checked += 1
+    assert checked > 30

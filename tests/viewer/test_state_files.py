@@ -63,6 +63,15 @@ def test_what_is_adopted_from_a_saved_file_is_what_it_says_to_the_bit(tmp_path: 
     assert kept.camera.fov_y == pytest.approx(moved.camera.fov_y, rel=1e-15)
 
 
+def test_a_state_of_a_file_that_has_changed_is_told(tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text('[[mesh]]\nshape = "box"\n')
+    state = shown(str(tmp_path / "mine.toml"))
+    (tmp_path / "mine.toml").write_text('[[mesh]]\nshape = "sphere"\n')
+    save_state(state, tmp_path / "state.toml")
+    with pytest.raises(InputError, match="which is not what is shown; save it once more"):
+        adopted(state, tmp_path / "state.toml")
+
+
 @pytest.mark.parametrize("name", ["sphere-and-torus", "fence", "table-top"])
 def test_a_scene_that_no_file_has_is_written_without_loss(tmp_path: Path, name: str) -> None:
     state = replace(shown(name), origin=None)

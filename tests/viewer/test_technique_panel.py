@@ -1,7 +1,6 @@
 """The panel of a technique draws every parameter, those of odd plug-ins too, and takes no value that a file may not."""
 
 import math
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -42,22 +41,6 @@ class Demanding(Odd):
         '''Parameters.'''
         number: int
 """
-
-
-@pytest.fixture
-def frame() -> Iterator[None]:
-    """A frame of Dear ImGui without a window."""
-    imgui.create_context()
-    io = imgui.get_io()
-    io.set_ini_filename("")
-    io.display_size = imgui.ImVec2(800, 600)
-    io.fonts.build()
-    imgui.new_frame()
-    imgui.begin("panel")
-    yield
-    imgui.end()
-    imgui.end_frame()
-    imgui.destroy_context()
 
 
 @pytest.fixture
