@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.check.baseline import Change, Findings, compare
+from shadowbench.check.baseline import COMPARED, Change, Findings, compare
 from shadowbench.check.bless import copy_study, write_baseline
 from shadowbench.engines.legend import with_legend
 from shadowbench.errors import InputError
@@ -57,7 +57,7 @@ def check(
     baseline, which may then be missing but not be a run folder. Raises InputError for a folder that is no run or
     baseline, and if they have no cell in common.
     """
-    whole = read_runs([folder])[0]
+    (whole,) = read_runs([folder], None if update else COMPARED)
     run = replace(whole, rows=tuple(row for row in whole.rows if row["key"] not in whole.earlier))
     reference_run = _baseline(baseline, update)
     findings = compare(run.results, reference_run.results if reference_run else (), tolerances)
@@ -106,7 +106,7 @@ def _baseline(folder: Path, update: bool) -> Run | None:
             raise InputError(f"--update: {folder} is a run folder, whose rows were measured; allowed: {allowed}")
         if not (folder / "rows.jsonl").exists():
             return None
-    return read_runs([folder])[0]
+    return read_runs([folder], COMPARED)[0]
 
 
 def write_pictures(result: CheckResult) -> list[tuple[Path, bool]]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import IO
 
 from shadowbench.errors import InputError
-from shadowbench.measure.rows import SCHEMA, Record, read_rows
+from shadowbench.measure.rows import SCHEMA, Record, stream_rows
 
 if sys.platform == "win32":
     import msvcrt
@@ -41,14 +41,17 @@ class RowStore:
             raise
 
     def _open(self, sweep: bool) -> None:
-        rows, end = read_rows(self.file) if self.file.exists() else ([], 0)
-        if any(("axis" in row) != sweep for row in rows if row["kind"] == "score"):
-            found, allowed = ("run", "stress") if sweep else ("stress", "run")
-            raise InputError(f"{self.file}: found cells of `{found}`; allowed: a folder of `{allowed}`, or a new one")
-        for row in rows:
+        complete = 0
+        for row, end in stream_rows(self.file) if self.file.exists() else ():
+            if row["kind"] == "score" and ("axis" in row) != sweep:
+                found, allowed = ("run", "stress") if sweep else ("stress", "run")
+                raise InputError(
+                    f"{self.file}: found cells of `{found}`; allowed: a folder of `{allowed}`, or a new one"
+                )
             self._keep(row)
+            complete = end
         self._stream = self.file.open("ab", buffering=0)  # after a failed write, a buffer would be written on close
-        self._stream.truncate(end)  # drops a partial line of a killed run
+        self._stream.truncate(complete)  # drops a partial line of a killed run
 
     def _keep(self, record: Record) -> None:
         (self.scores if record["kind"] == "score" else self.times)[record["key"]] = record
