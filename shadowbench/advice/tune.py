@@ -13,9 +13,10 @@ from shadowbench.advice.tune_space import SearchSpace, searched_parameters
 from shadowbench.advice.tune_split import split_scenes
 from shadowbench.errors import InputError
 from shadowbench.files import check_folder
+from shadowbench.measure.bench import Bench, Reporter
 from shadowbench.measure.executor import Executor
 from shadowbench.measure.machine import write_run_file
-from shadowbench.measure.measurer import Measurer, Reporter
+from shadowbench.measure.measurer import Measurer
 from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.rows import Result
 from shadowbench.scenes.library import hard_names
@@ -69,7 +70,7 @@ def tune_parameters(
     if not info.pipeline_statistics:
         raise InputError(f"{info.renderer} does not count shader invocations, so that there is no cost to minimise")
     with closing(RowStore(folder)) as store:
-        cells = TuningCells(study, Measurer(executor, store, study.conditions(), reporter))
+        cells = TuningCells(study, Measurer(Bench(executor, store, reporter), study.conditions()))
         blocks = cells.eligible_blocks(base)
         split = split_scenes([scene.name for scene in scenes_of(blocks)], held_out)
         space = SearchSpace(base, names, cells.unsupported_components(base, names, blocks))

@@ -1,6 +1,7 @@
 """Computation behind `stress`: a sweep of specs along axes into a folder, and their operating ranges."""
 
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,11 +9,13 @@ from shadowbench.errors import InputError, alternatives
 from shadowbench.extremes.axes import AXES, Axis
 from shadowbench.extremes.axes.model import VIEW_SIZE
 from shadowbench.extremes.ranges import OperatingRange, operating_ranges, points_frame, ranges_frame
-from shadowbench.extremes.sweep import Sweep
+from shadowbench.extremes.sweep import sweep
 from shadowbench.files import check_folder
+from shadowbench.measure.bench import Bench, Reporter
 from shadowbench.measure.executor import Executor, Limits
 from shadowbench.measure.machine import write_run_file
-from shadowbench.measure.measurer import Reporter
+from shadowbench.measure.pictures import Pictures
+from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.rows import Record
 from shadowbench.studies.folder import read_folders
 from shadowbench.studies.study import Study
@@ -53,7 +56,8 @@ def stress(
     cell that fails gets a row with that status.
     """
     check_folder(folder)
-    rows = Sweep(specs, folder, executor, reporter).run(axes, quick)
+    with closing(RowStore(folder, sweep=True)) as store:
+        rows = sweep(specs, axes, Bench(executor, store, reporter, Pictures(folder)), quick)
     ranges = operating_ranges(axes, rows)
     write_table(folder / "ranges.csv", ranges_frame(ranges))
     study = Study.of(

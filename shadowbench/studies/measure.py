@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from shadowbench.files import check_folder
+from shadowbench.measure.bench import Reporter
 from shadowbench.measure.executor import Executor
 from shadowbench.measure.flips import size_after
 from shadowbench.measure.machine import write_run_file
-from shadowbench.measure.measurer import Reporter
 from shadowbench.measure.profile import complete_profile
 from shadowbench.measure.rows import Result
 from shadowbench.measure.session import DeviceInfo, Session

@@ -6,15 +6,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from shadowbench.errors import InputError
+from shadowbench.measure.bench import Bench, Reporter
 from shadowbench.measure.executor import Executor
 from shadowbench.measure.flips import size_after
-from shadowbench.measure.measurer import Measurer, Reporter
+from shadowbench.measure.measurer import Measurer
 from shadowbench.measure.pictures import Pictures
 from shadowbench.measure.profile import Profile
-from shadowbench.measure.row_store import RowStore
+from shadowbench.measure.row_store import Rows, RowStore
 from shadowbench.measure.rows import Result
 from shadowbench.measure.session import DeviceInfo
-from shadowbench.scenes.model import Scene
+from shadowbench.scenes.model import Scene, View
 from shadowbench.scenes.views import first_of
 from shadowbench.studies.study import Study, scenes_of
 from shadowbench.techniques.filters import Filter
@@ -49,28 +50,40 @@ def run_study(
         reporter.note(note)
     uniform: set[str] = set()  # views
     reporter.stage("truth", len(blocks))
-    for block in blocks:  # all of them before anything is written: a view that shows nothing raises InputError
-        with profile.activity("truth"):
-            truth = cached_truth(block.view)
-        if (line := _uniform_truth(truth)) is not None:
+    truths = Bench(executor, Rows(), reporter, profile=profile)
+    # All of them before anything is written: a view that shows nothing raises InputError.
+    for block, line in zip(blocks, truths.run([TruthJob(block.view) for block in blocks]), strict=True):
+        if line is not None:
             notes.append(f"{block.view.name}: {line}")
             reporter.note(notes[-1])
             uniform.add(block.view.name)
-        reporter.step(block.view.name)
     with closing(RowStore(folder)) as store:
         conditions = study.conditions(time_again)
-        measurer = Measurer(executor, store, conditions, reporter, Pictures(folder), profile)
+        measurer = Measurer(Bench(executor, store, reporter, Pictures(folder), profile), conditions)
         cells = [cell for block in blocks for cell in block.cells]
-        reporter.stage("cells", len(cells) + sum(map(measurer.is_timed, cells)))
+        reporter.stage("cells", len(cells) + sum(map(conditions.times, cells)))
         results = []
-        for block in blocks:
-            found = measurer.measure(block)
+        for block, found in zip(blocks, measurer.measure(blocks), strict=True):
             results += found
             masks = () if block.view.name in uniform else filter(None, map(_uniform_mask, found))
             for line in dict.fromkeys(masks):  # phases may say the same
                 notes.append(f"{block.view.name}: {line}")
                 reporter.note(notes[-1])
     return RunResult(results, notes, profile)
+
+
+@dataclass(frozen=True, eq=False)
+class TruthJob:
+    """Job that traces the truth of a view into the cache, and returns a line about one without an edge."""
+
+    view: View
+
+    def __call__(self, bench: Bench) -> str | None:
+        """Trace the truth unless it is in the cache. Raises InputError for a view that shows nothing."""
+        with bench.profile.activity("truth"):
+            truth = cached_truth(self.view)
+        bench.reporter.step(self.view.name)
+        return _uniform_truth(truth)
 
 
 def check_sizes(study: Study, info: DeviceInfo) -> None:
