@@ -59,11 +59,11 @@ def stress(
     with closing(RowStore(folder, sweep=True)) as store:
         rows = sweep(specs, axes, Bench(executor, store, reporter, Pictures(folder)), quick)
     ranges = operating_ranges(axes, rows)
-    write_table(folder / "ranges.csv", ranges_frame(ranges))
+    write_table(folder / "ranges.csv", [ranges_frame(ranges)])
     study = Study.of(
         [axis.name for axis in axes], specs, reference=specs[0], view_size=VIEW_SIZE, rounds=0
     )  # for its entry in `run.json`
     write_run_file(folder / "run.json", executor.info, [], study.facts, rows)
     _, (whole,) = read_folders([folder])
-    write_table(folder / "table.csv", points_frame(whole.rows))
+    write_table(folder / "table.csv", [points_frame(whole.rows)])
     return StressResult(tuple(rows), tuple(ranges))

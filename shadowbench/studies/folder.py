@@ -18,7 +18,7 @@ from shadowbench.errors import InputError
 from shadowbench.measure.rows import Record, Result, RunFile, read_run_file, stream_rows
 from shadowbench.scores.metrics import is_soft
 from shadowbench.studies.sweeps import SweepPositions, add_factor_columns, read_sweep_positions
-from shadowbench.studies.tables import cells_frame, write_table
+from shadowbench.studies.tables import cells_frame, cells_frames, write_table
 
 IDENTITY = ("scene", "view", "light", "phase", "map_size", "view_size", "coordinates")  # and the full spec
 _identity_of = itemgetter(*IDENTITY)
@@ -147,8 +147,11 @@ def write_cells(folder: Path, results: Sequence[Result], positions: SweepPositio
     """
     (run,) = read_runs([folder])
     live = {result.score["key"]: result for result in results}  # these also hold timing failures
-    frame = cells_frame([live.get(result.score["key"], result) for result in run.results])
-    write_table(folder / "table.csv", add_factor_columns(frame, {**run.sweep_positions, **positions}))
+    shown = [live.get(result.score["key"], result) for result in run.results]
+    names = ["spec", "map_size"]
+    cells = pd.DataFrame([[result.score[name] for name in names] for result in shown], columns=names)
+    factors = add_factor_columns(cells, {**run.sweep_positions, **positions}).drop(columns=names)
+    write_table(folder / "table.csv", (frame.join(factors) for frame in cells_frames(shown)))
     return run
 
 
