@@ -12,6 +12,7 @@ from shadowbench.commands.options import (
     SPEC,
     Assets,
     Json,
+    PartOption,
     Plugins,
     Quiet,
     Sun,
@@ -113,6 +114,7 @@ def run(
     assets: Assets = None,
     up: Up = None,
     sun: Sun = False,
+    part: PartOption = None,
     profile: Annotated[
         bool, typer.Option("--profile", help="Print the time that each part of the measurement took.")
     ] = False,
@@ -161,8 +163,10 @@ def run(
     with Worker(plugin or ()) as worker:  # it starts while the rest is imported and the study is read
         from shadowbench.measure.plugin_output import techniques_with
         from shadowbench.studies.measure import estimate, measure, study_from_options
+        from shadowbench.studies.part import part_of
         from shadowbench.techniques.spec import parse_spec
 
+        chosen_part = part_of(part)
         known = techniques_with(plugin or ())
         asked = study_from_options(
             known,
@@ -186,7 +190,7 @@ def run(
                 cells, seconds = estimate(asked)
                 on = f"{len(asked.scenes)} scenes"
                 reporter.note(f"{cells} cells in {on}: about {seconds:.0f} s on two cores without a GPU")
-            found = measure(asked, output, worker, reporter, time_again=time_again, profile=profile)
+            found = measure(asked, output, worker, reporter, time_again=time_again, profile=profile, part=chosen_part)
     if found.run.earlier and not quiet:
         console.print_error(f"note: {output}: {_earlier_cells_note(found.run)}")
     if json:

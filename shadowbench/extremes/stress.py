@@ -18,6 +18,7 @@ from shadowbench.measure.pictures import Pictures
 from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.rows import Record
 from shadowbench.studies.folder import read_folders
+from shadowbench.studies.part import WHOLE, Part
 from shadowbench.studies.study import Study
 from shadowbench.studies.tables import write_table
 from shadowbench.techniques.spec import Spec
@@ -49,15 +50,16 @@ def stress(
     reporter: Reporter,
     *,
     quick: bool = False,
+    part: Part = WHOLE,
 ) -> StressResult:
     """Sweep specs along axes and write rows, `ranges.csv`, `table.csv` and `run.json` into a folder.
 
-    executor: must have LIMITS; quick: a few values of each axis. Raises InputError for a folder with other files. A
-    cell that fails gets a row with that status.
+    executor: must have LIMITS; quick: a few values of each axis; part: measure only its ranges. Raises InputError for
+    a folder with other files. A cell that fails gets a row with that status.
     """
     check_folder(folder)
     with closing(RowStore(folder, sweep=True)) as store:
-        rows = sweep(specs, axes, Bench(executor, store, reporter, Pictures(folder)), quick)
+        rows = sweep(specs, axes, Bench(executor, store, reporter, Pictures(folder)), quick, part)
     ranges = operating_ranges(axes, rows)
     write_table(folder / "ranges.csv", [ranges_frame(ranges)])
     study = Study.of(

@@ -11,6 +11,7 @@ from shadowbench.measure.keys import cell_key, joint_key, view_key
 from shadowbench.measure.rows import Record
 from shadowbench.measure.scorer import Scorer, ScoreRequest
 from shadowbench.scenes.model import LightKind
+from shadowbench.studies.part import WHOLE, Part
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.spec import Spec
 
@@ -31,12 +32,17 @@ class Point:
         return f"{self.axis.name} {value_label(self.value)} {self.light}"
 
 
-def sweep(specs: Sequence[Spec], axes: Sequence[Axis], bench: Bench, quick: bool) -> list[Record]:
+def sweep(specs: Sequence[Spec], axes: Sequence[Axis], bench: Bench, quick: bool, part: Part = WHOLE) -> list[Record]:
     """Rows of specs at all values of axes, in their order; images are written for cells out of tolerance.
 
-    Existing rows are not measured again.
+    Existing rows are not measured again. part: measure only its ranges: a spec on an axis under one kind of light.
     """
-    lines = [LineJob(axis, light, axis.swept(quick), tuple(specs)) for axis in axes for light in axis.lights]
+    lit = [(axis, light) for axis in axes for light in axis.lights]
+    ranges = [(axis, light, spec) for axis, light in lit for spec in specs if light in spec.technique.lights]
+    found: dict[tuple[Axis, LightKind], list[Spec]] = {}
+    for axis, light, spec in part.of(ranges, lambda one: [one[0].name, one[1], one[2].full_text]):
+        found.setdefault((axis, light), []).append(spec)
+    lines = [LineJob(axis, light, axis.swept(quick), tuple(own)) for (axis, light), own in found.items()]
     bench.reporter.stage("stress", sum(len(line.values) for line in lines))
     return [bench.store.scores[key] for keys in bench.run(lines) for key in keys]
 

@@ -18,6 +18,7 @@ from shadowbench.measure.rows import Result
 from shadowbench.measure.session import DeviceInfo, Session
 from shadowbench.scenes.model import Scene
 from shadowbench.studies.crossing import Techniques
+from shadowbench.studies.part import WHOLE, Part
 from shadowbench.studies.run import run_study
 from shadowbench.studies.study import Study, find_study, read_study
 from shadowbench.techniques.spec import Spec, has_size
@@ -117,15 +118,17 @@ def measure(
     *,
     time_again: bool = False,
     profile: bool = False,
+    part: Part = WHOLE,
 ) -> StudyResult:
     """Measure a study into a folder: rows, masks, pictures, `table.csv` and `run.json`. Existing rows are reused.
 
-    time_again: time cells again that have a time. Raises InputError for a folder with other files, a scene that cannot
-    be read, and a map or view too large for the device. A cell that fails gets a row with that status.
+    time_again: time cells again that have a time; part: measure only its cells. Raises InputError for a folder with
+    other files, a scene that cannot be read, and a map or view too large for the device. A cell that fails gets a row
+    with that status.
     """
     check_folder(folder)
     start = time.perf_counter()
-    result = run_study(study, folder, executor, reporter, time_again)
+    result = run_study(study, folder, executor, reporter, time_again, part)
     spent = executor.call(Session.activity_seconds) if profile else {}
     from shadowbench.studies.folder import write_cells
     from shadowbench.studies.sweeps import sweep_positions

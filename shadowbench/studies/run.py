@@ -17,6 +17,7 @@ from shadowbench.measure.rows import Result
 from shadowbench.measure.session import DeviceInfo
 from shadowbench.scenes.model import Scene, View
 from shadowbench.scenes.views import first_of
+from shadowbench.studies.part import WHOLE, Part
 from shadowbench.studies.study import Study, scenes_of
 from shadowbench.techniques.filters import Filter
 from shadowbench.techniques.unshadowed import Unshadowed
@@ -34,13 +35,18 @@ class RunResult:
 
 
 def run_study(
-    study: Study, folder: Path, executor: Executor, reporter: Reporter, time_again: bool = False
+    study: Study,
+    folder: Path,
+    executor: Executor,
+    reporter: Reporter,
+    time_again: bool = False,
+    part: Part = WHOLE,
 ) -> RunResult:
     """Measure all cells of a study that the folder lacks. Raises InputError before anything is written.
 
-    time_again: time cells again that have a time; the rows keep both.
+    time_again: time cells again that have a time; the rows keep both; part: measure only its cells.
     """
-    profile, blocks = Profile(), list(study.blocks())
+    profile, blocks = Profile(), part.of_blocks(list(study.blocks()))
     with profile.activity("waiting"):
         info = executor.info
     check_sizes(study, info)
