@@ -8,6 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from shadowbench.files import replace_file
 from shadowbench.measure.flips import FLIPS, ROW_METRICS
@@ -193,9 +194,10 @@ class SummaryRow:
         return self.map_size is not None and self.phases == 1
 
 
-def interval(values: Sequence[float]) -> Interval | None:
+def interval(values: Sequence[float] | NDArray[np.float64]) -> Interval | None:
     """Median and bootstrap confidence interval (fixed seed) of the values that are not NaN; None if there are none."""
-    array = np.array([float(value) for value in values if not pd.isna(value)])
+    array = np.asarray(values, dtype=float)
+    array = array[~np.isnan(array)]
     if not len(array):
         return None
     if len(array) == 1:
@@ -231,12 +233,15 @@ def summary_rows(table: pd.DataFrame) -> list[SummaryRow]:
     """Summary rows of one table, best first; its times must be normalised to one reference time."""
     rows = []
     numbers = _numbers_set(table["spec"])
+    names = [*ROW_METRICS, *_TRUTH_ERRORS, "width_bias", *_TIMES[:4], *_TOTALS, "gpu_bytes"]
+    names += [name for name in _LENGTHS if name in table]
+    columns = {name: table[name].to_numpy(dtype=float, na_value=np.nan) for name in names}
+    position = pd.Series(range(len(table)), index=table.index)
     for key, group in table.groupby(["spec", "map_size"], sort=False, dropna=False):
         spec, size = cast("tuple[str, float]", key)
         succeeded = group[group["status"] == "ok"]
-        names = [*ROW_METRICS, *_TRUTH_ERRORS, "width_bias", *_TIMES[:4], *_TOTALS, "gpu_bytes"]
-        values = {name: interval(succeeded[name].tolist()) for name in names}
-        values |= {name: interval(succeeded[name].tolist()) for name in _LENGTHS if name in succeeded}
+        lines = position[succeeded.index].to_numpy()
+        values = {name: interval(column[lines]) for name, column in columns.items()}
         refused = tuple(group.loc[group["status"] != "ok", "status"])
         map_size = None if pd.isna(size) else int(size)
         unset = _unset(spec, group["full_spec"].iloc[0], numbers)
