@@ -5,22 +5,27 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from shadowbench.advice.tune_space import family_of
-from shadowbench.measure.bench import Bench, Reporter
+from shadowbench.measure.attempt import Attempt, Failure
+from shadowbench.measure.bench import Bench, Job, Reporter
 from shadowbench.measure.cells import Block, Cell, PlacedView
 from shadowbench.measure.measurer import Measurer
 from shadowbench.measure.rows import Record, Result
 from shadowbench.measure.session import Session
 from shadowbench.scenes.model import Coordinates, View, view_of
+from shadowbench.studies.run import readable_blocks
 from shadowbench.studies.study import Study
 from shadowbench.techniques.spec import Spec
 from shadowbench.truths.cache import cached_truth
 
 
 class TuningCells:
-    """Measures specs on blocks on request; the study gives map sizes, phases and views."""
+    """Measures specs on blocks on request; the study gives map sizes, phases and views.
 
-    def __init__(self, study: Study, measurer: Measurer) -> None:
-        self.study, self.measurer = study, measurer
+    failures: scenes and truths that failed and were left out; None to raise.
+    """
+
+    def __init__(self, study: Study, measurer: Measurer, failures: list[Failure] | None = None) -> None:
+        self.study, self.measurer, self.failures = study, measurer, failures
         self.results: dict[str, Result] = {}
 
     @property
@@ -33,16 +38,23 @@ class TuningCells:
 
         Traces their truths; the other views are reported.
         """
+        readable = self.study.blocks() if self.failures is None else readable_blocks(self.study, self.failures)
         blocks = [
             replace(block, view=view_of(block.scene, camera, block.view.light, block.view.size))
-            for block in self.study.blocks()
+            for block in readable
             for camera in block.scene.cameras
         ]
         self.reporter.stage("truth", len(blocks))
         kept = []
+        jobs: Sequence[Job[str | Failure | None]]
         jobs = [EligibilityJob(block.view, self.study.coordinates, spec) for block in blocks]
+        if self.failures is not None:
+            jobs = [Attempt(job, "truth", block.view.name) for job, block in zip(jobs, blocks, strict=True)]
         for block, reason in zip(blocks, self.measurer.bench.run(jobs), strict=True):
-            if reason is None:
+            if isinstance(reason, Failure):
+                assert self.failures is not None
+                self.failures.append(reason)
+            elif reason is None:
                 kept.append(block)
             else:
                 self.reporter.note(f"{block.view.name} takes no part: {reason}")

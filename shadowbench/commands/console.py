@@ -137,6 +137,19 @@ class Reporter(logging.Handler):
             print_error(f"{task.description}: {task.completed:.0f}{of}, {printable(what)}")
 
 
+def print_failures(failed: Iterable[tuple[str, str, str]]) -> None:
+    """Print what failed on stderr, most frequent first: a line for each reason.
+
+    failed: of each failure its kind (`scene`, `cell`, …), its name, and its reason.
+    """
+    kinds: dict[tuple[str, str], list[str]] = {}
+    for what, where, reason in failed:
+        kinds.setdefault((what, reason), []).append(where)
+    for (what, reason), places in sorted(kinds.items(), key=lambda item: -len(item[1])):
+        others = "" if len(places) == 1 else f" and {len(places) - 1} more"
+        print_error(f"failed: {len(places)} × {what}: {printable(places[0])}{others}: {printable(reason)}")
+
+
 def print_unsupported(statuses: Sequence[str], others: Sequence[str] = ()) -> None:
     """If all cells are unsupported, print that on stderr, as the command's last line. others: what would be drawn."""
     if statuses and all(status.startswith("unsupported") for status in statuses):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from shadowbench.commands import completion, console
-from shadowbench.commands.options import SPEC, Json, PartOption, Plugins, Quiet
+from shadowbench.commands.options import SPEC, Json, KeepGoing, PartOption, Plugins, Quiet
 
 if TYPE_CHECKING:
     from shadowbench.extremes.ranges import OperatingRange
@@ -44,6 +44,7 @@ def stress(
     quick: Annotated[bool, typer.Option("--quick", help="Only a few values of each axis.")] = False,
     plugin: Plugins = None,
     part: PartOption = None,
+    keep_going: KeepGoing = False,
     output: Annotated[
         Path,
         typer.Option("-o", "--output", metavar="DIR", help="Folder for the tables, and the masks of failed cells."),
@@ -83,7 +84,7 @@ def stress(
     chosen = tuple(dict.fromkeys(parse_spec(text, known) for text in techniques or ()))
     specs = chosen or default_specs(known.values())
     with console.Reporter(quiet) as reporter, Worker(plugin or (), LIMITS) as worker:
-        found = walk(specs, axes, output, worker, reporter, quick=quick, part=chosen_part)
+        found = walk(specs, axes, output, worker, reporter, quick=quick, part=chosen_part, keep_going=keep_going)
     if json:
         frame = ranges_frame(found.ranges).astype(object)
         console.print_json(frame.where(lambda frame: frame.notna(), None).to_dict("records"))
@@ -95,7 +96,8 @@ def stress(
                 f"{output / 'ranges.csv'}: {len(found.ranges)} operating ranges, from {len(found.rows)} cells"
             )
     console.print_unsupported([str(row["status"]) for row in found.rows])
-    raise typer.Exit(_exit_code(found.rows))
+    console.print_failures((one.what, one.where, one.reason) for one in found.failures)
+    raise typer.Exit(3 if found.failures else _exit_code(found.rows))
 
 
 def _print(title: str, ranges: "Sequence[OperatingRange]") -> None:

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 from shadowbench.extremes.axes import Axis, Setting, Value, value_label
 from shadowbench.extremes.ranges import failure
-from shadowbench.measure.bench import Bench
+from shadowbench.measure.attempt import Attempt, Failure
+from shadowbench.measure.bench import Bench, Job
 from shadowbench.measure.cells import Cell, PlacedView
 from shadowbench.measure.keys import cell_key, joint_key, view_key
 from shadowbench.measure.rows import Record
@@ -32,10 +33,18 @@ class Point:
         return f"{self.axis.name} {value_label(self.value)} {self.light}"
 
 
-def sweep(specs: Sequence[Spec], axes: Sequence[Axis], bench: Bench, quick: bool, part: Part = WHOLE) -> list[Record]:
+def sweep(
+    specs: Sequence[Spec],
+    axes: Sequence[Axis],
+    bench: Bench,
+    quick: bool,
+    part: Part = WHOLE,
+    failed: list[Failure] | None = None,
+) -> list[Record]:
     """Rows of specs at all values of axes, in their order; images are written for cells out of tolerance.
 
-    Existing rows are not measured again. part: measure only its ranges: a spec on an axis under one kind of light.
+    Existing rows are not measured again. part: measure only its ranges, of a spec on an axis under one kind of light;
+    failed: receives lines that fail, whose rows are left out; None to raise.
     """
     lit = [(axis, light) for axis in axes for light in axis.lights]
     ranges = [(axis, light, spec) for axis, light in lit for spec in specs if light in spec.technique.lights]
@@ -44,7 +53,17 @@ def sweep(specs: Sequence[Spec], axes: Sequence[Axis], bench: Bench, quick: bool
         found.setdefault((axis, light), []).append(spec)
     lines = [LineJob(axis, light, axis.swept(quick), tuple(own)) for (axis, light), own in found.items()]
     bench.reporter.stage("stress", sum(len(line.values) for line in lines))
-    return [bench.store.scores[key] for keys in bench.run(lines) for key in keys]
+    attempts: Sequence[Job[list[str] | Failure]] = lines
+    if failed is not None:
+        attempts = [Attempt(line, "axis", f"{line.axis.name} {line.light}") for line in lines]
+    rows = []
+    for answer in bench.run(attempts):
+        if isinstance(answer, Failure):
+            assert failed is not None
+            failed.append(answer)
+        else:
+            rows += [bench.store.scores[key] for key in answer]
+    return rows
 
 
 @dataclass(frozen=True, eq=False)

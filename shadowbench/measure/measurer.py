@@ -3,11 +3,12 @@
 Rows are written to disk as they are made; a cell whose key already has rows is not measured again.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from shadowbench.measure.bench import Bench
+from shadowbench.measure.attempt import Attempt, Failure
+from shadowbench.measure.bench import Bench, Job
 from shadowbench.measure.cells import Block, Cell, PlacedView
 from shadowbench.measure.flips import Stepped, flips
 from shadowbench.measure.keys import cell_key, counting_digest, joint_key, view_key
@@ -26,13 +27,25 @@ class Measurer:
     def __init__(self, bench: Bench, conditions: Conditions) -> None:
         self.bench, self.conditions = bench, conditions
 
-    def measure(self, blocks: Sequence[Block]) -> Iterator[list[Result]]:
-        """Results of each block's cells, measured now or found. Reports one step per cell and one per timed cell."""
+    def measure(self, blocks: Sequence[Block], failed: list[Failure] | None = None) -> Iterator[list[Result]]:
+        """Results of each block's cells, measured now or found. Reports one step per cell and one per timed cell.
+
+        failed: receives blocks that fail, of which only the cells measured before are in the results; None to raise.
+        """
         info, store = self.bench.executor.info, self.bench.store
         machine = machine_key(info)
         jobs = [BlockJob(block, self.conditions) for block in blocks]
-        for job, failures in zip(jobs, self.bench.run(jobs), strict=True):
-            keys = job.keys(info.renderer).values()
+        attempts: Sequence[Job[Mapping[str, str] | Failure]]
+        attempts = jobs if failed is None else [Attempt(job, "cells", job.block.view.name) for job in jobs]
+        for job, answer in zip(jobs, self.bench.run(attempts), strict=True):
+            keys: Iterable[str] = job.keys(info.renderer).values()
+            failures: Mapping[str, str] = {}
+            if isinstance(answer, Failure):
+                assert failed is not None
+                failed.append(answer)
+                keys = [key for key in keys if key in store.scores]
+            else:
+                failures = answer
             yield [
                 Result(store.scores[key], _time_on(machine, store.times.get(key)), failures.get(key)) for key in keys
             ]

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from shadowbench.files import check_folder
+from shadowbench.measure.attempt import Failure
 from shadowbench.measure.bench import Reporter
 from shadowbench.measure.executor import Executor
 from shadowbench.measure.flips import size_after
@@ -92,7 +93,8 @@ class StudyResult:
     """Result of measuring a study into a folder.
 
     results: its cells, measured now or before; run: the whole folder, with cells of earlier commands; sweep_positions:
-    of specs in the study's bias sweeps; seconds: by activity (see `measure.profile`), empty unless requested.
+    of specs in the study's bias sweeps; seconds: by activity (see `measure.profile`), empty unless requested; failures:
+    what was left out, with `keep_going`.
     """
 
     study: Study
@@ -101,6 +103,7 @@ class StudyResult:
     sweep_positions: "SweepPositions"
     info: DeviceInfo
     seconds: Mapping[str, float]
+    failures: tuple[Failure, ...] = ()
 
     @cached_property
     def frame(self) -> "pd.DataFrame":
@@ -119,16 +122,17 @@ def measure(
     time_again: bool = False,
     profile: bool = False,
     part: Part = WHOLE,
+    keep_going: bool = False,
 ) -> StudyResult:
     """Measure a study into a folder: rows, masks, pictures, `table.csv` and `run.json`. Existing rows are reused.
 
-    time_again: time cells again that have a time; part: measure only its cells. Raises InputError for a folder with
-    other files, a scene that cannot be read, and a map or view too large for the device. A cell that fails gets a row
-    with that status.
+    time_again: time cells again that have a time; part: measure only its cells; keep_going: leave out scenes,
+    truths and blocks that fail. Raises InputError for a folder with other files, a scene that cannot be read, and a map
+    or view too large for the device. A cell that fails gets a row with that status.
     """
     check_folder(folder)
     start = time.perf_counter()
-    result = run_study(study, folder, executor, reporter, time_again, part)
+    result = run_study(study, folder, executor, reporter, time_again, part, keep_going)
     spent = executor.call(Session.activity_seconds) if profile else {}
     from shadowbench.studies.folder import write_cells
     from shadowbench.studies.sweeps import sweep_positions
@@ -139,4 +143,4 @@ def measure(
     )
     run = write_cells(folder, result.results, positions)
     seconds = complete_profile(result.profile.seconds, spent, time.perf_counter() - start) if profile else {}
-    return StudyResult(study, tuple(result.results), run, positions, executor.info, seconds)
+    return StudyResult(study, tuple(result.results), run, positions, executor.info, seconds, tuple(result.failures))

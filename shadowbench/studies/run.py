@@ -1,12 +1,15 @@
 """Running a study into a folder: all truths first, then the cells block by block."""
 
 import math
+from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from shadowbench.errors import InputError
-from shadowbench.measure.bench import Bench, Reporter
+from shadowbench.errors import InputError, ShadowbenchError
+from shadowbench.measure.attempt import Attempt, Failure
+from shadowbench.measure.bench import Bench, Job, Reporter
+from shadowbench.measure.cells import Block
 from shadowbench.measure.executor import Executor
 from shadowbench.measure.flips import size_after
 from shadowbench.measure.measurer import Measurer
@@ -27,11 +30,15 @@ from shadowbench.truths.trace import Truth
 
 @dataclass(frozen=True, eq=False)
 class RunResult:
-    """Results of all cells of a run, measured now or before, its notes and its time by activity."""
+    """Results of all cells of a run, measured now or before, its notes and its time by activity.
+
+    failures: what was left out, with `keep_going`.
+    """
 
     results: list[Result]
     notes: list[str]
     profile: Profile
+    failures: list[Failure]
 
 
 def run_study(
@@ -41,12 +48,15 @@ def run_study(
     reporter: Reporter,
     time_again: bool = False,
     part: Part = WHOLE,
+    keep_going: bool = False,
 ) -> RunResult:
     """Measure all cells of a study that the folder lacks. Raises InputError before anything is written.
 
-    time_again: time cells again that have a time; the rows keep both; part: measure only its cells.
+    time_again: time cells again that have a time; the rows keep both; part: measure only its cells; keep_going: leave
+    out scenes, truths and blocks that fail. Raises ShadowbenchError if nothing is left.
     """
-    profile, blocks = Profile(), part.of_blocks(list(study.blocks()))
+    failures: list[Failure] = []
+    profile, blocks = Profile(), part.of_blocks(readable_blocks(study, failures) if keep_going else [*study.blocks()])
     with profile.activity("waiting"):
         info = executor.info
     check_sizes(study, info)
@@ -58,24 +68,54 @@ def run_study(
     reporter.stage("truth", len(blocks))
     truths = Bench(executor, Rows(), reporter, profile=profile)
     # All of them before anything is written: a view that shows nothing raises InputError.
-    for block, line in zip(blocks, truths.run([TruthJob(block.view) for block in blocks]), strict=True):
+    jobs: Sequence[Job[str | Failure | None]] = [TruthJob(block.view) for block in blocks]
+    if keep_going:
+        jobs = [Attempt(TruthJob(block.view), "truth", block.view.name) for block in blocks]
+    traced = []
+    for block, line in zip(blocks, truths.run(jobs), strict=True):
+        if isinstance(line, Failure):
+            failures.append(line)
+            continue
+        traced.append(block)
         if line is not None:
             notes.append(f"{block.view.name}: {line}")
             reporter.note(notes[-1])
             uniform.add(block.view.name)
+    blocks = traced
+    if not blocks:
+        raise ShadowbenchError(f"nothing is left to measure: {failures[0].where}: {failures[0].reason}")
     with closing(RowStore(folder)) as store:
         conditions = study.conditions(time_again)
         measurer = Measurer(Bench(executor, store, reporter, Pictures(folder), profile), conditions)
         cells = [cell for block in blocks for cell in block.cells]
         reporter.stage("cells", len(cells) + sum(map(conditions.times, cells)))
         results = []
-        for block, found in zip(blocks, measurer.measure(blocks), strict=True):
+        for block, found in zip(blocks, measurer.measure(blocks, failures if keep_going else None), strict=True):
             results += found
             masks = () if block.view.name in uniform else filter(None, map(_uniform_mask, found))
             for line in dict.fromkeys(masks):  # phases may say the same
                 notes.append(f"{block.view.name}: {line}")
                 reporter.note(notes[-1])
-    return RunResult(results, notes, profile)
+    if not results:
+        raise ShadowbenchError(f"no cell was measured: {failures[0].where}: {failures[0].reason}")
+    return RunResult(results, notes, profile, failures)
+
+
+def readable_blocks(study: Study, failures: list[Failure]) -> list[Block]:
+    """The blocks of a study whose scenes can be read; failures: receives the others."""
+    blocks: list[Block] = []
+    for source in study.scenes:
+        try:
+            own = list(study.with_(scenes=(source,)).blocks())
+            if any(block.scene.name == own[0].scene.name for block in blocks):
+                raise InputError(f"found two scenes that are called {own[0].scene.name!r}; names must differ")
+            blocks += own
+        except InputError as error:
+            name = source if isinstance(source, str) else source.name
+            failures.append(Failure("scene", name, str(error).removeprefix(f"{Path(name).name}: ")))
+    if not blocks:
+        raise InputError(f"{failures[0].where}: {failures[0].reason}")
+    return blocks
 
 
 @dataclass(frozen=True, eq=False)
