@@ -12,7 +12,7 @@ from shadowbench.errors import printable
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.progress import TaskID
+    from rich.progress import Task, TaskID
 
     from shadowbench.scenes.model import View
 
@@ -65,6 +65,13 @@ class Reporter(logging.Handler):
             TimeRemainingColumn,
         )
         from rich.table import Column
+        from rich.text import Text
+
+        class Remaining(TimeRemainingColumn):
+            """Rich's extrapolation, unless the text after the bar has a better one."""
+
+            def render(self, task: "Task") -> Text:
+                return Text() if " left, " in task.fields["what"] else super().render(task)
 
         super().__init__(logging.WARNING)
         self._quiet = quiet
@@ -76,7 +83,7 @@ class Reporter(logging.Handler):
             BarColumn(None, table_column=Column(ratio=1)),  # the bar and the text share what the numbers leave
             MofNCompleteColumn(table_column=Column(no_wrap=True)),
             TimeElapsedColumn(table_column=Column(no_wrap=True)),
-            TimeRemainingColumn(table_column=Column(no_wrap=True)),
+            Remaining(table_column=Column(no_wrap=True)),
             TextColumn("{task.fields[what]}", table_column=Column(ratio=2, no_wrap=True, overflow="ellipsis")),
         )
         disable = quiet or not err().is_terminal

@@ -1,6 +1,5 @@
 """Computation behind `run`: the study given by a file and options, and its measurement into a folder."""
 
-import operator
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,7 +11,6 @@ from shadowbench.files import check_folder
 from shadowbench.measure.attempt import Failure
 from shadowbench.measure.bench import Reporter
 from shadowbench.measure.executor import Executor
-from shadowbench.measure.flips import size_after
 from shadowbench.measure.machine import write_run_file
 from shadowbench.measure.profile import complete_profile
 from shadowbench.measure.rows import Result
@@ -22,6 +20,7 @@ from shadowbench.studies.crossing import Techniques
 from shadowbench.studies.part import WHOLE, Part
 from shadowbench.studies.run import run_study
 from shadowbench.studies.study import Study, find_study, read_study
+from shadowbench.studies.time_left import drawing_seconds, timing_seconds
 from shadowbench.techniques.spec import Spec, has_size
 
 if TYPE_CHECKING:  # what imports pandas, 0.3 s, waits until the cells are measured
@@ -81,10 +80,7 @@ def estimate(study: Study) -> tuple[int, float]:
     Lights other than `sun` are taken to have no size.
     """
     cells = study.cells(study.sun)
-    frames = [(study.rounds * 4 / 3 if cell.phase == 0 else 0) + 4 for cell in cells]
-    pixels = [study.view_size**2 + (cell.spec.map_size or 0) ** 2 for cell in cells]
-    stepped = size_after(study.step, study.view_size) ** 2
-    seconds = (sum(map(operator.mul, pixels, frames)) + 4 * stepped * len(cells)) * 1e-9 * 12 * len(study.scenes)
+    seconds = sum(drawing_seconds(study, cell) + timing_seconds(study, cell) for cell in cells) * len(study.scenes)
     return len(cells) * len(study.scenes), max(seconds, 5)
 
 

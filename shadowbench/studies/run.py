@@ -12,7 +12,7 @@ from shadowbench.measure.bench import Bench, Job, Reporter
 from shadowbench.measure.cells import Block
 from shadowbench.measure.executor import Executor
 from shadowbench.measure.flips import size_after
-from shadowbench.measure.measurer import Measurer
+from shadowbench.measure.measurer import BlockJob, Measurer
 from shadowbench.measure.pictures import Pictures
 from shadowbench.measure.profile import Profile
 from shadowbench.measure.row_store import Rows, RowStore
@@ -22,10 +22,13 @@ from shadowbench.scenes.model import Scene, View
 from shadowbench.scenes.views import first_of
 from shadowbench.studies.part import WHOLE, Part
 from shadowbench.studies.study import Study, scenes_of
+from shadowbench.studies.time_left import TimeLeft, duration
 from shadowbench.techniques.filters import Filter
 from shadowbench.techniques.unshadowed import Unshadowed
 from shadowbench.truths.cache import cached_truth
 from shadowbench.truths.trace import Truth
+
+_LONG_S = 60.0  # from which an estimate is given
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,9 +89,21 @@ def run_study(
         raise ShadowbenchError(f"nothing is left to measure: {failures[0].where}: {failures[0].reason}")
     with closing(RowStore(folder)) as store:
         conditions = study.conditions(time_again)
-        measurer = Measurer(Bench(executor, store, reporter, Pictures(folder), profile), conditions)
+        left = TimeLeft(reporter)
+        for block in blocks:
+            keys = BlockJob(block, conditions).keys(info.renderer)
+            missing = [cell for cell, key in keys.items() if store.finished_score(key) is None]
+            untimed = [cell for cell, key in keys.items() if time_again or key not in store.times]
+            left.expect(study, missing, filter(conditions.times, untimed))
+        measurer = Measurer(Bench(executor, store, left, Pictures(folder), profile), conditions)
         cells = [cell for block in blocks for cell in block.cells]
-        reporter.stage("cells", len(cells) + sum(map(conditions.times, cells)))
+        if left.seconds >= _LONG_S:
+            missing_count = sum(kind.steps for name, kind in left.kinds.items() if name != "timed")
+            rough = f"about {duration(left.seconds)} on two cores without a GPU"
+            reporter.note(
+                f"{missing_count} of {len(cells)} cells to measure: {rough}, by a model that the first cells correct"
+            )
+        left.stage("cells", len(cells) + sum(map(conditions.times, cells)))
         results = []
         for block, found in zip(blocks, measurer.measure(blocks, failures if keep_going else None), strict=True):
             results += found
