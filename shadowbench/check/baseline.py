@@ -30,7 +30,7 @@ MISSING = "missing"  # status of a cell that was not run
 Verdict = Literal["regressed", "improved"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Change:
     """A value of a cell that changed by more than its tolerance.
 

@@ -122,13 +122,15 @@ def write_pictures(result: CheckResult) -> list[tuple[Path, bool]]:
         stale.unlink()
     before = {identity(result.score): result.score for result in baseline.results}
     regressed = result.findings.with_verdict("regressed", times=False)
-    worst = {identity(change.score): change.score for change in regressed if change.what in ROW_METRICS}
+    worst = {id(change.score): change.score for change in regressed if change.what in ROW_METRICS}.values()
     written: list[tuple[Path, bool]] = []
-    for key, score in worst.items():
+    for score in worst:
+        if len(written) == _PICTURES:
+            break
         after = _difference(run, score, run)
-        if after is None or len(written) == _PICTURES:
+        if after is None:
             continue
-        old = _difference(baseline, before[key], run)
+        old = _difference(baseline, before[identity(score)], run)
         beside = old is not None and old.shape == after.shape
         parts = [old, np.full((len(after), _GAP, 3), 255, np.uint8), after] if beside and old is not None else [after]
         folder.mkdir(exist_ok=True)
