@@ -15,6 +15,7 @@ from pathlib import Path
 from shadowbench.advice.recommendation import MARGINS, Target, find_cheapest, trial_of
 from shadowbench.advice.search import Trial
 from shadowbench.advice.space import full_space, grid_of
+from shadowbench.measure.bench import Bench
 from shadowbench.measure.cells import Block, Cell
 from shadowbench.measure.measurer import Measurer
 from shadowbench.measure.pictures import Pictures
@@ -156,8 +157,8 @@ def check(
     # As `recommend` does, which ranks by work here.
     space = [spec for spec in full_space(known, view.light.kind, largest) if not spec.technique.extra_work(spec.params)]
     with closing(RowStore(folder)) as store:
-        measurer = Measurer(worker, store, Conditions(), _SilentReporter(), Pictures(folder))
-        results = measurer.measure(Block(view, tuple(map(Cell, space))))
+        measurer = Measurer(Bench(worker, store, _SilentReporter(), Pictures(folder)), Conditions())
+        (results,) = measurer.measure([Block(view, tuple(map(Cell, space)))])
     rows: dict[Spec, Result] = dict(zip(space, results, strict=True))
     lines = {}
     for target in TARGETS:

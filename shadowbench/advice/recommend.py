@@ -13,10 +13,11 @@ from shadowbench.advice.search import Trial
 from shadowbench.advice.words import obstacles, target_notes
 from shadowbench.errors import InputError
 from shadowbench.files import check_folder, replace_file
+from shadowbench.measure.bench import Bench, Reporter
 from shadowbench.measure.cells import Block, Cell, PlacedView
 from shadowbench.measure.executor import Executor
 from shadowbench.measure.machine import write_run_file
-from shadowbench.measure.measurer import Measurer, Reporter
+from shadowbench.measure.measurer import Measurer
 from shadowbench.measure.pictures import Pictures
 from shadowbench.measure.references import DEFAULT_REFERENCE
 from shadowbench.measure.row_store import RowStore
@@ -99,11 +100,12 @@ def recommend(
     study = Study.of([view.scene], [DEFAULT_REFERENCE], view_size=view.size, rounds=ROUNDS if unit == "ms" else 0)
     results: list[Result] = []
     with closing(RowStore(folder)) as store:
-        measurer = Measurer(executor, store, study.conditions(), reporter, Pictures(folder))
+        measurer = Measurer(Bench(executor, store, reporter, Pictures(folder)), study.conditions())
         reporter.stage("measuring", None)  # the search ends when no spec is left that may be cheaper
 
         def measure(spec: Spec) -> Result:
-            results.extend(measurer.measure(Block(view, (Cell(spec),))))
+            (found,) = measurer.measure([Block(view, (Cell(spec),))])
+            results.extend(found)
             return results[-1]
 
         found = find_cheapest(view, truth, target, unit, known, info.max_map_size, measure)

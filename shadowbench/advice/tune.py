@@ -13,9 +13,11 @@ from shadowbench.advice.tune_space import SearchSpace, searched_parameters
 from shadowbench.advice.tune_split import split_scenes
 from shadowbench.errors import InputError
 from shadowbench.files import check_folder
+from shadowbench.measure.attempt import Failure
+from shadowbench.measure.bench import Bench, Reporter
 from shadowbench.measure.executor import Executor
 from shadowbench.measure.machine import write_run_file
-from shadowbench.measure.measurer import Measurer, Reporter
+from shadowbench.measure.measurer import Measurer
 from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.rows import Result
 from shadowbench.scenes.library import hard_names
@@ -29,10 +31,11 @@ from shadowbench.techniques.spec import Spec, spec_of
 
 @dataclass(frozen=True, eq=False)
 class TuningResult:
-    """Result of a parameter search, and all cells measured for it."""
+    """Result of a parameter search, and all cells measured for it; failures: what was left out, with `keep_going`."""
 
     tuning: TuningComparison
     results: tuple[Result, ...]
+    failures: tuple[Failure, ...]
 
 
 def tune_parameters(
@@ -48,15 +51,16 @@ def tune_parameters(
     trials: int = 100,
     map_size: Sequence[int] = (2048,),
     phases: int = 2,
+    keep_going: bool = False,
     **others: Any,
 ) -> TuningResult:
     """Search a technique's parameters, and compare the result with the default, the presets and the specs `against`.
 
     scenes: by default the built-in ones whose lights have no size; held_out: names of scenes for the comparison, by
     default every third; params: comma-separated names of parameters, by default DEFAULT_PARAMETERS; map_size: results
-    for several sizes are averaged, as are phases; others: fields of a study, such as `view_size` and `assets`. Writes
-    rows, `table.csv` and `run.json`. Raises InputError for parameters that cannot be searched, CellFailed if the
-    default fails.
+    for several sizes are averaged, as are phases; keep_going: leave out scenes and truths that fail; others: fields of
+    a study, such as `view_size` and `assets`. Writes rows, `table.csv` and `run.json`. Raises InputError for parameters
+    that cannot be searched, CellFailed if the default fails.
     """
     base = _sizeless(spec, map_size)
     names = searched_parameters(base, params)
@@ -68,8 +72,9 @@ def tune_parameters(
     check_sizes(study, info)
     if not info.pipeline_statistics:
         raise InputError(f"{info.renderer} does not count shader invocations, so that there is no cost to minimise")
+    failures: list[Failure] | None = [] if keep_going else None
     with closing(RowStore(folder)) as store:
-        cells = TuningCells(study, Measurer(executor, store, study.conditions(), reporter))
+        cells = TuningCells(study, Measurer(Bench(executor, store, reporter), study.conditions()), failures)
         blocks = cells.eligible_blocks(base)
         split = split_scenes([scene.name for scene in scenes_of(blocks)], held_out)
         space = SearchSpace(base, names, cells.unsupported_components(base, names, blocks))
@@ -77,7 +82,7 @@ def tune_parameters(
     results = tuple(cells.results.values())
     write_run_file(folder / "run.json", info, [], study.facts, [result.score for result in results])
     write_cells(folder, results, {})
-    return TuningResult(found, results)
+    return TuningResult(found, results, tuple(failures or ()))
 
 
 def _sizeless(spec: Spec, sizes: Sequence[int]) -> Spec:

@@ -17,12 +17,20 @@ INVOCATIONS = 0.02  # relative tolerance of other counts: drivers differ in help
 TIME_FACTOR = 1.1  # smallest change of a time ratio that is reported
 SIGNIFICANT = 3.0  # standard errors
 
+COMPARED = frozenset(
+    {
+        *("technique", "flips", "step", "work", "gpu_bytes", "mask_sha256"),
+        *("clock", "reference", "ratio", "ratio_iqr", "n"),
+    }
+)
+"""Fields of score and time records that are compared or printed, besides those that any reader of a folder keeps."""
+
 MISSING = "missing"  # status of a cell that was not run
 
 Verdict = Literal["regressed", "improved"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Change:
     """A value of a cell that changed by more than its tolerance.
 
@@ -104,7 +112,7 @@ def _same_mask(old: Record, new: Record, names: Iterable[str]) -> bool:
     if old.get("mask_sha256") is None or old["mask_sha256"] != new.get("mask_sha256"):
         return False
     before, after = row_metrics(old), row_metrics(new)
-    return all(before[name] == after.get(name) for name in names if name in before)
+    return before == after or all(before[name] == after.get(name) for name in names if name in before)
 
 
 def _status(old: Result, new: Result) -> Iterator[Change]:
@@ -116,6 +124,8 @@ def _status(old: Result, new: Result) -> Iterator[Change]:
 
 def _metrics(old: Record, new: Record, allowed: Mapping[str, float]) -> Iterator[Change]:
     then, now = row_metrics(old), row_metrics(new)
+    if then == now:
+        return
     for name, tolerance in allowed.items():
         if name not in then:  # a row of an older version beside newer ones
             continue

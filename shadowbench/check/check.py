@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.check.baseline import Change, Findings, compare
+from shadowbench.check.baseline import COMPARED, Change, Findings, compare
 from shadowbench.check.bless import copy_study, write_baseline
 from shadowbench.engines.legend import with_legend
 from shadowbench.errors import InputError
@@ -57,7 +57,7 @@ def check(
     baseline, which may then be missing but not be a run folder. Raises InputError for a folder that is no run or
     baseline, and if they have no cell in common.
     """
-    whole = read_runs([folder])[0]
+    (whole,) = read_runs([folder], None if update else COMPARED)
     run = replace(whole, rows=tuple(row for row in whole.rows if row["key"] not in whole.earlier))
     reference_run = _baseline(baseline, update)
     findings = compare(run.results, reference_run.results if reference_run else (), tolerances)
@@ -106,7 +106,7 @@ def _baseline(folder: Path, update: bool) -> Run | None:
             raise InputError(f"--update: {folder} is a run folder, whose rows were measured; allowed: {allowed}")
         if not (folder / "rows.jsonl").exists():
             return None
-    return read_runs([folder])[0]
+    return read_runs([folder], COMPARED)[0]
 
 
 def write_pictures(result: CheckResult) -> list[tuple[Path, bool]]:
@@ -122,13 +122,15 @@ def write_pictures(result: CheckResult) -> list[tuple[Path, bool]]:
         stale.unlink()
     before = {identity(result.score): result.score for result in baseline.results}
     regressed = result.findings.with_verdict("regressed", times=False)
-    worst = {identity(change.score): change.score for change in regressed if change.what in ROW_METRICS}
+    worst = {id(change.score): change.score for change in regressed if change.what in ROW_METRICS}.values()
     written: list[tuple[Path, bool]] = []
-    for key, score in worst.items():
+    for score in worst:
+        if len(written) == _PICTURES:
+            break
         after = _difference(run, score, run)
-        if after is None or len(written) == _PICTURES:
+        if after is None:
             continue
-        old = _difference(baseline, before[key], run)
+        old = _difference(baseline, before[identity(score)], run)
         beside = old is not None and old.shape == after.shape
         parts = [old, np.full((len(after), _GAP, 3), 255, np.uint8), after] if beside and old is not None else [after]
         folder.mkdir(exist_ok=True)

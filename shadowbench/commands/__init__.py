@@ -17,6 +17,7 @@ from shadowbench.commands import (
     doctor,
     export,
     listing,
+    merge,
     needs,
     new_technique,
     recommend,
@@ -67,7 +68,7 @@ app = typer.Typer(
 _PANELS = {  # as --help lists them
     "Measure techniques": (run, stress, score, truth),
     "Decide what a scene needs": (recommend, needs, tune),
-    "Check results and the machine": (check, repeat, doctor),
+    "Check results and the machine": (check, repeat, merge, doctor),
     "Look": (report, render, view, listing),
     "Extend with a technique or an engine": (new_technique, export),
 }

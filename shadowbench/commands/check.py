@@ -136,18 +136,16 @@ def _summary(findings: "Findings", baseline: Path) -> str:
     return f"{counted(findings.compared, 'cell')} compared with {baseline}{same}: {', '.join(parts)}"
 
 
-def _by_cell(changes: "Sequence[Change]") -> "dict[tuple[Any, ...], list[Change]]":
-    from shadowbench.studies.folder import identity
-
-    cells: dict[tuple[Any, ...], list[Change]] = {}
+def _by_cell(changes: "Sequence[Change]") -> "list[list[Change]]":
+    cells: dict[int, list[Change]] = {}  # by the record, which the changes of a cell share
     for change in changes:
-        cells.setdefault(identity(change.score), []).append(change)
-    return cells
+        cells.setdefault(id(change.score), []).append(change)
+    return list(cells.values())
 
 
 def _print_changes(title: str, changes: "list[Change]") -> None:
     """One line per cell: the largest change, and the names of the other changed values."""
-    cells = list(_by_cell(changes).values())
+    cells = _by_cell(changes)
     columns = ("scene, view, light", "spec", "map", "what", "before", "", "after", "× tolerance", "also")
     rows = [_line(worst, others) for worst, *others in cells[:_LINES]]
     numbers = ("map", "before", "", "after", "× tolerance")

@@ -12,7 +12,7 @@ from shadowbench.errors import printable
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.progress import TaskID
+    from rich.progress import Task, TaskID
 
     from shadowbench.scenes.model import View
 
@@ -65,6 +65,13 @@ class Reporter(logging.Handler):
             TimeRemainingColumn,
         )
         from rich.table import Column
+        from rich.text import Text
+
+        class Remaining(TimeRemainingColumn):
+            """Rich's extrapolation, unless the text after the bar has a better one."""
+
+            def render(self, task: "Task") -> Text:
+                return Text() if " left, " in task.fields["what"] else super().render(task)
 
         super().__init__(logging.WARNING)
         self._quiet = quiet
@@ -76,7 +83,7 @@ class Reporter(logging.Handler):
             BarColumn(None, table_column=Column(ratio=1)),  # the bar and the text share what the numbers leave
             MofNCompleteColumn(table_column=Column(no_wrap=True)),
             TimeElapsedColumn(table_column=Column(no_wrap=True)),
-            TimeRemainingColumn(table_column=Column(no_wrap=True)),
+            Remaining(table_column=Column(no_wrap=True)),
             TextColumn("{task.fields[what]}", table_column=Column(ratio=2, no_wrap=True, overflow="ellipsis")),
         )
         disable = quiet or not err().is_terminal
@@ -135,6 +142,19 @@ class Reporter(logging.Handler):
             (task,) = self._progress.tasks
             of = "" if task.total is None else f" of {task.total:.0f}"
             print_error(f"{task.description}: {task.completed:.0f}{of}, {printable(what)}")
+
+
+def print_failures(failed: Iterable[tuple[str, str, str]]) -> None:
+    """Print what failed on stderr, most frequent first: a line for each reason.
+
+    failed: of each failure its kind (`scene`, `cell`, …), its name, and its reason.
+    """
+    kinds: dict[tuple[str, str], list[str]] = {}
+    for what, where, reason in failed:
+        kinds.setdefault((what, reason), []).append(where)
+    for (what, reason), places in sorted(kinds.items(), key=lambda item: -len(item[1])):
+        others = "" if len(places) == 1 else f" and {len(places) - 1} more"
+        print_error(f"failed: {len(places)} × {what}: {printable(places[0])}{others}: {printable(reason)}")
 
 
 def print_unsupported(statuses: Sequence[str], others: Sequence[str] = ()) -> None:

@@ -39,6 +39,23 @@ ViewName = Annotated[
 LightName = Annotated[
     str | None, typer.Option("--light", metavar="NAME", help="Name of a light of the scene  [the first].")
 ]
+PartOption = Annotated[
+    str | None,
+    typer.Option(
+        "--part",
+        metavar="K/N",
+        help="Measure only part K of N, such as 3/16, for machines that share nothing, or array jobs; each needs a "
+        "folder of its own, and `merge` joins them.",
+    ),
+]
+KeepGoing = Annotated[
+    bool,
+    typer.Option(
+        "--keep-going",
+        help="Leave out scenes that cannot be read, and what else would stop the command, and measure the rest; a "
+        "summary names them, and the exit code is 3. A cell that fails never stops it.",
+    ),
+]
 SCENE = "a built-in name (shadowbench list scenes), a scene file (.toml), or a mesh file"
 SPEC = "a technique and its parameters (shadowbench list techniques)"
 SceneArgument = Annotated[

@@ -8,6 +8,8 @@ import typer
 from shadowbench.commands import completion, console
 from shadowbench.commands.options import Quiet
 
+_LARGE = 20e6  # bytes of a page
+
 app = typer.Typer()
 
 
@@ -41,6 +43,14 @@ def report(
             "(time of each pass), and from `stress` stability.png and stability.AXIS.png.",
         ),
     ] = "html",
+    split: Annotated[
+        bool,
+        typer.Option(
+            "--split",
+            help="Write pictures, charts and tables into files beside the page (report.files/), which it loads when it "
+            "shows them: for thousands of cells.",
+        ),
+    ] = False,
     quiet: Quiet = False,
 ) -> None:
     """Make charts, tables and pictures from run folders.
@@ -59,13 +69,13 @@ def report(
     from shadowbench.reports.words import counted
     from shadowbench.studies.folder import read_folders
 
-    target = report_target(output, format)
+    target = report_target(output, format, split)
     with console.Reporter(quiet) as reporter:
         reporter.stage("reading", 1, ", ".join(map(str, folders)))
         runs, sweeps = read_folders(folders)
         reporter.stage("charts and pictures", 1, str(target))
         scenes = sections(runs)
-        charts = write_report(runs, scenes, sweeps, target, format)
+        charts = write_report(runs, scenes, sweeps, target, format, split)
     if quiet:
         return
     for run in runs:
@@ -80,5 +90,9 @@ def report(
     else:
         size = target.stat().st_size
         cells = counted(sum(len(one.rows) for one in (*runs, *sweeps)), "cell")
+        if format == "html" and not split and size > _LARGE:
+            console.print_error(
+                f"note: {target}: {size / 1e6:.0f} MB are slow to open; with --split the pictures are files beside it"
+            )
         what = f"{cells}, {f'{size / 1e6:.1f} MB' if size >= 1e6 else f'{size / 1e3:.0f} kB'}"
     console.print_line(f"{target}: {what}")

@@ -12,6 +12,8 @@ from shadowbench.commands.options import (
     SPEC,
     Assets,
     Json,
+    KeepGoing,
+    PartOption,
     Plugins,
     Quiet,
     Sun,
@@ -113,6 +115,8 @@ def run(
     assets: Assets = None,
     up: Up = None,
     sun: Sun = False,
+    part: PartOption = None,
+    keep_going: KeepGoing = False,
     profile: Annotated[
         bool, typer.Option("--profile", help="Print the time that each part of the measurement took.")
     ] = False,
@@ -161,8 +165,10 @@ def run(
     with Worker(plugin or ()) as worker:  # it starts while the rest is imported and the study is read
         from shadowbench.measure.plugin_output import techniques_with
         from shadowbench.studies.measure import estimate, measure, study_from_options
+        from shadowbench.studies.part import part_of
         from shadowbench.techniques.spec import parse_spec
 
+        chosen_part = part_of(part)
         known = techniques_with(plugin or ())
         asked = study_from_options(
             known,
@@ -186,7 +192,16 @@ def run(
                 cells, seconds = estimate(asked)
                 on = f"{len(asked.scenes)} scenes"
                 reporter.note(f"{cells} cells in {on}: about {seconds:.0f} s on two cores without a GPU")
-            found = measure(asked, output, worker, reporter, time_again=time_again, profile=profile)
+            found = measure(
+                asked,
+                output,
+                worker,
+                reporter,
+                time_again=time_again,
+                profile=profile,
+                part=chosen_part,
+                keep_going=keep_going,
+            )
     if found.run.earlier and not quiet:
         console.print_error(f"note: {output}: {_earlier_cells_note(found.run)}")
     if json:
@@ -199,13 +214,20 @@ def run(
     if profile:
         _print_profile(found.seconds)
     statuses = list(found.frame["status"])
-    if not any(found.frame["status"] == "ok"):
+    if not any(found.frame["status"] == "ok") and not found.failures:
         console.print_unsupported(statuses, _others(asked, known))
     failed = [status for status in statuses if status.startswith("failed")]
+    if found.failures or len(set(failed)) > 1:
+        failed_cells = [
+            ("cell", f"{row['scene']} {row['spec']}", status.removeprefix("failed: "))
+            for row, status in zip((cell.score for cell in found.results), statuses, strict=True)
+            if status.startswith("failed")
+        ]
+        console.print_failures([*((one.what, one.where, one.reason) for one in found.failures), *failed_cells])
     if failed:
         first = failed[0].removeprefix("failed: ")
         console.print_error(f"shadowbench: {len(failed)} of {len(statuses)} cells failed; the first: {first}")
-    raise typer.Exit(3 if failed else 0)
+    raise typer.Exit(3 if failed or found.failures else 0)
 
 
 def _others(study: "Study", known: "Techniques") -> list[str]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from shadowbench.commands import completion, console
-from shadowbench.commands.options import SPEC, Json, Plugins, Quiet
+from shadowbench.commands.options import SPEC, Json, KeepGoing, PartOption, Plugins, Quiet
 
 if TYPE_CHECKING:
     from shadowbench.extremes.ranges import OperatingRange
@@ -43,6 +43,8 @@ def stress(
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Only a few values of each axis.")] = False,
     plugin: Plugins = None,
+    part: PartOption = None,
+    keep_going: KeepGoing = False,
     output: Annotated[
         Path,
         typer.Option("-o", "--output", metavar="DIR", help="Folder for the tables, and the masks of failed cells."),
@@ -73,14 +75,16 @@ def stress(
     from shadowbench.extremes.sweep import default_specs
     from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.measure.worker import Worker
+    from shadowbench.studies.part import part_of
     from shadowbench.techniques.spec import parse_spec
 
+    chosen_part = part_of(part)
     axes = select_axes(axis or ())
     known = techniques_with(plugin or ())
     chosen = tuple(dict.fromkeys(parse_spec(text, known) for text in techniques or ()))
     specs = chosen or default_specs(known.values())
     with console.Reporter(quiet) as reporter, Worker(plugin or (), LIMITS) as worker:
-        found = walk(specs, axes, output, worker, reporter, quick=quick)
+        found = walk(specs, axes, output, worker, reporter, quick=quick, part=chosen_part, keep_going=keep_going)
     if json:
         frame = ranges_frame(found.ranges).astype(object)
         console.print_json(frame.where(lambda frame: frame.notna(), None).to_dict("records"))
@@ -92,7 +96,8 @@ def stress(
                 f"{output / 'ranges.csv'}: {len(found.ranges)} operating ranges, from {len(found.rows)} cells"
             )
     console.print_unsupported([str(row["status"]) for row in found.rows])
-    raise typer.Exit(_exit_code(found.rows))
+    console.print_failures((one.what, one.where, one.reason) for one in found.failures)
+    raise typer.Exit(3 if found.failures else _exit_code(found.rows))
 
 
 def _print(title: str, ranges: "Sequence[OperatingRange]") -> None:

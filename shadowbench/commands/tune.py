@@ -7,7 +7,20 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from shadowbench.commands import completion, console
-from shadowbench.commands.options import SCENE, SPEC, Assets, Json, Plugins, Quiet, Sun, Up, ViewSize, listed, map_sizes
+from shadowbench.commands.options import (
+    SCENE,
+    SPEC,
+    Assets,
+    Json,
+    KeepGoing,
+    Plugins,
+    Quiet,
+    Sun,
+    Up,
+    ViewSize,
+    listed,
+    map_sizes,
+)
 
 if TYPE_CHECKING:
     from shadowbench.advice.tune_comparison import Entry, TuningComparison
@@ -82,6 +95,7 @@ def tune(
     assets: Assets = None,
     up: Up = None,
     sun: Sun = False,
+    keep_going: KeepGoing = False,
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for the measured cells.")
     ] = Path("results/tune"),
@@ -128,6 +142,7 @@ def tune(
             map_size=map_sizes(map_size) or (),
             view_size=view_size or 512,
             phases=phases,
+            keep_going=keep_going,
             assets=assets,
             up=up,
             sun=sun,
@@ -138,10 +153,11 @@ def tune(
         _print(found.tuning)
         if not quiet:
             console.print_line(f"{output / 'table.csv'}: {counted(len(found.results), 'cell')}")
+    console.print_failures((one.what, one.where, one.reason) for one in found.failures)
     failed = [one.status for one in found.results if one.status.startswith("failed")]
     if failed:
         console.print_error(f"shadowbench: {len(failed)} of {len(found.results)} cells failed; the first: {failed[0]}")
-    raise typer.Exit(3 if failed else 0)
+    raise typer.Exit(3 if failed or found.failures else 0)
 
 
 def _print(found: "TuningComparison") -> None:

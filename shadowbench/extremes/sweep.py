@@ -1,21 +1,18 @@
 """Sweeps of `stress`: a row for each spec at each value of each axis, drawn in a worker that may crash."""
 
 from collections.abc import Iterable, Sequence
-from contextlib import closing
 from dataclasses import dataclass
-from pathlib import Path
 
 from shadowbench.extremes.axes import Axis, Setting, Value, value_label
 from shadowbench.extremes.ranges import failure
+from shadowbench.measure.attempt import Attempt, Failure
+from shadowbench.measure.bench import Bench, Job
 from shadowbench.measure.cells import Cell, PlacedView
-from shadowbench.measure.executor import Executor
 from shadowbench.measure.keys import cell_key, joint_key, view_key
-from shadowbench.measure.measurer import Reporter
-from shadowbench.measure.pictures import Pictures
-from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.rows import Record
 from shadowbench.measure.scorer import Scorer, ScoreRequest
 from shadowbench.scenes.model import LightKind
+from shadowbench.studies.part import WHOLE, Part
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.spec import Spec
 
@@ -36,37 +33,85 @@ class Point:
         return f"{self.axis.name} {value_label(self.value)} {self.light}"
 
 
-class Sweep:
-    """A sweep of specs along axes into one folder; existing rows are not measured again."""
+def sweep(
+    specs: Sequence[Spec],
+    axes: Sequence[Axis],
+    bench: Bench,
+    quick: bool,
+    part: Part = WHOLE,
+    failed: list[Failure] | None = None,
+) -> list[Record]:
+    """Rows of specs at all values of axes, in their order; images are written for cells out of tolerance.
 
-    def __init__(self, specs: Sequence[Spec], folder: Path, executor: Executor, reporter: Reporter) -> None:
-        self.specs, self.folder, self.executor, self.reporter = specs, folder, executor, reporter
-        self._bytes: dict[tuple[Spec, str, LightKind], tuple[int, int]] = {}  # map size and bytes of the last cell
+    Existing rows are not measured again. part: measure only its ranges, of a spec on an axis under one kind of light;
+    failed: receives lines that fail, whose rows are left out; None to raise.
+    """
+    lit = [(axis, light) for axis in axes for light in axis.lights]
+    ranges = [(axis, light, spec) for axis, light in lit for spec in specs if light in spec.technique.lights]
+    found: dict[tuple[Axis, LightKind], list[Spec]] = {}
+    for axis, light, spec in part.of(ranges, lambda one: [one[0].name, one[1], one[2].full_text]):
+        found.setdefault((axis, light), []).append(spec)
+    lines = [LineJob(axis, light, axis.swept(quick), tuple(own)) for (axis, light), own in found.items()]
+    bench.reporter.stage("stress", sum(len(line.values) for line in lines))
+    attempts: Sequence[Job[list[str] | Failure]] = lines
+    if failed is not None:
+        attempts = [Attempt(line, "axis", f"{line.axis.name} {line.light}") for line in lines]
+    rows = []
+    for answer in bench.run(attempts):
+        if isinstance(answer, Failure):
+            assert failed is not None
+            failed.append(answer)
+        else:
+            rows += [bench.store.scores[key] for key in answer]
+    return rows
 
-    def run(self, axes: Sequence[Axis], quick: bool) -> list[Record]:
-        """Rows of all values, in the order of the axes; images are written for cells out of tolerance."""
-        points = [Point(axis, value, light) for axis in axes for light in axis.lights for value in axis.swept(quick)]
-        with closing(RowStore(self.folder, sweep=True)) as store:
-            scorer = Scorer(self.executor, store, Pictures(self.folder), lambda row: failure(row) is not None)
-            self.reporter.stage("stress", len(points))
-            rows = []
-            for point in points:
-                rows += self._measure_point(point, scorer)
-                self.reporter.step(point.name)
-            return rows
 
-    def _measure_point(self, point: Point, scorer: Scorer) -> list[Record]:
+@dataclass(frozen=True, eq=False)
+class LineJob:
+    """Job that measures specs at the values of an axis under one kind of light; returns the keys of the rows.
+
+    A line is measured in one piece, as the memory of a map is extrapolated from that of the smaller ones before it.
+    """
+
+    axis: Axis
+    light: LightKind
+    values: tuple[Value, ...]
+    specs: tuple[Spec, ...]
+
+    def __call__(self, bench: Bench) -> list[str]:
+        """Make the rows. Reports one step per value."""
+        return Line(self, bench).measure()
+
+
+class Line:
+    """Measurement of a line on a bench."""
+
+    def __init__(self, job: LineJob, bench: Bench) -> None:
+        self.job, self.executor, self.reporter = job, bench.executor, bench.reporter
+        self._scorer = Scorer(bench, lambda row: failure(row) is not None)
+        self._bytes: dict[Spec, tuple[int, int]] = {}  # map size and bytes of the last cell
+
+    def measure(self) -> list[str]:
+        """Keys of the rows of all values, in order."""
+        keys = []
+        for value in self.job.values:
+            point = Point(self.job.axis, value, self.job.light)
+            keys += [row["key"] for row in self._measure_point(point)]
+            self.reporter.step(point.name)
+        return keys
+
+    def _measure_point(self, point: Point) -> list[Record]:
         setting = point.axis.at(point.value, point.light)
-        at_point = [(spec, spec_at(spec, setting)) for spec in self.specs if point.light in spec.technique.lights]
+        at_point = [(spec, spec_at(spec, setting)) for spec in self.job.specs if point.light in spec.technique.lights]
         cells = [(base, spec) for base, spec in at_point if spec is not None]
         if not cells:
             return []
         views = [view_key(view) for view in setting.views]
         frames = [PlacedView(view, setting.coordinates) for view in setting.views]
-        rows = scorer.rows(frames, [self._request(point, base, spec, setting, views) for base, spec in cells])
+        rows = self._scorer.rows(frames, [self._request(point, base, spec, setting, views) for base, spec in cells])
         for (base, spec), row in zip(cells, rows, strict=True):
             if row["status"] == "ok" and spec.map_size:
-                self._bytes[base, point.axis.name, point.light] = spec.map_size, row["gpu_bytes"]
+                self._bytes[base] = spec.map_size, row["gpu_bytes"]
         return rows
 
     def _request(self, point: Point, base: Spec, spec: Spec, setting: Setting, views: Sequence[str]) -> ScoreRequest:
@@ -83,10 +128,10 @@ class Sweep:
             "light_kind": point.light,
             "home_spec": base.text,
         }
-        too_large = self._too_large(point, base, spec)
+        too_large = self._too_large(base, spec)
         return ScoreRequest(Cell(spec), key, axis_fields, unsupported=too_large)
 
-    def _too_large(self, point: Point, base: Spec, spec: Spec) -> str | None:
+    def _too_large(self, base: Spec, spec: Spec) -> str | None:
         """Why a map must not be allocated: it exceeds the device's map size or the worker's memory; None if it may.
 
         Its memory is extrapolated from the last smaller map of the cell, with the square of the size.
@@ -96,7 +141,7 @@ class Sweep:
             return None
         if size > info.max_map_size:
             return f"map size {size}: {info.renderer} allows 1 to {info.max_map_size}"
-        smaller_size, smaller_bytes = self._bytes.get((base, point.axis.name, point.light), (size, 0))
+        smaller_size, smaller_bytes = self._bytes.get(base, (size, 0))
         needed, limit = smaller_bytes * (size / smaller_size) ** 2, SHARE * self.executor.limits.bytes
         if size > smaller_size and needed > limit:
             return (

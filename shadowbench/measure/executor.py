@@ -1,12 +1,13 @@
-"""Interface for drawing cells in another process: the worker today, other machines later."""
+"""Interface for drawing cells in another process, and for running the jobs that do."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Concatenate, ParamSpec, Protocol, TypeVar
 
 from shadowbench.errors import ShadowbenchError, quoted
 
 if TYPE_CHECKING:
+    from shadowbench.measure.bench import Bench, Job
     from shadowbench.measure.session import DeviceInfo, Session
 
 P = ParamSpec("P")
@@ -54,6 +55,9 @@ class Executor(Protocol):
 
     def call(self, method: "Callable[Concatenate[Session, P], R]", *arguments: P.args, **options: P.kwargs) -> R:
         """Result of `method(session, …)`. Raises Unsupported, CellFailed, or ShadowbenchError if it cannot start."""
+
+    def run(self, jobs: "Sequence[Job[R]]", bench: "Bench") -> Iterator[R]:
+        """Results of jobs on a bench of this executor, in their order; see `Bench.run`."""
 
     def stop(self) -> None:
         """Kill the session."""

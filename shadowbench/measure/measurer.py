@@ -1,18 +1,18 @@
-"""Rows for the cells of a view: each cell is scored alone, then the successful ones are timed together.
+"""Rows for the cells of blocks: each cell is scored alone, then the successful ones of a view are timed together.
 
 Rows are written to disk as they are made; a cell whose key already has rows is not measured again.
 """
 
-from typing import Protocol
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
+from shadowbench.measure.attempt import Attempt, Failure
+from shadowbench.measure.bench import Bench, Job
 from shadowbench.measure.cells import Block, Cell, PlacedView
-from shadowbench.measure.executor import Executor
 from shadowbench.measure.flips import Stepped, flips
 from shadowbench.measure.keys import cell_key, counting_digest, joint_key, view_key
 from shadowbench.measure.machine import machine_key
-from shadowbench.measure.pictures import Pictures
-from shadowbench.measure.profile import Profile
-from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.rows import Record, Result
 from shadowbench.measure.scorer import Scorer, ScoreRequest
 from shadowbench.measure.time_rows import time_row
@@ -21,84 +21,102 @@ from shadowbench.measure.timing import Conditions, TimingFailure, reference_cell
 _KEPT_SHARE = 0.25  # share of the memory limit for cells that were drawn and wait to be timed
 
 
-class Reporter(Protocol):
-    """Receiver of progress messages."""
-
-    def note(self, line: str) -> None:
-        """Show one line to the user."""
-
-    def stage(self, name: str, total: int | None) -> None:
-        """Begin a stage of `total` steps, None if unknown."""
-
-    def step(self, what: str) -> None:
-        """Count one step of the stage as done."""
-
-
 class Measurer:
-    """Measures cells under given conditions into a row store, and images into `pictures` if given."""
+    """Measures blocks under given conditions on a bench."""
 
-    def __init__(
-        self,
-        executor: Executor,
-        store: RowStore,
-        conditions: Conditions,
-        reporter: Reporter,
-        pictures: Pictures | None = None,
-        profile: Profile | None = None,
-    ) -> None:
-        self.executor, self.store, self.conditions, self.reporter = executor, store, conditions, reporter
-        self.profile = profile or Profile()
-        self._scorer = Scorer(executor, store, pictures, profile=self.profile)
-        self._machine = machine_key(executor.info)
+    def __init__(self, bench: Bench, conditions: Conditions) -> None:
+        self.bench, self.conditions = bench, conditions
 
-    def measure(self, block: Block) -> list[Result]:
-        """Results of a block's cells, measured now or found. Reports one step per cell and one per timed cell."""
-        placed_view = PlacedView(block.view, self.conditions.coordinates)
-        view = view_key(block.view)
-        stepped = Stepped(block.view, self.conditions.step) if self.conditions.step else None
-        frames = [placed_view, *([PlacedView(stepped.view, self.conditions.coordinates)] if stepped else [])]
-        keys = {cell: self._key(cell, view) for cell in block.cells}
-        if stepped:
-            after = [view_key(stepped.view), counting_digest()]
-            keys = {cell: joint_key([key, *after]) for cell, key in keys.items()}
-        missing = sum(self.store.finished_score(key) is None for key in keys.values())
-        assumptions, keep_bytes = list(block.scene.notes), int(_KEPT_SHARE * self.executor.limits.bytes)
+    def measure(self, blocks: Sequence[Block], failed: list[Failure] | None = None) -> Iterator[list[Result]]:
+        """Results of each block's cells, measured now or found. Reports one step per cell and one per timed cell.
+
+        failed: receives blocks that fail, of which only the cells measured before are in the results; None to raise.
+        """
+        info, store = self.bench.executor.info, self.bench.store
+        machine = machine_key(info)
+        jobs = [BlockJob(block, self.conditions) for block in blocks]
+        attempts: Sequence[Job[Mapping[str, str] | Failure]]
+        attempts = jobs if failed is None else [Attempt(job, "cells", job.block.view.name) for job in jobs]
+        for job, answer in zip(jobs, self.bench.run(attempts), strict=True):
+            keys: Iterable[str] = job.keys(info.renderer).values()
+            failures: Mapping[str, str] = {}
+            if isinstance(answer, Failure):
+                assert failed is not None
+                failed.append(answer)
+                keys = [key for key in keys if key in store.scores]
+            else:
+                failures = answer
+            yield [
+                Result(store.scores[key], _time_on(machine, store.times.get(key)), failures.get(key)) for key in keys
+            ]
+
+
+@dataclass(frozen=True, eq=False)
+class BlockJob:
+    """Job that measures the cells of a block; returns why timing failed, by key."""
+
+    block: Block
+    conditions: Conditions
+
+    def keys(self, renderer: str) -> dict[Cell, str]:
+        """Row keys of the cells on a renderer."""
+        keys = {cell: self._key(cell, renderer) for cell in self.block.cells}
+        if self._stepped is None:
+            return keys
+        after = [view_key(self._stepped.view), counting_digest()]
+        return {cell: joint_key([key, *after]) for cell, key in keys.items()}
+
+    def _key(self, cell: Cell, renderer: str) -> str:
+        return cell_key(cell, self._view_key, self.conditions.coordinates, renderer)
+
+    @cached_property
+    def _view_key(self) -> str:
+        return view_key(self.block.view)
+
+    @cached_property
+    def _stepped(self) -> Stepped | None:
+        return Stepped(self.block.view, self.conditions.step) if self.conditions.step else None
+
+    def __call__(self, bench: Bench) -> Mapping[str, str]:
+        """Measure the cells without rows. Reports one step per cell and one per timed cell."""
+        block, conditions, stepped = self.block, self.conditions, self._stepped
+        views = [block.view, *([stepped.view] if stepped else [])]
+        keys = self.keys(bench.executor.info.renderer)
+        missing = sum(bench.store.finished_score(key) is None for key in keys.values())
+        assumptions, keep_bytes = list(block.scene.notes), int(_KEPT_SHARE * bench.executor.limits.bytes)
         requests = [
             ScoreRequest(
                 cell,
                 key,
                 extra_fields={"assumptions": assumptions} | ({"step": stepped.step} if stepped else {}),
-                keep_bytes=keep_bytes if self.is_timed(cell) and not stepped else 0,
+                keep_bytes=keep_bytes if conditions.times(cell) and not stepped else 0,
             )
             for cell, key in keys.items()
         ]
         name = block.scene.name
-        count = stepped.count if stepped else flips
-        self._scorer.rows(frames, requests, lambda cell: self.reporter.step(f"{name} {cell.spec.text}"), count)
+        Scorer(bench).rows(
+            [PlacedView(view, conditions.coordinates) for view in views],
+            requests,
+            lambda cell: bench.reporter.step(f"{name} {cell.spec.text}"),
+            stepped.count if stepped else flips,
+        )
         for _ in range(len(keys) - missing):
-            self.reporter.step(f"{name}: measured before")
-        failures = self._time(placed_view, view, keys)
-        scores = self.store.scores
-        return [Result(scores[key], self._time_of(key), failures.get(cell)) for cell, key in keys.items()]
+            bench.reporter.step(f"{name}: measured before")
+        return self._time(bench, keys)
 
-    def is_timed(self, cell: Cell) -> bool:
-        """Whether a cell is timed. Only phase 0 is: other phases have other errors but the same cost."""
-        return self.conditions.rounds > 0 and cell.phase == 0
-
-    def _key(self, cell: Cell, view: str) -> str:
-        return cell_key(cell, view, self.conditions.coordinates, self.executor.info.renderer)
-
-    def _time(self, placed_view: PlacedView, view: str, keys: dict[Cell, str]) -> dict[Cell, str]:
-        """Time the successful cells that lack a time. Returns why timing failed, by cell."""
-        store, name = self.store, placed_view.view.scene.name
-        failures: dict[Cell, str] = {}
-        reference = self._key(reference_cell(self.conditions.reference, placed_view.view.light.hard_kind), view)
-        wanted = [cell for cell in keys if self.is_timed(cell)]
+    def _time(self, bench: Bench, keys: dict[Cell, str]) -> Mapping[str, str]:
+        """Time the successful cells that lack a time. Returns why timing failed, by key."""
+        store, info, conditions, view = bench.store, bench.executor.info, self.conditions, self.block.view
+        name, machine = view.scene.name, machine_key(info)
+        failures: dict[str, str] = {}
+        reference = self._key(reference_cell(conditions.reference, view.light.hard_kind), info.renderer)
+        wanted = [cell for cell in keys if conditions.times(cell)]
         succeeded = [cell for cell in wanted if store.scores[keys[cell]]["status"] == "ok"]
+        times = {cell: _time_on(machine, store.times.get(keys[cell])) for cell in succeeded}
         timed = {
             cell: row
-            for cell in succeeded
-            if not self.conditions.time_again and self._suffices(row := store.times.get(keys[cell]), reference)
+            for cell, row in times.items()
+            if row is not None and not conditions.time_again and _suffices(row, conditions.rounds, reference)
         }
         without_ratio = {cell for cell, row in timed.items() if _lacks_ratio(row)}
         sizes = {
@@ -106,38 +124,35 @@ class Measurer:
             for cell in succeeded
             if cell in without_ratio or cell not in timed
         }
-        steps = 0
-        with self.profile.activity("waiting"):
-            for timing in (
-                time_cells(self.executor, placed_view, self.conditions, sizes, without_ratio) if sizes else ()
-            ):
+        steps, placed_view = 0, PlacedView(view, conditions.coordinates)
+        with bench.profile.activity("waiting"):
+            for timing in time_cells(bench.executor, placed_view, conditions, sizes, without_ratio) if sizes else ():
                 if isinstance(timing, TimingFailure):
                     missing_time = "no time" if timing.cell in sizes else "no ratios to this reference"
-                    self.reporter.note(f"{name} {timing.cell.spec.text}: {missing_time}: {timing.reason}")
+                    bench.reporter.note(f"{name} {timing.cell.spec.text}: {missing_time}: {timing.reason}")
                     if timing.cell in sizes:
-                        failures[timing.cell] = timing.reason
+                        failures[keys[timing.cell]] = timing.reason
                 else:
-                    with self.profile.activity("files"):
-                        store.append(time_row(timing, keys[timing.cell], reference, self._machine))
+                    with bench.profile.activity("files"):
+                        store.append(time_row(timing, keys[timing.cell], reference, machine))
                 if timing.cell in sizes:
                     steps += 1
-                    self.reporter.step(f"{name}: timed")
+                    bench.reporter.step(f"{name}: timed")
         for _ in range(len(wanted) - steps):
-            self.reporter.step(f"{name}: nothing to time")
+            bench.reporter.step(f"{name}: nothing to time")
         return failures
 
-    def _time_of(self, key: str) -> Record | None:
-        """Time record of a key, if measured on this machine; times of other machines are not comparable."""
-        row = self.store.times.get(key)
-        return row if row is not None and row.get("machine") == self._machine else None
 
-    def _suffices(self, row: Record | None, reference: str) -> bool:
-        """Whether a time record suffices: enough rounds, the same reference, this machine."""
-        if row is None or row["n"] < self.conditions.rounds or "reference_ms" not in row:
-            return False
-        return bool(row.get("reference_key") == reference and row.get("machine") == self._machine)
+def _time_on(machine: str, row: Record | None) -> Record | None:
+    """A time record, if measured on this machine; times of other machines are not comparable."""
+    return row if row is not None and row.get("machine") == machine else None
 
 
-def _lacks_ratio(row: Record | None) -> bool:
+def _suffices(row: Record, rounds: int, reference: str) -> bool:
+    """Whether a time record suffices: enough rounds, and the same reference."""
+    return bool(row["n"] >= rounds and "reference_ms" in row and row.get("reference_key") == reference)
+
+
+def _lacks_ratio(row: Record) -> bool:
     """Whether a time has no ratio because its reference failed, which may work now; an unsupported one never will."""
-    return row is not None and row["ratio"] is None and not row["no_ratio"].startswith("unsupported")
+    return row["ratio"] is None and not row["no_ratio"].startswith("unsupported")

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import IO
 
 from shadowbench.errors import InputError
-from shadowbench.measure.rows import SCHEMA, Record, read_rows
+from shadowbench.measure.rows import SCHEMA, Record, stream_rows
 
 if sys.platform == "win32":
     import msvcrt
@@ -16,17 +16,33 @@ else:
     import fcntl
 
 
-class RowStore:
-    """The `rows.jsonl` of a run folder, locked for writing. The last record of each key and kind counts.
+class Rows:
+    """Score and time records in memory. The last record of each key and kind counts."""
+
+    def __init__(self) -> None:
+        self.scores: dict[str, Record] = {}
+        self.times: dict[str, Record] = {}
+
+    def append(self, record: Record) -> None:
+        """Add a record."""
+        (self.scores if record["kind"] == "score" else self.times)[record["key"]] = record
+
+    def finished_score(self, key: str) -> Record | None:
+        """Score record of a key; None if missing or failed, since a failure may be the machine's and is tried again."""
+        row = self.scores.get(key)
+        return None if row is None or row["status"].startswith("failed") else row
+
+
+class RowStore(Rows):
+    """The `rows.jsonl` of a run folder, locked for writing.
 
     sweep: whether the rows are of `stress` (on axes) or of `run`. Raises InputError for a folder with rows of the other
     command, one that cannot be written, and one that another process writes into.
     """
 
     def __init__(self, folder: Path, sweep: bool = False) -> None:
+        super().__init__()
         self.file = folder / "rows.jsonl"
-        self.scores: dict[str, Record] = {}
-        self.times: dict[str, Record] = {}
         try:
             folder.mkdir(parents=True, exist_ok=True)
             self._lock = _lock_folder(folder)
@@ -41,17 +57,17 @@ class RowStore:
             raise
 
     def _open(self, sweep: bool) -> None:
-        rows, end = read_rows(self.file) if self.file.exists() else ([], 0)
-        if any(("axis" in row) != sweep for row in rows if row["kind"] == "score"):
-            found, allowed = ("run", "stress") if sweep else ("stress", "run")
-            raise InputError(f"{self.file}: found cells of `{found}`; allowed: a folder of `{allowed}`, or a new one")
-        for row in rows:
-            self._keep(row)
+        complete = 0
+        for row, end in stream_rows(self.file) if self.file.exists() else ():
+            if row["kind"] == "score" and ("axis" in row) != sweep:
+                found, allowed = ("run", "stress") if sweep else ("stress", "run")
+                raise InputError(
+                    f"{self.file}: found cells of `{found}`; allowed: a folder of `{allowed}`, or a new one"
+                )
+            super().append(row)
+            complete = end
         self._stream = self.file.open("ab", buffering=0)  # after a failed write, a buffer would be written on close
-        self._stream.truncate(end)  # drops a partial line of a killed run
-
-    def _keep(self, record: Record) -> None:
-        (self.scores if record["kind"] == "score" else self.times)[record["key"]] = record
+        self._stream.truncate(complete)  # drops a partial line of a killed run
 
     def append(self, record: Record) -> None:
         """Write a record to disk before returning; a score record gets the current command line.
@@ -70,12 +86,7 @@ class RowStore:
         except OSError as error:
             self._stream.truncate(end)
             raise _cannot_write(self.file, error) from None
-        self._keep(record)
-
-    def finished_score(self, key: str) -> Record | None:
-        """Score record of a key; None if missing or failed, since a failure may be the machine's and is tried again."""
-        row = self.scores.get(key)
-        return None if row is None or row["status"].startswith("failed") else row
+        super().append(record)
 
     def close(self) -> None:
         """Close the file and unlock the folder."""

@@ -5,10 +5,10 @@ would leave the folder when used in a path; anything else raises InputError. Unk
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, NotRequired
+from typing import Annotated, Any, BinaryIO, Literal, NotRequired
 
 from pydantic import (
     AfterValidator,
@@ -198,7 +198,7 @@ class RunFile(TypedDict, total=False):
     keys: list[Key]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, slots=True)
 class Result:
     """Score record of a cell, its time record if any, and why timing failed, if it did."""
 
@@ -250,9 +250,11 @@ def _check_unknown(row: Record, typed: frozenset[str]) -> None:
 
 
 def _is_finite(value: object) -> bool:
+    if type(value) is float:  # most values, so it comes first
+        return math.isfinite(value)
     if isinstance(value, dict | list):
         return all(map(_is_finite, value.values() if isinstance(value, dict) else value))
-    return not isinstance(value, float) or math.isfinite(value)
+    return True
 
 
 _SCORE_FIELDS = frozenset({*CellIdentity.__annotations__, *ScoreRow.__annotations__} - {"input"})
@@ -266,19 +268,22 @@ _ROW: TypeAdapter[ScoreRow | TimeRow] = TypeAdapter(
 _RUN_FILE: TypeAdapter[RunFile] = TypeAdapter(RunFile)
 
 
-def read_rows(file: Path) -> tuple[list[Record], int]:
-    """All rows of a `rows.jsonl` and their length in bytes; after it, at most one truncated row may follow.
+def stream_rows(file: Path) -> Iterator[tuple[Record, int]]:
+    """Each row of a `rows.jsonl`, and the position in bytes where it ends; after the last, a truncated one may follow.
 
     Raises InputError, with the line number, for a line that is no row, and for a file that cannot be read.
     """
-    text = _bytes(file)
-    end = text.rfind(b"\n") + 1
-    torn = text[end:]
-    lines = text[:end].split(b"\n")[:-1]
-    rows = [_row(file, number, line) for number, line in enumerate(lines, start=1)]
-    if not (torn.startswith(_HEAD) or _HEAD.startswith(torn)):
-        raise InputError(f"{file} line {len(lines) + 1}: found no valid row; allowed: a row of schema {SCHEMA}")
-    return rows, end
+    end = 0
+    try:
+        with _open(file) as stream:
+            for number, line in enumerate(stream, start=1):
+                if line.endswith(b"\n"):
+                    end += len(line)
+                    yield _row(file, number, line[:-1]), end
+                elif not (line.startswith(_HEAD) or _HEAD.startswith(line)):
+                    raise InputError(f"{file} line {number}: found no valid row; allowed: a row of schema {SCHEMA}")
+    except OSError as error:
+        raise _cannot_read(file, error) from None
 
 
 def _row(file: Path, number: int, line: bytes) -> Record:
@@ -300,8 +305,17 @@ def read_run_file(file: Path) -> RunFile:
 
 def _bytes(file: Path) -> bytes:
     try:
-        if not file.is_file():  # reading a named pipe would block
-            raise InputError(f"{file}: is not a file")
-        return file.read_bytes()
+        with _open(file) as stream:
+            return stream.read()
     except OSError as error:
-        raise InputError(f"{file}: cannot be read ({error.strerror or error})") from None
+        raise _cannot_read(file, error) from None
+
+
+def _open(file: Path) -> BinaryIO:
+    if not file.is_file():  # reading a named pipe would block
+        raise InputError(f"{file}: is not a file")
+    return file.open("rb")
+
+
+def _cannot_read(file: Path, error: OSError) -> InputError:
+    return InputError(f"{file}: cannot be read ({error.strerror or error})")

@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shadowbench.measure.bench import Bench
 from shadowbench.measure.cells import Cell, CellRequest, PlacedView
 from shadowbench.measure.executor import CellFailed, Executor, MemoryExceeded, Unsupported, status_of
 from shadowbench.measure.flips import Count, flips
-from shadowbench.measure.pictures import Pictures
 from shadowbench.measure.profile import Profile
 from shadowbench.measure.rendering import Rendering
-from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.rows import CellIdentity, Record
 from shadowbench.measure.score_rows import Measurement, identity, score_row
 from shadowbench.measure.scoring import mask_record, prepare_truth
@@ -69,23 +68,21 @@ class _ScoringView:
 
 
 class Scorer:
-    """Makes score rows in a store, once each.
+    """Makes score rows on a bench, once each.
 
-    pictures: receives masks, pictures and truths; None for rows only. writes_images: whether a row's images are
-    written, with the truth of its view; None for all cells and every view's truth.
+    writes_images: whether a row's images are written, with the truth of its view; None for all cells and every view's
+    truth.
     """
 
-    def __init__(
-        self,
-        executor: Executor,
-        store: RowStore,
-        pictures: Pictures | None = None,
-        writes_images: Callable[[Record], bool] | None = None,
-        profile: Profile | None = None,
-    ) -> None:
-        self.executor, self.store, self.pictures, self.writes_images = executor, store, pictures, writes_images
-        self.profile = profile or Profile()
-        self.renderer = executor.info.renderer
+    def __init__(self, bench: Bench, writes_images: Callable[[Record], bool] | None = None) -> None:
+        self.executor, self.store, self.pictures, self.profile = (
+            bench.executor,
+            bench.store,
+            bench.pictures,
+            bench.profile,
+        )
+        self.writes_images = writes_images
+        self.renderer = bench.executor.info.renderer
 
     def rows(
         self,

@@ -31,6 +31,10 @@ class Conditions:
     time_again: bool = False
     step: Step | None = None
 
+    def times(self, cell: Cell) -> bool:
+        """Whether a cell is timed. Only phase 0 is: other phases have other errors but the same cost."""
+        return self.rounds > 0 and cell.phase == 0
+
 
 def reference_cell(reference: Spec, kind: LightKind) -> Cell:
     """Reference cell under a kind of light."""

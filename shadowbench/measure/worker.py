@@ -21,6 +21,7 @@ from shadowbench.measure.pipe import Pipe
 from shadowbench.measure.plugin_output import forward_output
 
 if TYPE_CHECKING:
+    from shadowbench.measure.bench import Bench, Job
     from shadowbench.measure.session import DeviceInfo, Session
 
 _POLL_S = 0.05
@@ -71,6 +72,10 @@ class Worker:
             self.ready()
             answer: R = self._request(self.limits.seconds, (method, arguments, options))
             return answer
+
+    def run(self, jobs: "Sequence[Job[R]]", bench: "Bench") -> Iterator[R]:
+        """Results of jobs, which run one after the other in this process."""
+        return (job(bench) for job in jobs)
 
     def ready(self) -> None:
         """Start the process unless it runs, and wait until it can draw."""

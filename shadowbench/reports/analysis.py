@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import cast
 
 import pandas as pd
 
@@ -70,12 +72,12 @@ class Section:
     reference: ReferenceTime | None
     configurations: tuple[Configuration, ...]
 
-    @property
+    @cached_property
     def scored(self) -> list[Configuration]:
         """The configurations with a score."""
         return [one for one in self.configurations if one.error is not None]
 
-    @property
+    @cached_property
     def soft(self) -> bool:
         """Whether its shadows have penumbrae."""
         return any(one.row.soft for one in self.scored)
@@ -85,12 +87,12 @@ class Section:
         """The metric that ranks its configurations."""
         return ranking(self.soft)
 
-    @property
+    @cached_property
     def timed(self) -> list[Configuration]:
         """The configurations with a score and a time."""
         return [one for one in self.scored if one.value("frame_ms") is not None]
 
-    @property
+    @cached_property
     def least_error(self) -> float:
         """The error at which charts draw smaller ones: of half a wrong pixel, or for soft shadows the truth's own."""
         if self.soft:
@@ -105,7 +107,7 @@ class Section:
         stem = f"{self.scene.replace(', ', '.')}.{first['view_size']}"
         return stem + (".absolute" if first["coordinates"] == "absolute" else "")
 
-    @property
+    @cached_property
     def max_cells(self) -> int:
         """Largest number of cells (views × phases) of any configuration."""
         return max((one.row.cells for one in self.configurations), default=0)
@@ -140,15 +142,16 @@ def specs_of(sections: Sequence[Section]) -> list[str]:
 
 
 def _configurations(run: Run, frame: pd.DataFrame) -> list[Configuration]:
+    rows = {(row.spec, row.map_size): row for row in summary_rows(frame)}
+    groups: dict[tuple[str, int | None], pd.DataFrame] = {}
+    for key, group in frame.groupby(["spec", "map_size"], sort=False, dropna=False):
+        spec, size = cast("tuple[str, float]", key)
+        groups[spec, None if pd.isna(size) else int(size)] = group
     return [
         Configuration(str(group["technique"].iloc[0]), str(group["full_spec"].iloc[0]), row, _pass_times(run, group))
-        for row in summary_rows(frame)
-        for group in [frame[(frame["spec"] == row.spec) & _of_size(frame["map_size"], row.map_size)]]
+        for key, row in rows.items()
+        for group in [groups[key]]
     ]
-
-
-def _of_size(sizes: "pd.Series[int]", size: int | None) -> "pd.Series[bool]":
-    return sizes.isna() if size is None else sizes.eq(size).fillna(False)
 
 
 def _pass_times(run: Run, group: pd.DataFrame) -> tuple[PassTime, ...]:

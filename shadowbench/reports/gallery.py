@@ -1,4 +1,4 @@
-"""Pictures of cells for the HTML page, compressed and encoded as data URIs.
+"""Pictures of cells for the HTML page, compressed and encoded as data URIs, in the page or in files beside it.
 
 Only a mask is stored per cell. The page's script shades it, from images of the view without shadow and in full shadow,
 and computes its difference from the truth.
@@ -23,6 +23,7 @@ from shadowbench.errors import InputError
 from shadowbench.extremes.ranges import value_text
 from shadowbench.measure.rows import Record
 from shadowbench.reports.analysis import Section
+from shadowbench.reports.data_files import DataFiles
 from shadowbench.reports.stability import Stability
 from shadowbench.reports.words import digits, fault_lines
 from shadowbench.scores.difference import difference_over, weight
@@ -60,8 +61,9 @@ class GalleryCell:
 
 @dataclass(frozen=True)
 class Gallery:
-    """The pictures of a section or sweep as JSON data; images are data URIs, None if the file is missing.
+    """The pictures of a section or sweep as JSON data.
 
+    Images are data URIs, or names of data files beside the page that hold them; None if the file is missing.
     cells: dicts of spec, size, view, score, caption, error, faults, command (that shows it in the window), mask, soft
     (whether the truth is) and picture, which is used if the view has no shading images; views: by view name, images of
     the truth, the undecided pixels, and the view without shadow (lit) and in full shadow (ambient); notes: on missing
@@ -121,15 +123,19 @@ def size_limit(cells: Iterable[GalleryCell]) -> int:
     return 1 << 14
 
 
-def gallery(folder: Path, cells: Sequence[GalleryCell], max_size: int) -> Gallery | None:
+def gallery(
+    folder: Path, cells: Sequence[GalleryCell], max_size: int, beside: DataFiles | None = None
+) -> Gallery | None:
     """The pictures of cells from a folder, scaled down to at most `max_size` pixels a side; None if it has none.
 
+    beside: receives the images; None for images in the page.
     Raises InputError for a file that is not a valid mask or picture.
     """
     one_per_view = {cell.view_name: cell for cell in cells}
-    views = {name: _view(folder / "truth", cell, max_size) for name, cell in one_per_view.items()}
+    images = _Images(max_size, beside)
+    views = {name: _view(folder / "truth", cell, images) for name, cell in one_per_view.items()}
     with ThreadPoolExecutor() as threads:
-        pictures = list(threads.map(lambda cell: _cell(cell, folder, views[cell.view_name], max_size), cells))
+        pictures = list(threads.map(lambda cell: _cell(cell, folder, views[cell.view_name], images), cells))
     if not any(picture["picture"] or picture["mask"] for picture in pictures):
         return None
     absent = {
@@ -151,16 +157,16 @@ def no_pictures(folder: Folder) -> str:
     return f"No pictures: {folder.folder.name} has neither pictures/ nor masks/ of these cells."
 
 
-def _view(folder: Path, cell: GalleryCell, max_size: int) -> dict[str, str | None]:
+def _view(folder: Path, cell: GalleryCell, images: "_Images") -> dict[str, str | None]:
     size = int(cell.row["view_size"])
     masks = {"truth": folder / f"{cell.truth}.png", "undecided": folder / f"{cell.truth}.undecided.png"}
     shading = {kind: folder / f"{cell.truth}.{kind}.png" for kind in ("lit", "ambient")}
-    return {kind: _mask(file, size, max_size) for kind, file in masks.items()} | {
-        kind: _picture(file, max_size) for kind, file in shading.items()
+    return {kind: images.mask(file, size) for kind, file in masks.items()} | {
+        kind: images.picture(file) for kind, file in shading.items()
     }
 
 
-def _cell(cell: GalleryCell, folder: Path, view: dict[str, str | None], max_size: int) -> dict[str, Any]:
+def _cell(cell: GalleryCell, folder: Path, view: dict[str, str | None], images: "_Images") -> dict[str, Any]:
     picture, mask = (folder / kind / f"{cell.row['key']}.png" for kind in ("pictures", "masks"))
     shaded = mask.exists() and view["lit"] is not None
     return {
@@ -173,8 +179,8 @@ def _cell(cell: GalleryCell, folder: Path, view: dict[str, str | None], max_size
         "faults": cell.faults,
         "command": _view_command(cell.row, folder),
         "soft": is_soft(cell.row["metrics"]),
-        "mask": _mask(mask, int(cell.row["view_size"]), max_size),
-        "picture": None if shaded else _picture(picture, max_size),
+        "mask": images.mask(mask, int(cell.row["view_size"])),
+        "picture": None if shaded else images.picture(picture),
     }
 
 
@@ -219,21 +225,32 @@ def read_view(file: Path, size: int) -> NDArray[np.float32]:
     return visibility
 
 
-def _mask(file: Path, size: int, max_size: int) -> str | None:
-    if not file.exists():
-        return None
-    grey = Image.fromarray(np.rint(read_view(file, size) * 255).astype(np.uint8))
-    return _webp(_scaled_down(grey, max_size), lossless=True)
+@dataclass(frozen=True)
+class _Images:
+    """Images as they stand in the page's data: scaled down to `max_size`, as data URIs or in files beside the page."""
 
+    max_size: int
+    beside: DataFiles | None
 
-def _picture(file: Path, max_size: int) -> str | None:
-    if not file.exists():
-        return None
-    try:
-        with Image.open(file, formats=["PNG"]) as image:
-            return _webp(_scaled_down(image.convert("RGB"), max_size), lossless=False)
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError):
-        raise InputError(f"{file}: cannot be read as an image; allowed: a PNG") from None
+    def mask(self, file: Path, size: int) -> str | None:
+        """A mask of a view of `size` pixels; None without a file."""
+        if not file.exists():
+            return None
+        grey = Image.fromarray(np.rint(read_view(file, size) * 255).astype(np.uint8))
+        return self._placed(file, _webp(_scaled_down(grey, self.max_size), lossless=True))
+
+    def picture(self, file: Path) -> str | None:
+        """A picture; None without a file."""
+        if not file.exists():
+            return None
+        try:
+            with Image.open(file, formats=["PNG"]) as image:
+                return self._placed(file, _webp(_scaled_down(image.convert("RGB"), self.max_size), lossless=False))
+        except (OSError, SyntaxError, ValueError, Image.DecompressionBombError):
+            raise InputError(f"{file}: cannot be read as an image; allowed: a PNG") from None
+
+    def _placed(self, file: Path, uri: str) -> str:
+        return uri if self.beside is None else self.beside.write(str(file), uri)
 
 
 def _scaled_down(image: Image.Image, max_size: int) -> Image.Image:

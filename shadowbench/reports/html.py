@@ -1,4 +1,4 @@
-"""The report as a single HTML file that needs no network."""
+"""The report as an HTML file that needs no network, alone or with data files beside it."""
 
 import re
 import shlex
@@ -19,6 +19,7 @@ from shadowbench.extremes.ranges import OperatingRange
 from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.reports.along_axes import LIMITS, axis_chart, metrics_along
 from shadowbench.reports.analysis import Section, specs_of
+from shadowbench.reports.data_files import DataFiles
 from shadowbench.reports.gallery import GalleryCell, breaking_cells, gallery, no_pictures, scored_cells, size_limit
 from shadowbench.reports.heat_map import UNSUPPORTED_COLOR, is_dark, share_color
 from shadowbench.reports.panels import Panel, panel_data, panels_of
@@ -38,17 +39,26 @@ from shadowbench.techniques.registry import preset_names
 
 _PAGE = Path(__file__).parent / "page"
 _GLOBALS = "window.vegaEmbed = vegaEmbed;"
-_SCRIPTS = ("charts.js", "table.js", "viewer.js", "report.js")
+_SCRIPTS = ("files.js", "charts.js", "table.js", "viewer.js", "report.js")
 
 
-def html_report(runs: Sequence[Run], scenes: Mapping[str, Sequence[Section]], swept: Sequence[Stability]) -> str:
-    """The HTML text of a report; scenes: sections by title."""
+def html_report(
+    runs: Sequence[Run],
+    scenes: Mapping[str, Sequence[Section]],
+    swept: Sequence[Stability],
+    beside: DataFiles | None = None,
+) -> str:
+    """The HTML text of a report; scenes: sections by title; beside: receives the data, None for data in the page."""
     every = [section for parts in scenes.values() for section in parts]
     styles = styles_of([*specs_of(every), *(spec for found in swept for spec in found.specs)], legend=False)
     scored = {section: scored_cells(section) for section in every}
     breaking = [breaking_cells(found) for found in swept]
     max_size = size_limit(cell for cells in (*scored.values(), *breaking) for cell in cells)
     panels = [panel for index, run in enumerate(runs) for panel in panels_of(run, index, every)]
+    data: dict[str, Any] = {}
+    for panel in panels:
+        values = panel_data(panel, styles, scored, max_size, beside)
+        data[panel.id] = values if beside is None else beside.write(f"panel {panel.id}", values)
     sweeps = [found.sweep for found in swept]
     environment = Environment(
         loader=FileSystemLoader(_PAGE), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
@@ -60,10 +70,11 @@ def html_report(runs: Sequence[Run], scenes: Mapping[str, Sequence[Section]], sw
         runs=[_run(run) for run in runs],
         sweeps=[_run(sweep) for sweep in sweeps],
         panels=panels,
-        page=_page_data(panels, styles.specs),
-        data={panel.id: panel_data(panel, styles, scored, max_size) for panel in panels},
+        page=_page_data(panels, styles.specs) | ({} if beside is None else {"data": data}),
+        data=data,
+        split=None if beside is None else beside.name,
         stabilities=[
-            _stability(found, styles, cells, max_size, f"stability-{index}")
+            _stability(found, styles, cells, max_size, f"stability-{index}", beside)
             for index, (found, cells) in enumerate(zip(swept, breaking, strict=True))
         ],
         tolerances=tolerances(),
@@ -124,9 +135,14 @@ def _run(run: Run | Sweep) -> dict[str, Any]:
 
 
 def _stability(
-    found: Stability, styles: Styles, cells: Sequence[GalleryCell], max_size: int, html_id: str
+    found: Stability,
+    styles: Styles,
+    cells: Sequence[GalleryCell],
+    max_size: int,
+    html_id: str,
+    beside: DataFiles | None,
 ) -> dict[str, Any]:
-    pictures = gallery(found.sweep.folder, cells, max_size)
+    pictures = gallery(found.sweep.folder, cells, max_size, beside)
     return {
         "id": html_id,
         "label": found.sweep.label,

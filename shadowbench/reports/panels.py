@@ -9,6 +9,7 @@ from shadowbench.measure.flips import ROW_METRICS
 from shadowbench.reports.analysis import Configuration, Section, by_kind, front
 from shadowbench.reports.bias_curve import bias_charts
 from shadowbench.reports.charts import default_size, front_chart, pass_chart, size_chart
+from shadowbench.reports.data_files import DataFiles
 from shadowbench.reports.gallery import GalleryCell, gallery, no_pictures
 from shadowbench.reports.matrix import (
     Candidate,
@@ -159,16 +160,20 @@ def panels_of(run: Run, index: int, every: Sequence[Section]) -> list[Panel]:
 
 
 def panel_data(
-    panel: Panel, styles: Styles, cells: Mapping[Section, Sequence[GalleryCell]], max_size: int
+    panel: Panel,
+    styles: Styles,
+    cells: Mapping[Section, Sequence[GalleryCell]],
+    max_size: int,
+    beside: DataFiles | None = None,
 ) -> dict[str, Any]:
     """The JSON data of a panel: charts, table, and for a single scene pictures.
 
-    cells: the cells whose pictures to show, by section; max_size: see `gallery`.
+    cells: the cells whose pictures to show, by section; max_size, beside: see `gallery`.
     """
     several = len(panel.sections) > 1
     section = mean_section(panel.sections, panel.title) if several else panel.sections[0]
     best = [] if several and not section.scored else front(section)
-    pictures = None if several else gallery(section.run.folder, cells[section], max_size)
+    pictures = None if several else gallery(section.run.folder, cells[section], max_size, beside)
     sizes: list[int | None] = [*sorted({one.map_size for one in section.timed if one.map_size})]
     passes = [(size, chart) for size in sizes or [None] if (chart := pass_chart(section, size)) is not None]
     on_front = {(one.spec, one.map_size) for one in best}

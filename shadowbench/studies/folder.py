@@ -1,21 +1,32 @@
 """Reading run folders: rows, `run.json`, and the cells of the last command."""
 
+import gc
 import re
-from collections.abc import Mapping, Sequence, Set
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence, Set
+from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
+from itertools import chain
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from shadowbench.errors import InputError
-from shadowbench.measure.rows import Record, Result, RunFile, read_rows, read_run_file
+from shadowbench.measure.rows import Record, Result, RunFile, read_run_file, stream_rows
 from shadowbench.scores.metrics import is_soft
 from shadowbench.studies.sweeps import SweepPositions, add_factor_columns, read_sweep_positions
-from shadowbench.studies.tables import cells_frame, write_table
+from shadowbench.studies.tables import cells_frame, cells_frames, write_table
 
 IDENTITY = ("scene", "view", "light", "phase", "map_size", "view_size", "coordinates")  # and the full spec
+_identity_of = itemgetter(*IDENTITY)
+_view_of = itemgetter("scene", "view", "light", "view_size")
+_READ_HERE = {
+    *("kind", "key", "status", "spec", "full_spec", *IDENTITY, "metrics", "renderer", "machine", "content"),
+    *("axis", "axis_value", "light_kind", "home_spec"),
+}
 _COMMA = re.compile(r",(?![^()]*\))")  # outside parentheses
 _ALLOWED = "a folder that `shadowbench run` or `shadowbench stress` wrote"
 
@@ -25,9 +36,13 @@ def identity(record: Record) -> tuple[Any, ...]:
 
     The order of a spec's parameters, which follows the code, does not matter.
     """
-    name, _, parameters = str(record.get("full_spec")).partition(":")
-    spec = name, *sorted(_COMMA.split(parameters))
-    return spec, *(record.get(name) for name in IDENTITY)
+    return _parts_of(record["full_spec"]), *_identity_of(record)
+
+
+@lru_cache(1 << 12)
+def _parts_of(full_spec: str) -> tuple[str, ...]:
+    name, _, parameters = full_spec.partition(":")
+    return name, *sorted(_COMMA.split(parameters))
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,20 +116,24 @@ class Sweep(Folder):
     """Results of `shadowbench stress`: each row is measured at one value of one axis."""
 
 
-def read_folders(folders: Sequence[Path]) -> tuple[list[Run], list[Sweep]]:
-    """Read folders of `run` and of `stress`, labelled by name, or by path if names collide. Raises InputError."""
+def read_folders(folders: Sequence[Path], fields: Set[str] | None = None) -> tuple[list[Run], list[Sweep]]:
+    """Read folders of `run` and of `stress`, labelled by name, or by path if names collide. Raises InputError.
+
+    fields: those to keep of each row, besides the ones that this module reads; None for all.
+    """
     paths = list(dict.fromkeys(folder.resolve() for folder in folders))
     names = [path.name for path in paths]
     labels = [str(path) if names.count(path.name) > 1 else path.name for path in paths]
-    found = [_read(path, label) for path, label in zip(paths, labels, strict=True)]
+    with _collector_off():
+        found = [_read(path, label, fields) for path, label in zip(paths, labels, strict=True)]
     return [result for result in found if isinstance(result, Run)], [
         result for result in found if isinstance(result, Sweep)
     ]
 
 
-def read_runs(folders: Sequence[Path]) -> list[Run]:
-    """Read folders of `run`, labelled as by `read_folders`. Raises InputError for any other folder."""
-    runs, sweeps = read_folders(folders)
+def read_runs(folders: Sequence[Path], fields: Set[str] | None = None) -> list[Run]:
+    """Read folders of `run` as `read_folders` does. Raises InputError for any other folder."""
+    runs, sweeps = read_folders(folders, fields)
     if sweeps:
         raise InputError(f"{sweeps[0].folder}: found a sweep of `shadowbench stress`; allowed: a folder of a run")
     return runs
@@ -128,21 +147,36 @@ def write_cells(folder: Path, results: Sequence[Result], positions: SweepPositio
     """
     (run,) = read_runs([folder])
     live = {result.score["key"]: result for result in results}  # these also hold timing failures
-    frame = cells_frame([live.get(result.score["key"], result) for result in run.results])
-    write_table(folder / "table.csv", add_factor_columns(frame, {**run.sweep_positions, **positions}))
+    shown = [live.get(result.score["key"], result) for result in run.results]
+    names = ["spec", "map_size"]
+    cells = pd.DataFrame([[result.score[name] for name in names] for result in shown], columns=names)
+    factors = add_factor_columns(cells, {**run.sweep_positions, **positions}).drop(columns=names)
+    write_table(folder / "table.csv", (frame.join(factors) for frame in cells_frames(shown)))
     return run
 
 
-def _read(folder: Path, label: str) -> Run | Sweep:
+def _read(folder: Path, label: str, fields: Set[str] | None) -> Run | Sweep:
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder; allowed: {_ALLOWED}")
     file = folder / "rows.jsonl"
     if not file.exists():
         raise InputError(f"{folder}: found no rows.jsonl; allowed: {_ALLOWED}")
-    rows, end = read_rows(file)
-    cut_off = end < file.stat().st_size
-    scores = [row for row in rows if row["kind"] == "score"]
-    count = len({row["key"] for row in scores})
+    scores: list[Record] = []
+    times: dict[str | None, dict[str, tuple[Record, Record | None]]] = {}  # the last two of a key on a machine
+    timed: Counter[str | None] = Counter()
+    complete, machine = 0, None
+    wanted = None if fields is None else _READ_HERE | fields
+    for whole, end in stream_rows(file):
+        complete = end
+        row = whole if wanted is None else {name: value for name, value in whole.items() if name in wanted}
+        if row["kind"] == "score":
+            scores.append(row)
+        else:
+            machine = row.get("machine")
+            timed[machine] += 1
+            on_machine = times.setdefault(machine, {})
+            on_machine[row["key"]] = row, on_machine.get(row["key"], (None,))[0]
+    cut_off = complete < file.stat().st_size
     if not scores:
         raise InputError(f"{file}: found no cell; allowed: rows of a run or a sweep that measured something")
     kinds = {"axis" in row for row in scores}
@@ -151,23 +185,16 @@ def _read(folder: Path, label: str) -> Run | Sweep:
     about = read_run_file(folder / "run.json")
     table = _table_keys(folder / "table.csv")
     keys = set(about["keys"]) if "keys" in about else table  # older versions tabled the last command only
-    shown, last = _with_keys(scores, table), _with_keys(scores, keys)
+    count = len({row["key"] for row in scores})
     if kinds == {True}:
+        shown, last = _with_keys(scores, table), _with_keys(scores, keys)
         points = _points(scores if table is None else shown, last)
         return Sweep(label, folder, about, tuple(points), count - len(points), cut_off)
-    times = [row for row in rows if row["kind"] == "time"]
-    machine = about.get("machine_key") or (times[-1].get("machine") if times else None)
-    last_times: dict[str, Record] = {}
-    previous_times: dict[str, Record] = {}
-    for row in times:
-        if row.get("machine") == machine:
-            if row["key"] in last_times:
-                previous_times[row["key"]] = last_times[row["key"]]
-            last_times[row["key"]] = row
-    # A cell measured before gets no new row, so its last row in the file may be of another version of the scene.
-    cells = _cells([*scores, *shown, *last])
-    ours = {row["key"] for row in last}
-    earlier = [row["key"] for row in cells if keys is not None and row["key"] not in ours and "content" not in row]
+    machine = about.get("machine_key") or machine
+    ours = times.get(machine, {})
+    cells = _cells(scores, table, keys)
+    last_keys = {row["key"] for row in _with_keys(scores, keys)}
+    earlier = [row["key"] for row in cells if keys is not None and row["key"] not in last_keys and "content" not in row]
     return Run(
         label=label,
         folder=folder,
@@ -175,11 +202,23 @@ def _read(folder: Path, label: str) -> Run | Sweep:
         rows=tuple(cells),
         older=count - len(cells),
         cut_off=cut_off,
-        times=last_times,
-        previous_times=previous_times,
-        foreign=sum(row.get("machine") != machine for row in times),
+        times={key: last for key, (last, _) in ours.items()},
+        previous_times={key: previous for key, (_, previous) in ours.items() if previous is not None},
+        foreign=timed.total() - timed[machine],
         earlier=frozenset(earlier),
     )
+
+
+@contextmanager
+def _collector_off() -> Iterator[None]:
+    """Pause the collection of cycles, which rows have none of: it would take a third of the time to read them."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
 
 
 def _table_keys(table: Path) -> set[str] | None:
@@ -197,27 +236,30 @@ def _with_keys(scores: Sequence[Record], keys: Set[str] | None) -> list[Record]:
     return [row for row in scores if keys is not None and row["key"] in keys and "content" not in row]
 
 
-def _cells(rows: Sequence[Record]) -> list[Record]:
-    """The last row of every cell, in the order of their first rows.
+def _cells(scores: Sequence[Record], table: Set[str] | None, keys: Set[str] | None) -> list[Record]:
+    """The last row of every cell, in the order of their first rows; those with the keys of a table count as later.
+
+    A cell measured before gets no new row, so its last row in the file may be of another version of the scene.
 
     After a change of a default, one spelling of a spec has two identities; only the last of these counts. So do, of a
     view that was measured with hard and with soft shadows (`--sun`), only those of the last row.
     """
-    spelled = {_spelling(row): identity(row) for row in rows}
-    soft = {_view(row): is_soft(row["metrics"]) for row in rows if row["status"] == "ok"}
+    identified = {id(row): identity(row) for row in scores}
+    cells: dict[tuple[Any, ...], Record] = {}
+    spelled: dict[tuple[Any, ...], tuple[Any, ...]] = {}
+    soft: dict[tuple[Any, ...], bool] = {}
+    for row in chain(scores, _with_keys(scores, table), _with_keys(scores, keys)):
+        cell = identified[id(row)]
+        cells[cell] = row
+        spelled[row["spec"], *cell[1:]] = cell
+        if row["status"] == "ok":
+            soft[_view_of(row)] = is_soft(row["metrics"])
     return [
         row
-        for key, row in {identity(row): row for row in rows}.items()
-        if spelled[_spelling(row)] == key and (row["status"] != "ok" or soft[_view(row)] == is_soft(row["metrics"]))
+        for cell, row in cells.items()
+        if spelled[row["spec"], *cell[1:]] == cell
+        and (row["status"] != "ok" or soft[_view_of(row)] == is_soft(row["metrics"]))
     ]
-
-
-def _view(row: Record) -> tuple[Any, ...]:
-    return tuple(row.get(name) for name in ("scene", "view", "light", "view_size"))
-
-
-def _spelling(row: Record) -> tuple[Any, ...]:
-    return row["spec"], *identity(row)[1:]
 
 
 def _points(shown: Sequence[Record], last: Sequence[Record]) -> list[Record]:

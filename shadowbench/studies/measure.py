@@ -1,6 +1,5 @@
 """Computation behind `run`: the study given by a file and options, and its measurement into a folder."""
 
-import operator
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -9,17 +8,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from shadowbench.files import check_folder
+from shadowbench.measure.attempt import Failure
+from shadowbench.measure.bench import Reporter
 from shadowbench.measure.executor import Executor
-from shadowbench.measure.flips import size_after
 from shadowbench.measure.machine import write_run_file
-from shadowbench.measure.measurer import Reporter
 from shadowbench.measure.profile import complete_profile
 from shadowbench.measure.rows import Result
 from shadowbench.measure.session import DeviceInfo, Session
 from shadowbench.scenes.model import Scene
 from shadowbench.studies.crossing import Techniques
+from shadowbench.studies.part import WHOLE, Part
 from shadowbench.studies.run import run_study
 from shadowbench.studies.study import Study, find_study, read_study
+from shadowbench.studies.time_left import drawing_seconds, timing_seconds
 from shadowbench.techniques.spec import Spec, has_size
 
 if TYPE_CHECKING:  # what imports pandas, 0.3 s, waits until the cells are measured
@@ -79,10 +80,7 @@ def estimate(study: Study) -> tuple[int, float]:
     Lights other than `sun` are taken to have no size.
     """
     cells = study.cells(study.sun)
-    frames = [(study.rounds * 4 / 3 if cell.phase == 0 else 0) + 4 for cell in cells]
-    pixels = [study.view_size**2 + (cell.spec.map_size or 0) ** 2 for cell in cells]
-    stepped = size_after(study.step, study.view_size) ** 2
-    seconds = (sum(map(operator.mul, pixels, frames)) + 4 * stepped * len(cells)) * 1e-9 * 12 * len(study.scenes)
+    seconds = sum(drawing_seconds(study, cell) + timing_seconds(study, cell) for cell in cells) * len(study.scenes)
     return len(cells) * len(study.scenes), max(seconds, 5)
 
 
@@ -91,7 +89,8 @@ class StudyResult:
     """Result of measuring a study into a folder.
 
     results: its cells, measured now or before; run: the whole folder, with cells of earlier commands; sweep_positions:
-    of specs in the study's bias sweeps; seconds: by activity (see `measure.profile`), empty unless requested.
+    of specs in the study's bias sweeps; seconds: by activity (see `measure.profile`), empty unless requested; failures:
+    what was left out, with `keep_going`.
     """
 
     study: Study
@@ -100,6 +99,7 @@ class StudyResult:
     sweep_positions: "SweepPositions"
     info: DeviceInfo
     seconds: Mapping[str, float]
+    failures: tuple[Failure, ...] = ()
 
     @cached_property
     def frame(self) -> "pd.DataFrame":
@@ -117,15 +117,18 @@ def measure(
     *,
     time_again: bool = False,
     profile: bool = False,
+    part: Part = WHOLE,
+    keep_going: bool = False,
 ) -> StudyResult:
     """Measure a study into a folder: rows, masks, pictures, `table.csv` and `run.json`. Existing rows are reused.
 
-    time_again: time cells again that have a time. Raises InputError for a folder with other files, a scene that cannot
-    be read, and a map or view too large for the device. A cell that fails gets a row with that status.
+    time_again: time cells again that have a time; part: measure only its cells; keep_going: leave out scenes,
+    truths and blocks that fail. Raises InputError for a folder with other files, a scene that cannot be read, and a map
+    or view too large for the device. A cell that fails gets a row with that status.
     """
     check_folder(folder)
     start = time.perf_counter()
-    result = run_study(study, folder, executor, reporter, time_again)
+    result = run_study(study, folder, executor, reporter, time_again, part, keep_going)
     spent = executor.call(Session.activity_seconds) if profile else {}
     from shadowbench.studies.folder import write_cells
     from shadowbench.studies.sweeps import sweep_positions
@@ -136,4 +139,4 @@ def measure(
     )
     run = write_cells(folder, result.results, positions)
     seconds = complete_profile(result.profile.seconds, spent, time.perf_counter() - start) if profile else {}
-    return StudyResult(study, tuple(result.results), run, positions, executor.info, seconds)
+    return StudyResult(study, tuple(result.results), run, positions, executor.info, seconds, tuple(result.failures))

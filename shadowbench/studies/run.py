@@ -1,45 +1,65 @@
 """Running a study into a folder: all truths first, then the cells block by block."""
 
 import math
+from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from shadowbench.errors import InputError
+from shadowbench.errors import InputError, ShadowbenchError
+from shadowbench.measure.attempt import Attempt, Failure
+from shadowbench.measure.bench import Bench, Job, Reporter
+from shadowbench.measure.cells import Block
 from shadowbench.measure.executor import Executor
 from shadowbench.measure.flips import size_after
-from shadowbench.measure.measurer import Measurer, Reporter
+from shadowbench.measure.measurer import BlockJob, Measurer
 from shadowbench.measure.pictures import Pictures
 from shadowbench.measure.profile import Profile
-from shadowbench.measure.row_store import RowStore
+from shadowbench.measure.row_store import Rows, RowStore
 from shadowbench.measure.rows import Result
 from shadowbench.measure.session import DeviceInfo
-from shadowbench.scenes.model import Scene
+from shadowbench.scenes.model import Scene, View
 from shadowbench.scenes.views import first_of
+from shadowbench.studies.part import WHOLE, Part
 from shadowbench.studies.study import Study, scenes_of
+from shadowbench.studies.time_left import TimeLeft, duration
 from shadowbench.techniques.filters import Filter
 from shadowbench.techniques.unshadowed import Unshadowed
 from shadowbench.truths.cache import cached_truth
 from shadowbench.truths.trace import Truth
 
+_LONG_S = 60.0  # from which an estimate is given
+
 
 @dataclass(frozen=True, eq=False)
 class RunResult:
-    """Results of all cells of a run, measured now or before, its notes and its time by activity."""
+    """Results of all cells of a run, measured now or before, its notes and its time by activity.
+
+    failures: what was left out, with `keep_going`.
+    """
 
     results: list[Result]
     notes: list[str]
     profile: Profile
+    failures: list[Failure]
 
 
 def run_study(
-    study: Study, folder: Path, executor: Executor, reporter: Reporter, time_again: bool = False
+    study: Study,
+    folder: Path,
+    executor: Executor,
+    reporter: Reporter,
+    time_again: bool = False,
+    part: Part = WHOLE,
+    keep_going: bool = False,
 ) -> RunResult:
     """Measure all cells of a study that the folder lacks. Raises InputError before anything is written.
 
-    time_again: time cells again that have a time; the rows keep both.
+    time_again: time cells again that have a time; the rows keep both; part: measure only its cells; keep_going: leave
+    out scenes, truths and blocks that fail. Raises ShadowbenchError if nothing is left.
     """
-    profile, blocks = Profile(), list(study.blocks())
+    failures: list[Failure] = []
+    profile, blocks = Profile(), part.of_blocks(readable_blocks(study, failures) if keep_going else [*study.blocks()])
     with profile.activity("waiting"):
         info = executor.info
     check_sizes(study, info)
@@ -49,28 +69,82 @@ def run_study(
         reporter.note(note)
     uniform: set[str] = set()  # views
     reporter.stage("truth", len(blocks))
-    for block in blocks:  # all of them before anything is written: a view that shows nothing raises InputError
-        with profile.activity("truth"):
-            truth = cached_truth(block.view)
-        if (line := _uniform_truth(truth)) is not None:
+    truths = Bench(executor, Rows(), reporter, profile=profile)
+    # All of them before anything is written: a view that shows nothing raises InputError.
+    jobs: Sequence[Job[str | Failure | None]] = [TruthJob(block.view) for block in blocks]
+    if keep_going:
+        jobs = [Attempt(TruthJob(block.view), "truth", block.view.name) for block in blocks]
+    traced = []
+    for block, line in zip(blocks, truths.run(jobs), strict=True):
+        if isinstance(line, Failure):
+            failures.append(line)
+            continue
+        traced.append(block)
+        if line is not None:
             notes.append(f"{block.view.name}: {line}")
             reporter.note(notes[-1])
             uniform.add(block.view.name)
-        reporter.step(block.view.name)
+    blocks = traced
+    if not blocks:
+        raise ShadowbenchError(f"nothing is left to measure: {failures[0].where}: {failures[0].reason}")
     with closing(RowStore(folder)) as store:
         conditions = study.conditions(time_again)
-        measurer = Measurer(executor, store, conditions, reporter, Pictures(folder), profile)
-        cells = [cell for block in blocks for cell in block.cells]
-        reporter.stage("cells", len(cells) + sum(map(measurer.is_timed, cells)))
-        results = []
+        left = TimeLeft(reporter)
         for block in blocks:
-            found = measurer.measure(block)
+            keys = BlockJob(block, conditions).keys(info.renderer)
+            missing = [cell for cell, key in keys.items() if store.finished_score(key) is None]
+            untimed = [cell for cell, key in keys.items() if time_again or key not in store.times]
+            left.expect(study, missing, filter(conditions.times, untimed))
+        measurer = Measurer(Bench(executor, store, left, Pictures(folder), profile), conditions)
+        cells = [cell for block in blocks for cell in block.cells]
+        if left.seconds >= _LONG_S:
+            missing_count = sum(kind.steps for name, kind in left.kinds.items() if name != "timed")
+            rough = f"about {duration(left.seconds)} on two cores without a GPU"
+            reporter.note(
+                f"{missing_count} of {len(cells)} cells to measure: {rough}, by a model that the first cells correct"
+            )
+        left.stage("cells", len(cells) + sum(map(conditions.times, cells)))
+        results = []
+        for block, found in zip(blocks, measurer.measure(blocks, failures if keep_going else None), strict=True):
             results += found
             masks = () if block.view.name in uniform else filter(None, map(_uniform_mask, found))
             for line in dict.fromkeys(masks):  # phases may say the same
                 notes.append(f"{block.view.name}: {line}")
                 reporter.note(notes[-1])
-    return RunResult(results, notes, profile)
+    if not results:
+        raise ShadowbenchError(f"no cell was measured: {failures[0].where}: {failures[0].reason}")
+    return RunResult(results, notes, profile, failures)
+
+
+def readable_blocks(study: Study, failures: list[Failure]) -> list[Block]:
+    """The blocks of a study whose scenes can be read; failures: receives the others."""
+    blocks: list[Block] = []
+    for source in study.scenes:
+        try:
+            own = list(study.with_(scenes=(source,)).blocks())
+            if any(block.scene.name == own[0].scene.name for block in blocks):
+                raise InputError(f"found two scenes that are called {own[0].scene.name!r}; names must differ")
+            blocks += own
+        except InputError as error:
+            name = source if isinstance(source, str) else source.name
+            failures.append(Failure("scene", name, str(error).removeprefix(f"{Path(name).name}: ")))
+    if not blocks:
+        raise InputError(f"{failures[0].where}: {failures[0].reason}")
+    return blocks
+
+
+@dataclass(frozen=True, eq=False)
+class TruthJob:
+    """Job that traces the truth of a view into the cache, and returns a line about one without an edge."""
+
+    view: View
+
+    def __call__(self, bench: Bench) -> str | None:
+        """Trace the truth unless it is in the cache. Raises InputError for a view that shows nothing."""
+        with bench.profile.activity("truth"):
+            truth = cached_truth(self.view)
+        bench.reporter.step(self.view.name)
+        return _uniform_truth(truth)
 
 
 def check_sizes(study: Study, info: DeviceInfo) -> None:

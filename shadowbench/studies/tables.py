@@ -1,13 +1,14 @@
 """Tables made of rows: `table.csv`, with one line per cell, and the printed summary."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from shadowbench.files import replace_file
 from shadowbench.measure.flips import FLIPS, ROW_METRICS
@@ -37,25 +38,47 @@ _MORE = [
 ]
 _FLIPS = [FLIPS.name, "step"]
 _BOOTSTRAPS = 2000
+_CHUNK = 5000  # lines of a table in memory at a time
 
 
 def cells_frame(results: Sequence[Result]) -> pd.DataFrame:
     """One line per cell, with the columns of `table.csv`: the promised ones in their order, then additional ones."""
-    rows = [_cell(result) for result in results]
-    passes = sorted({key for row in rows for key in row if key.startswith("pass_")})
-    work = sorted({key for row in rows for key in row if key.startswith("work_")})
-    promised = [*_IDENTITY, *METRICS, *_TIMES, *passes, *work, "gpu_bytes", "prepare_ms", "machine", "command"]
-    ours = [*_MORE, *_FLIPS, *_SOFT, *_MORE_TIMES]
-    facts = sorted({key for row in rows for key in row if key.startswith("fact_")})
-    frame = pd.DataFrame(rows, columns=[*promised, *ours, *facts])
+    return _frame(results, _columns(results))
+
+
+def cells_frames(results: Sequence[Result], lines: int = _CHUNK) -> Iterator[pd.DataFrame]:
+    """The lines of `cells_frame` in frames of so many lines, all with the same columns, for tables of any length."""
+    columns = _columns(results)
+    for start in range(0, max(len(results), 1), lines):
+        yield _frame(results[start : start + lines], columns, start)
+
+
+def write_table(file: Path, frames: Iterable[pd.DataFrame]) -> None:
+    """Write frames of the same columns as one CSV, one after the other; missing values are empty fields."""
+    with replace_file(file) as temporary, temporary.open("w", encoding="utf-8", newline="") as stream:
+        for index, frame in enumerate(frames):
+            frame.to_csv(stream, index=False, header=index == 0)
+
+
+def _columns(results: Sequence[Result]) -> list[str]:
+    passes = {name for result in results for name in (result.time or {}).get("passes", ())}
+    work = {name for result in results for name in result.score.get("work", ())}
+    facts = {name for result in results for name in result.score.get("facts", ())}
+    times = [*_TIMES, *sorted(f"pass_{name}_ms" for name in passes)]
+    promised = [*_IDENTITY, *METRICS, *times, *_prefixed("work", work), "gpu_bytes", "prepare_ms", "machine", "command"]
+    return [*promised, *_MORE, *_FLIPS, *_SOFT, *_MORE_TIMES, *_prefixed("fact", facts)]
+
+
+def _prefixed(prefix: str, names: Iterable[str]) -> list[str]:
+    return sorted(f"{prefix}_{name}" for name in names)
+
+
+def _frame(results: Sequence[Result], columns: list[str], start: int = 0) -> pd.DataFrame:
+    lines = range(start, start + len(results))
+    frame = pd.DataFrame([_cell(result) for result in results], index=lines, columns=columns)
+    work = [name for name in columns if name.startswith("work_")]
     whole = [*work, "map_size", "n", "gpu_bytes", "receivers", "undecided", "surface_mismatch", "penumbra"]
     return frame.astype(dict.fromkeys(whole, "Int64"))
-
-
-def write_table(file: Path, frame: pd.DataFrame) -> None:
-    """Write a frame as CSV; missing values are empty fields."""
-    with replace_file(file) as temporary:
-        frame.to_csv(temporary, index=False)
 
 
 def _cell(result: Result) -> dict[str, Any]:
@@ -171,9 +194,10 @@ class SummaryRow:
         return self.map_size is not None and self.phases == 1
 
 
-def interval(values: Sequence[float]) -> Interval | None:
+def interval(values: Sequence[float] | NDArray[np.float64]) -> Interval | None:
     """Median and bootstrap confidence interval (fixed seed) of the values that are not NaN; None if there are none."""
-    array = np.array([float(value) for value in values if not pd.isna(value)])
+    array = np.asarray(values, dtype=float)
+    array = array[~np.isnan(array)]
     if not len(array):
         return None
     if len(array) == 1:
@@ -209,12 +233,15 @@ def summary_rows(table: pd.DataFrame) -> list[SummaryRow]:
     """Summary rows of one table, best first; its times must be normalised to one reference time."""
     rows = []
     numbers = _numbers_set(table["spec"])
+    names = [*ROW_METRICS, *_TRUTH_ERRORS, "width_bias", *_TIMES[:4], *_TOTALS, "gpu_bytes"]
+    names += [name for name in _LENGTHS if name in table]
+    columns = {name: table[name].to_numpy(dtype=float, na_value=np.nan) for name in names}
+    position = pd.Series(range(len(table)), index=table.index)
     for key, group in table.groupby(["spec", "map_size"], sort=False, dropna=False):
         spec, size = cast("tuple[str, float]", key)
         succeeded = group[group["status"] == "ok"]
-        names = [*ROW_METRICS, *_TRUTH_ERRORS, "width_bias", *_TIMES[:4], *_TOTALS, "gpu_bytes"]
-        values = {name: interval(succeeded[name].tolist()) for name in names}
-        values |= {name: interval(succeeded[name].tolist()) for name in _LENGTHS if name in succeeded}
+        lines = position[succeeded.index].to_numpy()
+        values = {name: interval(column[lines]) for name, column in columns.items()}
         refused = tuple(group.loc[group["status"] != "ok", "status"])
         map_size = None if pd.isna(size) else int(size)
         unset = _unset(spec, group["full_spec"].iloc[0], numbers)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from shadowbench.errors import InputError
 from shadowbench.extremes.axes import AXES
-from shadowbench.measure.rows import Record, read_rows, read_run_file
+from shadowbench.measure.rows import Record, read_run_file, stream_rows
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.views import named
 from shadowbench.studies.crossing import Techniques
@@ -42,8 +42,8 @@ def cell_state(folder: Path, key: str, techniques: Techniques, assets: Path | No
 
 
 def _row(folder: Path, key: str) -> Record:
-    rows, _ = read_rows(folder / "rows.jsonl")
-    found = {row["key"]: row for row in rows if row["kind"] == "score" and row["key"].startswith(key)}
+    rows = stream_rows(folder / "rows.jsonl")
+    found = {row["key"]: row for row, _ in rows if row["kind"] == "score" and row["key"].startswith(key)}
     if len(found) != 1:
         raise InputError(f"--cell {key!r:.60}: {_several(list(found))} in {folder}; allowed: a key of its rows.jsonl")
     return next(iter(found.values()))

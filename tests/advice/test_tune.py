@@ -28,6 +28,7 @@ from shadowbench.advice.tune_search import search_parameters
 from shadowbench.advice.tune_space import DEFAULT_PARAMETERS, SEARCH_FACTOR, SearchSpace, searched_parameters, span
 from shadowbench.advice.tune_split import SceneSplit, split_scenes
 from shadowbench.errors import InputError
+from shadowbench.measure.bench import Bench
 from shadowbench.measure.measurer import Measurer
 from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.rows import Record
@@ -239,7 +240,7 @@ def tune(bench: Any) -> Tune:
         study = Study.of(scenes, [home], map_size=(128,), view_size=64, rounds=0)
         bench.calls.clear()
         with closing(RowStore(folder)) as store:
-            cells = TuningCells(study, Measurer(bench.worker, store, study.conditions(), Notes()))
+            cells = TuningCells(study, Measurer(Bench(bench.worker, store, Notes()), study.conditions()))
             blocks = cells.eligible_blocks(home)
             assert [scene.name for scene in scenes_of(blocks)] == list(scenes)
             space = SearchSpace(home, ("bias",), cells.unsupported_components(home, ("bias",), blocks))
@@ -288,7 +289,7 @@ def test_a_stopped_search_goes_on_to_the_same_end(tune: Tune, bench: Any, tmp_pa
 def test_rows_that_no_view_takes_are_not_searched(bench: Any, tmp_path: Path) -> None:
     study = Study.of(["cube-on-plane"], [SHADOW_MAP], view_size=32, rounds=0)
     with closing(RowStore(tmp_path / "rows")) as store:
-        cells = TuningCells(study, Measurer(bench.worker, store, study.conditions(), Notes()))
+        cells = TuningCells(study, Measurer(Bench(bench.worker, store, Notes()), study.conditions()))
         blocks = cells.eligible_blocks(SHADOW_MAP)
         refused = cells.unsupported_components(SHADOW_MAP, DEFAULT_PARAMETERS, blocks)
     assert refused == {"bias": frozenset(), "filter": frozenset({"pcf-20"}), "fit": frozenset()}

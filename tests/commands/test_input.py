@@ -97,6 +97,14 @@ OF_A_SCENE = [
 ]
 RUN = OF_A_SCENE[0]
 CASES: dict[str, tuple[list[str], list[str]]] = {
+    "a part of none": (["run", "stairs", "--part", "0/0", "-o", "{out}"], ["--part", "'0/0'", "K/N"]),
+    "a part beyond the last": (["stress", "--part", "4/3", "-o", "{out}"], ["--part", "'4/3'", "K/N"]),
+    "more parts than cells": (
+        ["run", "stairs", "-t", "unshadowed", "--part", "1/2", "-o", "{out}"],
+        ["--part 1/2", "found 1", "allowed: 1 to 1 parts"],
+    ),
+    "a folder to merge that is missing": (["merge", "{in}/gone", "-o", "{out}"], ["gone", "no such folder"]),
+    "a folder to merge that is no run": (["merge", "{in}", "-o", "{out}"], ["no rows.jsonl", "shadowbench run"]),
     "a missing scene file": (["run", "{in}/gone.toml", "-o", "{out}"], ["gone.toml", "no such file"]),
     "a missing mesh": (["truth", "{in}/none.obj", "-o", "{out}.npz"], ["none.obj", "no such file"]),
     "a misspelt scene": (["run", "cube-on-plain", "-o", "{out}"], ["cube-on-plain", "did you mean 'cube-on-plane'"]),

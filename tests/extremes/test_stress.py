@@ -3,6 +3,7 @@
 import csv
 import json
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,9 +15,12 @@ from scipy.ndimage import binary_dilation
 
 from shadowbench.extremes.axes import AXES, Axis
 from shadowbench.extremes.ranges import Failure, failure, operating_range, operating_ranges
-from shadowbench.extremes.sweep import Sweep, spec_at
+from shadowbench.extremes.sweep import spec_at, sweep
+from shadowbench.measure.bench import Bench
 from shadowbench.measure.executor import Limits
 from shadowbench.measure.flips import flips
+from shadowbench.measure.pictures import Pictures
+from shadowbench.measure.row_store import RowStore
 from shadowbench.scores.masks import mask_sha256, read_mask
 from shadowbench.scores.metrics import METRICS
 from shadowbench.techniques.spec import parse_spec
@@ -170,7 +174,8 @@ class Swept:
         self.steps: list[str] = []
         parsed = [parse_spec(text, bench.techniques) for text in specs]
         bench.calls.clear()
-        self.rows = Sweep(parsed, folder, bench.worker, self).run(axes, quick=True)
+        with closing(RowStore(folder, sweep=True)) as store:
+            self.rows = sweep(parsed, axes, Bench(bench.worker, store, self, Pictures(folder)), quick=True)
         self.calls = list(bench.calls)
 
     def note(self, line: str) -> None:

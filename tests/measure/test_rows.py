@@ -13,7 +13,7 @@ import pytest
 from shadowbench.errors import InputError
 from shadowbench.measure import row_store
 from shadowbench.measure.row_store import RowStore
-from shadowbench.measure.rows import read_rows
+from shadowbench.measure.rows import stream_rows
 from shadowbench.scores.metrics import METRICS
 from tests.conftest import key_of
 
@@ -114,7 +114,7 @@ def test_fields_of_newer_versions_are_kept_in_rows(tmp_path: Path) -> None:
     with opened(tmp_path) as store:
         store.append(SCORE | {"metrics": SCORE["metrics"] | {"novel": 0.25}, **newer})  # type: ignore[operator]
         store.append(TIME | newer)
-    (score, time), end = read_rows(store.file)
+    (score, _), (time, end) = stream_rows(store.file)
     assert score["luck"] == time["luck"] == newer["luck"] and time["passes"] == newer["passes"]
     assert score["metrics"]["novel"] == 0.25 and end == store.file.stat().st_size
 
@@ -170,7 +170,7 @@ def test_a_full_disk_is_one_line_and_leaves_complete_rows(tmp_path: Path) -> Non
     assert said.stderr == "" and kept == "True"
     assert message == f"{tmp_path / 'rows.jsonl'}: cannot be written (file too large)"
     assert (tmp_path / "rows.jsonl").read_bytes().endswith(b"\n")
-    rows, _ = read_rows(tmp_path / "rows.jsonl")
+    rows = [row for row, _ in stream_rows(tmp_path / "rows.jsonl")]
     assert [row["key"] for row in rows] == [key_of(number) for number in range(int(count))] and rows
     with opened(tmp_path) as store:  # there is room again
         store.append(SCORE | {"key": key_of("more")})

@@ -51,7 +51,7 @@ class Run:
         self.notes: list[str] = bench.notebook.notes
         self.calls: list[str] = list(bench.calls)
         frame = cells_frame(self.results)
-        write_table(folder / "table.csv", frame)
+        write_table(folder / "table.csv", [frame])
         self.tables = summary(frame)
         with (folder / "table.csv").open(newline="") as stream:
             self.cells = list(csv.DictReader(stream))

@@ -5,7 +5,8 @@ const byId = (id) => document.getElementById(id);
 const read = (id) => JSON.parse(byId(id).textContent);
 const panelOf = (id) => PAGE.panels.find((panel) => panel.id === id);
 const cache = new Map();
-const data = (id) => cache.get(id) ?? cache.set(id, read(`data-${id}`)).get(id);
+const data = (id) => cache.get(id); // once it is loaded
+const loaded = async (id) => cache.get(id) ?? cache.set(id, PAGE.data ? await fetched(PAGE.data[id]) : read(`data-${id}`)).get(id);
 
 let currentPanel = null; // id
 let pictureScene = null; // id of the panel whose pictures are shown
@@ -20,15 +21,16 @@ function markCell(cell) {
 }
 
 // Shows a configuration in the viewer: in the current scene or, in the panel of all scenes, in the given one.
-function showPicture(spec, size, scene) {
+async function showPicture(spec, size, scene) {
   const id = panelOf(currentPanel).scenes ? scene : currentPanel;
-  if (!data(id).gallery) return;
-  const cell = data(id).gallery.cells.find((one) => one.spec === spec && one.size === (size || null));
+  const { gallery } = await loaded(id);
+  if (!gallery) return;
+  const cell = gallery.cells.find((one) => one.spec === spec && one.size === (size || null));
   return openGallery(id, cell ?? { spec, size });
 }
 
 async function openGallery(id, cell) {
-  const { gallery } = data(id);
+  const { gallery } = await loaded(id);
   for (const node of document.querySelectorAll("#viewer, #errors")) node.hidden = !gallery;
   byId("no-pictures").textContent = gallery ? gallery.notes.join(" ") : data(id).no_gallery;
   if (!gallery) return;
@@ -46,12 +48,18 @@ async function openGallery(id, cell) {
   }
 }
 
+const PAGE_ERRORS = 48; // thumbnails, each of two pictures that are decoded
+
 // Fills the thumbnails: one per spec, at the chosen map size or the nearest available, best first.
-async function showErrors() {
+async function showErrors(shown = PAGE_ERRORS) {
   const { gallery } = first, size = Number(byId("errors-size").value) || 1024, view = gallery.views[first.viewName];
   const far = (cell) => Math.abs(Math.log2((cell.size ?? size) / size));
   const cells = [...new Set(first.cells.map((cell) => cell.spec))].map((spec) => first.cells.filter((cell) => cell.spec === spec).sort((a, b) => far(a) - far(b))[0]).sort((a, b) => (a.error ?? 1) - (b.error ?? 1));
-  const made = await Promise.all(cells.map(async (cell) => {
+  const more = byId("errors").querySelector(".more");
+  more.hidden = cells.length <= shown;
+  more.textContent = `${shown} of ${cells.length} are shown; show ${PAGE_ERRORS} more`;
+  more.onclick = () => showErrors(shown + PAGE_ERRORS);
+  const made = await Promise.all(cells.slice(0, shown).map(async (cell) => {
     const button = document.createElement("button"), score = document.createElement("b"), label = document.createElement("span");
     button.type = "button";
     score.textContent = cell.score;
@@ -70,7 +78,7 @@ async function showErrors() {
 
 async function show(id) {
   currentPanel = id;
-  const panel = panelOf(id), { charts, rows, columns, shown } = data(id);
+  const panel = panelOf(id), { charts, rows, columns, shown } = await loaded(id);
   for (const node of document.querySelectorAll("[data-panel]")) node.hidden = node.dataset.panel !== id;
   for (const node of document.querySelectorAll(".title-shown")) node.textContent = panel.title;
   byId("run").value = panel.run;
@@ -128,7 +136,7 @@ async function begin() {
     for (const button of document.querySelectorAll(".matrix button")) {
       button.addEventListener("click", () => { window.drawn = showPicture(button.dataset.spec, Number(button.dataset.size) || null, button.dataset.scene); });
     }
-    byId("errors-size")?.addEventListener("change", showErrors);
+    byId("errors-size")?.addEventListener("change", () => showErrors());
     for (const button of document.querySelectorAll("[data-zoom]")) button.addEventListener("click", () => zoomed(document.querySelector(".chart.front"), Number(button.dataset.zoom)));
     jobs.push(show(start));
   }

@@ -1,7 +1,8 @@
 "use strict";
 // The table of configurations, with sorting, a filter by technique, and a choice of columns.
 
-const table = { sort: null, down: false, technique: "", columns: {} }; // columns: chosen ones, by those shown at first
+const PAGE_ROWS = 500;
+const table = { sort: null, down: false, technique: "", columns: {}, rows: PAGE_ROWS }; // columns: chosen ones, by those shown at first
 
 function fillTable(rows, columns, shown, onChoose) {
   const box = document.getElementById("table"), head = box.querySelector("thead tr"), body = box.querySelector("tbody");
@@ -41,7 +42,11 @@ function fillTable(rows, columns, shown, onChoose) {
   };
   const visible = rows.filter((row) => !table.technique || row.technique === table.technique);
   if (table.sort) visible.sort(order);
-  body.replaceChildren(...visible.map((row) => {
+  const more = box.querySelector(".more");
+  more.hidden = visible.length <= table.rows;
+  more.textContent = `${table.rows} of ${visible.length} configurations are listed; list ${PAGE_ROWS} more`;
+  more.onclick = () => refill(table.rows += PAGE_ROWS);
+  body.replaceChildren(...visible.slice(0, table.rows).map((row) => {
     const line = document.createElement("tr"), head = document.createElement("th"), button = document.createElement("button");
     line.classList.toggle("front", row.front);
     Object.assign(head, { scope: "row", title: row.full });

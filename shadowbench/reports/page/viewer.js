@@ -6,12 +6,12 @@ const FALSE_SHADOW = [213, 94, 0], FALSE_LIGHT = [0, 114, 178], UNLIT = [70, 84,
 const LINEAR = Float32Array.from({ length: 256 }, (_, v) => (v /= 255) <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
 const SRGB = Uint8Array.from({ length: 4096 }, (_, i) => (i /= 4095) <= 0.0031308 ? 3294.6 * i + 0.5 : 269.025 * i ** (1 / 2.4) - 13.525);
 
-const decoded = new Map(); // pictures of the current scene, by data URI
+const decoded = new Map(); // pictures of the current scene, by data URI or file beside the page
 
 function pixels(source) {
   if (source && !decoded.has(source)) decoded.set(source, (async () => {
     const image = new Image();
-    image.src = source;
+    image.src = source.startsWith("data:") ? source : await fetched(source);
     await image.decode();
     const context = Object.assign(document.createElement("canvas"), { width: image.width, height: image.height }).getContext("2d");
     context.drawImage(image, 0, 0);

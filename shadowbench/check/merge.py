@@ -1,0 +1,163 @@
+"""Merging of run folders, of several machines or of parts of a study, into one."""
+
+import datetime
+import json
+import os
+import shutil
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from shadowbench.check.joining import Conflict, Joined, join
+from shadowbench.errors import InputError
+from shadowbench.extremes.ranges import points_frame, ranges_frame
+from shadowbench.measure.row_store import command_line
+from shadowbench.measure.rows import RunFile, StudyFacts, read_run_file
+from shadowbench.reports.stability import analyse
+from shadowbench.studies.folder import read_folders, write_cells
+from shadowbench.studies.sweeps import read_sweep_positions
+from shadowbench.studies.tables import write_table
+
+
+@dataclass(frozen=True)
+class MergeResult:
+    """Result of a merge: number of cells and of time rows, machines of the times, notes, and what differs.
+
+    With conflicts, nothing was written.
+    """
+
+    cells: int
+    times: int
+    machines: int
+    notes: tuple[str, ...]
+    conflicts: tuple[Conflict, ...]
+
+
+def merge(folders: Sequence[Path], output: Path) -> MergeResult:
+    """Merge folders of `run`, or of `stress`, into a new folder, which appears when it is complete.
+
+    Equal keys must have equal scores: if not, nothing is written. A failed row gives way to a successful one. Time rows
+    of every machine are kept. Images are hard links where the disk allows it. Raises InputError for folders that do
+    not belong together, and for an output that is not new or empty.
+    """
+    sources = list(dict.fromkeys(folder.resolve() for folder in folders))
+    _check_output(output, sources)
+    joined = join(sources)
+    abouts = [read_run_file(folder / "run.json") for folder in sources]
+    notes = [
+        f"{folder}: the last row is cut off: its command was stopped; repeat it, then merge again"
+        for folder in joined.cut_off
+    ]
+    stopped = [folder for folder, about in zip(sources, abouts, strict=True) if not about]
+    notes += [
+        f"{folder}: found no run.json; if its command was stopped, repeat it, then merge again"
+        for folder in stopped
+        if folder not in joined.cut_off
+    ]
+    if not joined.conflicts:
+        _write(joined, sources, abouts, output)
+    times = sum(joined.machines.values())
+    return MergeResult(len(joined.cells), times, len(joined.machines), tuple(notes), joined.conflicts)
+
+
+def _check_output(output: Path, sources: Sequence[Path]) -> None:
+    if output.resolve() in sources:
+        raise InputError(f"-o {output}: is one of the folders to merge; allowed: a new folder, or an empty one")
+    with suppress(FileNotFoundError, NotADirectoryError):
+        found = next(iter(sorted(file.name for file in output.iterdir())), None)
+        if found is not None:
+            raise InputError(
+                f"-o {output}: found other files, such as {found:.60}; allowed: a new folder, or an empty one"
+            )
+        return
+    if output.exists():
+        raise InputError(f"-o {output}: is a file; allowed: a new folder, or an empty one")
+
+
+def _write(joined: Joined, sources: Sequence[Path], abouts: Sequence[RunFile], output: Path) -> None:
+    """Write all files beside the output, and rename the folder; what a killed merge left there is replaced."""
+    beside = output.resolve().with_name(f".{output.resolve().name}.merging")
+    try:
+        shutil.rmtree(beside, ignore_errors=True)
+        beside.mkdir(parents=True)
+        _write_rows(joined, sources, beside / "rows.jsonl")
+        for source in sources:
+            _link(_images_of_cells(source, joined), beside)
+        for source in reversed(sources):  # the truth of the last one counts, as its rows come last
+            _link(source.glob("truth/*.png"), beside)
+        text = json.dumps(_run_file(joined, sources, abouts), indent=2, ensure_ascii=False)
+        (beside / "run.json").write_text(text + "\n", encoding="utf-8", errors="replace")
+        if joined.sweep:
+            _, (sweep,) = read_folders([beside])
+            write_table(beside / "ranges.csv", [ranges_frame(analyse(sweep).ranges)])
+            write_table(beside / "table.csv", [points_frame(sweep.rows)])
+        else:
+            tables = [read_sweep_positions(source / "table.csv") for source in sources]
+            write_cells(beside, (), {spec: points for table in tables for spec, points in table.items()})
+        with suppress(FileNotFoundError):
+            output.rmdir()  # an empty one
+        beside.rename(output.resolve())
+    except OSError as error:
+        raise InputError(f"-o {output}: cannot be written ({(error.strerror or str(error)).lower()})") from None
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
+
+
+def _write_rows(joined: Joined, sources: Sequence[Path], file: Path) -> None:
+    with file.open("wb") as output:
+        for index, source in enumerate(sources):
+            kept = joined.lines(index)
+            with (source / "rows.jsonl").open("rb") as stream:
+                output.writelines(line for number, line in enumerate(stream, start=1) if number in kept)
+
+
+def _images_of_cells(source: Path, joined: Joined) -> Iterable[Path]:
+    return (
+        file for kind in ("masks", "pictures") for file in source.glob(f"{kind}/*.png") if file.stem in joined.cells
+    )
+
+
+def _link(files: Iterable[Path], folder: Path) -> None:
+    """Link or copy files that a folder lacks into its subfolder of the same name."""
+    for file in files:
+        target = folder / file.parent.name / file.name
+        if target.exists():
+            continue
+        target.parent.mkdir(exist_ok=True)
+        try:
+            os.link(file, target)
+        except OSError:  # another disk, or one without links
+            shutil.copyfile(file, target)
+
+
+def _run_file(joined: Joined, sources: Sequence[Path], abouts: Sequence[RunFile]) -> dict[str, Any]:
+    """Contents of `run.json`: machine and versions of the folder with the most times, cells and notes of all."""
+    keys: dict[str, None] = {}
+    for index, about in enumerate(abouts):
+        own = about.get("keys") or [key for key, place in joined.cells.items() if place.folder == index]
+        keys |= dict.fromkeys(key for key in own if key in joined.cells)
+    main = max(abouts, key=lambda about: joined.machines.get(about.get("machine_key"), 0))
+    assumptions = dict.fromkeys(note for about in abouts for note in about.get("assumptions", ()))
+    return {
+        **main,
+        "schema": 1,
+        "command": command_line(),
+        "finished": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "assumptions": list(assumptions),
+        "study": _study([about["study"] for about in abouts if "study" in about]),
+        "keys": list(keys),
+    }
+
+
+def _study(studies: Sequence[StudyFacts]) -> dict[str, Any]:
+    """Scenes and specs of all studies, and the values in which they agree."""
+    found: dict[str, Any] = {}
+    for name in dict.fromkeys(name for study in studies for name in study):
+        values = [study[name] for study in studies if name in study]  # type: ignore[literal-required]
+        if name in ("scenes", "specs"):
+            found[name] = list(dict.fromkeys(value for several in values for value in several))
+        elif all(value == values[0] for value in values):
+            found[name] = values[0]
+    return found

@@ -1,0 +1,16 @@
+"use strict";
+// Data files beside the page: a page opened from a disk may not read them, but each is a script that calls `deliver`.
+
+const requests = new Map(); // by file name, what to call with its value
+
+function deliver(name, value) {
+  requests.get(name)?.(value);
+}
+
+const fetched = (name) => new Promise((resolve, reject) => {
+  const script = Object.assign(document.createElement("script"), { src: name });
+  requests.set(name, resolve);
+  script.onload = () => script.remove();
+  script.onerror = () => reject(new Error(`${name} is missing: it belongs beside the page`));
+  document.head.append(script);
+});

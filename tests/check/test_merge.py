@@ -1,0 +1,191 @@
+"""`merge`: folders of machines and parts become one, unless their scores differ."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from shadowbench.check import merge as merging
+from shadowbench.measure.rows import Record, stream_rows
+from shadowbench.scores.masks import write_mask
+from tests.check.test_check import GOOD, WORSE, cell, rows, timed
+from tests.reports.conftest import POINTS
+
+Shadowbench = Callable[..., Any]
+
+
+def read(folder: Path, kind: str = "score") -> list[Record]:
+    return [row for row, _ in stream_rows(folder / "rows.jsonl") if row["kind"] == kind]
+
+
+def described(folder: Path, *records: dict[str, Any], machine: str = "m", **study: Any) -> Path:
+    """A folder with a `run.json`."""
+    about = {"schema": 1, "machine_key": machine, "assumptions": [f"of {folder.name}"], "study": study}
+    about["keys"] = [record["key"] for record in records if record["kind"] == "score"]
+    rows(folder, *records)
+    (folder / "run.json").write_text(json.dumps(about))
+    return folder
+
+
+def test_cells_times_images_and_facts_of_all_folders_are_in_the_result(
+    shadowbench: Shadowbench, tmp_path: Path
+) -> None:
+    mine, yours = cell("shadow-map"), cell("cube-map")
+    one = described(tmp_path / "one", mine, timed(mine), scenes=["s"], specs=["shadow-map"], rounds=9, view_size=16)
+    two = described(tmp_path / "two", mine, yours, scenes=["s"], specs=["cube-map"], rounds=0, view_size=16)
+    for folder, record in ((one, mine), (two, yours)):
+        for name in (f"masks/{record['key']}", "truth/s.camera.sun.16", "masks/" + "0" * 24):
+            (folder / name).parent.mkdir(exist_ok=True)
+            write_mask(folder / f"{name}.png", np.ones((16, 16), np.float32))
+    answer = shadowbench("merge", one, two, "-o", tmp_path / "all")
+    assert (answer.code, answer.err) == (0, "")
+    assert answer.out.endswith("all: 2 cells, 1 time of 1 machine, from 2 folders\n")
+    assert read(tmp_path / "all") == [mine, yours] and read(tmp_path / "all", "time") == [timed(mine)]
+    about = json.loads((tmp_path / "all" / "run.json").read_text())
+    assert about["keys"] == [mine["key"], yours["key"]] and about["assumptions"] == ["of one", "of two"]
+    assert about["study"] == {"scenes": ["s"], "specs": ["shadow-map", "cube-map"], "view_size": 16}
+    found = {str(file.relative_to(tmp_path / "all")) for file in (tmp_path / "all").glob("*/*.png")}
+    assert found == {f"masks/{mine['key']}.png", f"masks/{yours['key']}.png", "truth/s.camera.sun.16.png"}
+    assert len((tmp_path / "all" / "table.csv").read_text().splitlines()) == 3
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["all", "one", "two"]
+
+
+def test_a_merged_folder_checks_equal_to_the_whole(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    cells = [cell(size=size) for size in (256, 512, 1024)]
+    parts = [rows(tmp_path / str(record["map_size"]), record) for record in cells]
+    whole = rows(tmp_path / "whole", *cells)
+    assert shadowbench("merge", *parts, "-o", tmp_path / "all", "-q").code == 0
+    answer = shadowbench("check", tmp_path / "all", "--baseline", whole)
+    assert answer.code == 0 and answer.out.startswith("3 cells compared")
+
+
+@pytest.mark.parametrize(
+    ("changed", "what"),
+    [
+        ({"metrics": WORSE}, ["iou", "ssim"]),
+        ({"mask_sha256": "f" * 64}, ["mask"]),
+        ({"metrics": GOOD | {"contact": None}}, ["contact"]),
+        ({"status": "unsupported: too large"}, ["status"]),
+    ],
+)
+def test_equal_keys_with_unequal_scores_are_listed_and_nothing_is_written(
+    shadowbench: Shadowbench, tmp_path: Path, changed: dict[str, Any], what: list[str]
+) -> None:
+    same, other = cell("cube-map"), cell("shadow-map")
+    one, two = rows(tmp_path / "one", same, other), rows(tmp_path / "two", same, other | changed)
+    answer = shadowbench("merge", one, two, "-o", tmp_path / "all", "--json", "-q")
+    assert answer.code == 1 and answer.err == (
+        "shadowbench: nothing was written: 1 cell with unequal scores in 2 folders\n"
+    )
+    differing = json.loads(answer.out)["differing"]
+    assert [one["what"] for one in differing] == what
+    assert {one["cell"] for one in differing} == {"s camera sun shadow-map at 512"}
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["one", "two"]
+    assert "unequal scores" in shadowbench("merge", one, two, "-o", tmp_path / "all").out
+
+
+def test_scores_that_differ_by_rounding_are_equal(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    rounded = GOOD | {"iou": GOOD["iou"] * (1 + 1e-14)}
+    one, two = rows(tmp_path / "one", cell()), rows(tmp_path / "two", cell(metrics=rounded))
+    assert shadowbench("merge", one, two, "-o", tmp_path / "all").code == 0
+    assert read(tmp_path / "all") == [cell()]
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_a_failed_row_gives_way_to_one_that_succeeded(
+    shadowbench: Shadowbench, tmp_path: Path, order: tuple[int, int]
+) -> None:
+    failed = cell(status="failed: the worker died")
+    parts = [rows(tmp_path / "failed", failed), rows(tmp_path / "ok", failed, cell())]
+    assert shadowbench("merge", *(parts[at] for at in order), "-o", tmp_path / "all").code == 0
+    assert [row["status"] for row in read(tmp_path / "all")] == ["ok"]
+
+
+def test_times_are_kept_by_machine_and_the_table_has_those_of_one(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    one, two = cell(size=256), cell(size=512)
+    slow = [timed(record, machine="slow", frame_ms=9.0) for record in (one, two)]
+    parts = [
+        described(tmp_path / "quick", one, timed(one)),
+        described(tmp_path / "slow", one, two, *slow, machine="slow"),
+    ]
+    answer = shadowbench("merge", *parts, tmp_path / "slow", "-o", tmp_path / "all")
+    assert "3 times of 2 machines" in answer.out
+    assert read(tmp_path / "all", "time") == [timed(one), *slow]
+    assert (tmp_path / "all" / "table.csv").read_text().count(",slow,") == 2
+
+
+def test_sweeps_are_merged_with_their_ranges(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    records = [point.record() for point in POINTS]
+    lines = [[row for row in records if (row["home_spec"] == "shadow-map") == ours] for ours in (True, False)]
+    parts = [rows(tmp_path / str(index), *line) for index, line in enumerate(lines)]
+    assert shadowbench("merge", *parts, "-o", tmp_path / "all").code == 0
+    assert sorted(row["key"] for row in read(tmp_path / "all")) == sorted(row["key"] for row in records)
+    ranges = (tmp_path / "all" / "ranges.csv").read_text()
+    assert "breaks at 0.2°" in ranges and "cube-map,cube-map" in ranges
+    assert shadowbench("report", tmp_path / "all", "-o", tmp_path / "report.md", "--format", "md").code == 0
+
+
+def test_a_folder_whose_command_was_stopped_is_merged_and_named(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    part = rows(tmp_path / "part", cell())
+    with (part / "rows.jsonl").open("a") as stream:
+        stream.write('{"schema": 1, "kin')
+    answer = shadowbench("merge", part, "-o", tmp_path / "all")
+    assert answer.code == 0
+    assert (
+        answer.err == f"note: {part}: the last row is cut off: its command was stopped; repeat it, then merge again\n"
+    )
+    assert read(tmp_path / "all") == [cell()]
+
+
+def test_what_a_killed_merge_left_is_replaced(
+    shadowbench: Shadowbench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    part = rows(tmp_path / "part", cell())
+
+    def die(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(merging, "write_cells", die)
+        patch.setattr(merging.shutil, "rmtree", lambda *_, **__: None)  # as if killed
+        assert shadowbench("merge", part, "-o", tmp_path / "all").code == 130
+    assert not (tmp_path / "all").exists() and (tmp_path / ".all.merging").exists()
+    assert shadowbench("merge", part, "-o", tmp_path / "all").code == 0
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["all", "part"]
+
+
+@pytest.mark.parametrize(
+    ("made", "words"),
+    [
+        ({"gone": None}, ["gone", "no such folder"]),
+        ({"empty": []}, ["empty", "found no cell"]),
+        ({"newer": [cell(schema=2)]}, ["rows.jsonl line 1", "schema"]),
+        ({"sweep": [POINTS[0].record()]}, ["sweep", "found cells of `stress`; allowed: of `run`, as in "]),
+        ({"both": [cell(), POINTS[0].record()]}, ["both", "found cells of `run` and of `stress`"]),
+        ({"other": [cell(renderer="a GPU")]}, ["other", "found cells of a GPU; allowed: of llvmpipe, as in "]),
+    ],
+)
+def test_folders_that_do_not_belong_together_are_one_line(
+    shadowbench: Shadowbench, tmp_path: Path, made: dict[str, Any], words: list[str]
+) -> None:
+    ((name, records),) = made.items()
+    one = rows(tmp_path / "one", cell())
+    if records is not None:
+        rows(tmp_path / name, *records)
+    answer = shadowbench("merge", one, tmp_path / name, "-o", tmp_path / "all")
+    assert answer.code == 2 and answer.err.count("\n") == 1
+    assert [word for word in words if word not in answer.err] == []
+    assert not (tmp_path / "all").exists()
+
+
+def test_an_output_with_other_files_is_one_line(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    part = rows(tmp_path / "part", cell())
+    for output, words in ((part, "is one of the folders to merge"), (tmp_path, "found other files, such as part")):
+        answer = shadowbench("merge", part, "-o", output)
+        assert (answer.code, words in answer.err) == (2, True) and answer.err.count("\n") == 1
+    (tmp_path / "empty").mkdir()
+    assert shadowbench("merge", part, "-o", tmp_path / "empty").code == 0
+    assert shadowbench("merge", part, "-o", part / "rows.jsonl").code == 2

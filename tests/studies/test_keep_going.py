@@ -1,0 +1,102 @@
+"""`--keep-going`: what would stop a study is left out and named; the rest is measured."""
+
+import csv
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from shadowbench.measure.executor import CellFailed
+from shadowbench.measure.scorer import Scorer
+from tests.runs import CHANGING
+
+Shadowbench = Callable[..., Any]
+SMALL = ("-t", "unshadowed", "--rounds", "0", "--view-size", "32", "--quiet")
+
+
+@pytest.fixture
+def scenes(tmp_path: Path) -> dict[str, Path]:
+    """A good scene, one that is no TOML, and one whose camera shows nothing."""
+    good, broken, away = (tmp_path / f"{name}.toml" for name in ("good", "broken", "away"))
+    good.write_text(CHANGING.replace('"changing"', '"good"'))
+    broken.write_text("broken")
+    text = CHANGING.replace('"changing"', '"away"').replace("target = [0.0, 0.3, 0.0]", "target = [9.0, 9.0, 9.0]")
+    away.write_text(text)
+    return {"good": good, "broken": broken, "away": away}
+
+
+def measured(folder: Path) -> list[str]:
+    with (folder / "table.csv").open(newline="") as stream:
+        return [row["scene"] for row in csv.DictReader(stream)]
+
+
+def test_a_scene_that_cannot_be_read_and_a_truth_that_fails_are_left_out(
+    shadowbench: Shadowbench, scenes: dict[str, Path], tmp_path: Path
+) -> None:
+    command = ("run", scenes["broken"], scenes["away"], scenes["good"], tmp_path / "gone.obj", *SMALL)
+    stopped = shadowbench(*command, "-o", tmp_path / "stopped")
+    assert stopped.code == 2 and not (tmp_path / "stopped").exists()
+    answer = shadowbench(*command, "--keep-going", "-o", tmp_path / "out")
+    assert answer.code == 3 and measured(tmp_path / "out") == ["good"]
+    lines = answer.err.splitlines()
+    assert len(lines) == 3
+    assert lines[0].startswith(f"failed: 1 × scene: {scenes['broken']}: not TOML: ")
+    assert lines[1] == f"failed: 1 × scene: {tmp_path / 'gone.obj'}: no such file"
+    assert lines[2].startswith("failed: 1 × truth: ") and "shows nothing" in lines[2]
+
+
+def test_a_block_that_fails_is_left_out_and_measured_by_the_next_command(
+    shadowbench: Shadowbench, scenes: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    command = ("run", scenes["good"], "cube-on-plane", *SMALL, "--keep-going", "-o", tmp_path / "out")
+    rows = Scorer.rows
+
+    def fail(self: Scorer, frames: Any, *others: Any) -> Any:
+        if frames[0].view.scene.name == "good":
+            raise CellFailed("crashed: SIGSEGV")
+        return rows(self, frames, *others)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Scorer, "rows", fail)
+        answer = shadowbench(*command)
+    assert answer.code == 3 and measured(tmp_path / "out") == ["cube-on-plane"]
+    assert answer.err.startswith("failed: 1 × cells: good") and answer.err.endswith(": crashed: SIGSEGV\n")
+    assert shadowbench(*command).code == 0
+    assert sorted(measured(tmp_path / "out")) == ["cube-on-plane", "good"]
+
+
+def test_nothing_left_is_an_error(shadowbench: Shadowbench, scenes: dict[str, Path], tmp_path: Path) -> None:
+    for name, code in (("broken", 2), ("away", 3)):
+        answer = shadowbench("run", scenes[name], *SMALL, "--keep-going", "-o", tmp_path / "out")
+        assert answer.code == code and answer.err.count("\n") == 1 and name in answer.err
+        assert not (tmp_path / "out").exists()
+
+
+def test_stress_leaves_out_a_line_that_fails(
+    shadowbench: Shadowbench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rows = Scorer.rows
+
+    def fail(self: Scorer, frames: Any, *others: Any) -> Any:
+        if frames[0].view.light.kind == "spot":
+            raise ZeroDivisionError("as planned")
+        return rows(self, frames, *others)
+
+    monkeypatch.setattr(Scorer, "rows", fail)
+    command = ("stress", "--quick", "-t", "unshadowed", "--axis", "gap", "-q", "--keep-going", "-o", tmp_path / "out")
+    answer = shadowbench(*command)
+    assert answer.code == 3 and "failed: 1 × axis: gap spot: as planned\n" in answer.err
+    assert "directional" in (tmp_path / "out" / "table.csv").read_text()
+
+
+def test_tune_leaves_out_a_scene_that_cannot_be_read(
+    shadowbench: Shadowbench, scenes: dict[str, Path], tmp_path: Path
+) -> None:
+    named = f"{scenes['good']},cube-on-plane,{scenes['broken']}"
+    options = ("--held-out", "good", "--trials", "1", "--map-size", "32", "--view-size", "32", "--phases", "1", "-q")
+    command = ("tune", "-t", "shadow-map", "--scenes", named, *options, "-o", tmp_path / "out")
+    assert shadowbench(*command).code == 2
+    answer = shadowbench(*command, "--keep-going")
+    assert answer.code == 3 and answer.err.startswith(f"failed: 1 × scene: {scenes['broken']}: not TOML")
+    assert set(measured(tmp_path / "out")) == {"good", "cube-on-plane"}
