@@ -109,7 +109,7 @@ def recommend(
             return results[-1]
 
         found = find_cheapest(view, truth, target, unit, known, info.max_map_size, measure)
-    write_run_file(folder / "run.json", info, view.scene.notes, study.facts, [result.score for result in results])
+    write_run_file(folder / "run.json", executor, view.scene.notes, study.facts, [result.score for result in results])
     if results:
         write_cells(folder, results, {})
     return found, info

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from shadowbench.advice.tune_space import family_of
-from shadowbench.measure.bench import Bench, Reporter
+from shadowbench.measure.bench import Bench, Job, Reporter
 from shadowbench.measure.cells import Block, Cell, PlacedView
 from shadowbench.measure.measurer import Measurer
 from shadowbench.measure.rows import Record, Result
@@ -13,7 +13,7 @@ from shadowbench.measure.session import Session
 from shadowbench.scenes.model import Coordinates, View, view_of
 from shadowbench.studies.study import Study
 from shadowbench.techniques.spec import Spec
-from shadowbench.truths.cache import cached_truth
+from shadowbench.truths.cache import PIXEL_SAMPLES, cached_truth
 
 
 class TuningCells:
@@ -90,12 +90,17 @@ class TuningCells:
 
 
 @dataclass(frozen=True, eq=False)
-class EligibilityJob:
+class EligibilityJob(Job[str | None]):
     """Job that traces the truth of a view into the cache, and returns why the view takes no part in tuning a spec."""
 
     view: View
     coordinates: Coordinates
     spec: Spec
+
+    @property
+    def truths(self) -> Sequence[tuple[View, int]]:
+        """The view's."""
+        return ((self.view, PIXEL_SAMPLES),)
 
     def __call__(self, bench: Bench) -> str | None:
         """Why nothing can be tuned in the view; None if it takes part."""

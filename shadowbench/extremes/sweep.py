@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from shadowbench.extremes.axes import Axis, Setting, Value, value_label
 from shadowbench.extremes.ranges import failure
-from shadowbench.measure.bench import Bench
+from shadowbench.measure.bench import Bench, Job
 from shadowbench.measure.cells import Cell, PlacedView
 from shadowbench.measure.keys import cell_key, joint_key, view_key
 from shadowbench.measure.rows import Record
@@ -36,13 +36,20 @@ def sweep(specs: Sequence[Spec], axes: Sequence[Axis], bench: Bench, quick: bool
 
     Existing rows are not measured again.
     """
-    lines = [LineJob(axis, light, axis.swept(quick), tuple(specs)) for axis in axes for light in axis.lights]
+    known: dict[tuple[str, str], list[Record]] = {}
+    for row in bench.store.scores.values():
+        known.setdefault((row["axis"], row["light_kind"]), []).append(row)
+    lines = [
+        LineJob(axis, light, axis.swept(quick), tuple(specs), known.get((axis.name, light), ()))
+        for axis in axes
+        for light in axis.lights
+    ]
     bench.reporter.stage("stress", sum(len(line.values) for line in lines))
     return [bench.store.scores[key] for keys in bench.run(lines) for key in keys]
 
 
 @dataclass(frozen=True, eq=False)
-class LineJob:
+class LineJob(Job[list[str]]):
     """Job that measures specs at the values of an axis under one kind of light; returns the keys of the rows.
 
     A line is measured in one piece, as the memory of a map is extrapolated from that of the smaller ones before it.
@@ -52,6 +59,7 @@ class LineJob:
     light: LightKind
     values: tuple[Value, ...]
     specs: tuple[Spec, ...]
+    known: Sequence[Record] = ()
 
     def __call__(self, bench: Bench) -> list[str]:
         """Make the rows. Reports one step per value."""

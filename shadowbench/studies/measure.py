@@ -131,9 +131,7 @@ def measure(
     from shadowbench.studies.sweeps import sweep_positions
 
     positions = sweep_positions(study.sweeps)
-    write_run_file(
-        folder / "run.json", executor.info, result.notes, study.facts, [cell.score for cell in result.results]
-    )
+    write_run_file(folder / "run.json", executor, result.notes, study.facts, [cell.score for cell in result.results])
     run = write_cells(folder, result.results, positions)
     seconds = complete_profile(result.profile.seconds, spent, time.perf_counter() - start) if profile else {}
     return StudyResult(study, tuple(result.results), run, positions, executor.info, seconds)

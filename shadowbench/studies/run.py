@@ -1,12 +1,13 @@
 """Running a study into a folder: all truths first, then the cells block by block."""
 
 import math
+from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
 from shadowbench.errors import InputError
-from shadowbench.measure.bench import Bench, Reporter
+from shadowbench.measure.bench import Bench, Job, Reporter
 from shadowbench.measure.executor import Executor
 from shadowbench.measure.flips import size_after
 from shadowbench.measure.measurer import Measurer
@@ -20,7 +21,7 @@ from shadowbench.scenes.views import first_of
 from shadowbench.studies.study import Study, scenes_of
 from shadowbench.techniques.filters import Filter
 from shadowbench.techniques.unshadowed import Unshadowed
-from shadowbench.truths.cache import cached_truth
+from shadowbench.truths.cache import PIXEL_SAMPLES, cached_truth
 from shadowbench.truths.trace import Truth
 
 
@@ -73,10 +74,15 @@ def run_study(
 
 
 @dataclass(frozen=True, eq=False)
-class TruthJob:
+class TruthJob(Job[str | None]):
     """Job that traces the truth of a view into the cache, and returns a line about one without an edge."""
 
     view: View
+
+    @property
+    def truths(self) -> Sequence[tuple[View, int]]:
+        """The view's."""
+        return ((self.view, PIXEL_SAMPLES),)
 
     def __call__(self, bench: Bench) -> str | None:
         """Trace the truth unless it is in the cache. Raises InputError for a view that shows nothing."""

@@ -1,0 +1,164 @@
+"""The workers of a cluster that measure for one command."""
+
+import pickle
+import secrets
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from shadowbench.cluster import tasks, workers
+from shadowbench.cluster.connect import WORKERS_S, Connection
+from shadowbench.cluster.parcel import PluginFiles, Setup, pack
+from shadowbench.cluster.workers import WorkerFacts
+from shadowbench.errors import InputError, message, quoted
+from shadowbench.measure.bench import Reporter
+from shadowbench.measure.executor import Limits
+from shadowbench.scenes.model import Scene, View
+from shadowbench.truths.cache import truth_file
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+
+class Cluster:
+    """Workers with our versions and an OpenGL device, on one renderer or on any.
+
+    renderer: name of the only renderer, None for that of the first worker; any_renderer: whether workers of other
+    renderers are admitted too. A context manager; within it, `facts` has the admitted workers by address.
+    """
+
+    def __init__(
+        self,
+        connection: Connection,
+        reporter: Reporter,
+        plugins: Sequence[Path] = (),
+        limits: Limits | None = None,
+        renderer: str | None = None,
+        any_renderer: bool = False,
+    ) -> None:
+        self.connection, self.reporter = connection, reporter
+        self.setup = Setup(secrets.token_hex(8), tuple(map(PluginFiles.of, plugins)), limits or Limits())
+        self.renderer, self.any_renderer = renderer, any_renderer
+        self.facts: dict[str, WorkerFacts] = {}
+        self._judged: set[str] = set()
+        self._sent: dict[object, tuple[object, Future]] = {}
+
+    @property
+    def client(self) -> "Client":
+        """The current client; another one after the scheduler was restarted."""
+        return self.connection.client
+
+    def __enter__(self) -> "Cluster":
+        self._wait()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with suppress(Exception):  # workers that have gone
+            self.client.run(tasks.close_station, self.setup.number, workers=list(self.facts), on_error="ignore")
+
+    def reconnect(self) -> None:
+        """Wait for the scheduler and for workers, all of which are new."""
+        self.connection.reconnect()
+        self._sent.clear()
+        self.facts.clear()
+        self._judged.clear()
+        self._wait()
+
+    def send_setup(self) -> "Future":
+        """The setup, for tasks; sent once."""
+        return self._send("setup", self.setup, lambda: pickle.dumps(self.setup))
+
+    def send_scene(self, scene: Scene) -> "Future":
+        """A scene, for tasks; sent once."""
+        return self._send(id(scene), scene, lambda: pickle.dumps(scene))
+
+    def send_truth(self, view: View, pixel_samples: int, resource: str) -> "Future":
+        """A view's truth, for tasks; traced once, by a task of its own."""
+        name = truth_file(view, pixel_samples).stem
+        if name not in self._sent:
+            data, scenes = pack(view)
+            self._sent[name] = (
+                view,
+                self.client.submit(
+                    tasks.trace_truth,
+                    data,
+                    list(map(self.send_scene, scenes)),
+                    pixel_samples,
+                    key=f"truth-{name}-{self.setup.number}",
+                    resources={resource: 1},
+                ),
+            )
+        return self._sent[name][1]
+
+    def _send(self, name: object, thing: object, pickled: Callable[[], bytes]) -> "Future":
+        """A thing as the result of a task, which Dask repeats if the worker that holds it dies."""
+        if name not in self._sent:
+            self._sent[name] = thing, self.client.submit(tasks.load, pickled(), key=f"load-{secrets.token_hex(8)}")
+        return self._sent[name][1]
+
+    def renderers(self) -> list[str]:
+        """Renderers of the admitted workers, the study's first."""
+        found = dict.fromkeys([self.renderer, *(one.info.renderer for one in self.facts.values() if one.info)])
+        return [name for name in found if name is not None]
+
+    def on(self, renderer: str) -> list[WorkerFacts]:
+        """Admitted workers with a renderer."""
+        return [one for one in self.facts.values() if one.info is not None and one.info.renderer == renderer]
+
+    def join(self) -> dict[str, str]:
+        """Admit workers that have joined since the last call; returns why others were left out, by name."""
+        known = self.client.scheduler_info(n_workers=-1)["workers"]
+        joined = [address for address in known if address not in self._judged]
+        self.facts = {address: one for address, one in self.facts.items() if address in known}
+        self._judged &= set(known)
+        if not joined:
+            return {}
+        self._judged.update(joined)
+        found = self.client.run(workers.describe, self.setup, workers.own_versions(), workers=joined, on_error="return")
+        reasons = {}
+        for address, one in found.items():
+            reason = self._objection(one)
+            if reason is None:
+                self.client.run(workers.admit, one.resource, workers=[address], on_error="ignore")
+                self.facts[address] = one
+            else:
+                name = f"{address} on {one.host}" if isinstance(one, WorkerFacts) else address
+                reasons[name] = reason
+                self.reporter.note(f"worker {name} is left out: {reason}")
+        return reasons
+
+    def _objection(self, one: WorkerFacts | BaseException) -> str | None:
+        """Why a worker must not measure; the first that may names the renderer."""
+        if isinstance(one, ModuleNotFoundError):
+            return f"shadowbench is not installed there ({quoted(message(one))})"
+        if isinstance(one, BaseException):
+            return quoted(f"{type(one).__name__}: {message(one)}")
+        if one.reason is not None or one.info is None:
+            return one.reason
+        self.renderer = self.renderer or one.info.renderer
+        if self.any_renderer or one.info.renderer == self.renderer:
+            return None
+        return (
+            f"its renderer is {one.info.renderer}, that of the study {self.renderer}; --renderer chooses another, "
+            "--any-renderer makes rows for each"
+        )
+
+    def _wait(self) -> None:
+        """Admit workers, of which at least one must come."""
+        end = time.monotonic() + WORKERS_S
+        reasons: dict[str, str] = {}
+        while True:
+            reasons |= self.join()
+            if self.on(self.renderer) if self.renderer else self.facts:
+                return
+            if reasons or time.monotonic() > end:
+                break
+            time.sleep(0.2)
+        where = f"--dask {self.connection.where}"
+        if reasons:
+            name, reason = next(iter(reasons.items()))
+            more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
+            raise InputError(f"{where}: no worker can measure; {name}: {reason}{more}")
+        raise InputError(f"{where}: no worker within {WORKERS_S:g} s; allowed: a cluster with at least one")

@@ -1,0 +1,109 @@
+"""Connection to a Dask scheduler, or to one started in this process with workers on this machine."""
+
+import logging
+import os
+import re
+import time
+from typing import TYPE_CHECKING
+
+from shadowbench.errors import InputError, ShadowbenchError, message, quoted
+
+if TYPE_CHECKING:
+    from distributed import Client, LocalCluster
+
+CONNECT_S = 10.0
+WORKERS_S = 60.0
+_MOST_LOCAL = 256
+
+
+class Connection:
+    """A client of the scheduler at an address, or of `local:N`. A context manager."""
+
+    def __init__(self, where: str) -> None:
+        self.where = where
+        self._local = _local_workers(where)
+        _check_installed()
+
+    def __enter__(self) -> "Connection":
+        import dask
+
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # errors are reported in one line
+        # Scenes are in the graph, where they survive their worker.
+        dask.config.set({"distributed.admin.large-graph-warning-threshold": "1 TiB"})
+        self.cluster = None if self._local is None else _start_local(self._local)
+        try:
+            self.client = self._connect(CONNECT_S)
+        except BaseException:
+            self._close_cluster()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        from contextlib import suppress
+
+        with suppress(Exception):  # a scheduler that has gone
+            self.client.close(timeout=2)
+        self._close_cluster()
+
+    def reconnect(self) -> None:
+        """Wait for a scheduler that was restarted. Raises ShadowbenchError after WORKERS_S."""
+        end = time.monotonic() + WORKERS_S
+        self.client.close(timeout=2)
+        while True:
+            try:
+                self.client = self._connect(CONNECT_S)
+                return
+            except InputError:
+                if time.monotonic() > end:
+                    raise ShadowbenchError(
+                        f"--dask {self.where}: the scheduler has gone; what was measured is kept, and the same command "
+                        "goes on"
+                    ) from None
+
+    def _connect(self, seconds: float) -> "Client":
+        from distributed import Client
+
+        try:
+            return Client(self.cluster or self.where, timeout=seconds, set_as_default=False)
+        except (OSError, ValueError, TypeError, ImportError) as error:
+            reason = quoted(message(error)) or type(error).__name__
+            raise InputError(
+                f"--dask {self.where}: no Dask scheduler answers within {CONNECT_S:g} s ({reason}); allowed: local:N, or "
+                "the address of a scheduler, such as tcp://host:8786"
+            ) from None
+
+    def _close_cluster(self) -> None:
+        if self.cluster is not None:
+            self.cluster.close(timeout=5)
+
+
+def _local_workers(where: str) -> int | None:
+    """N of `local:N`; None for an address."""
+    if where != "local" and not where.startswith("local:"):
+        return None
+    found = re.fullmatch(r"local:(\d{1,3})", where)
+    if found is None or not 1 <= int(found[1]) <= _MOST_LOCAL:
+        raise InputError(f"--dask {where}: allowed: local:N with N from 1 to {_MOST_LOCAL}, or a scheduler's address")
+    return int(found[1])
+
+
+def _check_installed() -> None:
+    try:
+        import distributed  # noqa: F401
+    except ImportError:
+        raise InputError("--dask: Dask is not installed; pip install 'shadowbench[dask]' installs it") from None
+
+
+def _start_local(count: int) -> "LocalCluster":
+    from distributed import LocalCluster
+
+    threads = max((os.cpu_count() or 1) // count, 1)
+    return LocalCluster(
+        n_workers=count,
+        threads_per_worker=1,
+        processes=True,
+        dashboard_address=None,
+        silence_logs=logging.CRITICAL,
+        # A software renderer would otherwise use all cores in every worker.
+        env={"LP_NUM_THREADS": os.environ.get("LP_NUM_THREADS", str(threads))},
+    )
