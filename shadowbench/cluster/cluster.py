@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from shadowbench.cluster import tasks, workers
 from shadowbench.cluster.connect import WORKERS_S, Connection
@@ -43,7 +43,7 @@ class Cluster:
         self.renderer, self.any_renderer = renderer, any_renderer
         self.facts: dict[str, WorkerFacts] = {}
         self._judged: set[str] = set()
-        self._sent: dict[object, tuple[object, Future]] = {}
+        self._sent: dict[object, tuple[object, Future[Any]]] = {}
 
     @property
     def client(self) -> "Client":
@@ -66,15 +66,15 @@ class Cluster:
         self._judged.clear()
         self._wait()
 
-    def send_setup(self) -> "Future":
+    def send_setup(self) -> "Future[Any]":
         """The setup, for tasks; sent once."""
         return self._send("setup", self.setup, lambda: pickle.dumps(self.setup))
 
-    def send_scene(self, scene: Scene) -> "Future":
+    def send_scene(self, scene: Scene) -> "Future[Any]":
         """A scene, for tasks; sent once."""
         return self._send(id(scene), scene, lambda: pickle.dumps(scene))
 
-    def send_truth(self, view: View, pixel_samples: int, resource: str) -> "Future":
+    def send_truth(self, view: View, pixel_samples: int, resource: str) -> "Future[Any]":
         """A view's truth, for tasks; traced once, by a task of its own."""
         name = truth_file(view, pixel_samples).stem
         if name not in self._sent:
@@ -92,7 +92,7 @@ class Cluster:
             )
         return self._sent[name][1]
 
-    def _send(self, name: object, thing: object, pickled: Callable[[], bytes]) -> "Future":
+    def _send(self, name: object, thing: object, pickled: Callable[[], bytes]) -> "Future[Any]":
         """A thing as the result of a task, which Dask repeats if the worker that holds it dies."""
         if name not in self._sent:
             self._sent[name] = thing, self.client.submit(tasks.load, pickled(), key=f"load-{secrets.token_hex(8)}")
@@ -144,6 +144,12 @@ class Cluster:
             f"its renderer is {one.info.renderer}, that of the study {self.renderer}; --renderer chooses another, "
             "--any-renderer makes rows for each"
         )
+
+    def wait_until_idle(self, machine: WorkerFacts) -> None:
+        """Wait until no worker on the machine of a worker runs a task, of whatever program."""
+        beside = [one.address for one in self.facts.values() if one.host == machine.host]
+        while any(self.client.processing(workers=beside).values()):
+            time.sleep(0.1)
 
     def _wait(self) -> None:
         """Admit workers, of which at least one must come."""

@@ -20,9 +20,13 @@ class Connection:
     """A client of the scheduler at an address, or of `local:N`. A context manager."""
 
     def __init__(self, where: str) -> None:
-        self.where = where
-        self._local = _local_workers(where)
         _check_installed()
+        self.where, self._count = where, _local_workers(where)
+
+    @property
+    def local(self) -> bool:
+        """Whether the workers are on this machine."""
+        return self._count is not None
 
     def __enter__(self) -> "Connection":
         import dask
@@ -30,7 +34,7 @@ class Connection:
         logging.getLogger("distributed").setLevel(logging.CRITICAL)  # errors are reported in one line
         # Scenes are in the graph, where they survive their worker.
         dask.config.set({"distributed.admin.large-graph-warning-threshold": "1 TiB"})
-        self.cluster = None if self._local is None else _start_local(self._local)
+        self.cluster = None if self._count is None else _start_local(self._count)
         try:
             self.client = self._connect(CONNECT_S)
         except BaseException:
@@ -68,8 +72,8 @@ class Connection:
         except (OSError, ValueError, TypeError, ImportError) as error:
             reason = quoted(message(error)) or type(error).__name__
             raise InputError(
-                f"--dask {self.where}: no Dask scheduler answers within {CONNECT_S:g} s ({reason}); allowed: local:N, or "
-                "the address of a scheduler, such as tcp://host:8786"
+                f"--dask {self.where}: no Dask scheduler answers within {CONNECT_S:g} s ({reason}); allowed: local:N, "
+                "or the address of a scheduler, such as tcp://host:8786"
             ) from None
 
     def _close_cluster(self) -> None:
@@ -95,15 +99,17 @@ def _check_installed() -> None:
 
 
 def _start_local(count: int) -> "LocalCluster":
+    import dask
     from distributed import LocalCluster
 
     threads = max((os.cpu_count() or 1) // count, 1)
-    return LocalCluster(
-        n_workers=count,
-        threads_per_worker=1,
-        processes=True,
-        dashboard_address=None,
-        silence_logs=logging.CRITICAL,
-        # A software renderer would otherwise use all cores in every worker.
-        env={"LP_NUM_THREADS": os.environ.get("LP_NUM_THREADS", str(threads))},
-    )
+    with dask.config.set({"distributed.worker.profile.enabled": False}):  # it samples every 10 ms
+        return LocalCluster(
+            n_workers=count,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=None,
+            silence_logs=logging.CRITICAL,
+            # A software renderer would otherwise use all cores in every worker.
+            env={"LP_NUM_THREADS": os.environ.get("LP_NUM_THREADS", str(threads))},
+        )

@@ -60,6 +60,7 @@ class DaskExecutor:
 
     def call(self, method: "Callable[Concatenate[Session, P], R]", *arguments: P.args, **options: P.kwargs) -> R:
         """Result of `method(session, …)` on one of the workers. Raises as the protocol says."""
+        result: R
         (result,) = self.run([_Call(method, arguments, options)], Bench(self, Rows(), self.cluster.reporter))
         return result
 
@@ -68,6 +69,14 @@ class DaskExecutor:
 
         Raises what a job raised, and ShadowbenchError for one that died with its worker several times.
         """
+        if self._only is None:
+            yield from self._run(jobs, bench)
+            return
+        for job in jobs:  # one by one, so that not even the next one's scene is sent meanwhile
+            self.cluster.wait_until_idle(self._only)
+            yield from self._run([job], bench)
+
+    def _run(self, jobs: Sequence[Job[R]], bench: Bench) -> Iterator[R]:
         running = _Running(self, jobs, bench.pictures is not None)
         ended: dict[int, R] = {}
         try:
@@ -78,7 +87,7 @@ class DaskExecutor:
         finally:
             running.cancel()
 
-    def submit(self, job: Job[R], images: bool) -> "Future":
+    def submit(self, job: Job[R], images: bool) -> "Future[Any]":
         """The task of a job."""
         data, scenes = pack(job)
         resource = self._first.resource
@@ -104,9 +113,9 @@ class _Running:
 
     def __init__(self, executor: DaskExecutor, jobs: Sequence[Job[Any]], images: bool) -> None:
         self._executor, self._jobs, self._images = executor, jobs, images
-        self._ended: SimpleQueue[Future] = SimpleQueue()
+        self._ended: SimpleQueue[Future[Any]] = SimpleQueue()
         self._looked = monotonic()
-        self._futures: dict[str, tuple[int, Future]] = {}
+        self._futures: dict[Any, tuple[int, Future[Any]]] = {}
         self._submit(range(len(jobs)))
 
     def _submit(self, indices: Sequence[int]) -> None:
@@ -126,11 +135,19 @@ class _Running:
             return []
         if future.key not in self._futures:  # of a scheduler that has gone
             return []
+        from distributed import KilledWorker
+
         try:
             outcome: Outcome = future.result()
         except CancelledError:
             self._begin_again()
             return []
+        except KilledWorker as error:
+            last, times = error.last_worker.address, error.allowed_failures + 1
+            raise ShadowbenchError(
+                f"a task was lost {times} times with its worker, the last time with {last}, whose log says more; what "
+                "was measured is kept"
+            ) from None
         index, _ = self._futures.pop(future.key)
         return [(index, outcome)]
 

@@ -17,8 +17,10 @@ if TYPE_CHECKING:
 
 
 class _Pickler(pickle.Pickler):
-    """Pickler that leaves out scenes, which are sent once, and writes specs as text, as plug-ins' classes have no name
-    that another process knows."""
+    """Pickler that leaves out scenes, which are sent once, and writes specs as text.
+
+    The classes of plug-ins have no name that another process knows.
+    """
 
     def __init__(self, stream: io.BytesIO) -> None:
         super().__init__(stream, pickle.HIGHEST_PROTOCOL)

@@ -3,7 +3,7 @@
 import atexit
 import pickle
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -56,6 +56,7 @@ class Station:
         self.worker = Worker(plugins, setup.limits)
 
     def close(self) -> None:
+        """End the worker process and remove the plug-ins."""
         self.worker.stop()
         self._folder.cleanup()
 

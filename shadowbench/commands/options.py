@@ -39,6 +39,22 @@ ViewName = Annotated[
 LightName = Annotated[
     str | None, typer.Option("--light", metavar="NAME", help="Name of a light of the scene  [the first].")
 ]
+Dask = Annotated[
+    str | None,
+    typer.Option(
+        "--dask",
+        metavar="ADDRESS|local:N",
+        help="Measure on the workers of the Dask cluster with this scheduler, such as tcp://host:8786, or on N workers "
+        "on this machine; needs the extra `dask`.",
+    ),
+]
+Renderer = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help="With --dask, the OpenGL renderer of the workers that measure; others are left out  [the first worker's].",
+    ),
+]
 SCENE = "a built-in name (shadowbench list scenes), a scene file (.toml), or a mesh file"
 SPEC = "a technique and its parameters (shadowbench list techniques)"
 SceneArgument = Annotated[

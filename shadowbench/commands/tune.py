@@ -7,7 +7,22 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from shadowbench.commands import completion, console
-from shadowbench.commands.options import SCENE, SPEC, Assets, Json, Plugins, Quiet, Sun, Up, ViewSize, listed, map_sizes
+from shadowbench.commands.executors import drawing
+from shadowbench.commands.options import (
+    SCENE,
+    SPEC,
+    Assets,
+    Dask,
+    Json,
+    Plugins,
+    Quiet,
+    Renderer,
+    Sun,
+    Up,
+    ViewSize,
+    listed,
+    map_sizes,
+)
 
 if TYPE_CHECKING:
     from shadowbench.advice.tune_comparison import Entry, TuningComparison
@@ -82,6 +97,8 @@ def tune(
     assets: Assets = None,
     up: Up = None,
     sun: Sun = False,
+    dask: Dask = None,
+    renderer: Renderer = None,
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for the measured cells.")
     ] = Path("results/tune"),
@@ -109,16 +126,18 @@ def tune(
     """
     from shadowbench.advice.tune import tune_parameters, values
     from shadowbench.measure.plugin_output import techniques_with
-    from shadowbench.measure.worker import Worker
     from shadowbench.reports.words import counted
     from shadowbench.techniques.spec import parse_spec
 
     known = techniques_with(plugin or ())
-    with console.Reporter(quiet) as reporter, Worker(plugin or ()) as worker:
+    with (
+        console.Reporter(quiet) as reporter,
+        drawing(dask, renderer, plugin or (), None, reporter) as executor,
+    ):
         found = tune_parameters(
             parse_spec(technique, known),
             output,
-            worker,
+            executor,
             reporter,
             scenes=listed(scenes),
             held_out=listed(held_out),

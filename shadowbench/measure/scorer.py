@@ -23,7 +23,6 @@ from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.truths.cache import cached_truth
 from shadowbench.truths.trace import Truth
 
-
 FLIP_SAMPLES = 1
 """Samples per pixel of truths that flips are counted with; only the scored one's `area` is sampled more finely."""
 

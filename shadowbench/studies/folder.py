@@ -165,7 +165,7 @@ def _read(folder: Path, label: str) -> Run | Sweep:
                 previous_times[row["key"]] = last_times[row["key"]]
             last_times[row["key"]] = row
     # A cell measured before gets no new row, so its last row in the file may be of another version of the scene.
-    cells = _cells([*scores, *shown, *last])
+    cells = _with_renderers(_cells([*scores, *shown, *last]), last)
     ours = {row["key"] for row in last}
     earlier = [row["key"] for row in cells if keys is not None and row["key"] not in ours and "content" not in row]
     return Run(
@@ -210,6 +210,14 @@ def _cells(rows: Sequence[Record]) -> list[Record]:
         for key, row in {identity(row): row for row in rows}.items()
         if spelled[_spelling(row)] == key and (row["status"] != "ok" or soft[_view(row)] == is_soft(row["metrics"]))
     ]
+
+
+def _with_renderers(cells: Sequence[Record], last: Sequence[Record]) -> list[Record]:
+    """The cells, with all rows of one that the last command measured on several renderers."""
+    found: dict[tuple[Any, ...], dict[str, Record]] = {}
+    for row in last:
+        found.setdefault(identity(row), {})[row["renderer"]] = row
+    return [row for cell in cells for row in found.get(identity(cell), {cell["renderer"]: cell}).values()]
 
 
 def _view(row: Record) -> tuple[Any, ...]:

@@ -3,7 +3,7 @@
 import operator
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -91,7 +91,8 @@ class StudyResult:
     """Result of measuring a study into a folder.
 
     results: its cells, measured now or before; run: the whole folder, with cells of earlier commands; sweep_positions:
-    of specs in the study's bias sweeps; seconds: by activity (see `measure.profile`), empty unless requested.
+    of specs in the study's bias sweeps; seconds: by activity (see `measure.profile`), empty unless requested;
+    times: by name of a machine, the results with its times, if several were asked for.
     """
 
     study: Study
@@ -100,6 +101,7 @@ class StudyResult:
     sweep_positions: "SweepPositions"
     info: DeviceInfo
     seconds: Mapping[str, float]
+    times: Mapping[str, Sequence[Result]] = field(default_factory=dict)
 
     @cached_property
     def frame(self) -> "pd.DataFrame":
@@ -115,23 +117,42 @@ def measure(
     executor: Executor,
     reporter: Reporter,
     *,
+    others: Sequence[Executor] = (),
+    timers: Mapping[str, Executor] | None = None,
     time_again: bool = False,
     profile: bool = False,
 ) -> StudyResult:
     """Measure a study into a folder: rows, masks, pictures, `table.csv` and `run.json`. Existing rows are reused.
 
-    time_again: time cells again that have a time. Raises InputError for a folder with other files, a scene that cannot
-    be read, and a map or view too large for the device. A cell that fails gets a row with that status.
+    others: executors with other renderers, on which the study is measured too; timers: those that time the cells, one
+    after the other and after all scores, by name, None for the executor itself, block by block; time_again: time cells
+    again that have a time. Raises InputError for a folder with other files, a scene that cannot be read, and a map or
+    view too large for the device. A cell that fails gets a row with that status.
     """
     check_folder(folder)
     start = time.perf_counter()
-    result = run_study(study, folder, executor, reporter, time_again)
+    scored = study if timers is None else study.with_(rounds=0)
+    first = run_study(scored, folder, executor, reporter, time_again)
+    scores = [first, *(run_study(scored, folder, other, reporter) for other in others)]
+    timed = {name: run_study(study, folder, timer, reporter, time_again) for name, timer in (timers or {}).items()}
+    # A cell by its key: the last machine's times are in the table.
+    results = {result.score["key"]: result for found in (*scores, *timed.values()) for result in found.results}
+    notes = list(dict.fromkeys(note for found in scores for note in found.notes))
     spent = executor.call(Session.activity_seconds) if profile else {}
     from shadowbench.studies.folder import write_cells
     from shadowbench.studies.sweeps import sweep_positions
 
     positions = sweep_positions(study.sweeps)
-    write_run_file(folder / "run.json", executor, result.notes, study.facts, [cell.score for cell in result.results])
-    run = write_cells(folder, result.results, positions)
-    seconds = complete_profile(result.profile.seconds, spent, time.perf_counter() - start) if profile else {}
-    return StudyResult(study, tuple(result.results), run, positions, executor.info, seconds)
+    *_, last = [executor, *(timers or {}).values()]
+    write_run_file(folder / "run.json", last, notes, study.facts, [one.score for one in results.values()])
+    run = write_cells(folder, list(results.values()), positions)
+    seconds = complete_profile(first.profile.seconds, spent, time.perf_counter() - start) if profile else {}
+    return StudyResult(
+        study,
+        tuple(results.values()),
+        run,
+        positions,
+        executor.info,
+        seconds,
+        {name: found.results for name, found in timed.items()},
+    )
