@@ -3,6 +3,7 @@
 import pickle
 import secrets
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 class Cluster:
     """Workers with our versions and an OpenGL device, on one renderer or on any.
 
-    renderer: name of the only renderer, None for that of the first worker; any_renderer: whether workers of other
+    renderer: name of the study's, None for that of most workers at the start; any_renderer: whether workers of other
     renderers are admitted too. A context manager; within it, `facts` has the admitted workers by address.
     """
 
@@ -117,6 +118,8 @@ class Cluster:
             return {}
         self._judged.update(joined)
         found = self.client.run(workers.describe, self.setup, workers.own_versions(), workers=joined, on_error="return")
+        if self.renderer is None:
+            self.renderer = _most_common([one for one in found.values() if isinstance(one, WorkerFacts)])
         reasons = {}
         for address, one in found.items():
             reason = self._objection(one)
@@ -130,14 +133,13 @@ class Cluster:
         return reasons
 
     def _objection(self, one: WorkerFacts | BaseException) -> str | None:
-        """Why a worker must not measure; the first that may names the renderer."""
+        """Why a worker must not measure."""
         if isinstance(one, ModuleNotFoundError):
             return f"shadowbench is not installed there ({quoted(message(one))})"
         if isinstance(one, BaseException):
             return quoted(f"{type(one).__name__}: {message(one)}")
         if one.reason is not None or one.info is None:
             return one.reason
-        self.renderer = self.renderer or one.info.renderer
         if self.any_renderer or one.info.renderer == self.renderer:
             return None
         return (
@@ -168,3 +170,9 @@ class Cluster:
             more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
             raise InputError(f"{where}: no worker can measure; {name}: {reason}{more}")
         raise InputError(f"{where}: no worker within {WORKERS_S:g} s; allowed: a cluster with at least one")
+
+
+def _most_common(found: Sequence[WorkerFacts]) -> str | None:
+    """The renderer of most workers that have one, by name among equals; None if no worker has one."""
+    counts = Counter(one.info.renderer for one in found if one.info is not None)
+    return min(counts, key=lambda name: (-counts[name], name), default=None)

@@ -108,7 +108,7 @@ def _start_local(count: int) -> "LocalCluster":
             n_workers=count,
             threads_per_worker=1,
             processes=True,
-            dashboard_address=None,
+            dashboard_address=":0",
             silence_logs=logging.CRITICAL,
             # A software renderer would otherwise use all cores in every worker.
             env={"LP_NUM_THREADS": os.environ.get("LP_NUM_THREADS", str(threads))},

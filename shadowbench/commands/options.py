@@ -52,7 +52,7 @@ Renderer = Annotated[
     str | None,
     typer.Option(
         metavar="NAME",
-        help="With --dask, the OpenGL renderer of the workers that measure; others are left out  [the first worker's].",
+        help="With --dask, the renderer of the workers that measure; others are left out  [that of most of them].",
     ),
 ]
 SCENE = "a built-in name (shadowbench list scenes), a scene file (.toml), or a mesh file"
