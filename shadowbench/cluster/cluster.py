@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
+from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 from shadowbench.cluster import tasks, workers
@@ -44,6 +45,7 @@ class Cluster:
         self.renderer, self.any_renderer = renderer, any_renderer
         self.facts: dict[str, WorkerFacts] = {}
         self._judged: set[str] = set()
+        self._watcher = Thread(target=self._watch)
         self._sent: dict[object, tuple[object, Future[Any]]] = {}
 
     @property
@@ -62,42 +64,46 @@ class Cluster:
     def reconnect(self) -> None:
         """Wait for the scheduler and for workers, all of which are new."""
         self.connection.reconnect()
+        if self._watcher.is_alive():
+            self._watcher.join()
         self._sent.clear()
         self.facts.clear()
         self._judged.clear()
         self._wait()
 
-    def send_setup(self) -> "Future[Any]":
+    def send_setup(self, resource: str) -> "Future[Any]":
         """The setup, for tasks; sent once."""
-        return self._send("setup", self.setup, lambda: pickle.dumps(self.setup))
+        return self._send("setup", self.setup, resource)
 
-    def send_scene(self, scene: Scene) -> "Future[Any]":
+    def send_scene(self, scene: Scene, resource: str) -> "Future[Any]":
         """A scene, for tasks; sent once."""
-        return self._send(id(scene), scene, lambda: pickle.dumps(scene))
+        return self._send(id(scene), scene, resource)
 
     def send_truth(self, view: View, pixel_samples: int, resource: str) -> "Future[Any]":
-        """A view's truth, for tasks; traced once, by a task of its own."""
-        name = truth_file(view, pixel_samples).stem
-        if name not in self._sent:
-            data, scenes = pack(view)
-            self._sent[name] = (
-                view,
-                self.client.submit(
-                    tasks.trace_truth,
-                    data,
-                    list(map(self.send_scene, scenes)),
-                    pixel_samples,
-                    key=f"truth-{name}-{self.setup.number}",
-                    resources={resource: 1},
-                ),
-            )
-        return self._sent[name][1]
+        """File name and bytes of a view's truth, for tasks; traced once, by a task of its own unless it is known."""
+        file = truth_file(view, pixel_samples)
+        if file.name in self._sent:
+            return self._sent[file.name][1]
+        if file.is_file() and not self.connection.local:
+            return self._send(file.name, (file.name, file.read_bytes()), resource)
+        data, scenes = pack(view)
+        sent = [self.send_scene(scene, resource) for scene in scenes]
+        return self._submit(file.name, view, resource, tasks.trace_truth, data, sent, pixel_samples)
 
-    def _send(self, name: object, thing: object, pickled: Callable[[], bytes]) -> "Future[Any]":
+    def _send(self, name: object, thing: object, resource: str) -> "Future[Any]":
         """A thing as the result of a task, which Dask repeats if the worker that holds it dies."""
-        if name not in self._sent:
-            self._sent[name] = thing, self.client.submit(tasks.load, pickled(), key=f"load-{secrets.token_hex(8)}")
-        return self._sent[name][1]
+        if name in self._sent:
+            return self._sent[name][1]
+        return self._submit(name, thing, resource, tasks.load, pickle.dumps(thing))
+
+    def _submit(
+        self, name: object, thing: object, resource: str, function: Callable[..., Any], *arguments: object
+    ) -> "Future[Any]":
+        """A task whose result is kept under a name; thing: kept too, so that its id remains its own."""
+        key = f"{function.__name__}-{secrets.token_hex(8)}"
+        future = self.client.submit(function, *arguments, key=key, resources={resource: 1})
+        self._sent[name] = thing, future
+        return future
 
     def renderers(self) -> list[str]:
         """Renderers of the admitted workers, the study's first."""
@@ -108,7 +114,17 @@ class Cluster:
         """Admitted workers with a renderer."""
         return [one for one in self.facts.values() if one.info is not None and one.info.renderer == renderer]
 
-    def join(self) -> dict[str, str]:
+    def watch(self) -> None:
+        """Begin to admit workers that have joined, unless it is being done: one that dies meanwhile takes long."""
+        if not self._watcher.is_alive():
+            self._watcher = Thread(target=self._watch, daemon=True)
+            self._watcher.start()
+
+    def _watch(self) -> None:
+        with suppress(Exception):  # the scheduler has gone, which the tasks tell
+            self._join()
+
+    def _join(self) -> dict[str, str]:
         """Admit workers that have joined since the last call; returns why others were left out, by name."""
         known = self.client.scheduler_info(n_workers=-1)["workers"]
         joined = [address for address in known if address not in self._judged]
@@ -123,7 +139,9 @@ class Cluster:
         reasons = {}
         for address, one in found.items():
             reason = self._objection(one)
-            if reason is None:
+            if isinstance(one, OSError):  # it has gone
+                self._judged.discard(address)
+            elif reason is None:
                 self.client.run(workers.admit, one.resource, workers=[address], on_error="ignore")
                 self.facts[address] = one
             else:
@@ -158,7 +176,7 @@ class Cluster:
         end = time.monotonic() + WORKERS_S
         reasons: dict[str, str] = {}
         while True:
-            reasons |= self.join()
+            reasons |= self._join()
             if self.on(self.renderer) if self.renderer else self.facts:
                 return
             if reasons or time.monotonic() > end:

@@ -93,9 +93,9 @@ class DaskExecutor:
         resource = self._first.resource
         return self.cluster.client.submit(
             tasks.run_job,
-            self.cluster.send_setup(),
+            self.cluster.send_setup(resource),
             data,
-            [self.cluster.send_scene(scene) for scene in scenes],
+            [self.cluster.send_scene(scene, resource) for scene in scenes],
             [self.cluster.send_truth(view, samples, resource) for view, samples in job.truths],
             images,
             key=f"{type(job).__name__}-{secrets.token_hex(8)}",
@@ -127,7 +127,7 @@ class _Running:
     def wait(self) -> list[tuple[int, Outcome]]:
         """The next task that ends, as the index of its job and its outcome; nothing, now and then."""
         if monotonic() - self._looked > _POLL_S:
-            self._executor.cluster.join()
+            self._executor.cluster.watch()
             self._looked = monotonic()
         try:
             future = self._ended.get(timeout=_POLL_S)
