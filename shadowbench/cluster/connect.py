@@ -4,9 +4,12 @@ import logging
 import os
 import re
 import time
+from contextlib import suppress
+from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING
 
 from shadowbench.errors import InputError, ShadowbenchError, message, quoted
+from shadowbench.measure.worker import sigint_blocked
 
 if TYPE_CHECKING:
     from distributed import Client, LocalCluster
@@ -34,8 +37,12 @@ class Connection:
         logging.getLogger("distributed").setLevel(logging.CRITICAL)  # errors are reported in one line
         # Scenes are in the graph, where they survive their worker.
         dask.config.set({"distributed.admin.large-graph-warning-threshold": "1 TiB"})
-        self.cluster = None if self._count is None else _start_local(self._count)
+        self.cluster: LocalCluster | None = None
         try:
+            if self._count is not None:
+                resource_tracker.ensure_running()  # when it starts, it unblocks the signal
+                with sigint_blocked():  # Ctrl-C is for this process, which ends the workers
+                    self.cluster = _start_local(self._count)
             self.client = self._connect(CONNECT_S)
         except BaseException:
             self._close_cluster()
@@ -43,8 +50,6 @@ class Connection:
         return self
 
     def __exit__(self, *_: object) -> None:
-        from contextlib import suppress
-
         with suppress(Exception):  # a scheduler that has gone
             self.client.close(timeout=2)
         self._close_cluster()
@@ -67,6 +72,7 @@ class Connection:
     def _connect(self, seconds: float) -> "Client":
         from distributed import Client
 
+        _check_certificate(self.where)
         try:
             return Client(self.cluster or self.where, timeout=seconds, set_as_default=False)
         except (OSError, ValueError, TypeError, ImportError) as error:
@@ -96,6 +102,20 @@ def _check_installed() -> None:
         import distributed  # noqa: F401
     except ImportError:
         raise InputError("--dask: Dask is not installed; pip install 'shadowbench[dask]' installs it") from None
+
+
+def _check_certificate(where: str) -> None:
+    """Raises InputError for an address with TLS if Dask's configuration has no certificate that can be read."""
+    from distributed import Security
+
+    try:
+        found = Security().get_connection_args("client").get("ssl_context")
+    except OSError as error:  # no such file, or none with a certificate
+        raise InputError(f"--dask {where}: distributed.comm.tls of Dask's configuration: {message(error)}") from None
+    if where.startswith("tls://") and found is None:
+        raise InputError(
+            f"--dask {where}: found no certificate; allowed: one named by distributed.comm.tls in Dask's configuration"
+        )
 
 
 def _start_local(count: int) -> "LocalCluster":

@@ -3,17 +3,19 @@
 import json
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import psutil
 import pytest
+from distributed import Client
 from distributed.utils import open_port
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")]
@@ -26,25 +28,29 @@ STUDY = ["run", "cube-on-plane", "spot-lamp", "--view-size", "96", "--rounds", "
 class Processes:
     """A scheduler and two workers as programs."""
 
-    def __init__(self, stack: ExitStack, folder: Path) -> None:
-        self._stack, self._folder = stack, folder
-        self.port = open_port()
-        self.address = f"tcp://127.0.0.1:{self.port}"
+    def __init__(self, stack: ExitStack, folder: Path, protocol: str = "tcp") -> None:
+        self._stack, self._folder, self.protocol, self.port = stack, folder, protocol, open_port()
+        self.address = f"{protocol}://127.0.0.1:{self.port}"
         self.start()
 
     def start(self) -> None:
-        self.scheduler = self._begin("scheduler", "--host", "127.0.0.1", "--port", str(self.port))
+        self.scheduler = self._begin(
+            "scheduler", "--protocol", self.protocol, "--host", "127.0.0.1", "--port", str(self.port),
+            "--dashboard-address", ":0",
+        )  # fmt: skip
         self.workers = [self.start_worker() for _ in range(2)]
 
     def start_worker(self, **environment: str) -> subprocess.Popen[bytes]:
         places = ["--local-directory", str(self._folder), "--no-dashboard"]
         return self._begin("worker", self.address, "--nthreads", "1", "--no-nanny", *places, **environment)
 
+    def wait_for(self, count: int) -> None:
+        """Wait until a number of workers have joined."""
+        with Client(self.address, set_as_default=False) as client:
+            client.wait_for_workers(count, timeout=60)
+
     def _begin(self, *arguments: str, **environment: str) -> subprocess.Popen[bytes]:
-        settings = {
-            "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "100",
-            "DASK_DISTRIBUTED__SCHEDULER__DASHBOARD__STATUS__TASK_STREAM_LENGTH": "10",
-        }
+        settings = {"DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "100"}
         process = subprocess.Popen(
             [sys.executable, "-m", "dask", *arguments],
             env=os.environ | settings | environment,
@@ -122,12 +128,52 @@ def test_ctrl_c_leaves_no_process(start: Any, records: Records, tmp_path: Path) 
 
 
 def test_a_worker_of_another_renderer_is_left_out_unless_asked_for(
-    processes: Processes, study: list[str | Path], start: Any, records: Records, tmp_path: Path
+    processes: Processes, start: Any, records: Records, tmp_path: Path
 ) -> None:
+    processes.wait_for(2)
     kill(processes.workers[0])
-    processes.start_worker(LP_NATIVE_VECTOR_WIDTH="128")
-    out, unshadowed = tmp_path / "out", ["run", "cube-on-plane", "-t", "unshadowed", "--view-size", "48", "--rounds", "0"]
-    arguments = [*unshadowed, "--dask", processes.address, "-o", out]
-    only = start(*arguments)
-    code, _, err = only.end()
-    ...
+    narrow, out = processes.start_worker(LP_NATIVE_VECTOR_WIDTH="128"), tmp_path / "out"
+    specs = ["-t", "unshadowed", "-t", "shadow-map"]
+    run = ["run", "cube-on-plane", *specs, "--view-size", "48", "--rounds", "0", "--dask", processes.address, "-o", out]
+    processes.wait_for(2)
+    code, _, err = start(*run).end()
+    assert code == 0, err
+    (renderer,) = {row["renderer"] for row in records(out)}
+    assert f"that of the study {renderer}; --renderer chooses another" in err
+    assert err.count("is left out: its renderer is") == 1
+    assert len(records(out)) == 2
+    code, shown, err = start(*run, "--any-renderer").end()
+    assert code == 0, err
+    rows = records(out)
+    assert len(rows) == len({row["key"] for row in rows}) == 4
+    both = {row["renderer"] for row in rows}
+    assert len(both) == 2
+    assert [one for one in both if f"cube-on-plane, {one}, best first" not in " ".join(shown.split())] == []
+    table = pd.read_csv(out / "table.csv")
+    assert sorted(table["renderer"]) == sorted(row["renderer"] for row in rows)
+    (other,) = both - {renderer}
+    kill(narrow if "128" in renderer else processes.workers[1])
+    code, _, err = start(*run, "--renderer", renderer).end()
+    assert code == 2
+    assert f"its renderer is {other}, that of the study {renderer}" in err
+
+
+@pytest.mark.skipif(shutil.which("openssl") is None, reason="makes the certificate")
+def test_tls_is_dask_s_own(tmp_path: Path, start: Any, records: Records, monkeypatch: pytest.MonkeyPatch) -> None:
+    key, certificate = tmp_path / "key.pem", tmp_path / "certificate.pem"
+    make = ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", "/CN=shadowbench"]
+    subprocess.run([*make, "-keyout", key, "-out", certificate], check=True, capture_output=True)
+    pair = {"cert": str(certificate), "key": str(key)}
+    tls = {"ca-file": str(certificate), "scheduler": pair, "worker": pair, "client": pair}
+    settings = {"distributed": {"comm": {"require-encryption": True, "tls": tls}}}
+    (tmp_path / "dask.json").write_text(json.dumps(settings))  # JSON is YAML
+    (tmp_path / "dask.json").rename(tmp_path / "dask.yaml")
+    monkeypatch.setenv("DASK_CONFIG", str(tmp_path / "dask.yaml"))
+    run = ["run", "cube-on-plane", "-t", "unshadowed", "--view-size", "48", "--rounds", "0", "-o", tmp_path / "out"]
+    with ExitStack() as stack:
+        processes = Processes(stack, tmp_path / "dask", "tls")
+        code, _, err = start(*run, "--dask", processes.address).end()
+        assert code == 0, err
+        assert len(records(tmp_path / "out")) == 1
+        code, _, err = start(*run, "--dask", processes.address.replace("tls", "tcp")).end()
+        assert code == 2
