@@ -136,18 +136,21 @@ class Cluster:
         found = self.client.run(workers.describe, self.setup, workers.own_versions(), workers=joined, on_error="return")
         if self.renderer is None:
             self.renderer = _most_common([one for one in found.values() if isinstance(one, WorkerFacts)])
-        reasons = {}
+        reasons, admitted = {}, {}
         for address, one in found.items():
             reason = self._objection(one)
             if isinstance(one, OSError):  # it has gone
                 self._judged.discard(address)
             elif reason is None:
-                self.client.run(workers.admit, one.resource, workers=[address], on_error="ignore")
-                self.facts[address] = one
+                admitted[address] = one
             else:
                 name = f"{address} on {one.host}" if isinstance(one, WorkerFacts) else address
                 reasons[name] = reason
                 self.reporter.note(f"worker {name} is left out: {reason}")
+        for resource in {one.resource for one in admitted.values()}:
+            equal = [address for address, one in admitted.items() if one.resource == resource]
+            self.client.run(workers.admit, resource, workers=equal, on_error="ignore")
+        self.facts |= admitted
         return reasons
 
     def _objection(self, one: WorkerFacts | BaseException) -> str | None:

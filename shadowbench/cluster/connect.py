@@ -1,5 +1,6 @@
 """Connection to a Dask scheduler, or to one started in this process with workers on this machine."""
 
+import asyncio
 import logging
 import os
 import re
@@ -43,7 +44,7 @@ class Connection:
                 resource_tracker.ensure_running()  # when it starts, it unblocks the signal
                 with sigint_blocked():  # Ctrl-C is for this process, which ends the workers
                     self.cluster = _start_local(self._count)
-            self.client = self._connect(CONNECT_S)
+            self.client = self._connect()
         except BaseException:
             self._close_cluster()
             raise
@@ -60,7 +61,7 @@ class Connection:
         self.client.close(timeout=2)
         while True:
             try:
-                self.client = self._connect(CONNECT_S)
+                self.client = self._connect()
                 return
             except InputError:
                 if time.monotonic() > end:
@@ -69,13 +70,15 @@ class Connection:
                         "goes on"
                     ) from None
 
-    def _connect(self, seconds: float) -> "Client":
+    def _connect(self) -> "Client":
         from distributed import Client
 
-        _check_certificate(self.where)
+        if self.cluster is not None:
+            return Client(self.cluster, set_as_default=False)
         try:
-            return Client(self.cluster or self.where, timeout=seconds, set_as_default=False)
-        except (OSError, ValueError, TypeError, ImportError) as error:
+            asyncio.run(_probe(self.where))
+            return Client(self.where, timeout=CONNECT_S, set_as_default=False)
+        except (OSError, ValueError, TypeError, RuntimeError) as error:  # the last two: TLS on one side only
             reason = quoted(message(error)) or type(error).__name__
             raise InputError(
                 f"--dask {self.where}: no Dask scheduler answers within {CONNECT_S:g} s ({reason}); allowed: local:N, "
@@ -104,18 +107,13 @@ def _check_installed() -> None:
         raise InputError("--dask: Dask is not installed; pip install 'shadowbench[dask]' installs it") from None
 
 
-def _check_certificate(where: str) -> None:
-    """Raises InputError for an address with TLS if Dask's configuration has no certificate that can be read."""
+async def _probe(address: str) -> None:
+    """Connect and close again. Raises as Dask does; a client that fails to connect may hang when it is deleted."""
     from distributed import Security
+    from distributed.comm.core import connect
 
-    try:
-        found = Security().get_connection_args("client").get("ssl_context")
-    except OSError as error:  # no such file, or none with a certificate
-        raise InputError(f"--dask {where}: distributed.comm.tls of Dask's configuration: {message(error)}") from None
-    if where.startswith("tls://") and found is None:
-        raise InputError(
-            f"--dask {where}: found no certificate; allowed: one named by distributed.comm.tls in Dask's configuration"
-        )
+    arguments = Security().get_connection_args("client")  # from Dask's configuration
+    await (await connect(address, timeout=CONNECT_S, **arguments)).close()
 
 
 def _start_local(count: int) -> "LocalCluster":

@@ -132,7 +132,10 @@ REFUSED = {
     "a renderer without Dask": (["--renderer", "llvmpipe"], "--renderer: is for --dask, which is not given"),
     "a profile": (["--dask", "local:2", "--profile"], "--profile: measures this process; allowed: without --dask"),
     "an address of nobody": (["--dask", "tcp://127.0.0.1:9"], "--dask tcp://127.0.0.1:9: no Dask scheduler answers"),
-    "TLS without a certificate": (["--dask", "tls://127.0.0.1:9"], "--dask tls://127.0.0.1:9: found no certificate;"),
+    "TLS without a certificate": (
+        ["--dask", "tls://127.0.0.1:9"],
+        "--dask tls://127.0.0.1:9: no Dask scheduler answers",
+    ),
     "no address": (["--dask", "no address"], "--dask no address: no Dask scheduler answers"),
 }
 
