@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from shadowbench.measure.session import DeviceInfo, Session
 
 _POLL_S = 1.0  # between looks for new workers
+_MOST_AT_ONCE = 16  # outcomes that are fetched together
 _RETRIES = 2  # of a task that raised an exception that is none of ours, such as a full disk
 
 
@@ -125,20 +126,18 @@ class _Running:
             future.add_done_callback(self._ended.put)
 
     def wait(self) -> list[tuple[int, Outcome]]:
-        """The next task that ends, as the index of its job and its outcome; nothing, now and then."""
+        """The tasks that have ended, as indices of their jobs and outcomes; waits for one, but not for ever."""
+        from distributed import KilledWorker
+
         if monotonic() - self._looked > _POLL_S:
             self._executor.cluster.watch()
             self._looked = monotonic()
+        ended = self._take_ended()
+        finished = [future for future in ended if future.status == "finished"]
         try:
-            future = self._ended.get(timeout=_POLL_S)
-        except Empty:
-            return []
-        if future.key not in self._futures:  # of a scheduler that has gone
-            return []
-        from distributed import KilledWorker
-
-        try:
-            outcome: Outcome = future.result()
+            outcomes = self._executor.cluster.client.gather(finished)
+            if not finished and ended:
+                ended[0].result()  # raises
         except CancelledError:
             self._begin_again()
             return []
@@ -148,8 +147,21 @@ class _Running:
                 f"a task was lost {times} times with its worker, the last time with {last}, whose log says more; what "
                 "was measured is kept"
             ) from None
-        index, _ = self._futures.pop(future.key)
-        return [(index, outcome)]
+        for future in ended:
+            if future not in finished:  # after those that have finished
+                self._ended.put(future)
+        return [(self._futures.pop(future.key)[0], outcome) for future, outcome in zip(finished, outcomes, strict=True)]
+
+    def _take_ended(self) -> "list[Future[Any]]":
+        """Futures that have ended, at most _MOST_AT_ONCE; waits for one, but not for ever."""
+        ended = []
+        try:
+            ended.append(self._ended.get(timeout=_POLL_S))
+            while len(ended) < _MOST_AT_ONCE:
+                ended.append(self._ended.get_nowait())
+        except Empty:
+            pass
+        return [future for future in ended if future.key in self._futures]  # others are of a scheduler that has gone
 
     def _begin_again(self) -> None:
         """Submit all tasks to the scheduler that takes the place of one that has gone."""
