@@ -3,6 +3,7 @@
 pytest benchmarks/test_cluster.py -s
 """
 
+import asyncio
 import os
 import pickle
 import subprocess
@@ -16,8 +17,10 @@ from types import SimpleNamespace
 from typing import Any
 
 import dask
+import numpy as np
 import pytest
-from distributed import LocalCluster
+from distributed import Client
+from distributed import Worker as DaskWorker
 from distributed.utils import open_port
 
 from shadowbench.cluster import tasks, workers
@@ -38,9 +41,10 @@ from shadowbench.studies.study import Study
 from shadowbench.techniques.registry import techniques
 from shadowbench.truths.cache import cached_truth
 
-WORKERS, JOBS_EACH = 64, 6
-SLEEP_S = 3.0  # of a job with CELLS cells, about what they take
+WORKERS, PROCESSES, JOBS_EACH = 64, 4, 15
+SLEEP_S = 3.0  # mean of jobs with CELLS cells, about what they take
 CELLS = 8
+ROOT = Path(__file__).parents[1]
 
 
 class Silent:
@@ -76,24 +80,32 @@ def on_dask(where: str, study: Study) -> Iterator[DaskExecutor]:
         yield DaskExecutor(cluster, cluster.renderers()[0])
 
 
+def begin(stack: ExitStack, *command: str, **environment: str) -> None:
+    """Start a program, which is killed at the end."""
+    program = subprocess.Popen(command, env=os.environ | environment, stderr=subprocess.DEVNULL, cwd=ROOT)
+    stack.callback(lambda: (program.kill(), program.wait()))
+
+
+def scheduler(stack: ExitStack) -> str:
+    """Start a scheduler; returns its address."""
+    port = open_port()
+    flags = ["--host", "127.0.0.1", "--port", str(port), "--dashboard-address", ":0"]
+    begin(stack, sys.executable, "-m", "dask", "scheduler", *flags)
+    return f"tcp://127.0.0.1:{port}"
+
+
 @contextmanager
 def pinned(cores: Sequence[int], folder: Path) -> Iterator[str]:
     """Address of a scheduler with a worker on each of these cores."""
-    address = f"tcp://127.0.0.1:{open_port()}"
-    quiet: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    dask = [sys.executable, "-m", "dask"]
     alone = {"LP_NUM_THREADS": "1", "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False"}
+    flags = ["--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", str(folder)]
     with ExitStack() as stack:
-        host, port = address.removeprefix("tcp://").split(":")
-        begin = [*dask, "scheduler", "--host", host, "--port", port, "--dashboard-address", ":0"]
-        programs = [subprocess.Popen(begin, **quiet)]
-        flags = ["--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", str(folder)]
+        address = scheduler(stack)
         for core in cores:
-            begin = ["taskset", "-c", str(core), *dask, "worker", address, *flags]
-            programs.append(subprocess.Popen(begin, env=os.environ | alone, **quiet))
-        for program in programs:
-            stack.callback(lambda program=program: (program.kill(), program.wait()))
-        time.sleep(5)  # until all have joined
+            worker = [sys.executable, "-m", "dask", "worker", address, *flags]
+            begin(stack, "taskset", "-c", str(core), *worker, **alone)
+        with Client(address, set_as_default=False) as client:
+            client.wait_for_workers(len(cores), timeout=60)
         yield address
 
 
@@ -127,22 +139,23 @@ class SleepingJob(Job[None]):
     """Job that takes as long as its cells took, and makes as many rows and images."""
 
     number: int
+    seconds: float
     row: Record
-    images: Sequence[bytes]
+    sizes: tuple[int, int]  # bytes of the images
 
     def __call__(self, bench: Bench) -> None:
-        end = time.monotonic() + SLEEP_S
+        end = time.monotonic() + self.seconds
         for cell in range(CELLS):
             key = f"{self.number * CELLS + cell:024x}"
             bench.store.append({**self.row, "key": key})
-            for kind, image in zip(("masks", "pictures"), self.images, strict=True):
-                bench.pictures.write(f"{kind}/{key}.png", image)
+            for kind, size in zip(("masks", "pictures"), self.sizes, strict=True):
+                bench.pictures.write(f"{kind}/{key}.png", os.urandom(size))
             bench.reporter.step(key)
         time.sleep(max(end - time.monotonic(), 0))
 
 
-def simulated_workers(port: str, info: DeviceInfo) -> None:
-    """Serve a scheduler and workers without worker processes, until stdin is closed."""
+async def simulated_workers(address: str, info: DeviceInfo) -> None:
+    """Serve some of the workers, which start no worker processes, until the scheduler ends."""
 
     async def describe(setup: Setup, expected: object, dask_worker: Any) -> workers.WorkerFacts:
         return workers.WorkerFacts(dask_worker.address, "host", {}, {}, info, None)
@@ -152,15 +165,11 @@ def simulated_workers(port: str, info: DeviceInfo) -> None:
         yield SimpleNamespace(techniques={}, worker=None)
 
     workers.describe, tasks.station = describe, station
-    # What 64 processes would do beside each other; the memory is that of all together.
-    quiet = {"distributed.worker.profile.enabled": False, "distributed.admin.system-monitor.interval": "10s"}
-    settings: dict[str, Any] = {"threads_per_worker": 1, "processes": False, "memory_limit": 0, "host": "127.0.0.1"}
-    with (
-        dask.config.set(quiet),
-        LocalCluster(n_workers=WORKERS, scheduler_port=int(port), protocol="tcp", dashboard_address=":0", **settings),
-    ):
-        print("ready", flush=True)
-        sys.stdin.read()
+    # What processes of their own would do beside each other; the memory is that of all together.
+    dask.config.set({"distributed.worker.profile.enabled": False, "distributed.admin.system-monitor.interval": "10s"})
+    count = WORKERS // PROCESSES
+    begun = [await DaskWorker(address, nthreads=1, memory_limit=0, dashboard=False) for _ in range(count)]
+    await asyncio.gather(*(one.finished() for one in begun))
 
 
 def test_the_scheduler_and_the_writer_keep_up_with_64_workers(study: Study, tmp_path: Path) -> None:
@@ -170,25 +179,27 @@ def test_the_scheduler_and_the_writer_keep_up_with_64_workers(study: Study, tmp_
         results = run_study(one, tmp_path / "one", worker, Silent()).results
         info = worker.info
     row = results[0].score
-    images = [(tmp_path / "one" / kind / f"{row['key']}.png").read_bytes() for kind in ("masks", "pictures")]
-    jobs = [SleepingJob(number, row, images) for number in range(WORKERS * JOBS_EACH)]
-    port = open_port()
-    code = f"import pickle; from {__name__} import *; simulated_workers('{port}', pickle.loads({pickle.dumps(info)}))"
-    with subprocess.Popen(
-        [sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=Path(__file__).parents[1]
-    ) as simulation:
-        simulation.stdout.readline()
-        with on_dask(f"tcp://127.0.0.1:{port}", study) as executor, closing(RowStore(tmp_path / "many")) as store:
-            bench = Bench(executor, store, Silent(), Pictures(tmp_path / "many"))
-            list(bench.run([replace(job, number=job.number + len(jobs)) for job in jobs[:WORKERS]]))  # warm up
-            start, cpu = time.perf_counter(), time.process_time()
-            list(bench.run(jobs))
-            seconds, spent = time.perf_counter() - start, time.process_time() - cpu
-        simulation.stdin.close()
+    mask, picture = ((tmp_path / "one" / kind / f"{row['key']}.png").stat().st_size for kind in ("masks", "pictures"))
+    seconds = np.random.default_rng(0).uniform(0.5, 1.5, WORKERS * JOBS_EACH) * SLEEP_S
+    jobs = [SleepingJob(number, float(one), row, (mask, picture)) for number, one in enumerate(seconds)]
+    code = f"from {__name__} import *; asyncio.run(simulated_workers(sys.argv[1], pickle.loads({pickle.dumps(info)})))"
+    with ExitStack() as stack:
+        address = scheduler(stack)
+        for _ in range(PROCESSES):
+            begin(stack, sys.executable, "-c", code, address)
+        with Client(address, set_as_default=False) as client:
+            client.wait_for_workers(WORKERS, timeout=60)
+        executor = stack.enter_context(on_dask(address, study))
+        store = stack.enter_context(closing(RowStore(tmp_path / "many")))
+        bench = Bench(executor, store, Silent(), Pictures(tmp_path / "many"))
+        list(bench.run([replace(job, number=job.number + len(jobs)) for job in jobs[:WORKERS]]))  # warm up
+        start, cpu = time.perf_counter(), time.process_time()
+        list(bench.run(jobs))
+        took, spent = time.perf_counter() - start, time.process_time() - cpu
     assert len(store.scores) == (len(jobs) + WORKERS) * CELLS
-    share = JOBS_EACH * SLEEP_S / seconds
+    share = seconds.sum() / WORKERS / took
     print(
-        f"\n{len(jobs)} jobs on {WORKERS} workers in {seconds:.1f} s, {share:.3f} of linear; the client took "
+        f"\n{len(jobs)} jobs on {WORKERS} workers in {took:.1f} s, {share:.3f} of linear; the client took "
         f"{1e3 * spent / len(jobs):.1f} ms of CPU per job of {CELLS} rows"
     )
     assert share >= 0.9
