@@ -2,11 +2,13 @@
 
 import json
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from distributed import Client
 
 from shadowbench.cluster import cluster, connect, executor, workers
 from shadowbench.cluster.parcel import PluginFiles, pack, unpack
@@ -110,8 +112,8 @@ def test_times_are_taken_where_asked_and_nowhere_else(
     assert (untimed.code, records(tmp_path / "out", "time")) == (0, []), untimed.err
     assert "note: nothing is timed: --time-on says on which machine" in untimed.err
     assert shadowbench(*arguments, "--time-on", "each").code == 0
-    (time,) = records(tmp_path / "out", "time")
-    assert time["machine"] == json.loads((tmp_path / "out" / "run.json").read_text())["machine_key"]
+    (row,) = records(tmp_path / "out", "time")
+    assert row["machine"] == json.loads((tmp_path / "out" / "run.json").read_text())["machine_key"]
     assert len(records(tmp_path / "out", "score")) == 1
     here = shadowbench(*arguments, "--time-on", "here")
     assert (here.code, len(records(tmp_path / "out", "time"))) == (0, 1), here.err  # the same machine
@@ -232,3 +234,16 @@ def test_an_axis_s_job_is_picklable() -> None:
         job = LineJob(axis, axis.lights[0], axis.swept(True), specs)
         again = unpack(*pack(job), techniques())
         assert (again.axis.name, again.values, again.specs) == (axis.name, job.values, specs)
+
+
+def test_a_worker_takes_times_only_when_its_machine_is_idle(
+    shadowbench: Command, records: Records, address: str, tmp_path: Path
+) -> None:
+    arguments = ["run", "cube-on-plane", "-t", "unshadowed", *SMALL, "--rounds", "1", "--time-on", "each"]
+    with Client(address, set_as_default=False) as other:
+        busy = other.submit(time.sleep, 3.0)
+        ends = time.monotonic() + 2.5
+        assert shadowbench(*arguments, "--dask", address, "-o", tmp_path).code == 0
+        assert busy.done()
+        assert time.monotonic() > ends
+    assert len(records(tmp_path, "time")) == 1
