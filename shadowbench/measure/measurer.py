@@ -60,6 +60,7 @@ class Measurer:
         most = max(sum(map(len, left)), 1)
         if at_once > 1 and self.conditions.rounds == 0:
             most = max(math.ceil(most / (at_once * _JOBS_EACH)), _LEAST_CELLS)
+            left = [_by_spec(cells) for cells in left]
         return [
             [self._job(block, of_cells, cells[at : at + most]) for at in range(0, max(len(cells), 1), most)]
             for block, of_cells, cells in zip(blocks, keys, left, strict=True)
@@ -70,6 +71,14 @@ class Measurer:
         timed = [keys[cell] for cell in cells if self.conditions.times(cell)]
         known = [row for key in timed for row in (store.finished_score(key), store.time_on(machine, key))]
         return BlockJob(replace(block, cells=tuple(cells)), self.conditions, tuple(filter(None, known)))
+
+
+def _by_spec(cells: Sequence[Cell]) -> list[Cell]:
+    """The cells with those of a spec, at all sizes and phases, next to each other: they share compiled programs."""
+    order: dict[str, int] = {}
+    for cell in cells:
+        order.setdefault(cell.spec.sizeless_text, len(order))
+    return sorted(cells, key=lambda cell: order[cell.spec.sizeless_text])
 
 
 @dataclass(frozen=True, eq=False)
