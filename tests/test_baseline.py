@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from shadowbench.check.baseline import identity
+from shadowbench.studies.folder import IDENTITY, identity
 from shadowbench.studies.study import read_study
 from shadowbench.techniques.biases import Bias
 from shadowbench.techniques.filters import Filter
@@ -26,7 +26,7 @@ HELD = [row for row in ROWS if row["status"] == "ok"]
 
 
 def named(full_spec: str) -> tuple[Any, ...]:
-    return identity({"full_spec": full_spec})
+    return identity({"full_spec": full_spec, **dict.fromkeys(IDENTITY)})
 
 
 def test_the_baseline_is_small() -> None:

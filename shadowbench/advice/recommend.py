@@ -85,16 +85,17 @@ def recommend(
     reporter: Reporter,
     *,
     on_this_machine: bool = False,
+    timed: bool = True,
 ) -> tuple[Recommendation, DeviceInfo]:
     """The cheapest of the `known` techniques that meets a target in a view, and the device it was measured on.
 
     Measures into a folder: rows, masks, pictures, `table.csv`, `run.json`. on_this_machine: rank by times even on a
-    software renderer. Raises InputError for a folder with other files, a budget on a software renderer, and a device
-    without pipeline statistics.
+    software renderer; timed: whether the executor may time. Raises InputError for a folder with other files, a budget
+    on a software renderer, and a device without pipeline statistics.
     """
     check_folder(folder)
     info = executor.info
-    unit = _unit(target, info, on_this_machine)
+    unit = _unit(target, info, on_this_machine, timed)
     reporter.stage("truth", 1)
     truth = cached_truth(view)
     study = Study.of([view.scene], [DEFAULT_REFERENCE], view_size=view.size, rounds=ROUNDS if unit == "ms" else 0)
@@ -109,14 +110,17 @@ def recommend(
             return results[-1]
 
         found = find_cheapest(view, truth, target, unit, known, info.max_map_size, measure)
-    write_run_file(folder / "run.json", info, view.scene.notes, study.facts, [result.score for result in results])
+    write_run_file(folder / "run.json", executor, view.scene.notes, study.facts, [result.score for result in results])
     if results:
         write_cells(folder, results, {})
     return found, info
 
 
-def _unit(target: Target, info: DeviceInfo, on_this_machine: bool) -> Unit:
-    if not info.software or on_this_machine:
+def _unit(target: Target, info: DeviceInfo, on_this_machine: bool, timed: bool) -> Unit:
+    if not timed and (target.budget_ms is not None or on_this_machine):
+        option = "--on-this-machine" if on_this_machine else "--budget-ms"
+        raise InputError(f"{option}: nothing is timed with --dask; allowed: with --time-on WORKER")
+    if timed and (not info.software or on_this_machine):
         return "ms"
     if target.budget_ms is not None:
         raise InputError(

@@ -80,7 +80,7 @@ def tune_parameters(
         space = SearchSpace(base, names, cells.unsupported_components(base, names, blocks))
         found = search_parameters(space, cells, blocks, split, trials, compared_specs)
     results = tuple(cells.results.values())
-    write_run_file(folder / "run.json", info, [], study.facts, [result.score for result in results])
+    write_run_file(folder / "run.json", executor, [], study.facts, [result.score for result in results])
     write_cells(folder, results, {})
     return TuningResult(found, results, tuple(failures or ()))
 

@@ -15,7 +15,7 @@ from shadowbench.scenes.model import Coordinates, View, view_of
 from shadowbench.studies.run import readable_blocks
 from shadowbench.studies.study import Study
 from shadowbench.techniques.spec import Spec
-from shadowbench.truths.cache import cached_truth
+from shadowbench.truths.cache import PIXEL_SAMPLES, cached_truth
 
 
 class TuningCells:
@@ -102,12 +102,17 @@ class TuningCells:
 
 
 @dataclass(frozen=True, eq=False)
-class EligibilityJob:
+class EligibilityJob(Job[str | None]):
     """Job that traces the truth of a view into the cache, and returns why the view takes no part in tuning a spec."""
 
     view: View
     coordinates: Coordinates
     spec: Spec
+
+    @property
+    def truths(self) -> Sequence[tuple[View, int]]:
+        """The view's."""
+        return ((self.view, PIXEL_SAMPLES),)
 
     def __call__(self, bench: Bench) -> str | None:
         """Why nothing can be tuned in the view; None if it takes part."""

@@ -56,6 +56,22 @@ KeepGoing = Annotated[
         "summary names them, and the exit code is 3. A cell that fails never stops it.",
     ),
 ]
+Dask = Annotated[
+    str | None,
+    typer.Option(
+        "--dask",
+        metavar="ADDRESS|local:N",
+        help="Measure on the workers of the Dask cluster with this scheduler, such as tcp://host:8786, or on N workers "
+        "on this machine; needs the extra `dask`.",
+    ),
+]
+Renderer = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help="With --dask, the renderer of the workers that measure; others are left out  [that of most of them].",
+    ),
+]
 SCENE = "a built-in name (shadowbench list scenes), a scene file (.toml), or a mesh file"
 SPEC = "a technique and its parameters (shadowbench list techniques)"
 SceneArgument = Annotated[

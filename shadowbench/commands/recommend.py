@@ -6,12 +6,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from shadowbench.commands import console
+from shadowbench.commands.executors import drawing
 from shadowbench.commands.options import (
     Assets,
+    Dask,
     Json,
     LightName,
     Plugins,
     Quiet,
+    Renderer,
     SceneArgument,
     Sun,
     Up,
@@ -70,6 +73,16 @@ def recommend(
     assets: Assets = None,
     up: Up = None,
     sun: Sun = False,
+    dask: Dask = None,
+    renderer: Renderer = None,
+    time_on: Annotated[
+        str | None,
+        typer.Option(
+            metavar="WORKER",
+            help="With --dask, the worker that measures, by its address or machine, so that its times rank  [all, "
+            "which rank by work].",
+        ),
+    ] = None,
     output: Annotated[
         Path,
         typer.Option("-o", "--output", metavar="DIR", help="Folder for the measured cells, which later calls reuse."),
@@ -101,21 +114,30 @@ def recommend(
     from shadowbench.advice.recommend import export_choice, has_penumbra, target_of, values
     from shadowbench.advice.recommend import recommend as measure_recommendation
     from shadowbench.measure.plugin_output import techniques_with
-    from shadowbench.measure.worker import Worker
 
     target_of(min_iou, max_edge_px, budget_ms, max_rmse)  # invalid options, before the scene is read
     plugins = tuple(plugin or ())
     known = techniques_with(plugins)
     if export is not None:
         _make_folder(export)
-    with console.Reporter(quiet) as reporter, Worker(plugins) as worker:
+    with (
+        console.Reporter(quiet) as reporter,
+        drawing(dask, renderer, plugins, None, reporter, time_on) as executor,
+    ):
         chosen = reporter.view(scene, view_size, view, light, assets, up, sun)
         target = target_of(min_iou, max_edge_px, budget_ms, max_rmse, soft=has_penumbra(chosen))
         found, info = measure_recommendation(
-            chosen, target, known, output, worker, reporter, on_this_machine=on_this_machine
+            chosen,
+            target,
+            known,
+            output,
+            executor,
+            reporter,
+            on_this_machine=on_this_machine,
+            timed=dask is None or time_on is not None,
         )
         if export is not None:
-            export_choice(found, export, worker)
+            export_choice(found, export, executor)
     if json:
         console.print_json(values(found, info))
     else:

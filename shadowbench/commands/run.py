@@ -1,21 +1,25 @@
 """`run`: measure a study and print its tables."""
 
 from collections.abc import Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from shadowbench.commands import completion, console
+from shadowbench.commands.executors import Places, check_without_dask, places
 from shadowbench.commands.options import (
     SCENE,
     SPEC,
     Assets,
+    Dask,
     Json,
     KeepGoing,
     PartOption,
     Plugins,
     Quiet,
+    Renderer,
     Sun,
     Up,
     ViewName,
@@ -117,6 +121,22 @@ def run(
     sun: Sun = False,
     part: PartOption = None,
     keep_going: KeepGoing = False,
+    dask: Dask = None,
+    renderer: Renderer = None,
+    any_renderer: Annotated[
+        bool,
+        typer.Option(
+            "--any-renderer", help="With --dask, use workers of every renderer; each makes rows and tables of its own."
+        ),
+    ] = False,
+    time_on: Annotated[
+        str | None,
+        typer.Option(
+            metavar="here|WORKER|each",
+            help="With --dask, where cells are timed, after all are scored: in this process, on one worker (its "
+            "address or machine), or on every machine, which a table compares  [nowhere].",
+        ),
+    ] = None,
     profile: Annotated[
         bool, typer.Option("--profile", help="Print the time that each part of the measurement took.")
     ] = False,
@@ -162,7 +182,13 @@ def run(
         raise InputError(
             f"--map-size: found {map_size!r:.60} and {stray[0]!r:.60} as separate arguments; allowed: {together}"
         )
-    with Worker(plugin or ()) as worker:  # it starts while the rest is imported and the study is read
+    if dask is None:
+        check_without_dask({"--renderer": renderer, "--any-renderer": any_renderer, "--time-on": time_on})
+    elif profile:
+        raise InputError("--profile: measures this process; allowed: without --dask")
+    with ExitStack() as stack:
+        # It starts while the rest is imported and the study is read.
+        worker = None if dask else stack.enter_context(Worker(plugin or ()))
         from shadowbench.measure.plugin_output import techniques_with
         from shadowbench.studies.measure import estimate, measure, study_from_options
         from shadowbench.studies.part import part_of
@@ -186,22 +212,31 @@ def run(
             up=up,
             sun=sun or None,
         )
-        worker.limits = asked.limits
-        with console.Reporter(quiet) as reporter:
-            if not scenes and not study:
-                cells, seconds = estimate(asked)
-                on = f"{len(asked.scenes)} scenes"
-                reporter.note(f"{cells} cells in {on}: about {seconds:.0f} s on two cores without a GPU")
-            found = measure(
-                asked,
-                output,
-                worker,
-                reporter,
-                time_again=time_again,
-                profile=profile,
-                part=chosen_part,
-                keep_going=keep_going,
+        reporter = stack.enter_context(console.Reporter(quiet))
+        if not scenes and not study:
+            cells, seconds = estimate(asked)
+            on = f"{len(asked.scenes)} scenes"
+            reporter.note(f"{cells} cells in {on}: about {seconds:.0f} s on two cores without a GPU")
+        if worker is not None:
+            worker.limits = asked.limits
+            at = Places(asked, worker)
+        else:
+            assert dask is not None
+            at = stack.enter_context(
+                places(asked, dask, reporter, plugin or (), renderer, any_renderer, time_on, rounds)
             )
+        found = measure(
+            at.study,
+            output,
+            at.executor,
+            reporter,
+            others=at.others,
+            timers=at.timers,
+            time_again=time_again,
+            profile=profile,
+            part=chosen_part,
+            keep_going=keep_going,
+        )
     if found.run.earlier and not quiet:
         console.print_error(f"note: {output}: {_earlier_cells_note(found.run)}")
     if json:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from shadowbench.commands import completion, console
-from shadowbench.commands.options import SPEC, Json, KeepGoing, PartOption, Plugins, Quiet
+from shadowbench.commands.executors import drawing
+from shadowbench.commands.options import SPEC, Dask, Json, KeepGoing, PartOption, Plugins, Quiet, Renderer
 
 if TYPE_CHECKING:
     from shadowbench.extremes.ranges import OperatingRange
@@ -45,6 +46,8 @@ def stress(
     plugin: Plugins = None,
     part: PartOption = None,
     keep_going: KeepGoing = False,
+    dask: Dask = None,
+    renderer: Renderer = None,
     output: Annotated[
         Path,
         typer.Option("-o", "--output", metavar="DIR", help="Folder for the tables, and the masks of failed cells."),
@@ -74,7 +77,6 @@ def stress(
     from shadowbench.extremes.stress import stress as walk
     from shadowbench.extremes.sweep import default_specs
     from shadowbench.measure.plugin_output import techniques_with
-    from shadowbench.measure.worker import Worker
     from shadowbench.studies.part import part_of
     from shadowbench.techniques.spec import parse_spec
 
@@ -83,8 +85,11 @@ def stress(
     known = techniques_with(plugin or ())
     chosen = tuple(dict.fromkeys(parse_spec(text, known) for text in techniques or ()))
     specs = chosen or default_specs(known.values())
-    with console.Reporter(quiet) as reporter, Worker(plugin or (), LIMITS) as worker:
-        found = walk(specs, axes, output, worker, reporter, quick=quick, part=chosen_part, keep_going=keep_going)
+    with (
+        console.Reporter(quiet) as reporter,
+        drawing(dask, renderer, plugin or (), LIMITS, reporter) as executor,
+    ):
+        found = walk(specs, axes, output, executor, reporter, quick=quick, part=chosen_part, keep_going=keep_going)
     if json:
         frame = ranges_frame(found.ranges).astype(object)
         console.print_json(frame.where(lambda frame: frame.notna(), None).to_dict("records"))

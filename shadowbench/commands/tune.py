@@ -7,14 +7,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from shadowbench.commands import completion, console
+from shadowbench.commands.executors import drawing
 from shadowbench.commands.options import (
     SCENE,
     SPEC,
     Assets,
+    Dask,
     Json,
     KeepGoing,
     Plugins,
     Quiet,
+    Renderer,
     Sun,
     Up,
     ViewSize,
@@ -96,6 +99,8 @@ def tune(
     up: Up = None,
     sun: Sun = False,
     keep_going: KeepGoing = False,
+    dask: Dask = None,
+    renderer: Renderer = None,
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for the measured cells.")
     ] = Path("results/tune"),
@@ -123,16 +128,18 @@ def tune(
     """
     from shadowbench.advice.tune import tune_parameters, values
     from shadowbench.measure.plugin_output import techniques_with
-    from shadowbench.measure.worker import Worker
     from shadowbench.reports.words import counted
     from shadowbench.techniques.spec import parse_spec
 
     known = techniques_with(plugin or ())
-    with console.Reporter(quiet) as reporter, Worker(plugin or ()) as worker:
+    with (
+        console.Reporter(quiet) as reporter,
+        drawing(dask, renderer, plugin or (), None, reporter) as executor,
+    ):
         found = tune_parameters(
             parse_spec(technique, known),
             output,
-            worker,
+            executor,
             reporter,
             scenes=listed(scenes),
             held_out=listed(held_out),

@@ -81,7 +81,7 @@ def stress(
     study = Study.of(
         [axis.name for axis in axes], specs, reference=specs[0], view_size=VIEW_SIZE, rounds=0
     )  # for its entry in `run.json`
-    write_run_file(folder / "run.json", executor.info, [], study.facts, rows)
+    write_run_file(folder / "run.json", executor, [], study.facts, rows)
     _, (whole,) = read_folders([folder])
     write_table(folder / "table.csv", [points_frame(whole.rows)])
     return StressResult(tuple(rows), tuple(ranges), tuple(failures))

@@ -51,7 +51,13 @@ def sweep(
     found: dict[tuple[Axis, LightKind], list[Spec]] = {}
     for axis, light, spec in part.of(ranges, lambda one: [one[0].name, one[1], one[2].full_text]):
         found.setdefault((axis, light), []).append(spec)
-    lines = [LineJob(axis, light, axis.swept(quick), tuple(own)) for (axis, light), own in found.items()]
+    known: dict[tuple[str, str], list[Record]] = {}
+    for row in bench.store.scores.values():
+        known.setdefault((row["axis"], row["light_kind"]), []).append(row)
+    lines = [
+        LineJob(axis, light, axis.swept(quick), tuple(own), known.get((axis.name, light), ()))
+        for (axis, light), own in found.items()
+    ]
     bench.reporter.stage("stress", sum(len(line.values) for line in lines))
     attempts: Sequence[Job[list[str] | Failure]] = lines
     if failed is not None:
@@ -67,7 +73,7 @@ def sweep(
 
 
 @dataclass(frozen=True, eq=False)
-class LineJob:
+class LineJob(Job[list[str]]):
     """Job that measures specs at the values of an axis under one kind of light; returns the keys of the rows.
 
     A line is measured in one piece, as the memory of a map is extrapolated from that of the smaller ones before it.
@@ -77,6 +83,7 @@ class LineJob:
     light: LightKind
     values: tuple[Value, ...]
     specs: tuple[Spec, ...]
+    known: Sequence[Record] = ()
 
     def __call__(self, bench: Bench) -> list[str]:
         """Make the rows. Reports one step per value."""

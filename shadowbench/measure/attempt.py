@@ -1,10 +1,13 @@
 """Jobs whose failure is reported and left out, so that a long study goes on (`--keep-going`)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from typing import TypeVar
 
 from shadowbench.errors import InputError, message, quoted
 from shadowbench.measure.bench import Bench, Job
+from shadowbench.measure.rows import Record
+from shadowbench.scenes.model import View
 
 R = TypeVar("R")
 
@@ -19,7 +22,7 @@ class Failure:
 
 
 @dataclass(frozen=True, eq=False)
-class Attempt(Generic[R]):
+class Attempt(Job[R | Failure]):
     """Job that tries another, and returns a Failure if it raises.
 
     Errors of the disk are raised, as everything after them would be lost too.
@@ -29,11 +32,15 @@ class Attempt(Generic[R]):
     what: str
     where: str
 
-    def __getattr__(self, name: str) -> Any:
-        """What else an executor asks of a job."""
-        if name.startswith("__") or name == "job":  # while it is unpickled
-            raise AttributeError(name)
-        return getattr(self.job, name)
+    @property
+    def known(self) -> Sequence[Record]:  # type: ignore[override]
+        """The job's."""
+        return self.job.known
+
+    @property
+    def truths(self) -> Sequence[tuple[View, int]]:
+        """The job's."""
+        return self.job.truths
 
     def __call__(self, bench: Bench) -> R | Failure:
         """Result of the job, or why it failed. Raises OSError, and InputError unless a truth is traced."""

@@ -2,12 +2,14 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar
 
 from shadowbench.measure.executor import Executor
 from shadowbench.measure.pictures import Pictures
 from shadowbench.measure.profile import Profile
 from shadowbench.measure.row_store import Rows
+from shadowbench.measure.rows import Record
+from shadowbench.scenes.model import View
 
 R = TypeVar("R")
 R_co = TypeVar("R_co", covariant=True)
@@ -44,12 +46,22 @@ class Bench:
         return self.executor.run(jobs, self)
 
 
-class Job(Protocol[R_co]):
-    """Independent part of a measurement, in any order with others: a picklable callable that makes rows on a bench.
+class Job(Generic[R_co]):
+    """Independent part of a measurement, in any order with others: picklable, and called with a bench, makes rows.
 
     An executor may call it in another process, on a bench with a store and pictures of its own, whose rows and images
     it copies. A job therefore returns no rows; they are read from the store by key.
+
+    known: rows of the bench's store that it builds on.
     """
+
+    known: Sequence[Record] = ()
+
+    @property
+    def truths(self) -> Sequence[tuple[View, int]]:
+        """Views, and samples per pixel, of the truths that it shares with other jobs."""
+        return ()
 
     def __call__(self, bench: Bench) -> R_co:
         """Make the rows that the bench's store lacks."""
+        raise NotImplementedError

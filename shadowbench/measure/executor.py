@@ -1,8 +1,8 @@
 """Interface for drawing cells in another process, and for running the jobs that do."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Concatenate, ParamSpec, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, Protocol, TypeVar
 
 from shadowbench.errors import ShadowbenchError, quoted
 
@@ -48,6 +48,14 @@ class Executor(Protocol):
     @property
     def info(self) -> "DeviceInfo":
         """Device facts from the start of the session. Raises as `call` does."""
+
+    @property
+    def machine(self) -> Mapping[str, Any]:
+        """The computer that draws, as by `measure.machine.machine`."""
+
+    @property
+    def jobs_at_once(self) -> int:
+        """Number of jobs that `run` can run at the same time."""
 
     @property
     def limits(self) -> Limits:

@@ -57,7 +57,7 @@ def _sources(one: type[Technique] | type[Component]) -> str:
     classes = (*one.__mro__, *one.Params.__mro__) if issubclass(one, Technique) else one.__mro__
     lineage = [cls for cls in classes if not _is_library_class(cls)]
     files = dict.fromkeys(source_file(cls) for cls in lineage)
-    around = dict.fromkeys(other for file in files for other in _plugin_sources(file))
+    around = dict.fromkeys(other for file in files for other in plugin_sources(file))
     return code_digest(*_MEASURING, *files, *around, extra_files=_shaders(lineage))
 
 
@@ -71,14 +71,20 @@ def _shaders(lineage: Sequence[type]) -> list[Path]:
     return [file for file in sorted(data_folder("shaders").iterdir()) if file.name not in others]
 
 
-def _plugin_sources(file: Path) -> list[Path]:
+def plugin_sources(file: Path) -> list[Path]:
     """Files a plug-in may use besides its imports: the shaders next to it, or its whole package. None for built-ins."""
-    folder = file.parent
     if file.is_relative_to(PACKAGE):
         return []
-    if not (folder / "__init__.py").exists():
-        nearby = [other for pattern in ("*", "*/*") for other in sorted(folder.glob(pattern))]
-        return [other for other in nearby if other.suffix in SOURCES - {".py"}]
-    while (folder.parent / "__init__.py").exists():  # the outermost package: imports may reach all of it
+    folder = plugin_folder(file)
+    if (folder / "__init__.py").exists():
+        return files_in(folder)
+    nearby = [other for pattern in ("*", "*/*") for other in sorted(folder.glob(pattern))]
+    return [other for other in nearby if other.suffix in SOURCES - {".py"}]
+
+
+def plugin_folder(file: Path) -> Path:
+    """Folder of a plug-in's sources: that of the outermost package, all of which imports may reach, or its own."""
+    folder = file.parent
+    while (folder / "__init__.py").exists() and (folder.parent / "__init__.py").exists():
         folder = folder.parent
-    return files_in(folder)
+    return folder

@@ -15,9 +15,9 @@ import psutil
 
 from shadowbench import __version__
 from shadowbench.files import replace_file
+from shadowbench.measure.executor import Executor
 from shadowbench.measure.row_store import command_line
 from shadowbench.measure.rows import SCHEMA, Record, StudyFacts
-from shadowbench.measure.session import DeviceInfo
 
 _LIBRARIES = ("moderngl", "pyglm", "numpy", "embreex", "scikit-image", "scipy", "pandas", "trimesh", "pydantic")
 
@@ -32,12 +32,13 @@ def machine() -> dict[str, Any]:
     }
 
 
-def machine_key(info: DeviceInfo) -> str:
-    """Hex key of what times depend on besides the cell's key: machine, renderer and the device's initial clock.
+def machine_key(executor: Executor) -> str:
+    """Hex key of what an executor's times depend on besides the cell's key: machine, renderer, the initial clock.
 
     Not the clock of a row: a device that gave up timer queries in one run tries them again in the next.
     """
-    parts = {"machine": machine(), "renderer": info.renderer, "clock": info.clock}
+    info = executor.info
+    parts = {"machine": executor.machine, "renderer": info.renderer, "clock": info.clock}
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:24]
 
 
@@ -51,7 +52,7 @@ def versions() -> dict[str, str]:
 
 
 def write_run_file(
-    file: Path, info: DeviceInfo, notes: Sequence[str], study: StudyFacts, scores: Iterable[Record]
+    file: Path, executor: Executor, notes: Sequence[str], study: StudyFacts, scores: Iterable[Record]
 ) -> None:
     """Write `run.json`: command, versions, machine, clock, assumptions, study and the keys of its score rows."""
     text = {
@@ -59,10 +60,10 @@ def write_run_file(
         "command": command_line(),
         "finished": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         "versions": versions(),
-        "machine": machine(),
-        "machine_key": machine_key(info),
-        "device": dataclasses.asdict(info),
-        "clock": info.clock,
+        "machine": executor.machine,
+        "machine_key": machine_key(executor),
+        "device": dataclasses.asdict(executor.info),
+        "clock": executor.info.clock,
         "assumptions": list(notes),
         "study": study,
         "keys": [row["key"] for row in scores],

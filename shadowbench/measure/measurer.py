@@ -3,8 +3,9 @@
 Rows are written to disk as they are made; a cell whose key already has rows is not measured again.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from shadowbench.measure.attempt import Attempt, Failure
@@ -14,10 +15,14 @@ from shadowbench.measure.flips import Stepped, flips
 from shadowbench.measure.keys import cell_key, counting_digest, joint_key, view_key
 from shadowbench.measure.machine import machine_key
 from shadowbench.measure.rows import Record, Result
-from shadowbench.measure.scorer import Scorer, ScoreRequest
+from shadowbench.measure.scorer import FLIP_SAMPLES, Scorer, ScoreRequest
 from shadowbench.measure.time_rows import time_row
 from shadowbench.measure.timing import Conditions, TimingFailure, reference_cell, time_cells
+from shadowbench.scenes.model import View
+from shadowbench.truths.cache import PIXEL_SAMPLES
 
+_LEAST_CELLS = 8  # in a job, so that it lasts a second or more
+_JOBS_EACH = 4  # number of jobs for each that runs at once, so that all end at about the same time
 _KEPT_SHARE = 0.25  # share of the memory limit for cells that were drawn and wait to be timed
 
 
@@ -30,33 +35,69 @@ class Measurer:
     def measure(self, blocks: Sequence[Block], failed: list[Failure] | None = None) -> Iterator[list[Result]]:
         """Results of each block's cells, measured now or found. Reports one step per cell and one per timed cell.
 
-        failed: receives blocks that fail, of which only the cells measured before are in the results; None to raise.
+        failed: receives blocks that fail, of which only the cells that have a row are in the results; None to raise.
         """
-        info, store = self.bench.executor.info, self.bench.store
-        machine = machine_key(info)
-        jobs = [BlockJob(block, self.conditions) for block in blocks]
-        attempts: Sequence[Job[Mapping[str, str] | Failure]]
-        attempts = jobs if failed is None else [Attempt(job, "cells", job.block.view.name) for job in jobs]
-        for job, answer in zip(jobs, self.bench.run(attempts), strict=True):
-            keys: Iterable[str] = job.keys(info.renderer).values()
-            failures: Mapping[str, str] = {}
-            if isinstance(answer, Failure):
-                assert failed is not None
-                failed.append(answer)
-                keys = [key for key in keys if key in store.scores]
-            else:
-                failures = answer
-            yield [
-                Result(store.scores[key], _time_on(machine, store.times.get(key)), failures.get(key)) for key in keys
-            ]
+        store, machine = self.bench.store, machine_key(self.bench.executor)
+        keys = [BlockJob(block, self.conditions).keys(self.bench.executor.info.renderer) for block in blocks]
+        jobs = self._jobs(blocks, keys)
+        attempts: list[Job[Mapping[str, str] | Failure]] = []
+        for job in (job for of_block in jobs for job in of_block):
+            attempts.append(job if failed is None else Attempt(job, "cells", job.block.view.name))
+        answers = self.bench.run(attempts)
+        for block, of_cells, of_block in zip(blocks, keys, jobs, strict=True):
+            untimed: dict[str, str] = {}
+            for _, answer in zip(of_block, answers, strict=False):
+                if isinstance(answer, Failure):
+                    assert failed is not None
+                    failed.append(answer)
+                else:
+                    untimed |= answer
+            for _ in range(len(block.cells) - sum(len(job.block.cells) for job in of_block)):
+                self.bench.reporter.step(f"{block.scene.name}: measured before")
+            found = [key for key in of_cells.values() if failed is None or key in store.scores]
+            yield [Result(store.scores[key], store.time_on(machine, key), untimed.get(key)) for key in found]
+
+    def _jobs(self, blocks: Sequence[Block], keys: Sequence[Mapping[Cell, str]]) -> list[list["BlockJob"]]:
+        """Jobs for each block's cells that lack a row, at least one per block; blocks are cut for several at once.
+
+        A block that is timed is not cut, since times are only compared with those taken together.
+        """
+        store, at_once = self.bench.store, self.bench.executor.jobs_at_once
+        left = [
+            [cell for cell in block.cells if self.conditions.times(cell) or not store.finished_score(of_cells[cell])]
+            for block, of_cells in zip(blocks, keys, strict=True)
+        ]
+        most = max(sum(map(len, left)), 1)
+        if at_once > 1 and self.conditions.rounds == 0:
+            most = max(math.ceil(most / (at_once * _JOBS_EACH)), _LEAST_CELLS)
+            left = [_by_spec(cells) for cells in left]
+        return [
+            [self._job(block, of_cells, cells[at : at + most]) for at in range(0, max(len(cells), 1), most)]
+            for block, of_cells, cells in zip(blocks, keys, left, strict=True)
+        ]
+
+    def _job(self, block: Block, keys: Mapping[Cell, str], cells: Sequence[Cell]) -> "BlockJob":
+        store, machine = self.bench.store, machine_key(self.bench.executor)
+        timed = [keys[cell] for cell in cells if self.conditions.times(cell)]
+        known = [row for key in timed for row in (store.finished_score(key), store.time_on(machine, key))]
+        return BlockJob(replace(block, cells=tuple(cells)), self.conditions, tuple(filter(None, known)))
+
+
+def _by_spec(cells: Sequence[Cell]) -> list[Cell]:
+    """The cells with those of a spec, at all sizes and phases, next to each other: they share compiled programs."""
+    order: dict[str, int] = {}
+    for cell in cells:
+        order.setdefault(cell.spec.sizeless_text, len(order))
+    return sorted(cells, key=lambda cell: order[cell.spec.sizeless_text])
 
 
 @dataclass(frozen=True, eq=False)
-class BlockJob:
+class BlockJob(Job[Mapping[str, str]]):
     """Job that measures the cells of a block; returns why timing failed, by key."""
 
     block: Block
     conditions: Conditions
+    known: Sequence[Record] = ()
 
     def keys(self, renderer: str) -> dict[Cell, str]:
         """Row keys of the cells on a renderer."""
@@ -65,6 +106,16 @@ class BlockJob:
             return keys
         after = [view_key(self._stepped.view), counting_digest()]
         return {cell: joint_key([key, *after]) for cell, key in keys.items()}
+
+    @property
+    def truths(self) -> Sequence[tuple[View, int]]:
+        """That of the view, and of the one after the step."""
+        first, *after = self._views
+        return [(first, PIXEL_SAMPLES), *((view, FLIP_SAMPLES) for view in after)]
+
+    @property
+    def _views(self) -> list[View]:
+        return [self.block.view, *([self._stepped.view] if self._stepped else [])]
 
     def _key(self, cell: Cell, renderer: str) -> str:
         return cell_key(cell, self._view_key, self.conditions.coordinates, renderer)
@@ -80,7 +131,6 @@ class BlockJob:
     def __call__(self, bench: Bench) -> Mapping[str, str]:
         """Measure the cells without rows. Reports one step per cell and one per timed cell."""
         block, conditions, stepped = self.block, self.conditions, self._stepped
-        views = [block.view, *([stepped.view] if stepped else [])]
         keys = self.keys(bench.executor.info.renderer)
         missing = sum(bench.store.finished_score(key) is None for key in keys.values())
         assumptions, keep_bytes = list(block.scene.notes), int(_KEPT_SHARE * bench.executor.limits.bytes)
@@ -95,7 +145,7 @@ class BlockJob:
         ]
         name = block.scene.name
         Scorer(bench).rows(
-            [PlacedView(view, conditions.coordinates) for view in views],
+            [PlacedView(view, conditions.coordinates) for view in self._views],
             requests,
             lambda cell: bench.reporter.step(f"{name} {cell.spec.text}"),
             stepped.count if stepped else flips,
@@ -107,12 +157,12 @@ class BlockJob:
     def _time(self, bench: Bench, keys: dict[Cell, str]) -> Mapping[str, str]:
         """Time the successful cells that lack a time. Returns why timing failed, by key."""
         store, info, conditions, view = bench.store, bench.executor.info, self.conditions, self.block.view
-        name, machine = view.scene.name, machine_key(info)
+        name, machine = view.scene.name, machine_key(bench.executor)
         failures: dict[str, str] = {}
         reference = self._key(reference_cell(conditions.reference, view.light.hard_kind), info.renderer)
         wanted = [cell for cell in keys if conditions.times(cell)]
         succeeded = [cell for cell in wanted if store.scores[keys[cell]]["status"] == "ok"]
-        times = {cell: _time_on(machine, store.times.get(keys[cell])) for cell in succeeded}
+        times = {cell: store.time_on(machine, keys[cell]) for cell in succeeded}
         timed = {
             cell: row
             for cell, row in times.items()
@@ -141,11 +191,6 @@ class BlockJob:
         for _ in range(len(wanted) - steps):
             bench.reporter.step(f"{name}: nothing to time")
         return failures
-
-
-def _time_on(machine: str, row: Record | None) -> Record | None:
-    """A time record, if measured on this machine; times of other machines are not comparable."""
-    return row if row is not None and row.get("machine") == machine else None
 
 
 def _suffices(row: Record, rounds: int, reference: str) -> bool:

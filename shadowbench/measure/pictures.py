@@ -25,6 +25,13 @@ class Pictures:
         write_mask(self._subfolder("masks") / f"{key}.png", rendering.visibility)
         write_picture(self._subfolder("pictures") / f"{key}.png", rendering.picture)
 
+    def write(self, name: str, data: bytes) -> None:
+        """Write the bytes of an image by its path in the folder."""
+        file = self.folder / name
+        file.parent.mkdir(exist_ok=True)
+        with replace_file(file) as temporary:
+            temporary.write_bytes(data)
+
     def write_truth(self, view: View, truth: Truth) -> None:
         """Write the truth's visibility and undecided pixels, unless the files hold them already.
 

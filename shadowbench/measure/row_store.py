@@ -4,6 +4,7 @@ import json
 import os
 import shlex
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import IO
 
@@ -17,15 +18,28 @@ else:
 
 
 class Rows:
-    """Score and time records in memory. The last record of each key and kind counts."""
+    """Score and time records in memory. The last score of each key, and the last time of it on each machine, count."""
 
-    def __init__(self) -> None:
+    def __init__(self, known: Iterable[Record] = ()) -> None:
         self.scores: dict[str, Record] = {}
-        self.times: dict[str, Record] = {}
+        self._times: dict[tuple[str, str | None], Record] = {}
+        for record in known:
+            self._keep(record)
 
-    def append(self, record: Record) -> None:
-        """Add a record."""
-        (self.scores if record["kind"] == "score" else self.times)[record["key"]] = record
+    def append(self, *records: Record) -> None:
+        """Add records."""
+        for record in records:
+            self._keep(record)
+
+    def _keep(self, record: Record) -> None:
+        if record["kind"] == "score":
+            self.scores[record["key"]] = record
+        else:
+            self._times[record["key"], record.get("machine")] = record
+
+    def time_on(self, machine: str, key: str) -> Record | None:
+        """Time record of a key on a machine, given by its `machine_key`."""
+        return self._times.get((key, machine))
 
     def finished_score(self, key: str) -> Record | None:
         """Score record of a key; None if missing or failed, since a failure may be the machine's and is tried again."""
@@ -64,29 +78,29 @@ class RowStore(Rows):
                 raise InputError(
                     f"{self.file}: found cells of `{found}`; allowed: a folder of `{allowed}`, or a new one"
                 )
-            super().append(row)
+            self._keep(row)
             complete = end
         self._stream = self.file.open("ab", buffering=0)  # after a failed write, a buffer would be written on close
         self._stream.truncate(complete)  # drops a partial line of a killed run
 
-    def append(self, record: Record) -> None:
-        """Write a record to disk before returning; a score record gets the current command line.
+    def append(self, *records: Record) -> None:
+        """Write records to disk before returning; a score record gets the current command line.
 
         Raises InputError, with nothing written, if the disk is full.
         """
-        made = {"command": command_line()} if record["kind"] == "score" else {}
-        record = {"schema": SCHEMA, **record, **made}
+        made = [_complete(record) for record in records]
         # A lone surrogate, from a file name that is not UTF-8, cannot be encoded.
-        line = (json.dumps(record, allow_nan=False, ensure_ascii=False) + "\n").encode(errors="replace")
+        lines = "".join(json.dumps(record, allow_nan=False, ensure_ascii=False) + "\n" for record in made)
+        left = lines.encode(errors="replace")
         end = self._stream.seek(0, os.SEEK_END)
         try:
-            while line:
-                line = line[self._stream.write(line) :]
+            while left:
+                left = left[self._stream.write(left) :]
             os.fsync(self._stream.fileno())
         except OSError as error:
             self._stream.truncate(end)
             raise _cannot_write(self.file, error) from None
-        super().append(record)
+        super().append(*made)
 
     def close(self) -> None:
         """Close the file and unlock the folder."""
@@ -97,6 +111,10 @@ class RowStore(Rows):
         # Removed while still locked: a process that has it open finds that it is gone, and opens a new one.
         Path(self._lock.name).unlink(missing_ok=True)
         self._lock.close()
+
+
+def _complete(record: Record) -> Record:
+    return {"schema": SCHEMA, **record, **({"command": command_line()} if record["kind"] == "score" else {})}
 
 
 def command_line() -> str:

@@ -23,6 +23,9 @@ from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.truths.cache import cached_truth
 from shadowbench.truths.trace import Truth
 
+FLIP_SAMPLES = 1
+"""Samples per pixel of truths that flips are counted with; only the scored one's `area` is sampled more finely."""
+
 
 @dataclass(frozen=True, eq=False)
 class ScoreRequest:
@@ -54,7 +57,7 @@ class _ScoringView:
         """The truth; its `area` is only sampled if masks are scored against it."""
         with self.profile.activity("truth"):
             view = self.placed_view.view
-            return cached_truth(view) if self.scored else cached_truth(view, pixel_samples=1)
+            return cached_truth(view) if self.scored else cached_truth(view, FLIP_SAMPLES)
 
     @cached_property
     def prepared(self) -> PreparedTruth:

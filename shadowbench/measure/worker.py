@@ -7,7 +7,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -65,6 +65,15 @@ class Worker:
             self.ready()
         assert self._info is not None
         return self._info
+
+    @property
+    def machine(self) -> Mapping[str, Any]:
+        """This computer."""
+        from shadowbench.measure.machine import machine  # the worker's start does not wait for this import
+
+        return machine()
+
+    jobs_at_once = 1
 
     def call(self, method: "Callable[Concatenate[Session, P], R]", *arguments: P.args, **options: P.kwargs) -> R:
         """Result of `method(session, …)`. Raises Unsupported, CellFailed, or ShadowbenchError if it cannot start."""

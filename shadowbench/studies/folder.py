@@ -192,8 +192,9 @@ def _read(folder: Path, label: str, fields: Set[str] | None) -> Run | Sweep:
         return Sweep(label, folder, about, tuple(points), count - len(points), cut_off)
     machine = about.get("machine_key") or machine
     ours = times.get(machine, {})
-    cells = _cells(scores, table, keys)
-    last_keys = {row["key"] for row in _with_keys(scores, keys)}
+    last = _with_keys(scores, keys)
+    cells = _with_renderers(_cells(scores, table, keys), last)
+    last_keys = {row["key"] for row in last}
     earlier = [row["key"] for row in cells if keys is not None and row["key"] not in last_keys and "content" not in row]
     return Run(
         label=label,
@@ -260,6 +261,14 @@ def _cells(scores: Sequence[Record], table: Set[str] | None, keys: Set[str] | No
         if spelled[row["spec"], *cell[1:]] == cell
         and (row["status"] != "ok" or soft[_view_of(row)] == is_soft(row["metrics"]))
     ]
+
+
+def _with_renderers(cells: Sequence[Record], last: Sequence[Record]) -> list[Record]:
+    """The cells, with all rows of one that the last command measured on several renderers."""
+    found: dict[tuple[Any, ...], dict[str, Record]] = {}
+    for row in last:
+        found.setdefault(identity(row), {})[row["renderer"]] = row
+    return [row for cell in cells for row in found.get(identity(cell), {cell["renderer"]: cell}).values()]
 
 
 def _points(shown: Sequence[Record], last: Sequence[Record]) -> list[Record]:

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +18,7 @@ from shadowbench.measure.session import DeviceInfo, Session
 from shadowbench.scenes.model import Scene
 from shadowbench.studies.crossing import Techniques
 from shadowbench.studies.part import WHOLE, Part
-from shadowbench.studies.run import run_study
+from shadowbench.studies.run import RunResult, run_study
 from shadowbench.studies.study import Study, find_study, read_study
 from shadowbench.studies.time_left import drawing_seconds, timing_seconds
 from shadowbench.techniques.spec import Spec, has_size
@@ -90,7 +90,8 @@ class StudyResult:
 
     results: its cells, measured now or before; run: the whole folder, with cells of earlier commands; sweep_positions:
     of specs in the study's bias sweeps; seconds: by activity (see `measure.profile`), empty unless requested; failures:
-    what was left out, with `keep_going`.
+    what was left out, with `keep_going`; times: by name of a machine, the results with its times, if several were asked
+    for.
     """
 
     study: Study
@@ -100,6 +101,7 @@ class StudyResult:
     info: DeviceInfo
     seconds: Mapping[str, float]
     failures: tuple[Failure, ...] = ()
+    times: Mapping[str, Sequence[Result]] = field(default_factory=dict)
 
     @cached_property
     def frame(self) -> "pd.DataFrame":
@@ -115,6 +117,8 @@ def measure(
     executor: Executor,
     reporter: Reporter,
     *,
+    others: Sequence[Executor] = (),
+    timers: Mapping[str, Executor] | None = None,
     time_again: bool = False,
     profile: bool = False,
     part: Part = WHOLE,
@@ -122,21 +126,42 @@ def measure(
 ) -> StudyResult:
     """Measure a study into a folder: rows, masks, pictures, `table.csv` and `run.json`. Existing rows are reused.
 
-    time_again: time cells again that have a time; part: measure only its cells; keep_going: leave out scenes,
-    truths and blocks that fail. Raises InputError for a folder with other files, a scene that cannot be read, and a map
-    or view too large for the device. A cell that fails gets a row with that status.
+    others: executors with other renderers, on which the study is measured too; timers: those that time the cells, one
+    after the other and after all scores, by name, None for the executor itself, block by block; time_again: time cells
+    again that have a time; part: measure only its cells; keep_going: leave out scenes, truths and blocks that fail.
+    Raises InputError for a folder with other files, a scene that cannot be read, and a map or view too large for the
+    device. A cell that fails gets a row with that status.
     """
     check_folder(folder)
     start = time.perf_counter()
-    result = run_study(study, folder, executor, reporter, time_again, part, keep_going)
+    scored = study if timers is None else study.with_(rounds=0)
+
+    def run_on(one: Executor, study: Study, time_again: bool = False) -> RunResult:
+        return run_study(study, folder, one, reporter, time_again, part, keep_going)
+
+    first = run_on(executor, scored, time_again)
+    scores = [first, *(run_on(other, scored) for other in others)]
+    timed = {name: run_on(timer, study, time_again) for name, timer in (timers or {}).items()}
+    # A cell by its key: the last machine's times are in the table.
+    results = {result.score["key"]: result for found in (*scores, *timed.values()) for result in found.results}
+    notes = list(dict.fromkeys(note for found in scores for note in found.notes))
+    failures = dict.fromkeys(failure for found in (*scores, *timed.values()) for failure in found.failures)
     spent = executor.call(Session.activity_seconds) if profile else {}
     from shadowbench.studies.folder import write_cells
     from shadowbench.studies.sweeps import sweep_positions
 
     positions = sweep_positions(study.sweeps)
-    write_run_file(
-        folder / "run.json", executor.info, result.notes, study.facts, [cell.score for cell in result.results]
+    *_, last = [executor, *(timers or {}).values()]
+    write_run_file(folder / "run.json", last, notes, study.facts, [one.score for one in results.values()])
+    run = write_cells(folder, list(results.values()), positions)
+    seconds = complete_profile(first.profile.seconds, spent, time.perf_counter() - start) if profile else {}
+    return StudyResult(
+        study,
+        tuple(results.values()),
+        run,
+        positions,
+        executor.info,
+        seconds,
+        tuple(failures),
+        {name: found.results for name, found in timed.items()},
     )
-    run = write_cells(folder, result.results, positions)
-    seconds = complete_profile(result.profile.seconds, spent, time.perf_counter() - start) if profile else {}
-    return StudyResult(study, tuple(result.results), run, positions, executor.info, seconds, tuple(result.failures))

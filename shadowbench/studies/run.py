@@ -12,6 +12,7 @@ from shadowbench.measure.bench import Bench, Job, Reporter
 from shadowbench.measure.cells import Block
 from shadowbench.measure.executor import Executor
 from shadowbench.measure.flips import size_after
+from shadowbench.measure.machine import machine_key
 from shadowbench.measure.measurer import BlockJob, Measurer
 from shadowbench.measure.pictures import Pictures
 from shadowbench.measure.profile import Profile
@@ -25,7 +26,7 @@ from shadowbench.studies.study import Study, scenes_of
 from shadowbench.studies.time_left import TimeLeft, duration
 from shadowbench.techniques.filters import Filter
 from shadowbench.techniques.unshadowed import Unshadowed
-from shadowbench.truths.cache import cached_truth
+from shadowbench.truths.cache import PIXEL_SAMPLES, cached_truth
 from shadowbench.truths.trace import Truth
 
 _LONG_S = 60.0  # from which an estimate is given
@@ -89,11 +90,11 @@ def run_study(
         raise ShadowbenchError(f"nothing is left to measure: {failures[0].where}: {failures[0].reason}")
     with closing(RowStore(folder)) as store:
         conditions = study.conditions(time_again)
-        left = TimeLeft(reporter)
+        left, machine = TimeLeft(reporter), machine_key(executor)
         for block in blocks:
             keys = BlockJob(block, conditions).keys(info.renderer)
             missing = [cell for cell, key in keys.items() if store.finished_score(key) is None]
-            untimed = [cell for cell, key in keys.items() if time_again or key not in store.times]
+            untimed = [cell for cell, key in keys.items() if time_again or store.time_on(machine, key) is None]
             left.expect(study, missing, filter(conditions.times, untimed))
         measurer = Measurer(Bench(executor, store, left, Pictures(folder), profile), conditions)
         cells = [cell for block in blocks for cell in block.cells]
@@ -134,10 +135,15 @@ def readable_blocks(study: Study, failures: list[Failure]) -> list[Block]:
 
 
 @dataclass(frozen=True, eq=False)
-class TruthJob:
+class TruthJob(Job[str | None]):
     """Job that traces the truth of a view into the cache, and returns a line about one without an edge."""
 
     view: View
+
+    @property
+    def truths(self) -> Sequence[tuple[View, int]]:
+        """The view's."""
+        return ((self.view, PIXEL_SAMPLES),)
 
     def __call__(self, bench: Bench) -> str | None:
         """Trace the truth unless it is in the cache. Raises InputError for a view that shows nothing."""

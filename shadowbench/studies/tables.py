@@ -208,13 +208,14 @@ def interval(values: Sequence[float] | NDArray[np.float64]) -> Interval | None:
 
 
 def titles(frame: pd.DataFrame) -> pd.Series:
-    """Table title of each line: its scene, and its light if the scene has several.
+    """Table title of each line: its scene, and its light and renderer where there are several.
 
     One table for several lights would compare medians over different cells, since techniques differ in the kinds of
     light that they support.
     """
     several = frame.groupby("scene")["light"].transform("nunique") > 1
-    return frame["scene"].where(~several, frame["scene"] + ", " + frame["light"]).astype(str)
+    found = frame["scene"].where(~several, frame["scene"] + ", " + frame["light"])
+    return (found if frame["renderer"].nunique() < 2 else found + ", " + frame["renderer"]).astype(str)
 
 
 def summary(frame: pd.DataFrame) -> dict[str, list[SummaryRow]]:

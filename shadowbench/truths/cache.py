@@ -34,15 +34,18 @@ _RANGES: dict[str, tuple[type[np.generic], float, float]] = {
 
 _log = logging.getLogger(__name__)
 
+PIXEL_SAMPLES = 4
+"""Square root of the number of rays per pixel of a truth that masks are scored against."""
+
 KEPT_BYTES = 4 << 30  # size of the cache; beyond it, the oldest truths are deleted
 
 
-def cached_truth(view: View, pixel_samples: int = 4, standard_error: float = STANDARD_ERROR) -> Truth:
+def cached_truth(view: View, pixel_samples: int = PIXEL_SAMPLES, standard_error: float = STANDARD_ERROR) -> Truth:
     """`trace` of a view, from the cache if it was traced before by the same sources.
 
     A cache that cannot be written is a logged warning.
     """
-    file = cache_folder() / f"{_key(view, pixel_samples, standard_error)}.npz"
+    file = truth_file(view, pixel_samples, standard_error)
     kept = read_truth(file, view)
     if kept is not None:
         with suppress(OSError):  # read-only caches are usable
@@ -57,6 +60,11 @@ def cached_truth(view: View, pixel_samples: int = 4, standard_error: float = STA
         reason = error.strerror if isinstance(error, OSError) and error.strerror else error
         _log.warning("truth cache %s: truths are traced and not kept (%s)", file.parent, reason)
     return truth
+
+
+def truth_file(view: View, pixel_samples: int = PIXEL_SAMPLES, standard_error: float = STANDARD_ERROR) -> Path:
+    """File of a view's truth in the cache, whether or not it exists."""
+    return cache_folder() / f"{_key(view, pixel_samples, standard_error)}.npz"
 
 
 def cache_folder() -> Path:

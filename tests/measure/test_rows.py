@@ -56,7 +56,7 @@ def test_the_last_record_of_a_key_and_kind_counts(tmp_path: Path) -> None:
         store.append(TIME)
     with opened(tmp_path) as store:
         assert store.scores[key_of("a")]["status"] == "ok"
-        assert store.times[key_of("a")]["n"] == 3
+        assert store.time_on("m", key_of("a"))["n"] == 3
         assert len(store.file.read_text().splitlines()) == 3
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -82,7 +83,8 @@ def test_another_machine_times_again_and_scores_nothing_again(
 def test_a_machine_s_key_has_its_renderer_and_its_clock(bench: Any) -> None:
     info = bench.worker.info
     others = [info, replace(info, renderer="another"), replace(info, clock="another"), replace(info, subpixel_bits=99)]
-    assert len({machine_key(other) for other in others}) == 3
+    machine = bench.worker.machine
+    assert len({machine_key(SimpleNamespace(info=other, machine=machine)) for other in others}) == 3
 
 
 def test_cells_without_a_ratio_are_timed_again_once_the_reference_succeeds(

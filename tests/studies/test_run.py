@@ -199,7 +199,7 @@ def test_run_json_says_how_it_was_made(bench: Any, run: Run, monkeypatch: pytest
     monkeypatch.setattr("sys.argv", ["/somewhere/shadowbench", "run", "-s", "a study.toml"])
     file = run.folder / "run.json"
     scores = [result.score for result in run.results]
-    write_run_file(file, bench.worker.info, ["an assumption", "b\udcff.obj, no UTF-8"], run.study.facts, scores)
+    write_run_file(file, bench.worker, ["an assumption", "b\udcff.obj, no UTF-8"], run.study.facts, scores)
     text = json.loads(file.read_text())
     assert text == read_run_file(file)
     assert text["keys"] == [cell["key"] for cell in run.cells]

@@ -1,0 +1,206 @@
+"""Throughput of Dask workers. Needs an idle machine with two cores; takes six minutes.
+
+pytest benchmarks/test_cluster.py -s
+"""
+
+import asyncio
+import os
+import pickle
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, closing, contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import dask
+import numpy as np
+import pytest
+from distributed import Client
+from distributed import Worker as DaskWorker
+from distributed.utils import open_port
+
+from shadowbench.cluster import tasks, workers
+from shadowbench.cluster.cluster import Cluster
+from shadowbench.cluster.connect import Connection
+from shadowbench.cluster.executor import DaskExecutor
+from shadowbench.cluster.parcel import Setup
+from shadowbench.measure.bench import Bench, Job
+from shadowbench.measure.executor import Executor
+from shadowbench.measure.pictures import Pictures
+from shadowbench.measure.row_store import RowStore
+from shadowbench.measure.rows import Record
+from shadowbench.measure.session import DeviceInfo
+from shadowbench.measure.worker import Worker
+from shadowbench.studies.measure import study_from_options
+from shadowbench.studies.run import run_study
+from shadowbench.studies.study import Study
+from shadowbench.techniques.registry import techniques
+from shadowbench.truths.cache import cached_truth
+
+WORKERS, PROCESSES, JOBS_EACH = 64, 4, 15
+SLEEP_S = 3.0  # mean of jobs with CELLS cells, about what they take
+CELLS = 8
+ROOT = Path(__file__).parents[1]
+
+
+class Silent:
+    def note(self, line: str) -> None:
+        print(line)
+
+    def stage(self, name: str, total: int | None) -> None: ...
+
+    def step(self, what: str) -> None: ...
+
+
+@pytest.fixture(scope="module")
+def study() -> Study:
+    """A study of about a hundred cells without times, whose truths are in the cache."""
+    found = study_from_options(
+        techniques(), ["cube-on-plane", "spot-lamp", "street"], map_size=[512, 1024], phases=8, rounds=0
+    )
+    for block in found.blocks():
+        cached_truth(block.view)
+    return found
+
+
+def throughput(study: Study, folder: Path, executor: Executor) -> float:
+    """Cells per second, after a first phase of every cell, for which libraries are loaded."""
+    run_study(study.with_(phases=1), folder / "first", executor, Silent())
+    start = time.perf_counter()
+    cells = len(run_study(study, folder / "all", executor, Silent()).results)
+    return cells / (time.perf_counter() - start)
+
+
+@contextmanager
+def on_dask(where: str, study: Study) -> Iterator[DaskExecutor]:
+    with Connection(where) as connection, Cluster(connection, Silent(), (), study.limits) as cluster:
+        yield DaskExecutor(cluster, cluster.renderers()[0])
+
+
+def begin(stack: ExitStack, *command: str, **environment: str) -> None:
+    """Start a program, which is killed at the end."""
+    program = subprocess.Popen(command, env=os.environ | environment, stderr=subprocess.DEVNULL, cwd=ROOT)
+    stack.callback(lambda: (program.kill(), program.wait()))
+
+
+def scheduler(stack: ExitStack) -> str:
+    """Start a scheduler; returns its address."""
+    port = open_port()
+    flags = ["--host", "127.0.0.1", "--port", str(port), "--dashboard-address", ":0"]
+    begin(stack, sys.executable, "-m", "dask", "scheduler", *flags)
+    return f"tcp://127.0.0.1:{port}"
+
+
+@contextmanager
+def pinned(cores: Sequence[int], folder: Path) -> Iterator[str]:
+    """Address of a scheduler with a worker on each of these cores."""
+    alone = {"LP_NUM_THREADS": "1", "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False"}
+    flags = ["--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", str(folder)]
+    with ExitStack() as stack:
+        address = scheduler(stack)
+        for core in cores:
+            worker = [sys.executable, "-m", "dask", "worker", address, *flags]
+            begin(stack, "taskset", "-c", str(core), *worker, **alone)
+        with Client(address, set_as_default=False) as client:
+            client.wait_for_workers(len(cores), timeout=60)
+        yield address
+
+
+def test_two_workers_with_a_core_each_measure_1_6_times_as_fast_as_one(study: Study, tmp_path: Path) -> None:
+    found: dict[int, list[float]] = {1: [], 2: []}
+    for turn in range(2):
+        for count in found:
+            folder = tmp_path / f"{turn}-{count}"
+            with pinned(range(count), tmp_path / "dask") as address, on_dask(address, study) as executor:
+                assert executor.jobs_at_once == count
+                found[count].append(throughput(study, folder, executor))
+    ratio = max(found[2]) / max(found[1])
+    print(f"\ncells per second: {found}; two workers are {ratio:.2f} × as fast as one")
+    assert ratio >= 1.6
+
+
+def test_local_workers_are_no_slower_than_a_plain_run(study: Study, tmp_path: Path) -> None:
+    found: dict[str, list[float]] = {"plain": [], "local:2": []}
+    for turn in range(2):
+        with Worker((), study.limits) as worker:
+            worker.ready()
+            found["plain"].append(throughput(study, tmp_path / f"{turn}-plain", worker))
+        with on_dask("local:2", study) as executor:
+            found["local:2"].append(throughput(study, tmp_path / f"{turn}-local", executor))
+    print(f"\ncells per second: {found}")
+    assert max(found["local:2"]) >= max(found["plain"])
+
+
+@dataclass(frozen=True, eq=False)
+class SleepingJob(Job[None]):
+    """Job that takes as long as its cells took, and makes as many rows and images."""
+
+    number: int
+    seconds: float
+    row: Record
+    sizes: tuple[int, int]  # bytes of the images
+
+    def __call__(self, bench: Bench) -> None:
+        end = time.monotonic() + self.seconds
+        for cell in range(CELLS):
+            key = f"{self.number * CELLS + cell:024x}"
+            bench.store.append({**self.row, "key": key})
+            for kind, size in zip(("masks", "pictures"), self.sizes, strict=True):
+                bench.pictures.write(f"{kind}/{key}.png", os.urandom(size))
+            bench.reporter.step(key)
+        time.sleep(max(end - time.monotonic(), 0))
+
+
+async def simulated_workers(address: str, info: DeviceInfo) -> None:
+    """Serve some of the workers, which start no worker processes, until the scheduler ends."""
+
+    async def describe(setup: Setup, expected: object, dask_worker: Any) -> workers.WorkerFacts:
+        return workers.WorkerFacts(dask_worker.address, "host", {}, {}, info, None)
+
+    @contextmanager
+    def station(setup: Setup) -> Iterator[SimpleNamespace]:
+        yield SimpleNamespace(techniques={}, worker=None)
+
+    workers.describe, tasks.station = describe, station
+    # What processes of their own would do beside each other; the memory is that of all together.
+    dask.config.set({"distributed.worker.profile.enabled": False, "distributed.admin.system-monitor.interval": "10s"})
+    count = WORKERS // PROCESSES
+    begun = [await DaskWorker(address, nthreads=1, memory_limit=0, dashboard=False) for _ in range(count)]
+    await asyncio.gather(*(one.finished() for one in begun))
+
+
+def test_the_scheduler_and_the_writer_keep_up_with_64_workers(study: Study, tmp_path: Path) -> None:
+    """The workers are threads of one process, which share its lock of Python with each other and the scheduler."""
+    with Worker((), study.limits) as worker:
+        one = study.with_(scenes=("cube-on-plane",), technique=study.technique[:1])
+        results = run_study(one, tmp_path / "one", worker, Silent()).results
+        info = worker.info
+    row = results[0].score
+    mask, picture = ((tmp_path / "one" / kind / f"{row['key']}.png").stat().st_size for kind in ("masks", "pictures"))
+    seconds = np.random.default_rng(0).uniform(0.5, 1.5, WORKERS * JOBS_EACH) * SLEEP_S
+    jobs = [SleepingJob(number, float(one), row, (mask, picture)) for number, one in enumerate(seconds)]
+    code = f"from {__name__} import *; asyncio.run(simulated_workers(sys.argv[1], pickle.loads({pickle.dumps(info)})))"
+    with ExitStack() as stack:
+        address = scheduler(stack)
+        for _ in range(PROCESSES):
+            begin(stack, sys.executable, "-c", code, address)
+        with Client(address, set_as_default=False) as client:
+            client.wait_for_workers(WORKERS, timeout=60)
+        executor = stack.enter_context(on_dask(address, study))
+        store = stack.enter_context(closing(RowStore(tmp_path / "many")))
+        bench = Bench(executor, store, Silent(), Pictures(tmp_path / "many"))
+        list(bench.run([replace(job, number=job.number + len(jobs)) for job in jobs[:WORKERS]]))  # warm up
+        start, cpu = time.perf_counter(), time.process_time()
+        list(bench.run(jobs))
+        took, spent = time.perf_counter() - start, time.process_time() - cpu
+    assert len(store.scores) == (len(jobs) + WORKERS) * CELLS
+    share = seconds.sum() / WORKERS / took
+    print(
+        f"\n{len(jobs)} jobs on {WORKERS} workers in {took:.1f} s, {share:.3f} of linear; the client took "
+        f"{1e3 * spent / len(jobs):.1f} ms of CPU per job of {CELLS} rows"
+    )
+    assert share >= 0.9

@@ -1,0 +1,199 @@
+"""The workers of a cluster that measure for one command."""
+
+import pickle
+import secrets
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+from threading import Thread
+from typing import TYPE_CHECKING, Any
+
+from shadowbench.cluster import tasks, workers
+from shadowbench.cluster.connect import WORKERS_S, Connection
+from shadowbench.cluster.parcel import PluginFiles, Setup, pack
+from shadowbench.cluster.workers import WorkerFacts
+from shadowbench.errors import InputError, message, quoted
+from shadowbench.measure.bench import Reporter
+from shadowbench.measure.executor import Limits
+from shadowbench.scenes.model import Scene, View
+from shadowbench.truths.cache import truth_file
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+
+class Cluster:
+    """Workers with our versions and an OpenGL device, on one renderer or on any.
+
+    renderer: name of the study's, None for that of most workers at the start; any_renderer: whether workers of other
+    renderers are admitted too. A context manager; within it, `facts` has the admitted workers by address.
+    """
+
+    def __init__(
+        self,
+        connection: Connection,
+        reporter: Reporter,
+        plugins: Sequence[Path] = (),
+        limits: Limits | None = None,
+        renderer: str | None = None,
+        any_renderer: bool = False,
+    ) -> None:
+        self.connection, self.reporter = connection, reporter
+        self.setup = Setup(secrets.token_hex(8), tuple(map(PluginFiles.of, plugins)), limits or Limits())
+        self.renderer, self.any_renderer = renderer, any_renderer
+        self.facts: dict[str, WorkerFacts] = {}
+        self._judged: set[str] = set()
+        self._watcher = Thread(target=self._watch)
+        self._sent: dict[object, tuple[object, Future[Any]]] = {}
+
+    @property
+    def client(self) -> "Client":
+        """The current client; another one after the scheduler was restarted."""
+        return self.connection.client
+
+    def __enter__(self) -> "Cluster":
+        self._wait()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with suppress(Exception):  # workers that have gone
+            self.client.run(tasks.close_station, self.setup.number, workers=list(self.facts), on_error="ignore")
+
+    def reconnect(self) -> None:
+        """Wait for the scheduler and for workers, all of which are new."""
+        self.connection.reconnect()
+        if self._watcher.is_alive():
+            self._watcher.join()
+        self._sent.clear()
+        self.facts.clear()
+        self._judged.clear()
+        self._wait()
+
+    def send_setup(self, resource: str) -> "Future[Any]":
+        """The setup, for tasks; sent once."""
+        return self._send("setup", self.setup, resource)
+
+    def send_scene(self, scene: Scene, resource: str) -> "Future[Any]":
+        """A scene, for tasks; sent once."""
+        return self._send(id(scene), scene, resource)
+
+    def send_truth(self, view: View, pixel_samples: int, resource: str) -> "Future[Any]":
+        """File name and bytes of a view's truth, for tasks; traced once, by a task of its own unless it is known."""
+        file = truth_file(view, pixel_samples)
+        if file.name in self._sent:
+            return self._sent[file.name][1]
+        if file.is_file() and not self.connection.local:
+            return self._send(file.name, (file.name, file.read_bytes()), resource)
+        data, scenes = pack(view)
+        sent = [self.send_scene(scene, resource) for scene in scenes]
+        return self._submit(file.name, view, resource, tasks.trace_truth, data, sent, pixel_samples)
+
+    def _send(self, name: object, thing: object, resource: str) -> "Future[Any]":
+        """A thing as the result of a task, which Dask repeats if the worker that holds it dies."""
+        if name in self._sent:
+            return self._sent[name][1]
+        return self._submit(name, thing, resource, tasks.load, pickle.dumps(thing))
+
+    def _submit(
+        self, name: object, thing: object, resource: str, function: Callable[..., Any], *arguments: object
+    ) -> "Future[Any]":
+        """A task whose result is kept under a name; thing: kept too, so that its id remains its own."""
+        key = f"{function.__name__}-{secrets.token_hex(8)}"
+        future = self.client.submit(function, *arguments, key=key, resources={resource: 1})
+        self._sent[name] = thing, future
+        return future
+
+    def renderers(self) -> list[str]:
+        """Renderers of the admitted workers, the study's first."""
+        found = dict.fromkeys([self.renderer, *(one.info.renderer for one in self.facts.values() if one.info)])
+        return [name for name in found if name is not None]
+
+    def on(self, renderer: str) -> list[WorkerFacts]:
+        """Admitted workers with a renderer."""
+        return [one for one in self.facts.values() if one.info is not None and one.info.renderer == renderer]
+
+    def watch(self) -> None:
+        """Begin to admit workers that have joined, unless it is being done: one that dies meanwhile takes long."""
+        if not self._watcher.is_alive():
+            self._watcher = Thread(target=self._watch, daemon=True)
+            self._watcher.start()
+
+    def _watch(self) -> None:
+        with suppress(Exception):  # the scheduler has gone, which the tasks tell
+            self._join()
+
+    def _join(self) -> dict[str, str]:
+        """Admit workers that have joined since the last call; returns why others were left out, by name."""
+        known = self.client.scheduler_info(n_workers=-1)["workers"]
+        joined = [address for address in known if address not in self._judged]
+        self.facts = {address: one for address, one in self.facts.items() if address in known}
+        self._judged &= set(known)
+        if not joined:
+            return {}
+        self._judged.update(joined)
+        found = self.client.run(workers.describe, self.setup, workers.own_versions(), workers=joined, on_error="return")
+        if self.renderer is None:
+            self.renderer = _most_common([one for one in found.values() if isinstance(one, WorkerFacts)])
+        reasons, admitted = {}, {}
+        for address, one in found.items():
+            reason = self._objection(one)
+            if isinstance(one, OSError):  # it has gone
+                self._judged.discard(address)
+            elif reason is None:
+                admitted[address] = one
+            else:
+                name = f"{address} on {one.host}" if isinstance(one, WorkerFacts) else address
+                reasons[name] = reason
+                self.reporter.note(f"worker {name} is left out: {reason}")
+        for resource in {one.resource for one in admitted.values()}:
+            equal = [address for address, one in admitted.items() if one.resource == resource]
+            self.client.run(workers.admit, resource, workers=equal, on_error="ignore")
+        self.facts |= admitted
+        return reasons
+
+    def _objection(self, one: WorkerFacts | BaseException) -> str | None:
+        """Why a worker must not measure."""
+        if isinstance(one, ModuleNotFoundError):
+            return f"shadowbench is not installed there ({quoted(message(one))})"
+        if isinstance(one, BaseException):
+            return quoted(f"{type(one).__name__}: {message(one)}")
+        if one.reason is not None or one.info is None:
+            return one.reason
+        if self.any_renderer or one.info.renderer == self.renderer:
+            return None
+        return (
+            f"its renderer is {one.info.renderer}, that of the study {self.renderer}; --renderer chooses another, "
+            "--any-renderer makes rows for each"
+        )
+
+    def wait_until_idle(self, machine: WorkerFacts) -> None:
+        """Wait until no worker on the machine of a worker runs a task, of whatever program."""
+        beside = [one.address for one in self.facts.values() if one.host == machine.host]
+        while any(self.client.processing(workers=beside).values()):
+            time.sleep(0.1)
+
+    def _wait(self) -> None:
+        """Admit workers, of which at least one must come."""
+        end = time.monotonic() + WORKERS_S
+        reasons: dict[str, str] = {}
+        while True:
+            reasons |= self._join()
+            if self.on(self.renderer) if self.renderer else self.facts:
+                return
+            if reasons or time.monotonic() > end:
+                break
+            time.sleep(0.2)
+        where = f"--dask {self.connection.where}"
+        if reasons:
+            name, reason = next(iter(reasons.items()))
+            more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
+            raise InputError(f"{where}: no worker can measure; {name}: {reason}{more}")
+        raise InputError(f"{where}: no worker within {WORKERS_S:g} s; allowed: a cluster with at least one")
+
+
+def _most_common(found: Sequence[WorkerFacts]) -> str | None:
+    """The renderer of most workers that have one, by name among equals; None if no worker has one."""
+    counts = Counter(one.info.renderer for one in found if one.info is not None)
+    return min(counts, key=lambda name: (-counts[name], name), default=None)
