@@ -34,8 +34,10 @@ def drawing(
     from shadowbench.cluster.cluster import Cluster
     from shadowbench.cluster.connect import Connection
     from shadowbench.cluster.executor import DaskExecutor
-    from shadowbench.cluster.timing import timers
+    from shadowbench.cluster.timing import EACH, HERE, timers
 
+    if time_on in (EACH, HERE):
+        raise InputError(f"--time-on {time_on}: allowed: one worker, by its address or machine")
     with ExitStack() as stack:
         cluster = stack.enter_context(
             Cluster(stack.enter_context(Connection(dask)), reporter, plugins, limits, renderer)

@@ -236,6 +236,14 @@ def test_an_axis_s_job_is_picklable() -> None:
         assert (again.axis.name, again.values, again.specs) == (axis.name, job.values, specs)
 
 
+def test_a_recommendation_is_timed_on_one_worker(shadowbench: Command, address: str, tmp_path: Path) -> None:
+    answer = shadowbench("recommend", "cube-on-plane", "--time-on", "each", "--dask", address, "-o", tmp_path, "-q")
+    line = "shadowbench: --time-on each: allowed: one worker, by its address or machine\n"
+    assert (answer.code, answer.err) == (2, line)
+    budget = shadowbench("recommend", "cube-on-plane", "--budget-ms", "2", "--dask", address, "-o", tmp_path, "-q")
+    assert (budget.code, "nothing is timed with --dask" in budget.err) == (2, True)
+
+
 def test_a_worker_takes_times_only_when_its_machine_is_idle(
     shadowbench: Command, records: Records, address: str, tmp_path: Path
 ) -> None:
