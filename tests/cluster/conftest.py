@@ -1,5 +1,6 @@
 """A Dask cluster with two workers in this process, which draw in worker processes as others do."""
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -20,6 +21,8 @@ def address() -> Iterator[str]:
 @contextmanager
 def local_cluster(workers: int) -> Iterator[LocalCluster]:
     settings: dict[str, Any] = {"processes": False, "threads_per_worker": 1, "dashboard_address": ":0"}
+    path = list(sys.path)
     with LocalCluster(n_workers=workers, protocol="tcp", host="127.0.0.1", **settings) as cluster:
         yield cluster
+    sys.path[:] = path  # Dask leaves the workers' folders there, where later tests would look for modules
     tasks.close_station()
