@@ -213,7 +213,7 @@ def run(
             sun=sun or None,
         )
         reporter = stack.enter_context(console.Reporter(quiet))
-        if not scenes and not study:
+        if not scenes and not study and part is None:
             cells, seconds = estimate(asked)
             on = f"{len(asked.scenes)} scenes"
             reporter.note(f"{cells} cells in {on}: about {seconds:.0f} s on two cores without a GPU")
