@@ -37,7 +37,14 @@ def import_closure(*roots: Path) -> list[Path]:
         if file not in found:
             found.add(file)
             pending += [other for name in _imports(file) for other in _module_files(name)]
-    return sorted(found)
+    return sorted(found, key=_order)
+
+
+def _order(file: Path) -> tuple[bool, tuple[str, ...], bytes]:
+    """Own modules by their path in the package, then other files by name, wherever they are: a copy digests alike."""
+    if file.is_relative_to(PACKAGE):
+        return False, file.relative_to(PACKAGE).parts, b""
+    return True, (file.name,), file.read_bytes()
 
 
 def files_in(place: Path) -> list[Path]:

@@ -56,3 +56,15 @@ def test_all_shaders_of_a_folder_beside_a_plug_in_are_in_its_key(package: Path, 
     assert code_digest(package / "high.py", extra_files=[folder]) == before
     (folder / "one.glsl").write_text("")
     assert code_digest(package / "high.py", extra_files=[folder]) != before
+
+
+def test_a_plug_in_digests_alike_wherever_it_lies(package: Path, tmp_path: Path) -> None:
+    """Machines, and workers to which it travels, have it elsewhere: before or after the package in order of paths."""
+    digests = set()
+    for folder in ("a", "z"):
+        plugin = tmp_path / folder / "plugin.py"
+        plugin.parent.mkdir()
+        plugin.write_text("import house.high\n")
+        (plugin.parent / "z.py").write_text("")
+        digests.add(code_digest(plugin, package / "high.py", plugin.parent / "z.py"))
+    assert len(digests) == 1

@@ -12,7 +12,7 @@ from shadowbench.errors import InputError
 from shadowbench.measure.flips import row_metrics
 from shadowbench.measure.rows import Record, stream_rows
 
-_ROUNDING = 1e-9  # relative; sums of floats differ with the width of a processor's vectors
+_ROUNDING = 1e-9  # relative, or of 1 near 0; sums of floats differ with the width of a processor's vectors
 
 
 class Scores(NamedTuple):
@@ -132,8 +132,9 @@ def _check_kind(state: _Join, first: Path, folder: Path, rows: Sequence[Record])
         raise InputError(
             f"{folder}: found cells of `{names[sweep]}`; allowed: of `{names[state.sweep]}`, as in {first}"
         )
-    if renderers != state.renderers:
-        here, there = (" and ".join(sorted(found)) or "no renderer" for found in (renderers, state.renderers))
+    state.renderers = state.renderers or renderers  # a folder of `score` has none
+    if renderers and renderers != state.renderers:
+        here, there = (" and ".join(sorted(found)) for found in (renderers, state.renderers))
         raise InputError(
             f"{folder}: found cells of {here}; allowed: of {there}, as in {first}; `shadowbench report` compares "
             "renderers, each in a folder of its own"
@@ -160,7 +161,9 @@ def _differences(known: Scores, other: Scores) -> dict[str, tuple[object, object
         found["mask"] = known.mask, other.mask
     for name in {**known.metrics, **other.metrics}:
         one, two = known.metrics.get(name), other.metrics.get(name)
-        if one != two and (one is None or two is None or not math.isclose(one, two, rel_tol=_ROUNDING)):
+        if one != two and (
+            one is None or two is None or not math.isclose(one, two, rel_tol=_ROUNDING, abs_tol=_ROUNDING)
+        ):
             found[name] = one, two
     return found
 

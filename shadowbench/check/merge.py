@@ -16,6 +16,7 @@ from shadowbench.extremes.ranges import points_frame, ranges_frame
 from shadowbench.measure.row_store import command_line
 from shadowbench.measure.rows import RunFile, StudyFacts, read_run_file
 from shadowbench.reports.stability import analyse
+from shadowbench.reports.words import counted
 from shadowbench.studies.folder import read_folders, write_cells
 from shadowbench.studies.sweeps import read_sweep_positions
 from shadowbench.studies.tables import write_table
@@ -56,8 +57,11 @@ def merge(folders: Sequence[Path], output: Path) -> MergeResult:
         for folder in stopped
         if folder not in joined.cut_off
     ]
-    if not joined.conflicts:
-        _write(joined, sources, abouts, output)
+    if not joined.conflicts and (hidden := _write(joined, sources, abouts, output)):
+        notes.append(
+            f"{counted(hidden, 'cell')} in rows.jsonl but not in the table: another folder has them of other code "
+            "or another version of the scene"
+        )
     times = sum(joined.machines.values())
     return MergeResult(len(joined.cells), times, len(joined.machines), tuple(notes), joined.conflicts)
 
@@ -76,8 +80,11 @@ def _check_output(output: Path, sources: Sequence[Path]) -> None:
         raise InputError(f"-o {output}: is a file; allowed: a new folder, or an empty one")
 
 
-def _write(joined: Joined, sources: Sequence[Path], abouts: Sequence[RunFile], output: Path) -> None:
-    """Write all files beside the output, and rename the folder; what a killed merge left there is replaced."""
+def _write(joined: Joined, sources: Sequence[Path], abouts: Sequence[RunFile], output: Path) -> int:
+    """Write all files beside the output, and rename the folder; what a killed merge left there is replaced.
+
+    Returns the number of cells of the last commands that the result does not show, as another row represents them.
+    """
     beside = output.resolve().with_name(f".{output.resolve().name}.merging")
     try:
         shutil.rmtree(beside, ignore_errors=True)
@@ -87,18 +94,22 @@ def _write(joined: Joined, sources: Sequence[Path], abouts: Sequence[RunFile], o
             _link(_images_of_cells(source, joined), beside)
         for source in reversed(sources):  # the truth of the last one counts, as its rows come last
             _link(source.glob("truth/*.png"), beside)
-        text = json.dumps(_run_file(joined, sources, abouts), indent=2, ensure_ascii=False)
+        about = _run_file(joined, sources, abouts)
+        text = json.dumps(about, indent=2, ensure_ascii=False)
         (beside / "run.json").write_text(text + "\n", encoding="utf-8", errors="replace")
         if joined.sweep:
             _, (sweep,) = read_folders([beside])
             write_table(beside / "ranges.csv", [ranges_frame(analyse(sweep).ranges)])
             write_table(beside / "table.csv", [points_frame(sweep.rows)])
+            shown = sweep.rows
         else:
             tables = [read_sweep_positions(source / "table.csv") for source in sources]
-            write_cells(beside, (), {spec: points for table in tables for spec, points in table.items()})
+            positions = {spec: points for table in tables for spec, points in table.items()}
+            shown = write_cells(beside, (), positions).rows
         with suppress(FileNotFoundError):
-            output.rmdir()  # an empty one
+            output.resolve().rmdir()  # an empty one
         beside.rename(output.resolve())
+        return len(set(about["keys"]) - {row["key"] for row in shown})
     except OSError as error:
         raise InputError(f"-o {output}: cannot be written ({(error.strerror or str(error)).lower()})") from None
     finally:
@@ -138,7 +149,7 @@ def _run_file(joined: Joined, sources: Sequence[Path], abouts: Sequence[RunFile]
     for index, about in enumerate(abouts):
         own = about.get("keys") or [key for key, place in joined.cells.items() if place.folder == index]
         keys |= dict.fromkeys(key for key in own if key in joined.cells)
-    main = max(abouts, key=lambda about: joined.machines.get(about.get("machine_key"), 0))
+    main = max(abouts, key=lambda about: (joined.machines.get(about.get("machine_key"), 0), len(about)))
     assumptions = dict.fromkeys(note for about in abouts for note in about.get("assumptions", ()))
     return {
         **main,

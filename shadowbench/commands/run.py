@@ -188,7 +188,7 @@ def run(
         raise InputError("--profile: measures this process; allowed: without --dask")
     with ExitStack() as stack:
         # It starts while the rest is imported and the study is read.
-        worker = None if dask else stack.enter_context(Worker(plugin or ()))
+        worker = None if dask is not None else stack.enter_context(Worker(plugin or ()))
         from shadowbench.measure.plugin_output import techniques_with
         from shadowbench.studies.measure import estimate, measure, study_from_options
         from shadowbench.studies.part import part_of
@@ -213,7 +213,7 @@ def run(
             sun=sun or None,
         )
         reporter = stack.enter_context(console.Reporter(quiet))
-        if not scenes and not study:
+        if not scenes and not study and part is None:
             cells, seconds = estimate(asked)
             on = f"{len(asked.scenes)} scenes"
             reporter.note(f"{cells} cells in {on}: about {seconds:.0f} s on two cores without a GPU")

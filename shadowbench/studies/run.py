@@ -128,7 +128,8 @@ def readable_blocks(study: Study, failures: list[Failure]) -> list[Block]:
             blocks += own
         except InputError as error:
             name = source if isinstance(source, str) else source.name
-            failures.append(Failure("scene", name, str(error).removeprefix(f"{Path(name).name}: ")))
+            reason = str(error).removeprefix(f"{Path(name).name}: ").removeprefix(f"{name}: ")
+            failures.append(Failure("scene", name, reason))
     if not blocks:
         raise InputError(f"{failures[0].where}: {failures[0].reason}")
     return blocks

@@ -88,10 +88,35 @@ def test_equal_keys_with_unequal_scores_are_listed_and_nothing_is_written(
 
 
 def test_scores_that_differ_by_rounding_are_equal(shadowbench: Shadowbench, tmp_path: Path) -> None:
-    rounded = GOOD | {"iou": GOOD["iou"] * (1 + 1e-14)}
-    one, two = rows(tmp_path / "one", cell()), rows(tmp_path / "two", cell(metrics=rounded))
+    exact, rounded = GOOD | {"bias": 0.0}, GOOD | {"iou": GOOD["iou"] * (1 + 1e-14), "bias": 1e-17}
+    one, two = rows(tmp_path / "one", cell(metrics=exact)), rows(tmp_path / "two", cell(metrics=rounded))
     assert shadowbench("merge", one, two, "-o", tmp_path / "all").code == 0
-    assert read(tmp_path / "all") == [cell()]
+    assert read(tmp_path / "all") == [cell(metrics=exact)]
+
+
+def test_cells_of_other_code_are_kept_and_noted(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    old, new = cell(key="0" * 24), cell(key="1" * 24)
+    folders = described(tmp_path / "old", old), described(tmp_path / "new", new)
+    answer = shadowbench("merge", *folders, "-o", tmp_path / "all")
+    assert answer.code == 0 and answer.err.startswith("note: 1 cell in rows.jsonl but not in the table: ")
+    assert read(tmp_path / "all") == [old, new]
+    assert len((tmp_path / "all" / "table.csv").read_text().splitlines()) == 2
+
+
+def test_scores_of_engines_alone_are_merged(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    engine = cell("my-engine", size=None, renderer="my-engine", content="c")
+    folders = rows(tmp_path / "engine", engine), rows(tmp_path / "run", cell())
+    for order in (folders, folders[::-1]):
+        assert shadowbench("merge", *order, "-o", tmp_path / f"{order[0].name}-first").code == 0
+    assert (
+        shadowbench("merge", *folders, rows(tmp_path / "gpu", cell(renderer="a GPU")), "-o", tmp_path / "x").code == 2
+    )
+
+
+def test_facts_are_those_of_a_folder_that_has_them(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    stopped, complete = rows(tmp_path / "stopped", cell("cube-map")), described(tmp_path / "complete", cell())
+    assert shadowbench("merge", stopped, complete, "-o", tmp_path / "all").code == 0
+    assert json.loads((tmp_path / "all" / "run.json").read_text())["machine_key"] == "m"
 
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
@@ -187,5 +212,7 @@ def test_an_output_with_other_files_is_one_line(shadowbench: Shadowbench, tmp_pa
         answer = shadowbench("merge", part, "-o", output)
         assert (answer.code, words in answer.err) == (2, True) and answer.err.count("\n") == 1
     (tmp_path / "empty").mkdir()
-    assert shadowbench("merge", part, "-o", tmp_path / "empty").code == 0
+    (tmp_path / "link").symlink_to(tmp_path / "empty")
+    assert shadowbench("merge", part, "-o", tmp_path / "link").code == 0
+    assert len(read(tmp_path / "empty")) == 1
     assert shadowbench("merge", part, "-o", part / "rows.jsonl").code == 2

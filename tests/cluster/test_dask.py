@@ -138,6 +138,7 @@ REFUSED = {
         ["--dask", "tls://127.0.0.1:9"],
         "--dask tls://127.0.0.1:9: no Dask scheduler answers",
     ),
+    "an empty address": (["--dask", ""], "--dask : no Dask scheduler answers"),
     "no address": (["--dask", "no address"], "--dask no address: no Dask scheduler answers"),
 }
 

@@ -578,7 +578,7 @@ def test_a_breaking_point_shows_its_picture(visit: Callable[..., Visit]) -> None
 def test_a_split_report_opens_from_the_disk_and_loads_what_it_shows(
     browser: Browser, report: Path, tmp_path: Path
 ) -> None:
-    page_file = tmp_path / "split.html"
+    page_file = tmp_path / "split #1 50%.html"
     command = [sys.executable, "-m", "shadowbench", "report", report.parent / "run", "-o", page_file, "--split", "-q"]
     subprocess.run(command, check=True)
     page = browser.new_page(viewport={"width": 1280, "height": 900})
@@ -591,10 +591,10 @@ def test_a_split_report_opens_from_the_disk_and_loads_what_it_shows(
     page.evaluate("window.drawn")
     assert page.locator(".sheet canvas").count() > 0 and page.locator("#table tbody tr").count() > 0
     some = len(loaded)
-    assert 1 < some < len(list((tmp_path / "split.files").iterdir()))
+    assert 1 < some < len(list((tmp_path / "split #1 50%.files").iterdir()))
     page.select_option("#scene", index=2)
     page.evaluate("window.drawn")
     assert len(loaded) > some
-    assert {url.rpartition("/")[0] for url in loaded[1:]} == {(tmp_path / "split.files").as_uri()}
+    assert {url.rpartition("/")[0] for url in loaded[1:]} == {(tmp_path / "split #1 50%.files").as_uri()}
     assert complaints == []
     page.close()

@@ -43,6 +43,11 @@ def test_more_parts_than_cells_are_an_error() -> None:
         Part(4, 4).of("abc", str)
 
 
+def test_the_estimate_of_the_whole_is_not_given_for_a_part(shadowbench: Callable[..., Any], tmp_path: Path) -> None:
+    answer = shadowbench("run", "-t", "unshadowed", "--view-size", 16, "--part", "4/4", "-o", tmp_path / "out")
+    assert answer.code == 2 and answer.err == "shadowbench: --part 4/4: found 3 to divide; allowed: 1 to 3 parts\n"
+
+
 def scores(folder: Path) -> dict[str, Record]:
     """Score rows by key, without the command that made them."""
     rows = [row for row, _ in stream_rows(folder / "rows.jsonl") if row["kind"] == "score"]

@@ -8,7 +8,8 @@ function deliver(name, value) {
 }
 
 const fetched = (name) => new Promise((resolve, reject) => {
-  const script = Object.assign(document.createElement("script"), { src: name });
+  const script = document.createElement("script");
+  script.src = name.split("/").map(encodeURIComponent).join("/"); // a page may be called "#1 50%.html"
   requests.set(name, resolve);
   script.onload = () => script.remove();
   script.onerror = () => reject(new Error(`${name} is missing: it belongs beside the page`));
