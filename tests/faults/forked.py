@@ -21,6 +21,7 @@ WARM = ("shadowbench.studies.measure", "shadowbench.measure.session", "scipy.ndi
 def measured(scenes: list[str], specs: list[str], phases: int, study: str, folder: str) -> None:
     """Like `run`, but with the session in this process."""
     from shadowbench.measure.executor import Limits
+    from shadowbench.measure.machine import machine
     from shadowbench.measure.session import Session
     from shadowbench.studies.measure import measure, study_from_options
     from shadowbench.techniques.registry import techniques
@@ -29,14 +30,17 @@ def measured(scenes: list[str], specs: list[str], phases: int, study: str, folde
     class Here:
         """An executor that lets exceptions of techniques end the run."""
 
-        limits = Limits()
+        limits, jobs_at_once = Limits(), 1
 
         def __init__(self) -> None:
             self.session = Session()
-            self.info = self.session.info()
+            self.info, self.machine = self.session.info(), machine()
 
         def call(self, method: Any, *arguments: Any, **options: Any) -> Any:
             return method(self.session, *arguments, **options)
+
+        def run(self, jobs: Any, bench: Any) -> Any:
+            return (job(bench) for job in jobs)
 
         def stop(self) -> None:
             pass
