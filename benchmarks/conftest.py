@@ -9,6 +9,7 @@ pytest-benchmark times one cell after the other, so that load of the machine aff
 """
 
 import os
+import shutil
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -135,3 +136,17 @@ def cells() -> Iterator[Cells]:
     cells = Cells()
     yield cells
     cells.session.unload()
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """A headless Chromium, by playwright."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright belongs to the extra `test`")
+    chromium = shutil.which("chromium")
+    if chromium is None:
+        pytest.skip("no chromium on the path; `tools/setup.sh chromium` installs it")
+    with playwright.sync_playwright() as started:
+        # A container's root has no sandbox to give; the page is ours.
+        opened = started.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        yield opened
+        opened.close()

@@ -174,7 +174,7 @@ async def simulated_workers(address: str, info: DeviceInfo) -> None:
 
 
 def test_the_scheduler_and_the_writer_keep_up_with_64_workers(study: Study, tmp_path: Path) -> None:
-    """The workers are threads of one process, which share its lock of Python with each other and the scheduler."""
+    """The workers are in a few processes, and share the lock of Python with the others there."""
     with Worker((), study.limits) as worker:
         one = study.with_(scenes=("cube-on-plane",), technique=study.technique[:1])
         results = run_study(one, tmp_path / "one", worker, Silent()).results

@@ -5,11 +5,9 @@
 CPU seconds, peaks of memory, and the seconds until all charts are drawn.
 """
 
-import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +16,6 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from benchmarks.synthetic import write_folder
-
-playwright = pytest.importorskip("playwright.sync_api", reason="playwright belongs to the extra `test`")
 
 CELLS = 100_000
 SHOWN = 10_000
@@ -52,18 +48,6 @@ def test_a_hundred_thousand_cells(command: str, most_s: float, tmp_path: Path, b
     benchmark.extra_info |= {"cpu_s": seconds, "peak_bytes": peak}
     print(f"{command}: {seconds:.1f} CPU s, {peak / 2**20:.0f} MiB")
     assert seconds <= most_s and peak <= 1 << 30
-
-
-@pytest.fixture
-def browser() -> Iterator[Any]:
-    chromium = shutil.which("chromium")
-    if chromium is None:
-        pytest.skip("no chromium on the path; `tools/setup.sh chromium` installs it")
-    with playwright.sync_playwright() as started:
-        # A container's root has no sandbox to give; the page is ours.
-        opened = started.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
-        yield opened
-        opened.close()
 
 
 @pytest.mark.benchmark(group="folders")

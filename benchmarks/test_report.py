@@ -3,18 +3,15 @@
 pytest benchmarks/test_report.py -rP       prints both
 """
 
-import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
-
-playwright = pytest.importorskip("playwright.sync_api", reason="playwright belongs to the extra `test`")
 
 ROUNDS = 9
 PAINT = "performance.getEntriesByName('first-contentful-paint')[0]?.startTime"  # milliseconds since the navigation
@@ -42,18 +39,6 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for words in (["run", "-s", study, "-o", folder / "run"], ["report", folder / "run", "-o", page]):
         subprocess.run([sys.executable, "-m", "shadowbench", *words, "-q"], check=True)
     return page
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    chromium = shutil.which("chromium")
-    if chromium is None:
-        pytest.skip("no chromium on the path; `tools/setup.sh chromium` installs it")
-    with playwright.sync_playwright() as started:
-        # A container's root has no sandbox to give; the page is ours.
-        opened = started.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
-        yield opened
-        opened.close()
 
 
 @pytest.mark.benchmark(group="report")

@@ -14,7 +14,7 @@ from shadowbench.check.joining import Conflict, Joined, join
 from shadowbench.errors import InputError
 from shadowbench.extremes.ranges import points_frame, ranges_frame
 from shadowbench.measure.row_store import command_line
-from shadowbench.measure.rows import RunFile, StudyFacts, read_run_file
+from shadowbench.measure.rows import SCHEMA, RunFile, StudyFacts, read_run_file
 from shadowbench.reports.stability import analyse
 from shadowbench.reports.words import counted
 from shadowbench.studies.folder import read_folders, write_cells
@@ -153,7 +153,7 @@ def _run_file(joined: Joined, sources: Sequence[Path], abouts: Sequence[RunFile]
     assumptions = dict.fromkeys(note for about in abouts for note in about.get("assumptions", ()))
     return {
         **main,
-        "schema": 1,
+        "schema": SCHEMA,
         "command": command_line(),
         "finished": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         "assumptions": list(assumptions),

@@ -23,9 +23,6 @@ from shadowbench.measure.worker import Worker
 from shadowbench.scenes.model import Scene, View
 from shadowbench.truths.cache import cache_folder, cached_truth, truth_file, write_truth
 
-Parcel = tuple[bytes, Sequence[Scene]]
-"""Result of `pack`."""
-
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
