@@ -138,7 +138,7 @@ def _fill(ray, valid, first, origins, directions, reach):  # type: ignore[no-unt
 
 @compiled()
 def _occluded(scene, origins, directions, reach, blocked):  # type: ignore[no-untyped-def]
-    ray, valid, arguments = _aligned(13 * PACKET).view(np.float32), _aligned(PACKET).view(np.int32), _aligned(16)
+    ray, valid, arguments = _aligned(22 * PACKET).view(np.float32), _aligned(PACKET).view(np.int32), _aligned(16)
     ray.view(np.uint32)[9 * PACKET : 10 * PACKET] = 0xFFFFFFFF  # mask; tnear and time stay 0
     arguments[0], arguments[1] = COHERENT, 0xFFFFFFFF  # RTCOccludedArguments: flags, feature mask
     for first in range(0, len(reach), PACKET):
