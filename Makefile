@@ -11,15 +11,17 @@ two_cores := -n 2 --dist worksteal
 fast := -n 3 --dist worksteal
 # What another version of OpenGL may break: state and targets, shaders, and what every technique must keep.
 of_4_1 := tests/gl tests/techniques/test_compositions.py tests/techniques/test_contract.py
+# What depends on how Embree works on other processors.
+of_isa := tests/truths tests/survey
 
-# A browser for the report; a virtual display with its mouse and keyboard for the window.
-for_slow := chromium Xvfb xdotool window
+# A browser for the report; a checker of memory; a virtual display with its mouse and keyboard for the window.
+for_slow := chromium valgrind Xvfb xdotool window
 
 help:
 	@echo "make demo       every technique on four scenes: what is good enough at which cost, and report.html"
 	@echo "make view       a window on a built-in scene: techniques beside the ray-traced truth"
 	@echo "make test       lint and the fast tests"
-	@echo "make test-slow  the slow tests; as OpenGL 4.1, all shaders and what every technique must keep"
+	@echo "make test-slow  the slow tests; as OpenGL 4.1, and truths as on other processors"
 	@echo "make test-all   both, with every value of what test-slow takes samples of, and all GL tests as OpenGL 4.1"
 	@echo "make lint       format, ruff, mypy, the arrows between the packages"
 	@echo "make docs       the documentation into build/docs/, a warning or a broken link being an error"
@@ -49,6 +51,8 @@ test-slow:
 	@sh tools/setup.sh $(for_slow)
 	$(bin)/pytest -q -m "slow and not exhaustive" $(two_cores)
 	$(gl_4_1) $(bin)/pytest -q -m "not slow" $(two_cores) $(of_4_1)
+	SHADOWBENCH_ISA=sse4.2 $(bin)/pytest -q -m "not slow" $(two_cores) $(of_isa)
+	SHADOWBENCH_ISA=avx2 $(bin)/pytest -q -m "not slow" $(two_cores) $(of_isa)
 
 test-all: test
 	@sh tools/setup.sh $(for_slow)

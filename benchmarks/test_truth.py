@@ -4,6 +4,8 @@
 
 `test_occlusion` gives the same rays to the kernel and to a loop in C over packets that are already filled, which is the
 limit of any caller of Embree's packets; `ratio` is the rate of the kernel over that of the loop, both in one thread.
+`test_native_packets` gives the same rays to devices for several instruction sets, in packets of each width in turn;
+`ratio` is the rate of native packets over that of 16 rays, both by the processor time of one thread.
 `test_hard` traces the truth of a view with packets and with embreex' single rays in turn; `ratio` is the time of single
 rays over that of packets. `test_soft` gives rays and seconds of truths of lights with a size; `ratio` is their seconds
 over those that the kernel takes for as many rays to the light, on as many cores.
@@ -24,6 +26,7 @@ import pytest
 import trimesh
 from pytest_benchmark.fixture import BenchmarkFixture
 
+from shadowbench.errors import InputError
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Light, View, view_of
 from shadowbench.truths import packets
@@ -39,11 +42,10 @@ TRIANGLES = {"10k": 5, "100k": 6, "1M": 8}
 """Subdivisions of an icosahedron with about as many triangles."""
 LOOP = """
 void run(void (*query)(const int *, void *, char *, void *), const int *valid, void *scene, char *rays, void *arguments,
-         long packets) {
-    for (long packet = 0; packet < packets; packet++) query(valid, scene, rays + packet * 768, arguments);
+         long packets, long bytes) {
+    for (long packet = 0; packet < packets; packet++) query(valid, scene, rays + packet * bytes, arguments);
 }
 """
-"""768: bytes of an RTCRay16."""
 
 
 @pytest.fixture(scope="module")
@@ -63,6 +65,14 @@ def shadow_rays(receivers: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return sampler.rays(points, normals, scrambles_of(np.arange(len(x)), 1, 0), 64, 1e-6)[:3]
 
 
+def parallel_rays(low: np.ndarray, high: np.ndarray, receivers: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """One ray to a sun without size from each of receivers² points just above the lowest ones of a box."""
+    x, z = np.meshgrid(np.linspace(low[0], high[0], receivers), np.linspace(low[2], high[2], receivers))
+    y = np.full_like(x, low[1] + 1e-3 * (high[1] - low[1]))
+    origins = np.stack([x.ravel(), y.ravel(), z.ravel()]).astype(np.float32)
+    return origins, np.array([[0.3], [1.0], [0.2]], np.float32), np.full(x.size, 1e30, np.float32)
+
+
 def aligned(size: int) -> np.ndarray:
     """(size,) bytes, aligned to 64 of them."""
     padded = np.zeros(size + 64, dtype=np.uint8)
@@ -73,15 +83,16 @@ def aligned(size: int) -> np.ndarray:
 @pytest.mark.benchmark(group="occlusion")
 @pytest.mark.parametrize("subdivisions", TRIANGLES.values(), ids=TRIANGLES)
 def test_occlusion(subdivisions: int, loop: ctypes.CDLL, benchmark: BenchmarkFixture) -> None:
-    library = packets.load_library()
-    assert library is not None
+    device = packets.default_device()
+    assert device is not None
     ball = trimesh.creation.icosphere(subdivisions)
     rough = 0.35 * ball.vertices * (1 + 0.05 * np.random.default_rng(0).standard_normal((len(ball.vertices), 1)))
-    scene = packets.PacketScene(library, rough.astype(np.float32), ball.faces.astype(np.int32))
+    scene = packets.PacketScene(device, rough.astype(np.float32), ball.faces.astype(np.int32))
     origins, directions, reach = shadow_rays(64)
-    count = len(reach) // packets.PACKET
+    width = device.width
+    count = len(reach) // width
 
-    filled = np.zeros((count, 12, packets.PACKET), dtype=np.float32)
+    filled = np.zeros((count, packets.LANE, width), dtype=np.float32)
     for axis in range(3):
         filled[:, axis] = origins[axis].reshape(count, -1)
         filled[:, 4 + axis] = directions[axis].reshape(count, -1)
@@ -90,14 +101,15 @@ def test_occlusion(subdivisions: int, loop: ctypes.CDLL, benchmark: BenchmarkFix
     rays, valid, arguments = aligned(filled.nbytes), aligned(64).view(np.int32), aligned(64).view(np.uint32)
     valid[:], arguments[:2] = -1, (packets.COHERENT, 0xFFFFFFFF)
     addresses = [ctypes.c_void_p(each.ctypes.data) for each in (valid, rays, arguments)]
-    query = ctypes.cast(library.rtcOccluded16, ctypes.c_void_p)
+    query = ctypes.cast(getattr(device.library, f"rtcOccluded{width}"), ctypes.c_void_p)
+    sizes = ctypes.c_long(count), ctypes.c_long(filled.nbytes // count)
     limit: list[float] = []
 
     def run_loop() -> None:
         rays[:] = filled.view(np.uint8).ravel()
         start = time.perf_counter()
         handle = ctypes.c_void_p(scene._handle)
-        loop.run(query, addresses[0], handle, addresses[1], addresses[2], ctypes.c_long(count))
+        loop.run(query, addresses[0], handle, addresses[1], addresses[2], *sizes)
         limit.append(time.perf_counter() - start)
 
     benchmark.pedantic(scene.occluded, args=(origins, directions, reach), setup=run_loop, rounds=21, warmup_rounds=2)
@@ -105,6 +117,42 @@ def test_occlusion(subdivisions: int, loop: ctypes.CDLL, benchmark: BenchmarkFix
         scene.occluded(origins, directions, reach) == (rays.view(np.float32).reshape(filled.shape)[:, 8] < 0).ravel()
     ).all()
     note(benchmark, len(reach), statistics.median(limit), "of the loop in C")
+
+
+@pytest.mark.benchmark(group="packets")
+@pytest.mark.parametrize("instructions", ["sse4.2", "avx2", "avx512"])
+def test_native_packets(
+    instructions: str, scene_file: Callable[[str], str | Path], benchmark: BenchmarkFixture
+) -> None:
+    library = packets.load_library()
+    assert library is not None
+    try:
+        device = packets.make_device(library, instructions)
+    except InputError as error:
+        pytest.skip(str(error))
+    geometry = load_scene(scene_file("armadillo.obj")).geometry
+    widths = {width: device._replace(width=width) for width in (4, 8, 16)}
+    scenes = {
+        width: packets.PacketScene(one, geometry.vertices.astype(np.float32), geometry.faces)
+        for width, one in widths.items()
+    }
+    rays = parallel_rays(*geometry.bounds, 512)
+    seconds: dict[int, list[float]] = {width: [] for width in scenes}
+
+    def trace_each() -> None:
+        for width, scene in scenes.items():
+            start = time.thread_time()
+            scene.occluded(*rays)
+            seconds[width].append(time.thread_time() - start)
+
+    benchmark.pedantic(trace_each, rounds=15, warmup_rounds=1)
+    rates = {width: len(rays[2]) / statistics.median(values) / 1e6 for width, values in seconds.items()}
+    ratio = rates[device.width] / rates[16]
+    benchmark.extra_info |= {"rates": rates, "native": device.width, "ratio": round(ratio, 3)}
+    told = ", ".join(f"{width}: {rate:.1f} M/s" for width, rate in rates.items())
+    print(f"\n{instructions}, native {device.width}: {told}; {ratio:.2f} times 16", end=" ")
+    if instructions == "avx2":
+        assert ratio >= 2
 
 
 @pytest.fixture(scope="module", params=HARD)
@@ -120,7 +168,7 @@ def test_hard(hard: View, benchmark: BenchmarkFixture, monkeypatch: pytest.Monke
 
     def run_single() -> None:
         with monkeypatch.context() as patch:
-            patch.setattr(packets, "load_library", lambda: None)
+            patch.setattr(packets, "default_device", lambda: None)
             start = time.perf_counter()
             trace(hard)
             single.append(time.perf_counter() - start)

@@ -29,8 +29,8 @@ from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Light, Mesh, Placement, Scene, View, view_of
 from shadowbench.scenes.shapes import build_shape
 from shadowbench.techniques.registry import forget_components
+from shadowbench.truths import packets
 from shadowbench.truths.light_samples import LightSampler
-from shadowbench.truths.packets import load_library
 from shadowbench.truths.trace import Truth, trace
 
 pytest_plugins = ["tests.runs"]
@@ -47,7 +47,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     """Compile loops after a change: neither the note of it nor the cache's folder is in what tests look at."""
     if not hasattr(session.config, "workerinput"):
         import_module("shadowbench.scores.loops")
-        load_library()
+        packets.load_library()
         LightSampler(Light("sun", "directional", radius=0.01))
         build_tree(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
         in_reuse_order(np.zeros((0, 3), np.int32))
@@ -74,6 +74,37 @@ def truth_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         if "SHADOWBENCH_CACHE" not in os.environ:
             patch.setenv("SHADOWBENCH_CACHE", str(folder / "truth-cache"))
         yield
+
+
+GUARD = 0xA5A5A5A5
+GUARDED = 1 << 9  # words behind each buffer, more than a packet has
+
+
+@pytest.fixture(scope="session")
+def packet_buffers() -> Iterator[list[np.ndarray]]:
+    """The buffers that Embree writes into, as they are made from now on, with GUARDED words of GUARD behind each."""
+    made: list[np.ndarray] = []
+
+    def guarded(words: int) -> np.ndarray:
+        raw = np.full(words + 16 + GUARDED, GUARD, dtype=np.uint32)
+        start = -(raw.ctypes.data >> 2) & 15
+        buffer = raw[start : start + words + GUARDED]
+        buffer[:words] = 0
+        made.append(buffer)
+        return buffer[:words]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(packets, "_aligned", guarded)
+        yield made
+
+
+@pytest.fixture
+def no_overrun(packet_buffers: list[np.ndarray]) -> Iterator[None]:
+    """Fails the test if Embree has written behind a buffer of a packet."""
+    yield
+    intact = [bool((buffer[-GUARDED:] == GUARD).all()) for buffer in packet_buffers]
+    packet_buffers.clear()
+    assert all(intact)
 
 
 @pytest.fixture(autouse=True)

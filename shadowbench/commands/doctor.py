@@ -12,8 +12,8 @@ app = typer.Typer()
 def doctor(json: Json = False, quiet: Quiet = False) -> None:
     """Check that shadowbench can run here.
 
-    Prints the machine, library versions, the OpenGL renderer and its limits, the timer in use and its noise, and the
-    cache of ray-traced truths. Exit code 3 if nothing can be drawn.
+    Prints the machine, library versions, the OpenGL renderer and its limits, the timer in use and its noise, how many
+    rays Embree traces at once, and the cache of ray-traced truths. Exit code 3 if nothing can be drawn.
     """
     from shadowbench.measure.doctor import diagnosis
 

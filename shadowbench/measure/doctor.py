@@ -1,6 +1,7 @@
 """Diagnosis by `doctor`: whether everything needed for measuring is present, and which clock is used."""
 
 import dataclasses
+import os
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,11 @@ from shadowbench.measure.noise import MAX_NOISE, ROUNDS, SCENE, SPEC, measure_no
 from shadowbench.measure.session import DeviceInfo
 from shadowbench.measure.worker import Worker
 from shadowbench.truths.cache import KEPT_BYTES, cache_folder
+from shadowbench.truths.embree import packet_width
 
 
 def diagnosis() -> dict[str, dict[str, Any]]:
-    """Facts about the machine, versions, OpenGL and the truth cache, by section and name.
+    """Facts about the machine, versions, OpenGL, Embree and the truth cache, by section and name.
 
     `missing` in `opengl` says why nothing can be drawn; `problem` in `truth_cache`, why truths are not cached.
     """
@@ -28,6 +30,11 @@ def diagnosis() -> dict[str, dict[str, Any]]:
             found["opengl"] |= clock_noise(worker, info)
     except ShadowbenchError as error:
         found["opengl"] = {"missing": str(error)}
+    width = packet_width()
+    found["embree"] = {
+        "rays_at_once": f"{width}, native to this processor" if width > 1 else "1: Embree's library cannot be loaded",
+        "instruction_set": os.environ.get("SHADOWBENCH_ISA") or "the processor's best; SHADOWBENCH_ISA chooses another",
+    }
     cache = cache_folder()
     files = list(cache.glob("*.npz"))
     found["truth_cache"] = {

@@ -1,4 +1,4 @@
-"""Disk cache of truths, keyed by a hash of the view and of the tracing sources."""
+"""Disk cache of truths, keyed by a hash of the view, of the tracing sources and of how the processor rounds."""
 
 import hashlib
 import logging
@@ -17,6 +17,7 @@ from shadowbench.files import replace_file
 from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.model import View
 from shadowbench.sources import code_digest
+from shadowbench.truths.embree import answers_digest
 from shadowbench.truths.trace import STANDARD_ERROR, Truth, trace
 
 _RANGES: dict[str, tuple[type[np.generic], float, float]] = {
@@ -112,7 +113,7 @@ def _sources() -> str:
 
 
 def _key(view: View, pixel_samples: int, standard_error: float) -> str:
-    parts = (view_digest(view), pixel_samples, standard_error, _sources())
+    parts = (view_digest(view), pixel_samples, standard_error, _sources(), answers_digest())
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:32]
 
 

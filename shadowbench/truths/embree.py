@@ -1,13 +1,15 @@
 """Ray queries by Embree: nearest triangle, distance, occlusion.
 
 Embree works in float32, so callers pass local coordinates (a scene diagonal of about 1) and refine hits themselves.
-Rays go in packets of 16 to the library inside the embreex wheel (`packets`), and where that cannot be loaded, singly
+Rays go in packets to the library inside the embreex wheel (`packets`), and where that cannot be loaded, singly
 through embreex. Neither checks array bounds; this module alone ensures the shapes and types that they expect.
 """
 
+import hashlib
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from typing import TypeVar
 
 import numpy as np
@@ -35,11 +37,11 @@ class Tracer:
     """
 
     def __init__(self, vertices: Floats, faces: NDArray[np.int32]) -> None:
-        from shadowbench.truths.packets import PacketScene, load_library  # Numba takes 0.4 s to import
+        from shadowbench.truths.packets import PacketScene, default_device  # Numba takes 0.4 s to import
 
-        library = load_library()
+        device = default_device()
         corners = vertices.astype(np.float32)
-        self._scene = EmbreexScene(corners, faces) if library is None else PacketScene(library, corners, faces)
+        self._scene = EmbreexScene(corners, faces) if device is None else PacketScene(device, corners, faces)
 
     def nearest(self, origins: Vectors, directions: Vectors, reach: Vectors | float) -> NDArray[np.int32]:
         """(N,) int32 index of the nearest triangle within reach, −1 if none."""
@@ -84,6 +86,28 @@ class EmbreexScene:
             query=query,
         )
         return answer
+
+
+def packet_width() -> int:
+    """Rays that are traced together here: those of the widest native packet; 1 through embreex."""
+    from shadowbench.truths.packets import default_device
+
+    device = default_device()
+    return 1 if device is None else device.width
+
+
+@cache
+def answers_digest() -> str:
+    """Hex digest of the distances of fixed rays, whose last bits depend on the processor.
+
+    Embree rounds once where it multiplies and adds in one instruction, and begins divisions by the processor's own
+    estimates. Few rays of a truth are decided by such a bit: some samples of soft shadows, and `blocker`.
+    """
+    point: Floats = np.outer(np.arange(1, 1 << 13), np.sqrt([2.0, 3.0, 5.0, 7.0, 11.0, 13.0])) % 1
+    first, along, across = point[:1800, :3].reshape(3, -1, 3)
+    corners = np.stack([first, first + along / 5, first + across / 5], axis=1).reshape(-1, 3)
+    tracer = Tracer(corners, np.arange(len(corners), dtype=np.int32).reshape(-1, 3))
+    return hashlib.sha256(tracer.distance(point[:, :3], point[:, 3:] - 0.5, INFINITE).tobytes()).hexdigest()
 
 
 def _rays(origins: Vectors, directions: Vectors, reach: Vectors | float) -> tuple[Singles, Singles, Singles]:

@@ -1,4 +1,4 @@
-"""Packets of 16 rays, traced by the Embree library inside the embreex wheel, which itself traces single rays.
+"""Packets of 16, 8 or 4 rays, traced by the Embree library inside the embreex wheel, which itself traces single rays.
 
 The same library gives the same answers at several times the rate (`benchmarks/test_truth.py` measures both). The calls
 are made from code that Numba compiles and caches.
@@ -6,10 +6,11 @@ are made from code that Numba compiles and caches.
 
 import ctypes
 import importlib.util
+import os
 import weakref
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -18,20 +19,26 @@ from numba import types
 from numpy.typing import NDArray
 
 from shadowbench.compiled import compile_once, compiled
+from shadowbench.errors import InputError
 
-PACKET = 16
 COHERENT = 1 << 16  # RTC_RAY_QUERY_FLAG_COHERENT
+INSTRUCTION_SETS = ("sse2", "sse4.2", "avx", "avx2", "avx512")
+_NATIVE = {16: 34, 8: 33, 4: 32}  # RTC_DEVICE_PROPERTY_NATIVE_RAY…_SUPPORTED of each width of a packet
 _TRIANGLES, _INDICES, _VERTICES = 0, 0, 1  # RTCGeometryType, RTCBufferType
 _UINT3, _FLOAT3 = 0x5003, 0x9003  # RTCFormat
 _ROBUST = 4  # RTC_SCENE_FLAG_ROBUST
 _LOCATIONS = ("../embreex.libs", ".dylibs", ".")  # from the package: auditwheel and delvewheel, delocate, none
+LANE = 22  # words of a lane, at least: 12 of an RTCRay, 9 of an RTCHit
 
 Single = NDArray[np.float32]
+Words = NDArray[np.uint32]
 
 # Numba caches a kernel that names a symbol, but none that holds a ctypes pointer.
 _query = types.void(*[types.intp] * 4)  # pointers: valid, scene, rays, arguments
-_occluded16: Any = types.ExternalFunction("rtcOccluded16", _query)
-_intersect16: Any = types.ExternalFunction("rtcIntersect16", _query)
+_SYMBOLS = [f"rtc{query}{width}" for query in ("Occluded", "Intersect") for width in _NATIVE]
+_occluded16, _occluded8, _occluded4, _intersect16, _intersect8, _intersect4 = (
+    types.ExternalFunction(name, _query) for name in _SYMBOLS
+)
 
 
 @cache
@@ -44,14 +51,50 @@ def load_library() -> ctypes.CDLL | None:
         for file in sorted((Path(found.origin).parent / folder).glob("*embree4*")):
             try:
                 library = ctypes.CDLL(str(file))
-                functions = {name: getattr(library, name) for name in ("rtcOccluded16", "rtcIntersect16")}
+                functions = {name: getattr(library, name) for name in _SYMBOLS}
             except (OSError, AttributeError):  # for another processor, or built without packets
                 continue
             for name, function in functions.items():
                 binding.add_symbol(name, ctypes.cast(function, ctypes.c_void_p).value)
+            for name in ("rtcNewDevice", "rtcNewScene", "rtcNewGeometry"):
+                getattr(library, name).restype = ctypes.c_void_p
+            library.rtcGetDeviceProperty.restype = ctypes.c_ssize_t
             compile_once(_compile)
             return library
     return None
+
+
+class Device(NamedTuple):
+    """An Embree device, kept while the process lives.
+
+    width: rays of the widest packet that it traces natively.
+    """
+
+    library: ctypes.CDLL
+    handle: ctypes.c_void_p
+    width: int
+
+
+def make_device(library: ctypes.CDLL, instructions: str = "") -> Device:
+    """A device for one of INSTRUCTION_SETS, by default the best of this processor.
+
+    Raises InputError if Embree does not know the set, or if the processor lacks it.
+    """
+    if instructions not in ("", *INSTRUCTION_SETS):  # Embree would take the least one
+        raise InputError(f"SHADOWBENCH_ISA: {instructions!r} is not one of {', '.join(INSTRUCTION_SETS)}")
+    handle = ctypes.c_void_p(library.rtcNewDevice(f"isa={instructions}".encode() if instructions else None))
+    if not handle:
+        raise InputError(f"SHADOWBENCH_ISA: Embree finds no {instructions or 'SSE2'} on this processor")
+    # Of the other widths, each ray would be traced singly.
+    native = (width for width, number in _NATIVE.items() if library.rtcGetDeviceProperty(handle, number))
+    return Device(library, handle, next(native, min(_NATIVE)))
+
+
+@cache
+def default_device() -> Device | None:
+    """The device of this process, for the instruction set $SHADOWBENCH_ISA; None if the library cannot be loaded."""
+    library = load_library()
+    return None if library is None else make_device(library, os.environ.get("SHADOWBENCH_ISA", ""))
 
 
 class PacketScene:
@@ -61,40 +104,37 @@ class PacketScene:
     or (3, 1), reach (N,) in multiples of the direction's length. Raises MemoryError if Embree has not enough memory.
     """
 
-    def __init__(self, library: ctypes.CDLL, vertices: Single, faces: NDArray[np.int32]) -> None:
-        handle = ctypes.c_void_p
-        for name in ("rtcNewDevice", "rtcNewScene", "rtcNewGeometry"):
-            getattr(library, name).restype = handle
-        device = handle(library.rtcNewDevice(None))
-        scene = handle(library.rtcNewScene(device))
+    def __init__(self, device: Device, vertices: Single, faces: NDArray[np.int32]) -> None:
+        handle, library = ctypes.c_void_p, device.library
+        scene = handle(library.rtcNewScene(device.handle))
         library.rtcSetSceneFlags(scene, _ROBUST)
         # Embree reads 16 bytes a vertex, so the last one needs four more; it does not copy what it shares.
         self._vertices = np.zeros((len(vertices) + 2, 3), dtype=np.float32)
         self._vertices[: len(vertices)] = vertices
         self._faces = np.ascontiguousarray(faces, dtype=np.int32)
         if len(faces):
-            geometry = handle(library.rtcNewGeometry(device, _TRIANGLES))
+            geometry = handle(library.rtcNewGeometry(device.handle, _TRIANGLES))
             _share(library, geometry, _VERTICES, _FLOAT3, self._vertices, len(vertices))
             _share(library, geometry, _INDICES, _UINT3, self._faces, len(faces))
             library.rtcCommitGeometry(geometry)
             library.rtcAttachGeometry(scene, geometry)
             library.rtcReleaseGeometry(geometry)
         library.rtcCommitScene(scene)
-        weakref.finalize(self, _release, library, scene, device)
-        if error := library.rtcGetDeviceError(device):
+        weakref.finalize(self, library.rtcReleaseScene, scene)
+        if error := library.rtcGetDeviceError(device.handle):
             raise MemoryError(f"Embree cannot hold {len(faces)} triangles (error {error})")
-        self._handle = scene.value or 0
+        self._handle, self._width = scene.value or 0, device.width
 
     def occluded(self, origins: Single, directions: Single, reach: Single) -> NDArray[np.bool_]:
         """(N,) whether any triangle lies within reach."""
         blocked = np.empty(len(reach), dtype=np.bool_)
-        _occluded(self._handle, origins, directions, reach, blocked)
+        _occluded(self._width, *_buffers(self._width), self._handle, origins, directions, reach, blocked)
         return blocked
 
     def intersect(self, origins: Single, directions: Single, reach: Single) -> tuple[NDArray[np.int32], Single]:
         """(N,) index of the nearest triangle, −1 if none, and its distance, `reach` if none."""
         triangle, distance = np.empty(len(reach), dtype=np.int32), np.empty(len(reach), dtype=np.float32)
-        _intersect(self._handle, origins, directions, reach, triangle, distance)
+        _intersect(self._width, *_buffers(self._width), self._handle, origins, directions, reach, triangle, distance)
         return triangle, distance
 
 
@@ -107,64 +147,81 @@ def _share(
     )
 
 
-def _release(library: ctypes.CDLL, scene: ctypes.c_void_p, device: ctypes.c_void_p) -> None:
-    library.rtcReleaseScene(scene)
-    library.rtcReleaseDevice(device)
+def _buffers(width: int) -> tuple[Words, Words, Words]:
+    """Zeros for a packet: RTCRayHit, valid lanes, arguments.
+
+    Embree writes back a whole RTCRayHit even if it was handed an RTCRay, where it emulates the width.
+    """
+    return _aligned(LANE * width), _aligned(width), _aligned(16)
 
 
-@numba.njit(inline="always")
-def _aligned(words: int) -> NDArray[np.uint32]:
+def _aligned(words: int) -> Words:
     """(words,) zeros, uint32, aligned to 64 bytes."""
     raw = np.zeros(words + 16, dtype=np.uint32)
-    start = (-(raw.ctypes.data >> 2)) & 15
+    start = -(raw.ctypes.data >> 2) & 15
     return raw[start : start + words]
 
 
 @numba.njit(inline="always")
-def _fill(ray, valid, first, origins, directions, reach):  # type: ignore[no-untyped-def]
-    """Write the up to 16 rays from index `first` on into an RTCRay16; returns their number."""
-    count = min(PACKET, len(reach) - first)
+def _prepare(width, packet, arguments):  # type: ignore[no-untyped-def]
+    """Write what all packets share, and return the rows of a packet as float32."""
+    packet[9 * width : 10 * width] = 0xFFFFFFFF  # mask; tnear and time stay 0
+    arguments[0], arguments[1] = COHERENT, 0xFFFFFFFF  # flags, feature mask
+    return packet.view(np.float32)
+
+
+@numba.njit(inline="always")
+def _fill(width, ray, valid, first, origins, directions, reach):  # type: ignore[no-untyped-def]
+    """Write the up to `width` rays from index `first` on into a packet; returns their number."""
+    count = min(width, len(reach) - first)
     shared = directions.shape[1] == 1
-    for k in range(PACKET):
-        valid[k] = -1 if k < count else 0
+    for k in range(width):
+        valid[k] = 0xFFFFFFFF if k < count else 0
     for axis in range(3):
         for k in range(count):
-            ray[axis * PACKET + k] = origins[axis, first + k]
-            ray[(4 + axis) * PACKET + k] = directions[axis, 0 if shared else first + k]
+            ray[axis * width + k] = origins[axis, first + k]
+            ray[(4 + axis) * width + k] = directions[axis, 0 if shared else first + k]
     for k in range(count):
-        ray[8 * PACKET + k] = reach[first + k]  # tfar
+        ray[8 * width + k] = reach[first + k]  # tfar
     return count
 
 
 @compiled()
-def _occluded(scene, origins, directions, reach, blocked):  # type: ignore[no-untyped-def]
-    ray, valid, arguments = _aligned(22 * PACKET).view(np.float32), _aligned(PACKET).view(np.int32), _aligned(16)
-    ray.view(np.uint32)[9 * PACKET : 10 * PACKET] = 0xFFFFFFFF  # mask; tnear and time stay 0
-    arguments[0], arguments[1] = COHERENT, 0xFFFFFFFF  # RTCOccludedArguments: flags, feature mask
-    for first in range(0, len(reach), PACKET):
-        count = _fill(ray, valid, first, origins, directions, reach)
-        _occluded16(valid.ctypes.data, scene, ray.ctypes.data, arguments.ctypes.data)
+def _occluded(width, packet, valid, arguments, scene, origins, directions, reach, blocked):  # type: ignore[no-untyped-def]
+    ray = _prepare(width, packet, arguments)
+    pointers = valid.ctypes.data, scene, packet.ctypes.data, arguments.ctypes.data
+    for first in range(0, len(reach), width):
+        count = _fill(width, ray, valid, first, origins, directions, reach)
+        if width == 16:
+            _occluded16(*pointers)
+        elif width == 8:
+            _occluded8(*pointers)
+        else:
+            _occluded4(*pointers)
         for k in range(count):
-            blocked[first + k] = ray[8 * PACKET + k] < 0  # Embree sets tfar to −inf
+            blocked[first + k] = ray[8 * width + k] < 0  # Embree sets tfar to −inf
 
 
 @compiled()
-def _intersect(scene, origins, directions, reach, triangle, distance):  # type: ignore[no-untyped-def]
-    hit, valid, arguments = _aligned(22 * PACKET).view(np.float32), _aligned(PACKET).view(np.int32), _aligned(16)
-    words, primitive = hit.view(np.uint32), hit.view(np.int32)[17 * PACKET : 18 * PACKET]
-    words[9 * PACKET : 10 * PACKET] = 0xFFFFFFFF  # mask
-    arguments[0], arguments[1] = COHERENT, 0xFFFFFFFF  # RTCIntersectArguments
-    for first in range(0, len(reach), PACKET):
-        count = _fill(hit, valid, first, origins, directions, reach)
-        words[17 * PACKET : 19 * PACKET] = 0xFFFFFFFF  # primID and geomID: none
-        _intersect16(valid.ctypes.data, scene, hit.ctypes.data, arguments.ctypes.data)
+def _intersect(width, packet, valid, arguments, scene, origins, directions, reach, triangle, distance):  # type: ignore[no-untyped-def]
+    ray, primitive = _prepare(width, packet, arguments), packet.view(np.int32)[17 * width : 18 * width]
+    pointers = valid.ctypes.data, scene, packet.ctypes.data, arguments.ctypes.data
+    for first in range(0, len(reach), width):
+        count = _fill(width, ray, valid, first, origins, directions, reach)
+        packet[17 * width : 19 * width] = 0xFFFFFFFF  # primID and geomID: none
+        if width == 16:
+            _intersect16(*pointers)
+        elif width == 8:
+            _intersect8(*pointers)
+        else:
+            _intersect4(*pointers)
         for k in range(count):
             triangle[first + k] = primitive[k]  # −1 unless written
-            distance[first + k] = hit[8 * PACKET + k]
+            distance[first + k] = ray[8 * width + k]
 
 
 def _compile() -> None:
     none, triangles = np.empty(0, dtype=np.float32), np.empty(0, dtype=np.int32)
-    rays = np.empty((3, 0), dtype=np.float32)
-    _occluded(0, rays, rays, none, np.empty(0, dtype=np.bool_))
-    _intersect(0, rays, rays, none, triangles, none)
+    rays, buffers = np.empty((3, 0), dtype=np.float32), _buffers(4)
+    _occluded(4, *buffers, 0, rays, rays, none, np.empty(0, dtype=np.bool_))
+    _intersect(4, *buffers, 0, rays, rays, none, triangles, none)

@@ -18,6 +18,11 @@ LIGHTS = (
 )
 
 
+@pytest.fixture(autouse=True)
+def guarded(no_overrun: None) -> None:
+    """Every ray of these tests is traced with guard words behind the buffers of its packet."""
+
+
 @pytest.fixture(params=LIGHTS, ids=lambda light: light.kind)
 def light(request: pytest.FixtureRequest) -> Light:
     chosen: Light = request.param

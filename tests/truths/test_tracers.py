@@ -1,4 +1,4 @@
-"""The truth does not depend on how its rays are traced: packets or single rays, in one thread or many."""
+"""The truth does not depend on how its rays are traced: packets or single rays, one thread or many, any processor."""
 
 import importlib.util
 import os
@@ -10,10 +10,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from shadowbench.errors import InputError
 from shadowbench.scenes.model import View
 from shadowbench.scenes.views import chosen_view
 from shadowbench.truths import packets
-from shadowbench.truths.embree import EmbreexScene
+from shadowbench.truths.embree import EmbreexScene, answers_digest
 from shadowbench.truths.trace import Truth, trace
 
 VIEWS = {"hard": ("colonnade", 64), "soft": ("post", 64)}
@@ -34,9 +35,18 @@ def truth(view: View) -> Truth:
     return trace(view, pixel_samples=1)
 
 
+def device_of(instructions: str, width: int | None = None) -> packets.Device:
+    """A device as another processor would have it, tracing packets of its native width or of another."""
+    library = packets.load_library()
+    assert library is not None
+    device = packets.make_device(library, instructions)
+    return device._replace(width=width or device.width)
+
+
 @pytest.mark.parametrize("shared", [False, True], ids=["directions", "one direction"])
 @pytest.mark.parametrize("count", [0, 1, 15, 33, 20_000])
-def test_packets_and_single_rays_agree(count: int, shared: bool) -> None:
+@pytest.mark.parametrize("width", [4, 8, 16])
+def test_packets_and_single_rays_agree(width: int, count: int, shared: bool) -> None:
     random = np.random.default_rng(count)
     corners = random.uniform(-0.5, 0.5, (600, 3)).astype(np.float32)
     faces = np.arange(600, dtype=np.int32).reshape(200, 3)
@@ -44,9 +54,8 @@ def test_packets_and_single_rays_agree(count: int, shared: bool) -> None:
     origins = random.uniform(-0.5, 0.5, (3, count)).astype(np.float32)
     directions = random.normal(size=(3, 1 if shared else count)).astype(np.float32)
     reach = random.choice([0.0, 0.1, 1e30], count).astype(np.float32)
-    library = packets.load_library()
-    assert library is not None
-    of_packets, single = packets.PacketScene(library, corners, faces), EmbreexScene(corners, faces)
+    single = EmbreexScene(corners, faces)
+    of_packets = packets.PacketScene(device_of("", width), corners, faces)
     for one, other in zip(
         of_packets.intersect(origins, directions, reach), single.intersect(origins, directions, reach), strict=True
     ):
@@ -57,11 +66,57 @@ def test_packets_and_single_rays_agree(count: int, shared: bool) -> None:
         assert 0.03 < blocked.mean() < 0.9
 
 
-def test_a_truth_is_the_same_where_the_library_cannot_be_loaded(
-    view: View, truth: Truth, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("width", [4, 8, 16])
+@pytest.mark.parametrize("instructions", ["sse2", "sse4.2", "avx2"])
+def test_a_truth_of_another_processor_decides_the_same(
+    instructions: str, width: int, view: View, truth: Truth, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(packets, "load_library", lambda: None)
-    assert_same(trace(view, pixel_samples=1), truth)
+    """Distances differ in their last bits, and with them single samples of soft shadows."""
+    device = device_of(instructions, width)
+    monkeypatch.setattr(packets, "default_device", lambda: device)
+    other = trace(view, pixel_samples=1)
+    for name in ("receivers", "undecided", "triangle", "cosine"):
+        assert np.array_equal(getattr(other, name), getattr(truth, name)), name
+    samples = np.abs(other.visibility - truth.visibility)[truth.receivers & ~truth.undecided]
+    assert np.count_nonzero(samples) <= (3 if view.light.soft else 0) and samples.max() <= 2**-8
+    assert np.allclose(other.blocker, truth.blocker, rtol=0, atol=1e-6 * truth.diagonal)
+
+
+@pytest.mark.parametrize("instructions", ["sse2", "sse4.2", "avx", "avx2"])
+def test_truths_of_processors_with_one_digest_are_equal(
+    instructions: str, view: View, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The digest is part of the cache's key, since one folder may serve several machines."""
+    digests, truths = [], []
+    for device in (device_of("sse4.2"), device_of(instructions)):
+        monkeypatch.setattr(packets, "default_device", lambda device=device: device)
+        digests.append(answers_digest.__wrapped__())
+        truths.append(trace(view, pixel_samples=1))
+    equal = np.array_equal(truths[0].blocker, truths[1].blocker)
+    assert (digests[0] == digests[1]) == equal
+    if equal:
+        assert_same(*truths)
+
+
+def test_an_unknown_instruction_set_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Embree itself would take its slowest code without a word."""
+    monkeypatch.setenv("SHADOWBENCH_ISA", "avx3")
+    with pytest.raises(InputError, match=r"SHADOWBENCH_ISA: 'avx3' is not one of sse2, .*, avx512"):
+        packets.default_device.__wrapped__()
+
+
+def test_an_instruction_set_that_the_processor_lacks_is_refused() -> None:
+    library = SimpleNamespace(rtcNewDevice=lambda _: None)
+    with pytest.raises(InputError, match="Embree finds no avx512 on this processor"):
+        packets.make_device(library, "avx512")
+
+
+def test_a_truth_is_the_same_where_the_library_cannot_be_loaded(view: View, monkeypatch: pytest.MonkeyPatch) -> None:
+    device = device_of("")  # embreex has no other
+    monkeypatch.setattr(packets, "default_device", lambda: device)
+    by_packets = trace(view, pixel_samples=1)
+    monkeypatch.setattr(packets, "default_device", lambda: None)
+    assert_same(trace(view, pixel_samples=1), by_packets)
 
 
 @pytest.mark.parametrize("content", [None, b"", b"\x7fELF of another processor"], ids=["absent", "empty", "damaged"])
