@@ -1,0 +1,68 @@
+"""Compiled code and C libraries stay within the arrays that they are given: valgrind's memcheck finds no fault.
+
+It has no AVX-512 on any machine, so that Numba compiles for a processor that it knows, in a cache of its own.
+"""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+TRUTHS = """
+from shadowbench.scenes.views import chosen_view
+from shadowbench.truths import packets
+from shadowbench.truths.trace import trace
+
+device = packets.make_device(packets.load_library(), "sse4.2")
+for width in (4, 16):  # native and emulated
+    packets.default_device = lambda: device._replace(width=width)
+    for scene in ("cube-on-plane", "room-with-lamp", "post"):
+        print(trace(chosen_view(scene, 8), 1).visibility.sum())
+"""
+SCORES_AND_TREE = """
+import numpy as np
+
+from shadowbench.api import score
+from shadowbench.geometry.facing import cap_weights
+from shadowbench.geometry.tree import build_tree
+from shadowbench.geometry.vertex_order import in_reuse_order
+from shadowbench.scenes.views import chosen_view
+from shadowbench.truths.trace import trace
+
+for scene in ("cube-on-plane", "post"):
+    truth = trace(chosen_view(scene, 9), 1)
+    print(score(np.roll(truth.visibility, 1), truth))
+    geometry = truth.view.scene.geometry
+    vertices, faces = geometry.vertices, geometry.faces
+    light = np.array([0, 1, 0, 0], np.float32)
+    print(build_tree(vertices, faces).order.sum(), in_reuse_order(faces).sum())
+    print(cap_weights(vertices.astype(np.float32), faces.astype(np.int64), light, 0).sum())
+"""
+FIXED = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": "", "PYTHONMALLOC": "malloc", "OPENBLAS_NUM_THREADS": "1"}
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("script", [TRUTHS, SCORES_AND_TREE], ids=["truths", "scores and tree"])
+def test_nothing_is_read_or_written_outside_its_block(script: str, tmp_path: Path) -> None:
+    environment = os.environ | FIXED | {"NUMBA_CACHE_DIR": str(tmp_path / "numba")}
+    command = [sys.executable, "-c", script]
+    plain = subprocess.run(command, env=environment, check=True, capture_output=True, text=True)
+    log = tmp_path / "memcheck.xml"
+    memcheck = ["valgrind", "--undef-value-errors=no", "--xml=yes", f"--xml-file={log}"]
+    checked = subprocess.run([*memcheck, *command], env=environment, check=True, capture_output=True, text=True)
+    assert checked.stdout == plain.stdout
+    assert not faults(log)
+
+
+def faults(log: Path) -> list[str]:
+    """Invalid reads, writes and frees, but for those of the dynamic linker, which reads text by whole words."""
+    found = []
+    for error in ElementTree.parse(log).iter("error"):
+        innermost = error.findtext("stack/frame/obj") or ""
+        if not (error.findtext("kind") or "").startswith("Leak") and "ld-linux" not in innermost:
+            found.append(ElementTree.tostring(error, encoding="unicode"))
+    return found
