@@ -40,7 +40,7 @@ def step_lines(found: Recommendation) -> list[str]:
         cheaper = f"relaxing the target to {_text(target, found.cheaper)} saves {saved}%"
         lines.append(f"of those measured, {cheaper}: {_name(found.cheaper)}")
     else:
-        lines.append("relaxing the target saves a tenth or more with none of those measured")
+        lines.append("of those measured, none saves a tenth or more if the target is relaxed")
     if found.better is not None:
         times = found.better.cost / choice.cost
         better = f"tightening it to {_text(target, found.better)} costs {times:.3g} × as much"
@@ -102,7 +102,7 @@ def _untried_line(found: Recommendation, name: str) -> str:
     met = [trial for trial in found.trials if trial.error <= found.target.limit]
     limit = "the choice" if found.choice or not met else _name(met[0])
     whys = {
-        f"predicted to cost as much as {limit}, or more": rest.dearer,
+        f"predicted to cost at least as much as {limit}": rest.dearer,
         "predicted to miss the target": rest.inaccurate,
         "with the map of one that failed, or a larger one": rest.beyond,
     }

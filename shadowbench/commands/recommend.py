@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 app = typer.Typer()
 
 WORK = (
-    "work is not time: on the GPU that was measured shadow volumes take longer beside maps than their work says: "
+    "ranked by work, not by time; where a GPU's clock disagrees, as on shadow volumes: "
     "docs/explanation/choosing.md#work-and-time"
 )
 
@@ -107,7 +107,7 @@ def recommend(
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Search for the cheapest technique that meets a target in a scene.
+    """Search for the cheapest technique that meets a target.
 
     Searches techniques, parameters and map sizes. Few specs are measured: the scene's geometry rules some out (see
     `shadowbench needs`), and cost and error of the others are predicted from the measurements, so that a cheaper one
