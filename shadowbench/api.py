@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from shadowbench.advice.recommend import has_penumbra, target_of
 from shadowbench.advice.recommend import recommend as measure_recommendation
 from shadowbench.advice.recommendation import Recommendation
+from shadowbench.advice.space import technique_names
 from shadowbench.arguments import as_list, as_visibility, instance_of, number, whole_number, whole_numbers
 from shadowbench.errors import InputError as InputError
 from shadowbench.errors import ShadowbenchError as ShadowbenchError
@@ -224,26 +225,30 @@ def recommend(
     max_rmse: float | None = None,
     budget_ms: float | None = None,
     on_this_machine: bool = False,
+    techniques: str | Iterable[str] = (),
     view_size: int = 512,
     view: str | None = None,
     light: str | None = None,
     plugins: Files = (),
     folder: str | Path | None = None,
 ) -> Recommendation:
-    """Search for the cheapest technique and parameters that meet a target in a view, by measuring.
+    """Search for the cheapest technique and parameters that meet a target in a view, by measuring few of them.
 
     min_iou, max_edge_px or max_rmse: the target, by default an IoU of 0.99, or an RMSE of 0.02 if there are penumbrae;
-    budget_ms: largest frame time, on a GPU; on_this_machine: rank by times even on a software renderer. `choice` is
-    None if nothing meets the target. Raises InputError.
+    budget_ms: largest frame time, on a GPU; on_this_machine: rank by times even on a software renderer; techniques:
+    names of those to search, by default all. `choice`, the cheapest measured, is None if nothing measured meets the
+    target. Raises InputError.
     """
     limits = {"min_iou": min_iou, "max_edge_px": max_edge_px, "budget_ms": budget_ms, "max_rmse": max_rmse}
     given = {name: None if value is None else number(value, name) for name, value in limits.items()}
     files = _paths(plugins)
-    chosen, known = _view(scene, view_size, view, light), techniques_with(files)
+    known = techniques_with(files)
+    among = technique_names(as_list(techniques, "techniques", "names of techniques", str), known)
+    chosen = _view(scene, view_size, view, light)
     target = target_of(**given, soft=has_penumbra(chosen))
     with _folder(folder) as path:
         found, _ = measure_recommendation(
-            chosen, target, known, path, _worker(files), _LogReporter(), on_this_machine=on_this_machine
+            chosen, target, known, path, _worker(files), _LogReporter(), on_this_machine=on_this_machine, among=among
         )
     return found
 

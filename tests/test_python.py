@@ -96,6 +96,8 @@ def test_errors_are_exceptions_of_one_line() -> None:
     for call, said in (
         (lambda: sb.recommend("stairs", max_rmse=2), "max_rmse: found 2; allowed: 0 to 1"),
         (lambda: sb.recommend("stairs", min_iou=0.9, max_edge_px=1), "min_iou and max_edge_px: found both"),
+        (lambda: sb.recommend("stairs", techniques="shadowmap"), "unknown technique 'shadowmap'"),
+        (lambda: sb.recommend("stairs", techniques=["cube-map"]), "nothing to search: cube"),
         (lambda: sb.load("x.obj", up="x"), "up: found 'x'"),
         (lambda: sb.needs("stairs", view="64"), "; a view is square, and view_size 64 is its size"),
     ):

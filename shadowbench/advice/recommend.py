@@ -3,13 +3,14 @@
 import dataclasses
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 from shadowbench.advice.recommendation import Recommendation, Target, Unit, find_cheapest
 from shadowbench.advice.search import Trial
+from shadowbench.advice.space import chosen_techniques
 from shadowbench.advice.words import obstacles, target_notes
 from shadowbench.errors import InputError
 from shadowbench.files import check_folder, replace_file
@@ -86,13 +87,16 @@ def recommend(
     *,
     on_this_machine: bool = False,
     timed: bool = True,
+    among: Sequence[str] = (),
 ) -> tuple[Recommendation, DeviceInfo]:
-    """The cheapest of the `known` techniques that meets a target in a view, and the device it was measured on.
+    """The cheapest measured of the `known` techniques that meets a target in a view, and the device.
 
     Measures into a folder: rows, masks, pictures, `table.csv`, `run.json`. on_this_machine: rank by times even on a
-    software renderer; timed: whether the executor may time. Raises InputError for a folder with other files, a budget
-    on a software renderer, and a device without pipeline statistics.
+    software renderer; timed: whether the executor may time; among: names of the techniques to search, all if empty.
+    Raises InputError for a folder with other files, a budget on a software renderer, a device without pipeline
+    statistics, and names of techniques of which none supports the light.
     """
+    chosen_techniques(known, among, view.light.hard_kind, view.light.soft)  # before the truth is traced
     check_folder(folder)
     info = executor.info
     unit = _unit(target, info, on_this_machine, timed)
@@ -109,7 +113,7 @@ def recommend(
             results.extend(found)
             return results[-1]
 
-        found = find_cheapest(view, truth, target, unit, known, info.max_map_size, measure)
+        found = find_cheapest(view, truth, target, unit, known, info.max_map_size, measure, among)
     write_run_file(folder / "run.json", executor, view.scene.notes, study.facts, [result.score for result in results])
     if results:
         write_cells(folder, results, {})
@@ -178,20 +182,22 @@ def values(found: Recommendation, info: DeviceInfo) -> dict[str, Any]:
         "choice": _values(found.choice),
         "closest": _values(found.closest),
         "in_the_way": obstacles(found) if found.closest else [],
-        "runners_up": [_values(trial) for trial in found.runners_up],
+        "runners_up": [{"standing": found.standing(one)} | (_values(one) or {}) for one in found.runners_up],
         "relaxed": _values(found.cheaper),
         "tightened": _values(found.better),
         "measured": found.measured,
         "space": found.space_size,
         "evidence": [_values(trial) for trial in found.trials],
+        "techniques": list(found.among) or None,
         "refused": dict(found.unsuccessful),
+        "untried": [{"technique": name, **dataclasses.asdict(one)} for name, one in found.untried.items()],
         "excluded": [
             {"what": exclusion.what, "why": exclusion.why, "specs": exclusion.specs} for exclusion in found.excluded
         ],
     }
 
 
-def _values(trial: Trial | None) -> Mapping[str, Any] | None:
+def _values(trial: Trial | None) -> dict[str, Any] | None:
     if trial is None or trial.result is None:
         return None
     row = trial.result.score

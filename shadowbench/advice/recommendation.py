@@ -7,8 +7,16 @@ from typing import Any, Literal
 
 import numpy as np
 
-from shadowbench.advice.search import Search, Trial
-from shadowbench.advice.space import Exclusion, full_space, prune, start_size, unavailable, untried_filters
+from shadowbench.advice.search import Search, Trial, Untried
+from shadowbench.advice.space import (
+    Exclusion,
+    chosen_techniques,
+    full_space,
+    prune,
+    start_size,
+    unavailable,
+    untried_filters,
+)
 from shadowbench.measure.rows import Result
 from shadowbench.scenes.model import View
 from shadowbench.scores.metrics import METRICS
@@ -29,6 +37,7 @@ MARGINS = {"iou": (1.8, 2.0), "edge_px": (3.5, 3.5), "rmse": (1.8, 2.0)}
 # rmse of a soft shadow need not fall as the map grows, since large texels blur: nothing is left out by a prediction.
 UNPREDICTABLE = (math.inf, math.inf)
 Measure = Literal["iou", "edge_px", "rmse"]
+Standing = Literal["choice", "closest", "next", "too slow", "misses", "so far"]
 SAVED = 0.9  # cost relative to the choice's below which an alternative is worth relaxing the target for
 
 
@@ -44,6 +53,10 @@ class Target:
     def limit(self) -> float:
         """Largest error that meets the target."""
         return 1 - self.value if self.metric == "iou" else self.value
+
+    def affords(self, cost: float) -> bool:
+        """Whether a cost is within the budget."""
+        return self.budget_ms is None or cost <= self.budget_ms
 
     def error(self, metrics: Mapping[str, float | None]) -> float:
         """Error of a row's metrics: 1 − IoU, the edge distance in pixels, or the RMSE.
@@ -63,9 +76,20 @@ class Target:
         """
         if math.isinf(error):
             return "no edges to compare, and other shadows"
-        if self.metric == "rmse":
-            return f"RMSE {METRICS['rmse'].text(error, '{:.3g}'.format, row)}"
-        return f"IoU {1 - error:.4f}" if self.metric == "iou" else f"edges {error:.3g} px off"
+        if self.metric == "iou":
+            return f"IoU {self.digits(1 - error)}"
+        value = METRICS[self.metric].text(error, self.digits, row)
+        return f"RMSE {value}" if self.metric == "rmse" else f"edges {value} px off"
+
+    def digits(self, value: float) -> str:
+        """A value of the metric, rounded, but neither across the target nor to an IoU of 1 unless it is that."""
+        iou = self.metric == "iou"
+
+        def side(one: float) -> tuple[bool, bool]:
+            return one >= self.value if iou else one <= self.value, iou and one == 1
+
+        texts = (f"{value:.{places}g}" for places in range(4 if iou else 3, 17))
+        return next((text for text in texts if side(float(text)) == side(value)), str(value))
 
     def __str__(self) -> str:
         whats = {
@@ -82,10 +106,12 @@ class Recommendation:
     """Result of `recommend`.
 
     choice: the cheapest trial that meets the target, None if none does; closest: in that case, the trial closest to the
-    target; runners_up: the best trial of each technique besides the choice; trials: all successful ones, by cost;
-    unsuccessful: status by spec of the others; excluded: specs that were not tried; space_size: number of specs in the
-    full space; cheaper, better: the next trials on either side of the choice, None at the ends; needs: survey of the
-    view; reference: reference time of costs in milliseconds, None if costs are work.
+    target; runners_up: the best trial of each technique but the choice's; trials: all successful ones, by cost;
+    unsuccessful: status by spec of the others; excluded: specs that were not tried, by the survey or on principle;
+    untried: those not tried by what is predicted of them, by technique; space_size: number of specs in the full space;
+    cheaper, better: the next trials on either side of the choice, None at the ends; needs: survey of the view;
+    reference: reference time of costs in milliseconds, None if costs are work; among: the techniques that were asked
+    for, empty for all.
     """
 
     view: View
@@ -97,11 +123,13 @@ class Recommendation:
     trials: tuple[Trial, ...]
     unsuccessful: Mapping[str, str]
     excluded: tuple[Exclusion, ...]
+    untried: Mapping[str, Untried]
     space_size: int
     cheaper: Trial | None
     better: Trial | None
     needs: Needs
     reference: ReferenceTime | None
+    among: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         """One line: scene, target and choice."""
@@ -111,8 +139,18 @@ class Recommendation:
 
     @property
     def measured(self) -> int:
-        """Number of specs measured."""
+        """Number of specs that were tried: measured, or found to be unsupported or to fail."""
         return len(self.trials) + len(self.unsuccessful)
+
+    def standing(self, trial: Trial) -> Standing:
+        """What a trial is: its line in the table of `recommend`."""
+        if trial is self.choice:
+            return "choice"
+        if trial is self.closest:
+            return "closest"
+        if trial.error <= self.target.limit:
+            return "next" if self.target.affords(trial.cost) else "too slow"
+        return "so far" if trial.spec.technique.name in self.untried else "misses"
 
 
 def find_cheapest(
@@ -123,17 +161,23 @@ def find_cheapest(
     known: Mapping[str, type[Technique]],
     largest: int,
     measure: Callable[[Spec], Result],
+    among: Sequence[str] = (),
 ) -> Recommendation:
-    """Search the specs of `known` techniques with maps up to `largest`. Raises InputError as `needs` does."""
+    """Search the specs of `known` techniques, or of those named, with maps up to `largest`.
+
+    Raises InputError as `needs` does, and if none of those named supports the light.
+    """
+    known = chosen_techniques(known, among, view.light.hard_kind, view.light.soft)
     found = needs(view)
-    space = full_space(known, view.light.hard_kind, largest, view.light.soft)
+    space, size = full_space(known, view.light.hard_kind, largest, view.light.soft), 0
     least_iou = target.value if target.metric == "iou" else None
     left, excluded = prune(space, found, least_iou, unit == "work")
     declined = unavailable(known, view.light.hard_kind, view.light.soft)
     out = [*declined, *untried_filters(space, view.light.soft), *excluded]
     if not (truth.receivers & (truth.visibility < (1.0 if target.metric == "rmse" else 0.5))).any():
         left = [Spec(Unshadowed, Unshadowed.Params())]
-        out = [Exclusion(f"all but {Unshadowed.name}", "nothing that is seen is in shadow", len(space))]
+        dark = "in shadow" if target.metric == "rmse" or not view.light.soft else "more than half in shadow"
+        out, size = [Exclusion(f"all but {Unshadowed.name}", f"nothing that is seen is {dark}", len(space))], 1
     unsuccessful: dict[str, str] = {}
 
     def try_spec(spec: Spec) -> Trial | None:
@@ -160,7 +204,7 @@ def find_cheapest(
     if unit == "ms" and search.trials:
         trials, reference = to_milliseconds(search.trials)
         best = trials[search.trials.index(best)] if best else None
-    if best is not None and target.budget_ms is not None and best.cost > target.budget_ms:
+    if best is not None and not target.affords(best.cost):
         best = None
     return Recommendation(
         view=view,
@@ -172,11 +216,13 @@ def find_cheapest(
         trials=tuple(sorted(trials, key=lambda trial: (trial.cost, trial.bytes, trial.error))),
         unsuccessful=unsuccessful,
         excluded=tuple(out),
-        space_size=len(space),
+        untried=search.untried(),
+        space_size=len(space) + size,
         cheaper=_cheaper(trials, best),
         better=_better(trials, best),
         needs=found,
         reference=reference,
+        among=tuple(among),
     )
 
 
@@ -222,19 +268,20 @@ def _ratio(result: Result) -> float | None:
 
 def closest(trials: Sequence[Trial], target: Target) -> Trial | None:
     """The most accurate trial within the budget; of all trials if none is."""
-    within = [trial for trial in trials if target.budget_ms is None or trial.cost <= target.budget_ms]
+    within = [trial for trial in trials if target.affords(trial.cost)]
     return min(within or trials, key=lambda trial: (trial.error, trial.cost, trial.bytes), default=None)
 
 
 def runners_up(trials: Sequence[Trial], best: Trial | None, target: Target) -> tuple[Trial, ...]:
-    """For each technique, its cheapest other trial that meets the target, else its most accurate one."""
+    """For each technique but the best one's, its cheapest trial that meets the target, else its most accurate one."""
     found = []
-    for name in dict.fromkeys(trial.spec.technique.name for trial in trials):
-        mine = [trial for trial in trials if trial.spec.technique.name == name and trial is not best]
+    names = dict.fromkeys(trial.spec.technique.name for trial in trials)
+    for name in [name for name in names if best is None or name != best.spec.technique.name]:
+        mine = [trial for trial in trials if trial.spec.technique.name == name]
         met = [trial for trial in mine if trial.error <= target.limit]
         if met:
             found.append(min(met, key=lambda trial: (trial.cost, trial.bytes, trial.error)))
-        elif mine:
+        else:
             found.append(min(mine, key=lambda trial: (trial.error, trial.cost)))
     return tuple(sorted(found, key=lambda trial: (trial.error > target.limit, trial.cost)))
 

@@ -3,7 +3,8 @@
 Specs that differ only in map size, filter and depth format form a group. The cost of a spec has a part per pixel and a
 part per texel, so one or two sizes of a group predict the others; its error is roughly inverse to its map size. Among
 the specs that may be cheaper than the best so far and may meet the target, the cheapest one expected to meet it is
-measured next, until none is left.
+measured next, until none is left. Then each technique of which a spec meets the target is searched for a cheaper one of
+its own.
 """
 
 import math
@@ -36,6 +37,24 @@ class Trial:
     bytes: int
     error: float
     result: Result | None = None
+
+
+@dataclass
+class Untried:
+    """Numbers of specs of a technique that a search left out.
+
+    dearer: predicted to cost at least as much as the cheapest that meets the target; inaccurate: predicted to miss the
+    target; beyond: with the map of one that failed, or a larger one.
+    """
+
+    dearer: int = 0
+    inaccurate: int = 0
+    beyond: int = 0
+
+    @property
+    def specs(self) -> int:
+        """Their number."""
+        return self.dearer + self.inaccurate + self.beyond
 
 
 @dataclass(frozen=True)
@@ -87,6 +106,7 @@ class Search:
     def __post_init__(self) -> None:
         self._left = {spec: point_of(spec) for spec in self.space}
         self._trials_of: dict[str, list[tuple[SearchPoint, Trial]]] = {}  # by group
+        self._beyond: list[Spec] = []
 
     def run(self) -> Trial | None:
         """Search, and return the cheapest spec that meets the target; None if none does."""
@@ -95,14 +115,30 @@ class Search:
                 self._measure(spec)
         for group in dict.fromkeys(point.group for point in self._left.values() if point.size is not None):
             self._try_first(group)
-        while (following := self._next()) is not None:
+        while (following := self._next() or self._next_of_others()) is not None:
             self._measure(following)
         return self.best
+
+    def untried(self) -> dict[str, Untried]:
+        """Specs that were not measured, counted by technique and by what is predicted of them."""
+        found: dict[str, Untried] = {}
+        for spec, point in self._left.items():
+            mine = found.setdefault(spec.technique.name, Untried())
+            if self.cost(point) >= self.cost_limit:
+                mine.dearer += 1
+            else:
+                mine.inaccurate += 1
+        for spec in self._beyond:
+            found.setdefault(spec.technique.name, Untried()).beyond += 1
+        return found
 
     @property
     def best(self) -> Trial | None:
         """The cheapest trial so far that meets the target; of equal ones, that with fewer bytes."""
-        met = [trial for trial in self.trials if trial.error <= self.limit]
+        return self._cheapest(self.trials)
+
+    def _cheapest(self, trials: Iterable[Trial]) -> Trial | None:
+        met = [trial for trial in trials if trial.error <= self.limit]
         return min(met, key=lambda trial: (trial.cost, trial.bytes, trial.error), default=None)
 
     @property
@@ -117,11 +153,12 @@ class Search:
             self.trials.append(trial)
             self._trials_of.setdefault(point.group, []).append((point, trial))
         elif point.size is not None:  # larger maps of the group would fail too
-            self._left = {
-                spec: other
+            self._beyond += [
+                spec
                 for spec, other in self._left.items()
-                if other.group != point.group or other.size is None or other.size < point.size
-            }
+                if other.group == point.group and other.size is not None and other.size >= point.size
+            ]
+            self._left = {spec: other for spec, other in self._left.items() if spec not in self._beyond}
 
     def _try_first(self, group: str) -> None:
         """First trial of a group, at the size closest to the predicted one that may still be cheap enough."""
@@ -141,6 +178,19 @@ class Search:
         if expected:
             return min(expected, key=lambda candidate: (candidate[1], candidate[2]))[0]
         return min(alive, key=lambda candidate: (candidate[2], candidate[1]))[0] if alive else None
+
+    def _next_of_others(self) -> Spec | None:
+        """The cheapest spec expected to meet the target for less than its own technique's cheapest so far, if any."""
+        names = {spec.technique.name for spec in self._left}
+        best = {name: self._cheapest(one for one in self.trials if one.spec.technique.name == name) for name in names}
+        paying = [
+            (cost, error, spec)
+            for spec, point in self._left.items()
+            if (mine := best[spec.technique.name]) is not None
+            and (cost := self.cost(point)) < mine.cost
+            and (error := self._expected(point)) <= max(self.limit, self.least)
+        ]
+        return min(paying, key=lambda candidate: candidate[:2])[2] if paying else None
 
     def cost(self, point: SearchPoint) -> float:
         """Predicted cost of a spec; a lower bound before anything of its group was measured."""
@@ -173,12 +223,25 @@ class Search:
         same = {p.size: trial.error for p, trial in mine if p.filter == point.filter and p.size}
         if same:
             return extrapolate(same, point.size), self.margins[0]
+        return min(self._by_filters(point, point.size), key=lambda prediction: prediction[0] / prediction[1])
+
+    def _by_filters(self, point: SearchPoint, size: int) -> list[tuple[float, float]]:
+        """Predictions of a spec's error by each filter measured in its group, with their margins."""
         found = []
-        for other, line in self._lines(mine).items():
-            ratios = self._ratios(point.filter, other)
+        for other, line in self._lines(self._trials_of[point.group]).items():
+            ratios = [1.0] if other == point.filter else self._ratios(point.filter, other)
             ratio, margin = (statistics.geometric_mean(ratios), self.margins[0]) if ratios else (1.0, self.margins[1])
-            found.append((ratio * extrapolate(line, point.size), margin))
-        return min(found, key=lambda prediction: prediction[0] / prediction[1])
+            found.append((ratio * extrapolate(line, size), margin))
+        return found
+
+    def _expected(self, point: SearchPoint) -> float:
+        """Predicted error of a spec by any filter of its group, the most favourable; infinite if nothing is known.
+
+        A neighbour in size says more than the same filter far away, so that both count.
+        """
+        if point.size is None or point.group not in self._trials_of:
+            return math.inf
+        return min(error for error, _ in self._by_filters(point, point.size))
 
     def _lines(self, mine: list[tuple[SearchPoint, Trial]]) -> dict[str, dict[int, float]]:
         """Errors by map size, for each filter."""

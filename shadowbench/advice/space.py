@@ -6,11 +6,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from shadowbench.errors import InputError
 from shadowbench.scenes.model import LightKind
 from shadowbench.survey.survey import Needs
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.filters import Filter
-from shadowbench.techniques.spec import Spec
+from shadowbench.techniques.spec import Spec, parse_spec
 
 SIZES = (256, 512, 1024, 2048, 4096)
 
@@ -45,6 +46,29 @@ def full_space(known: Mapping[str, type[Technique]], light: LightKind, largest: 
     """All specs that support a kind of light, with or without a size, as an exhaustive search would measure them."""
     answering = [technique for technique in known.values() if _unavailable(technique, light, soft) is None]
     return [spec for technique in answering for spec in specs_of(technique, largest, soft)]
+
+
+def chosen_techniques(
+    known: Mapping[str, type[Technique]], names: Sequence[str], light: LightKind, soft: bool = False
+) -> Mapping[str, type[Technique]]:
+    """The named techniques, all of them if none is named. Raises InputError if no named one can be searched."""
+    named = {name: known[name] for name in names}
+    whys = [f"{one.what} {one.why}" for one in unavailable(named, light, soft)]
+    if named and len(whys) == len(named):
+        able = [name for name, technique in known.items() if _unavailable(technique, light, soft) is None]
+        raise InputError(f"nothing to search: {'; '.join(whys)}; allowed: {', '.join(able)}")
+    return named or known
+
+
+def technique_names(texts: Sequence[str], known: Mapping[str, type[Technique]]) -> tuple[str, ...]:
+    """Names of techniques, each once. Raises InputError for other texts, such as specs with parameters."""
+    specs = [parse_spec(text, known) for text in texts]
+    for text in texts:
+        if ":" in text:
+            raise InputError(
+                f"technique {text!r:.60}: found parameters, which the search chooses; allowed: a name alone"
+            )
+    return tuple(dict.fromkeys(spec.technique.name for spec in specs))
 
 
 def unavailable(known: Mapping[str, type[Technique]], light: LightKind, soft: bool = False) -> list[Exclusion]:
@@ -95,13 +119,15 @@ _Rule = Callable[[Spec], tuple[str, str] | None]  # what is excluded and why
 def _depth_rule(needs: Needs) -> _Rule:
     bits = needs.bits.bits if needs.bits else None
     enough = bits == 16
-    why = "16 bits separate casters from receivers, at half the bytes" if enough else _too_few(bits)
+    why = "by `needs` 16 bits separate casters from receivers, at half the bytes" if enough else _too_few(bits)
     unwanted = "d32f" if enough else "d16"
     return lambda spec: (f"depth={unwanted}", why) if getattr(spec.params, "depth", None) == unwanted else None
 
 
 def _too_few(bits: int | None) -> str:
-    found = f"{bits} bits are needed" if bits else "no format is known to suffice, so that the widest is taken"
+    found = (
+        f"by `needs` {bits} bits are needed" if bits else "no format is known to suffice, so that the widest is taken"
+    )
     return f"the closest caster and receiver: {found}"
 
 
@@ -117,7 +143,7 @@ def _planar_rule(needs: Needs, least_iou: float | None) -> _Rule:
     if seen.planes == 0:
         why = "no receiver that is seen is a plane"
     elif least_iou is not None and most < least_iou:
-        why = f"only {seen.planar.value:.1%} of the visible surface lies on planes: its IoU is below {most:.3g}"
+        why = f"only {seen.planar.value:.1%} of the visible surface lies on planes: its IoU is at most about {most:.3g}"
     return lambda spec: (spec.technique.name, why) if why is not None and spec.technique.only_planes else None
 
 

@@ -1,5 +1,6 @@
-"""A recommendation in words: costs of other targets, obstacles, and exclusions."""
+"""A recommendation in words: costs of other targets, obstacles, and exclusions. It says no more than was measured."""
 
+import math
 from collections.abc import Iterator
 
 from shadowbench.advice.recommendation import Recommendation, Target
@@ -10,8 +11,8 @@ from shadowbench.scores.soft_faults import soft_faults
 
 _KINDS = {
     "contact": "of the shadow next to its caster is lit",
-    "leak": "of the umbra is lit",
-    "acne": "of the lit surface is dark",
+    "leak": "of the umbra away from edges is lit",
+    "acne": "of the lit surface away from edges is dark",
 }
 
 
@@ -35,32 +36,34 @@ def step_lines(found: Recommendation) -> list[str]:
     assert choice is not None
     lines = []
     if found.cheaper is not None:
-        saved = 1 - found.cheaper.cost / choice.cost
-        lines.append(f"relaxing the target to {_text(target, found.cheaper)} saves {saved:.0%}: {_name(found.cheaper)}")
+        saved = math.floor(100 * (1 - found.cheaper.cost / choice.cost))
+        cheaper = f"relaxing the target to {_text(target, found.cheaper)} saves {saved}%"
+        lines.append(f"of those measured, {cheaper}: {_name(found.cheaper)}")
     else:
-        lines.append("relaxing the target: nothing measured costs at least a tenth less")
+        lines.append("of those measured, none saves a tenth or more if the target is relaxed")
     if found.better is not None:
         times = found.better.cost / choice.cost
-        lines.append(
-            f"tightening it to {_text(target, found.better)} costs {times:.3g} × as much: {_name(found.better)}"
-        )
+        better = f"tightening it to {_text(target, found.better)} costs {times:.3g} × as much"
+        lines.append(f"of those measured, {better}: {_name(found.better)}")
     elif choice.error > 0:
         lines.append("tightening it: nothing measured has less than half the error")
     return lines
 
 
 def obstacles(found: Recommendation) -> list[str]:
-    """Why nothing meets the target."""
+    """Why nothing that was measured meets the target."""
     return list(_obstacles(found))
 
 
 def _obstacles(found: Recommendation) -> Iterator[str]:
     target, near, needs = found.target, found.closest, found.needs
+    of = f" of {', '.join(found.among)}" if found.among else ""
     if near is None or near.result is None:
-        yield f"nothing meets {target}: no spec could be measured; {'; '.join(found.unsuccessful.values())}"
+        why = f"; {'; '.join(found.unsuccessful.values())}" if found.unsuccessful else ""
+        yield f"nothing{of} was measured that meets {target}: no spec could be{why}"
         return
     met = [trial for trial in found.trials if trial.error <= target.limit]
-    yield f"nothing meets {target}; the closest is {_name(near)}: {_text(target, near)}"
+    yield f"nothing measured{of} meets {target}; the closest is {_name(near)}: {_text(target, near)}"
     if met and target.budget_ms is not None:
         yield f"obstacle: the budget; {_name(met[0])} reaches {_text(target, met[0])} in {met[0].cost:.3g} ms"
         return
@@ -76,9 +79,9 @@ def _obstacles(found: Recommendation) -> Iterator[str]:
     size = (needs.texels.edge_size or needs.texels.size).value
     if kinds:
         worst = max(kinds, key=lambda kind: kinds[kind])
-        yield f"obstacle: {worst}, {kinds[worst]:.2%} {_KINDS[worst]}"
+        yield f"obstacle: {worst}, {100 * kinds[worst]:.3g}% {_KINDS[worst]}"
     if 0 < largest < size:
-        yield f"obstacle: map size; exact edges need about {size:.0f} texels a side, the largest tried has {largest}"
+        yield f"obstacle: map size; `needs` asks for about {size:.0f} texels a side, the largest tried has {largest}"
     elif not kinds and metrics["edge_px"] is not None:
         yield f"obstacle: edges, {metrics['edge_px']:.3g} px off on average"
 
@@ -89,11 +92,25 @@ def excluded_lines(found: Recommendation) -> list[str]:
     for exclusion in found.excluded:
         count = f" ({exclusion.specs} specs)" if exclusion.specs > 1 else ""
         lines.append(f"not tried: {exclusion.what}{count}: {exclusion.why}")
-    rest = found.space_size - found.measured - sum(exclusion.specs for exclusion in found.excluded)
-    if rest > 0:
-        why = "to cost more than the choice, or to miss the target" if found.choice else "to miss the target"
-        lines.append(f"not tried: {rest} more specs: predicted from those measured {why}")
+    lines += [_untried_line(found, name) for name in found.untried]
     return [*lines, *(f"not measured: {spec}: {status}" for spec, status in found.unsuccessful.items())]
+
+
+def _untried_line(found: Recommendation, name: str) -> str:
+    """What is predicted of the specs of a technique that were not measured, and how to have it searched."""
+    rest = found.untried[name]
+    met = [trial for trial in found.trials if trial.error <= found.target.limit]
+    limit = "the choice" if found.choice or not met else _name(met[0])
+    whys = {
+        f"predicted to cost at least as much as {limit}": rest.dearer,
+        "predicted to miss the target": rest.inaccurate,
+        "with the map of one that failed, or a larger one": rest.beyond,
+    }
+    reasons = [f"{count} {why}" for why, count in whys.items() if count]
+    standings = {found.standing(trial) for trial in found.trials if trial.spec.technique.name == name}
+    further = " further" if standings else ""
+    alone = f"; -t {name} searches it alone" if rest.dearer and not standings & {"choice", "next"} else ""
+    return f"not tried{further}: {name}: {', '.join(reasons)}{alone}"
 
 
 def _text(target: Target, trial: Trial) -> str:

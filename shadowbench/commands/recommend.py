@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from shadowbench.commands import console
+from shadowbench.commands import completion, console
 from shadowbench.commands.executors import drawing
 from shadowbench.commands.options import (
     Assets,
@@ -30,12 +30,18 @@ if TYPE_CHECKING:
 
 app = typer.Typer()
 
+WORK = (
+    "ranked by work, not by time; where a GPU's clock disagrees, as on shadow volumes: "
+    "docs/explanation/choosing.md#work-and-time"
+)
+
 
 @app.command(
     epilog="\b\nFor example\n"
     "  shadowbench recommend street\n"
     "  shadowbench recommend my.glb --max-edge-px 0.5 --export for-my-engine\n"
-    "  shadowbench recommend my.glb --min-iou 0.98 --budget-ms 2"
+    "  shadowbench recommend my.glb --min-iou 0.98 --budget-ms 2\n"
+    "  shadowbench recommend my.glb -t shadow-map -t cascades"
 )
 def recommend(
     scene: SceneArgument,
@@ -66,6 +72,17 @@ def recommend(
     export: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder for the parameters and shaders (GLSL) of the choice.")
     ] = None,
+    techniques: Annotated[
+        list[str] | None,
+        typer.Option(
+            "-t",
+            "--technique",
+            metavar="TECHNIQUE",
+            autocompletion=completion.spec,
+            help="Name of a technique to search (shadowbench list techniques), such as one that your engine has; "
+            "repeatable  [all].",
+        ),
+    ] = None,
     view_size: ViewSize = None,
     view: ViewName = None,
     light: LightName = None,
@@ -90,19 +107,23 @@ def recommend(
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Find the cheapest technique that meets a target in a scene.
+    """Search for the cheapest technique that meets a target.
 
     Searches techniques, parameters and map sizes. Few specs are measured: the scene's geometry rules some out (see
-    `shadowbench needs`), and cost and error of the others are predicted from the measurements. Cost is the time of a
-    frame; on a software renderer it is work (shader invocations, texture reads), since its times are not those of a
-    GPU. Exit code 1 if nothing meets the target; the closest is then shown with the reason.
+    `shadowbench needs`), and cost and error of the others are predicted from the measurements, so that a cheaper one
+    may exist. Cost is the time of a frame; on a software renderer it is work (shader invocations, texture reads), since
+    its times are not those of a GPU. Exit code 1 if nothing measured meets the target; the closest is then shown with
+    the reason.
 
     \b
-    Lines of the table
-      choice   the cheapest spec that meets the target
-      next     of each technique, the cheapest spec that meets the target, other than the choice
-      misses   the most accurate spec of a technique that never meets the target
-      closest  the most accurate spec of all, if none meets the target
+    Lines of the table, all of specs that were measured
+      choice    the cheapest that meets the target
+      next      of each other technique, the cheapest that meets the target
+      too slow  the same, but over --budget-ms
+      so far    of a technique of which none measured meets the target, the most
+                accurate; others were not tried, by predictions below the table
+      misses    the same, where all were tried but those ruled out below the table
+      closest   the most accurate of all, if none meets the target
     Columns
       map         texels along a side of the shadow map
       iou         or edge_px, rmse: the target's metric
@@ -113,11 +134,13 @@ def recommend(
     """
     from shadowbench.advice.recommend import export_choice, has_penumbra, target_of, values
     from shadowbench.advice.recommend import recommend as measure_recommendation
+    from shadowbench.advice.space import technique_names
     from shadowbench.measure.plugin_output import techniques_with
 
     target_of(min_iou, max_edge_px, budget_ms, max_rmse)  # invalid options, before the scene is read
     plugins = tuple(plugin or ())
     known = techniques_with(plugins)
+    among = technique_names(techniques or (), known)
     if export is not None:
         _make_folder(export)
     with (
@@ -135,6 +158,7 @@ def recommend(
             reporter,
             on_this_machine=on_this_machine,
             timed=dask is None or time_on is not None,
+            among=among,
         )
         if export is not None:
             export_choice(found, export, executor)
@@ -163,23 +187,19 @@ def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
     cost = "work" if found.unit == "work" else "ms"
     numbers = ("map", found.target.metric, cost, "× choice", "MiB")
     columns = ("", "spec", *numbers, "key")
-    shown: list[tuple[str, Trial]] = []
-    if found.choice is not None:
-        shown.append(("choice", found.choice))
-    if found.closest is not None:
-        shown.append(("closest", found.closest))
-    for one in found.runners_up:
-        if one is not found.closest:
-            shown.append(("next" if one.error <= found.target.limit else "misses", one))
-    title = f"{found.view.scene.name}, {found.target}, by {by}{caveat}"
-    rows = [(place, *_cells(found, one)) for place, one in shown]
+    shown = list(dict.fromkeys(one for one in (found.choice, found.closest, *found.runners_up) if one is not None))
+    among = f", of {', '.join(found.among)}" if found.among else ""
+    title = f"{found.view.scene.name}, {found.target}{among}, by {by}{caveat}"
+    rows = [(found.standing(one), *_cells(found, one)) for one in shown]
     console.print_table(title, columns, rows, numbers=numbers, whole=columns)
     lines = step_lines(found) if found.choice else obstacles(found)
-    rough = [_is_rough(found, one) for _, one in shown]
+    rough = [_is_rough(found, one) for one in shown]
     for line in [*lines, *target_notes(found), *time_notes(found.reference, rough), *excluded_lines(found)]:
         console.print_line(line)
+    if found.unit == "work":
+        console.print_line(WORK)
     console.print_line(
-        f"{found.measured} of {found.space_size} specs measured; masks and pictures, by key, in {folder}"
+        f"{len(found.trials)} of {found.space_size} specs measured; masks and pictures, by key, in {folder}"
     )
 
 
@@ -200,7 +220,7 @@ def _cells(found: "Recommendation", one: "Trial") -> list[str]:
     return [
         one.spec.sizeless_text,
         str(one.spec.map_size or ""),
-        "" if value is None else METRICS[found.target.metric].text(value, console.number, row),
+        "" if value is None else METRICS[found.target.metric].text(value, found.target.digits, row),
         f"{one.cost:,.0f}" if found.unit == "work" else "~" * _is_rough(found, one) + console.number(one.cost),
         f"{one.cost / found.choice.cost:.3g}" if found.choice else "",
         f"{one.bytes / 2**20:.3g}",

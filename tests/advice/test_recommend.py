@@ -106,11 +106,13 @@ def test_the_choice_meets_the_target_its_rows_are_kept_and_a_second_call_measure
     assert "choice" in again.out and "times of a software renderer are not those of a GPU" in again.out
     assert "not tried: cube-map: supports point and spot light, not directional" in again.out
     assert f"{found['measured']} of {found['space']} specs measured" in again.out
-    (rest,) = re.findall(
-        r"^not tried: (\d+) more specs: predicted .* to cost more than the choice", again.out, re.MULTILINE
-    )
+    rest = re.findall(r"(\d+) predicted to (?:cost at least as much as the choice|miss the target)", again.out)
     excluded = sum(one["specs"] for one in found["excluded"])
-    assert int(rest) == found["space"] - found["measured"] - excluded > 0, "every spec is accounted for"
+    assert sum(map(int, rest)) == found["space"] - found["measured"] - excluded > 0, "every spec is accounted for"
+    assert sum(one["dearer"] + one["inaccurate"] + one["beyond"] for one in found["untried"]) == sum(map(int, rest))
+    assert "docs/explanation/choosing.md#work-and-time" in again.out
+    page = Path(__file__).parents[2] / "docs" / "explanation" / "choosing.md"
+    assert "\n## Work and time\n" in page.read_text(encoding="utf-8")
 
 
 def test_export_writes_parameters_and_whole_shaders(shadowbench: Callable[..., Any], tmp_path: Path) -> None:
@@ -144,6 +146,9 @@ def test_export_writes_parameters_and_whole_shaders(shadowbench: Callable[..., A
         (("--max-rmse", "nan"), "--max-rmse: found nan; allowed: 0 to 1"),
         (("--max-rmse", "0.1", "--min-iou", "0.9"), "--min-iou and --max-rmse: found both; allowed: one of them"),
         (("--view", "nowhere"), "nowhere"),
+        (("-t", "shadowmap"), "unknown technique 'shadowmap'; did you mean 'shadow-map'?"),
+        (("-t", "shadow-map:size=512"), "technique 'shadow-map:size=512': found parameters"),
+        (("-t", "cube-map"), "nothing to search: cube-map supports point and spot light, not directional; allowed: "),
     ],
 )
 def test_invalid_option_values_are_one_line(
@@ -192,6 +197,16 @@ def test_a_time_that_varied_much_is_marked(
     assert (" ~" in choice) == ("~: " in out) == mark
 
 
+def test_only_the_techniques_asked_for_are_searched(shadowbench: Callable[..., Any], tmp_path: Path) -> None:
+    command = ("recommend", "stairs", "--view-size", "64", "-o", tmp_path / "rows", "-t", "planar-projection")
+    met = json.loads(shadowbench(*command, "-t", "shadow-volume", "--json").out)
+    assert met["techniques"] == ["planar-projection", "shadow-volume"]
+    assert {one["spec"] for one in met["evidence"]} <= {"planar-projection", "shadow-volume"}
+    missed = shadowbench("recommend", "street", *command[2:])
+    assert missed.code == 1 and missed.out.startswith("street, IoU ≥ 0.99, of planar-projection, by work")
+    assert "nothing measured of planar-projection meets IoU ≥ 0.99; the closest is planar-projection: IoU" in missed.out
+
+
 def test_without_casters_it_is_one_line(
     shadowbench: Callable[..., Any], scene: Callable[..., Path], tmp_path: Path
 ) -> None:
@@ -231,7 +246,9 @@ def test_a_penumbra_is_judged_by_its_rmse(
     choice, none = (json.loads(answer.out)["choice"] for answer in (met, hard))
     assert none["spec"] == "unshadowed" and choice["spec"] != "unshadowed"
     assert 0.001 < choice["metrics"]["rmse"] <= 0.2
-    assert any(line.startswith("nothing meets RMSE ≤ 0.0001; ") for line in json.loads(missed.out)["in_the_way"])
+    assert any(
+        line.startswith("nothing measured meets RMSE ≤ 0.0001; ") for line in json.loads(missed.out)["in_the_way"]
+    )
     assert not any("contact" in line or "map size" in line for line in json.loads(missed.out)["in_the_way"])
     notes = [json.loads(answer.out)["notes"] for answer in (hard, met)]
     assert notes[1] == [] and notes[0][0].startswith("IoU judges where visibility is ½")
