@@ -160,7 +160,7 @@ def _penumbra(need: Penumbra, light: LightShape) -> Iterator[Explanation]:
     yield Explanation(
         "error of hard",
         _value(need.hard_rmse),
-        "RMSE of exact hard shadows, as the centre of the light casts them, over all receivers; "
+        "RMSE of exact hard shadows, as the centre of the light casts them, over the scored receivers; "
         f"{_share(need.share)} of the shadow is penumbra; {verdict}",
     )
 

@@ -57,7 +57,7 @@ def needs(view: View) -> Needs:
             cascades=cascades_of(fitted, texels),
             bits=bits_of(fitted, depths),
             bias=bias_of(fitted, depths),
-            penumbra=penumbra_of(samples),
+            penumbra=penumbra_of(view, samples),
             reach=reach.result(),
             receivers=receivers_of(samples, planes.result()),
             casters=casters.result(),
