@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from shadowbench.commands import console
-from shadowbench.commands.options import Assets, Json, LightName, Quiet, SceneArgument, Sun, Up, ViewName
+from shadowbench.commands.options import Assets, Json, LightName, NoGround, Quiet, SceneArgument, Sun, Up, ViewName
 from shadowbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -55,6 +55,7 @@ def score(
     assets: Assets = None,
     up: Up = None,
     sun: Sun = False,
+    no_ground: NoGround = False,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -87,7 +88,7 @@ def score(
         check_folder(output)
     handed = external_mask(scene, mask, lit, shadowed, ambient)
     with console.Reporter(quiet) as reporter:
-        chosen = reporter.view(scene, handed.size, view, light, assets, up, sun)
+        chosen = reporter.view(scene, handed.size, view, light, assets, up, sun, no_ground)
         accuracy = accuracy_of(handed, chosen)
     drawn = mask or shadowed
     sized = size_mismatch(drawn, chosen) if drawn is not None else None
