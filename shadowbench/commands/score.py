@@ -116,12 +116,13 @@ def _print(accuracy: "Accuracy") -> None:
 
     view = accuracy.view
     title = f"{accuracy.external.name} on {view.scene.name}, {view.camera.name}, {view.light.name}, {view.size}²"
-    first = ("rmse", "rmse_pen") if is_soft(accuracy.metrics) else ()
+    soft = is_soft(accuracy.metrics)
+    first = ("rmse", "rmse_pen") if soft else ()
     rows = [
         (metric.name, metric.text(value, console.number, accuracy.record), metric.better, metric.kind, about)
         for metric in sorted(METRICS.values(), key=lambda metric: metric.name not in first)
         for value, about in [(accuracy.metrics[metric.name], _about(metric))]
-        if value is not None or metric.kind != "soft"
+        if metric.suits(soft) and (value is not None or metric.kind != "soft")
     ]
     columns = ("metric", "", "better", "shadows", "what it is")
     console.print_table(title, columns, rows, numbers=("",), whole=("metric", "better", "shadows"))

@@ -182,9 +182,9 @@ class Scene:
         told = [f"{sum(len(mesh.faces) for mesh in self.meshes)} triangles"]
         for what in ("meshes", "cameras", "lights"):
             names = [one.name for one in getattr(self, what)]
-            shown = [f"{name:.40}" for name in names[:3]] + ["…"] * (len(names) > 3)
-            told.append(f"{len(names)} {what} ({', '.join(shown)})")
-        return f"<Scene {self.name}: {', '.join(told)}>"
+            more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+            told.append(f"{what}: {', '.join(f'{name:.40}' for name in names[:3])}{more}")
+        return f"<Scene {self.name}: {'; '.join(told)}>"
 
     @cached_property
     def geometry(self) -> Geometry:
