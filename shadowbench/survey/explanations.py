@@ -99,7 +99,8 @@ def _texels(need: Texels) -> Iterator[Explanation]:
         yield Explanation(
             "map size, edges",
             _value(need.edge_size, "4.0f"),
-            "for 95% of the shadows' edge pixels to be right (edge_p95 below 1), with 2×2 comparisons",
+            "predicted, mostly within a factor of 2, for 95% of the shadows' edge pixels to be right "
+            "(edge_p95 below 1), with 2×2 comparisons and the default bias",
         )
 
 
