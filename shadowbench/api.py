@@ -45,7 +45,7 @@ from shadowbench.measure.plugin_output import techniques_with
 from shadowbench.measure.rendering import Rendering
 from shadowbench.measure.scoring import prepare_truth, truth_record
 from shadowbench.measure.worker import Worker
-from shadowbench.scenes.assumed import with_sun
+from shadowbench.scenes.assumed import as_asked
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Scene, View
 from shadowbench.scenes.views import LARGEST, chosen_view, notes_on
@@ -97,17 +97,25 @@ def _parameter_names() -> Iterator[None]:
 
 
 @_parameter_names()
-def load(scene: SceneLike, *, assets: str | Path | None = None, up: str | None = None, sun: bool = False) -> Scene:
+def load(
+    scene: SceneLike,
+    *,
+    assets: str | Path | None = None,
+    up: str | None = None,
+    sun: bool = False,
+    no_ground: bool = False,
+) -> Scene:
     """Load a scene: a built-in by name, a `.toml`, or a mesh file. Assumptions about missing data are in its `notes`.
 
     assets: additional folder to search for a scene file's meshes; up: up axis, y or z, of mesh formats that do not
-    specify it; sun: give directional lights without a size that of the sun. Raises InputError.
+    specify it; sun: give directional lights without a size that of the sun; no_ground: assume no ground. Raises
+    InputError.
     """
     value = instance_of(scene, "scene", "a built-in name, a file, or what load returns", Scene, str, Path)
     if not isinstance(value, Scene):
         folder = None if assets is None else Path(instance_of(assets, "assets", "a folder", str, Path))
         value = load_scene(value, folder, up)
-    return with_sun(value) if sun else value
+    return as_asked(value, sun, no_ground)
 
 
 def truth(

@@ -116,11 +116,11 @@ def pytest_runtest_call(item: pytest.Item) -> Generator[None, None, None]:
 def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[..., ShadowAccuracy]:
     """Score your engine's shadows against ray tracing.
 
-    `assert shadow_accuracy("mask.png", scene="stairs").iou > 0.98`; also `view`, `light`, `assets`, `up` and `sun`, and
-    `lit`, `shadowed` and `ambient` in place of a mask, all as `shadowbench score` takes them. mask: a PNG, or an (N, N)
-    array, bool or float in [0, 1], uint8 or uint16, row 0 at the top, white is lit; N is taken for the view's size. A
-    mask that is flipped, inverted or not square fails the test. A metric that is undefined in the view is None:
-    comparing it with a number raises TypeError, and the failure says why.
+    `assert shadow_accuracy("mask.png", scene="stairs").iou > 0.98`; also `view`, `light`, `assets`, `up`, `sun` and
+    `no_ground`, and `lit`, `shadowed` and `ambient` in place of a mask, all as `shadowbench score` takes them. mask: a
+    PNG, or an (N, N) array, bool or float in [0, 1], uint8 or uint16, row 0 at the top, white is lit; N is taken for
+    the view's size. A mask that is flipped, inverted or not square fails the test. A metric that is undefined in the
+    view is None: comparing it with a number raises TypeError, and the failure says why.
     """
     diffs: Path | None = request.config.getoption("--shadow-diffs")
     node = request.node
@@ -138,6 +138,7 @@ def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[
         assets: Path | None = None,
         up: str | None = None,
         sun: bool = False,
+        no_ground: bool = False,
         **screenshots: Any,
     ) -> ShadowAccuracy:
         from shadowbench.engines.accuracy import accuracy_of
@@ -148,7 +149,7 @@ def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[
         made += 1
         try:
             handed = _handed(mask, screenshots)
-            accuracy = accuracy_of(handed, chosen_view(scene, handed.size, view, light, assets, up, sun))
+            accuracy = accuracy_of(handed, chosen_view(scene, handed.size, view, light, assets, up, sun, no_ground))
         except InputError as error:
             pytest.fail(str(error), pytrace=False)
         file = (diffs or tmp_path) / f"{name}{f'-{made}' if made > 1 else ''}.diff.png"

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from shadowbench.advice.recommendation import Recommendation, Target
 from shadowbench.advice.search import Trial
 from shadowbench.advice.space import SIZES
-from shadowbench.scores.metrics import is_soft
+from shadowbench.scores.metrics import METRICS, is_soft
 from shadowbench.scores.soft_faults import soft_faults
 
 _KINDS = {
@@ -75,7 +75,7 @@ def _obstacles(found: Recommendation) -> Iterator[str]:
         if near.spec.map_size == largest == SIZES[-1]:
             yield f"obstacle: map size; the closest has {largest} texels a side, the most that are tried"
         return
-    kinds = {kind: metrics[kind] for kind in _KINDS if metrics[kind]}
+    kinds = {kind: metrics[kind] for kind in _KINDS if metrics[kind] and METRICS[kind].suits(is_soft(metrics))}
     size = (needs.texels.edge_size or needs.texels.size).value
     if kinds:
         worst = max(kinds, key=lambda kind: kinds[kind])

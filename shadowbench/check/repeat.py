@@ -76,10 +76,12 @@ def _two_folders(first: Path, second: Path) -> tuple[Sequence[Result], Sequence[
     one, other = read_runs([first, second])
     if one.renderer != other.renderer:
         raise InputError(f"{second}: found rows of {other.renderer}; allowed: of {one.renderer}, as in {first}")
-    sun = [run.about.get("study", {}).get("sun") for run in (one, other)]
-    if sun in ([True, False], [False, True]):
-        given = "with" if sun[1] else "without"
-        raise InputError(f"{second}: was measured {given} --sun; allowed: as {first} was, whose shadows are others")
+    studies = [run.about.get("study", {}) for run in (one, other)]
+    for field, option in (("sun", "--sun"), ("no_ground", "--no-ground")):
+        given = [study.get(field, False) for study in studies if study]
+        if given in ([True, False], [False, True]):
+            how = f"with{'' if given[1] else 'out'} {option}"
+            raise InputError(f"{second}: was measured {how}; allowed: as {first} was, whose shadows are others")
     return one.results, other.results
 
 

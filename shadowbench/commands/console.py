@@ -123,11 +123,12 @@ class Reporter(logging.Handler):
         assets: Path | None,
         up: str | None,
         sun: bool,
+        no_ground: bool,
     ) -> "View":
         """The view that the options name, by default of 512² pixels; notes what is assumed about it."""
         from shadowbench.scenes.views import chosen_view, notes_on
 
-        chosen = chosen_view(scene, size or 512, view, light, assets, up, sun)
+        chosen = chosen_view(scene, size or 512, view, light, assets, up, sun, no_ground)
         for line in notes_on(chosen, view, light):
             self.note(line)
         return chosen

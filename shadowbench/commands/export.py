@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from shadowbench.commands import console
-from shadowbench.commands.options import Assets, LightName, Quiet, SceneArgument, Sun, Up, ViewName, ViewSize
+from shadowbench.commands.options import Assets, LightName, NoGround, Quiet, SceneArgument, Sun, Up, ViewName, ViewSize
 
 app = typer.Typer()
 
@@ -21,6 +21,7 @@ def export(
     assets: Assets = None,
     up: Up = None,
     sun: Sun = False,
+    no_ground: NoGround = False,
     quiet: Quiet = False,
 ) -> None:
     """Write a scene for your engine: glTF, matrices, truth.
@@ -36,7 +37,7 @@ def export(
 
     check_folder(folder, DESCRIPTION)
     with console.Reporter(quiet) as reporter:
-        chosen = reporter.view(scene, view_size, view, light, assets, up, sun)
+        chosen = reporter.view(scene, view_size, view, light, assets, up, sun, no_ground)
         for line in inexpressible_in_gltf(chosen):
             reporter.note(line)
         model, description, example = export_view(chosen, cached_truth(chosen), folder, scene)

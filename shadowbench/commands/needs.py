@@ -3,7 +3,18 @@
 import typer
 
 from shadowbench.commands import console
-from shadowbench.commands.options import Assets, Json, LightName, Quiet, SceneArgument, Sun, Up, ViewName, ViewSize
+from shadowbench.commands.options import (
+    Assets,
+    Json,
+    LightName,
+    NoGround,
+    Quiet,
+    SceneArgument,
+    Sun,
+    Up,
+    ViewName,
+    ViewSize,
+)
 
 app = typer.Typer()
 
@@ -17,6 +28,7 @@ def needs(
     assets: Assets = None,
     up: Up = None,
     sun: Sun = False,
+    no_ground: NoGround = False,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -32,7 +44,7 @@ def needs(
     from shadowbench.survey.survey import needs as needs_of
 
     with console.Reporter(quiet) as reporter:
-        chosen = reporter.view(scene, view_size, view, light, assets, up, sun)
+        chosen = reporter.view(scene, view_size, view, light, assets, up, sun, no_ground)
         found = needs_of(chosen)
         if found.pixels < found.view_size**2:
             part = found.pixels / found.view_size**2

@@ -30,6 +30,13 @@ Sun = Annotated[
     bool,
     typer.Option("--sun", help="Give directional lights without a size that of the sun: an angular radius of 0.2665°."),
 ]
+NoGround = Annotated[
+    bool,
+    typer.Option(
+        "--no-ground",
+        help="Assume no ground below a mesh file that has none; the assumed one receives shadows that count.",
+    ),
+]
 ViewSize = Annotated[
     int | None, typer.Option(metavar="N", min=1, max=16384, help="Width and height of the image in pixels  [512].")
 ]

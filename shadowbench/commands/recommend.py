@@ -12,6 +12,7 @@ from shadowbench.commands.options import (
     Dask,
     Json,
     LightName,
+    NoGround,
     Plugins,
     Quiet,
     Renderer,
@@ -90,6 +91,7 @@ def recommend(
     assets: Assets = None,
     up: Up = None,
     sun: Sun = False,
+    no_ground: NoGround = False,
     dask: Dask = None,
     renderer: Renderer = None,
     time_on: Annotated[
@@ -147,7 +149,7 @@ def recommend(
         console.Reporter(quiet) as reporter,
         drawing(dask, renderer, plugins, None, reporter, time_on) as executor,
     ):
-        chosen = reporter.view(scene, view_size, view, light, assets, up, sun)
+        chosen = reporter.view(scene, view_size, view, light, assets, up, sun, no_ground)
         target = target_of(min_iou, max_edge_px, budget_ms, max_rmse, soft=has_penumbra(chosen))
         found, info = measure_recommendation(
             chosen,

@@ -10,6 +10,7 @@ from shadowbench.commands.options import (
     SPEC,
     Assets,
     LightName,
+    NoGround,
     Plugins,
     Quiet,
     SceneArgument,
@@ -58,6 +59,7 @@ def render(
     assets: Assets = None,
     up: Up = None,
     sun: Sun = False,
+    no_ground: NoGround = False,
     quiet: Quiet = False,
 ) -> None:
     """Draw one picture with a technique's shadows.
@@ -85,7 +87,7 @@ def render(
     if tint and spec.technique.name not in tinted:
         raise InputError(f"--tint: {spec.technique.name} has no colours of its own; allowed: {', '.join(tinted)}")
     with console.Reporter(quiet) as reporter:
-        chosen = reporter.view(scene, view_size, view, light, assets, up, sun)
+        chosen = reporter.view(scene, view_size, view, light, assets, up, sun, no_ground)
     with Worker(plugin or ()) as worker:
         drawn = drawn_once(chosen, spec, worker, name=name, with_map=map is not None, tint=tint)
     if map is not None and drawn.map is None:

@@ -16,6 +16,7 @@ from shadowbench.commands.options import (
     Dask,
     Json,
     KeepGoing,
+    NoGround,
     PartOption,
     Plugins,
     Quiet,
@@ -119,6 +120,7 @@ def run(
     assets: Assets = None,
     up: Up = None,
     sun: Sun = False,
+    no_ground: NoGround = False,
     part: PartOption = None,
     keep_going: KeepGoing = False,
     dask: Dask = None,
@@ -211,6 +213,7 @@ def run(
             assets=assets,
             up=up,
             sun=sun or None,
+            no_ground=no_ground or None,
         )
         reporter = stack.enter_context(console.Reporter(quiet))
         if not scenes and not study and part is None:

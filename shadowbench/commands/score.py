@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from shadowbench.commands import console
-from shadowbench.commands.options import Assets, Json, LightName, Quiet, SceneArgument, Sun, Up, ViewName
+from shadowbench.commands.options import Assets, Json, LightName, NoGround, Quiet, SceneArgument, Sun, Up, ViewName
 from shadowbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -55,6 +55,7 @@ def score(
     assets: Assets = None,
     up: Up = None,
     sun: Sun = False,
+    no_ground: NoGround = False,
     json: Json = False,
     quiet: Quiet = False,
 ) -> None:
@@ -87,7 +88,7 @@ def score(
         check_folder(output)
     handed = external_mask(scene, mask, lit, shadowed, ambient)
     with console.Reporter(quiet) as reporter:
-        chosen = reporter.view(scene, handed.size, view, light, assets, up, sun)
+        chosen = reporter.view(scene, handed.size, view, light, assets, up, sun, no_ground)
         accuracy = accuracy_of(handed, chosen)
     drawn = mask or shadowed
     sized = size_mismatch(drawn, chosen) if drawn is not None else None
@@ -115,12 +116,13 @@ def _print(accuracy: "Accuracy") -> None:
 
     view = accuracy.view
     title = f"{accuracy.external.name} on {view.scene.name}, {view.camera.name}, {view.light.name}, {view.size}²"
-    first = ("rmse", "rmse_pen") if is_soft(accuracy.metrics) else ()
+    soft = is_soft(accuracy.metrics)
+    first = ("rmse", "rmse_pen") if soft else ()
     rows = [
         (metric.name, metric.text(value, console.number, accuracy.record), metric.better, metric.kind, about)
         for metric in sorted(METRICS.values(), key=lambda metric: metric.name not in first)
         for value, about in [(accuracy.metrics[metric.name], _about(metric))]
-        if value is not None or metric.kind != "soft"
+        if metric.suits(soft) and (value is not None or metric.kind != "soft")
     ]
     columns = ("metric", "", "better", "shadows", "what it is")
     console.print_table(title, columns, rows, numbers=("",), whole=("metric", "better", "shadows"))

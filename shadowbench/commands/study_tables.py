@@ -162,17 +162,19 @@ def _error_label(rows: "Sequence[SummaryRow]") -> str:
 
 
 def _print_curves(scene: str, found: "list[Curve]") -> None:
-    """Print a line for each factor of a bias sweep, in ascending order: acne falls, peter-panning rises."""
+    """Print a line for each factor of a bias sweep, in ascending order: acne falls, peter-panning rises, if hard."""
     if not found:
         return
+    shares = () if any(row.soft for curve in found for _, row in curve.rows) else ("acne", "contact")
     rows = []
     for curve in found:
         for factor, row in curve.rows:
             marks = [*(["default"] if factor == 1 else []), *(["best"] if factor == curve.best else [])]
-            cells = [_cell(row, key) for key in ("acne", "contact", "error", "ssim")]
+            cells = [_cell(row, key) for key in (*shares, "error", "ssim")]
             rows.append((row.spec, str(row.map_size or ""), f"{factor:g}", *cells, ", ".join(marks)))
-    numbers = ("map", "× bias", "acne", "contact", _error_label([row for _, row in found[0].rows]), "SSIM")
-    title = f"{scene}, bias multiplied by a factor: acne against contact (peter-panning)"
+    numbers = ("map", "× bias", *shares, _error_label([row for _, row in found[0].rows]), "SSIM")
+    against = ": acne against contact (peter-panning)" if shares else ""
+    title = f"{scene}, bias multiplied by a factor{against}"
     console.print_table(title, ("spec", *numbers, ""), rows, numbers=numbers, whole=("",))
     console.out().print()
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from shadowbench.commands import console
-from shadowbench.commands.options import Assets, LightName, Quiet, SceneArgument, Sun, Up, ViewName, ViewSize
+from shadowbench.commands.options import Assets, LightName, NoGround, Quiet, SceneArgument, Sun, Up, ViewName, ViewSize
 
 if TYPE_CHECKING:
     from shadowbench.truths.trace import Truth
@@ -28,6 +28,7 @@ def truth(
     assets: Assets = None,
     up: Up = None,
     sun: Sun = False,
+    no_ground: NoGround = False,
     quiet: Quiet = False,
 ) -> None:
     """Ray-trace the shadows of a view into NumPy arrays.
@@ -51,7 +52,7 @@ def truth(
 
     check_outputs(".npz", output)
     with console.Reporter(quiet) as reporter:
-        chosen = reporter.view(scene, view_size, view, light, assets, up, sun)
+        chosen = reporter.view(scene, view_size, view, light, assets, up, sun, no_ground)
         found = cached_truth(chosen, pixel_samples)
     write_truth(output, found)
     if not quiet:

@@ -15,6 +15,7 @@ from shadowbench.commands.options import (
     Dask,
     Json,
     KeepGoing,
+    NoGround,
     Plugins,
     Quiet,
     Renderer,
@@ -98,6 +99,7 @@ def tune(
     assets: Assets = None,
     up: Up = None,
     sun: Sun = False,
+    no_ground: NoGround = False,
     keep_going: KeepGoing = False,
     dask: Dask = None,
     renderer: Renderer = None,
@@ -153,6 +155,7 @@ def tune(
             assets=assets,
             up=up,
             sun=sun,
+            no_ground=no_ground,
         )
     if json:
         console.print_json(values(found.tuning))

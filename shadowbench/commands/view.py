@@ -6,7 +6,19 @@ from typing import Annotated
 import typer
 
 from shadowbench.commands import completion, console
-from shadowbench.commands.options import SCENE, SPEC, Assets, LightName, Plugins, Quiet, Sun, Up, ViewName, ViewSize
+from shadowbench.commands.options import (
+    SCENE,
+    SPEC,
+    Assets,
+    LightName,
+    NoGround,
+    Plugins,
+    Quiet,
+    Sun,
+    Up,
+    ViewName,
+    ViewSize,
+)
 from shadowbench.errors import InputError
 
 app = typer.Typer()
@@ -51,6 +63,7 @@ def view(
     assets: Assets = None,
     up: Up = None,
     sun: Sun = False,
+    no_ground: NoGround = False,
     quiet: Quiet = False,
 ) -> None:
     """Open a window on a scene, beside its ray-traced truth.
@@ -76,8 +89,10 @@ def view(
         raise InputError(f"{scene}: found a folder; allowed with --cell KEY, a key of its rows.jsonl or its report")
     if state is not None and cell is not None:
         raise InputError("view: found --state and --cell; allowed: one")
-    if (state or cell) and (view or light or up or sun):
-        raise InputError("--view, --light, --up and --sun choose from a SCENE; a state and a cell have their own")
+    if (state or cell) and (view or light or up or sun or no_ground):
+        raise InputError(
+            "--view, --light, --up, --sun and --no-ground are for a SCENE; a state and a cell have their own"
+        )
     if len(technique or ()) > _MOST:
         raise InputError(f"--technique: found {len(technique or ())}; allowed: one or two, A and B")
     try:
@@ -98,9 +113,9 @@ def view(
         shown = cell_state(Path(str(scene)), cell, known, assets)
     else:
         with console.Reporter(quiet) as reporter:
-            chosen = reporter.view(str(scene), view_size, view, light, assets, up, sun)
+            chosen = reporter.view(str(scene), view_size, view, light, assets, up, sun, no_ground)
         camera = named(chosen.scene.cameras, chosen.camera.name, "view")  # its planes are the file's, not of this view
         first = parse_spec("cube-map" if chosen.light.kind == "point" else "shadow-map", known)
-        origin = Origin(str(scene), assets, up, sun)
+        origin = Origin(str(scene), assets, up, sun, no_ground)
         shown = ViewerState(chosen.scene, camera, chosen.light, (first,), chosen.size, origin)
     show(replace(shown, specs=specs or shown.specs, size=view_size or shown.size), known, plugin or ())

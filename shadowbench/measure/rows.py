@@ -178,6 +178,7 @@ class StudyFacts(TypedDict, total=False):
     phases: Count
     coordinates: Coordinates
     sun: bool
+    no_ground: bool
     up: str
 
 

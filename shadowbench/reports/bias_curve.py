@@ -12,7 +12,7 @@ _LINEAR_BELOW = 1e-3  # the scale is linear below this share and logarithmic abo
 
 
 def bias_charts(section: Section) -> list[tuple[str, Chart]]:
-    """Pairs of a swept spec and its chart; specs without values of acne and contact are left out."""
+    """Pairs of a swept spec and its chart; specs without values of acne and contact, and soft shadows, are left out."""
     found = curves([one.row for one in section.scored], section.run.sweep_positions)
     bases = dict.fromkeys(one.base for one in found)
     charts = [(base, _chart(section, base, [one for one in found if one.base == base])) for base in bases]
@@ -61,7 +61,7 @@ def _chart(section: Section, base: str, found: list[Curve]) -> Chart | None:
 
 def _point(curve: Curve, factor: float, one: Configuration) -> Chart | None:
     acne, contact = one.value("acne"), one.value("contact")
-    if acne is None or contact is None:
+    if acne is None or contact is None or one.row.soft:
         return None
     return {
         **tooltip_texts(one),

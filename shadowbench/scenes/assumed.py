@@ -66,7 +66,8 @@ def assumed_ground(meshes: Sequence[Mesh], bounds: Floats, where: str) -> tuple[
     corners = center + np.array([[-1, 0, 1], [1, 0, 1], [1, 0, -1], [-1, 0, -1]]) * (side / 2)
     ground = Mesh("ground", corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32))
     place = f"at y = {float(low[1]):.6g} around ({center[0]:.6g}, {center[2]:.6g})"
-    return ground, f"no ground in {where}: assumed a square of side {side:.6g} {place}"
+    shown = "which receives and casts shadows; --no-ground leaves it out"
+    return ground, f"no ground in {where}: assumed a square of side {side:.6g} {place}, {shown}"
 
 
 def _floor_area(meshes: Sequence[Mesh], y: float, thickness: float) -> float:
@@ -112,6 +113,22 @@ def with_sun(scene: Scene) -> Scene:
         radius = f"{math.degrees(SUN_RADIUS):.4g}°"
         note = f"no size of {', '.join(names)} in {scene.name}: assumed the sun's angular radius, {radius}"
     return replace(scene, lights=lights, notes=(*scene.notes, note))
+
+
+def without_ground(scene: Scene) -> Scene:
+    """The scene without the ground that was assumed, and a note on it."""
+    if scene.ground is None:
+        return replace(scene, notes=(*scene.notes, f"no-ground: no ground was assumed in {scene.name}"))
+    ground, told = scene.ground
+    none = f"{told.partition(': assumed a square')[0]}: none assumed"
+    notes = tuple(none if note == told else note for note in scene.notes)
+    return replace(scene, meshes=tuple(mesh for mesh in scene.meshes if mesh is not ground), notes=notes, ground=None)
+
+
+def as_asked(scene: Scene, sun: bool, no_ground: bool) -> Scene:
+    """The scene as `with_sun` and `without_ground` return it, where asked for."""
+    scene = without_ground(scene) if no_ground else scene
+    return with_sun(scene) if sun else scene
 
 
 def vector_text(values: Vec3) -> str:

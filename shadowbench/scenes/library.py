@@ -78,7 +78,7 @@ def read_mesh_scene(path: Path, up: str | None = None) -> Scene:
     if ground is not None:
         meshes.append(ground[0])
         notes.append(ground[1])
-    scene = Scene(name, tuple(meshes), contents.cameras, contents.lights, tuple(notes), contents.dropped)
+    scene = Scene(name, tuple(meshes), contents.cameras, contents.lights, tuple(notes), contents.dropped, ground)
     return with_assumptions(scene, bounds, path.name)
 
 

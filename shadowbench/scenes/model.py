@@ -165,7 +165,8 @@ class Light:
 class Scene:
     """Meshes, cameras and lights of a file, with defaults for those that it does not have.
 
-    notes: a line for each default and each unsupported feature; dropped: number of zero-area triangles removed.
+    notes: a line for each default and each unsupported feature; dropped: number of zero-area triangles removed; ground:
+    the mesh that was assumed and the note about it, None if none was.
     """
 
     name: str
@@ -174,6 +175,16 @@ class Scene:
     lights: tuple[Light, ...]
     notes: tuple[str, ...] = ()
     dropped: int = 0
+    ground: tuple[Mesh, str] | None = None
+
+    def __repr__(self) -> str:
+        """One line: name, number of triangles, and the names of the first meshes, cameras and lights."""
+        told = [f"{sum(len(mesh.faces) for mesh in self.meshes)} triangles"]
+        for what in ("meshes", "cameras", "lights"):
+            names = [one.name for one in getattr(self, what)]
+            more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+            told.append(f"{what}: {', '.join(f'{name:.40}' for name in names[:3])}{more}")
+        return f"<Scene {self.name}: {'; '.join(told)}>"
 
     @cached_property
     def geometry(self) -> Geometry:

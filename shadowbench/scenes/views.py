@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from shadowbench.errors import InputError, alternatives
-from shadowbench.scenes.assumed import with_sun
+from shadowbench.scenes.assumed import as_asked
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Camera, Light, Scene, View, view_of
 
@@ -24,16 +24,17 @@ def chosen_view(
     assets: Path | None = None,
     up: str | None = None,
     sun: bool = False,
+    no_ground: bool = False,
 ) -> View:
     """The view of size × size pixels of a scene, by default of its first camera and light.
 
-    scene: a name, a file or a loaded scene; assets, up: as for `load_scene`; sun: as `with_sun`. Raises InputError for
-    an unknown scene, camera or light, or an invalid size.
+    scene: a name, a file or a loaded scene; assets, up: as for `load_scene`; sun, no_ground: as for `as_asked`. Raises
+    InputError for an unknown scene, camera or light, or an invalid size.
     """
     if not 1 <= size <= LARGEST:
         raise InputError(f"view size {size}: allowed are 1 to {LARGEST}")
     loaded = scene if isinstance(scene, Scene) else load_scene(scene, assets, up)
-    loaded = with_sun(loaded) if sun else loaded
+    loaded = as_asked(loaded, sun, no_ground)
     chosen = named(loaded.cameras, camera, "view") if camera else loaded.cameras[0]
     lamp = named(loaded.lights, light, "light") if light else loaded.lights[0]
     return view_of(loaded, chosen, lamp, size)

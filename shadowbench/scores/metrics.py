@@ -39,6 +39,13 @@ class Metric:
         """Heading of its error, such as `1 − IoU`."""
         return f"1 − {self.label}" if self.better == "higher" else self.label
 
+    def suits(self, soft: bool) -> bool:
+        """Whether it is shown of hard shadows, or of soft ones: of those, not what is made for hard edges alone.
+
+        Those of hard edges that have targets are: recommendations may ask for them of any shadow.
+        """
+        return not soft or self.kind != "hard" or bool(self.targets)
+
     def error(self, value: float) -> float:
         """The error of a value: 1 − x of a similarity, else the value."""
         return 1 - value if self.better == "higher" else value

@@ -15,7 +15,7 @@ from shadowbench.measure.flips import Step
 from shadowbench.measure.references import DEFAULT_REFERENCE, reference_name
 from shadowbench.measure.rows import StudyFacts
 from shadowbench.measure.timing import Conditions
-from shadowbench.scenes.assumed import sunlit, with_sun
+from shadowbench.scenes.assumed import as_asked, sunlit
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, view_of
 from shadowbench.scenes.views import Named, named
@@ -36,7 +36,8 @@ class Study(Strict):
     technique: crossed specs. phases: subtexel offsets of the map's grid to measure, for `technique` entries without
     their own number. step: what moves a little to count flips, None to count none. views, lights: "file" for the first
     camera and all lights of a scene, else by name. sun: whether directional lights without a size have the sun's
-    (`with_sun`). time_limit: seconds per cell; memory_limit: GiB. notes: lines to show to the user.
+    (`with_sun`); no_ground: whether no ground is assumed (`without_ground`). time_limit: seconds per cell;
+    memory_limit: GiB. notes: lines to show to the user.
     """
 
     not_in_files: ClassVar[frozenset[str]] = frozenset({"assets", "up", "notes"})
@@ -55,6 +56,7 @@ class Study(Strict):
     views: Cameras = ("file",)
     lights: Lights = ("file",)
     sun: bool = Field(False, strict=True)
+    no_ground: bool = Field(False, strict=True)
     technique: Crossings
     assets: Path | None = None
     up: str | None = None
@@ -112,6 +114,7 @@ class Study(Strict):
             "phases": self.phases,
             "coordinates": self.coordinates,
             "sun": self.sun,
+            **({"no_ground": True} if self.no_ground else {}),
             **({"up": self.up} if self.up else {}),
         }
 
@@ -140,7 +143,7 @@ class Study(Strict):
             if first != source:
                 both = " and ".join(entry if isinstance(entry, str) else "a loaded scene" for entry in (first, source))
                 raise InputError(f"two scenes are called {scene.name!r}: {both}; names must differ")
-            scene = with_sun(scene) if self.sun else scene
+            scene = as_asked(scene, self.sun, self.no_ground)
             for camera, light in itertools.product(self.cameras(scene), self.lights_of(scene)):
                 yield Block(view_of(scene, camera, light, self.view_size), self.cells(light.soft))
 

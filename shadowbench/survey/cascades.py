@@ -48,9 +48,10 @@ def cascades_of(fitted: FittedMap, one: Texels) -> CascadeSizes | None:
     bounds = bounds_of(caster_and_receiver_vertices(samples.view.scene.geometry))
     sizes, edge_sizes = {}, {}
     for count in COUNTS:
-        unit = fitted.footprint.scaled(_extents(samples.view, bounds, space, fitted.footprint.coords, count))
+        extents = _extents(samples.view, bounds, space, fitted.footprint.coords, count)
+        unit = fitted.footprint.scaled(extents)
         sizes[count] = float(np.percentile(unit.longest, 95)) + 2 * fitted.padding
-        by_edges = edge_size(fitted, unit)
+        by_edges = edge_size(fitted, extents)
         if by_edges is not None:
             edge_sizes[count] = by_edges.value
     single, several = (one.edge_size.value, edge_sizes) if one.edge_size else (one.size.value, sizes)

@@ -135,12 +135,12 @@ def required_bias(fitted: FittedMap) -> Floats:
     count = fitted.texels(REFERENCE_SIZE)
     offset = (np.random.default_rng(0).random(fitted.unit.slope.shape) - 0.5) / count
     plane = np.maximum((fitted.unit.slope * offset).sum(axis=0), 0.0)
-    gap = _occluder_gap(fitted, offset * fitted.extent[:, None])
+    gap = occluder_gap(fitted, offset * fitted.extent[:, None])
     required: Floats = np.minimum(plane, np.maximum(gap, 0.0))
     return required
 
 
-def _occluder_gap(fitted: FittedMap, offset: Floats) -> Floats:
+def occluder_gap(fitted: FittedMap, offset: Floats) -> Floats:
     """(R,) depth gap from each sample to the first occluder, on the light ray at (2, R) light-space offsets from it."""
     samples, gap = fitted.samples, np.empty(offset.shape[1])
     for mine, space, footprint in fitted.light_spaces():

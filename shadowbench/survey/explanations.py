@@ -17,6 +17,8 @@ from shadowbench.survey.sampling import Estimate
 from shadowbench.survey.survey import Needs
 from shadowbench.survey.texels import Texels
 
+GROUND_FACTOR = 1.5
+"""Ratio of the map sizes needed with and without an assumed ground from which both are told."""
 _LIGHTS = {
     "directional": "parallel rays: one orthographic map, cascades, shadow volumes and projected shadows all support it",
     "spot": "a cone: one perspective map covers it; cascades need parallel rays",
@@ -45,6 +47,8 @@ def _rows(needs: Needs) -> Iterator[Explanation]:
     yield _receivers(needs.receivers)
     yield from _casters(needs.casters)
     yield from _texels(needs.texels)
+    if needs.without_ground:
+        yield from _ground(needs.texels, needs.without_ground)
     if needs.cascades:
         yield from _cascades(needs.cascades)
     if needs.bits:
@@ -95,8 +99,20 @@ def _texels(need: Texels) -> Iterator[Explanation]:
         yield Explanation(
             "map size, edges",
             _value(need.edge_size, "4.0f"),
-            "for 95% of the shadows' edge pixels to be right (edge_p95 below 1), with 2×2 comparisons",
+            "predicted, mostly within a factor of 2, for 95% of the shadows' edge pixels to be right "
+            "(edge_p95 below 1), with 2×2 comparisons and the default bias",
         )
+
+
+def _ground(need: Texels, without: Texels) -> Iterator[Explanation]:
+    if need.edge_size is None:
+        return
+    name, ground = "without ground", "without the ground that was assumed (--no-ground)"
+    if without.edge_size is None:
+        yield Explanation(name, "–", f"{ground} no shadow's edge is visible: the sizes above are for shadows on it")
+    elif not 1 / GROUND_FACTOR <= need.edge_size.value / without.edge_size.value <= GROUND_FACTOR:
+        number = _value(without.edge_size, "4.0f")
+        yield Explanation(name, number, f"map size, edges, {ground}, instead of {need.edge_size.value:.0f} with it")
 
 
 def _cascades(need: CascadeSizes) -> Iterator[Explanation]:
@@ -160,7 +176,7 @@ def _penumbra(need: Penumbra, light: LightShape) -> Iterator[Explanation]:
     yield Explanation(
         "error of hard",
         _value(need.hard_rmse),
-        "RMSE of exact hard shadows, as the centre of the light casts them, over all receivers; "
+        "RMSE of exact hard shadows, as the centre of the light casts them, over the scored receivers; "
         f"{_share(need.share)} of the shadow is penumbra; {verdict}",
     )
 

@@ -1,7 +1,7 @@
 """The shadow map fitted to the visible receivers, independent of its size."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -53,6 +53,10 @@ class FittedMap:
             yield from cube_faces(self.samples)
         else:
             yield self.all_samples, self.space, self.footprint
+
+    def select(self, chosen: Indices) -> "FittedMap":
+        """The same map with the chosen samples."""
+        return replace(self, samples=self.samples.select(chosen), footprint=self.footprint.select(chosen))
 
     @property
     def all_samples(self) -> Indices:

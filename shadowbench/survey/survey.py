@@ -4,7 +4,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.model import LightShape, View
+from shadowbench.scenes.assumed import without_ground
+from shadowbench.scenes.model import LightShape, View, view_of
 from shadowbench.survey.cascades import CascadeSizes, cascades_of
 from shadowbench.survey.casters import Casters, casters_of
 from shadowbench.survey.depth import BiasNeed, DepthBits, bias_of, bits_of, depths_of
@@ -20,15 +21,17 @@ from shadowbench.survey.texels import Texels, texels_of
 class Needs:
     """The needs of a view; None where a need does not apply.
 
-    light: kind of the light; receivers, casters: their statistics; texels: needed size of one map; cascades: needed
-    sizes of cascades, for a directional light; bits, bias: needed depth format and bias; penumbra: widths for the
-    light's size; reach: casters that can shadow visible receivers; pixels: number of sampled pixels, of view_size².
+    light: kind of the light; receivers, casters: their statistics; texels: needed size of one map; without_ground: the
+    same without the ground that was assumed; cascades: needed sizes of cascades, for a directional light; bits, bias:
+    needed depth format and bias; penumbra: widths for the light's size; reach: casters that can shadow visible
+    receivers; pixels: number of sampled pixels, of view_size².
     """
 
     light: LightShape
     receivers: Receivers
     casters: Casters
     texels: Texels
+    without_ground: Texels | None
     cascades: CascadeSizes | None
     bits: DepthBits | None
     bias: BiasNeed | None
@@ -46,6 +49,7 @@ def needs(view: View) -> Needs:
     with ThreadPoolExecutor(1) as pool:
         planes = pool.submit(planes_of, view.scene)
         casters = pool.submit(lambda: casters_of(view.placed()[0]))
+        bare = pool.submit(_without_ground, view)
         samples = sample_view(view)
         fitted = fitted_map(samples)
         reach = pool.submit(relevant_casters, fitted)
@@ -54,13 +58,25 @@ def needs(view: View) -> Needs:
         return Needs(
             light=view.light.kind,
             texels=texels,
+            without_ground=bare.result(),
             cascades=cascades_of(fitted, texels),
             bits=bits_of(fitted, depths),
             bias=bias_of(fitted, depths),
-            penumbra=penumbra_of(samples),
+            penumbra=penumbra_of(view, samples),
             reach=reach.result(),
             receivers=receivers_of(samples, planes.result()),
             casters=casters.result(),
             pixels=(-(-view.size // samples.step)) ** 2,
             view_size=view.size,
         )
+
+
+def _without_ground(view: View) -> Texels | None:
+    """The needed size without the ground that was assumed; None if there is none, or nothing else is lit and seen."""
+    if view.scene.ground is None:
+        return None
+    bare = view_of(without_ground(view.scene), view.camera, view.light, view.size)
+    try:
+        return texels_of(fitted_map(sample_view(bare)))
+    except InputError:  # no other receiver
+        return None

@@ -1,16 +1,19 @@
 """The map size that a view needs, from the extent of texels in pixels."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from shadowbench.scenes.model import Floats
-from shadowbench.survey.footprint import Footprint
+from shadowbench.survey.depth import occluder_gap
 from shadowbench.survey.maps import REFERENCE_SIZE, FittedMap
 from shadowbench.survey.rays import Indices
 from shadowbench.survey.sampling import Estimate
 
 WRONG = 0.05  # tolerated share of wrong edge pixels; above it `edge_p95` is at least a pixel
+LIMIT, GRAZING_SLOPE = 16.0, 50.0  # of the bias `texel`, the techniques' default
+STEP, STEPS = 2**0.25, 24  # in which a map size is enlarged until the shadow that the bias lights is small enough
 
 
 @dataclass(frozen=True)
@@ -19,7 +22,8 @@ class Texels:
 
     largest, p95: maximum and 95th percentile, over the visible receivers, of a texel's extent in pixels, for a map of
     REFERENCE_SIZE; size: map size at which the 95th percentile is one pixel; edge_size: map size at which 95% of the
-    shadows' edge pixels are right, so that `edge_p95` is below 1, None without edges; faces: 6 for a cube, else 1.
+    shadows' edge pixels are right, so that `edge_p95` is below 1, with the default bias and 2×2 comparisons, None
+    without edges; faces: 6 for a cube, else 1.
     """
 
     largest: Estimate
@@ -39,27 +43,69 @@ def texels_of(fitted: FittedMap) -> Texels:
         largest=largest.times(1 / fitted.texels(REFERENCE_SIZE)),
         p95=p95.times(1 / fitted.texels(REFERENCE_SIZE)),
         size=p95.plus(2 * fitted.padding),
-        edge_size=edge_size(fitted, fitted.unit),
+        edge_size=edge_size(fitted, fitted.extent),
         faces=6 if fitted.space is None else 1,
     )
 
 
-def edge_size(fitted: FittedMap, unit: Footprint) -> Estimate | None:
+def edge_size(fitted: FittedMap, extent: Floats) -> Estimate | None:
     """The map size at which at most a share WRONG of the edge pixels is wrong; None without edges.
 
-    unit: the samples' footprint, with the map (or each sample's cascade) as the unit.
+    extent: (2,) or (2, R) of the map, or of each sample's cascade. Wrong are edges that texels displace, and those
+    around shadow that the bias lights: a lit pixel counts as one.
     """
     samples = fitted.samples
     if not len(samples.edges):
         return None
-    displacement = unit.select(samples.edges).displacement
+    displacement = fitted.footprint.scaled(extent).select(samples.edges).displacement
     row = np.zeros(len(samples.pixel), dtype=np.intp)
     row[samples.edges] = np.arange(len(samples.edges))
 
     def needed(chosen: Indices) -> float:
         return texels_for(displacement[row[chosen]])
 
-    return samples.estimate(needed, samples.edges).plus(2 * fitted.padding)
+    displaced = samples.estimate(needed, samples.edges)
+    lit, edges = _lit_by_bias(fitted, extent), 2 * len(samples.edges)  # those of the mask and of the truth
+
+    def enough(texels: float) -> bool:
+        more = (
+            lit(texels) * samples.step
+        )  # pixels beside each other, of a lattice whose edges are as sparse as its rows
+        wrong = np.minimum(displacement / texels, 1).mean() * edges + more
+        return bool(wrong <= (1 + 1e-9) * WRONG * (edges + more))
+
+    steps = next((k for k in range(STEPS) if enough(displaced.value * STEP**k)), STEPS)
+    return displaced.times(STEP ** max(steps - 0.5, 0.0)).plus(2 * fitted.padding)
+
+
+def _lit_by_bias(fitted: FittedMap, extent: Floats) -> Callable[[float], int]:
+    """The number of samples in shadow, but not at its edge, that the default bias lights, by texels along a map's side.
+
+    The bias `texel` is the depth change of the receiver's plane across a texel's diagonal, at most LIMIT texels, or
+    twice that under a lamp; from GRAZING_SLOPE on, the receiver is moved off its surface by the diagonal instead.
+    """
+    chosen = np.setdiff1d(np.flatnonzero(fitted.samples.shadowed), fitted.samples.edges)
+    dark = fitted.select(chosen)
+    shift, ahead = np.zeros((2, len(chosen))), np.ones(len(chosen))
+    for mine, space, footprint in dark.light_spaces():
+        if space.perspective:
+            ahead[mine] = footprint.coords[2]
+        shift[:, mine] = (space.basis @ dark.samples.normal[:, mine])[:2] / ahead[mine]
+    cosine = dark.samples.cosine
+    sine = np.sqrt(np.maximum(1 - cosine**2, 0.0))
+    texel = np.broadcast_to(extent.reshape(2, -1), (2, len(fitted.samples.pixel)))[:, chosen] * ahead
+    most = LIMIT * (1 if fitted.samples.view.light.kind == "directional" else 2) * texel.max(axis=0)
+    depth, off = np.minimum(np.hypot(*texel) * sine / cosine, most), np.hypot(*texel) * sine
+    low = np.flatnonzero(sine >= GRAZING_SLOPE * cosine)
+    gap, grazing = occluder_gap(dark, np.zeros((2, len(chosen)))), dark.select(low)
+    depth[low] = -np.inf
+
+    def lit(texels: float) -> int:
+        moved = off[low] / texels
+        left = occluder_gap(grazing, -shift[:, low] * moved) - moved * cosine[low]
+        return int(np.count_nonzero(gap < depth / texels) + np.count_nonzero(left <= 0))
+
+    return lit
 
 
 def texels_for(displacement: Floats) -> float:

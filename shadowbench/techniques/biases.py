@@ -21,6 +21,7 @@ class Bias(Component):
     maps: ClassVar[frozenset[MapKind]] = frozenset({"2d", "array"})
     swept: ClassVar[tuple[str, ...]] = ()
     shader = "bias/none.glsl"
+    of_number = "constant"
 
     @classmethod
     def from_value(cls, value: "Component | str | Call") -> "Bias":

@@ -31,6 +31,7 @@ class Filter(Component):
     """Base class of the filters. `maps`: the supported kinds of shadow map."""
 
     maps: ClassVar[frozenset[MapKind]] = frozenset({"2d", "array"})
+    of_number = "pcf"
 
     @abstractmethod
     def radius(self, size: int) -> float:

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self, get_args, get_origin
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, ValidationError
 from pydantic.fields import FieldInfo
 
 from shadowbench.errors import InputError, alternatives
@@ -61,6 +61,7 @@ class Component(Strict):
     name: ClassVar[str]
     shader: ClassVar[str] = ""  # file that fills the include slot of the parameter, or its text of several lines
     table: ClassVar[dict[str, type[Self]]]
+    of_number: ClassVar[str] = ""  # of a family, the member that a number alone suggests
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
@@ -102,9 +103,22 @@ class Component(Strict):
             family = cls.__name__.lower()
             raise ValueError(f"{family}s cannot be added, only biases can; allowed: one of {', '.join(cls.table)}")
         if call.name not in cls.table:
-            raise ValueError(f"unknown {cls.__name__.lower()} {call.name!r}{alternatives(call.name, cls.table)}")
+            hint = cls._hint_of_number(value)
+            raise ValueError(f"unknown {cls.__name__.lower()} {call.name!r}{alternatives(call.name, cls.table)}{hint}")
         component = cls.table[call.name]
         return component(**call.keywords(list(component.model_fields)))
+
+    @classmethod
+    def _hint_of_number(cls, value: object) -> str:
+        """How a number alone is written, if it can be; empty otherwise."""
+        if not cls.of_number or isinstance(value, bool) or not isinstance(value, int | float):
+            return ""
+        component = cls.table[cls.of_number]
+        try:
+            component(**{next(iter(component.model_fields)): value})
+        except ValidationError:  # out of its range
+            return ""
+        return f"; a number alone is written {cls.of_number}({value})"
 
 
 def components_of(params: TechniqueParams | Component | None) -> list[Component]:

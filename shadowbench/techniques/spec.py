@@ -21,6 +21,19 @@ if TYPE_CHECKING:
     from shadowbench.techniques.base import Technique
 
 
+_WRITTEN = {
+    **dict.fromkeys(("csm", "pssm", "cascade", "cascaded-shadow-maps"), "cascades"),
+    **dict.fromkeys(("sm", "pcf-shadow-map", "shadow-mapping", "depth-map"), "shadow-map"),
+    "sdsm": "shadow-map:fit=visible",
+    **dict.fromkeys(("rt", "rtx", "dxr", "raytracing", "ray-tracing", "ray-query", "embree"), "ray-traced"),
+    **dict.fromkeys(("sv", "stencil", "stencil-shadows", "stencil-volume", "z-fail", "z-pass"), "shadow-volume"),
+    **dict.fromkeys(("omni", "omnidirectional", "cube", "point-shadow-map"), "cube-map"),
+    **dict.fromkeys(("planar", "projected", "projected-shadows"), "planar-projection"),
+    **dict.fromkeys(("none", "off", "no-shadows"), "unshadowed"),
+}
+"""Other names of techniques in the field, and what a spec calls them."""
+
+
 @dataclass(frozen=True)
 class Spec:
     """A technique and its parameters. `explicit`: the keys that the user set, directly or by a preset."""
@@ -95,12 +108,15 @@ def parse_spec(text: str, techniques: "Mapping[str, type[Technique]]") -> Spec:
     if name is None:
         raise reader.fail("a technique's name")
     if name not in techniques:
-        raise InputError(f"unknown technique {name!r:.60}{alternatives(name, sorted(techniques))}{_component(name)}")
+        raise InputError(f"unknown technique {name!r:.60}{alternatives(name, sorted(techniques))}{_called(name)}")
     return _parsed(text, techniques[name])
 
 
-def _component(name: str) -> str:
-    """A hint on where to write the name of a bias, filter, fit or split; empty for another name."""
+def _called(name: str) -> str:
+    """A hint on what a spec calls a technique, or where it has a bias, filter, fit or split; empty for another name."""
+    usual = name.casefold().replace("_", "-")
+    if usual in _WRITTEN:
+        return f"; {name} is written {_WRITTEN[usual]}"
     for family in Component.__subclasses__():
         if name in family.table:
             what = family.__name__.lower()

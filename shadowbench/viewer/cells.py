@@ -31,7 +31,7 @@ def cell_state(folder: Path, key: str, techniques: Techniques, assets: Path | No
     study = read_run_file(about).get("study", {}) if about.exists() else {}
     own = [row["scene"]] if row["scene"] in builtin_names() else []
     for source in sorted({*study.get("scenes", ()), *own}, key=lambda source: Path(source).stem != row["scene"]):
-        origin = Origin(source, assets, study.get("up"), study.get("sun", False))
+        origin = Origin(source, assets, study.get("up"), study.get("sun", False), study.get("no_ground", False))
         scene = origin.load()
         if scene.name == row["scene"]:
             where = f"{folder}: cell {row['key']} is of a camera or a light of its study, not of the scene: "

@@ -34,7 +34,7 @@ def scores_panel(viewer: Viewer) -> None:
     specs = [spec.full_text for spec in state.specs]
     known = [scores.by_spec.get(text) for text in specs]
     soft = any(is_soft(one) for one in known if one is not None)
-    names = [name for name in (*(SOFT if soft else ()), *HARD) if name in METRICS]
+    names = [name for name in (*(SOFT if soft else ()), *HARD) if name in METRICS and METRICS[name].suits(soft)]
     push_grey(not viewer.fresh)
     if imgui.begin_table("scores", len(specs) + 1, imgui.TableFlags_.sizing_stretch_same | imgui.TableFlags_.row_bg):
         for title in ("against the truth", *"AB"[: len(specs)]):

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from shadowbench.gl.picture import Shading
-from shadowbench.scenes.assumed import with_sun
+from shadowbench.scenes.assumed import as_asked
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, Vec3, View, view_of
 from shadowbench.scenes.views import Named
@@ -24,17 +24,17 @@ _COPY = re.compile(r"( \d+)+$")  # what a repeated mesh's name ends with
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a scene was loaded from: the arguments of `load_scene`, and whether its suns have their size."""
+    """Where a scene was loaded from: the arguments of `load_scene` and `as_asked`."""
 
     source: str
     assets: Path | None = None
     up: str | None = None
     sun: bool = False
+    no_ground: bool = False
 
     def load(self) -> Scene:
         """The scene, as it is on disk now. Raises InputError, as `load_scene` does."""
-        scene = load_scene(self.source, self.assets, self.up)
-        return with_sun(scene) if self.sun else scene
+        return as_asked(load_scene(self.source, self.assets, self.up), self.sun, self.no_ground)
 
 
 @dataclass(frozen=True)

@@ -116,8 +116,8 @@ def append_to_study(file: Path, state: ViewerState, index: int, techniques: Tech
 
     if file.suffix != ".toml":
         raise InputError(f"{file}: found a name that ends with {file.suffix or 'no suffix'!r}; allowed: .toml")
-    sun = "sun = true\n" if state.origin and state.origin.sun else ""
-    before = f"scenes = {_value([_source(state, file)])}\n{sun}".encode()
+    asked = "".join(f"{name} = true\n" for name in ("sun", "no_ground") if getattr(state.origin, name, False))
+    before = f"scenes = {_value([_source(state, file)])}\n{asked}".encode()
     if file.exists():
         read_study(file, techniques)
         before = file.read_bytes()

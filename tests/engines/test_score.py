@@ -96,7 +96,8 @@ def test_a_mask_of_soft_shadows_is_scored_with_the_error_of_the_truth(shadowbenc
     assert printed[0]["rmse"] == f"<{console.number(exact['truth_error'])}"
     assert printed[0]["rmse_pen"] == printed[0]["noise"] == f"<{console.number(exact['truth_error_pen'])}"
     assert printed[1]["rmse_pen"] == console.number(other["metrics"]["rmse_pen"])
-    assert "penumbra," in printed[0] and "width" in printed[0]
+    assert "penumbra," in printed[0] and "width" in printed[0] and "iou" in printed[0]
+    assert not {"contact", "acne", "leak", "edge_p95"} & printed[0].keys(), "made for hard edges"
     coarse = tmp_path / "coarse.png"
     Image.fromarray(np.rint(shifted * 255).astype(np.uint8)).save(coarse)
     lines = [shadowbench("score", scene, file).out.splitlines() for file in files]

@@ -194,5 +194,14 @@ def test_a_swept_bias_has_a_chart_with_a_line_for_each_map_size(run_folder: Call
     assert {"×0.5", "×1", "×4", "512", "1024"} <= set(texts(chart))
 
 
+def test_a_swept_bias_of_soft_shadows_has_no_chart_of_contact(run_folder: Callable[..., Any]) -> None:
+    cell = Cell("shadow-map", 512, 0.1, None, rmse_pen=0.2)
+    folder = run_folder([cell])
+    line = f"{cell.key},shadow-map,512,shadow-map,1"
+    (folder / "table.csv").write_text(f"key,spec,map_size,bias_of,bias_factor\n{line}")
+    ((section,),) = sections(read_runs([folder])).values()
+    assert section.run.sweep_positions and bias_charts(section) == []
+
+
 def test_without_a_bias_sweep_there_is_no_bias_chart(section_of: Callable[..., Section]) -> None:
     assert bias_charts(section_of()) == []

@@ -7,10 +7,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+import typer
 
+import shadowbench
+from shadowbench.commands import app
 from shadowbench.errors import InputError
+from shadowbench.scenes.assumed import without_ground
+from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.geometry import bounds_of
 from shadowbench.scenes.library import load_scene
+from shadowbench.scenes.views import chosen_view
+from shadowbench.studies.study import Study
+from shadowbench.survey.explanations import explanations_of
+from shadowbench.survey.survey import needs
+from shadowbench.techniques.registry import techniques
+from shadowbench.techniques.spec import parse_spec
 
 
 @pytest.fixture
@@ -56,6 +67,55 @@ def test_a_file_with_a_floor_gets_no_ground(tmp_path: Path, floor: float, added:
     path = tmp_path / "room.obj"
     trimesh.util.concatenate([box, plane] if floor else [box]).export(path)
     assert ("ground" in [mesh.name for mesh in load_scene(path).meshes]) == added
+
+
+def test_without_the_ground_the_rest_is_the_same_and_its_view_another(box: Path) -> None:
+    view, bare = (chosen_view(str(box), 64, no_ground=no_ground) for no_ground in (False, True))
+    assert [mesh.name for mesh in bare.scene.meshes] == ["box"] and bare.scene.cameras == view.scene.cameras
+    assert view.scene.notes[1].endswith("which receives and casts shadows; --no-ground leaves it out")
+    assert bare.scene.notes[1] == "no ground in box.obj: none assumed" and bare.scene.notes[2:] == view.scene.notes[2:]
+    assert view_digest(bare) != view_digest(view)
+    assert chosen_view(view.scene, 64, no_ground=True).scene.notes == bare.scene.notes, "also of a loaded scene"
+    assert len(shadowbench.load(box, no_ground=True).meshes) == 1
+    study = Study.of([str(box)], [parse_spec("unshadowed", techniques())], no_ground=True, view_size=64)
+    (block,) = study.blocks()
+    assert view_digest(block.view) == view_digest(bare) and study.facts["no_ground"] is True
+
+
+def test_a_scene_that_was_given_no_ground_loses_none() -> None:
+    scene = load_scene("stairs")
+    bare = without_ground(scene)
+    assert bare.meshes == scene.meshes and bare.notes[-1] == "no-ground: no ground was assumed in stairs"
+
+
+def test_needs_tells_the_map_size_without_the_ground_where_that_decides(box: Path) -> None:
+    found, bare = (needs(chosen_view(str(box), 64, no_ground=no_ground)) for no_ground in (False, True))
+    assert found.without_ground == bare.texels and bare.without_ground is None
+    assert found.texels.edge_size is not None and bare.texels.edge_size is None
+    told = {row.need: row.reason for row in explanations_of(found)}
+    assert "no shadow's edge is visible" in told["without ground"]
+    assert "without ground" not in {row.need for row in explanations_of(bare)}
+
+
+def test_needs_tells_both_map_sizes(tmp_path: Path) -> None:
+    """A table beside a post: a short shadow on the table, a long one on the ground."""
+    parts = [
+        trimesh.creation.box(extents=extents, transform=trimesh.transformations.translation_matrix(place))
+        for extents, place in (((2, 1, 2), (0, 0.6, 0)), ((0.2, 1, 0.2), (0, 1.6, 0)))
+    ]
+    path = tmp_path / "table.obj"
+    trimesh.util.concatenate(parts).export(path)
+    found = needs(chosen_view(str(path), 128))
+    assert found.texels.edge_size and found.without_ground and found.without_ground.edge_size
+    row = next(row for row in explanations_of(found) if row.need == "without ground")
+    assert row.number == f"{found.without_ground.edge_size.value:.0f}"
+    assert row.reason.endswith(f"(--no-ground), instead of {found.texels.edge_size.value:.0f} with it")
+
+
+def test_every_command_that_takes_a_mesh_file_can_leave_the_ground_out() -> None:
+    for name, command in typer.main.get_command(app).commands.items():
+        options = {option for one in command.params for option in one.opts}
+        assert ("--no-ground" in options) == ("--sun" in options) == ("--up" in options), name
 
 
 def test_a_floor_that_faces_down_is_no_ground(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shadowbench.errors import InputError
+from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene, view_of
 from shadowbench.scenes.tables import NARROWEST, camera_from_table
 
@@ -107,3 +108,9 @@ def test_a_field_of_view_that_float32_cannot_draw_is_refused() -> None:
     for fov in (1e-300, 1e-6, 0.99 * NARROWEST):
         with pytest.raises(InputError, match=r"fov_y: found .*; allowed: greater than or equal to 0.01"):
             camera_from_table(table | {"fov_y": fov}, "a.toml")
+
+
+def test_a_scene_of_many_meshes_is_shown_in_one_short_line() -> None:
+    line = repr(load_scene("street"))
+    assert line.startswith("<Scene street: 44658 triangles; meshes: road, house left 1, house left 2 and 114 more; ")
+    assert line.endswith("cameras: camera; lights: light>") and len(line) < 200

@@ -114,6 +114,18 @@ def test_a_run_prints_the_curve_with_default_and_best_and_keeps_the_factors(
     assert sorted(float(cell["bias_factor"]) for cell in cells) == [0.25, 0.5, 1, 2, 4]
 
 
+def test_a_curve_of_soft_shadows_has_no_column_made_for_hard_edges(
+    shadowbench: Callable[..., Any], tmp_path: Path
+) -> None:
+    file = study(tmp_path, "spec = 'shadow-map'\nsize = 128\nbias_sweep = [1, 2]")
+    assert file.sweeps
+    arguments = ("run", "-s", tmp_path / "study.toml", "--sun", "--view-size", "64", "--rounds", "0")
+    answer = shadowbench(*arguments, "-o", tmp_path / "run", "-q")
+    assert answer.code == 0, answer.err
+    head = answer.out.split("cube-on-plane, bias multiplied by a factor\n")[1].splitlines()[0]
+    assert head.split() == ["spec", "map", "×", "bias", "RMSE", "SSIM"] and "contact" not in answer.out
+
+
 def test_sweeps_that_meet_are_whole_each_and_a_table_names_a_spec_s_own(tmp_path: Path) -> None:
     made = study(
         tmp_path,

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from shadowbench.scenes.model import Light, View
+from shadowbench.scenes.model import Light, Mesh, View
 from shadowbench.scenes.views import chosen_view
 from shadowbench.survey import sampling
 from shadowbench.survey.cascades import CascadeSizes, cascades_of
@@ -16,7 +16,7 @@ from shadowbench.survey.depth import BIAS_STEPS
 from shadowbench.survey.footprint import ANGLES, DISPLACEMENTS
 from shadowbench.survey.maps import PADDING, REFERENCE_SIZE, FittedMap, fitted_map
 from shadowbench.survey.sampling import sample_view
-from shadowbench.survey.texels import WRONG, Texels, texels_for, texels_of
+from shadowbench.survey.texels import GRAZING_SLOPE, LIMIT, STEP, WRONG, Texels, texels_for, texels_of
 from shadowbench.techniques.biases import Texel
 from shadowbench.techniques.shadow_map import ShadowMap
 from tests.survey.conftest import box, from_above, looking, plate
@@ -58,6 +58,22 @@ def test_the_needed_size_for_an_edge_on_a_plane_follows_from_its_mean_displaceme
     mean = float((off / np.maximum(np.sin(angles), np.cos(angles))).mean())
     assert texels.edge_size is not None
     assert (texels.edge_size.value - 4) / 127 == pytest.approx(mean / WRONG, rel=0.01)
+
+
+def test_a_shadow_at_its_caster_s_foot_needs_texels_until_the_bias_does_not_light_it() -> None:
+    """A wall in low light: its shadow is a strip, lit as far from the wall as the bias of a slope of 10 reaches."""
+    height, slope = 0.05, 10.0
+    corners = np.array([[0.0, 0.0, -25.0], [0.0, 0.0, 25.0], [0.0, height, 25.0], [0.0, height, -25.0]])
+    wall = Mesh("wall", corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32), receives=False)
+    sun = Light("sun", "directional", (slope, -1.0, 0.0))
+    fitted, texels = of(from_above([plate(50.0), wall], sun, size=128))
+    samples = fitted.samples
+    inner = np.setdiff1d(np.flatnonzero(samples.shadowed), samples.edges)
+    foot = np.abs(samples.point[0, inner] - samples.view.scene.meshes[1].vertices[0, 0]).min()
+    # The bias is tan θ · the diagonal of a texel along the ray, which meets the wall after foot · √(1 + 1/slope²).
+    needed = slope * np.hypot(*fitted.extent) / (foot * np.hypot(1.0, 1.0 / slope))
+    assert texels.edge_size is not None
+    assert texels.edge_size.value - 2 * PADDING == pytest.approx(needed, rel=STEP - 1)
 
 
 @given(arrays(float, st.integers(1, 50), elements=st.floats(0.01, 1e4)))
@@ -106,4 +122,4 @@ def test_a_lamp_has_no_cascades() -> None:
 def test_needs_are_those_of_the_default_shadow_map() -> None:
     params = ShadowMap.Params()
     assert params.filter.radius(params.size) + 1 == PADDING and params.size == REFERENCE_SIZE
-    assert params.bias == Texel(ulps=BIAS_STEPS)
+    assert params.bias == Texel(ulps=BIAS_STEPS, limit=LIMIT, grazing=GRAZING_SLOPE)

@@ -26,7 +26,7 @@ from shadowbench.techniques.grammar import parse_value
 from shadowbench.techniques.params import Component
 from shadowbench.techniques.pcss import PCSS, PCFDisc
 from shadowbench.techniques.registry import techniques
-from shadowbench.techniques.spec import Spec, format_value, parse_spec
+from shadowbench.techniques.spec import _WRITTEN, Spec, format_value, parse_spec
 
 ALL = techniques()
 
@@ -128,6 +128,12 @@ def test_positional_and_keyword_arguments_are_equivalent() -> None:
     assert parse_spec("shadow-map:bias=slope(0.1,0.01)", ALL) == by_name
     assert parse_spec("shadow-map:bias=slope(0.1,min=0.01)", ALL) == by_name
     assert by_name.params.bias == Slope(max=0.1, min=0.01)
+
+
+def test_names_of_the_field_are_those_of_no_technique_and_lead_to_specs() -> None:
+    assert not _WRITTEN.keys() & ALL.keys()
+    for text in _WRITTEN.values():
+        assert parse_spec(text, ALL).technique in ALL.values()
 
 
 def test_spaces_change_nothing() -> None:
@@ -253,6 +259,8 @@ def test_with_changes_one_value_and_validates_it() -> None:
 
 MISTAKES = {
     "": "expected a technique's name",
+    "csm": "unknown technique 'csm'.*; csm is written cascades$",
+    "Ray_Tracing": "unknown technique 'Ray_Tracing'.*; Ray_Tracing is written ray-traced$",
     "pcss": "unknown technique 'pcss'.*; pcss is a filter: shadow-map:filter=pcss",
     "texel:scale=2": "unknown technique 'texel'.*; texel is a bias: shadow-map:bias=texel",
     "shadow-mop": "unknown technique 'shadow-mop'; did you mean 'shadow-map'. allowed: .*shadow-map",
@@ -283,7 +291,11 @@ MISTAKES = {
     "shadow-map:size=big": "size: ",
     "shadow-map:depth=d8": "depth: .*'d16', 'd24' or 'd32f'",
     "shadow-map:bias=heavy": "bias: unknown bias 'heavy'; allowed: none, constant",
-    "shadow-map:bias=3": "bias: unknown bias '3'",
+    "shadow-map:bias=3": "bias: unknown bias '3'; allowed: [^;]*$",
+    "shadow-map:bias=0.005": r"unknown bias '0.005'; allowed: .*; a number alone is written constant\(0.005\)$",
+    "shadow-map:filter=4": "unknown filter '4'; allowed: [^;]*$",
+    "shadow-map:filter=5": r"unknown filter '5'; allowed: .*; a number alone is written pcf\(5\)$",
+    "cascades:split=0.5": r"unknown split '0.5'; allowed: .*; a number alone is written practical\(0.5\)$",
     "shadow-map:bias=constant(2)": "units: .*less than or equal to 1",
     "shadow-map:bias=constant(-0.1)": "units: .*greater than or equal to 0",
     "shadow-map:bias=slope(0.1,0.2,0.3)": "slope takes at most 2 parameters: max, min",
