@@ -7,11 +7,12 @@ from shadowbench.extremes.ranges import HARD, SOFT, OperatingRange, value_text
 from shadowbench.measure.rows import Record
 from shadowbench.reports.analysis import Configuration, Section
 from shadowbench.reports.stability import Stability, complete_count
-from shadowbench.scores.metrics import is_soft
+from shadowbench.scores.metrics import METRICS, is_soft
 from shadowbench.scores.soft_faults import soft_faults
 from shadowbench.studies.folder import Run, Sweep
 from shadowbench.studies.tables import phase_note
 from shadowbench.studies.times import time_notes
+from shadowbench.techniques.registry import preset_names
 
 SOFTWARE = "times of a software renderer: for trends only, not representative of a GPU"
 NO_HARDENING = (
@@ -55,6 +56,24 @@ def section_notes(section: Section) -> list[str]:
 def value_of(one: Configuration, name: str) -> str:
     """Text of a metric or time (see `SummaryRow.text`)."""
     return one.row.text(name, digits)
+
+
+def median_text(one: Configuration, name: str, limit: float | None = None) -> str:
+    """Text of a metric's median, with the range over several views and phases: `0.9534 (0.9466–0.9571)`.
+
+    limit: a target, to the other side of which the median is not rounded.
+    """
+    metric, found = METRICS[name], one.row.values[name]
+    if found is None:
+        return "–"
+    form = "{:.4g}".format if name == "iou" else digits
+    text = one.row.text(name, form)
+    if limit is not None and not text.startswith("<"):
+        longer = (text, *(f"{found.median:.{places}g}" for places in range(4, 18)))
+        met = metric.meets(found.median, limit)
+        text = next(one for one in longer if metric.meets(float(one), limit) == met)
+    ends = [form(end) for end in (found.least, found.most) if end is not None]
+    return f"{text}{' px' if name == 'edge_px' else ''}" + (f" ({'–'.join(ends)})" if len(set(ends)) > 1 else "")
 
 
 def fault_lines(row: Record) -> list[str]:
@@ -125,10 +144,22 @@ def run_facts(run: Run | Sweep) -> list[tuple[str, str]]:
         ),
         ("time ratios against", study.get("reference")),
         ("rounds", study.get("rounds")),
-        ("phases", study.get("phases")),
+        ("phases", _phases(run) if isinstance(run, Run) else None),
         ("versions", ", ".join(f"{name} {value}" for name, value in about.get("versions", {}).items())),
     ]
     return [(name, str(value)) for name, value in facts if value not in (None, "")]
+
+
+def _phases(run: Run) -> str:
+    """The number of phases in which each spec was scored: `8`, or `8 of shadow-map; 1 of all others`."""
+    scored = run.frame[run.frame["status"] == "ok"]
+    specs: dict[int, list[str]] = {}
+    for spec, count in scored["phase"].fillna(0).groupby(scored["spec"], sort=False).nunique().items():
+        specs.setdefault(count, []).append(preset_names().get(str(spec), str(spec)))
+    if len(specs) < 2:
+        return "".join(map(str, specs))
+    *fewer, (most, _) = sorted(specs.items(), key=lambda item: len(item[1]))
+    return "; ".join([*(f"{count} of {', '.join(names)}" for count, names in fewer), f"{most} of all others"])
 
 
 def tolerances() -> str:
