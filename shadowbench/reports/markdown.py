@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from shadowbench.reports.analysis import Section, by_kind, front
+from shadowbench.reports.analysis import Section, by_kind, front, specs_of
 from shadowbench.reports.matrix import candidates, cost_matrix, targets_of, title_of_all
 from shadowbench.reports.stability import Stability
 from shadowbench.reports.verdict import accuracy_text, cell_texts, target_name, verdict
@@ -11,6 +11,7 @@ from shadowbench.reports.words import (
     digits,
     faults_of,
     mask_warnings,
+    presets_of,
     range_tables,
     range_text,
     run_facts,
@@ -65,6 +66,10 @@ def markdown_report(runs: Sequence[Run], scenes: Mapping[str, Sequence[Section]]
         times = [("times", time_source(one))] if isinstance(one, Run) else []
         facts = [*run_facts(one), *times, *(("assumed", note) for note in one.assumptions)]
         blocks.append("\n".join(f"- {name}: {_fact(name, value)}" for name, value in facts))
+    every = specs_of([section for parts in scenes.values() for section in parts])
+    presets = presets_of([*every, *(spec for found in swept for spec in found.specs)])
+    if presets:
+        blocks += ["### Presets", "\n".join(f"- `{name}`: `{spec}`" for name, spec in presets)]
     return "\n\n".join(blocks) + "\n"
 
 

@@ -150,12 +150,13 @@ class Panel:
         best = cell.cheapest
         state = "none" if best is None else "all" if len(best.by_scene) == len(sections) else "some"
         ties = ", ".join(one.mean.label for one in cell.ties)
-        about = f"as cheap, within the noise: {ties}" if ties else label or note
+        about = [] if best is None else [best.mean.full_spec]
+        about += [f"as cheap, within the noise: {ties}"] if ties else []
         return {
             "cost": cost,
             "accuracy": accuracy_text(cell, {one.title: one.scene for one in sections}),
             "label": ", ".join(filter(None, (label, note))),
-            "about": about,
+            "about": "; ".join(about) or note,
             "state": state,
             **self.picture_of(best or cell.closest),
         }

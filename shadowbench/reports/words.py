@@ -1,6 +1,7 @@
 """Texts that all report formats share: numbers, notes, and operating ranges."""
 
 from collections import Counter
+from collections.abc import Iterable
 
 from shadowbench.extremes.axes.model import NAMES, Axis, value_label
 from shadowbench.extremes.ranges import HARD, SOFT, OperatingRange, value_text
@@ -160,6 +161,11 @@ def _phases(run: Run) -> str:
         return "".join(map(str, specs))
     *fewer, (most, _) = sorted(specs.items(), key=lambda item: len(item[1]))
     return "; ".join([*(f"{count} of {', '.join(names)}" for count, names in fewer), f"{most} of all others"])
+
+
+def presets_of(specs: Iterable[str]) -> list[tuple[str, str]]:
+    """The presets among specs, each by its name and with the spec that it stands for."""
+    return [(name, spec) for spec in dict.fromkeys(specs) if (name := preset_names().get(spec))]
 
 
 def tolerances() -> str:

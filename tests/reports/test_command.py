@@ -19,6 +19,7 @@ from shadowbench.reports import gallery, report
 from shadowbench.reports.gallery import difference
 from shadowbench.scores.difference import FALSE_LIGHT, FALSE_SHADOW
 from shadowbench.studies import folder as folder_of_cells
+from shadowbench.techniques.registry import preset_names
 from tests.reports.conftest import CELLS, SIDE, Cell, galleries, image_of, scripts
 
 Shadowbench = Callable[..., Any]
@@ -43,6 +44,18 @@ def test_the_verdict_and_the_matrix_are_in_the_page_itself(run_folder: Write, pa
     (cells,) = re.findall(r'<tr><th scope="row">shadow-map</th>(.*?)</tr>', page, re.DOTALL)
     assert re.findall(r"<b>(.*?)</b>", cells) == ["5.00 ms", "20.0 ms", "–"]
     assert re.findall(r'class="(\w+)" aria', cells) == ["all", "all", "none"]
+
+
+def test_presets_say_what_they_stand_for(
+    run_folder: Write, page_of: Callable[..., str], shadowbench: Shadowbench, tmp_path: Path
+) -> None:
+    spec, name = next((spec, name) for spec, name in preset_names().items() if name == "shadow-map:preset=course")
+    folder = run_folder([*CELLS, Cell(spec, 512, 0.01, 3.0)])
+    page = page_of(folder).replace("<wbr>", "")
+    assert f"<dt>{name}</dt><dd><code>{spec}</code></dd>" in page
+    assert f'title="{spec}[512]' in page, "the full spec, over the cell of the matrix"
+    assert shadowbench("report", folder, "--format", "md", "-o", tmp_path / "table.md", "-q").code == 0
+    assert f"- `{name}`: `{spec}`\n" in (tmp_path / "table.md").read_text(encoding="utf-8")
 
 
 def test_table_values_have_sort_keys_and_texts(run_folder: Write, page_of: Callable[..., str]) -> None:

@@ -174,16 +174,16 @@ class Viewer {
       this.find(`.tag.${side}`).textContent = nameOf(cell);
       const caption = this.find(`.caption.${side}`);
       caption.textContent = cell ? `${nameOf(cell)}: ${cell.caption}` : "truth: ray traced";
+      if (PAGE.names[cell?.spec]) caption.append(", which is ", Object.assign(document.createElement("code"), { textContent: cell.spec }));
       if (cell?.command) caption.append(" ", Object.assign(document.createElement("code"), { textContent: cell.command }));
     }
     this.find(".errors").hidden = !this.cells[0]?.soft;
     for (const input of this.box.querySelectorAll(".modes input")) input.checked = input.value === this.mode;
-    this.onDraw(this.a);
-    this.done = Promise.all(["a", "b"].map((side) => {
+    this.done = Promise.all([this.onDraw(this.a), ...["a", "b"].map((side) => {
       const canvas = this.find(`canvas.${side}`);
       canvas.setAttribute("aria-label", `${this.mode}: ${nameOf(this[side])}`);
       return render(canvas, view, this[side], this.mode);
-    }));
+    })]);
     await this.done;
   }
 
