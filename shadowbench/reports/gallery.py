@@ -100,9 +100,9 @@ def scored_cells(section: Section) -> list[GalleryCell]:
         shown, own, caption = _score(score), "", ", ".join([_score(score), *others, cost])
         if one.row.cells > 1:
             text, which = median_text(one, ranked_by.name), f"phase {first}" if one.row.phases > 1 else "this view"
-            shown = f"{ranked_by.label} {text}, median of {one.row.cells}"
+            shown = f"median {ranked_by.label} {text}"
             own = f"picture: {which}, {_score(score)}"
-            caption = f"{shown}, {cost}; {', '.join([own, *others])}"
+            caption = f"{shown} of {one.row.cells}, {cost}; {', '.join([own, *others])}"
         error = None if one.error is None else one.error.median
         told = tuple(fault_lines(score)[:SHOWN_FAULTS])
         found.append(GalleryCell(score, one.spec, one.map_size, view_name, shown, caption, error, own, told))

@@ -18,7 +18,7 @@ def verdict(sections: Sequence[Section]) -> list[str]:
     What `recommend` never chooses is left out; ray tracing, on the CPU as the truth is, is named for scale.
     """
     everything = candidates(sections)
-    found = [one for one in real_time(everything) if _has_shadow(one)]
+    found = _able(everything)
     where = "" if len(sections) == 1 else f" in all {len(sections)} scenes"
     complete = [one for one in found if one.in_all_scenes]
     if not found:
@@ -53,10 +53,18 @@ def real_time(found: Sequence[Candidate]) -> list[Candidate]:
 
 
 def verdict_candidate(found: Sequence[Candidate]) -> Candidate | None:
-    """The candidate that the verdict names first, or the most accurate if no target is met; None without candidates."""
-    complete = [one for one in real_time(found) if one.in_all_scenes]
+    """The candidate that the verdict names first, else the most accurate; None without candidates."""
+    able = _able(found)
+    complete = [one for one in able if one.in_all_scenes]
     main = _main_target(complete)
-    return next(iter(found), None) if main is None else cheapest(complete, main)
+    if main is None:
+        return closest(able, _targets(able)[0]) if able else next(iter(found), None)
+    return cheapest(complete, main)
+
+
+def _able(found: Sequence[Candidate]) -> list[Candidate]:
+    """The candidates that are real-time techniques and draw a shadow where one should be."""
+    return [one for one in real_time(found) if (one.mean.value("iou_soft" if one.mean.row.soft else "iou") or 0.0) > 0]
 
 
 def cost_note(sections: Sequence[Section]) -> str:
@@ -78,11 +86,6 @@ def _main_target(complete: Sequence[Candidate]) -> Target | None:
 
 def _targets(found: Sequence[Candidate]) -> tuple[Target, ...]:
     return targets_of(found[0].mean.row.ranked_by) if found else ()
-
-
-def _has_shadow(one: Candidate) -> bool:
-    """Whether any shadow is where one should be."""
-    return (one.mean.value("iou_soft" if one.mean.row.soft else "iou") or 0.0) > 0
 
 
 def _accuracy(target: Target) -> str:

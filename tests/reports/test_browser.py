@@ -724,6 +724,6 @@ def test_a_picture_of_one_phase_says_so_beside_the_median(
     caption, thumbnail = page.locator(".caption.a").inner_text(), page.locator("#errors .sheet button").inner_text()
     assert "IoU 0.96 (0.94–0.98)" in cell
     for text in (caption, thumbnail):
-        assert "IoU 0.96 (0.94–0.98), median of 3" in text and "picture: phase 0, IoU 0.94000" in text
+        assert "median IoU 0.96 (0.94–0.98)" in text and "picture: phase 0, IoU 0.94000" in text
     assert "3" in page.locator("#provenance dt", has_text="phases").locator("+ dd").inner_text()
     page.close()

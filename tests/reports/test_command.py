@@ -212,7 +212,7 @@ def test_the_verdict_names_the_cheapest_for_each_accuracy(
 ) -> None:
     told = verdict_of(shadowbench("report", run_folder(), "-o", tmp_path / "report.html"))
     assert told[:9] == [
-        "scene target cost cheapest",
+        "scene target cost cheapest real-time setting",
         "stairs IoU ≥ 0.95 5.00 ms shadow-map at 512",
         "IoU ≥ 0.99 20.0 ms shadow-map at 2048",
         "IoU ≥ 0.999 – none, best 0.995",

@@ -125,10 +125,10 @@ def test_a_target_is_met_by_the_median_that_is_shown_with_its_range(measured: Ma
     assert (met["cost"], met["accuracy"]) == ("5.00 ms", "IoU 0.96 (0.94–0.98)")
     assert (missed["cost"], missed["accuracy"], missed["label"]) == ("–", "", "best 0.94 (0.92–0.96)")
     (picture,) = scored_cells(meets)
-    assert picture.score == "IoU 0.96 (0.94–0.98), median of 3" and picture.error == pytest.approx(0.04)
+    assert picture.score == "median IoU 0.96 (0.94–0.98)" and picture.error == pytest.approx(0.04)
     assert picture.own == "picture: phase 0, IoU 0.94000"
     assert picture.caption == (
-        "IoU 0.96 (0.94–0.98), median of 3, 5.00 ms (software renderer); picture: phase 0, IoU 0.94000, edge 6.00 px"
+        "median IoU 0.96 (0.94–0.98) of 3, 5.00 ms (software renderer); picture: phase 0, IoU 0.94000, edge 6.00 px"
     )
 
 
@@ -304,9 +304,17 @@ def test_what_recommend_never_chooses_is_not_called_the_cheapest(measured: Make)
         Cell("light-samples", None, 0.004, 5.0, rmse_pen=0.04),
         Cell("unshadowed", None, 0.1, 1.0, rmse_pen=0.06),
     )
-    made = measured(yardstick, bare, Cell("ray-traced:samples=64", None, 0.004, 9.0, rmse_pen=0.06))
+    traced = Cell("ray-traced:samples=64", None, 0.004, 9.0, rmse_pen=0.06)
+    made = measured(yardstick, bare, traced)
     (line, _) = verdict(made)
     assert line == "No real-time technique here has a score."
+    blurred = measured(yardstick, traced, Cell("shadow-map", 512, 0.2, 20.0, rmse_pen=0.4), name="blurred")
+    assert verdict(blurred)[:2] == [
+        "No real-time technique here reaches RMSE ≤ 0.05.",
+        "Closest: `shadow-map at 512`, RMSE 0.100.",
+    ]
+    (panel,) = panels_of(blurred[0].run, 0, blurred)
+    assert panel.start is not None and panel.start["spec"] == "shadow-map", "whose picture stands beside the sentence"
     with_a_map = measured(yardstick, bare, Cell("shadow-map", 512, 0.004, 20.0, rmse_pen=0.06), name="with-a-map")
     assert (
         verdict(with_a_map)[0] == "RMSE ≤ 0.02: `shadow-map at 512` is the cheapest real-time setting, 20.0 ms a frame."
