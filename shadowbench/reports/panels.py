@@ -99,13 +99,7 @@ class Panel:
     @property
     def notes(self) -> list[str]:
         """Notes on a single scene's results."""
-        if len(self.sections) > 1:
-            return []
-        several = (
-            f"medians of up to {self.max_cells} cells (views × phases) a configuration; intervals in the table and the "
-            "charts are 95% confidence intervals of the median, by bootstrap"
-        )
-        return [*section_notes(self.sections[0]), *([several] if self.max_cells > 1 else [])]
+        return section_notes(self.sections[0]) if len(self.sections) == 1 else []
 
     @property
     def ranked_by(self) -> str:

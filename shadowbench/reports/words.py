@@ -41,17 +41,27 @@ def sentence(text: str) -> str:
 
 def time_source(run: Run) -> str:
     """A note on which renderer a run's times are from."""
+    if not run.times:
+        return "nothing was timed"
     if run.software is None:
         return "times of an unknown machine (no run.json)"
     return SOFTWARE if run.software else f"times of {run.renderer}"
 
 
 def section_notes(section: Section) -> list[str]:
-    """Notes on a section: maps scored in one phase only, the reference of its times, and rough times."""
+    """Notes on a section: medians, maps scored in one phase only, the reference of its times, and rough times."""
     rows = [one.row for one in section.scored]
     rough = [one.row.rough for one in section.timed]
     flat = [NO_HARDENING] if section.soft and not any(row.values.get("hardening") for row in rows) else []
-    return [*filter(None, [phase_note(rows)]), *flat, *time_notes(section.reference, rough)]
+    several = [] if section.max_cells < 2 else [_several(section.max_cells)]
+    return [*several, *filter(None, [phase_note(rows)]), *flat, *time_notes(section.reference, rough)]
+
+
+def _several(cells: int) -> str:
+    return (
+        f"medians over up to {cells} cells (views × phases) a configuration; in round brackets their range, in square "
+        "brackets, as the bars of charts, the 95% confidence interval of the median, by bootstrap"
+    )
 
 
 def value_of(one: Configuration, name: str) -> str:

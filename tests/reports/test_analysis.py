@@ -11,7 +11,7 @@ from shadowbench.reports.gallery import scored_cells
 from shadowbench.reports.markdown import markdown_report
 from shadowbench.reports.matrix import Target
 from shadowbench.reports.verdict import cost_note, verdict
-from shadowbench.reports.words import mask_warnings, section_notes, unscored, value_of
+from shadowbench.reports.words import mask_warnings, section_notes, time_source, unscored, value_of
 from shadowbench.studies.folder import read_runs
 from shadowbench.studies.tables import Interval
 from tests.reports.conftest import CELLS, RECEIVERS, Cell
@@ -126,18 +126,22 @@ def test_every_time_of_a_cell_that_varied_is_marked_and_no_metric(section_of: Ca
 
 def test_maps_scored_in_one_phase_have_a_note(section_of: Callable[..., Section]) -> None:
     def note(*cells: Cell, name: str) -> str:
-        return section_notes(section_of(cells, name=name))[0]
+        return section_notes(section_of(cells, name=name))[-1]
 
     alone = [Cell("a", size, 0.1, None) for size in (512, 1024)]
     assert note(*alone, name="one").startswith("scored in one phase")
     again = Cell("a", 512, 0.2, None, phase=1)
     assert note(*alone, again, name="some").startswith("maps without an interval: scored in one phase")
-    assert section_notes(section_of((alone[0], again), name="two")) == []
+    (several,) = section_notes(section_of((alone[0], again), name="two"))
+    assert several.startswith(
+        "medians over up to 2 cells (views × phases) a configuration; in round brackets their range"
+    )
 
 
 def test_a_run_without_times_has_no_prices(section_of: Callable[..., Section]) -> None:
     section = section_of([Cell("a", 512, 0.1, None)])
     assert "Nothing here was timed" in cost_note([section])
+    assert time_source(section.run) == "nothing was timed"
     assert front(section) == []
 
 

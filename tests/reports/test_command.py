@@ -309,6 +309,14 @@ def test_the_verdict_on_three_scenes_fits_a_screen(
     assert max(map(len, table)) <= width
 
 
+def test_a_scene_without_a_score_has_neither_costs_nor_a_note_on_them(
+    run_folder: Write, page_of: Callable[..., str]
+) -> None:
+    page = page_of(run_folder(CELLS[-2:]))
+    assert "Nothing here has a score." in page
+    assert 'class="matrix"' not in page and "Nothing here was timed: the cost" not in page
+
+
 def test_without_a_score_there_is_no_verdict(run_folder: Write, shadowbench: Shadowbench, tmp_path: Path) -> None:
     told = verdict_of(shadowbench("report", run_folder(CELLS[-2:]), "-o", tmp_path / "report.html"))
     assert told[0] == "Nothing here has a score."

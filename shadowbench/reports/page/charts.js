@@ -57,8 +57,9 @@ function zoomed(element, factor) {
 function fillLegend(box, points, onChoose = () => {}) {
   const specs = PAGE.specs.filter((spec) => points.has(spec)), none = PAGE.specs.filter((spec) => !points.has(spec));
   const wanted = box.wanted?.filter((spec) => points.has(spec)), count = PAGE.colors.length;
-  box.shown = new Map();
-  for (const spec of (wanted?.length || box.wanted?.length === 0 ? wanted : specs).slice(0, count)) {
+  const on = (wanted?.length || box.wanted?.length === 0 ? wanted : specs).slice(0, count);
+  box.shown = new Map([...box.shown ?? []].filter(([spec]) => on.includes(spec))); // what stays on keeps its look
+  for (const spec of on.filter((one) => !box.shown.has(one))) {
     const taken = new Set(box.shown.values()), own = PAGE.specs.indexOf(spec);
     box.shown.set(spec, PAGE.colors.map((_, step) => (own + step) % count).find((slot) => !taken.has(slot)));
   }
