@@ -104,7 +104,7 @@ def scored_cells(section: Section) -> list[GalleryCell]:
             own = f"picture: {which}, {_score(score)}"
             caption = f"{shown} of {one.row.cells}, {cost}; {', '.join([own, *others])}"
         error = None if one.error is None else one.error.median
-        told = tuple(fault_lines(score)[:SHOWN_FAULTS])
+        told = tuple(fault_lines(one)[:SHOWN_FAULTS])
         found.append(GalleryCell(score, one.spec, one.map_size, view_name, shown, caption, error, own, told))
     return found
 

@@ -5,7 +5,6 @@ from collections.abc import Iterable
 
 from shadowbench.extremes.axes.model import NAMES, Axis, value_label
 from shadowbench.extremes.ranges import HARD, SOFT, OperatingRange, value_text
-from shadowbench.measure.rows import Record
 from shadowbench.reports.analysis import Configuration, Section
 from shadowbench.reports.stability import Stability, complete_count
 from shadowbench.scores.metrics import METRICS, is_soft
@@ -35,8 +34,8 @@ def counted(count: int, what: str) -> str:
 
 
 def sentence(text: str) -> str:
-    """The text with a capital letter and a full stop."""
-    return text[:1].upper() + text[1:] + "."
+    """The text with a capital letter, unless it begins with a unit, and a full stop."""
+    return f"{text}." if text.startswith("ms:") else text[:1].upper() + text[1:] + "."
 
 
 def time_source(run: Run) -> str:
@@ -87,19 +86,16 @@ def median_text(one: Configuration, name: str, limit: float | None = None) -> st
     return f"{text}{' px' if name == 'edge_px' else ''}" + (f" ({'–'.join(ends)})" if len(set(ends)) > 1 else "")
 
 
-def fault_lines(row: Record) -> list[str]:
-    """What is wrong with the soft shadows of a score row, causes first; empty for hard ones."""
-    metrics = row["metrics"]
-    faults = soft_faults(metrics, row.get("width_bias")) if is_soft(metrics) else []
+def fault_lines(one: Configuration) -> list[str]:
+    """What is wrong with the soft shadows of a configuration, by its medians, causes first; empty for hard ones."""
+    metrics = {name: one.value(name) for name in METRICS}
+    faults = soft_faults(metrics, one.value("width_bias")) if is_soft(metrics) else []
     return [f"{fault.name}: {fault.line}" for fault in faults]
 
 
 def faults_of(section: Section) -> list[tuple[str, str]]:
-    """What is wrong with each configuration of a soft scene, best first, by its first cell: label and sentences."""
-    keys = set(section.frame["key"])
-    rows = [row for row in section.run.rows if row["key"] in keys and row["status"] == "ok"]
-    first = {(row["spec"], row["map_size"]): row for row in reversed(rows)}
-    told = [(one.label, "; ".join(fault_lines(first[one.spec, one.map_size]))) for one in section.scored]
+    """What is wrong with each configuration of a soft scene, best first: label and sentences."""
+    told = [(one.label, "; ".join(fault_lines(one))) for one in section.scored]
     return [(label, line) for label, line in told if line]
 
 

@@ -112,7 +112,7 @@ def test_a_section_says_what_its_times_are_by_and_which_are_rough(section_of: Ca
     assert notes[3].startswith("~: ")
     text = markdown_report([section.run], {section.title: [section]}, [])
     assert "| ~27.0 |" in text and "| 12.0 |" in text
-    assert all(note[1:] in text for note in notes)
+    assert all(note[1:] in text for note in notes) and "\nms: time relative" in text, "no megaseconds"
     assert section_notes(section_of((Cell("unshadowed", None, 1.0, None),), name="untimed")) == []
 
 

@@ -23,6 +23,7 @@ from shadowbench.reports.verdict import cell_texts, cost_note, verdict
 from shadowbench.reports.words import faults_of, run_facts
 from shadowbench.scores.metrics import METRICS
 from shadowbench.studies.folder import read_runs
+from shadowbench.studies.tables import Interval
 from tests.reports.conftest import CELLS, TRUTH_ERROR, Cell
 
 Make = Callable[..., list[Section]]
@@ -405,3 +406,6 @@ def test_soft_cells_say_what_is_wrong_and_how_much(measured: Make) -> None:
     )
     assert [label for label, _ in faults_of(soft)] == [one.label for one in soft.scored]
     assert not faults_of(hard) and not any(cell.faults for cell in scored_cells(hard))
+    for one in soft.scored:
+        one.row.values["bleed"] = Interval(0.25)
+    assert all("mean visibility is 0.25, not 0" in line for _, line in faults_of(soft)), "medians, as in the table"

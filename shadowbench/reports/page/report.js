@@ -76,7 +76,7 @@ async function showErrors(shown = PAGE_ERRORS) {
     Object.assign(button, { type: "button", title: PAGE.names[cell.spec] ? cell.spec : "" });
     score.textContent = cell.score;
     label.append(...breakable(nameOf(cell)));
-    button.append(...await thumbnail(view, cell), score, label, ...[cell.own, ...cell.faults].filter(Boolean).map((line) => Object.assign(document.createElement("small"), { textContent: line })));
+    button.append(...await thumbnail(view, cell), score, label, ...[...cell.faults, cell.own].filter(Boolean).map((line) => Object.assign(document.createElement("small"), { textContent: line })));
     button.addEventListener("click", async () => {
       first.mode = "difference";
       await first.pick("a", first.cells.indexOf(cell));
