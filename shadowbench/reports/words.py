@@ -18,6 +18,7 @@ SOFTWARE = "times of a software renderer: for trends only, not representative of
 NO_HARDENING = (
     "no hardening: it needs 30 true penumbrae wider than 4 px on planes, whose widths differ by a factor of 3"
 )
+_BRACKETS = "( ): range over the cells; [ ], and bars of charts: 95% confidence interval of the median, by bootstrap"
 EDGE_NAMES = {1.0: "1 px", 0.5: "½ px", 0.25: "¼ px"}
 
 
@@ -52,15 +53,9 @@ def section_notes(section: Section) -> list[str]:
     rows = [one.row for one in section.scored]
     rough = [one.row.rough for one in section.timed]
     flat = [NO_HARDENING] if section.soft and not any(row.values.get("hardening") for row in rows) else []
-    several = [] if section.max_cells < 2 else [_several(section.max_cells)]
+    cells = f"medians over up to {section.max_cells} cells (views × phases) a configuration"
+    several = [cells, _BRACKETS] if section.max_cells > 1 else []
     return [*several, *filter(None, [phase_note(rows)]), *flat, *time_notes(section.reference, rough)]
-
-
-def _several(cells: int) -> str:
-    return (
-        f"medians over up to {cells} cells (views × phases) a configuration; in round brackets their range, in square "
-        "brackets, as the bars of charts, the 95% confidence interval of the median, by bootstrap"
-    )
 
 
 def value_of(one: Configuration, name: str) -> str:

@@ -132,10 +132,9 @@ def test_maps_scored_in_one_phase_have_a_note(section_of: Callable[..., Section]
     assert note(*alone, name="one").startswith("scored in one phase")
     again = Cell("a", 512, 0.2, None, phase=1)
     assert note(*alone, again, name="some").startswith("maps without an interval: scored in one phase")
-    (several,) = section_notes(section_of((alone[0], again), name="two"))
-    assert several.startswith(
-        "medians over up to 2 cells (views × phases) a configuration; in round brackets their range"
-    )
+    cells, brackets = section_notes(section_of((alone[0], again), name="two"))
+    assert cells == "medians over up to 2 cells (views × phases) a configuration"
+    assert brackets.startswith("( ): range over the cells; [ ], and bars of charts: 95% confidence interval")
 
 
 def test_a_run_without_times_has_no_prices(section_of: Callable[..., Section]) -> None:

@@ -55,13 +55,14 @@ function zoomed(element, factor) {
 // Fills a legend with a button for each spec with points. Turned on are those that the reader chose or, if none of them
 // has points, the first; at most as many as there are colours.
 function fillLegend(box, points, onChoose = () => {}) {
-  const specs = PAGE.specs.filter((spec) => points.has(spec)), none = PAGE.specs.filter((spec) => !points.has(spec));
+  const own = JSON.parse(box.dataset.specs), specs = PAGE.specs.filter((spec) => points.has(spec));
+  const none = (own.length ? own : PAGE.specs).filter((spec) => !points.has(spec));
   const wanted = box.wanted?.filter((spec) => points.has(spec)), count = PAGE.colors.length;
-  const on = (wanted?.length || box.wanted?.length === 0 ? wanted : specs).slice(0, count);
-  box.shown = new Map([...box.shown ?? []].filter(([spec]) => on.includes(spec))); // what stays on keeps its look
-  for (const spec of on.filter((one) => !box.shown.has(one))) {
-    const taken = new Set(box.shown.values()), own = PAGE.specs.indexOf(spec);
-    box.shown.set(spec, PAGE.colors.map((_, step) => (own + step) % count).find((slot) => !taken.has(slot)));
+  const lit = (wanted?.length || box.wanted?.length === 0 ? wanted : specs).slice(0, count);
+  box.shown = new Map([...box.shown ?? []].filter(([spec]) => lit.includes(spec))); // what stays on keeps its look
+  for (const spec of lit.filter((one) => !box.shown.has(one))) {
+    const taken = new Set(box.shown.values()), at = PAGE.specs.indexOf(spec);
+    box.shown.set(spec, PAGE.colors.map((_, step) => (at + step) % count).find((slot) => !taken.has(slot)));
   }
   box.replaceChildren(...specs.map((spec) => {
     const slot = box.shown.get(spec), on = slot !== undefined, button = document.createElement("button");

@@ -173,8 +173,7 @@ class Viewer {
       this.find(`select.${side}`).value = this.cells.indexOf(cell);
       this.find(`.tag.${side}`).textContent = nameOf(cell);
       const caption = this.find(`.caption.${side}`);
-      caption.textContent = cell ? `${nameOf(cell)}: ${cell.caption}` : "truth: ray traced";
-      if (PAGE.names[cell?.spec]) caption.append(", which is ", Object.assign(document.createElement("code"), { textContent: cell.spec }));
+      caption.textContent = cell ? `${nameOf(cell)}${PAGE.names[cell.spec] ? ` (${cell.spec})` : ""}: ${cell.caption}` : "truth: ray traced";
       if (cell?.command) caption.append(" ", Object.assign(document.createElement("code"), { textContent: cell.command }));
     }
     this.find(".errors").hidden = !this.cells[0]?.soft;
