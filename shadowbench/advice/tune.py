@@ -118,9 +118,11 @@ def values(found: TuningComparison) -> dict[str, Any]:
 
     def entry_values(entry: Entry) -> dict[str, Any]:
         values = {item.name: getattr(entry, item.name) for item in fields(entry)}
-        return {key: asdict(value) if isinstance(value, Interval) else value for key, value in values.items()} | {
-            "spec": entry.spec.sizeless_text
-        }
+        ends = ("median", "low", "high")
+        return {
+            key: {end: getattr(value, end) for end in ends} if isinstance(value, Interval) else value
+            for key, value in values.items()
+        } | {"spec": entry.spec.sizeless_text}
 
     return asdict(found.split) | {
         "front": [entry_values(entry) for entry in found.front],

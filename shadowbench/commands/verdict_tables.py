@@ -14,11 +14,11 @@ def print_verdict(sections: "Sequence[Section]") -> None:
     """The cheapest setting for each accuracy in each scene of one run, then each technique's cost over its scenes."""
     from shadowbench.reports.analysis import by_kind
     from shadowbench.reports.matrix import candidates, cost_row, targets_of
-    from shadowbench.reports.verdict import real_time, target_name
+    from shadowbench.reports.verdict import real_time, target_name, verdict
 
     kinds = by_kind(sections)
     if not any(map(candidates, kinds)):
-        console.print_line("Nothing here has a score.")
+        console.print_line(verdict(sections)[0])
         return
     scenes = [section.scene for section in sections]
     rows = []
@@ -29,7 +29,9 @@ def print_verdict(sections: "Sequence[Section]") -> None:
         for name, cell in zip(names, cost_row(own, targets), strict=False):
             rows.append((name, target_name(cell.target), *_cheapest(cell)))
     if rows:
-        console.print_table("", ("scene", "target", "cost", "cheapest"), rows, numbers=("cost",), whole=("target",))
+        console.print_table(
+            "", ("scene", "target", "cost", "cheapest real-time setting"), rows, numbers=("cost",), whole=("target",)
+        )
     else:
         console.print_line("No real-time technique here has a score.")
     for kind in kinds:

@@ -6,7 +6,6 @@ and computes its difference from the truth.
 
 import base64
 import io
-import math
 import os
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
@@ -25,7 +24,7 @@ from shadowbench.measure.rows import Record
 from shadowbench.reports.analysis import Section
 from shadowbench.reports.data_files import DataFiles
 from shadowbench.reports.stability import Stability
-from shadowbench.reports.words import digits, fault_lines
+from shadowbench.reports.words import digits, fault_lines, median_text, value_of
 from shadowbench.scores.difference import difference_over, weight
 from shadowbench.scores.masks import read_mask
 from shadowbench.scores.metrics import METRICS, is_soft, ranking
@@ -41,16 +40,20 @@ _STEPS = 16  # quantisation of a difference's colour, for compression
 class GalleryCell:
     """A cell whose picture is shown.
 
-    view_name: camera and light, or axis value and light; cells of the same view share a truth. caption: text below the
-    picture; error: by which it is ranked, None without one; faults: what is wrong with its soft shadows.
+    view_name: camera and light, or axis value and light; cells of the same view share a truth. score: of its
+    configuration, a median over views and phases if it has several; own: then the picture's own score; caption: text
+    below the picture; error: by which its configuration is ranked, None without one; faults: what is wrong with its
+    soft shadows.
     """
 
     row: Record
     spec: str
     map_size: int | None
     view_name: str
+    score: str
     caption: str
     error: float | None = None
+    own: str = ""
     faults: tuple[str, ...] = ()
 
     @property
@@ -64,10 +67,10 @@ class Gallery:
     """The pictures of a section or sweep as JSON data.
 
     Images are data URIs, or names of data files beside the page that hold them; None if the file is missing.
-    cells: dicts of spec, size, view, score, caption, error, faults, command (that shows it in the window), mask, soft
-    (whether the truth is) and picture, which is used if the view has no shading images; views: by view name, images of
-    the truth, the undecided pixels, and the view without shadow (lit) and in full shadow (ambient); notes: on missing
-    files and on scaling.
+    cells: dicts of spec, size, view, score, own, caption, error, faults, command (that shows it in the window), mask,
+    soft (whether the truth is) and picture, which is used if the view has no shading images; views: by view name,
+    images of the truth, the undecided pixels, and the view without shadow (lit) and in full shadow (ambient); notes:
+    on missing files and on scaling.
     """
 
     cells: tuple[dict[str, Any], ...]
@@ -77,13 +80,13 @@ class Gallery:
 
 def scored_cells(section: Section) -> list[GalleryCell]:
     """The successful cells of a section, of its first phase only."""
-    times = section.frame["frame_ms"]
-    cells = [(section.run.results[int(index)], float(times[index])) for index in section.frame.index]
-    scored = [(result.score, ms) for result, ms in cells if result.score["status"] == "ok"]
-    first = min((score.get("phase") or 0 for score, _ in scored), default=0)
+    cells = [section.run.results[int(index)].score for index in section.frame.index]
+    scored = [score for score in cells if score["status"] == "ok"]
+    first = min((score.get("phase") or 0 for score in scored), default=0)
     software = " (software renderer)" if section.run.software else ""
+    configurations = {(one.spec, one.map_size): one for one in section.configurations}
     found = []
-    for score, ms in scored:
+    for score in scored:
         if (score.get("phase") or 0) != first:
             continue
         metrics, edge = score["metrics"], score["metrics"].get("edge_px")
@@ -91,12 +94,18 @@ def scored_cells(section: Section) -> list[GalleryCell]:
         others = (
             [penumbra, _iou(metrics)] if is_soft(metrics) else [f"edge {'–' if edge is None else f'{digits(edge)} px'}"]
         )
-        caption = [_score(score), *others, "not timed" if math.isnan(ms) else f"{digits(ms)} ms{software}"]
         view_name = f"{score['view']}, {score['light']}"
-        ranked_by = ranking(is_soft(metrics))
-        value, told = metrics.get(ranked_by.name), tuple(fault_lines(score)[:SHOWN_FAULTS])
-        error = None if value is None else ranked_by.error(value)
-        found.append(GalleryCell(score, score["spec"], score["map_size"], view_name, ", ".join(caption), error, told))
+        one, ranked_by = configurations[score["spec"], score["map_size"]], ranking(is_soft(metrics))
+        cost = "not timed" if one.value("frame_ms") is None else f"{value_of(one, 'frame_ms')} ms{software}"
+        shown, own, caption = _score(score), "", ", ".join([_score(score), *others, cost])
+        if one.row.cells > 1:
+            text, which = median_text(one, ranked_by.name), f"phase {first}" if one.row.phases > 1 else "this view"
+            shown = f"median {ranked_by.label} {text}"
+            own = f"picture: {which}, {_score(score)}"
+            caption = f"{shown} of {one.row.cells}, {cost}; {', '.join([own, *others])}"
+        error = None if one.error is None else one.error.median
+        told = tuple(fault_lines(one)[:SHOWN_FAULTS])
+        found.append(GalleryCell(score, one.spec, one.map_size, view_name, shown, caption, error, own, told))
     return found
 
 
@@ -107,7 +116,7 @@ def breaking_cells(stability: Stability) -> list[GalleryCell]:
         if row["status"] == "ok":
             view_name = f"{one.axis.name} {value_text(one.axis, broken.value)}, {row['light']}"
             caption = f"{broken.failure}: {_iou(row['metrics'])}"
-            found.append(GalleryCell(row, one.spec, None, view_name, caption))
+            found.append(GalleryCell(row, one.spec, None, view_name, _score(row), caption))
     return found
 
 
@@ -173,7 +182,8 @@ def _cell(cell: GalleryCell, folder: Path, view: dict[str, str | None], images: 
         "spec": cell.spec,
         "size": cell.map_size,
         "view": cell.view_name,
-        "score": _score(cell.row),
+        "score": cell.score,
+        "own": cell.own,
         "caption": cell.caption,
         "error": cell.error,
         "faults": cell.faults,

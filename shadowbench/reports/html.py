@@ -27,6 +27,7 @@ from shadowbench.reports.stability import Stability
 from shadowbench.reports.styles import COLORS, MAX_SHOWN, OUTLINES, SHAPES, Styles, styles_of
 from shadowbench.reports.words import (
     breaks_without_picture,
+    presets_of,
     range_cells,
     run_facts,
     sentence,
@@ -81,6 +82,7 @@ def html_report(
         metrics=[
             (metric.name, f"{metric.help} {metric.better.capitalize()} is better.") for metric in ROW_METRICS.values()
         ],
+        presets=presets_of(styles.specs),
         command=shlex.join(["shadowbench", *sys.argv[1:]]),
         version=__version__,
         style=(_PAGE / "report.css").read_text(encoding="utf-8"),

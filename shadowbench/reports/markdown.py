@@ -2,15 +2,16 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from shadowbench.reports.analysis import Section, by_kind, front
+from shadowbench.reports.analysis import Section, by_kind, front, specs_of
 from shadowbench.reports.matrix import candidates, cost_matrix, targets_of, title_of_all
 from shadowbench.reports.stability import Stability
-from shadowbench.reports.verdict import cell_texts, target_name, verdict
+from shadowbench.reports.verdict import accuracy_text, cell_texts, target_name, verdict
 from shadowbench.reports.words import (
     breaks_without_picture,
     digits,
     faults_of,
     mask_warnings,
+    presets_of,
     range_tables,
     range_text,
     run_facts,
@@ -65,6 +66,10 @@ def markdown_report(runs: Sequence[Run], scenes: Mapping[str, Sequence[Section]]
         times = [("times", time_source(one))] if isinstance(one, Run) else []
         facts = [*run_facts(one), *times, *(("assumed", note) for note in one.assumptions)]
         blocks.append("\n".join(f"- {name}: {_fact(name, value)}" for name, value in facts))
+    every = specs_of([section for parts in scenes.values() for section in parts])
+    presets = presets_of([*every, *(spec for found in swept for spec in found.specs)])
+    if presets:
+        blocks += ["### Presets", "\n".join(f"- `{name}`: `{spec}`" for name, spec in presets)]
     return "\n\n".join(blocks) + "\n"
 
 
@@ -94,15 +99,17 @@ def _costs(sections: Sequence[Section]) -> list[str]:
     targets = targets_of(sections[0].ranked_by)
     if not sections[0].soft:
         targets += targets_of(METRICS["edge_px"])
+    names = {one.title: one.scene for one in sections}
     lines = [
-        [technique, *(_cost(*cell_texts(cell, len(sections))) for cell in cells)]
+        [technique, *(_cost(*cell_texts(cell, len(sections)), accuracy_text(cell, names)) for cell in cells)]
         for technique, cells in cost_matrix(candidates(sections), targets).items()
     ]
     return [_table(["cost of accuracy", *map(target_name, targets)], lines)] if lines else []
 
 
-def _cost(cost: str, label: str, note: str) -> str:
-    return " ".join(filter(None, (cost, label and f"`{label}`", note)))
+def _cost(cost: str, label: str, note: str, accuracy: str) -> str:
+    described = ", ".join(filter(None, (accuracy, note)))
+    return " ".join(filter(None, (cost, label and f"`{label}`", described)))
 
 
 def _stability(found: Stability) -> list[str]:

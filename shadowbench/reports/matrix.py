@@ -59,7 +59,12 @@ class Candidate:
     @property
     def worst_scene(self) -> str:
         """Title of the scene with the largest error."""
-        return max(self.by_scene, key=lambda title: _error(self.by_scene[title]))
+        return self.worst_by(self.mean.row.ranked_by.name)
+
+    def worst_by(self, metric: str) -> str:
+        """Title of the scene with the worst value of a metric."""
+        values = {title: one.value(metric) for title, one in self.by_scene.items()}
+        return max(values, key=lambda title: 1.0 if (value := values[title]) is None else METRICS[metric].error(value))
 
     def meets(self, target: Target) -> bool:
         """Whether it meets a target in every scene that its technique supports."""

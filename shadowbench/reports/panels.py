@@ -23,7 +23,15 @@ from shadowbench.reports.matrix import (
     title_of_all,
 )
 from shadowbench.reports.styles import Styles
-from shadowbench.reports.verdict import cell_texts, cost_note, real_time, target_name, verdict, verdict_candidate
+from shadowbench.reports.verdict import (
+    accuracy_text,
+    cell_texts,
+    cost_note,
+    real_time,
+    target_name,
+    verdict,
+    verdict_candidate,
+)
 from shadowbench.reports.words import digits, mask_warnings, section_notes, unscored, value_of
 from shadowbench.studies.folder import Run
 
@@ -91,11 +99,17 @@ class Panel:
     @property
     def notes(self) -> list[str]:
         """Notes on a single scene's results."""
-        if len(self.sections) > 1:
-            return []
-        cells = self.sections[0].max_cells
-        several = f"medians of up to {cells} cells (views × phases) a configuration; intervals are 95%, by bootstrap"
-        return [*section_notes(self.sections[0]), *([several] if cells > 1 else [])]
+        return section_notes(self.sections[0]) if len(self.sections) == 1 else []
+
+    @property
+    def ranked_by(self) -> str:
+        """Label of the metric that ranks its configurations."""
+        return self.sections[0].ranked_by.label
+
+    @property
+    def max_cells(self) -> int:
+        """Largest number of cells of a configuration in one scene."""
+        return max(section.max_cells for section in self.sections)
 
     @property
     def unscored(self) -> list[tuple[str, str]]:
@@ -111,33 +125,32 @@ class Panel:
     def matrix(self) -> list[tuple[str, list[dict[str, Any]]]]:
         """The rows of the cost matrix: technique, and the data of its cells."""
         rows = cost_matrix(self.candidates, self._targets)
-        return [
-            (technique, [self._cell(cell, len(self.sections)) for cell in cells]) for technique, cells in rows.items()
-        ]
+        return [(technique, [self._cell(cell, self.sections) for cell in cells]) for technique, cells in rows.items()]
 
     @property
     def matrix_by_scene(self) -> list[tuple[str, list[dict[str, Any]]]]:
         """Rows with the cheapest real-time configuration in each scene; empty for a single scene."""
         if len(self.sections) == 1:
             return []
-        rows = [(one.scene, cost_row(real_time(candidates([one])), self._targets)) for one in self.sections]
-        return [(scene, [self._cell(cell, 1) for cell in cells]) for scene, cells in rows]
+        rows = [(one, cost_row(real_time(candidates([one])), self._targets)) for one in self.sections]
+        return [(one.scene, [self._cell(cell, [one]) for cell in cells]) for one, cells in rows]
 
     def picture_of(self, one: Candidate) -> dict[str, Any]:
         """Spec, map size and scene of a candidate's picture; of several scenes, the one in which it is worst."""
         return {"spec": one.mean.spec, "size": one.mean.map_size, "scene": self.scene_ids[one.worst_scene]}
 
-    def _cell(self, cell: CostCell, scenes: int) -> dict[str, Any]:
-        cost, label, note = cell_texts(cell, scenes)
+    def _cell(self, cell: CostCell, sections: Sequence[Section]) -> dict[str, Any]:
+        cost, label, note = cell_texts(cell, len(sections))
         best = cell.cheapest
-        state = "none" if best is None else "all" if len(best.by_scene) == scenes else "some"
+        state = "none" if best is None else "all" if len(best.by_scene) == len(sections) else "some"
         ties = ", ".join(one.mean.label for one in cell.ties)
-        about = f"as cheap, within the noise: {ties}" if ties else label or note
+        about = [] if best is None else [best.mean.full_spec]
+        about += [f"as cheap, within the noise: {ties}"] if ties else []
         return {
             "cost": cost,
-            "label": label,
-            "note": note,
-            "about": about,
+            "accuracy": accuracy_text(cell, {one.title: one.scene for one in sections}),
+            "label": ", ".join(filter(None, (label, note))),
+            "about": "; ".join(about) or note,
             "state": state,
             **self.picture_of(best or cell.closest),
         }

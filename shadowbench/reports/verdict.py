@@ -1,14 +1,15 @@
 """The verdict: sentences that name the cheapest configuration for an accuracy, and the texts of the cost matrix."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from shadowbench.reports.analysis import Section
 from shadowbench.reports.matrix import Candidate, CostCell, Target, candidates, cheapest, closest, targets_of, ties
-from shadowbench.reports.words import EDGE_NAMES, counted, digits, sentence, time_source, value_of
+from shadowbench.reports.words import EDGE_NAMES, counted, digits, median_text, sentence, time_source, value_of
 from shadowbench.scores.metrics import METRICS
 from shadowbench.techniques.registry import own_techniques
 
 _RAY_TRACED = "ray-traced"
+_NONE = "No real-time technique here"
 
 
 def verdict(sections: Sequence[Section]) -> list[str]:
@@ -17,15 +18,18 @@ def verdict(sections: Sequence[Section]) -> list[str]:
     What `recommend` never chooses is left out; ray tracing, on the CPU as the truth is, is named for scale.
     """
     everything = candidates(sections)
-    found = [one for one in real_time(everything) if _has_shadow(one)]
+    found = _able(everything)
     where = "" if len(sections) == 1 else f" in all {len(sections)} scenes"
     complete = [one for one in found if one.in_all_scenes]
     if not found:
-        traced = _ray_traced(everything)
-        return ["No real-time technique here has a score.", *traced] if traced else ["Nothing here has a score."]
+        if everything:
+            what = "draws a shadow where one should be" if real_time(everything) else "has a score"
+            return [f"{_NONE} {what}.", *_ray_traced(everything)]
+        some = any(section.scored for section in sections)
+        return [f"Nothing here has a score{' in each of its cells' if some else ''}."]
     main, easiest = _main_target(complete), _targets(found)[0]
     if main is None:
-        lines = [f"Nothing measured {_reaches(easiest)}{where}."]
+        lines = [f"{_NONE} {_reaches(easiest)}{where}."]
         lines.append(f"Closest: {_closest_text(closest(found, easiest), easiest, len(sections))}.")
         return [*lines, *_where_supported(found, easiest, None), *_ray_traced(everything)]
     best = cheapest(complete, main)
@@ -36,7 +40,7 @@ def verdict(sections: Sequence[Section]) -> list[str]:
         line += f"; as cheap within the noise: {', '.join(f'`{one.mean.label}`' for one in tied[:2])}"
     return [
         f"{line}.",
-        *_next_target(complete, main, best),
+        *_next_target(complete, main, best, where),
         *_where_supported(found, main, best),
         *_ray_traced(everything),
     ]
@@ -49,20 +53,30 @@ def real_time(found: Sequence[Candidate]) -> list[Candidate]:
 
 
 def verdict_candidate(found: Sequence[Candidate]) -> Candidate | None:
-    """The candidate that the verdict names first, or the most accurate if no target is met; None without candidates."""
-    complete = [one for one in real_time(found) if one.in_all_scenes]
+    """The candidate that the verdict names first, else the most accurate; None without candidates."""
+    able = _able(found)
+    complete = [one for one in able if one.in_all_scenes]
     main = _main_target(complete)
-    return next(iter(found), None) if main is None else cheapest(complete, main)
+    if main is None:
+        return closest(able, _targets(able)[0]) if able else next(iter(found), None)
+    return cheapest(complete, main)
+
+
+def _able(found: Sequence[Candidate]) -> list[Candidate]:
+    """The candidates that are real-time techniques and draw a shadow where one should be."""
+    return [one for one in real_time(found) if (one.mean.value("iou_soft" if one.mean.row.soft else "iou") or 0.0) > 0]
 
 
 def cost_note(sections: Sequence[Section]) -> str:
     """A note on what the costs are, and how far their times can be trusted."""
     run = sections[0].run
-    if not any(section.timed for section in sections):
+    timed = [one.ms is not None for one in candidates(sections)]
+    if not any(timed):
         return "Nothing here was timed: the cost is the size of the smallest map that suffices."
     mean = "mean frame time of shadows over these scenes" if len(sections) > 1 else "frame time of shadows"
     rough = " ~ marks a rough time." if any(one.row.rough for section in sections for one in section.timed) else ""
-    return f"Cost: {mean}. {sentence(time_source(run))}{rough}"
+    untimed = "" if all(timed) else ' Where a cost is a map size or "no map", that setting lacks times.'
+    return f"Cost: {mean}. {sentence(time_source(run))}{rough}{untimed}"
 
 
 def _main_target(complete: Sequence[Candidate]) -> Target | None:
@@ -72,11 +86,6 @@ def _main_target(complete: Sequence[Candidate]) -> Target | None:
 
 def _targets(found: Sequence[Candidate]) -> tuple[Target, ...]:
     return targets_of(found[0].mean.row.ranked_by) if found else ()
-
-
-def _has_shadow(one: Candidate) -> bool:
-    """Whether any shadow is where one should be."""
-    return (one.mean.value("iou_soft" if one.mean.row.soft else "iou") or 0.0) > 0
 
 
 def _accuracy(target: Target) -> str:
@@ -113,26 +122,41 @@ def cell_texts(cell: CostCell, scenes: int) -> tuple[str, str, str]:
         name, mean = cell.target.metric, cell.closest.mean
         if mean.value(name) is None:
             return "–", "", f"no {METRICS[name].label}"
-        text = mean.row.text(name, "{:.4g}".format if name == "iou" else digits)
-        return "–", "", f"best {text}{' px' if name == 'edge_px' else ''}"
+        return "–", "", f"best {median_text(mean, name, cell.target.limit)}"
     note = "" if len(best.by_scene) == scenes else f"supports {len(best.by_scene)} of {scenes} scenes"
     return cost_text(best), best.mean.label, note
+
+
+def accuracy_text(cell: CostCell, scenes: Mapping[str, str]) -> str:
+    """What the cheapest candidate of a cell reaches; if scenes differ, in the worst: `IoU 0.9534 in street`.
+
+    scenes: names by title. Empty if no candidate meets the target.
+    """
+    if cell.cheapest is None:
+        return ""
+    name, by_scene = cell.target.metric, cell.cheapest.by_scene
+    texts = {
+        title: f"{METRICS[name].label} {median_text(one, name, cell.target.limit)}" for title, one in by_scene.items()
+    }
+    worst = cell.cheapest.worst_by(name)
+    return texts[worst] + (f" in {scenes[worst]}" if len(set(texts.values())) > 1 else "")
 
 
 def _cost_phrase(one: Candidate) -> str:
     if one.ms is None:
         size = one.mean.map_size
         return f"`{one.mean.label}` is {'the smallest map that suffices' if size else 'sufficient, without a map'}"
-    return f"`{one.mean.label}` is the cheapest, {value_of(one.mean, 'frame_ms')} ms a frame"
+    return f"`{one.mean.label}` is the cheapest real-time setting, {value_of(one.mean, 'frame_ms')} ms a frame"
 
 
 def _ray_traced(found: Sequence[Candidate]) -> list[str]:
     """A sentence on the cost of ray tracing, if it was measured and timed in all scenes."""
-    traced = next((one for one in found if one.mean.technique == _RAY_TRACED and one.in_all_scenes and one.ms), None)
-    return [] if traced is None else [f"For scale: ray tracing on the CPU takes {cost_text(traced)}."]
+    traced = [one for one in found if one.mean.technique == _RAY_TRACED and one.in_all_scenes and one.ms]
+    on_cpu = next((one for one in traced if "where=gpu" not in one.mean.full_spec), None)
+    return [] if on_cpu is None else [f"For scale: ray tracing on the CPU takes {cost_text(on_cpu)}."]
 
 
-def _next_target(complete: Sequence[Candidate], main: Target, best: Candidate) -> list[str]:
+def _next_target(complete: Sequence[Candidate], main: Target, best: Candidate, where: str) -> list[str]:
     """A sentence on the cost of the next higher accuracy; none at the highest."""
     targets = _targets(complete)
     target = next(iter(targets[targets.index(main) + 1 :]), None)
@@ -142,7 +166,7 @@ def _next_target(complete: Sequence[Candidate], main: Target, best: Candidate) -
     reaches = f"gets {share} right" if share else _reaches(target)
     found = cheapest(complete, target)
     if found is None:
-        return [f"Nothing {reaches}."]
+        return [f"{_NONE} {reaches}{where}."]
     if found is best:
         return [f"`{best.mean.label}` {reaches} too."]
     factor = f" (× {digits(found.ms / best.ms)})" if found.ms and best.ms else ""
@@ -156,12 +180,12 @@ def _where_supported(found: Sequence[Candidate], target: Target, best: Candidate
     if partial is None or (best is not None and (best.ms is None or partial.ms is None or partial.ms >= best.ms)):
         return []
     met, of = len(partial.by_scene), counted(len(partial.by_scene) + len(partial.unsupported), "scene")
-    return [f"`{partial.mean.label}` suffices for {cost_text(partial)} in the {met} of {of} that it supports."]
+    cost = "" if partial.ms is None else f" for {cost_text(partial)}"
+    return [f"`{partial.mean.label}` suffices{cost} in the {met} of {of} that it supports."]
 
 
 def _closest_text(one: Candidate, target: Target, scenes: int) -> str:
     if scenes > 1:
         return f"`{one.mean.label}`, in {one.scenes_met(target)} of them"
-    if target.metric == "iou":
-        return f"`{one.mean.label}`, {100 * (one.mean.value('iou') or 0.0):.3g}% right"
-    return f"`{one.mean.label}`, {METRICS[target.metric].label} {value_of(one.mean, target.metric)}"
+    name = target.metric
+    return f"`{one.mean.label}`, {METRICS[name].label} {median_text(one.mean, name, target.limit)}"

@@ -1,22 +1,24 @@
 """Texts that all report formats share: numbers, notes, and operating ranges."""
 
 from collections import Counter
+from collections.abc import Iterable
 
 from shadowbench.extremes.axes.model import NAMES, Axis, value_label
 from shadowbench.extremes.ranges import HARD, SOFT, OperatingRange, value_text
-from shadowbench.measure.rows import Record
 from shadowbench.reports.analysis import Configuration, Section
 from shadowbench.reports.stability import Stability, complete_count
-from shadowbench.scores.metrics import is_soft
+from shadowbench.scores.metrics import METRICS, is_soft
 from shadowbench.scores.soft_faults import soft_faults
 from shadowbench.studies.folder import Run, Sweep
 from shadowbench.studies.tables import phase_note
 from shadowbench.studies.times import time_notes
+from shadowbench.techniques.registry import preset_names
 
 SOFTWARE = "times of a software renderer: for trends only, not representative of a GPU"
 NO_HARDENING = (
     "no hardening: it needs 30 true penumbrae wider than 4 px on planes, whose widths differ by a factor of 3"
 )
+_BRACKETS = "( ): range over the cells; [ ], and bars of charts: 95% confidence interval of the median, by bootstrap"
 EDGE_NAMES = {1.0: "1 px", 0.5: "½ px", 0.25: "¼ px"}
 
 
@@ -33,23 +35,27 @@ def counted(count: int, what: str) -> str:
 
 
 def sentence(text: str) -> str:
-    """The text with a capital letter and a full stop."""
-    return text[:1].upper() + text[1:] + "."
+    """The text with a capital letter, unless it begins with a unit, and a full stop."""
+    return f"{text}." if text.startswith("ms:") else text[:1].upper() + text[1:] + "."
 
 
 def time_source(run: Run) -> str:
     """A note on which renderer a run's times are from."""
+    if not run.times:
+        return "nothing was timed"
     if run.software is None:
         return "times of an unknown machine (no run.json)"
     return SOFTWARE if run.software else f"times of {run.renderer}"
 
 
 def section_notes(section: Section) -> list[str]:
-    """Notes on a section: maps scored in one phase only, the reference of its times, and rough times."""
+    """Notes on a section: medians, maps scored in one phase only, the reference of its times, and rough times."""
     rows = [one.row for one in section.scored]
     rough = [one.row.rough for one in section.timed]
     flat = [NO_HARDENING] if section.soft and not any(row.values.get("hardening") for row in rows) else []
-    return [*filter(None, [phase_note(rows)]), *flat, *time_notes(section.reference, rough)]
+    cells = f"medians over up to {section.max_cells} cells (views × phases) a configuration"
+    several = [cells, _BRACKETS] if section.max_cells > 1 else []
+    return [*several, *filter(None, [phase_note(rows)]), *flat, *time_notes(section.reference, rough)]
 
 
 def value_of(one: Configuration, name: str) -> str:
@@ -57,19 +63,34 @@ def value_of(one: Configuration, name: str) -> str:
     return one.row.text(name, digits)
 
 
-def fault_lines(row: Record) -> list[str]:
-    """What is wrong with the soft shadows of a score row, causes first; empty for hard ones."""
-    metrics = row["metrics"]
-    faults = soft_faults(metrics, row.get("width_bias")) if is_soft(metrics) else []
+def median_text(one: Configuration, name: str, limit: float | None = None) -> str:
+    """Text of a metric's median, with the range over several views and phases: `0.9534 (0.9466–0.9571)`.
+
+    limit: a target, to the other side of which the median is not rounded.
+    """
+    metric, found = METRICS[name], one.row.values[name]
+    if found is None:
+        return "–"
+    form = "{:.4g}".format if name == "iou" else digits
+    text = one.row.text(name, form)
+    if limit is not None and not text.startswith("<"):
+        longer = (text, *(f"{found.median:.{places}g}" for places in range(4, 18)))
+        met = metric.meets(found.median, limit)
+        text = next(one for one in longer if metric.meets(float(one), limit) == met)
+    ends = [form(end) for end in (found.least, found.most) if end is not None]
+    return f"{text}{' px' if name == 'edge_px' else ''}" + (f" ({'–'.join(ends)})" if len(set(ends)) > 1 else "")
+
+
+def fault_lines(one: Configuration) -> list[str]:
+    """What is wrong with the soft shadows of a configuration, by its medians, causes first; empty for hard ones."""
+    metrics = {name: one.value(name) for name in METRICS}
+    faults = soft_faults(metrics, one.value("width_bias")) if is_soft(metrics) else []
     return [f"{fault.name}: {fault.line}" for fault in faults]
 
 
 def faults_of(section: Section) -> list[tuple[str, str]]:
-    """What is wrong with each configuration of a soft scene, best first, by its first cell: label and sentences."""
-    keys = set(section.frame["key"])
-    rows = [row for row in section.run.rows if row["key"] in keys and row["status"] == "ok"]
-    first = {(row["spec"], row["map_size"]): row for row in reversed(rows)}
-    told = [(one.label, "; ".join(fault_lines(first[one.spec, one.map_size]))) for one in section.scored]
+    """What is wrong with each configuration of a soft scene, best first: label and sentences."""
+    told = [(one.label, "; ".join(fault_lines(one))) for one in section.scored]
     return [(label, line) for label, line in told if line]
 
 
@@ -125,10 +146,27 @@ def run_facts(run: Run | Sweep) -> list[tuple[str, str]]:
         ),
         ("time ratios against", study.get("reference")),
         ("rounds", study.get("rounds")),
-        ("phases", study.get("phases")),
+        ("phases", _phases(run) if isinstance(run, Run) else None),
         ("versions", ", ".join(f"{name} {value}" for name, value in about.get("versions", {}).items())),
     ]
     return [(name, str(value)) for name, value in facts if value not in (None, "")]
+
+
+def _phases(run: Run) -> str:
+    """The number of phases in which each spec was scored: `8`, or `8 of shadow-map; 1 of all others`."""
+    scored = run.frame[run.frame["status"] == "ok"]
+    specs: dict[int, list[str]] = {}
+    for spec, count in scored["phase"].fillna(0).groupby(scored["spec"], sort=False).nunique().items():
+        specs.setdefault(count, []).append(preset_names().get(str(spec), str(spec)))
+    if len(specs) < 2:
+        return "".join(map(str, specs))
+    *fewer, (most, _) = sorted(specs.items(), key=lambda item: len(item[1]))
+    return "; ".join([*(f"{count} of {', '.join(names)}" for count, names in fewer), f"{most} of all others"])
+
+
+def presets_of(specs: Iterable[str]) -> list[tuple[str, str]]:
+    """The presets among specs, each by its name and with the spec that it stands for."""
+    return [(name, spec) for spec in dict.fromkeys(specs) if (name := preset_names().get(spec))]
 
 
 def tolerances() -> str:

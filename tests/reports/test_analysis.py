@@ -11,7 +11,7 @@ from shadowbench.reports.gallery import scored_cells
 from shadowbench.reports.markdown import markdown_report
 from shadowbench.reports.matrix import Target
 from shadowbench.reports.verdict import cost_note, verdict
-from shadowbench.reports.words import mask_warnings, section_notes, unscored, value_of
+from shadowbench.reports.words import mask_warnings, section_notes, time_source, unscored, value_of
 from shadowbench.studies.folder import read_runs
 from shadowbench.studies.tables import Interval
 from tests.reports.conftest import CELLS, RECEIVERS, Cell
@@ -89,13 +89,16 @@ def test_front_prices_and_passes_are_by_ratios_whatever_the_machine_did_meanwhil
 ) -> None:
     section = section_of(LOADED)
     assert [one.label for one in front(section)] == ["fast at 512"]
-    assert verdict([section])[0] == "99% of the shadow right: `fast at 512` is the cheapest, 12.0 ms a frame."
+    assert (
+        verdict([section])[0]
+        == "99% of the shadow right: `fast at 512` is the cheapest real-time setting, 12.0 ms a frame."
+    )
     ms = {one.spec: one.value("frame_ms") for one in section.timed}
     assert ms == pytest.approx({"slow": 1.8 * 15, "fast": 0.8 * 15, "shadow-map": 15})
     passes = {one.spec: [made.ms for made in one.passes] for one in section.timed}
     assert passes["slow"] == pytest.approx([1.5, 3.0]) and passes["fast"] == pytest.approx([0.75, 1.5])
     assert {cell.spec: cell.caption.split(", ")[-1] for cell in scored_cells(section)} == {
-        "slow": "27.0 ms (software renderer)",
+        "slow": "~27.0 ms (software renderer)",
         "fast": "12.0 ms (software renderer)",
         "shadow-map": "15.0 ms (software renderer)",
     }
@@ -109,7 +112,7 @@ def test_a_section_says_what_its_times_are_by_and_which_are_rough(section_of: Ca
     assert notes[3].startswith("~: ")
     text = markdown_report([section.run], {section.title: [section]}, [])
     assert "| ~27.0 |" in text and "| 12.0 |" in text
-    assert all(note[1:] in text for note in notes)
+    assert all(note[1:] in text for note in notes) and "\nms: time relative" in text, "no megaseconds"
     assert section_notes(section_of((Cell("unshadowed", None, 1.0, None),), name="untimed")) == []
 
 
@@ -123,18 +126,21 @@ def test_every_time_of_a_cell_that_varied_is_marked_and_no_metric(section_of: Ca
 
 def test_maps_scored_in_one_phase_have_a_note(section_of: Callable[..., Section]) -> None:
     def note(*cells: Cell, name: str) -> str:
-        return section_notes(section_of(cells, name=name))[0]
+        return section_notes(section_of(cells, name=name))[-1]
 
     alone = [Cell("a", size, 0.1, None) for size in (512, 1024)]
     assert note(*alone, name="one").startswith("scored in one phase")
     again = Cell("a", 512, 0.2, None, phase=1)
     assert note(*alone, again, name="some").startswith("maps without an interval: scored in one phase")
-    assert section_notes(section_of((alone[0], again), name="two")) == []
+    cells, brackets = section_notes(section_of((alone[0], again), name="two"))
+    assert cells == "medians over up to 2 cells (views × phases) a configuration"
+    assert brackets.startswith("( ): range over the cells; [ ], and bars of charts: 95% confidence interval")
 
 
 def test_a_run_without_times_has_no_prices(section_of: Callable[..., Section]) -> None:
     section = section_of([Cell("a", 512, 0.1, None)])
     assert "Nothing here was timed" in cost_note([section])
+    assert time_source(section.run) == "nothing was timed"
     assert front(section) == []
 
 

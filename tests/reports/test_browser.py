@@ -5,13 +5,14 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser, Locator, Page, Request, Route, sync_playwright
 
 from shadowbench.scores.difference import FALSE_LIGHT
+from tests.reports.conftest import CELLS, Cell
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
@@ -597,4 +598,132 @@ def test_a_split_report_opens_from_the_disk_and_loads_what_it_shows(
     assert len(loaded) > some
     assert {url.rpartition("/")[0] for url in loaded[1:]} == {(tmp_path / "split #1 50%.files").as_uri()}
     assert complaints == []
+    page.close()
+
+
+# Reports on rows with known answers
+
+FILTERS = ("shadow-map", "shadow-map:filter=pcss", "shadow-map:filter=msm(blur=9)")
+KNOWN = (
+    *CELLS,
+    *(replace(cell, scene="terrace") for cell in CELLS if cell.spec != "ray-traced"),
+    *(Cell(f"shadow-map:filter=pcf(taps={taps})", 512, 0.1 + taps / 100, 3.0 + taps) for taps in range(2, 9)),
+    *(Cell(spec, 512, 0.1, 9.0 + index, scene="post", rmse_pen=0.1 + index) for index, spec in enumerate(FILTERS)),
+)
+
+
+@pytest.fixture
+def opened(
+    browser: Browser, run_folder: Callable[..., Path], page_of: Callable[..., str], tmp_path: Path
+) -> Iterator[Callable[..., Page]]:
+    """Opens a report on KNOWN from the disk, with an address; errors fail the test."""
+    page_of(run_folder(KNOWN, pictures=True))
+    pages: list[Page] = []
+    complaints: list[str] = []
+
+    def open_at(address: str = "") -> Page:
+        page = browser.new_page(viewport={"width": 1400, "height": 900})
+        page.on("console", lambda message: complaints.append(message.text))
+        page.on("pageerror", lambda error: complaints.append(str(error)))
+        page.goto((tmp_path / "report.html").as_uri() + address)
+        page.evaluate("window.drawn")
+        pages.append(page)
+        return page
+
+    yield open_at
+    for page in pages:
+        page.close()
+    assert complaints == []
+
+
+def seen(page: Page) -> dict[str, object]:
+    """What a reader sees of the choices."""
+    settled(page)
+    return {
+        "scene": page.locator("#scene option:checked").inner_text(),
+        "pictures of": page.locator("#scene-shown").inner_text(),
+        "sides": [page.locator(f"#viewer .tag.{side}").inner_text() for side in "ab"],
+        "mode": page.locator("#viewer .modes input:checked").input_value(),
+        "lit": page.locator("#charts .legend [aria-pressed=true]").all_inner_texts(),
+        "errors": page.locator("#errors .sheet b").all_inner_texts(),
+    }
+
+
+def test_the_legend_lights_what_the_charts_draw_and_names_what_has_no_points(opened: Callable[..., Page]) -> None:
+    page = opened()
+    legend, absent = page.locator("#charts .legend"), page.locator("#charts .legend + p + p")
+    for title in page.locator("#scene option").all_inner_texts():
+        choose_scene(page, title)
+        lit = legend.locator("[aria-pressed=true]").evaluate_all("nodes => nodes.map((node) => node.dataset.spec)")
+        drawn = page.evaluate(
+            """[...document.querySelectorAll("#charts :is(.front, .sizes)")].flatMap((chart) =>
+            chart.view.data("source_0").filter((one) => one.shown).map((one) => one.spec))"""
+        )
+        assert set(lit) == set(drawn) and 3 <= len(lit) <= 8
+        assert not any(spec in absent.inner_text().split(": ")[1].rstrip(".").split(", ") for spec in lit)
+        if title.startswith("post"):
+            assert set(lit) == {*FILTERS}, "all that was asked for"
+            assert "ray-traced" in absent.inner_text()
+        if title == "all hard scenes":
+            assert "ray-traced" not in lit and "ray-traced" in absent.inner_text()
+
+
+def test_the_errors_are_worst_first_or_best_first(opened: Callable[..., Page]) -> None:
+    page = opened()
+    choose_scene(page, "stairs, 32² view")
+    scores = [float(text.removeprefix("IoU ")) for text in page.locator("#errors .sheet b").all_inner_texts()]
+    assert scores == sorted(scores) and scores[0] < 0.1 < scores[-1]
+    page.locator("#errors-order").select_option("best first")
+    page.evaluate("window.drawn")
+    again = [float(text.removeprefix("IoU ")) for text in page.locator("#errors .sheet b").all_inner_texts()]
+    assert again == scores[::-1]
+
+
+def test_a_link_opens_the_same_choices_and_back_and_forward_go_through_them(opened: Callable[..., Page]) -> None:
+    page = opened()
+    first = seen(page)
+    assert "#" not in page.url
+    choose_scene(page, "stairs, 32² view")
+    stairs = seen(page)
+    page.locator("#viewer select.a").select_option(label="truth (ray traced)")
+    page.locator("#viewer select.b").select_option(index=3)
+    page.locator("#viewer").get_by_role("radio", name="difference").check()
+    page.locator("#errors-order").select_option("best first")
+    page.evaluate("window.drawn")
+    page.locator("#charts .legend [data-spec=ray-traced]").click()
+    chosen = seen(page)
+    assert chosen["sides"][0] == "truth" and chosen["mode"] == "difference" and "ray-traced" not in chosen["lit"]  # type: ignore[operator, index]
+    page.locator("nav a", has_text="Charts").click()
+    assert "scene=" in page.url, "a link within the page leaves the choices in the address"
+    address = "#" + page.url.partition("#")[2]
+    assert seen(opened(address)) == chosen
+    for steps, expected in ((-5, stairs), (-1, first), (6, chosen)):
+        page.evaluate("steps => new Promise((done) => { onhashchange = done; history.go(steps); })", steps)
+        page.evaluate("window.drawn")
+        assert seen(page) == expected
+    choose_scene(page, "all hard scenes")
+    page.locator(".matrix:visible tbody").nth(1).locator("button").last.click()
+    page.evaluate("window.drawn")
+    overall = seen(page)
+    assert overall["scene"] == "all hard scenes" and overall["pictures of"] == "terrace, 32² view"
+    assert seen(opened("#" + page.url.partition("#")[2])) == overall
+    unknown = opened("#scene=nowhere&left=nothing&mode=loud")
+    assert seen(unknown) == first
+
+
+def test_a_picture_of_one_phase_says_so_beside_the_median(
+    browser: Browser, run_folder: Callable[..., Path], page_of: Callable[..., str], tmp_path: Path
+) -> None:
+    errors = (0.06, 0.04, 0.02)
+    cells = [Cell("shadow-map", 512, error, 5.0 if not at else None, phase=at) for at, error in enumerate(errors)]
+    page_of(run_folder(cells, pictures=True))
+    page = browser.new_page()
+    page.goto((tmp_path / "report.html").as_uri())
+    page.evaluate("window.drawn")
+    cell = page.locator(".matrix button").first.inner_text()
+    caption, thumbnail = page.locator(".caption.a").inner_text(), page.locator("#errors .sheet button").inner_text()
+    assert "IoU 0.96 (0.94–0.98)" in cell
+    for text in (caption, thumbnail):
+        assert "median IoU 0.96 (0.94–0.98)" in text and "picture: phase 0, IoU 0.94000" in text
+    assert "3" in page.locator("#provenance dt", has_text="phases").locator("+ dd").inner_text()
     page.close()

@@ -19,6 +19,7 @@ from shadowbench.reports import gallery, report
 from shadowbench.reports.gallery import difference
 from shadowbench.scores.difference import FALSE_LIGHT, FALSE_SHADOW
 from shadowbench.studies import folder as folder_of_cells
+from shadowbench.techniques.registry import preset_names
 from tests.reports.conftest import CELLS, SIDE, Cell, galleries, image_of, scripts
 
 Shadowbench = Callable[..., Any]
@@ -39,10 +40,22 @@ def test_a_page_shows_machine_command_assumptions_and_statuses(run_folder: Write
 
 def test_the_verdict_and_the_matrix_are_in_the_page_itself(run_folder: Write, page_of: Callable[..., str]) -> None:
     page = page_of(run_folder()).replace("<wbr>", "")
-    assert "<code>shadow-map at 2048</code> is the cheapest, 20.0 ms a frame." in page
+    assert "<code>shadow-map at 2048</code> is the cheapest real-time setting, 20.0 ms a frame." in page
     (cells,) = re.findall(r'<tr><th scope="row">shadow-map</th>(.*?)</tr>', page, re.DOTALL)
     assert re.findall(r"<b>(.*?)</b>", cells) == ["5.00 ms", "20.0 ms", "–"]
     assert re.findall(r'class="(\w+)" aria', cells) == ["all", "all", "none"]
+
+
+def test_presets_say_what_they_stand_for(
+    run_folder: Write, page_of: Callable[..., str], shadowbench: Shadowbench, tmp_path: Path
+) -> None:
+    spec, name = next((spec, name) for spec, name in preset_names().items() if name == "shadow-map:preset=course")
+    folder = run_folder([*CELLS, Cell(spec, 512, 0.01, 3.0)])
+    page = page_of(folder).replace("<wbr>", "")
+    assert f"<dt>{name}</dt><dd><code>{spec}</code></dd>" in page
+    assert f'title="{spec}[512]' in page, "the full spec, over the cell of the matrix"
+    assert shadowbench("report", folder, "--format", "md", "-o", tmp_path / "table.md", "-q").code == 0
+    assert f"- `{name}`: `{spec}`\n" in (tmp_path / "table.md").read_text(encoding="utf-8")
 
 
 def test_table_values_have_sort_keys_and_texts(run_folder: Write, page_of: Callable[..., str]) -> None:
@@ -199,7 +212,7 @@ def test_the_verdict_names_the_cheapest_for_each_accuracy(
 ) -> None:
     told = verdict_of(shadowbench("report", run_folder(), "-o", tmp_path / "report.html"))
     assert told[:9] == [
-        "scene target cost cheapest",
+        "scene target cost cheapest real-time setting",
         "stairs IoU ≥ 0.95 5.00 ms shadow-map at 512",
         "IoU ≥ 0.99 20.0 ms shadow-map at 2048",
         "IoU ≥ 0.999 – none, best 0.995",
@@ -294,6 +307,14 @@ def test_the_verdict_on_three_scenes_fits_a_screen(
     table = told[: told.index(cost)]
     assert len(table) + len(cost) // width + 1 <= 24
     assert max(map(len, table)) <= width
+
+
+def test_a_scene_without_a_score_has_neither_costs_nor_a_note_on_them(
+    run_folder: Write, page_of: Callable[..., str]
+) -> None:
+    page = page_of(run_folder(CELLS[-2:]))
+    assert "Nothing here has a score." in page
+    assert 'class="matrix"' not in page and "Nothing here was timed: the cost" not in page
 
 
 def test_without_a_score_there_is_no_verdict(run_folder: Write, shadowbench: Shadowbench, tmp_path: Path) -> None:

@@ -245,7 +245,7 @@ def test_a_breaking_point_without_a_picture_is_listed(sweep_folder: Write, page_
 def test_small_pictures_keep_their_size_where_large_ones_must_shrink(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(gallery, "MAX_PIXELS", 100**2 + 2 * 300**2)
     monkeypatch.setattr(gallery, "_MIN_SIZE", 8)
-    cells = [GalleryCell({"view_size": size}, "", None, "", "") for size in (100, 512, 1024)]
+    cells = [GalleryCell({"view_size": size}, "", None, "", "", "") for size in (100, 512, 1024)]
     assert size_limit(cells) == 300
     assert size_limit(cells[:1]) > 100
 

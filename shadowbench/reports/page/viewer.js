@@ -173,17 +173,16 @@ class Viewer {
       this.find(`select.${side}`).value = this.cells.indexOf(cell);
       this.find(`.tag.${side}`).textContent = nameOf(cell);
       const caption = this.find(`.caption.${side}`);
-      caption.textContent = cell ? `${nameOf(cell)}: ${cell.caption}` : "truth: ray traced";
+      caption.textContent = cell ? `${nameOf(cell)}${PAGE.names[cell.spec] ? ` (${cell.spec})` : ""}: ${cell.caption}` : "truth: ray traced";
       if (cell?.command) caption.append(" ", Object.assign(document.createElement("code"), { textContent: cell.command }));
     }
     this.find(".errors").hidden = !this.cells[0]?.soft;
     for (const input of this.box.querySelectorAll(".modes input")) input.checked = input.value === this.mode;
-    this.onDraw(this.a);
-    this.done = Promise.all(["a", "b"].map((side) => {
+    this.done = Promise.all([this.onDraw(this.a), ...["a", "b"].map((side) => {
       const canvas = this.find(`canvas.${side}`);
       canvas.setAttribute("aria-label", `${this.mode}: ${nameOf(this[side])}`);
       return render(canvas, view, this[side], this.mode);
-    }));
+    })]);
     await this.done;
   }
 
