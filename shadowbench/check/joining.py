@@ -49,9 +49,9 @@ class Conflict:
 class Joined:
     """The rows to keep of several folders of one command.
 
-    cells: the row of each key; masks: hashes of the masks of those that have one; times: lines of time rows, without duplicates, by folder; machines: number of time rows
-    of each machine; cut_off: folders whose last line is incomplete; conflicts: cells with unequal scores, of which
-    nothing may be kept.
+    cells: the row of each key; masks: hashes of the masks of those that have one; times: lines of time rows, without
+    duplicates, by folder; machines: number of time rows of each machine; cut_off: folders whose last line is
+    incomplete; conflicts: cells with unequal scores, of which nothing may be kept.
     """
 
     sweep: bool
