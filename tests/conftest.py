@@ -51,7 +51,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         LightSampler(Light("sun", "directional", radius=0.01))
         build_tree(np.zeros((0, 3)), np.zeros((0, 3), np.int32))
         in_reuse_order(np.zeros((0, 3), np.int32))
-        cap_weights(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int64), np.zeros(4, np.float32), 0)
+        cap_weights(np.zeros((0, 3)), np.zeros((0, 3), np.int64), np.zeros(4), 0, 0)
 
 
 @pytest.fixture(scope="session")

@@ -49,13 +49,14 @@ class Conflict:
 class Joined:
     """The rows to keep of several folders of one command.
 
-    cells: the row of each key; times: lines of time rows, without duplicates, by folder; machines: number of time rows
-    of each machine; cut_off: folders whose last line is incomplete; conflicts: cells with unequal scores, of which
-    nothing may be kept.
+    cells: the row of each key; masks: hashes of the masks of those that have one; times: lines of time rows, without
+    duplicates, by folder; machines: number of time rows of each machine; cut_off: folders whose last line is
+    incomplete; conflicts: cells with unequal scores, of which nothing may be kept.
     """
 
     sweep: bool
     cells: Mapping[str, Place]
+    masks: Mapping[str, str]
     times: Sequence[Set[int]]
     machines: Mapping[str | None, int]
     cut_off: tuple[Path, ...]
@@ -108,7 +109,8 @@ def join(folders: Sequence[Path]) -> Joined:
             _add(state, folders, key, row, Place(index, line))
         times.append(kept_times)
     places = {key: place for key, (_, place) in state.cells.items()}
-    return Joined(bool(state.sweep), places, times, state.machines, tuple(cut_off), tuple(state.conflicts))
+    masks = {key: scores.mask for key, (scores, _) in state.cells.items() if scores.mask is not None}
+    return Joined(bool(state.sweep), places, masks, times, state.machines, tuple(cut_off), tuple(state.conflicts))
 
 
 _NEEDED = (

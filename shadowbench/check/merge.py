@@ -4,7 +4,7 @@ import datetime
 import json
 import os
 import shutil
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +17,7 @@ from shadowbench.measure.row_store import command_line
 from shadowbench.measure.rows import SCHEMA, RunFile, StudyFacts, read_run_file
 from shadowbench.reports.stability import analyse
 from shadowbench.reports.words import counted
+from shadowbench.scores.masks import mask_sha256, read_mask
 from shadowbench.studies.folder import read_folders, write_cells
 from shadowbench.studies.sweeps import read_sweep_positions
 from shadowbench.studies.tables import write_table
@@ -40,8 +41,9 @@ def merge(folders: Sequence[Path], output: Path) -> MergeResult:
     """Merge folders of `run`, or of `stress`, into a new folder, which appears when it is complete.
 
     Equal keys must have equal scores: if not, nothing is written. A failed row gives way to a successful one. Time rows
-    of every machine are kept. Images are hard links where the disk allows it. Raises InputError for folders that do
-    not belong together, and for an output that is not new or empty.
+    of every machine are kept. Images are hard links where the disk allows it; a mask is only taken if its pixels are
+    those of its row. Raises InputError for folders that do not belong together, and for an output that is not new or
+    empty.
     """
     sources = list(dict.fromkeys(folder.resolve() for folder in folders))
     _check_output(output, sources)
@@ -57,11 +59,8 @@ def merge(folders: Sequence[Path], output: Path) -> MergeResult:
         for folder in stopped
         if folder not in joined.cut_off
     ]
-    if not joined.conflicts and (hidden := _write(joined, sources, abouts, output)):
-        notes.append(
-            f"{counted(hidden, 'cell')} in rows.jsonl but not in the table: another folder has them of other code "
-            "or another version of the scene"
-        )
+    if not joined.conflicts:
+        notes += _write(joined, sources, abouts, output)
     times = sum(joined.machines.values())
     return MergeResult(len(joined.cells), times, len(joined.machines), tuple(notes), joined.conflicts)
 
@@ -80,20 +79,24 @@ def _check_output(output: Path, sources: Sequence[Path]) -> None:
         raise InputError(f"-o {output}: is a file; allowed: a new folder, or an empty one")
 
 
-def _write(joined: Joined, sources: Sequence[Path], abouts: Sequence[RunFile], output: Path) -> int:
+def _write(joined: Joined, sources: Sequence[Path], abouts: Sequence[RunFile], output: Path) -> list[str]:
     """Write all files beside the output, and rename the folder; what a killed merge left there is replaced.
 
-    Returns the number of cells of the last commands that the result does not show, as another row represents them.
+    Returns notes: on images that were left out or taken from another folder, and on cells of the last commands that the
+    result does not show, as another row represents them.
     """
     beside = output.resolve().with_name(f".{output.resolve().name}.merging")
     try:
         shutil.rmtree(beside, ignore_errors=True)
         beside.mkdir(parents=True)
         _write_rows(joined, sources, beside / "rows.jsonl")
-        for source in sources:
-            _link(_images_of_cells(source, joined), beside)
-        for source in reversed(sources):  # the truth of the last one counts, as its rows come last
-            _link(source.glob("truth/*.png"), beside)
+        notes = _link_masks(sources, joined, beside)
+        own = (file for source in sources for file in source.glob("pictures/*.png") if file.stem in joined.cells)
+        # The truth of the last one counts, as its rows come last.
+        truths = (file for source in reversed(sources) for file in source.glob("truth/*.png"))
+        for files in (own, truths):
+            if refused := _link(files, beside, Path.is_file):
+                notes.append(f"{_files(list(refused.values()), 'image')} no regular file: left out")
         about = _run_file(joined, sources, abouts)
         text = json.dumps(about, indent=2, ensure_ascii=False)
         (beside / "run.json").write_text(text + "\n", encoding="utf-8", errors="replace")
@@ -109,7 +112,12 @@ def _write(joined: Joined, sources: Sequence[Path], abouts: Sequence[RunFile], o
         with suppress(FileNotFoundError):
             output.resolve().rmdir()  # an empty one
         beside.rename(output.resolve())
-        return len(set(about["keys"]) - {row["key"] for row in shown})
+        if hidden := len(set(about["keys"]) - {row["key"] for row in shown}):
+            notes.append(
+                f"{counted(hidden, 'cell')} in rows.jsonl but not in the table: another folder has them of other code "
+                "or another version of the scene"
+            )
+        return notes
     except OSError as error:
         raise InputError(f"-o {output}: cannot be written ({(error.strerror or str(error)).lower()})") from None
     finally:
@@ -124,23 +132,50 @@ def _write_rows(joined: Joined, sources: Sequence[Path], file: Path) -> None:
                 output.writelines(line for number, line in enumerate(stream, start=1) if number in kept)
 
 
-def _images_of_cells(source: Path, joined: Joined) -> Iterable[Path]:
-    return (
-        file for kind in ("masks", "pictures") for file in source.glob(f"{kind}/*.png") if file.stem in joined.cells
-    )
+def _link_masks(sources: Sequence[Path], joined: Joined, folder: Path) -> list[str]:
+    """Link the first good mask of each cell: one whose pixels are those that its row was scored by. Returns notes."""
+
+    def is_good(file: Path) -> bool:
+        try:
+            return file.stem not in joined.masks or mask_sha256(read_mask(file)) == joined.masks[file.stem]
+        except InputError:
+            return False
+
+    files = (file for source in sources for file in source.glob("masks/*.png") if file.stem in joined.cells)
+    refused = _link(files, folder, lambda file: file.is_file() and is_good(file))
+    lost = [file for name, file in refused.items() if not (folder / "masks" / name).exists()]
+    replaced = [file for file in refused.values() if file not in lost]
+    notes = []
+    if replaced:
+        notes.append(f"{_files(replaced, 'mask')} not what was scored: that of another folder is taken")
+    if lost:
+        notes.append(
+            f"{_files(lost, 'mask')} not what was scored: left out, as no folder has a good one; the row stays"
+        )
+    return notes
 
 
-def _link(files: Iterable[Path], folder: Path) -> None:
-    """Link or copy files that a folder lacks into its subfolder of the same name."""
+def _link(files: Iterable[Path], folder: Path, is_good: Callable[[Path], bool]) -> dict[str, Path]:
+    """Link or copy good files that a folder lacks into its subfolder of the same name; the others by name."""
+    refused: dict[str, Path] = {}
     for file in files:
         target = folder / file.parent.name / file.name
         if target.exists():
             continue
+        if not is_good(file):
+            refused[file.name] = file
+            continue
         target.parent.mkdir(exist_ok=True)
         try:
-            os.link(file, target)
+            os.link(file.resolve(), target)  # of a link, the file
         except OSError:  # another disk, or one without links
             shutil.copyfile(file, target)
+    return refused
+
+
+def _files(files: Sequence[Path], noun: str) -> str:
+    """The file, or how many such as the first, up to the verb."""
+    return f"{files[0]}: is" if len(files) == 1 else f"{counted(len(files), noun)}, such as {files[0]}, are"
 
 
 def _run_file(joined: Joined, sources: Sequence[Path], abouts: Sequence[RunFile]) -> dict[str, Any]:

@@ -34,8 +34,9 @@ def merge(
 
     The result has the cells of all folders, their images, and a table, as if one command had measured them. A cell that
     several folders have must have the same scores and mask in each: otherwise what differs is listed, nothing is
-    written, and the exit code is 1. A cell that failed in one folder is taken from another. Times are kept by machine;
-    table and report show those of the machine with the most. Nothing is measured.
+    written, and the exit code is 1. A cell that failed in one folder is taken from another, and so is a mask whose
+    pixels are not those of its row. Times are kept by machine; table and report show those of the machine with the
+    most. Nothing is measured.
     """
     from shadowbench.check.merge import merge as merged
     from shadowbench.reports.words import counted

@@ -54,9 +54,10 @@ class Casters:
         )
 
     def may_contain(self, point: Vec3) -> bool:
-        """Whether a point may be inside a closed part."""
+        """Whether a point may be inside a closed part, or on its surface."""
         low, high = self.closed.boxes.transpose(1, 0, 2)
-        return bool(((low <= point) & (point <= high)).all(axis=1).any())
+        rounding = 1e-6 * max(np.abs(self.closed.boxes).max(initial=0.0), *map(abs, point))  # the boxes are of float32
+        return bool(((low - rounding <= point) & (point <= high + rounding)).all(axis=1).any())
 
 
 @dataclass(frozen=True, eq=False)

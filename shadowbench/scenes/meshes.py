@@ -1,15 +1,9 @@
 """Mesh files as world-space meshes, welded and without zero-area triangles.
 
-trimesh reads STL. It is lenient: it returns empty geometry for data that it cannot decode, and only logs the data that
-it drops. Here, and only here, exceptions and warnings of all readers become a one-line InputError.
+Here, and only here, exceptions of all readers become a one-line InputError.
 """
 
-import io
-import logging
-import warnings
 from codecs import BOM_UTF8
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,7 +20,7 @@ from shadowbench.scenes.obj import read_obj
 from shadowbench.scenes.off import read_off
 from shadowbench.scenes.ply import read_ply
 from shadowbench.scenes.polygons import triangulated
-from shadowbench.scenes.stl import checked_stl
+from shadowbench.scenes.stl import read_stl
 from shadowbench.scenes.triangles import (
     MOST_TRIANGLES,
     Triangles,
@@ -40,10 +34,6 @@ from shadowbench.scenes.triangles import (
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".off")
 READERS = {".obj": read_obj, ".off": read_off, ".ply": read_ply}
 GREY: Vec3 = (0.8, 0.8, 0.8)
-NAMELESS = "geometry_0"
-"""trimesh's name for the only body of a file without names."""
-HARMLESS = ("image", "face_normals", "vertex_normals", "texture", "material")
-"""Words in trimesh's warnings about data other than the shape."""
 
 
 class Contents(NamedTuple):
@@ -82,12 +72,11 @@ def read_meshes(path: Path, where: str | None = None) -> Contents:
         if path.stat().st_size == 0:
             raise InputError(f"{where}: the file is empty")
         with np.errstate(all="ignore"):
-            with _strictly(where):
-                if suffix in (".glb", ".gltf"):
-                    instances, cameras, lights, notes = _gltf(path, where)
-                else:
-                    instances, notes = (_stl(path, where), []) if suffix == ".stl" else _polygonal(path, where)
-                    cameras, lights = [], []
+            if suffix in (".glb", ".gltf"):
+                instances, cameras, lights, notes = _gltf(path, where)
+            else:
+                instances, notes = (_stl if suffix == ".stl" else _polygonal)(path, where)
+                cameras, lights = [], []
             return _assembled(instances, cameras, lights, notes, where)
     except InputError:
         raise
@@ -141,24 +130,15 @@ def _polygonal(path: Path, where: str) -> tuple[list[MeshInstance], list[str]]:
     return instances, [*polygons.notes, *notes]
 
 
-def _stl(path: Path, where: str) -> list[MeshInstance]:
-    """The named solids of an STL file."""
-    import trimesh  # the import takes 0.4 s
-
-    # From bytes, so that trimesh opens no file that the STL names.
-    data = io.BytesIO(checked_stl(path.read_bytes(), where))
-    data.name = path.name
-    scene = trimesh.load_scene(data, file_type="stl", process=False)
-    return [
-        MeshInstance(
-            path.stem if name in (path.name, NAMELESS) else str(name),
-            _triangles(geometry.vertices, geometry.faces, where),
-            np.eye(4),
-            GREY,
-        )
-        for name, geometry in scene.geometry.items()
-        if isinstance(geometry, trimesh.Trimesh) and len(geometry.faces)
+def _stl(path: Path, where: str) -> tuple[list[MeshInstance], list[str]]:
+    """The solids of an STL file that have triangles, and notes."""
+    solids, notes = read_stl(path.read_bytes(), where)
+    instances = [
+        MeshInstance(name or path.stem, _triangles(corners, np.arange(3 * len(corners)), where), np.eye(4), GREY)
+        for name, corners in solids
+        if len(corners)
     ]
+    return instances, notes
 
 
 def _gltf(path: Path, where: str) -> tuple[list[MeshInstance], list[Camera], list[Light], list[str]]:
@@ -204,28 +184,3 @@ def _triangles(vertices: NDArray[Any], faces: NDArray[Any], where: str) -> Trian
         return Triangles(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32))
     check_indices(indices, len(vertices), where)
     return welded(checked(Triangles(vertices, np.zeros((0, 3), dtype=np.int32)), where).vertices, indices)
-
-
-@contextmanager
-def _strictly(where: str) -> Iterator[None]:
-    """Raise InputError if trimesh or NumPy report data loss while reading."""
-    lost: list[str] = []
-
-    class Listener(logging.Handler):
-        def emit(self, record: logging.LogRecord) -> None:
-            message = record.getMessage()
-            if not any(word in message for word in HARMLESS):
-                lost.append(" ".join(message.split())[:160])
-
-    log, listener = logging.getLogger("trimesh"), Listener(logging.WARNING)
-    log.addHandler(listener)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            # NumPy stops at the first number that it cannot parse, and drops the rest of the text.
-            warnings.filterwarnings("error", message=".*(could not be read to its end|unmatched data).*")
-            yield
-    finally:
-        log.removeHandler(listener)
-    if lost:
-        raise InputError(f"{where}: would load incompletely: {lost[0]}")

@@ -8,7 +8,7 @@ from collections import Counter
 import numpy as np
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.lines import Lines, lines_of, numbers, with_newlines, without_comments
+from shadowbench.scenes.lines import Lines, Rows, lines_of, numbers, with_newlines, without_comments
 from shadowbench.scenes.polygons import Integers, Polygons
 from shadowbench.scenes.tables import MOST_COPIES
 
@@ -17,13 +17,17 @@ NO_SHAPE = {"vn", "vt", "vp", "g", "s", "mg", "mtllib", "usemtl", "o"}
 
 
 def read_obj(data: bytes, where: str) -> Polygons:
-    """The faces of an OBJ file. Raises InputError for invalid numbers and vertex indices."""
+    """The faces of an OBJ file. Raises InputError for invalid numbers and vertex indices.
+
+    Statements in upper case are read, a vertex's weight and colour are not; notes say so.
+    """
     raw = with_newlines(data)
     # Joining continued lines keeps byte offsets; the last line may end with a backslash.
     lines = lines_of(without_comments(raw).replace(b"\\\n", b"  ") + b"\n", where, raw)
     letters = np.frombuffer(lines.text, dtype=np.uint8)
-    first, second = letters[lines.starts], letters[lines.starts + 1]
-    single = np.isin(second, np.frombuffer(b" \t\v\f\n", dtype=np.uint8))  # statements of one letter
+    given, second = letters[lines.starts], letters[lines.starts + 1] | 32
+    first = given | 32  # in lower case
+    single = np.isin(letters[lines.starts + 1], np.frombuffer(b" \t\v\f\n", dtype=np.uint8))  # statements of one letter
     is_vertex, is_face, is_object = (single & (first == ord(letter)) for letter in "vfo")
     vertex_lines, face_lines = lines.select(is_vertex, skip=1), lines.select(is_face, skip=1)
     rows = numbers(vertex_lines, where)
@@ -35,8 +39,26 @@ def read_obj(data: bytes, where: str) -> Polygons:
     corners, counts = _corners(face_lines, vertex_lines, where)
     owners, names = _objects(lines.select(is_object, skip=1), face_lines, raw, where)
     normals = (first == ord("v")) & np.isin(second, np.frombuffer(b"nt", dtype=np.uint8))
-    notes = _left_out(lines.select(~(is_vertex | is_face | normals)), where)
+    upper = int(np.count_nonzero((is_vertex | is_face) & (given != first)))
+    notes = [f"{where}: {upper} statement(s) V or F in upper case read as v or f"] if upper else []
+    notes += _more_numbers(rows, where) + _left_out(lines.select(~(is_vertex | is_face | normals)), where)
     return Polygons(vertices, corners, counts, owners, names, notes)
+
+
+def _more_numbers(vertices: Rows, where: str) -> list[str]:
+    """Notes on the numbers of vertices after x y z: a weight w, or red, green and blue.
+
+    Weights are of rational curves, not of polygons: as in Blender and tinyobjloader, no coordinate is divided by them.
+    """
+    weighted, colored = vertices.counts == 4, vertices.counts == 6
+    weights = np.count_nonzero(vertices.values[vertices.starts[weighted] + 3] != 1)
+    others = np.count_nonzero((vertices.counts > 3) & ~weighted & ~colored)
+    found = [
+        (weights, "vertex weight(s) w other than 1 left out: only curves have weights"),
+        (np.count_nonzero(colored), "vertex colour(s) left out"),
+        (others, "vertices of 5, 7 or more numbers: the first three are x y z, the others are left out"),
+    ]
+    return [f"{where}: {count} {line}" for count, line in found if count]
 
 
 def _corners(faces: Lines, vertices: Lines, where: str) -> tuple[Integers, Integers]:
@@ -70,7 +92,7 @@ def _objects(objects: Lines, faces: Lines, raw: bytes, where: str) -> tuple[Inte
 def _left_out(others: Lines, where: str) -> list[str]:
     """A note with the numbers of unsupported statements, such as curves."""
     words = (others.line(k).split(None, 1)[0].decode("utf-8", errors="replace") for k in range(len(others.starts)))
-    found = Counter(word for word in words if word not in NO_SHAPE)
+    found = Counter(word for word in words if word.lower() not in NO_SHAPE)
     if not found:
         return []
     counts = ", ".join(f"{count} {word:.20}" for word, count in found.most_common(5)) + ", ..." * (len(found) > 5)

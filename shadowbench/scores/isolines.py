@@ -28,7 +28,8 @@ def smooth_gradient(visibility: Single, valid: Mask) -> Single:
 
     weight = ndimage.gaussian_filter(valid.astype(np.float32), SMOOTHING)
     smooth = ndimage.gaussian_filter(np.where(valid, visibility, 0), SMOOTHING) / np.maximum(weight, FLAT)
-    return np.stack([np.gradient(smooth, axis=axis).astype(np.float32) for axis in range(2)])
+    gradients = [np.gradient(smooth, axis=axis) if smooth.shape[axis] > 1 else 0 * smooth for axis in range(2)]
+    return np.stack(gradients).astype(np.float32)
 
 
 @dataclass(frozen=True, eq=False)

@@ -82,7 +82,7 @@ def crossings(
     normal, direction, flat = _across(starts, gradient, positions)
     starts, normal, direction = starts[:, flat], normal[flat], direction[:, flat]
 
-    reach = max(visibility.shape) // REACH
+    reach = max(1, max(visibility.shape) // REACH)
     steps = np.arange(-reach, reach + 1)
     lines = (starts[..., np.newaxis] + steps * direction[..., np.newaxis]).astype(np.float32)
     away = np.stack([_sampled(positions[..., axis], lines) for axis in range(3)], axis=-1)

@@ -61,14 +61,17 @@ def may_shadow(boxes: Floats, light: tuple[float, ...], planes: Floats) -> NDArr
 
     boxes: (C, 2, 3) bounding boxes of the casters; light: unit vector towards it and w = 0, or its position and w = 1;
     planes: (P, 4), the region is where n·x + d ≥ 0. A caster is culled if its box is behind one plane and no light ray
-    through the box approaches that plane.
+    through the box approaches that plane. A lamp in or on the box has rays through it in more directions than its
+    corners tell.
     """
     points = box_corners(boxes)
     away = light[3] * points - np.array(light[:3])
     slack = _ROUNDING * float(np.abs(boxes).max(initial=1.0))
     behind = (points @ planes[:, :3].T + planes[:, 3] < -slack).all(axis=1)
     receding = (away @ planes[:, :3].T <= slack).all(axis=1)
-    kept: NDArray[np.bool_] = ~(behind & receding).any(axis=1)
+    lamp = np.array(light[:3]) if light[3] else np.full(3, np.inf)
+    around = ((boxes[:, 0] - slack <= lamp) & (lamp <= boxes[:, 1] + slack)).all(axis=1)
+    kept: NDArray[np.bool_] = around | ~(behind & receding).any(axis=1)
     return kept
 
 

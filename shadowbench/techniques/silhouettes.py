@@ -25,8 +25,10 @@ class Silhouettes:
     ) -> None:
         from shadowbench.geometry.facing import wall_weights  # Numba takes 0.4 s to import
 
-        self._edges = casters_of(stage.scene).all.edges
-        self._vertices = stage.scene.geometry.vertices.astype(np.float32)
+        casters = casters_of(stage.scene)
+        self._edges, self._closed = casters.all.edges, len(casters.closed.edges)
+        self._exact = stage.scene.geometry.vertices
+        self._vertices = self._exact.astype(np.float32)
         self._weights = wall_weights
         self._program = stage.program(
             "hybrid/silhouette.vert", "hybrid/silhouette.frag", params=params, defines=defines
@@ -38,8 +40,8 @@ class Silhouettes:
         self, frame: Frame, depths: tuple[Texture, Sampling], draws: Sequence[Mapping[str, Value]]
     ) -> tuple[Texture, Sampling]:
         """Depth of the nearest edge in each texel, 1 for none. depths: of the map; draws: uniforms of each layer."""
-        light = np.array(frame.light_uniform, dtype=np.float32)
-        drawn = self._edges[self._weights(self._vertices, self._edges, light, 0) != 0]
+        light = np.array(frame.light_uniform)
+        drawn = self._edges[self._weights(self._exact, self._edges, light, 0, self._closed) != 0]
         ends = np.concatenate([self._vertices[drawn[:, 1]], self._vertices[drawn[:, 2]]], axis=1)
         edges = self._upload(np.repeat(ends, _CORNERS, axis=0))
         self._map.target.clear(depth=1.0)

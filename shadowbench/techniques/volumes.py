@@ -21,6 +21,7 @@ Sign = Literal[1, -1]
 
 _SIGNS: tuple[Sign, Sign] = (1, -1)
 _WALL_CORNERS = 6  # vertices of a wall in wall.vert
+_CLOSE = 1e-3  # distance of a lamp from a triangle's plane, as a share of the triangle's size
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +61,8 @@ class Volumes:
         self._drawn: dict[tuple[VolumePart, Sign], Drawable] = {}
         self._single, self._cap_weights = faces == "triangle", _cap_weights_by_numpy if by_numpy else cap_weights
         self._wall_weights = wall_weights
-        self._vertices = stage.scene.geometry.vertices.astype(np.float32)
+        self._exact = stage.scene.geometry.vertices
+        self._vertices = self._exact.astype(np.float32)
         self.boxes, self.faces, self._edges = casters.all.boxes, casters.all.faces, casters.all.edges
         self._face_ends, self._edge_ends = casters.all.face_ends, casters.all.edge_ends
         self._closed_faces, self._closed_edges = len(casters.closed.faces), len(casters.closed.edges)
@@ -70,19 +72,19 @@ class Volumes:
 
         count_both_facings: extrude all triangles of closed parts too, not only those that face the light.
         """
-        self._light = np.array(frame.light_uniform, dtype=np.float32)
+        self._light = np.array(frame.light_uniform)
         self._both_from = 0 if count_both_facings else self._closed_faces
         for program in self._programs.values():
             program.set(light=frame.light_uniform)
         if self._single:
             start, end = self.faces.ravel(), np.roll(self.faces, -1, axis=1).ravel()
             a, b, ends = np.minimum(start, end), np.maximum(start, end), 3 * self._face_ends
-            caps = self._cap_weights(self._vertices, self.faces, self._light, self._both_from)
+            caps = self._cap_weights(self._exact, self.faces, self._light, self._both_from, self._closed_faces)
             weights = np.repeat(caps, 3) * np.where(start < end, 1, -1)
         else:
             _, a, b, _ = self._edges.T
             ends, both_from = self._edge_ends, 0 if count_both_facings else self._closed_edges
-            weights = self._wall_weights(self._vertices, self._edges, self._light, both_from)
+            weights = self._wall_weights(self._exact, self._edges, self._light, both_from, self._closed_edges)
         self.walls, self._wall_ends = {}, {}
         for sign in _SIGNS:
             drawn, self._wall_ends[sign] = _repeated(weights, sign, ends, _WALL_CORNERS)
@@ -102,9 +104,10 @@ class Volumes:
         capped = next((batch.parts for batch in batches if batch.behind), np.zeros(len(self.boxes), dtype=bool))
         chosen = np.repeat(capped, np.diff(self._face_ends, prepend=0))
         faces = self.faces[chosen]
-        weights = self._cap_weights(self._vertices, faces, self._light, int(chosen[: self._both_from].sum()))
+        both_from, closed = (int(chosen[:end].sum()) for end in (self._both_from, self._closed_faces))
+        weights = self._cap_weights(self._exact, faces, self._light, both_from, closed)
         for sign in _SIGNS:
-            self._drawn["cap", sign] = self._uploads["cap", sign](self._caps(faces[sign * weights > 0]))
+            self._drawn["cap", sign] = self._uploads["cap", sign](self._caps(faces[sign * weights > 0], sign))
 
     def draw(self, part: VolumePart, batch: Batch, sign: Sign, front_adds: int, render_pass: RenderPass) -> None:
         """Draw a batch's walls or caps with a weight of this sign, as many times as their weight.
@@ -121,14 +124,27 @@ class Volumes:
             ranges = kept_ranges(batch.parts, self._wall_ends[sign], batch.others)
         drawn.draw(render_pass.target, render_pass.textures, render_pass.state, ranges)
 
-    def _caps(self, faces: Indices) -> Singles:
-        """(N, 4) corners of the near caps and, if the light has a position, of the far caps at infinity."""
+    def _caps(self, faces: Indices, sign: Sign) -> Singles:
+        """(N, 4) corners of the near caps and, if the light has a position, of the far caps at infinity.
+
+        sign: of the triangles' weights, 1 if they face the light.
+        """
         near = self._vertices[faces.ravel()]
         points = np.column_stack([near, np.ones(len(near), dtype=np.float32)])
         if self._light[3] == 0:
             return points
-        away = self._vertices[faces[:, ::-1].ravel()] - self._light[:3]
-        return np.concatenate([points, np.column_stack([away, np.zeros(len(away), dtype=np.float32)])])
+        away = self._vertices[faces[:, ::-1]] - self._light[:3].astype(np.float32)
+        # A triangle close to a lamp covers nearly half of all directions, and rounding would decide which half: a fan
+        # around its normal covers the right one.
+        one, other = away[:, 1] - away[:, 0], away[:, 2] - away[:, 0]
+        normal = np.cross(one, other)
+        size = np.maximum(np.abs(one), np.abs(other)).max(axis=1) * np.linalg.norm(normal, axis=1)
+        close = np.abs(np.einsum("ij,ij->i", normal, away[:, 0])) < _CLOSE * size
+        fan = np.empty((np.count_nonzero(close), 3, 3, 3), dtype=np.float32)
+        fan[:, :, 0], fan[:, :, 1] = away[close], np.roll(away[close], -1, axis=1)
+        fan[:, :, 2] = sign * normal[close, np.newaxis]
+        far = np.concatenate([away[~close].reshape(-1, 3), fan.reshape(-1, 3)])
+        return np.concatenate([points, np.column_stack([far, np.zeros(len(far), dtype=np.float32)])])
 
 
 def _repeated(weights: NDArray[np.integer], sign: Sign, ends: Indices, corners: int) -> tuple[Indices, Indices]:
@@ -141,17 +157,21 @@ def _repeated(weights: NDArray[np.integer], sign: Sign, ends: Indices, corners: 
     return drawn, corners * np.searchsorted(drawn, ends)
 
 
-def _cap_weights_by_numpy(vertices: Singles, faces: Indices, light: Singles, both_from: int) -> NDArray[np.int8]:
+def _cap_weights_by_numpy(
+    vertices: Floats, faces: Indices, light: Floats, both_from: int, closed: int
+) -> NDArray[np.int8]:
     """As `cap_weights`, to check it."""
+    from shadowbench.geometry.facing import IN_PLANE
+
     order = np.argsort(faces, axis=1)
     parity = np.where((np.diff(order, axis=1) % 3 == 1).all(axis=1), 1, -1)
     a, b, c = vertices[np.take_along_axis(faces, order, axis=1)].transpose(1, 0, 2)
-    u, v, to_light = b - a, c - a, light[:3] - light[3] * a
-    volume = (
-        (u[:, 1] * v[:, 2] - u[:, 2] * v[:, 1]) * to_light[:, 0]
-        + (u[:, 2] * v[:, 0] - u[:, 0] * v[:, 2]) * to_light[:, 1]
-        + (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) * to_light[:, 2]
-    )
-    side = np.where(volume > 0, parity, -parity).astype(np.int8)
+    normal = np.cross(b - a, c - a)
+    volume = np.einsum("ij,ij->i", normal, light[:3] - light[3] * a)
+    size = np.einsum("ij,ij->i", np.abs(normal), np.abs(light[:3]) + light[3] * np.abs(a))
+    apart = np.abs(vertices[faces] - light[:3]).sum(axis=2).min(axis=1)
+    at_corner = (light[3] != 0) & (apart <= IN_PLANE * np.abs(light[:3]).sum())
+    in_plane = np.where((np.arange(len(faces)) < closed) & ~at_corner, -1, 0)
+    side = np.where(np.abs(volume) <= IN_PLANE * size, in_plane, np.sign(volume) * parity).astype(np.int8)
     side[:both_from] = np.maximum(side[:both_from], 0)
     return side

@@ -16,7 +16,7 @@ from shadowbench.truths.embree import over_slices, rows_a_slice
 from shadowbench.truths.near import NearCasters
 from shadowbench.truths.rays import GRAZING, LOW_LIGHT, SUBPIXEL_OFFSETS, Indices, Mask, Receivers, ShadowRays, ViewRays
 
-LAMP_MARGIN = 1e-3  # share of δ: a caster this close to a lamp may be before or behind it
+LAMP_MARGIN = 0.25  # share of δ: a caster this close to a lamp may be before or behind it; float32 rounds by as much
 NO_RECEIVER, SHADOWED, LIT = range(3)
 
 
@@ -92,16 +92,15 @@ def _decide(
 def _depends_on_offset(
     rays: ViewRays, receivers: Receivers, shadow_rays: ShadowRays, blocked: Mask, delta: float
 ) -> Mask:
-    """(R,) whether visibility changes with another offset of the shadow ray, or with an end just before the lamp."""
+    """(R,) whether visibility changes with another offset of the shadow ray, or an end just before or past the lamp."""
     depends = np.zeros(len(blocked), dtype=bool)
     for others in (
         rays.shadow_rays(receivers, 4 * delta),
         rays.shadow_rays(receivers, delta / 4),
         rays.normal_offset_rays(receivers, delta),
         *(
-            []
-            if rays.directional
-            else [shadow_rays._replace(reach=np.maximum(shadow_rays.reach - LAMP_MARGIN * delta, 0.0))]
+            shadow_rays._replace(reach=np.maximum(shadow_rays.reach + margin * delta, 0.0))
+            for margin in (() if rays.directional else (-LAMP_MARGIN, LAMP_MARGIN))
         ),
     ):
         depends |= rays.occluded(others) != blocked

@@ -1,6 +1,7 @@
 """`merge`: folders of machines and parts become one, unless their scores differ."""
 
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import pytest
 
 from shadowbench.check import merge as merging
 from shadowbench.measure.rows import Record, stream_rows
-from shadowbench.scores.masks import write_mask
+from shadowbench.scores.masks import mask_sha256, write_mask
 from tests.check.test_check import GOOD, WORSE, cell, rows, timed
 from tests.reports.conftest import POINTS
 
@@ -117,6 +118,53 @@ def test_facts_are_those_of_a_folder_that_has_them(shadowbench: Shadowbench, tmp
     stopped, complete = rows(tmp_path / "stopped", cell("cube-map")), described(tmp_path / "complete", cell())
     assert shadowbench("merge", stopped, complete, "-o", tmp_path / "all").code == 0
     assert json.loads((tmp_path / "all" / "run.json").read_text())["machine_key"] == "m"
+
+
+def masked(folder: Path, record: dict[str, Any], level: float | None) -> Path:
+    """A folder of a cell, and a mask of one level; None for half a PNG."""
+    file = described(folder, record) / "masks" / f"{record['key']}.png"
+    file.parent.mkdir()
+    write_mask(file, np.full((16, 16), 1.0 if level is None else level, np.float32))
+    if level is None:
+        file.write_bytes(file.read_bytes()[:45])
+    return file
+
+
+@pytest.mark.parametrize("damaged", [0.5, None])
+def test_a_good_mask_is_taken_and_a_damaged_one_named(
+    shadowbench: Shadowbench, tmp_path: Path, damaged: float | None
+) -> None:
+    record = cell(mask_sha256=mask_sha256(np.ones((16, 16))))
+    bad, good = (masked(tmp_path / name, record, level) for name, level in (("bad", damaged), ("good", 1.0)))
+    answer = shadowbench("merge", tmp_path / "bad", tmp_path / "good", "-o", tmp_path / "all")
+    told = f"note: {bad}: is not what was scored: that of another folder is taken\n"
+    assert (answer.code, answer.err) == (0, told)
+    assert (tmp_path / "all" / "masks" / bad.name).read_bytes() == good.read_bytes()
+    answer = shadowbench("merge", tmp_path / "bad", "-o", tmp_path / "alone")
+    left_out = "left out, as no folder has a good one; the row stays"
+    assert (answer.code, answer.err) == (0, f"note: {bad}: is not what was scored: {left_out}\n")
+    assert read(tmp_path / "alone") == [record] and not (tmp_path / "alone" / "masks").exists()
+
+
+def test_only_regular_files_are_merged(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    """Of a link, the file; a pipe is not waited for."""
+    record = cell(mask_sha256=mask_sha256(np.ones((16, 16))))
+    mask = masked(tmp_path / "part", record, 1.0)
+    mask.rename(tmp_path / "elsewhere.png")
+    mask.symlink_to(tmp_path / "elsewhere.png")
+    for kind, name in (("pictures", record["key"]), ("truth", "s.camera.sun.16")):
+        (tmp_path / "part" / kind).mkdir()
+        os.mkfifo(tmp_path / "part" / kind / f"{name}.png")
+    answer = shadowbench("merge", tmp_path / "part", "-o", tmp_path / "all")
+    assert answer.code == 0 and answer.err.count("is no regular file: left out\n") == answer.err.count("\n") == 2
+    assert [str(file.relative_to(tmp_path / "all")) for file in (tmp_path / "all").glob("*/*")] == [
+        f"masks/{mask.name}"
+    ]
+    assert not (tmp_path / "all" / "masks" / mask.name).is_symlink()
+    mask.unlink()
+    os.mkfifo(mask)
+    answer = shadowbench("merge", tmp_path / "part", "-o", tmp_path / "none", "-q")
+    assert answer.code == 0 and not (tmp_path / "none" / "masks").exists()
 
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])

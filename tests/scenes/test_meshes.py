@@ -100,6 +100,48 @@ def test_lines_in_an_obj_are_a_note(mesh_file: MeshFile) -> None:
     assert "left out" in note
 
 
+@pytest.mark.parametrize(
+    ("text", "notes"),
+    [
+        ("v 0 0 0 1\nv 1 0 0 1.0\nv 0 1 0 1\nf 1 2 3\n", []),
+        ("v 0 0 0 2\nv 1 0 0 0.5\nv 0 1 0 1\nf 1 2 3\n", ["2 vertex weight(s) w other than 1 left out: only curves"]),
+        ("v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nf 1 2 3\n", ["3 vertex colour(s) left out"]),
+        ("v 0 0 0 1 1\nv 1 0 0\nv 0 1 0 1 1 1 1\nf 1 2 3\n", ["2 vertices of 5, 7 or more numbers: the first three"]),
+        ("V 0 0 0\nv 1 0 0\nv 0 1 0\nVN 0 0 1\nG a\nF 1 2 3\n", ["2 statement(s) V or F in upper case read as v or f"]),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nL 1 2\nf 1 2 3\n", ["1 statement(s) left out that make no face: 1 L"]),
+    ],
+)
+def test_of_a_vertex_of_an_obj_the_position_is_read_and_notes_tell_the_rest(
+    mesh_file: MeshFile, text: str, notes: list[str]
+) -> None:
+    contents = read_meshes(mesh_file("a.obj", text))
+    assert sorted(contents.meshes[0].vertices.tolist()) == [[0, 0, 0], [0, 1, 0], [1, 0, 0]]
+    assert len(contents.notes) == len(notes)
+    assert all(f"a.obj: {note}" in found for note, found in zip(notes, contents.notes, strict=True))
+
+
+STL_FACET = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
+
+
+@pytest.mark.parametrize("name", ["vertex-block", "a vertex solid endsolid facet normal", "SOLID", ""])
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_the_name_of_a_solid_may_have_keywords(mesh_file: MeshFile, name: str, end: str) -> None:
+    text = f"solid {name}\n{STL_FACET}endsolid {name}\nSOLID two\n{STL_FACET.upper() * 2}ENDSOLID\n".replace("\n", end)
+    meshes = read_meshes(mesh_file("a.stl", text.encode())).meshes
+    assert [(mesh.name, len(mesh.faces)) for mesh in meshes] == [(name or "a", 1), ("two", 2)]
+
+
+@pytest.mark.parametrize("extra", [b"\0", b"\r\n", b"colours", bytes(50), bytes(1000)])
+@pytest.mark.parametrize("header", [b"", b"solid binary"])
+def test_a_binary_stl_with_all_its_triangles_is_complete(mesh_file: MeshFile, header: bytes, extra: bytes) -> None:
+    triangle = struct.pack("<12fH", 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0)
+    data = header.ljust(80, b" ") + struct.pack("<I", 2) + 2 * triangle
+    assert read_meshes(mesh_file("a.stl", data)).notes == ()
+    contents = read_meshes(mesh_file("a.stl", data + extra))
+    assert len(contents.meshes[0].faces) == 2
+    assert contents.notes == (f"a.stl: {len(extra)} byte(s) after the last of 2 triangles left out",)
+
+
 PLY = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
 PLY_FACES = "element face {}\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n"
 TRISTRIP = PLY + "element tristrips 1\nproperty list int int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
@@ -132,6 +174,12 @@ TRISTRIP = PLY + "element tristrips 1\nproperty list int int vertex_indices\nend
         ("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 5\n", ["a.off"]),
         ("a.stl", b"\0" * 80 + struct.pack("<I", 5) + b"\0" * 50, ["cut short", "5"]),
         ("a.stl", "solid x\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\n", ["endsolid"]),
+        ("a.stl", f"solid x\n{STL_FACET}endsolid x\n{STL_FACET}", ["endsolid"]),
+        ("a.stl", f"solid x\n{STL_FACET}vertex 0 0 1\nendsolid", ["line 2", "facet of 4 vertices", "3"]),
+        ("a.stl", f"solid x\n{STL_FACET.replace('vertex 1 0 0', 'vertex 1 0 x')}endsolid", ["line 5", "'x'"]),
+        ("a.stl", f"solid x\n{STL_FACET.replace('vertex 1 0 0', 'vertex 1 0')}endsolid", ["line 5", "of 2 numbers"]),
+        ("a.stl", f"solid x\nnormal\n{STL_FACET}endsolid", ["line 2", "'normal'", "facet"]),
+        ("a.stl", b"\0" * 84 + b"\0" * 50, ["announces 0 triangles", "50 bytes follow"]),
         ("a.gltf", "{", ["a.gltf"]),
         ("a.gltf", "[]", ["a.gltf"]),
         ("a.gltf", '{"asset": {"version": "1.0"}}', ["version"]),

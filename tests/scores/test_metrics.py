@@ -30,6 +30,26 @@ def random_view(rng):
     return mask, view
 
 
+# Small views
+
+
+@pytest.mark.parametrize("size", range(1, 10))
+@pytest.mark.parametrize("soft", [False, True])
+def test_in_a_view_of_few_pixels_every_metric_is_a_number_or_none(size, soft, truth):
+    """Also where all is lit, in shadow or in penumbra; no penumbra is wide enough for a width."""
+    y, x = np.mgrid[:size, :size].astype(float)
+    ramp = np.clip((x - size / 2) / 3 + 0.5, 0, 1) if soft else (x >= size / 2) * 1.0
+    flat = [np.zeros((size, size)), np.ones((size, size)), *([np.full((size, size), 0.5)] if soft else [])]
+    positions = {"positions": lambda: np.stack([x, 0 * x, y], axis=-1)} if soft else {}
+    for exact in (ramp, ramp.T, *flat):
+        prepared = truth(exact, **positions)
+        for mask in (exact, 1 - exact, ramp, *flat):
+            found = score(mask, prepared)
+            assert list(found) == list(METRICS)
+            assert all(value is None or math.isfinite(value) for value in found.values())
+            assert found["width"] is found["hardening"] is found["hardening_intercept"] is None
+
+
 # The table
 
 

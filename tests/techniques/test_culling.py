@@ -183,3 +183,9 @@ def test_counted_from_an_eye_in_a_volume_z_pass_is_as_wrong_as_without_culling(
         build(f"shadow-volume:count={count},cull={cull}", shot).draw(shot) for count in ("z-fail", "z-pass")
     )
     assert (right != counted).mean() > 0.3
+
+
+def test_a_caster_that_a_lamp_lies_on_may_shadow_what_is_above_it() -> None:
+    box, above = np.array([[[-1.0, 0.0, -1.0], [1.0, 1.0, 1.0]]]), np.array([[0.0, 1.0, 0.0, -2.0]])
+    kept = {height: bool(may_shadow(box, (0.2, height, 0.1, 1.0), above)[0]) for height in (0.9, 1.0, 1.1)}
+    assert kept == {0.9: True, 1.0: True, 1.1: False}

@@ -122,6 +122,18 @@ def test_plate_behind_a_lamp_casts_nothing(shape: Shape, looking: Looking, above
     assert (truth.visibility == visibility).all()
 
 
+def test_what_a_lamp_on_a_plate_lights_is_undecided(shape: Shape, looking: Looking) -> None:
+    """On either side of the plate, however it is turned: rounding alone decides."""
+    axis = np.array([0.48, 0.6, 0.64])
+    turn = 2 * np.outer(axis, axis) - np.eye(3)
+    plate = shape("plane", 1.0)
+    for x, z in ((0.0, 0.0), (0.2, 0.1), (-0.3, 0.4)):
+        turned = replace(plate, vertices=plate.vertices @ turn + [0.0, 1.0, 0.0])
+        at = np.array([x, 0.0, z]) @ turn + [0.0, 1.0, 0.0]
+        truth = trace(looking([shape("plane", 8.0), turned], Light("lamp", "point", position=tuple(at))))
+        assert (truth.undecided[truth.receivers]).mean() > 0.99
+
+
 def test_one_receiver_is_as_good_as_many(light: Light, shape: Shape, looking: Looking) -> None:
     """Two pixels see the ground at their centres, and only one of them does at its lower samples."""
     ground = shape("plane", 8.0, (4.0, 0.0, -3.7))
