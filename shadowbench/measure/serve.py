@@ -14,7 +14,7 @@ from typing import Any
 import psutil
 
 import shadowbench
-from shadowbench.errors import ShadowbenchError, message, quoted
+from shadowbench.errors import NO_PROCESS, ShadowbenchError, message, quoted
 from shadowbench.gl.program import ShaderError
 from shadowbench.measure.executor import CellFailed, MemoryExceeded, Unsupported
 from shadowbench.measure.pipe import Pipe
@@ -29,9 +29,13 @@ _PR_SET_CHILD_SUBREAPER = 36
 
 
 def serve(handle: str, parent: str) -> None:
-    """Answer calls until the pipe is closed, whose first message lists the plug-ins; arguments: see `connected`."""
-    pipe = connected(handle, parent)
+    """Answer calls until the pipe is closed, whose first message lists the plug-ins.
+
+    handle: file descriptor or handle of the inherited pipe end; parent: id of the process that started this one.
+    """
+    pipe = connected(handle)
     try:
+        die_with(int(parent))
         plugins: list[Path] = pipe.receive()
         session = Session(plugins)
     except ShadowbenchError as error:
@@ -57,18 +61,16 @@ def serve(handle: str, parent: str) -> None:
         pipe.send(answer)
 
 
-def connected(handle: str, parent: str) -> Pipe:
-    """The pipe to the process that started this one, and that decides when this one ends.
-
-    handle: file descriptor or handle of the inherited pipe end; parent: id of that process.
-    """
+def connected(handle: str) -> Pipe:
+    """The pipe to the process that started this one, and that decides when this one ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if os.name == "posix":
         os.set_inheritable(int(handle), False)
-    _die_with(int(parent))
     logging.getLogger("shadowbench").setLevel(logging.ERROR)  # the parent has logged the same warnings
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(line_buffering=True)  # this process is killed in the end, which flushes nothing
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            # As `forward_output` decodes; by lines, since this process is killed in the end, which flushes nothing.
+            stream.reconfigure(encoding="utf-8", errors="backslashreplace", line_buffering=True)
     return Pipe(Connection(int(handle)))
 
 
@@ -93,13 +95,13 @@ os.killpg(0, signal.SIGKILL)
 """
 
 
-def _die_with(parent: int) -> None:
+def die_with(parent: int) -> None:
     """End this process when its parent ends, and the processes that plug-ins start when this one ends.
 
     By a process group with a guard process in it, which works even while a driver call holds the GIL. Not by the
     kernel's parent-death signal: it is sent when the thread that started this process ends. A process that leaves the
     group (setsid) is killed only if `Worker.stop` still finds it among the descendants of this one: on Linux even if
-    its own parent is gone, but not if this process crashes or the whole run is killed.
+    its own parent is gone, but not if this process crashes or the whole run is killed. Raises ShadowbenchError.
     """
     watched = _process_file(parent)
     if os.name == "posix" and os.getppid() != parent:  # it ended before it was watched
@@ -112,7 +114,10 @@ def _die_with(parent: int) -> None:
         os.setpgid(0, 0)
         guard = [sys.executable, "-I", "-S", "-c", _GUARD, str(os.getpid()), *map(str, watched)]
         quiet = [(os.POSIX_SPAWN_OPEN, stream, os.devnull, os.O_RDWR, 0) for stream in range(3)]
-        os.posix_spawn(sys.executable, guard, os.environ, file_actions=quiet)  # Popen would warn that nobody waits
+        try:
+            os.posix_spawn(sys.executable, guard, os.environ, file_actions=quiet)  # Popen would warn that nobody waits
+        except BlockingIOError:
+            raise ShadowbenchError(NO_PROCESS) from None
     for file in watched:
         os.close(file)
 
