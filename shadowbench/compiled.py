@@ -39,7 +39,7 @@ def compile_once(call: Callable[[], None]) -> None:
         call()
 
 
-class _Announcer(event.Listener):  # type: ignore[misc]
+class _Announcer(event.Listener):
     """Announces the first compilation in this process, of which Numba tells where its cache has nothing."""
 
     announced = False
