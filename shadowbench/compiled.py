@@ -4,17 +4,20 @@ Where Numba finds no folder to cache in, as in a read-only installation of a use
 """
 
 import logging
-import threading
 from collections.abc import Callable
 from functools import cache
 from typing import Any
 
 import numba
+from numba.core import event
+from numba.core.caching import NullCache
 
 _log = logging.getLogger(__name__)
 
-PATIENCE = 3.0  # seconds; loading from the cache takes less, on a busy machine too
-COMPILING = "compiling loops: about 10 s, once on a machine; if again, Numba cannot cache: set NUMBA_CACHE_DIR"
+COMPILING = "compiling loops: about 10 s in all, once on a machine"
+UNCACHED = (
+    "compiling loops: about 10 s in all, in every process, since Numba finds no folder to cache in: set NUMBA_CACHE_DIR"
+)
 
 
 def compiled(**options: Any) -> Callable[[Any], Any]:
@@ -31,10 +34,20 @@ def compiled(**options: Any) -> Callable[[Any], Any]:
 
 @cache
 def compile_once(call: Callable[[], None]) -> None:
-    """Make a call that compiles, the first time in this process only; a message if it takes long."""
-    timer = threading.Timer(PATIENCE, _log.warning, [COMPILING])
-    timer.start()
-    try:
+    """Make a call that compiles, the first time in this process only; a message if it does, and not from the cache."""
+    with event.install_listener("numba:compile", _Announcer()):
         call()
-    finally:
-        timer.cancel()
+
+
+class _Announcer(event.Listener):
+    """Announces the first compilation in this process, of which Numba tells where its cache has nothing."""
+
+    announced = False
+
+    def on_start(self, event: Any) -> None:
+        if not _Announcer.announced:
+            _Announcer.announced = True
+            _log.warning(UNCACHED if isinstance(event.data["dispatcher"]._cache, NullCache) else COMPILING)
+
+    def on_end(self, event: Any) -> None:
+        pass

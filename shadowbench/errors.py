@@ -6,6 +6,8 @@ from collections.abc import Iterable
 LONGEST_QUOTE = 500
 """Most characters quoted from messages of foreign code, such as plug-ins."""
 
+NO_PROCESS = "no further process or thread is allowed here (ulimit -u, or a limit of the container)"
+
 
 class ShadowbenchError(Exception):
     """A failure reported as one line of printable characters instead of a traceback."""

@@ -3,6 +3,7 @@
 import errno
 import io
 import os
+import re
 import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Error numbers of a full disk, an exhausted quota or a file size limit."""
+
+_TEMPORARY = re.compile(r"\..*\.[0-9a-f]{12}(\.\w+)?")
 
 
 @contextmanager
@@ -49,6 +52,13 @@ def replace_file(path: str | Path) -> Iterator[Path]:
         raise InputError(f"{path}: cannot be written ({os.strerror(error.errno).lower()})") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def remove_temporaries(folder: Path) -> None:
+    """Remove what killed programs left of `replace_file`; only while no other program writes into the folder."""
+    for file in folder.glob(".*"):
+        if _TEMPORARY.fullmatch(file.name):
+            file.unlink(missing_ok=True)
 
 
 def check_outputs(suffix: str, *files: Path | None) -> None:

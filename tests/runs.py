@@ -187,6 +187,9 @@ class Does(Wild):
         print("loud")
         os.write(1, b"louder\\n")
 
+    def do_print_foreign(self, texture):
+        print("≥ 影")
+
     def do_shout(self, texture):
         raise ValueError("shout " * 8_000_000)
 

@@ -79,7 +79,13 @@ for need in "$@"; do has "$need" || missing="$missing $(packages_of "$need")"; d
 # shellcheck disable=SC2086  # one word a package
 if [ -n "$missing" ]; then install_packages $missing; fi
 
+# Whether a folder can be written, in which what is needed is made.
+writable() {
+    [ -w "$1" ] || stop "$(cd "$1" && pwd): cannot be written, and make needs .venv there: copy the checkout to a folder of yours"
+}
+
 if ! new_enough .venv/bin/python; then
+    writable .
     python=$(find_python)
     [ -n "$python" ] || stop "Python 3.11 or newer is needed, with its venv module; python3 here is $(python3 -V 2>&1)."
     echo "Making .venv with $("$python" -V)"
@@ -88,6 +94,7 @@ fi
 
 wanted=$(cat pyproject.toml constraints.txt | cksum)
 if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ]; then
+    writable .venv
     echo "Installing the Python packages of constraints.txt into .venv"
     .venv/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test]'
     echo "Compiling the ray tracer's loops"

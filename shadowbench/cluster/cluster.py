@@ -171,15 +171,21 @@ class Cluster:
     def wait_until_idle(self, machine: WorkerFacts) -> None:
         """Wait until no worker on the machine of a worker runs a task, of whatever program."""
         beside = [one.address for one in self.facts.values() if one.host == machine.host]
-        while any(self.client.processing(workers=beside).values()):
-            time.sleep(0.1)
+        try:
+            while any(self.client.processing(workers=beside).values()):
+                time.sleep(0.1)
+        except OSError:
+            raise self.connection.gone() from None
 
     def _wait(self) -> None:
         """Admit workers, of which at least one must come."""
         end = time.monotonic() + WORKERS_S
         reasons: dict[str, str] = {}
         while True:
-            reasons |= self._join()
+            try:
+                reasons |= self._join()
+            except OSError:
+                raise self.connection.gone() from None
             if self.on(self.renderer) if self.renderer else self.facts:
                 return
             if reasons or time.monotonic() > end:

@@ -35,7 +35,8 @@ class Connection:
     def __enter__(self) -> "Connection":
         import dask
 
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # errors are reported in one line
+        for name in ("distributed", "distributed.client"):  # the latter has a level of its own
+            logging.getLogger(name).setLevel(logging.CRITICAL)  # errors are reported in one line
         # Scenes are in the graph, where they survive their worker.
         dask.config.set({"distributed.admin.large-graph-warning-threshold": "1 TiB"})
         self.cluster: LocalCluster | None = None
@@ -65,10 +66,13 @@ class Connection:
                 return
             except InputError:
                 if time.monotonic() > end:
-                    raise ShadowbenchError(
-                        f"--dask {self.where}: the scheduler has gone; what was measured is kept, and the same command "
-                        "goes on"
-                    ) from None
+                    raise self.gone() from None
+
+    def gone(self) -> ShadowbenchError:
+        """The error of a scheduler that does not answer any more."""
+        return ShadowbenchError(
+            f"--dask {self.where}: the scheduler has gone; what was measured is kept, and the same command goes on"
+        )
 
     def _connect(self) -> "Client":
         from distributed import Client

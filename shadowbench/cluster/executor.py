@@ -3,6 +3,7 @@
 import secrets
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
+from contextlib import suppress
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from time import monotonic
@@ -135,10 +136,13 @@ class _Running:
         ended = self._take_ended()
         finished = [future for future in ended if future.status == "finished"]
         try:
-            outcomes = self._executor.cluster.client.gather(finished)
+            try:
+                outcomes = self._executor.cluster.client.gather(finished)
+            except OSError as error:  # not of a job, as these have finished
+                raise CancelledError from error
             if not finished and ended:
                 ended[0].result()  # raises
-        except CancelledError:
+        except CancelledError:  # the scheduler has gone
             self._begin_again()
             return []
         except KilledWorker as error:
@@ -173,7 +177,8 @@ class _Running:
     def cancel(self) -> None:
         """Cancel the tasks that have not ended."""
         if self._futures:
-            self._executor.cluster.client.cancel([future for _, future in self._futures.values()])
+            with suppress(OSError, CancelledError):  # the scheduler has gone
+                self._executor.cluster.client.cancel([future for _, future in self._futures.values()])
             self._futures.clear()
 
 

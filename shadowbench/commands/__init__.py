@@ -3,9 +3,12 @@
 Modules that compute are imported in function bodies, so that help and usage errors are fast.
 """
 
+import errno
 import os
 import sys
+import threading
 import traceback
+from collections.abc import Iterator
 from typing import Annotated, Any
 
 import typer
@@ -31,8 +34,10 @@ from shadowbench.commands import (
     tune,
     view,
 )
+from shadowbench.streams import unstopped_output
 
 _STOPPED = 130
+_NO_THREAD = "can't start new thread"  # Python's RuntimeError
 # Typer brought its own copy of click in 2025; either way this is what it raises for a wrong command line.
 _UsageError: type[Exception] = next(base for base in typer.BadParameter.__mro__ if base.__name__ == "ClickException")
 
@@ -94,11 +99,22 @@ def version_option(
 
 def main() -> None:
     """Entry point: an error that the user can fix becomes one line and an exit code, not a traceback."""
-    from shadowbench.errors import ShadowbenchError
+    with unstopped_output() as error_of_stdout:
+        code = _exit_code()
+        error = error_of_stdout()
+        if error is not None:
+            _complain(f"stdout: cannot be written ({(error.strerror or str(error)).lower()})")
+            code = code or 2
+    sys.exit(code)
+
+
+def _exit_code() -> int:
+    """Exit code of the command line; errors are printed."""
+    from shadowbench.errors import NO_PROCESS, ShadowbenchError
     from shadowbench.files import FULL
 
     try:
-        code = app(standalone_mode=False) or 0
+        code = int(app(standalone_mode=False) or 0)
     except _UsageError as error:
         message = error.format_message().rstrip(".").replace("Input should be", "allowed is")  # type: ignore[attr-defined]
         _complain(_misplaced(error) or f"{message}; --help lists what is allowed")
@@ -112,13 +128,43 @@ def main() -> None:
         if isinstance(error, OSError) and error.errno in FULL:
             _complain(f"{error.filename or 'a file'}: cannot be written ({os.strerror(error.errno).lower()})")
             code = 2
+        elif any(map(_lacks_process, _chain(error))):
+            code = 3
+            _complain(NO_PROCESS)
         else:
             traceback.print_exc()
             _complain("an internal error; please report it with the lines above")
             code = 3
-    if code == _STOPPED:  # Typer answers Ctrl-C with this code, and prints nothing
+    if code == _STOPPED and _can_start_threads():  # Typer answers Ctrl-C with this code, and prints nothing
         _complain("stopped; repeat the command to resume")
-    sys.exit(code)
+    elif code == _STOPPED:
+        _complain(NO_PROCESS)
+        code = 3
+    return code
+
+
+def _chain(error: BaseException | None) -> Iterator[BaseException]:
+    """An exception, and those that led to it."""
+    while error is not None:
+        yield error
+        error = error.__cause__ or error.__context__
+
+
+def _lacks_process(error: BaseException) -> bool:
+    return str(error) == _NO_THREAD or (isinstance(error, OSError) and error.errno == errno.EAGAIN)
+
+
+def _can_start_threads() -> bool:
+    """Whether there is room for the threads of a worker; without, OpenBLAS interrupts the process that imports it."""
+    ended = threading.Event()
+    try:
+        for _ in range(16):
+            threading.Thread(target=ended.wait).start()
+    except RuntimeError:
+        return False
+    finally:
+        ended.set()
+    return True
 
 
 def _misplaced(error: Exception) -> str | None:
@@ -131,4 +177,4 @@ def _misplaced(error: Exception) -> str | None:
 
 
 def _complain(text: str) -> None:
-    typer.echo(f"shadowbench: {' '.join(text.split())}", err=True)
+    print(f"shadowbench: {' '.join(text.split())}", file=sys.stderr)  # typer.echo prints UTF-8 instead of ASCII

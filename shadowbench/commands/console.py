@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from shadowbench.scenes.model import View
 
 _LONGEST_WORD = 24  # characters
+_ESTIMATED = "cells"  # the stage of `studies.time_left`
 _EVERY = 10.0  # seconds between lines of progress where stderr is no terminal
 
 
@@ -68,10 +69,10 @@ class Reporter(logging.Handler):
         from rich.text import Text
 
         class Remaining(TimeRemainingColumn):
-            """Rich's extrapolation, unless the text after the bar has a better one."""
+            """Rich's extrapolation, except of the stage that has its own in the text after the bar."""
 
             def render(self, task: "Task") -> Text:
-                return Text() if " left, " in task.fields["what"] else super().render(task)
+                return Text() if task.description == _ESTIMATED else super().render(task)
 
         super().__init__(logging.WARNING)
         self._quiet = quiet

@@ -10,6 +10,8 @@ from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, TextIO
 
+from shadowbench.streams import Unstopped
+
 if TYPE_CHECKING:
     from shadowbench.techniques.base import Technique
 
@@ -42,14 +44,19 @@ def forward_output(pipe: IO[bytes]) -> threading.Thread:
 
     def read() -> None:
         decoder = codecs.getincrementaldecoder("utf-8")("replace")
-        # By file descriptor: sys.stderr may be redirected by then.
-        with pipe, open(2, "w", encoding="utf-8", closefd=False) as stderr:
-            stream = TruncatedStream(stderr)
+        # By file descriptor: sys.stderr may be redirected by then. Read on if nobody reads stderr: plug-ins print on.
+        stderr = io.BufferedWriter(Unstopped(io.FileIO(2, "w", closefd=False)))
+        with pipe, io.TextIOWrapper(stderr, encoding="utf-8") as text:
+            stream = TruncatedStream(text)
             while data := os.read(pipe.fileno(), 1 << 16):
                 stream.write(decoder.decode(data))
 
     thread = threading.Thread(target=read, daemon=True)
-    thread.start()
+    try:
+        thread.start()
+    except RuntimeError:  # no further thread is allowed
+        pipe.close()
+        raise
     return thread
 
 

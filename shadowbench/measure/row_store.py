@@ -9,12 +9,16 @@ from pathlib import Path
 from typing import IO
 
 from shadowbench.errors import InputError
+from shadowbench.files import remove_temporaries
 from shadowbench.measure.rows import SCHEMA, Record, stream_rows
 
 if sys.platform == "win32":
     import msvcrt
 else:
     import fcntl
+
+IMAGES = ("masks", "pictures", "truth")
+"""Folders of images in a run folder, written by the program that has locked it."""
 
 
 class Rows:
@@ -61,7 +65,7 @@ class RowStore(Rows):
             folder.mkdir(parents=True, exist_ok=True)
             self._lock = _lock_folder(folder)
         except OSError as error:
-            raise _cannot_write(folder, error) from None
+            raise _cannot_write(folder, error, "; choose another with -o") from None
         try:
             self._open(sweep)
         except BaseException as error:
@@ -71,6 +75,8 @@ class RowStore(Rows):
             raise
 
     def _open(self, sweep: bool) -> None:
+        for images in IMAGES:  # written under the lock, so that whoever left one there is dead
+            remove_temporaries(self.file.parent / images)
         complete = 0
         for row, end in stream_rows(self.file) if self.file.exists() else ():
             if row["kind"] == "score" and ("axis" in row) != sweep:
@@ -122,8 +128,8 @@ def command_line() -> str:
     return shlex.join(["shadowbench", *sys.argv[1:]])
 
 
-def _cannot_write(path: Path, error: OSError) -> InputError:
-    return InputError(f"{path}: cannot be written ({(error.strerror or str(error)).lower()})")
+def _cannot_write(path: Path, error: OSError, instead: str = "") -> InputError:
+    return InputError(f"{path}: cannot be written ({(error.strerror or str(error)).lower()}){instead}")
 
 
 def _lock_folder(folder: Path) -> IO[str]:

@@ -5,7 +5,6 @@ import io
 import logging
 import os
 import signal
-import subprocess
 import sys
 import threading
 import traceback
@@ -15,7 +14,7 @@ from typing import Any
 import psutil
 
 import shadowbench
-from shadowbench.errors import ShadowbenchError, message, quoted
+from shadowbench.errors import NO_PROCESS, ShadowbenchError, message, quoted
 from shadowbench.gl.program import ShaderError
 from shadowbench.measure.executor import CellFailed, MemoryExceeded, Unsupported
 from shadowbench.measure.pipe import Pipe
@@ -26,14 +25,17 @@ if sys.platform == "win32":
 else:
     from multiprocessing.connection import Connection
 
-_PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
+_PR_SET_CHILD_SUBREAPER = 36
 
 
 def serve(handle: str, parent: str) -> None:
-    """Answer calls until the pipe is closed, whose first message lists the plug-ins; arguments: see `connected`."""
-    pipe = connected(handle, parent)
-    _make_process_group()
+    """Answer calls until the pipe is closed, whose first message lists the plug-ins.
+
+    handle: file descriptor or handle of the inherited pipe end; parent: id of the process that started this one.
+    """
+    pipe = connected(handle)
     try:
+        die_with(int(parent))
         plugins: list[Path] = pipe.receive()
         session = Session(plugins)
     except ShadowbenchError as error:
@@ -59,18 +61,16 @@ def serve(handle: str, parent: str) -> None:
         pipe.send(answer)
 
 
-def connected(handle: str, parent: str) -> Pipe:
-    """The pipe to the process that started this one, and that decides when this one ends.
-
-    handle: file descriptor or handle of the inherited pipe end; parent: id of that process.
-    """
+def connected(handle: str) -> Pipe:
+    """The pipe to the process that started this one, and that decides when this one ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _die_with(int(parent))
     if os.name == "posix":
         os.set_inheritable(int(handle), False)
     logging.getLogger("shadowbench").setLevel(logging.ERROR)  # the parent has logged the same warnings
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(line_buffering=True)  # this process is killed in the end, which flushes nothing
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            # As `forward_output` decodes; by lines, since this process is killed in the end, which flushes nothing.
+            stream.reconfigure(encoding="utf-8", errors="backslashreplace", line_buffering=True)
     return Pipe(Connection(int(handle)))
 
 
@@ -86,35 +86,47 @@ def _error_line(error: Exception) -> str:
     return f"{type(error).__name__}: {first_line} ({os.path.basename(place.filename)}:{place.lineno})"
 
 
-def _die_with(parent: int) -> None:
-    """Kill this process when its parent dies; a hanging technique would never notice the closed pipe."""
-    if sys.platform == "linux":
-        # By the kernel, which works even while a driver call holds the GIL.
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-        if os.getppid() != parent:  # it died before the prctl call
-            os._exit(1)
-    else:
-        threading.Thread(target=lambda: (psutil.Process(parent).wait(), os._exit(1)), daemon=True).start()
-
-
 _GUARD = """
-import os, signal, sys, time
-while os.getppid() == int(sys.argv[1]):
-    time.sleep(0.2)
+import os, select, signal, sys
+worker, *parent = map(int, sys.argv[1:])
+while os.getppid() == worker and not select.select(parent, [], [], 0.2)[0]:
+    pass
 os.killpg(0, signal.SIGKILL)
 """
 
 
-def _make_process_group() -> None:
-    """Make processes that plug-ins start die with this one, by a process group with a guard process in it.
+def die_with(parent: int) -> None:
+    """End this process when its parent ends, and the processes that plug-ins start when this one ends.
 
-    A process that leaves the group (setsid) is killed only if `Worker.stop` still finds it among the descendants of
-    this one: on Linux even if its own parent is gone, but not if this process crashes or the whole run is killed.
+    By a process group with a guard process in it, which works even while a driver call holds the GIL. Not by the
+    kernel's parent-death signal: it is sent when the thread that started this process ends. A process that leaves the
+    group (setsid) is killed only if `Worker.stop` still finds it among the descendants of this one: on Linux even if
+    its own parent is gone, but not if this process crashes or the whole run is killed. Raises ShadowbenchError.
     """
+    watched = _process_file(parent)
+    if os.name == "posix" and os.getppid() != parent:  # it ended before it was watched
+        os._exit(1)
+    if not watched:
+        threading.Thread(target=lambda: (psutil.Process(parent).wait(), os._exit(1)), daemon=True).start()
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1)  # adopt orphans in place of init
     if os.name == "posix":
         os.setpgid(0, 0)
-        quiet = subprocess.DEVNULL
-        guard = [sys.executable, "-I", "-S", "-c", _GUARD, str(os.getpid())]
-        subprocess.Popen(guard, stdin=quiet, stdout=quiet, stderr=quiet)
+        guard = [sys.executable, "-I", "-S", "-c", _GUARD, str(os.getpid()), *map(str, watched)]
+        quiet = [(os.POSIX_SPAWN_OPEN, stream, os.devnull, os.O_RDWR, 0) for stream in range(3)]
+        try:
+            os.posix_spawn(sys.executable, guard, os.environ, file_actions=quiet)  # Popen would warn that nobody waits
+        except BlockingIOError:
+            raise ShadowbenchError(NO_PROCESS) from None
+    for file in watched:
+        os.close(file)
+
+
+def _process_file(process: int) -> list[int]:
+    """An inheritable file descriptor that is readable once a process has ended; none where the system has no such."""
+    try:
+        file = os.pidfd_open(process)
+    except (AttributeError, OSError):  # not Linux, or before 5.3
+        return []
+    os.set_inheritable(file, True)
+    return [file]

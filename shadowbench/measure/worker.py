@@ -43,6 +43,7 @@ class Worker:
         self.limits = limits or Limits()
         self._plugins = [Path(plugin).resolve() for plugin in plugins]
         self._process: subprocess.Popen[bytes] | None = None
+        self._output_thread: threading.Thread | None = None
         self._info: DeviceInfo | None = None
         self._owner = os.getpid()
         self._turn = threading.RLock()
@@ -99,10 +100,10 @@ class Worker:
         self.stop()
         ours, theirs = multiprocessing.Pipe()
         with theirs, sigint_blocked():
+            self._pipe = Pipe(ours)
             self._process = spawn(theirs, "shadowbench.measure.serve")
             assert self._process.stdout is not None
             self._output_thread = forward_output(self._process.stdout)
-            self._pipe = Pipe(ours)
         self._owner, self._info = os.getpid(), None
         with suppress(BrokenPipeError, ConnectionResetError):  # it has ended; waiting for the answer tells
             self._pipe.send(self._plugins)
@@ -167,7 +168,8 @@ class Worker:
         for process in family:
             with suppress(psutil.NoSuchProcess):
                 process.kill()
-        self._output_thread.join(1)  # forwards the last output
+        if self._output_thread is not None:
+            self._output_thread.join(1)  # forwards the last output
         self._pipe.connection.close()
         self._process = None
 

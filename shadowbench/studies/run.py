@@ -98,9 +98,9 @@ def run_study(
             left.expect(study, missing, filter(conditions.times, untimed))
         measurer = Measurer(Bench(executor, store, left, Pictures(folder), profile), conditions)
         cells = [cell for block in blocks for cell in block.cells]
-        if left.seconds >= _LONG_S:
+        if left.modelled >= _LONG_S:
             missing_count = sum(kind.steps for name, kind in left.kinds.items() if name != "timed")
-            rough = f"about {duration(left.seconds)} on two cores without a GPU"
+            rough = f"about {duration(left.modelled)} on two cores without a GPU"
             reporter.note(
                 f"{missing_count} of {len(cells)} cells to measure: {rough}, by a model that the first cells correct"
             )

@@ -5,7 +5,7 @@ import os
 from shadowbench.errors import message
 from shadowbench.measure.pipe import Pipe
 from shadowbench.measure.scoring import prepare_truth, truth_record
-from shadowbench.measure.serve import connected
+from shadowbench.measure.serve import connected, die_with
 from shadowbench.scenes.model import View
 from shadowbench.scenes.views import chosen_view
 from shadowbench.scores.metrics import score
@@ -62,8 +62,9 @@ def _shown(truth: Truth, number: int, final: bool) -> Traced:
 
 
 def serve(handle: str, parent: str) -> None:
-    """Answer requests until the pipe is closed; arguments: see `connected`."""
-    pipe = connected(handle, parent)
+    """Answer requests until the pipe is closed; arguments: as of `measure.serve`."""
+    pipe = connected(handle)
+    die_with(int(parent))
     if os.name == "posix":
         os.nice(PATIENCE)  # drawing goes first
     trace(chosen_view("post", 16))  # compiled loops and libraries are loaded before the first request

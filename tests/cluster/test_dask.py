@@ -4,15 +4,17 @@ import json
 import sys
 import time
 from collections.abc import Callable
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 import pytest
 from distributed import Client
+from distributed.comm import CommClosedError
 
 from shadowbench.cluster import cluster, connect, executor, workers
 from shadowbench.cluster.parcel import PluginFiles, pack, unpack
-from shadowbench.errors import NoGLError
+from shadowbench.errors import InputError, NoGLError
 from shadowbench.extremes.axes import AXES
 from shadowbench.extremes.sweep import LineJob
 from shadowbench.measure.cells import Block, Cell
@@ -100,6 +102,63 @@ def test_rows_are_written_as_tasks_end_and_a_stopped_run_goes_on(
     assert shadowbench(*arguments, "--dask", address).code == 0
     assert records(tmp_path)[:1] == first
     assert len(records(tmp_path)) == 2
+
+
+@pytest.fixture
+def lost(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
+    """Loses the connection to the scheduler once, while a result is gathered for the n-th time, one after the other."""
+    gather, gathered = Client.gather, count(1)
+
+    def lose(at: int) -> None:
+        def lossy(client: Client, futures: Any, **options: Any) -> Any:
+            if futures and next(gathered) == at:
+                raise CommClosedError("in <TCP (closed)>: Connection reset by peer")
+            return gather(client, futures, **options)
+
+        monkeypatch.setattr(executor, "_MOST_AT_ONCE", 1)
+        monkeypatch.setattr(Client, "gather", lossy)
+
+    return lose
+
+
+LOST = ["run", "cube-on-plane", "spot-lamp", "-t", "unshadowed", *SMALL, "--rounds", "0"]
+
+
+def test_a_scheduler_lost_while_results_are_gathered_loses_no_row(
+    shadowbench: Command, records: Records, address: str, tmp_path: Path, lost: Callable[[int], None]
+) -> None:
+    lost(3)  # after two truths
+    answer = shadowbench(*LOST, "--dask", address, "-o", tmp_path)
+    assert answer.code == 0, answer.err
+    assert len({row["key"] for row in records(tmp_path)}) == len(records(tmp_path)) == 2
+
+
+def test_a_scheduler_that_stays_away_is_one_line_and_the_rows_are_kept(
+    shadowbench: Command,
+    records: Records,
+    address: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    lost: Callable[[int], None],
+) -> None:
+    with monkeypatch.context() as patch:
+        answers, connected = iter([True]), connect.Connection._connect
+
+        def once(connection: connect.Connection) -> Client:
+            if next(answers, False):
+                return connected(connection)
+            raise InputError("no Dask scheduler answers")
+
+        patch.setattr(connect.Connection, "_connect", once)
+        patch.setattr(connect, "WORKERS_S", 0.0)
+        lost(4)
+        answer = shadowbench(*LOST, "--dask", address, "-q", "-o", tmp_path)
+    line = "the scheduler has gone; what was measured is kept, and the same command goes on"
+    assert (answer.code, answer.err) == (3, f"shadowbench: --dask {address}: {line}\n")
+    first = records(tmp_path)
+    assert len(first) == 1
+    assert shadowbench(*LOST, "--dask", address, "-o", tmp_path).code == 0
+    assert len(records(tmp_path)) == 2 and records(tmp_path)[:1] == first
 
 
 def test_times_are_taken_where_asked_and_nowhere_else(

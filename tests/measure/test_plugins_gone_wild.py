@@ -64,6 +64,29 @@ def test_worker_output_goes_to_stderr_truncated(worker: Worker, capfd: pytest.Ca
     assert plugin_output.MAX_CHARACTERS <= len(err) <= plugin_output.MAX_CHARACTERS + 100
 
 
+def test_plug_ins_print_any_character(
+    wild: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PYTHONIOENCODING", "ascii")
+    with Worker([wild]) as worker:
+        draw(worker, "what=print-foreign")
+    assert "≥ 影\n" in capfd.readouterr().err
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device of Linux")
+def test_plug_ins_print_on_where_stderr_is_full(wild: Path) -> None:
+    stderr, full = os.dup(2), os.open("/dev/full", os.O_WRONLY)
+    os.dup2(full, 2)
+    try:
+        with Worker([wild]) as worker:
+            for what in ("print-much", "print-much", "print"):
+                draw(worker, f"what={what}")
+    finally:
+        os.dup2(stderr, 2)
+        os.close(stderr)
+        os.close(full)
+
+
 def test_output_before_a_crash_is_read(worker: Worker, capfd: pytest.CaptureFixture[str]) -> None:
     draw(worker, "what=print")
     with pytest.raises(CellFailed, match="SIGABRT"):

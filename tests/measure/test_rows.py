@@ -212,3 +212,17 @@ def test_a_process_that_opened_a_lock_before_its_release_does_not_write_with_the
     third.append(SCORE)
     third.close()
     RowStore(tmp_path).close()
+
+
+def test_images_that_a_killed_run_left_half_written_are_removed_by_the_next(tmp_path: Path) -> None:
+    kept = ["masks/key.png", "masks/.mine.png", ".report.0123456789ab.html"]
+    for name in [*kept, "masks/.key.0123456789ab.png", "truth/.a.camera.sun.64.0123456789ab.png"]:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    with opened(tmp_path):
+        (tmp_path / "pictures").mkdir()
+        (tmp_path / "pictures" / ".key.0123456789ab.png").touch()
+        with pytest.raises(InputError, match="another run writes"):
+            RowStore(tmp_path)
+    left = {str(file.relative_to(tmp_path)) for file in tmp_path.rglob("*") if file.is_file()}
+    assert left == {*kept, "rows.jsonl", "pictures/.key.0123456789ab.png"}, "those of a run that goes on are its own"

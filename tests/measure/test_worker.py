@@ -1,7 +1,9 @@
 """The worker process, and the data sent over its pipe."""
 
+import os
 import subprocess
 import sys
+import threading
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -132,6 +134,57 @@ def test_a_worker_starts_at_once_and_the_first_call_waits_for_it(tmp_path: Path)
         assert len(psutil.Process().children()) == len(before) + 1
         with pytest.raises(InputError, match=r"none\.py"):
             worker.ready()
+
+
+def in_a_thread(call: Callable[[], None]) -> None:
+    """Make a call in a thread that has ended afterwards, for the kernel too."""
+    thread = threading.Thread(target=call)
+    thread.start()
+    thread.join()
+    while thread.native_id in {one.id for one in psutil.Process().threads()}:
+        pass
+
+
+def test_a_worker_outlives_the_thread_that_started_it() -> None:
+    at = PlacedView(chosen_view("cube-on-plane", 16))
+    with Worker() as worker:
+        worker.stop()
+        in_a_thread(worker.ready)
+        started = psutil.Process().children()
+        in_a_thread(lambda: worker.call(Session.draw, at, CellRequest("unshadowed")))
+        assert psutil.Process().children() == started
+
+
+THREADED = """
+import threading, time
+from shadowbench.measure.worker import Worker
+
+worker = Worker()
+thread = threading.Thread(target=worker.ready)
+thread.start()
+thread.join()
+print("ready", flush=True)
+time.sleep(600)
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+def test_a_worker_that_a_thread_started_ends_with_a_killed_process() -> None:
+    with subprocess.Popen([sys.executable, "-c", THREADED], stdout=subprocess.PIPE, text=True) as script:
+        assert script.stdout is not None
+        assert script.stdout.readline() == "ready\n"
+        family = psutil.Process(script.pid).children(recursive=True)
+        assert len(family) == 2, "the worker, and the guard process in its group"
+        script.kill()
+        assert psutil.wait_procs(family, timeout=30)[1] == []
+
+
+def test_no_process_of_a_worker_is_left_to_the_garbage_collector(capfd: pytest.CaptureFixture[str]) -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONWARNINGS", "always::ResourceWarning")
+        with Worker() as worker:
+            worker.ready()
+    assert "ResourceWarning" not in capfd.readouterr().err
 
 
 def test_a_view_is_opened_on_first_use() -> None:

@@ -63,6 +63,13 @@ def test_facts_of_techniques_have_columns() -> None:
     assert cells_frame([told, silent])["fact_open_parts"].tolist() == pytest.approx([2.0, np.nan], nan_ok=True)
 
 
+@pytest.mark.filterwarnings("error::pandas.errors.PerformanceWarning")
+def test_a_table_of_more_than_100_columns_is_in_one_piece() -> None:
+    cell = result()
+    cell.score["facts"] = dict.fromkeys(map(str, range(100)), 1.0)
+    assert slopes(cells_frame([cell])) == []
+
+
 def test_unsuccessful_cells_are_left_out() -> None:
     cells = [result(0.1, "a"), result(0.9, "b", untimed="crashed"), result(0.2, "c")]
     (row,) = summary(cells_frame(cells))["cube"]

@@ -1,0 +1,51 @@
+"""Standard output and error in any encoding, closed, full or without a reader."""
+
+import io
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from shadowbench.commands import main
+from shadowbench.streams import PLAIN
+
+
+def test_what_an_encoding_lacks_is_written_in_ascii() -> None:
+    assert "IoU ≥ 0.95, 2 × 512² − 1, 45°, τ".encode("ascii", PLAIN) == b"IoU >= 0.95, 2 x 512^2 - 1, 45 deg, tau"
+    assert "Möller, 影, a lone \udce9".encode("ascii", PLAIN) == b"Moller, ?, a lone ?"
+    assert "Möller ≥ 2²".encode("latin-1", PLAIN) == "Möller >= 2²".encode("latin-1")
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1", "cp1252"])
+def test_tables_are_printed_in_any_encoding(encoding: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    printed, told = io.BytesIO(), io.BytesIO()
+    for stream, name in ((printed, "stdout"), (told, "stderr")):
+        monkeypatch.setattr(sys, name, io.TextIOWrapper(stream, encoding))
+    for code, *words in ((0, "list", "techniques"), (2, "list", "≥ 影")):
+        monkeypatch.setattr(sys, "argv", ["shadowbench", *words])
+        with pytest.raises(SystemExit) as stop:
+            main()
+        assert stop.value.code == code, told.getvalue().decode(encoding)
+    assert "shadow-map" in printed.getvalue().decode(encoding)
+    assert told.getvalue().decode(encoding).startswith("shadowbench: list: found '>= ?'; allowed: techniques, ")
+
+
+FULL = "stdout: cannot be written (no space left on device)"
+CLOSED = "stdout: cannot be written (bad file descriptor)"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device of Linux")
+@pytest.mark.parametrize(
+    ("to", "code", "line"),
+    [
+        (">/dev/full", 2, FULL),
+        (">&-", 2, CLOSED),
+        ("nonsense >&- 2>/dev/full", 2, None),
+        ("| head -1; exit ${PIPESTATUS[0]}", 0, None),
+    ],
+)
+def test_an_output_that_cannot_be_written_is_a_line(to: str, code: int, line: str | None) -> None:
+    command = f"'{sys.executable}' -m shadowbench list {to}"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (code, f"shadowbench: {line}\n" if line else "")
