@@ -53,7 +53,7 @@ def _solids(data: bytes, where: str) -> list[Solid]:
         raise InputError(f"{where}: cut short: a solid without its endsolid")
     unknown = np.flatnonzero(~np.any(list(is_a.values()), axis=0))
     if len(unknown) and unknown[0] < ends[-1]:
-        found = f"{lines.line(unknown[0]).decode('utf-8', errors='replace')!r:.40}"
+        found = f"{lines.line(int(unknown[0])).decode('utf-8', errors='replace')!r:.40}"
         raise InputError(f"{where}: line {lines.number(unknown[0])}: found {found}; allowed: {', '.join(KEYWORDS)}")
     vertex_lines = lines.select(is_a["vertex"], skip=len("vertex"))
     rows = numbers(vertex_lines, where)
