@@ -134,7 +134,8 @@ def _cascades(need: CascadeSizes) -> Iterator[Explanation]:
 
 def _bits(need: DepthBits) -> Explanation:
     closest = (
-        f"0.1% of the shadow is within {_value(need.closest)} m of its caster, over a depth range of {need.range:.4g} m"
+        f"0.1% of the shadow is within {_value(need.closest)} m of its caster in depth, over a range of "
+        f"{need.range:.4g} m"
     )
     if need.bits is None:
         return Explanation("depth bits", "none", f"{closest}: less than {BIAS_STEPS:g} steps of any format")
@@ -155,8 +156,8 @@ def _bias(need: BiasNeed) -> Iterator[Explanation]:
         yield Explanation(
             "thinnest gap",
             f"{_value(need.thinnest)} m",
-            f"between caster and receiver, exceeded by {1 - CONTACT:.0%} of the shadow; the bias above would light "
-            f"{_share(need.bridged)} of the shadow",
+            f"in depth between caster and receiver, exceeded by {1 - CONTACT:.0%} of the shadow; the bias above would "
+            f"light {_share(need.bridged)} of the shadow",
         )
 
 
@@ -171,7 +172,7 @@ def _penumbra(need: Penumbra, light: LightShape) -> Iterator[Explanation]:
     yield Explanation(
         "penumbra",
         f"{_value(need.p95)} px",
-        f"95th percentile of the penumbra's width, the median is {need.median.value:.3g}: {whose}",
+        f"95th percentile of the penumbra's largest width, the median is {need.median.value:.3g}: {whose}",
     )
     verdict = f"at most {HARD_RMSE:g}: they suffice" if need.hard_is_enough else f"above {HARD_RMSE:g}: too sharp"
     yield Explanation(
