@@ -14,14 +14,15 @@ class Casters:
 
     triangles: number of caster triangles; closed: those in closed parts that are wound outwards, a part being a set of
     triangles connected by edges; open: those in parts with boundary edges; all others are in closed parts not wound
-    outwards. silhouette: number of silhouette edges for the light, from which shadow volumes are extruded; edges:
-    number of all edges.
+    outwards. silhouette: number of silhouette edges for the light; walls: that shadow volumes extrude from them, two
+    from an edge between triangles of a part that is not closed; edges: number of all edges.
     """
 
     triangles: int
     closed: int
     open: int
     silhouette: int
+    walls: int
     edges: int
 
 
@@ -39,10 +40,12 @@ def casters_of(view: View) -> Casters:
     edges = topology.edges[:, 1:3]
     first = np.flatnonzero((np.diff(edges, axis=0, prepend=-1) != 0).any(axis=1))
     walls = np.add.reduceat(wall[topology.half_edges].sum(axis=1), first) if len(first) else first
+    in_closed = closed[topology.half_edges[first].max(axis=1) // 3] if len(first) else np.zeros(0, dtype=bool)
     return Casters(
         triangles=len(faces),
         closed=int(np.count_nonzero(closed)),
         open=int(np.count_nonzero(topology.open[topology.part])),
         silhouette=int(np.count_nonzero(walls)),
+        walls=int(np.where(in_closed, np.abs(walls) // 2, np.abs(walls)).sum()),
         edges=len(first),
     )

@@ -46,7 +46,7 @@ def _rows(needs: Needs) -> Iterator[Explanation]:
     yield Explanation("light", needs.light, _LIGHTS[needs.light])
     yield _receivers(needs.receivers)
     yield from _casters(needs.casters)
-    yield from _texels(needs.texels)
+    yield from _texels(needs.texels, soft=needs.penumbra is not None and not needs.penumbra.assumed)
     if needs.without_ground:
         yield from _ground(needs.texels, needs.without_ground)
     if needs.cascades:
@@ -68,8 +68,8 @@ def _receivers(need: Receivers) -> Explanation:
     planes = "1 plane" if need.planes == 1 else f"{need.planes} planes"
     if need.projection_suffices:
         return Explanation("receivers", number, f"all visible receivers are on {planes}: planar-projection suffices")
-    left = 1 - need.planar.value
-    return Explanation("receivers", number, f"planar-projection, on {planes}, would leave {left:.2%} of them lit")
+    lost = f"{need.lost.value:.1%} of the shadow"
+    return Explanation("receivers", number, f"planar-projection, on {planes}, would leave the others lit: {lost}")
 
 
 def _casters(need: Casters) -> Iterator[Explanation]:
@@ -82,11 +82,11 @@ def _casters(need: Casters) -> Iterator[Explanation]:
             parts.append(f"{inwards} {'' if parts else 'are '}in closed parts not wound outwards")
         reason = f"triangles; {', '.join(parts)}, which shadow volumes count with signed weights"
     yield Explanation("closed casters", f"{need.closed} of {need.triangles}", reason)
-    reason = f"of {need.edges} are on the silhouette as seen from the light: shadow volumes have as many walls"
+    reason = f"of {need.edges} are on the silhouette as seen from the light: shadow volumes have {need.walls} walls"
     yield Explanation("silhouette", f"{need.silhouette} edges", reason)
 
 
-def _texels(need: Texels) -> Iterator[Explanation]:
+def _texels(need: Texels, soft: bool) -> Iterator[Explanation]:
     kind = f"a cube map with faces of {REFERENCE_SIZE}²" if need.faces > 1 else f"a fitted map of {REFERENCE_SIZE}²"
     reason = f"95th percentile of a texel's extent in the image, for {kind}; the largest is {need.largest.value:.3g}"
     yield Explanation("texel", f"{_value(need.p95)} px", reason)
@@ -100,7 +100,8 @@ def _texels(need: Texels) -> Iterator[Explanation]:
             "map size, edges",
             _value(need.edge_size, "4.0f"),
             "predicted, mostly within a factor of 2, for 95% of the shadows' edge pixels to be right "
-            "(edge_p95 below 1), with 2×2 comparisons and the default bias",
+            f"(edge_p95 below 1{', of a light without its size' if soft else ''}), "
+            "with 2×2 comparisons and the default bias",
         )
 
 
@@ -133,7 +134,8 @@ def _cascades(need: CascadeSizes) -> Iterator[Explanation]:
 
 def _bits(need: DepthBits) -> Explanation:
     closest = (
-        f"0.1% of the shadow is within {_value(need.closest)} m of its caster, over a depth range of {need.range:.4g} m"
+        f"0.1% of the shadow is within {_value(need.closest)} m of its caster in depth, over a range of "
+        f"{need.range:.4g} m"
     )
     if need.bits is None:
         return Explanation("depth bits", "none", f"{closest}: less than {BIAS_STEPS:g} steps of any format")
@@ -147,15 +149,15 @@ def _bias(need: BiasNeed) -> Iterator[Explanation]:
     yield Explanation(
         "bias",
         f"{_value(need.needed)} m",
-        f"along the light, for a map of {REFERENCE_SIZE}²: leaves acne on 0.1% of the lit receivers; the steepest "
-        f"slope needs {need.worst:.3g} m. Half as much at twice the size",
+        f"along the light, for a map of {REFERENCE_SIZE}² without filtering: leaves acne on 0.1% of the lit "
+        f"receivers; the steepest slope needs {need.worst:.3g} m. Half as much at twice the size",
     )
     if need.thinnest and need.bridged:
         yield Explanation(
             "thinnest gap",
             f"{_value(need.thinnest)} m",
-            f"between caster and receiver, exceeded by {1 - CONTACT:.0%} of the shadow; the bias above would light "
-            f"{_share(need.bridged)} of the shadow",
+            f"in depth between caster and receiver, exceeded by {1 - CONTACT:.0%} of the shadow; the bias above would "
+            f"light {_share(need.bridged)} of the shadow",
         )
 
 
@@ -170,7 +172,7 @@ def _penumbra(need: Penumbra, light: LightShape) -> Iterator[Explanation]:
     yield Explanation(
         "penumbra",
         f"{_value(need.p95)} px",
-        f"95th percentile of the penumbra's width, the median is {need.median.value:.3g}: {whose}",
+        f"95th percentile of the penumbra's largest width, the median is {need.median.value:.3g}: {whose}",
     )
     verdict = f"at most {HARD_RMSE:g}: they suffice" if need.hard_is_enough else f"above {HARD_RMSE:g}: too sharp"
     yield Explanation(

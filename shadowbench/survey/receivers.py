@@ -17,12 +17,13 @@ class Receivers:
     """The visible receivers, which face the light.
 
     pixels: their share of the view; shadowed: their share in shadow; planar: their share on planes that
-    `planar-projection` finds; planes: number of visible planes.
+    `planar-projection` finds; lost: share of the shadow on other receivers; planes: number of visible planes.
     """
 
     pixels: Estimate
     shadowed: Estimate
     planar: Estimate
+    lost: Estimate
     planes: int
 
     @property
@@ -43,12 +44,13 @@ def planes_of(scene: Scene) -> NDArray[np.int64]:
 def receivers_of(samples: Samples, of_triangle: NDArray[np.int64]) -> Receivers:
     """Statistics of the visible receivers. of_triangle: (T,) planes of the triangles, from `planes_of`."""
     plane_of = of_triangle[samples.triangle]
-    planar, everything = plane_of >= 0, np.arange(len(samples.pixel))
+    planar, everything, shadow = plane_of >= 0, np.arange(len(samples.pixel)), np.flatnonzero(samples.shadowed)
     side = -(-samples.view.size // samples.step)
     share = len(everything) / side**2
     return Receivers(
         pixels=Estimate(share, 0.0 if samples.step == 1 else float(np.sqrt(share * (1 - share)) / side)),
         shadowed=samples.estimate(lambda chosen: float(samples.shadowed[chosen].mean()), everything),
         planar=samples.estimate(lambda chosen: float(planar[chosen].mean()), everything),
+        lost=samples.estimate(lambda chosen: float((~planar[chosen]).mean()), shadow) if len(shadow) else Estimate(0.0),
         planes=len(np.unique(plane_of[planar])),
     )

@@ -1,9 +1,12 @@
 """Silhouette edges and closed parts, compared with trimesh and with shadow volumes."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import trimesh
 
+import shadowbench
 from shadowbench.geometry import topology
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import Light, Mesh
@@ -77,6 +80,22 @@ def test_meshes_that_volumes_treat_as_closed_are_closed(name: str) -> None:
     theirs = topology.casters_of(view.scene)
     assert found.triangles == len(theirs.closed.faces) + len(theirs.open.faces)
     assert found.closed == len(theirs.closed.faces)
+
+
+def test_shadow_volumes_draw_two_triangles_for_each_wall_of_closed_and_of_open_parts(tmp_path: Path) -> None:
+    """The ground and a box without its lid are open, another box is closed; one triangle covers the screen."""
+    scene = tmp_path / "boxes.toml"
+    lidless = "v 0 0 0\nv 1 0 0\nv 1 0 1\nv 0 0 1\nv 0 1 0\nv 1 1 0\nv 1 1 1\nv 0 1 1\n"
+    lidless += "f 1 2 3 4\nf 1 5 6 2\nf 2 6 7 3\nf 3 7 8 4\nf 4 8 5 1\n"
+    (tmp_path / "lidless.obj").write_text(lidless)
+    scene.write_text(
+        '[[mesh]]\nshape = "plane"\nscale = 9.0\n[[mesh]]\nfile = "lidless.obj"\n'
+        '[[mesh]]\nshape = "box"\ntranslate = [-2.0, 0.6, 0.0]\n'
+    )
+    found = casters_of(chosen_view(str(scene), 32).placed()[0])
+    assert found.open == 12 and found.closed == 12 and found.walls > found.silhouette
+    (cell,) = shadowbench.run(str(scene), "shadow-volume", view_size=32, rounds=0).to_dict("records")
+    assert cell["work_primitives"] == 2 * found.walls + 1
 
 
 def test_nothing_that_casts_has_no_outline() -> None:

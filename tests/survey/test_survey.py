@@ -137,6 +137,7 @@ def test_receivers_on_planes_are_covered_by_planar_projection(name: str, device:
     samples = sample_view(view)
     found, seen = seen_by(samples), of[samples.triangle]
     assert found.planar.value == np.mean(seen >= 0)
+    assert found.lost.value == pytest.approx((samples.shadowed & (seen < 0)).sum() / samples.shadowed.sum())
     assert found.planes == len(np.unique(seen[seen >= 0]))
 
 
@@ -148,7 +149,7 @@ def test_one_and_two_planes_are_found() -> None:
     assert reason(plate(8.0), plate(0.5, (0.0, 0.1, 0.0))).startswith("all visible receivers are on 2 planes:")
     ball = trimesh.creation.icosphere(3, radius=0.4)
     round_one = Mesh("ball", np.asarray(ball.vertices), np.asarray(ball.faces, dtype=np.int32))
-    assert reason(plate(50.0), round_one).startswith("planar-projection, on 1 plane, would leave")
+    assert reason(plate(50.0), round_one).startswith("planar-projection, on 1 plane, would leave the others lit: ")
 
 
 def test_cascades_are_compared_with_other_numbers_of_cascades() -> None:
@@ -251,4 +252,5 @@ def test_rays_are_those_of_the_picture_and_what_is_made_of_all_triangles_is_made
         assert made == {"normals of triangles": len(view.scene.geometry.faces)}
         rays.append(asked["distance"])
         assert not asked["occluded"], "the points of the light are the truth's"
-    assert max(rays) <= 2 * 64 * 64 and max(rays) - min(rays) <= 4, "to the light, however many triangles there are"
+    # A ray more for each pixel of the shadow, which grows a little as the ball becomes rounder.
+    assert max(rays) <= 2 * 64 * 64 and max(rays) - min(rays) <= 64, "to the light, however many triangles there are"
