@@ -9,18 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.engines.difference import difference_picture
-from shadowbench.engines.encoding import MaskEncoding, detect_encoding
+from shadowbench.engines.encoding import MaskEncoding, RaisedUmbra, ambient_umbra, detect_encoding
 from shadowbench.engines.error_kinds import ErrorKind, error_kinds, wrong_pixels
-from shadowbench.engines.external_mask import ExternalMask
+from shadowbench.engines.external_mask import ExternalMask, decode_srgb
 from shadowbench.engines.orientation import misorientation
 from shadowbench.engines.shift import estimate_shift, shift_text
+from shadowbench.engines.smoothing import shift_image
 from shadowbench.engines.soft_error_kinds import soft_error_kinds
 from shadowbench.errors import InputError
 from shadowbench.measure.scoring import mask_record, prepare_truth
 from shadowbench.scenes.model import View
 from shadowbench.scores.comparison import Comparison
 from shadowbench.scores.masks import LEVELS
-from shadowbench.scores.metrics import METRICS
+from shadowbench.scores.metrics import METRICS, values_of
+from shadowbench.scores.prepared import INTERIOR_PX, PENUMBRA
 from shadowbench.truths.cache import cached_truth
 
 _ROUNDING = 1 / (255 * math.sqrt(12))  # root mean square, of 8 bits
@@ -28,8 +30,11 @@ _RMSE = ("rmse", "rmse_pen")
 _NOTED_CLIPPED = 0.01
 """Share of clipped pixels among the scored ones above which a warning is given."""
 _GREY = (0.1, 0.9)
+_FAINT = 0.96  # visibility below which a lit pixel is darker than rounding makes it
+_FEWEST = 10  # faintly dark pixels to speak of
+_SCATTERED = 0.9  # share of the light up to which they are acne
 _SOFT_EDGE = 4.0
-"""Grey pixels per pixel of the true edge above which a mask is softer than antialiasing or a small filter makes it."""
+"""Width in pixels above which a mask's edges are softer than antialiasing or a small filter makes them."""
 _ALIKE_IOU, _COMMON = 0.2, 0.5
 """IoU, and common share of the smaller shadow, below which a mask may be of another scene. At 256², three in four masks
 of other built-in scenes are below, and none of the built-in techniques', even without bias."""
@@ -37,13 +42,17 @@ of other built-in scenes are below, and none of the built-in techniques', even w
 
 @dataclass(frozen=True, eq=False)
 class Accuracy:
-    """Scores of a mask of another renderer; record: fields of its score record; comparison: mask and truth."""
+    """Scores of a mask of another renderer; record: fields of its score record; comparison: mask and truth.
+
+    umbra: of a mask whose shadow is nowhere dark, else None.
+    """
 
     external: ExternalMask
     view: View
     comparison: Comparison
     record: dict[str, Any]
     warnings: tuple[str, ...]
+    umbra: RaisedUmbra | None
 
     @property
     def metrics(self) -> dict[str, float | None]:
@@ -53,13 +62,46 @@ class Accuracy:
 
     @cached_property
     def kinds(self) -> list[ErrorKind]:
-        """Kinds of error: of hard shadows, most pixels first; of soft ones, causes before symptoms."""
-        if not self.comparison.truth.soft:
-            return error_kinds(self.comparison, self.metrics)
+        """Kinds of error: of hard shadows, most pixels first; of soft ones, causes before symptoms.
+
+        What is wrong with the whole mask comes first; the others are those that are left once that is undone.
+        """
+        causes, undone = self._causes
+        metrics = values_of(undone) if causes else self.metrics
         found = self.record["input"]
-        return soft_error_kinds(
-            self.comparison, self.metrics, MaskEncoding(found["shift_px"], found["srgb_encoded"], found["umbra"])
-        )
+        if undone.truth.soft:
+            encoding = MaskEncoding(found["shift_px"], found["srgb_encoded"], found["umbra"])
+            kinds = soft_error_kinds(undone, metrics, encoding)
+        else:
+            kinds = error_kinds(undone, metrics)
+            kinds += [kind for kind in [_faint(undone)] if kind is not None]
+        if undone is not self.comparison:
+            kinds = [ErrorKind(kind.name, kind.pixels, f"{kind.line}, once that is undone") for kind in kinds]
+        return [*causes, *kinds]
+
+    @cached_property
+    def _causes(self) -> tuple[list[ErrorKind], Comparison]:
+        """What is wrong with the whole mask, and the comparison without it.
+
+        Of soft shadows a raised umbra only: `soft_error_kinds` tells the share of the error that others explain.
+        """
+        truth, found, visibility = self.comparison.truth, self.record["input"], self.comparison.visibility
+        causes = []
+        if self.umbra is not None:
+            pixels = int(np.count_nonzero(truth.shadow_interior))
+            causes.append(ErrorKind("raised shadow", pixels, _raised_text(self.umbra, self.external)))
+            visibility = self.umbra.undone(visibility)
+        if not truth.soft and found["srgb_encoded"]:
+            soft = truth.valid & (visibility > PENUMBRA[0]) & (visibility < PENUMBRA[1])
+            line = "soft values are too light for a linear mask"
+            causes.append(ErrorKind("sRGB encoding", int(np.count_nonzero(soft)), line))
+            visibility = decode_srgb(visibility).astype(np.float32)
+        if not truth.soft and found["shift_px"]:
+            across, down = found["shift_px"]
+            causes.append(ErrorKind("shift", truth.pixels, f"by {shift_text((across, down))}"))
+            visibility = np.clip(shift_image(visibility, (-across, -down)), 0, 1)
+        undone = self.comparison if visibility is self.comparison.visibility else Comparison(visibility, truth)
+        return causes, undone
 
     @cached_property
     def wrong(self) -> tuple[int, int]:
@@ -106,7 +148,7 @@ class Accuracy:
                 lines.append(f"widths of penumbrae are compared at {share:.0%} of the true edge")
         if soft and _eight_bit(self.comparison):
             lines.append(f"the mask has 8 bits: rounding makes an RMSE of {_ROUNDING:.2g} in the penumbra")
-        if not soft and (width := _edge_width(self.comparison)) > _SOFT_EDGE:
+        if not soft and (width := sum(_edge_widths(self._causes[1]))) > _SOFT_EDGE:
             size = "--sun gives it one" if self.view.light.kind == "directional" else "a radius in a scene file does"
             lines.append(
                 f"the mask's edges are soft, some {width:.2g} px wide, but the light of {self.view.scene.name} has no "
@@ -138,14 +180,22 @@ def accuracy_of(external: ExternalMask, view: View) -> Accuracy:
             "allowed: row 0 at the top, column 0 at the left, full = lit, 0 = in shadow"
         )
     comparison = Comparison(external.visibility, prepared)
-    # Screenshots were decoded from sRGB already.
-    encoding = detect_encoding(comparison) if external.measurable is None else MaskEncoding(estimate_shift(comparison))
+    if external.measurable is None:
+        encoding = detect_encoding(comparison)
+        level = None if encoding.umbra is None else np.full(comparison.shape, encoding.umbra, np.float32)
+        umbra = None if encoding.umbra is None else RaisedUmbra(encoding.umbra, level)
+    else:  # screenshots, which were decoded from sRGB already
+        umbra = ambient_umbra(comparison)
+        leveled = comparison if umbra is None else Comparison(umbra.undone(comparison.visibility), prepared)
+        encoding = MaskEncoding(estimate_shift(leveled), umbra=None if umbra is None else round(umbra.level, 3))
     clipped = 0 if external.clipped is None else int(np.count_nonzero(external.clipped & prepared.valid))
     warnings = []
     if encoding.shift is not None:
         warnings.append(f"seems shifted by {shift_text(encoding.shift)}; scored as it is")
     if encoding.umbra is not None:
-        warnings.append(f"its shadow is {encoding.umbra:.2f}, not 0; scored as it is")
+        missing = external.measurable is not None and not external.ambient
+        advice = "; --ambient takes ambient light off" if missing else ""
+        warnings.append(f"its shadow is {encoding.umbra:.2f}, not 0; scored as it is{advice}")
     if encoding.srgb_encoded:
         warnings.append("seems to be sRGB-encoded (its soft values are too light for a linear mask); scored as it is")
     if (line := _uniform(comparison)) is not None:
@@ -165,7 +215,7 @@ def accuracy_of(external: ExternalMask, view: View) -> Accuracy:
         "warnings": warnings,
     }
     record = {**mask_record(external.visibility, truth, prepared), "input": input_record}
-    return Accuracy(external, view, comparison, record, tuple(f"{external.name}: {line}" for line in warnings))
+    return Accuracy(external, view, comparison, record, tuple(f"{external.name}: {line}" for line in warnings), umbra)
 
 
 def _uniform(comparison: Comparison) -> str | None:
@@ -175,15 +225,65 @@ def _uniform(comparison: Comparison) -> str | None:
     for whose, shadow in (*of_truth, ("the mask", comparison.shadow)):
         count = int(np.count_nonzero(shadow))
         if pixels and count in (0, pixels):
+            if whose == "the mask" and ((comparison.visibility > 0) & (comparison.visibility < 1))[truth.valid].any():
+                side = "below ½, which counts as shadow," if count else "½ or more, which counts as lit,"
+                return f"the mask's visibility is {side} in every scored pixel, so most metrics say little"
             return f"{whose} is {'in shadow' if count else 'lit'} in every scored pixel, so most metrics say little"
     return None
 
 
-def _edge_width(comparison: Comparison) -> float:
-    """Grey pixels of a mask per pixel of the true edge; 0 without one."""
+def _raised_text(umbra: RaisedUmbra, external: ExternalMask) -> str:
+    """What raises an umbra."""
+    told = f"the true shadow's interior has a visibility of {umbra.level:.2f} (median), not 0"
+    if external.measurable is None:
+        return told
+    if external.ambient:
+        return f"{told}, with --ambient taken off: light that it does not have"
+    if umbra.of is None:
+        return f"{told}; if the pictures have ambient light, give it with --ambient"
+    return f"{told}, as ambient light in both pictures leaves it: give it with --ambient"
+
+
+def _edge_widths(comparison: Comparison) -> tuple[float, float]:
+    """How far in pixels a mask is grey around the true edge, into light and into shadow; 0 without an edge.
+
+    As far as most pixels at that distance are grey. A side that is grey beyond, far from the edge, is not so because
+    of it, as with acne or ambient light, and counts as much as the other.
+    """
     truth, mask = comparison.truth, comparison.visibility
-    edges = np.count_nonzero(truth.edge)
-    return float(np.count_nonzero(truth.valid & (mask > _GREY[0]) & (mask < _GREY[1])) / edges) if edges else 0.0
+    grey, reaches = (mask > _GREY[0]) & (mask < _GREY[1]), []
+    for side in (truth.lit, truth.shadow):
+        distance = np.sqrt(truth.squared_edge_distance[side]).astype(np.intp)
+        if not truth.edge.any() or not len(distance):
+            return 0.0, 0.0
+        pixels, found = np.bincount(distance), np.bincount(distance, grey[side])
+        many = found > pixels / 2
+        first = 1 if side is truth.lit else 0  # edge pixels are in shadow
+        end = first + int(np.argmin(np.append(many[first:], False)))
+        beyond = pixels[end:].sum()
+        reaches.append(float(end - first) if beyond and found[end:].sum() < beyond / 4 else None)
+    lit, shadow = reaches
+    both = (lit if lit is not None else shadow), (shadow if shadow is not None else lit)
+    return both[0] or 0.0, both[1] or 0.0
+
+
+def _faint(comparison: Comparison) -> ErrorKind | None:
+    """Pixels of full light that are darker than they should be, but lighter than ½; None for few.
+
+    Farther from the true edge than soft edges of the mask reach.
+    """
+    truth, mask = comparison.truth, comparison.visibility
+    beyond = INTERIOR_PX + 2 * max(_edge_widths(comparison))
+    inside = truth.lit_interior & (truth.squared_edge_distance > beyond**2)
+    faint = inside & comparison.lit & (mask < _FAINT)
+    pixels = int(np.count_nonzero(faint))
+    if pixels < max(_FEWEST, 1e-3 * np.count_nonzero(inside)):
+        return None
+    share, darker = pixels / np.count_nonzero(inside), 1 - float(mask[faint].mean(dtype=np.float64))
+    name = "faint acne" if share < _SCATTERED else "dimmed light"
+    return ErrorKind(
+        name, pixels, f"{share:.1%} of the light away from edges is darker than it should be, by {darker:.2g}"
+    )
 
 
 def _eight_bit(comparison: Comparison) -> bool:

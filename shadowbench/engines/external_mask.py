@@ -29,7 +29,8 @@ class ExternalMask:
     """Visibility drawn by another renderer: (N, N) float32, quantised; row 0 at the top.
 
     name: its name in messages. Of screenshots only: measurable: (N, N) bool, pixels lit strongly enough; clipped:
-    (N, N) bool, pixels of the lit picture that may be clipped; picture: the shadowed screenshot.
+    (N, N) bool, pixels of the lit picture that may be clipped; picture: the shadowed screenshot; ambient: whether an
+    ambient picture was taken off.
     """
 
     name: str
@@ -37,6 +38,7 @@ class ExternalMask:
     measurable: NDArray[np.bool_] | None = None
     clipped: NDArray[np.bool_] | None = None
     picture: Path | None = None
+    ambient: bool = False
 
     @property
     def size(self) -> int:
@@ -80,7 +82,9 @@ def from_screenshots(lit: Path, shadowed: Path, ambient: Path | None = None) -> 
     range_of_light = pictures[0] - floor
     measurable = range_of_light >= DARKEST
     seen = np.divide(pictures[1] - floor, range_of_light, out=np.ones_like(floor), where=measurable)
-    return ExternalMask(str(shadowed), quantise(np.clip(seen, 0, 1)), measurable, pictures[0] >= CLIPPED, shadowed)
+    return ExternalMask(
+        str(shadowed), quantise(np.clip(seen, 0, 1)), measurable, pictures[0] >= CLIPPED, shadowed, bool(ambient)
+    )
 
 
 def read_luminance(file: Path) -> NDArray[np.float64]:

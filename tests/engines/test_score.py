@@ -13,8 +13,10 @@ from scipy import ndimage
 
 from shadowbench import api
 from shadowbench.commands import console
+from shadowbench.engines.accuracy import Accuracy, accuracy_of
 from shadowbench.engines.encoding import MaskEncoding
 from shadowbench.engines.error_kinds import error_kinds
+from shadowbench.engines.external_mask import from_screenshots, mask_from_array
 from shadowbench.engines.soft_error_kinds import soft_error_kinds
 from shadowbench.scenes.views import chosen_view
 from shadowbench.scores.comparison import Comparison
@@ -281,6 +283,64 @@ def test_screenshots_give_the_scores_of_the_mask_behind_them(
     assert weak.sum() <= found["input"]["unmeasured"] <= (prepared(SCENE).valid & (light < 1 / 64 + 2e-3)).sum()
     assert found["receivers"] + found["input"]["unmeasured"] >= prepared(SCENE).pixels
     assert found["input"]["source"] == "screenshots"
+
+
+@pytest.fixture
+def pictured(prepared: Callable, png: Callable) -> Callable[..., Accuracy]:
+    """The accuracy of screenshots of a visibility, with ambient light in both, given or not."""
+
+    def shoot(visibility: np.ndarray, ambient: float = 0.0, given: bool = False, power: float = 0.0) -> Accuracy:
+        light = np.clip(prepared(SCENE).cosine, 0, 1) * 0.5
+        linear = {"lit": ambient + light, "shadowed": ambient + light * visibility, "ambient": 0 * light + ambient}
+        encoded = {name: values**power if power else srgb(values) for name, values in linear.items()}
+        files = [png(f"{name}.png", values) for name, values in encoded.items()]
+        return accuracy_of(from_screenshots(*files[: 3 if given else 2]), chosen_view(SCENE, 256))
+
+    return shoot
+
+
+@pytest.mark.parametrize("ambient", [0.1, 0.2, 0.3, 0.5])
+@pytest.mark.parametrize("fault", ["none", "gamma", "blur", "acne", "shift"])
+def test_ambient_light_that_is_in_both_pictures_is_told_and_what_else_is_wrong(
+    pictured: Callable, drawn: Callable, prepared: Callable, ambient: float, fault: str
+) -> None:
+    """And is not taken for soft edges; once it is undone, no shadow is lit."""
+    exact, blurred = drawn(SCENE), ndimage.gaussian_filter(drawn(SCENE), 3.0)
+    speckled = np.where(np.add.outer(np.arange(256), np.arange(256)) % 4 == 0, 0.75 * exact, exact)
+    mask = {"blur": blurred, "acne": speckled, "shift": drawn(SCENE, shift=(2, 1))}.get(fault, exact)
+    found = pictured(mask, ambient, power=1 / 2.2 if fault == "gamma" else 0.0)
+    truth = prepared(SCENE)
+    level = float(np.median((ambient / (ambient + 0.5 * truth.cosine))[truth.shadow_interior]))
+    kinds = {kind.name: kind for kind in found.kinds}
+    assert next(iter(kinds)) == "raised shadow"
+    assert found.umbra.level == pytest.approx(level, abs=0.1 if fault == "blur" else 0.03)
+    assert sum(f"its shadow is {found.umbra.level:.2f}, not 0" in line for line in found.warnings) == 1
+    assert not any("edges are soft" in line for line in found.summary()) or fault == "blur"
+    if fault == "blur":  # which lightens most of the umbra of such narrow shadows
+        assert "give it with --ambient" in kinds["raised shadow"].line
+        return
+    assert "as ambient light in both pictures leaves it: give it with --ambient" in kinds["raised shadow"].line
+    assert ("faint acne" in kinds, "shift" in kinds) == (fault == "acne", fault == "shift")
+    assert sum(kinds[name].pixels for name in ("leak", "peter-panning") if name in kinds) < 20
+    assert pictured(mask, ambient, given=True).umbra is None
+
+
+def test_shadows_that_are_dark_somewhere_have_no_ambient_light(pictured: Callable, drawn: Callable) -> None:
+    exact = drawn(SCENE)
+    for mask in (exact, ndimage.gaussian_filter(exact, 4.0), np.ones_like(exact), np.maximum(exact, np.eye(256))):
+        assert pictured(mask).umbra is None
+
+
+@pytest.mark.parametrize("share", [0.01, 0.1, 0.5])
+def test_scattered_slightly_dark_pixels_are_no_edges(drawn: Callable, tmp_path: Path, share: float) -> None:
+    faint = np.random.default_rng(5).random((256, 256)) < share
+    found = accuracy_of(mask_from_array(np.where(faint, 0.8, 1) * drawn(SCENE)), chosen_view(SCENE, 256))
+    (line,) = [kind.line for kind in found.kinds if kind.name == "faint acne"]
+    assert float(line.split("%")[0]) == pytest.approx(100 * share, rel=0.15) and line.endswith("by 0.2")
+    assert not any("edges are soft" in line for line in found.summary())
+    dimmed = accuracy_of(mask_from_array(0.8 * drawn(SCENE)), chosen_view(SCENE, 256))
+    assert [kind.name for kind in dimmed.kinds if kind.name in ("faint acne", "dimmed light")] == ["dimmed light"]
+    assert not any("edges are soft" in line for line in dimmed.summary())
 
 
 def test_black_screenshots_are_refused(shadowbench: Callable, png: Callable) -> None:
