@@ -1,6 +1,7 @@
 """Drawing of a state with the passes, techniques and shaders of `run`: the G-buffer, and the masks of the specs."""
 
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 
@@ -76,10 +77,14 @@ class Drawn:
 
 
 class Drawing:
-    """Draws states on one device. Techniques stay built while shown, at the sizes of a rested and a moving image."""
+    """Draws states on one device. Techniques stay built while shown, at the sizes of a rested and a moving image.
+
+    tell: called with the text of a spec before its technique is, and with an empty one afterwards.
+    """
 
     def __init__(self, device: Device) -> None:
         self.device, self.clock = device, Clock(device)
+        self.tell: Callable[[str], object] = len
         self._loaded: LoadedScene | None = None
         self._colors: object = None
         self._built: dict[tuple[Spec, int], tuple[Technique, Stage] | str] = {}
@@ -104,6 +109,7 @@ class Drawing:
             surface.release()
             raise
         self.device.context.finish()
+        self.tell("")
         return Drawn(loaded, frame, masks, lit, (time.perf_counter() - start) * 1e3)
 
     def keep_only(self, specs: tuple[Spec, ...], sizes: tuple[int, ...]) -> None:
@@ -132,9 +138,11 @@ class Drawing:
         """Counts of work of a mask that was drawn, which is drawn once more for that."""
         technique = mask.technique
         assert technique is not None
+        self.tell(mask.spec.text)
         facts = finite_facts(mask.spec.text, technique.facts())
         self.device.reset()
         work = work_of(self.device, lambda: technique.draw(drawn.frame))
+        self.tell("")
         return with_cost(work | declared_work(technique, drawn.size**2, facts))
 
     def _load(self, state: ViewerState) -> LoadedScene:
@@ -154,6 +162,7 @@ class Drawing:
             return Mask(spec, failure=built)
         technique, _ = built
         self._recover()
+        self.tell(spec.text)
         try:
             visibility: list[moderngl.Texture] = []
             on_cpu = technique.draws_on_cpu(spec.params)
@@ -167,6 +176,7 @@ class Drawing:
     def _build(self, loaded: LoadedScene, spec: Spec, view: View) -> tuple[Technique, Stage] | str:
         """A built technique; or why there is none: one that failed is not built again until something changes."""
         key = (spec, view.size)
+        self.tell(spec.text)
         try:
             reason = spec.technique.declines(spec.params, view, self.device)
         except Exception as error:  # a technique may raise anything

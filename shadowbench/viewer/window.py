@@ -29,6 +29,7 @@ from shadowbench.viewer.state import Source, ViewerState
 from shadowbench.viewer.technique_panel import edited_spec
 from shadowbench.viewer.truth_task import TruthTask
 from shadowbench.viewer.view_panel import below, view_panel
+from shadowbench.viewer.witness import Witness
 
 SIZE = (1400, 860)
 LEFT, RIGHT = 310.0, 340.0  # pixels
@@ -104,12 +105,14 @@ class ViewerWindow:
 
     def run(self) -> None:
         """Show the window until it is closed."""
-        try:
-            while not self.window.is_closing:
-                self.frame()
-                self._wait()
-        finally:
-            self.close()
+        with Witness() as witness:
+            self.viewer.drawing.tell = witness.tell
+            try:
+                while not self.window.is_closing:
+                    self.frame()
+                    self._wait()
+            finally:
+                self.close()
 
     def frame(self) -> None:
         """One frame: bring the pictures up to date, draw the interface, take events."""
