@@ -109,7 +109,7 @@ class Search:
         self._beyond: list[Spec] = []
 
     def run(self) -> Trial | None:
-        """Search, and return the cheapest spec that meets the target; None if none does."""
+        """Search, and return the cheapest spec measured that meets the target; None if none does."""
         for spec, point in list(self._left.items()):
             if point.size is None and self.cost(point) < self.cost_limit:
                 self._measure(spec)

@@ -107,9 +107,9 @@ def _untried_line(found: Recommendation, name: str) -> str:
         "with the map of one that failed, or a larger one": rest.beyond,
     }
     reasons = [f"{count} {why}" for why, count in whys.items() if count]
-    standings = {found.standing(trial) for trial in found.trials if trial.spec.technique.name == name}
-    further = " further" if standings else ""
-    alone = f"; -t {name} searches it alone" if rest.dearer and not standings & {"choice", "next"} else ""
+    further = " further" if name in {trial.spec.technique.name for trial in found.trials} else ""
+    has_met = name in {trial.spec.technique.name for trial in met}
+    alone = f"; -t {name} searches it alone" if rest.dearer and not has_met else ""
     return f"not tried{further}: {name}: {', '.join(reasons)}{alone}"
 
 

@@ -95,10 +95,12 @@ def time_notes(reference: ReferenceTime | None, rough: Sequence[bool] = ()) -> l
     notes = [f"ms: time relative to {name}, in interleaved rounds, × {reference.ms:.3g} ms, {whose}"]
     if reference.drifted:
         span = f"{reference.shortest_ms:.3g} to {reference.longest_ms:.3g} ms"
-        notes.append(f"the load of the machine varied: {name} took {span}; rely on × ref rather than on ms")
+        notes.append(f"the load of the machine varied: {name} took {span}; rely on ratios rather than on ms")
     if any(rough):
         count = f"{sum(rough)} of {len(rough)} times"
-        notes.append(f"~: {count} have an interquartile range above a third of their median; more --rounds help")
+        notes.append(
+            f"~: {count} have an interquartile range above a third of their median; more rounds would narrow it"
+        )
     if reference.one_round:
         notes.append("timed in one round: how far times vary is unknown, and no ~ marks a rough one")
     if reference.left_out:
