@@ -36,7 +36,8 @@ def needs(
 
     Map size, cascades, depth bits, bias, the width of penumbrae and the error of hard shadows. Nothing is drawn: they
     follow from the geometry and from shadow rays for the visible pixels, or for a sample of them; ± is then the
-    standard error. Each prediction has its reason. Needs no OpenGL.
+    standard error. The error of hard shadows is that of the ray-traced truth, which `run` reads too. Each prediction
+    has its reason. Needs no OpenGL.
     """
     from dataclasses import asdict
 
