@@ -141,6 +141,7 @@ def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[
         **screenshots: Any,
     ) -> ShadowAccuracy:
         from shadowbench.engines.accuracy import accuracy_of
+        from shadowbench.engines.stored_truth import read_stored_truth
         from shadowbench.errors import InputError
         from shadowbench.scenes.views import chosen_view
 
@@ -148,7 +149,10 @@ def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[
         made += 1
         try:
             handed = _handed(mask, screenshots)
-            accuracy = accuracy_of(handed, chosen_view(scene, handed.size, view, light, assets, up, sun))
+            if str(scene).lower().endswith(".npz"):
+                accuracy = accuracy_of(handed, read_stored_truth(Path(scene)))
+            else:
+                accuracy = accuracy_of(handed, chosen_view(scene, handed.size, view, light, assets, up, sun))
         except InputError as error:
             pytest.fail(str(error), pytrace=False)
         file = (diffs or tmp_path) / f"{name}{f'-{made}' if made > 1 else ''}.diff.png"

@@ -70,7 +70,7 @@ def _solids(data: bytes, where: str) -> list[Solid]:
         )
         raise InputError(f"{where}: {at}; allowed: facets of 3 vertices, each on a line")
     triangles = rows.values.reshape(-1, 3, 3)
-    bounds = zip(np.searchsorted(facet, solids), np.searchsorted(facet, ends), solids, strict=True)
+    bounds = zip(np.searchsorted(facet, solids), np.searchsorted(facet, ends), solids.tolist(), strict=True)
     return [(_name(lines.line(line)), triangles[start:end]) for start, end, line in bounds]
 
 
