@@ -142,6 +142,7 @@ def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[
         **screenshots: Any,
     ) -> ShadowAccuracy:
         from shadowbench.engines.accuracy import accuracy_of
+        from shadowbench.engines.stored_truth import read_stored_truth
         from shadowbench.errors import InputError
         from shadowbench.scenes.views import chosen_view
 
@@ -149,7 +150,11 @@ def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[
         made += 1
         try:
             handed = _handed(mask, screenshots)
-            accuracy = accuracy_of(handed, chosen_view(scene, handed.size, view, light, assets, up, sun, no_ground))
+            if str(scene).lower().endswith(".npz"):
+                accuracy = accuracy_of(handed, read_stored_truth(Path(scene)))
+            else:
+                seen = chosen_view(scene, handed.size, view, light, assets, up, sun, no_ground)
+                accuracy = accuracy_of(handed, seen)
         except InputError as error:
             pytest.fail(str(error), pytrace=False)
         file = (diffs or tmp_path) / f"{name}{f'-{made}' if made > 1 else ''}.diff.png"

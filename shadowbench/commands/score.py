@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from shadowbench.commands import console
-from shadowbench.commands.options import Assets, Json, LightName, NoGround, Quiet, SceneArgument, Sun, Up, ViewName
+from shadowbench.commands import completion, console
+from shadowbench.commands.options import SCENE, Assets, Json, LightName, NoGround, Quiet, Sun, Up, ViewName
 from shadowbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -22,7 +22,14 @@ app = typer.Typer()
     "  shadowbench score stairs --lit lit.png --shadowed shadowed.png -o results/engines --name my-engine"
 )
 def score(
-    scene: SceneArgument,
+    scene: Annotated[
+        str,
+        typer.Argument(
+            metavar="SCENE",
+            autocompletion=completion.scene,
+            help=f"The scene: {SCENE}; or its truth, a file of `shadowbench truth`.",
+        ),
+    ],
     mask: Annotated[
         Path | None,
         typer.Argument(
@@ -61,19 +68,22 @@ def score(
 ) -> None:
     """Score another renderer's mask or screenshots.
 
-    Compares them with the ray-traced shadows of the scene; needs no OpenGL. `shadowbench export` writes the scene to
-    draw. A mask that is flipped, inverted or not square is refused; one that seems shifted or sRGB-encoded is scored
-    unchanged, with a warning. Below the metrics, the wrong pixels are listed by kind of error, most pixels first; the
-    line `displaced edge` covers those pixels only, whereas edge_px and edge_p95 cover all edges, also of leaks. Under a
-    light with a size, the errors that stand out are listed instead: causes (a shift, an sRGB encoding, a blur, a wrong
-    width of penumbrae) before errors of penumbra, umbra and full light, the larger first. The column
-    `shadows` says whether a metric is for hard shadows, soft ones (of a light with a size) or both.
+    Compares them with the ray-traced shadows of the scene; needs no OpenGL, and with a file of `shadowbench truth` in
+    place of the scene no Embree either. `shadowbench export` writes the scene to draw. A mask that is flipped, inverted
+    or not square is refused; one that seems shifted or sRGB-encoded is scored unchanged, with a warning. Below the
+    metrics, faults of the whole mask are named, and the wrong pixels that are left once these are undone are listed by
+    kind of error, most pixels first; the line `displaced edge` covers those pixels only, whereas edge_px and edge_p95
+    cover all edges, also of leaks. Under a light with a size, the errors that stand out are listed instead: causes (a
+    shift, an sRGB encoding, a blur, a wrong width of penumbrae) before errors of penumbra, umbra and full light, the
+    larger first. The column `shadows` says whether a metric is for hard shadows, soft ones (of a light with a size) or
+    both.
     """
     from shadowbench.engines.accuracy import accuracy_of
     from shadowbench.engines.difference import write_difference
     from shadowbench.engines.export import size_mismatch
     from shadowbench.engines.external_mask import external_mask
     from shadowbench.engines.store import append_row, check_name
+    from shadowbench.engines.stored_truth import read_stored_truth
     from shadowbench.files import check_folder, check_outputs
 
     if (output is None) != (name is None):
@@ -81,15 +91,23 @@ def score(
     if name is not None:
         check_name(name)
     check_outputs(".png", diff)
-    for given in (mask, lit, shadowed, ambient):
-        if diff is not None and given is not None and diff.exists() and given.exists() and diff.samefile(given):
+    for file in (mask, lit, shadowed, ambient):
+        if diff is not None and file is not None and diff.exists() and file.exists() and diff.samefile(file):
             raise InputError(f"--diff {diff}: is one of the pictures to score; name another file")
     if output is not None:
         check_folder(output)
     handed = external_mask(scene, mask, lit, shadowed, ambient)
     with console.Reporter(quiet) as reporter:
-        chosen = reporter.view(scene, handed.size, view, light, assets, up, sun, no_ground)
-        accuracy = accuracy_of(handed, chosen)
+        if scene.lower().endswith(".npz"):
+            given = {"--view": view, "--light": light, "--assets": assets, "--up": up}
+            given |= {"--sun": sun, "--no-ground": no_ground}
+            for option in (option for option, value in given.items() if value):
+                raise InputError(f"{option}: {scene} is the truth of one view; allowed: a scene, with {option}")
+            stored = read_stored_truth(Path(scene))
+            chosen, accuracy = stored.view, accuracy_of(handed, stored)
+        else:
+            chosen = reporter.view(scene, handed.size, view, light, assets, up, sun, no_ground)
+            accuracy = accuracy_of(handed, chosen)
     drawn = mask or shadowed
     sized = size_mismatch(drawn, chosen) if drawn is not None else None
     warnings = [*accuracy.warnings, *([sized] if sized else [])]

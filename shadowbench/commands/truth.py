@@ -46,15 +46,20 @@ def truth(
       triangle        index of the visible triangle, -1 for none
       cosine          N·L at the visible point
       diagonal        one number: diagonal of casters and receivers in metres
+      depth           distance of the visible point along the camera's axis
+      about           names, camera and light of the view, as JSON text
+
+    `shadowbench score` takes the file in place of the scene.
     """
+    from shadowbench.engines.stored_truth import write_stored_truth
     from shadowbench.files import check_outputs
-    from shadowbench.truths.cache import cached_truth, write_truth
+    from shadowbench.truths.cache import cached_truth
 
     check_outputs(".npz", output)
     with console.Reporter(quiet) as reporter:
         chosen = reporter.view(scene, view_size, view, light, assets, up, sun, no_ground)
         found = cached_truth(chosen, pixel_samples)
-    write_truth(output, found)
+    write_stored_truth(output, found, chosen)
     if not quiet:
         receivers, shadowed = int(found.receivers.sum()), int((found.visibility < 0.5).sum())
         undecided = int((found.receivers & found.undecided).sum())

@@ -16,14 +16,17 @@ from shadowbench.engines.orientation import misorientation
 from shadowbench.engines.shift import estimate_shift, shift_text
 from shadowbench.engines.smoothing import shift_image
 from shadowbench.engines.soft_error_kinds import soft_error_kinds
+from shadowbench.engines.stored_truth import StoredTruth
 from shadowbench.errors import InputError
 from shadowbench.measure.scoring import mask_record, prepare_truth
+from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.model import View
 from shadowbench.scores.comparison import Comparison
 from shadowbench.scores.masks import LEVELS
 from shadowbench.scores.metrics import METRICS, values_of
 from shadowbench.scores.prepared import INTERIOR_PX, PENUMBRA
 from shadowbench.truths.cache import cached_truth
+from shadowbench.truths.trace import Truth
 
 _ROUNDING = 1 / (255 * math.sqrt(12))  # root mean square, of 8 bits
 _RMSE = ("rmse", "rmse_pen")
@@ -44,11 +47,13 @@ of other built-in scenes are below, and none of the built-in techniques', even w
 class Accuracy:
     """Scores of a mask of another renderer; record: fields of its score record; comparison: mask and truth.
 
-    umbra: of a mask whose shadow is nowhere dark, else None.
+    truth: of the view, whose digest is that of its contents; umbra: of a mask whose shadow is nowhere dark, else None.
     """
 
     external: ExternalMask
     view: View
+    truth: Truth
+    digest: str
     comparison: Comparison
     record: dict[str, Any]
     warnings: tuple[str, ...]
@@ -157,19 +162,27 @@ class Accuracy:
         return lines
 
 
-def accuracy_of(external: ExternalMask, view: View) -> Accuracy:
-    """Score a mask against the truth of a view.
+def accuracy_of(external: ExternalMask, against: View | StoredTruth) -> Accuracy:
+    """Score a mask against the truth of a view, or one from a file.
 
     The mask is scored unchanged: a shift, an sRGB encoding, an umbra that is not 0 or clipping is a warning and a field
     of `record["input"]`. Raises InputError for a mask that is flipped, rotated or inverted, and for screenshots without
     a pixel bright enough to score.
     """
-    truth = cached_truth(view)
-    unmeasured = 0
+    if isinstance(against, StoredTruth):
+        view, stored, digest, prepare = against.view, against.truth, against.digest, against.prepared
+        if view.size != external.size:
+            raise InputError(
+                f"{external.name}: found {external.size} × {external.size} pixels; allowed: {view.size} × {view.size}, "
+                "as the truth has"
+            )
+    else:
+        view, stored, digest, prepare = against, cached_truth(against), view_digest(against), prepare_truth
+    truth, unmeasured = stored, 0
     if external.measurable is not None:
         unmeasured = int(np.count_nonzero(truth.receivers & ~truth.undecided & ~external.measurable))
         truth = replace(truth, receivers=truth.receivers & external.measurable)
-    prepared = prepare_truth(truth)
+    prepared = prepare(truth)
     if unmeasured and not prepared.pixels:
         raise InputError(
             f"{external.name}: lit − ambient is below 1/64 in every pixel; allowed: a lit picture of the view"
@@ -215,7 +228,8 @@ def accuracy_of(external: ExternalMask, view: View) -> Accuracy:
         "warnings": warnings,
     }
     record = {**mask_record(external.visibility, truth, prepared), "input": input_record}
-    return Accuracy(external, view, comparison, record, tuple(f"{external.name}: {line}" for line in warnings), umbra)
+    told = tuple(f"{external.name}: {line}" for line in warnings)
+    return Accuracy(external, view, stored, digest, comparison, record, told, umbra)
 
 
 def _uniform(comparison: Comparison) -> str | None:

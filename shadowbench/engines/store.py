@@ -16,11 +16,9 @@ from shadowbench.files import replace_file
 from shadowbench.measure import scoring
 from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.score_rows import Measurement, identity, score_row
-from shadowbench.scenes.digest import view_digest
 from shadowbench.scores.masks import write_mask
 from shadowbench.sources import code_digest
 from shadowbench.truths import cache
-from shadowbench.truths.cache import cached_truth
 
 _IDENTITY = ("scene", "view", "light", "spec", "view_size", "renderer")
 _NAME = re.compile(r"[A-Za-z0-9][\w.+-]{0,79}")
@@ -60,7 +58,7 @@ def content_key(accuracy: Accuracy, name: str) -> str:
     view = accuracy.view
     parts = {
         "engine": name,
-        "view": (view.scene.name, view.camera.name, view.light.name, view_digest(view)),
+        "view": (view.scene.name, view.camera.name, view.light.name, accuracy.digest),
         "mask": accuracy.record["mask_sha256"],
         "input": accuracy.record["input"],
         "sources": code_digest(Path(scoring.__file__), Path(cache.__file__)),
@@ -73,7 +71,7 @@ def _digest(parts: object) -> str:
 
 
 def _write_pictures(accuracy: Accuracy, folder: Path, key: str) -> None:
-    view, truth = accuracy.view, cached_truth(accuracy.view)
+    view, truth = accuracy.view, accuracy.truth
     for kind in ("masks", "differences", "truth", "pictures"):
         (folder / kind).mkdir(exist_ok=True)
     write_mask(folder / "masks" / f"{key}.png", accuracy.external.visibility)

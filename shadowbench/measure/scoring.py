@@ -1,13 +1,14 @@
 """Scoring a mask of any renderer against a truth; needs no GL."""
 
 import math
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.scenes.model import Floats, View
+from shadowbench.scenes.model import Camera, Floats, View
 from shadowbench.scores.comparison import Comparison
 from shadowbench.scores.masks import mask_sha256
 from shadowbench.scores.metrics import values_of
@@ -15,8 +16,8 @@ from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.truths.trace import Truth
 
 
-def prepare_truth(truth: Truth) -> PreparedTruth:
-    """Truth as the input of metrics."""
+def prepare_truth(truth: Truth, points: Callable[[], Floats] | None = None) -> PreparedTruth:
+    """Truth as the input of metrics. points: as `positions`, for a truth without a view."""
     return PreparedTruth(
         visibility=truth.visibility,
         receivers=truth.receivers,
@@ -26,7 +27,7 @@ def prepare_truth(truth: Truth) -> PreparedTruth:
         cosine=truth.cosine,
         diagonal=truth.diagonal,
         standard_error=truth.standard_error,
-        positions=None if truth.view is None else partial(positions, truth.view, truth.triangle),
+        positions=points if truth.view is None else partial(positions, truth.view, truth.triangle),
     )
 
 
@@ -35,18 +36,35 @@ def positions(view: View, triangle: NDArray[np.int32]) -> Floats:
 
     A plane seen edge-on, which receivers cannot be, has points anywhere.
     """
+    return points_at(view.camera, depths(view, triangle))
+
+
+def depths(view: View, triangle: NDArray[np.int32]) -> Floats:
+    """(N, N) distances of `positions` along the camera's axis in metres."""
     camera, geometry = view.camera, view.scene.geometry
-    slope = np.tan(camera.fov_y / 2) * ((np.arange(view.size) + 0.5) * (2 / view.size) - 1)
-    right, up, back = camera.basis()
-    points = np.empty((view.size, view.size, 3))
-    for row, hit in enumerate(triangle):
-        rays = slope[:, np.newaxis] * right - slope[row] * up - back
+    depth = np.empty((view.size, view.size))
+    for row, (hit, rays) in enumerate(zip(triangle, _rays(camera, view.size), strict=True)):
         normals = geometry.normals[hit]
         toward = np.einsum("ix,ix->i", normals, rays)
         away = np.einsum("ix,ix->i", normals, geometry.vertices[geometry.faces[hit, 0]] - camera.position)
-        depth = np.where(hit < 0, 0, away / np.where(toward == 0, 1, toward))
-        points[row] = rays * depth[:, np.newaxis]
+        depth[row] = np.where(hit < 0, 0, away / np.where(toward == 0, 1, toward))
+    return depth
+
+
+def points_at(camera: Camera, depth: Floats) -> Floats:
+    """(N, N, 3) points at the pixels' centres, in metres from the eye, at depths (N, N)."""
+    points = np.empty((*depth.shape, 3))
+    for row, rays in enumerate(_rays(camera, len(depth))):
+        points[row] = rays * depth[row][:, np.newaxis]
     return points
+
+
+def _rays(camera: Camera, size: int) -> Iterator[Floats]:
+    """(N, 3) directions through the pixels of each row, of length 1 along the camera's axis."""
+    slope = np.tan(camera.fov_y / 2) * ((np.arange(size) + 0.5) * (2 / size) - 1)
+    right, up, back = camera.basis()
+    for row in range(size):
+        yield slope[:, np.newaxis] * right - slope[row] * up - back
 
 
 def mask_record(

@@ -70,8 +70,8 @@ def _solids(data: bytes, where: str) -> list[Solid]:
         )
         raise InputError(f"{where}: {at}; allowed: facets of 3 vertices, each on a line")
     triangles = rows.values.reshape(-1, 3, 3)
-    bounds = zip(np.searchsorted(facet, solids), np.searchsorted(facet, ends), solids, strict=True)
-    return [(_name(lines.line(int(line))), triangles[start:end]) for start, end, line in bounds]
+    bounds = zip(np.searchsorted(facet, solids), np.searchsorted(facet, ends), solids.tolist(), strict=True)
+    return [(_name(lines.line(line)), triangles[start:end]) for start, end, line in bounds]
 
 
 def _begin_with(lines: Lines, keyword: str) -> NDArray[np.bool_]:

@@ -90,18 +90,18 @@ def read_truth(file: Path, view: View) -> Truth | None:
             values = {name: arrays[name] for name in arrays.files}
     except Exception:  # damaged bytes raise many types in zipfile and NumPy, MemoryError and TokenError included
         return None
-    if not _is_truth(values, view):
+    if not are_arrays_of_a_truth(values, view.size, len(view.scene.geometry.faces)):
         return None
     return Truth(**{**values, "diagonal": float(values["diagonal"]), "view": view})
 
 
-def _is_truth(values: dict[str, NDArray[Any]], view: View) -> bool:
-    """Whether arrays have the names, types, shapes and ranges of a truth of the view."""
-    ranges = {**_RANGES, "triangle": (np.int32, -1, len(view.scene.geometry.faces) - 1)}
+def are_arrays_of_a_truth(values: dict[str, NDArray[Any]], size: int, triangles: int) -> bool:
+    """Whether arrays have the names, types, shapes and ranges of a truth of a view and a number of triangles."""
+    ranges = {**_RANGES, "triangle": (np.int32, -1, triangles - 1)}
     if values.keys() != ranges.keys():
         return False
     for name, (kind, low, high) in ranges.items():
-        array, shape = values[name], () if name == "diagonal" else (view.size, view.size)
+        array, shape = values[name], () if name == "diagonal" else (size, size)
         if array.dtype != kind or array.shape != shape or not ((array >= low) & (array <= high)).all():  # NaN neither
             return False
     return True

@@ -13,8 +13,6 @@ from functools import cache
 from typing import TypeVar
 
 import numpy as np
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
 from shadowbench.scenes.geometry import in_slices
@@ -60,6 +58,10 @@ class EmbreexScene:
     """Single-ray queries through embreex, with the arguments and results of a `PacketScene`."""
 
     def __init__(self, vertices: Singles, faces: NDArray[np.int32]) -> None:
+        # Imported here: a stored truth is scored without Embree.
+        from embreex.mesh_construction import TriangleMesh
+        from embreex.rtcore_scene import EmbreeScene
+
         self._scene = EmbreeScene(robust=True)
         if len(faces):
             TriangleMesh(self._scene, vertices, np.ascontiguousarray(faces, dtype=np.int32))

@@ -1,6 +1,7 @@
 """`score` as a command: its output, errors, warnings, pictures and rows."""
 
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -473,6 +474,82 @@ def test_the_difference_is_not_drawn_over_what_is_scored(
         assert "--diff" in answer.err and "is one of the pictures to score; name another file" in answer.err
         assert answer.err.count("\n") == 1
     assert before == {file: file.read_bytes() for file in before}
+
+
+def test_a_stored_truth_gives_the_scores_and_the_row_of_its_scene(
+    shadowbench: Callable, tmp_path: Path, drawn: Callable
+) -> None:
+    """Of hard and soft shadows, of a mask and of screenshots; widths of penumbrae too."""
+    scene, mask, folder = tmp_path / "soft.toml", tmp_path / "mask.png", tmp_path / "rows"
+    scene.write_text(SOFT)
+    for name in (SCENE, scene):
+        stored = tmp_path / f"{Path(name).stem}.npz"
+        assert shadowbench("truth", name, "-o", stored, "--view-size", "96").code == 0
+        visibility = np.load(stored)["visibility"]
+        write_mask(mask, ndimage.gaussian_filter(np.roll(visibility, 1, axis=1), 2.0))
+        for given in ((mask,), ("--lit", mask, "--shadowed", mask)):
+            found = [shadowbench("score", one, *given, "--json") for one in (name, stored)]
+            assert found[0].code == 0 and found[0].out == found[1].out
+        assert "added" in shadowbench("score", name, mask, "-o", folder, "--name", "mine").out
+        assert "already holds" in shadowbench("score", stored, mask, "-o", folder, "--name", "mine").out
+    assert json.loads(found[0].out)["metrics"].keys() == METRICS.keys()
+
+
+@pytest.mark.parametrize(
+    "damage", ["missing", "pipe", "cut", "empty", "text", "array", "names", "range", "about", "pickle"]
+)
+def test_a_damaged_truth_is_one_line(shadowbench: Callable, tmp_path: Path, damage: str) -> None:
+    stored, mask = tmp_path / "truth.npz", tmp_path / "mask.png"
+    write_mask(mask, np.ones((32, 32)))
+    if damage != "missing":
+        assert shadowbench("truth", SCENE, "-o", stored, "--view-size", "32").code == 0
+        arrays, data = dict(np.load(stored)), stored.read_bytes()
+        stored.unlink()
+    changed = {
+        "names": {"visibility": None},
+        "range": {"area": arrays["area"] + 1} if damage == "range" else {},
+        "about": {"about": np.array('{"scene": 1}')},
+        "pickle": {"about": np.array([{}], dtype=object)},
+    }
+    if damage == "pipe":
+        os.mkfifo(stored)
+    elif damage in changed:
+        kept = {name: value for name, value in (arrays | changed[damage]).items() if value is not None}
+        np.savez(stored, **kept)
+    elif damage == "array":
+        with stored.open("wb") as stream:
+            np.save(stream, arrays["area"])
+    elif damage != "missing":
+        stored.write_bytes({"cut": data[: len(data) // 2], "empty": b"", "text": b"scene"}[damage])
+    answer = shadowbench("score", stored, mask)
+    assert (answer.code, answer.out, answer.err.count("\n")) == (2, "", 1)
+    assert str(stored) in answer.err and "allowed: a file that `shadowbench truth` wrote" in answer.err
+
+
+def test_a_stored_truth_is_of_one_view_and_size(shadowbench: Callable, tmp_path: Path) -> None:
+    stored, mask = tmp_path / "truth.npz", tmp_path / "mask.png"
+    assert shadowbench("truth", SCENE, "-o", stored, "--view-size", "32").code == 0
+    write_mask(mask, np.ones((16, 16)))
+    for given, line in (
+        ((), f"{mask}: found 16 × 16 pixels; allowed: 32 × 32, as the truth has"),
+        (("--sun",), f"--sun: {stored} is the truth of one view; allowed: a scene, with --sun"),
+        (("--view", "camera"), "--view: "),
+    ):
+        answer = shadowbench("score", stored, mask, *given)
+        assert (answer.code, answer.err.count("\n")) == (2, 1) and line in answer.err
+
+
+def test_a_stored_truth_is_scored_without_embree_and_gl(shadowbench: Callable, mask: Path, tmp_path: Path) -> None:
+    stored = tmp_path / "truth.npz"
+    assert shadowbench("truth", SCENE, "-o", stored, "--view-size", "256").code == 0
+    code = (
+        "import sys; sys.modules.update(dict.fromkeys(['embreex', 'moderngl', 'glcontext', 'pyglm'])); "
+        "from shadowbench.commands import app; app(sys.argv[1:], standalone_mode=False); "
+        "assert not {'shadowbench.truths.packets', 'shadowbench.truths.soft'} & set(sys.modules)"
+    )
+    command = [sys.executable, "-c", code, "score", stored, mask, "-o", tmp_path / "rows", "--name", "mine"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0 and "score, mask and difference of mine added" in done.stdout
 
 
 @pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="only Linux tells which libraries are loaded")

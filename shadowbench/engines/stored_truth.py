@@ -1,0 +1,104 @@
+"""A truth as a file that masks are scored against without its scene, and without Embree."""
+
+import json
+import zipfile
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from shadowbench.engines.external_mask import LARGEST
+from shadowbench.errors import InputError
+from shadowbench.files import replace_file
+from shadowbench.measure.scoring import depths, points_at, prepare_truth
+from shadowbench.scenes.digest import view_digest
+from shadowbench.scenes.model import Camera, Light, Scene, View, vec3
+from shadowbench.scores.prepared import PreparedTruth
+from shadowbench.truths.cache import are_arrays_of_a_truth
+from shadowbench.truths.trace import Truth
+
+_MOST_BYTES = 100 * LARGEST**2  # of all arrays
+_ALLOWED = "allowed: a file that `shadowbench truth` wrote"
+
+
+@dataclass(frozen=True, eq=False)
+class StoredTruth:
+    """A truth from a file. view: names, camera and kind of light of its view, without meshes; digest: of the view.
+
+    depth: (N, N) metres along the camera's axis, from which widths of penumbrae are measured.
+    """
+
+    truth: Truth
+    view: View
+    digest: str
+    depth: NDArray[np.float64]
+
+    def prepared(self, truth: Truth) -> PreparedTruth:
+        """The input of metrics; truth: the stored one, perhaps with fewer receivers."""
+        return prepare_truth(truth, partial(points_at, self.view.camera, self.depth))
+
+
+def write_stored_truth(file: Path, truth: Truth, view: View) -> None:
+    """Write the arrays of a truth, with `depth`, and `about` its view as JSON, as a compressed .npz."""
+    camera, light = view.camera, view.light
+    about = {
+        "scene": view.scene.name,
+        "notes": list(view.scene.notes),
+        "camera": {
+            "name": camera.name,
+            "position": list(map(float, camera.position)),
+            "target": list(map(float, camera.target)),
+            "fov_y": float(camera.fov_y),
+            "up": list(map(float, camera.up)),
+        },
+        "light": {"name": light.name, "kind": light.kind},
+        "digest": view_digest(view),
+    }
+    arrays: dict[str, Any] = {**truth.arrays(), "depth": depths(view, truth.triangle), "about": json.dumps(about)}
+    with replace_file(file) as temporary, temporary.open("wb") as stream:
+        np.savez_compressed(stream, **arrays)
+
+
+def read_stored_truth(file: Path) -> StoredTruth:
+    """Read what `write_stored_truth` wrote. Raises InputError for any other file."""
+    if not file.is_file():  # reading a named pipe would block
+        raise InputError(f"{file}: {'is not a file' if file.exists() else 'no such file'}; {_ALLOWED}")
+    try:
+        with zipfile.ZipFile(file) as archive:
+            size = sum(entry.file_size for entry in archive.infolist())
+        if size > _MOST_BYTES:
+            raise InputError(f"{file}: found {size} bytes of arrays; allowed: at most {_MOST_BYTES}")
+        # Opened here, since np.load does not close a file that it fails to read.
+        with file.open("rb") as stream, np.load(stream) as arrays:
+            values = {name: arrays[name] for name in arrays.files}
+    except InputError:
+        raise
+    except Exception as error:  # damaged bytes raise many types in zipfile and NumPy
+        raise InputError(f"{file}: cannot be read as an .npz ({type(error).__name__}); {_ALLOWED}") from None
+    missing = [name for name in ("visibility", "depth", "about") if name not in values]
+    if missing:
+        raise InputError(f"{file}: found no array {missing[0]!r}; {_ALLOWED}")
+    depth, about = values.pop("depth"), values.pop("about")
+    side = len(values["visibility"]) if values["visibility"].ndim else 0
+    fits = depth.dtype == np.float64 and depth.shape == (side, side) and np.isfinite(depth).all()
+    if not (0 < side <= LARGEST and fits and are_arrays_of_a_truth(values, side, np.iinfo(np.int32).max)):
+        raise InputError(f"{file}: found arrays of other names, types, shapes or ranges than a truth has; {_ALLOWED}")
+    try:
+        told = json.loads(str(about))
+        given = told["camera"]
+        position, target, up = (vec3(np.array(given[name], dtype=np.float64)) for name in ("position", "target", "up"))
+        camera = Camera(given["name"], position, target, float(given["fov_y"]), up)
+        light = Light(told["light"]["name"], told["light"]["kind"])
+        view = View(Scene(told["scene"], (), (camera,), (light,), tuple(told["notes"])), camera, light, side)
+        named = (view.scene.name, camera.name, light.name, light.kind, told["digest"], *view.scene.notes)
+        if not (
+            np.isfinite(camera.basis()).all() and 0 < camera.fov_y < np.pi and all(isinstance(n, str) for n in named)
+        ):
+            raise ValueError
+    except Exception:
+        raise InputError(f"{file}: found no view of a truth in its array 'about'; {_ALLOWED}") from None
+    truth = Truth(**{**values, "diagonal": float(values["diagonal"])})
+    return StoredTruth(truth, view, told["digest"], depth)
