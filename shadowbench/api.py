@@ -155,7 +155,8 @@ def render(
     instance_of(technique, "technique", "a spec as text, or a Spec", str, Spec)
     (spec,) = _specs(technique, techniques_with(files))
     chosen = _view(scene, view_size, view, light)
-    return single.render(chosen, spec, _worker(files), name=spec.text, with_map=True, tint=tint)
+    with _worker(files) as worker:
+        return single.render(chosen, spec, worker, name=spec.text, with_map=True, tint=tint)
 
 
 def score(visibility: NDArray[Any], truth: Truth) -> Mapping[str, float | None]:
@@ -212,8 +213,8 @@ def run(
         view_size=None if view_size is None else whole_number(view_size, "view_size", 1, LARGEST),
         rounds=None if rounds is None else whole_number(rounds, "rounds", 0, 10_000),
     )
-    with _folder(folder) as path:
-        return measure(chosen, path, _worker(files, chosen.limits), _LogReporter()).frame
+    with _folder(folder) as path, _worker(files, chosen.limits) as worker:
+        return measure(chosen, path, worker, _LogReporter()).frame
 
 
 def needs(scene: SceneLike, *, view_size: int = 512, view: str | None = None, light: str | None = None) -> Needs:
@@ -254,9 +255,9 @@ def recommend(
     among = technique_names(as_list(techniques, "techniques", "names of techniques", str), known)
     chosen = _view(scene, view_size, view, light)
     target = target_of(**given, soft=has_penumbra(chosen))
-    with _folder(folder) as path:
+    with _folder(folder) as path, _worker(files) as worker:
         found, _ = measure_recommendation(
-            chosen, target, known, path, _worker(files), _LogReporter(), on_this_machine=on_this_machine, among=among
+            chosen, target, known, path, worker, _LogReporter(), on_this_machine=on_this_machine, among=among
         )
     return found
 
@@ -278,8 +279,8 @@ def stress(
     chosen = select_axes(as_list(axes, "axes", "names of axes", str))
     known = techniques_with(files)
     specs = _specs(techniques, known) or default_specs(known.values())
-    with _folder(folder) as path:
-        found = sweep(specs, chosen, path, _worker(files, LIMITS), _LogReporter(), quick=quick)
+    with _folder(folder) as path, _worker(files, LIMITS) as worker:
+        found = sweep(specs, chosen, path, worker, _LogReporter(), quick=quick)
     return ranges_frame(found.ranges)
 
 
@@ -293,13 +294,15 @@ def close() -> None:
 atexit.register(close)
 
 
-def _worker(plugins: tuple[Path, ...], limits: Limits | None = None) -> Worker:
+@contextmanager
+def _worker(plugins: tuple[Path, ...], limits: Limits | None = None) -> Iterator[Worker]:
+    """The worker process with these plug-ins and limits, for one thread at a time."""
     settings = plugins, limits or Limits()
     with _SharedWorker.lock:
         if _SharedWorker.worker is None or _SharedWorker.settings != settings:
             close()
             _SharedWorker.worker, _SharedWorker.settings = Worker(*settings), settings
-        return _SharedWorker.worker
+        yield _SharedWorker.worker
 
 
 @_parameter_names()

@@ -170,6 +170,15 @@ def test_threads_take_turns() -> None:
     assert found == list(wanted.values()) * 6 and len(set(found)) == 2
 
 
+def test_threads_with_other_plug_ins_do_not_end_each_other_s_worker(half: Path) -> None:
+    def mean(spec: str) -> float:
+        plugins = [half] if spec == "half" else []
+        return float(sb.render("cube-on-plane", spec, view_size=16, plugins=plugins).visibility.mean())
+
+    with ThreadPoolExecutor(2) as pool:
+        assert list(pool.map(mean, ["half", "unshadowed"] * 2)) == pytest.approx([0.5, 1.0] * 2, abs=1e-4)
+
+
 INTERRUPTED = """
 import os, signal
 import shadowbench as sb

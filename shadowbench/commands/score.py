@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from shadowbench.scores.metrics import Metric
 
 app = typer.Typer()
+_OF_A_SCENE = ("--view", "--light", "--assets", "--up", "--sun", "--no-ground")
 
 
 @app.command(
@@ -99,8 +100,7 @@ def score(
     handed = external_mask(scene, mask, lit, shadowed, ambient)
     with console.Reporter(quiet) as reporter:
         if scene.lower().endswith(".npz"):
-            given = {"--view": view, "--light": light, "--assets": assets, "--up": up}
-            given |= {"--sun": sun, "--no-ground": no_ground}
+            given = dict[str, object](zip(_OF_A_SCENE, (view, light, assets, up, sun, no_ground), strict=True))
             for option in (option for option, value in given.items() if value):
                 raise InputError(f"{option}: {scene} is the truth of one view; allowed: a scene, with {option}")
             stored = read_stored_truth(Path(scene))
