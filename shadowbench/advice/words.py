@@ -30,6 +30,13 @@ def target_notes(found: Recommendation) -> list[str]:
     return [f"the truth's own error is an RMSE of {least:.2g}: a smaller one cannot be told from 0"]
 
 
+def phase_notes(found: Recommendation) -> list[str]:
+    """That scores of maps are of one position of their texels, of which tables of `run` may show several."""
+    if not any(trial.spec.technique.phased for trial in found.trials):
+        return []
+    return ["maps are scored in one phase (sub-texel offset): `shadowbench run --phases 8` shows how others differ"]
+
+
 def step_lines(found: Recommendation) -> list[str]:
     """What relaxing the target would save and tightening it would cost, among the trials."""
     choice, target = found.choice, found.target

@@ -181,7 +181,7 @@ def _make_folder(folder: Path) -> None:
 
 
 def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
-    from shadowbench.advice.words import excluded_lines, obstacles, step_lines, target_notes
+    from shadowbench.advice.words import excluded_lines, obstacles, phase_notes, step_lines, target_notes
     from shadowbench.studies.times import time_notes
 
     by = "work" if found.unit == "work" else "this machine's times" if info.software else "this GPU's times"
@@ -196,7 +196,8 @@ def _print(found: "Recommendation", info: "DeviceInfo", folder: Path) -> None:
     console.print_table(title, columns, rows, numbers=numbers, whole=columns)
     lines = step_lines(found) if found.choice else obstacles(found)
     rough = [_is_rough(found, one) for one in shown]
-    for line in [*lines, *target_notes(found), *time_notes(found.reference, rough), *excluded_lines(found)]:
+    notes = [*target_notes(found), *phase_notes(found), *time_notes(found.reference, rough)]
+    for line in [*lines, *notes, *excluded_lines(found)]:
         console.print_line(line)
     if found.unit == "work":
         console.print_line(WORK)

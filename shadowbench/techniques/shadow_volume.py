@@ -70,7 +70,7 @@ class ShadowVolume(Technique):
     def extra_work(cls, params: TechniqueParams) -> str | None:
         assert isinstance(params, cls.Params)
         by_depth = params.compare == "depth"
-        return "also draws the surfaces' depth: faster on a GPU, but more work" if by_depth else None
+        return "also draws the surfaces' depth, which is more work; on a GPU it may be faster" if by_depth else None
 
     @classmethod
     def draws_on_cpu(cls, params: TechniqueParams) -> bool:

@@ -111,6 +111,7 @@ def test_the_choice_meets_the_target_its_rows_are_kept_and_a_second_call_measure
     assert sum(map(int, rest)) == found["space"] - found["measured"] - excluded > 0, "every spec is accounted for"
     assert sum(one["dearer"] + one["inaccurate"] + one["beyond"] for one in found["untried"]) == sum(map(int, rest))
     assert "docs/explanation/choosing.md#work-and-time" in again.out
+    assert "maps are scored in one phase" in again.out
     page = Path(__file__).parents[2] / "docs" / "explanation" / "choosing.md"
     assert "\n## Work and time\n" in page.read_text(encoding="utf-8")
 
