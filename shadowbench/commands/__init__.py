@@ -94,7 +94,7 @@ def version_option(
 
 def main() -> None:
     """Entry point: an error that the user can fix becomes one line and an exit code, not a traceback."""
-    from shadowbench.errors import ShadowbenchError
+    from shadowbench.errors import NOT_EVERYWHERE, NOT_INSTALLED, ShadowbenchError
     from shadowbench.files import FULL
 
     try:
@@ -112,6 +112,9 @@ def main() -> None:
         if isinstance(error, OSError) and error.errno in FULL:
             _complain(f"{error.filename or 'a file'}: cannot be written ({os.strerror(error.errno).lower()})")
             code = 2
+        elif isinstance(error, ModuleNotFoundError) and error.name in NOT_EVERYWHERE:
+            _complain(NOT_INSTALLED.format(error.name))
+            code = 3
         else:
             traceback.print_exc()
             _complain("an internal error; please report it with the lines above")

@@ -11,8 +11,6 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
 import numpy as np
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
 from shadowbench.scenes.geometry import in_slices
@@ -58,6 +56,9 @@ class EmbreexScene:
     """Single-ray queries through embreex, with the arguments and results of a `PacketScene`."""
 
     def __init__(self, vertices: Singles, faces: NDArray[np.int32]) -> None:
+        from embreex.mesh_construction import TriangleMesh  # not on every platform
+        from embreex.rtcore_scene import EmbreeScene
+
         self._scene = EmbreeScene(robust=True)
         if len(faces):
             TriangleMesh(self._scene, vertices, np.ascontiguousarray(faces, dtype=np.int32))
