@@ -4,9 +4,12 @@ import os
 import re
 import subprocess
 import tomllib
+from importlib.metadata import distributions
 from pathlib import Path
 
 import pytest
+from packaging.specifiers import SpecifierSet
+from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).resolve().parents[1]
 FILES = [
@@ -32,6 +35,16 @@ def test_the_distribution_has_a_name_of_its_own() -> None:
 def test_nobody_is_told_to_install_another_project_of_the_same_name() -> None:
     wrong = re.compile(r"shadowbench\[\w|pip install (-\S+ )*['\"]?shadowbench\b")
     assert [file for file in FILES if wrong.search(file.read_text(encoding="utf-8"))] == []
+
+
+def test_every_pinned_version_takes_the_python_of_debian_12() -> None:
+    """3.11.2: with a pin that asks for more, `make` fails where the pages promise that it needs nothing else."""
+    pins = re.findall(r"(?m)^([\w.-]+)==(\S+)$", (ROOT / "constraints.txt").read_text(encoding="utf-8"))
+    pinned = {(canonicalize_name(name), version) for name, version in pins}
+    found = [each for each in distributions() if (canonicalize_name(each.name), each.version) in pinned]
+    assert len(found) > 100
+    asked = {each.name: each.metadata["Requires-Python"] or "" for each in found}
+    assert [name for name, pythons in asked.items() if "3.11.2" not in SpecifierSet(pythons)] == []
 
 
 @pytest.mark.parametrize(
