@@ -34,6 +34,7 @@ help:
 	@echo "make wheel      sdist and wheel into dist/, once the wheel has run in an empty environment"
 	@echo "make setup      what the others do first: system packages and .venv"
 	@echo "make clean      remove .venv, caches, and the folders that commands write into results/"
+	@echo "With PYTHON=python3.12 behind it, each uses that Python, in an environment of its own."
 
 setup:
 	@$(setup)
@@ -42,6 +43,7 @@ demo: setup
 	@echo "Measuring every technique on four scenes: about a minute on two cores without a GPU"
 	@$(bin)/shadowbench run -s benchmarks/demo.toml -o results/demo >/dev/null
 	@$(bin)/shadowbench report results/demo
+	@echo; echo "What to try next:"
 	@echo "$(bin)/shadowbench recommend stairs  # the cheapest technique for it, or for your .glb or .obj"
 	@echo "$(bin)/shadowbench needs stairs      # the map size, the cascades and the bias that it needs"
 	@echo "$(bin)/shadowbench run stairs -t shadow-map:bias=none -t shadow-map  # settings of your choice"

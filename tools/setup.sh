@@ -100,7 +100,8 @@ if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ]; then
         "$venv/bin/python" -m pip uninstall --quiet --yes shadowbench
     fi
     "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test]'
-    echo "Compiling the ray tracer's loops"
-    "$venv/bin/shadowbench" truth post --quiet --view-size 16 -o "$venv/truth.npz"
+    echo "Compiling the loops that trace and score"
+    "$venv/bin/shadowbench" export post "$venv/compiled" --quiet --view-size 16
+    "$venv/bin/shadowbench" score post "$venv/compiled/truth.png" --quiet >/dev/null
     echo "$wanted" >"$stamp"
 fi
