@@ -2,7 +2,15 @@
 .DEFAULT_GOAL := help
 .PHONY: help setup demo view test test-slow test-all lint docs wheel clean
 
-bin := .venv/bin
+# `make test PYTHON=python3.13` tests that Python, in an environment beside the usual one.
+ifeq ($(origin PYTHON),command line)
+venv := .venv-$(notdir $(PYTHON))
+else
+venv := .venv
+override PYTHON :=
+endif
+bin := $(venv)/bin
+setup := VENV=$(venv) PYTHON=$(PYTHON) sh tools/setup.sh
 gl_4_1 := MESA_GL_VERSION_OVERRIDE=4.1FC MESA_GLSL_VERSION_OVERRIDE=410
 # With it in the environment, each of the many processes that tests start would compile the package anew.
 unexport PYTHONDONTWRITEBYTECODE
@@ -28,34 +36,36 @@ help:
 	@echo "make wheel      sdist and wheel into dist/, once the wheel has run in an empty environment"
 	@echo "make setup      what the others do first: system packages and .venv"
 	@echo "make clean      remove .venv, caches, and the folders that commands write into results/"
+	@echo "With PYTHON=python3.12 behind it, each uses that Python, in an environment of its own."
 
 setup:
-	@sh tools/setup.sh
+	@$(setup)
 
 demo: setup
 	@echo "Measuring every technique on four scenes: about a minute on two cores without a GPU"
 	@$(bin)/shadowbench run -s benchmarks/demo.toml -o results/demo >/dev/null
 	@$(bin)/shadowbench report results/demo
+	@echo; echo "What to try next:"
 	@echo "$(bin)/shadowbench recommend stairs  # the cheapest technique for it, or for your .glb or .obj"
 	@echo "$(bin)/shadowbench needs stairs      # the map size, the cascades and the bias that it needs"
 	@echo "$(bin)/shadowbench run stairs -t shadow-map:bias=none -t shadow-map  # settings of your choice"
 
 view:
-	@sh tools/setup.sh window
+	@$(setup) window
 	$(bin)/shadowbench view sphere-and-torus -t shadow-map -t shadow-map:preset=course
 
 test: lint
 	$(bin)/pytest -q -m "not slow" $(fast)
 
 test-slow:
-	@sh tools/setup.sh $(for_slow)
+	@$(setup) $(for_slow)
 	$(bin)/pytest -q -m "slow and not exhaustive" $(two_cores)
 	$(gl_4_1) $(bin)/pytest -q -m "not slow" $(two_cores) $(of_4_1)
 	SHADOWBENCH_ISA=sse4.2 $(bin)/pytest -q -m "not slow" $(two_cores) $(of_isa)
 	SHADOWBENCH_ISA=avx2 $(bin)/pytest -q -m "not slow" $(two_cores) $(of_isa)
 
 test-all: test
-	@sh tools/setup.sh $(for_slow)
+	@$(setup) $(for_slow)
 	$(bin)/pytest -q -m slow $(two_cores)
 	$(gl_4_1) $(bin)/pytest -q -m "not slow" $(two_cores) tests/gl tests/techniques tests/laws
 
@@ -73,5 +83,5 @@ wheel: setup
 	$(bin)/python tools/wheel.py
 
 clean:
-	rm -rf .venv .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks build dist results/demo results/latest results/stress results/fuzz results/recommend results/recommend-check results/tune
+	rm -rf .venv .venv-* .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks build dist results/demo results/latest results/stress results/fuzz results/recommend results/recommend-check results/tune
 	find shadowbench tests benchmarks examples tools -name __pycache__ -prune -exec rm -rf {} +

@@ -5,6 +5,9 @@ from collections.abc import Iterable
 
 LONGEST_QUOTE = 500
 """Most characters quoted from messages of foreign code, such as plug-ins."""
+NOT_INSTALLED = "{} is not installed; docs/how-to/install.md says for which platforms there is one"
+NOT_EVERYWHERE = ("embreex", "moderngl", "numba", "vl_convert")
+"""Modules that some platforms lack; what can do without them imports them where it calls them."""
 
 NO_PROCESS = "no further process or thread is allowed here (ulimit -u, or a limit of the container)"
 
@@ -26,6 +29,11 @@ class InputError(ShadowbenchError):
 
 class NoGLError(ShadowbenchError):
     """No OpenGL context of version 4.1 or later could be created."""
+
+
+def how_to_install(extra: str) -> str:
+    """End of a message about a missing package: what installs an extra. The name on the package index is another's."""
+    return f"pip install '.[{extra}]' in a checkout of shadowbench installs it"
 
 
 def alternatives(found: object, names: Iterable[str], heading: str = "allowed", none: str = "none") -> str:

@@ -5,12 +5,13 @@ import hashlib
 import warnings
 from collections.abc import Iterable, Iterator
 from functools import cache
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 SOURCES = {".py", ".glsl", ".vert", ".geom", ".frag"}
 LIBRARIES = {"embreex": "embreex", "moderngl": "moderngl", "numpy": "numpy", "pyglm": "pyglm", "scipy": "scipy"}
 """Distributions whose version may change a result, by module name."""
+ABSENT = "not installed"
 PACKAGE = Path(__file__).resolve().parent
 
 
@@ -24,8 +25,16 @@ def code_digest(*roots: Path, extra_files: Iterable[Path] = ()) -> str:
     for file in [*closure, *(file for place in extra_files for file in files_in(place))]:
         digest.update(file.name.encode() + b"\0" + file.read_bytes() + b"\0")
     used = {name.partition(".")[0] for file in closure for name in _imports(file)}
-    digest.update(repr([version(library) for module, library in LIBRARIES.items() if module in used]).encode())
+    digest.update(repr([installed(library) for module, library in LIBRARIES.items() if module in used]).encode())
     return digest.hexdigest()
+
+
+def installed(library: str) -> str:
+    """Version of a distribution; some platforms lack some."""
+    try:
+        return version(library)
+    except PackageNotFoundError:
+        return ABSENT
 
 
 def import_closure(*roots: Path) -> list[Path]:

@@ -3,13 +3,15 @@
 # Python packages are installed again only after pyproject.toml or constraints.txt changed.
 # Arguments: what else is needed: commands, each provided by the Debian package of its name in lower case, and `window`,
 # the libraries that GLFW opens a window with: `tools/setup.sh chromium Xvfb window`.
+# VENV names another environment than .venv, PYTHON the interpreter that it is made with.
 set -eu
 cd "$(dirname "$0")/.."
 
 python_packages="python3 python3-venv"
 gl_packages="libegl1 libgl1-mesa-dri libgl1"
 window_packages="libx11-6 libxcursor1 libxext6 libxi6 libxinerama1 libxrandr2"
-stamp=.venv/installed
+venv=${VENV:-.venv}
+stamp=$venv/installed
 
 stop() {
     printf '%s\n' "$@" >&2
@@ -20,9 +22,10 @@ new_enough() {
     "$1" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null
 }
 
-# Prints the first Python on the path that is new enough and can create a virtual environment, if any.
+# Prints the first Python on the path that is new enough and can create a virtual environment, if any: first those for
+# which everything has wheels; python3 may be 3.14, for which the window has none.
 find_python() {
-    for candidate in python3 python3.14 python3.13 python3.12 python3.11; do
+    for candidate in ${PYTHON:-python3.13 python3.12 python3.11 python3 python3.14}; do
         if new_enough "$candidate" && "$candidate" -c 'import ensurepip, venv' 2>/dev/null; then
             command -v "$candidate"
             return
@@ -73,7 +76,10 @@ install_packages() {
 }
 
 missing=""
-if ! new_enough .venv/bin/python && [ -z "$(find_python)" ]; then missing=$python_packages; fi
+if ! new_enough "$venv/bin/python" && [ -z "$(find_python)" ]; then
+    [ -z "${PYTHON:-}" ] || stop "PYTHON=$PYTHON: not found, older than 3.11 or without its venv module"
+    missing=$python_packages
+fi
 if ! has_libraries libEGL.so.1 libGL.so.1; then missing="$missing $gl_packages"; fi
 for need in "$@"; do has "$need" || missing="$missing $(packages_of "$need")"; done
 # shellcheck disable=SC2086  # one word a package
@@ -84,20 +90,25 @@ writable() {
     [ -w "$1" ] || stop "$(cd "$1" && pwd): cannot be written, and make needs .venv there: copy the checkout to a folder of yours"
 }
 
-if ! new_enough .venv/bin/python; then
+if ! new_enough "$venv/bin/python"; then
     writable .
     python=$(find_python)
     [ -n "$python" ] || stop "Python 3.11 or newer is needed, with its venv module; python3 here is $(python3 -V 2>&1)."
-    echo "Making .venv with $("$python" -V)"
-    "$python" -m venv --clear .venv
+    echo "Making $venv with $("$python" -V)"
+    "$python" -m venv --clear "$venv"
 fi
 
 wanted=$(cat pyproject.toml constraints.txt | cksum)
 if [ "$(cat "$stamp" 2>/dev/null)" != "$wanted" ]; then
-    writable .venv
-    echo "Installing the Python packages of constraints.txt into .venv"
-    .venv/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test]'
-    echo "Compiling the ray tracer's loops"
-    .venv/bin/shadowbench truth post --quiet --view-size 16 -o .venv/truth.npz
+    writable "$venv"
+    echo "Installing the Python packages of constraints.txt into $venv"
+    # What is left of a distribution of the package's first name, which owns the command that the next line installs.
+    if "$venv/bin/python" -m pip show --quiet shadowbench 2>/dev/null; then
+        "$venv/bin/python" -m pip uninstall --quiet --yes shadowbench
+    fi
+    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test]'
+    echo "Compiling the loops that trace and score"
+    "$venv/bin/shadowbench" export post "$venv/compiled" --quiet --view-size 16
+    "$venv/bin/shadowbench" score post "$venv/compiled/truth.png" --quiet >/dev/null
     echo "$wanted" >"$stamp"
 fi

@@ -9,7 +9,7 @@ from contextlib import suppress
 from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING
 
-from shadowbench.errors import InputError, ShadowbenchError, message, quoted
+from shadowbench.errors import InputError, ShadowbenchError, how_to_install, message, quoted
 from shadowbench.measure.worker import sigint_blocked
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ def _check_installed() -> None:
     try:
         import distributed  # noqa: F401
     except ImportError:
-        raise InputError("--dask: Dask is not installed; pip install 'shadowbench[dask]' installs it") from None
+        raise InputError(f"--dask needs Dask; {how_to_install('dask')}") from None
 
 
 async def _probe(address: str) -> None:

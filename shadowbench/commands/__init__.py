@@ -110,7 +110,7 @@ def main() -> None:
 
 def _exit_code() -> int:
     """Exit code of the command line; errors are printed."""
-    from shadowbench.errors import NO_PROCESS, ShadowbenchError
+    from shadowbench.errors import NO_PROCESS, NOT_EVERYWHERE, NOT_INSTALLED, ShadowbenchError
     from shadowbench.files import FULL
 
     try:
@@ -131,6 +131,9 @@ def _exit_code() -> int:
         elif any(map(_lacks_process, _chain(error))):
             code = 3
             _complain(NO_PROCESS)
+        elif isinstance(error, ModuleNotFoundError) and error.name in NOT_EVERYWHERE:
+            _complain(NOT_INSTALLED.format(error.name))
+            code = 3
         else:
             traceback.print_exc()
             _complain("an internal error; please report it with the lines above")

@@ -16,6 +16,7 @@ def doctor(json: Json = False, quiet: Quiet = False) -> None:
     rays Embree traces at once, and the cache of ray-traced truths. Exit code 3 if nothing can be drawn.
     """
     from shadowbench.measure.doctor import diagnosis
+    from shadowbench.sources import ABSENT
 
     found = diagnosis()
     missing = "missing" in found["opengl"]
@@ -27,7 +28,9 @@ def doctor(json: Json = False, quiet: Quiet = False) -> None:
             for name, value in values.items():
                 console.print_line(f"  {name.replace('_', ' ')}: {value}")
         if missing:
-            console.out().print("no technique can be drawn here; `truth`, `needs` and `score` work")
+            traced = found["versions"]["embreex"] != ABSENT
+            works = "`truth`, `needs` and `score`" if traced else "`list`, `check`, `merge` and `report`"
+            console.out().print(f"no technique can be drawn here; {works} work")
         elif "problem" in found["truth_cache"]:
             console.out().print("ready, but each command must trace its truths again: the cache cannot be used")
         elif not quiet:

@@ -1,5 +1,6 @@
 """`view`: a window in which what is seen is what is scored."""
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -19,7 +20,7 @@ from shadowbench.commands.options import (
     ViewName,
     ViewSize,
 )
-from shadowbench.errors import InputError
+from shadowbench.errors import NOT_EVERYWHERE, InputError, how_to_install
 
 app = typer.Typer()
 _MOST = 2
@@ -69,8 +70,8 @@ def view(
     """Open a window on a scene, beside its ray-traced truth.
 
     Move the camera and the light, turn every parameter of two techniques, and see them beside the truth of the same
-    view, which is traced whenever motion rests, with their scores. Needs a display and
-    pip install 'shadowbench[viewer]'.
+    view, which is traced whenever motion rests, with their scores. Needs a display and the extra `viewer`: in a
+    checkout of shadowbench, pip install '.[viewer]'.
     """
     from dataclasses import replace
 
@@ -98,7 +99,13 @@ def view(
     try:
         from shadowbench.viewer.window import show
     except ModuleNotFoundError as error:
-        raise InputError(f"view needs {error.name}: pip install 'shadowbench[viewer]'") from None
+        if error.name in NOT_EVERYWHERE:
+            raise
+        if sys.version_info >= (3, 14):
+            raise InputError(
+                "view needs imgui-bundle below 1.92, which has no wheel for Python 3.14; allowed: Python 3.11 to 3.13"
+            ) from None
+        raise InputError(f"view needs {error.name}; {how_to_install('viewer')}") from None
     except ImportError as error:  # a library of the system
         raise InputError(
             f"view cannot be loaded ({error}); on Debian and Ubuntu: apt-get install {LIBRARIES}"

@@ -12,9 +12,8 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
-import moderngl
-
 from shadowbench.gl.device import Device
+from shadowbench.gl.library import moderngl
 from shadowbench.scenes.tables import LONGEST_NAME
 
 Changes = Literal["light", "view", "frame"]

@@ -6,9 +6,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Protocol
 
-import moderngl
-
-from shadowbench.errors import NoGLError
+from shadowbench.errors import NOT_INSTALLED, NoGLError
+from shadowbench.gl.library import Names, moderngl
 from shadowbench.gl.raw import RawGL
 
 _SUBPIXEL_BITS, _CUBE_MAP_SEAMLESS = 0x0D50, 0x884F
@@ -105,6 +104,8 @@ class Device:
 
 def open_device() -> Device:
     """A new context without a window. Raises NoGLError, which names the packages to install."""
+    if isinstance(moderngl, Names):
+        raise NoGLError(NOT_INSTALLED.format("moderngl"))
     options: dict[str, Any] = {"backend": "egl"} if sys.platform.startswith("linux") else {}
     try:
         context = moderngl.create_context(standalone=True, require=410, **options)

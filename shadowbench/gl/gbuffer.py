@@ -2,13 +2,13 @@
 
 from dataclasses import dataclass
 
-import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.data import data_folder
 from shadowbench.gl.device import Device
 from shadowbench.gl.geometry import TRIANGLE_DEFINES, DeviceGeometry
+from shadowbench.gl.library import moderngl
 from shadowbench.gl.matrices import view_projection
 from shadowbench.gl.program import Program, Sampling, State, link
 from shadowbench.gl.shaders import compose

@@ -2,11 +2,11 @@
 
 from typing import TypeVar
 
-import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.gl.device import Device
+from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Drawable, Program
 from shadowbench.scenes.geometry import Geometry
 

@@ -2,7 +2,6 @@
 
 from dataclasses import asdict, dataclass
 
-import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,6 +9,7 @@ from shadowbench.data import data_folder
 from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import GBuffer, download
 from shadowbench.gl.geometry import TRIANGLE_DEFINES, DeviceGeometry
+from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Drawable, Sampling, link
 from shadowbench.gl.shaders import compose
 from shadowbench.scenes.model import Vec3, View, unit, vec3

@@ -6,12 +6,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
-import moderngl
 import numpy as np
 from numpy.typing import NDArray
 from pyglm import glm
 
 from shadowbench.gl.device import Device
+from shadowbench.gl.library import moderngl
 from shadowbench.gl.shaders import FILE_LINES, places
 
 Comparison = Literal["", "<", "<=", ">", ">=", "=="]

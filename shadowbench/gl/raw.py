@@ -4,7 +4,7 @@ import ctypes
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import moderngl
+from shadowbench.gl.library import moderngl
 
 _ENUM = _UINT = ctypes.c_uint
 _INT = _SIZE = ctypes.c_int

@@ -9,11 +9,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.gl.device import Device
+from shadowbench.gl.library import moderngl
 
 DepthFormat = Literal["d16", "d24", "d32f"]
 Layers = Literal["array", "cube"]

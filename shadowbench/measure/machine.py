@@ -7,7 +7,6 @@ import json
 import os
 import platform
 from collections.abc import Iterable, Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from shadowbench.files import replace_file
 from shadowbench.measure.executor import Executor
 from shadowbench.measure.row_store import command_line
 from shadowbench.measure.rows import SCHEMA, Record, StudyFacts
+from shadowbench.sources import installed
 
 _LIBRARIES = ("moderngl", "pyglm", "numpy", "embreex", "scikit-image", "scipy", "pandas", "trimesh", "pydantic")
 
@@ -47,7 +47,7 @@ def versions() -> dict[str, str]:
     return {
         "shadowbench": __version__,
         "python": platform.python_version(),
-        **{name: version(name) for name in _LIBRARIES},
+        **{name: installed(name) for name in _LIBRARIES},
     }
 
 

@@ -4,12 +4,12 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.files import png_of
 from shadowbench.gl.gbuffer import download
+from shadowbench.gl.library import moderngl
 from shadowbench.scenes.tables import LONGEST_NAME
 from shadowbench.scores.masks import quantise
 from shadowbench.techniques.base import Technique

@@ -4,7 +4,6 @@ import io
 import re
 from collections.abc import Iterator, Mapping, Sequence
 
-import vl_convert
 from PIL import Image
 
 from shadowbench.reports.along_axes import axis_figure
@@ -58,6 +57,8 @@ def _file(name: str) -> str:
 
 
 def _png(chart: Chart) -> bytes:
+    import vl_convert  # not on every platform
+
     return _compressed(vl_convert.vegalite_to_png(chart, scale=_SCALE))
 
 

@@ -9,7 +9,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import vl_convert
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
@@ -94,6 +93,8 @@ def html_report(
 @cache
 def _bundle() -> str:
     """Vega and the functions of it that the page calls; it takes two seconds to make."""
+    import vl_convert  # not on every platform
+
     return vl_convert.javascript_bundle(snippet=_GLOBALS)
 
 

@@ -29,13 +29,13 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.gl.clock import Changes, Clock
 from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import GBuffer
+from shadowbench.gl.library import moderngl
 from shadowbench.scenes.model import Camera, Light, LightKind, View
 from shadowbench.techniques.params import TechniqueParams, param
 from shadowbench.techniques.stage import Stage

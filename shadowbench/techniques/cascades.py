@@ -4,7 +4,6 @@ import math
 from functools import cached_property
 from typing import Annotated, Literal, Self
 
-import moderngl
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import model_validator
@@ -13,6 +12,7 @@ from shadowbench.geometry.hull import SceneHull
 from shadowbench.geometry.lights import Box, LightSpace, LightView, light_space, window
 from shadowbench.geometry.slices import Slice, slices, snapped, stretched
 from shadowbench.gl.device import Device
+from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Sampling, Texture, Value
 from shadowbench.gl.targets import DepthFormat, unsupported_map
 from shadowbench.scenes.model import Floats, View

@@ -4,12 +4,12 @@ import math
 from functools import cached_property
 from typing import Annotated, Literal
 
-import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.geometry.hull import SceneHull
 from shadowbench.gl.device import Device
+from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Value
 from shadowbench.gl.targets import DepthFormat, unsupported_map
 from shadowbench.scenes.model import Floats, View

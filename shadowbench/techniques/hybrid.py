@@ -2,10 +2,10 @@
 
 from typing import Annotated, Literal, Self
 
-import moderngl
 from pydantic import model_validator
 
 from shadowbench.gl.device import Device
+from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import State, Value
 from shadowbench.gl.targets import Kind
 from shadowbench.scenes.model import LightKind, View

@@ -5,12 +5,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
-import moderngl
 import numpy as np
 from pydantic import BeforeValidator, InstanceOf
 
 from shadowbench.errors import InputError, alternatives
 from shadowbench.gl.device import Device
+from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Sampling, State
 from shadowbench.scenes.model import WIDEST_CONE, Floats, Light, Vec3, View, perpendicular_basis, unit, vec3
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param

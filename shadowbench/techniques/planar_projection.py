@@ -3,13 +3,13 @@
 from collections.abc import Iterator
 from typing import Literal
 
-import moderngl
 import numpy as np
 
 from shadowbench.geometry.convex import box_planes, corners, is_outside, view_planes
 from shadowbench.geometry.planes import LEAST_SHARE, MOST_PLANES, TOLERANCE, Plane, find_planes
 from shadowbench.gl.device import Device
 from shadowbench.gl.geometry import TRIANGLE_DEFINES, triangle_texels
+from shadowbench.gl.library import moderngl
 from shadowbench.gl.matrices import view_projection
 from shadowbench.gl.program import Sampling, State, Texture
 from shadowbench.scenes.geometry import Geometry, bounds_of, used_by

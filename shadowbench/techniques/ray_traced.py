@@ -2,12 +2,12 @@
 
 from typing import Literal, Self
 
-import moderngl
 import numpy as np
 from pydantic import model_validator
 
 from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import download
+from shadowbench.gl.library import moderngl
 from shadowbench.scenes.model import Light, View
 from shadowbench.techniques.base import Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.tracing import EXTRA_WORK, TracePass, ray_offset, too_large

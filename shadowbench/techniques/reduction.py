@@ -4,10 +4,10 @@ import math
 from collections.abc import Mapping
 from typing import Literal
 
-import moderngl
 import numpy as np
 
 from shadowbench.geometry.lights import Box, LightSpace
+from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Sampling, Texture
 from shadowbench.scenes.model import Floats, View
 from shadowbench.techniques.base import Frame, Stage

@@ -4,8 +4,7 @@ import math
 from collections.abc import Mapping
 from pathlib import Path
 
-import moderngl
-
+from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Sampling, Texture, Value
 from shadowbench.scenes.model import vec3
 from shadowbench.techniques.base import Frame, Stage

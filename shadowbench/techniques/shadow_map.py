@@ -4,11 +4,11 @@ import math
 from functools import cached_property
 from typing import Annotated, Literal
 
-import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.gl.device import Device
+from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Wrap
 from shadowbench.gl.targets import DepthFormat, unsupported_map
 from shadowbench.scenes.model import View

@@ -3,10 +3,10 @@
 from dataclasses import replace
 from typing import Literal, Self
 
-import moderngl
 from pydantic import model_validator
 
 from shadowbench.geometry.topology import casters_of
+from shadowbench.gl.library import moderngl
 from shadowbench.gl.matrices import view_projection
 from shadowbench.gl.program import Comparison, Sampling, State, Stencil
 from shadowbench.gl.targets import StencilTarget

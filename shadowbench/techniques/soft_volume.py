@@ -3,10 +3,10 @@
 import math
 from dataclasses import replace
 
-import moderngl
 import numpy as np
 
 from shadowbench.geometry.hull import SceneHull
+from shadowbench.gl.library import moderngl
 from shadowbench.gl.matrices import view_projection
 from shadowbench.gl.program import Sampling, State
 from shadowbench.scenes.model import Light

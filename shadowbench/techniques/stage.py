@@ -4,13 +4,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.data import data_folder
 from shadowbench.gl.device import Device, Releasable
 from shadowbench.gl.geometry import DeviceGeometry
+from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Drawable, Program, ShaderError, link
 from shadowbench.gl.shaders import compose
 from shadowbench.gl.targets import (

@@ -3,12 +3,12 @@
 Buffer textures would do as well; 2-D textures hold more on some drivers, and OpenGL 4.1 has both.
 """
 
-import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.gl.device import Device
 from shadowbench.gl.geometry import TRIANGLE_DEFINES, TRIANGLE_ROW, triangle_texels
+from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Sampling, State
 from shadowbench.scenes.model import Scene, vec3
 from shadowbench.techniques.base import Frame, Stage

@@ -1,7 +1,6 @@
 """Unshadowed rendering."""
 
-import moderngl
-
+from shadowbench.gl.library import moderngl
 from shadowbench.techniques.base import Frame, Stage, Technique
 from shadowbench.techniques.resolve import ResolvePass
 

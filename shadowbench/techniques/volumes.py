@@ -4,11 +4,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.geometry.topology import Casters, Indices, Singles
+from shadowbench.gl.library import moderngl
 from shadowbench.gl.program import Drawable, Sampling, State, Texture
 from shadowbench.scenes.model import Floats
 from shadowbench.techniques.base import Frame, Stage, TechniqueParams

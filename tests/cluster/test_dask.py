@@ -220,7 +220,7 @@ def test_without_the_extra_a_line_says_what_to_install(shadowbench: Command, mon
     answer = shadowbench("stress", "--dask", "local:2", "-q")
     assert (answer.code, answer.err) == (
         2,
-        "shadowbench: --dask: Dask is not installed; pip install 'shadowbench[dask]' installs it\n",
+        "shadowbench: --dask needs Dask; pip install '.[dask]' in a checkout of shadowbench installs it\n",
     )
 
 

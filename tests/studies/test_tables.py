@@ -131,6 +131,13 @@ def test_a_cell_without_an_error_has_no_logarithm_and_takes_no_part_in_a_slope()
     assert (found.slope.median, found.sizes) == (pytest.approx(-1), (128, 256))
 
 
+def test_a_table_of_many_passes_is_summarised_without_a_warning() -> None:
+    """Each technique of a study has passes, and so columns, of its own; warnings are errors in tests."""
+    passes = {f"pass-{number}": {"ms": 1.0} for number in range(120)}
+    cells = [result(0.5, size=size, **timed(1), passes=passes) for size in (64, 128)]
+    assert len(slopes(cells_frame(cells))) == 1
+
+
 def test_one_size_has_no_slope() -> None:
     assert slopes(cells_frame([result(0.5), result(0.5, size=None), result(0.9, "b")])) == []
 

@@ -8,11 +8,13 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from shadowbench.commands import view as view_command
 from shadowbench.scores.masks import read_mask
 
 HERE = Path(__file__).resolve().parent
@@ -95,15 +97,26 @@ def test_without_a_display_one_line_says_what_to_do(
     assert len(answer.err.splitlines()) == 1
 
 
+@pytest.mark.parametrize(
+    ("python", "told"),
+    [
+        ((3, 13), "view needs imgui_bundle; pip install '.[viewer]' in a checkout of shadowbench installs it"),
+        (
+            (3, 14),
+            "view needs imgui-bundle below 1.92, which has no wheel for Python 3.14; allowed: Python 3.11 to 3.13",
+        ),
+    ],
+)
 def test_without_the_extra_one_line_says_what_to_install(
-    shadowbench: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+    shadowbench: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, python: tuple[int, int], told: str
 ) -> None:
+    monkeypatch.setattr(view_command, "sys", SimpleNamespace(version_info=python))
     monkeypatch.setitem(sys.modules, "imgui_bundle", None)
     for name in [name for name in sys.modules if name == "shadowbench.viewer.window"]:
         monkeypatch.delitem(sys.modules, name)
     answer = shadowbench("view", "post")
     assert answer.code == 2
-    assert answer.err == "shadowbench: view needs imgui_bundle: pip install 'shadowbench[viewer]'\n"
+    assert answer.err == f"shadowbench: {told}\n"
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,105 @@
+"""Platforms for which OpenGL's binding, Embree or Numba has no wheel: what works there, and what the rest says."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from shadowbench.measure import machine
+from shadowbench.sources import installed
+
+LIBRARIES = ("moderngl", "glcontext", "embreex", "numba", "llvmlite")
+Elsewhere = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture
+def elsewhere(tmp_path: Path) -> Elsewhere:
+    """Calls the command line in a folder of its own, in a Python without some libraries, its workers too."""
+
+    def call(*words: str | Path, without: tuple[str, ...] = LIBRARIES) -> subprocess.CompletedProcess[str]:
+        absent = tmp_path / "absent"
+        absent.mkdir()
+        for name in without:
+            (absent / f"{name}.py").write_text(f"raise ModuleNotFoundError('No module of this name', name={name!r})\n")
+        path = os.pathsep.join(filter(None, [str(absent), os.environ.get("PYTHONPATH")]))
+        return subprocess.run(
+            [sys.executable, "-m", "shadowbench", *map(str, words)],
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": path},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+
+    return call
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run folder that another machine made."""
+    made = tmp_path_factory.mktemp("made") / "run"
+    words = ["run", "cube-on-plane", "-t", "shadow-map:size=64", "--view-size", "64", "--rounds", "1", "-q", "-o", made]
+    subprocess.run([sys.executable, "-m", "shadowbench", *map(str, words)], check=True, stdout=subprocess.DEVNULL)
+    return made
+
+
+@pytest.mark.parametrize("words", ["--help", "list techniques", "list scenes"])
+def test_lists_and_help_need_neither_gl_nor_embree_nor_numba(elsewhere: Elsewhere, words: str) -> None:
+    done = elsewhere(*words.split())
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "check FOLDER --baseline FOLDER",
+        "merge FOLDER -o merged",
+        "report FOLDER -o report.html",
+    ],
+)
+def test_rows_are_checked_merged_and_reported_without_gl_embree_and_numba(
+    elsewhere: Elsewhere, folder: Path, words: str
+) -> None:
+    done = elsewhere(*(folder if word == "FOLDER" else word for word in words.split()))
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "library"),
+    [
+        ("truth post --view-size 16 -o truth.npz", "embreex"),
+        ("truth post --view-size 16 -o truth.npz", "numba"),
+        ("run post -t unshadowed --view-size 16 --rounds 0", "embreex"),
+        ("run post -t unshadowed --view-size 16 --rounds 0", "moderngl"),
+    ],
+)
+def test_what_needs_an_absent_library_names_it_in_one_line(elsewhere: Elsewhere, words: str, library: str) -> None:
+    done = elsewhere(*words.split(), "-q", without=(library,))
+    assert done.returncode == 3
+    assert done.stderr.startswith(f"shadowbench: {library} is not installed; docs/how-to/install.md ")
+    assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("embreex", "works"),
+    [("4.4.0", "`truth`, `needs` and `score`"), ("not installed", "`list`, `check`, `merge` and `report`")],
+)
+def test_doctor_says_what_works_without_gl(
+    shadowbench: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path, embreex: str, works: str
+) -> None:
+    monkeypatch.setenv("__EGL_VENDOR_LIBRARY_FILENAMES", str(tmp_path / "none.json"))
+    monkeypatch.setattr(machine, "installed", lambda library: embreex if library == "embreex" else "1.0")
+    answer = shadowbench("doctor")
+    assert answer.code == 3
+    assert f"  embreex: {embreex}" in answer.out.splitlines()
+    assert answer.out.splitlines()[-1] == f"no technique can be drawn here; {works} work"
+
+
+def test_a_distribution_without_a_wheel_here_is_reported_as_not_installed() -> None:
+    assert installed("a-distribution-that-nobody-has-made") == "not installed"
