@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from shadowbench.measure.flips import FLIPS, ROW_METRICS, row_metrics
-from shadowbench.measure.rows import Record, Result
+from shadowbench.measure.rows import Record, Result, driver_of
 from shadowbench.studies.folder import identity
 
 EXACT = ("draws", "primitives", "gpu_bytes", "reads", "rays")  # work counts that are deterministic on a renderer
@@ -90,14 +90,14 @@ def compare(found: Sequence[Result], baseline: Sequence[Result], tolerances: Map
             continue
         equal += _same_mask(old.score, new.score, allowed)
         changes += _metrics(old.score, new.score, allowed)
-        if old.score.get("renderer") == new.score.get("renderer"):
+        if _driver(old) == _driver(new):
             changes += _work(old.score, new.score)
         if _comparable(old, new):
             timed += 1
             changes += _time(old, new)
-    renderers = {str(result.score.get("renderer")) for result in (*found, *baseline)}
-    if len(renderers) > 1:
-        notes.append(f"work is not compared across renderers: {' · '.join(sorted(renderers))}")
+    drivers = {_driver(result) for result in (*found, *baseline)}
+    if len(drivers) > 1:
+        notes.append(f"work is not compared across renderers: {' · '.join(sorted(drivers))}")
     if lacking:
         notes.append(f"not compared, since one side lacks them: {', '.join(lacking)}")
     extra = len(now.keys() - then.keys())
@@ -105,6 +105,11 @@ def compare(found: Sequence[Result], baseline: Sequence[Result], tolerances: Map
         notes.append("1 cell is not in the baseline" if extra == 1 else f"{extra} cells are not in the baseline")
     changes.sort(key=lambda change: -change.excess)
     return Findings(tuple(changes), len(now.keys() & then.keys()), equal, timed, tuple(notes))
+
+
+def _driver(result: Result) -> str:
+    """The renderer without its arithmetic, which changes single fragments only."""
+    return driver_of(str(result.score.get("renderer")))
 
 
 def _same_mask(old: Record, new: Record, names: Iterable[str]) -> bool:

@@ -1,5 +1,7 @@
 """The OpenGL context of a process, and its driver's properties."""
 
+import os
+import re
 import sys
 from collections.abc import Hashable, Iterable
 from dataclasses import dataclass, field
@@ -11,6 +13,8 @@ from shadowbench.gl.library import Names, moderngl
 from shadowbench.gl.raw import RawGL
 
 _SUBPIXEL_BITS, _CUBE_MAP_SEAMLESS = 0x0D50, 0x884F
+_VECTOR_WIDTH, _NO_SHADER_CACHE = "LP_NATIVE_VECTOR_WIDTH", "MESA_SHADER_CACHE_DISABLE"
+_WIDEST = 256
 _SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software", "swiftshader", "warp", "basic render")
 
 
@@ -36,7 +40,7 @@ class Device:
 
     @cached_property
     def renderer(self) -> str:
-        """Renderer and version strings of the driver; rows of different renderers are never mixed."""
+        """Renderer and version strings of the driver."""
         info = self.context.info
         return f"{info['GL_RENDERER']}, {info['GL_VERSION']}"
 
@@ -103,9 +107,17 @@ class Device:
 
 
 def open_device() -> Device:
-    """A new context without a window. Raises NoGLError, which names the packages to install."""
+    """A new context without a window.
+
+    Raises NoGLError, which names the packages to install, or the vector width that the driver cannot draw with.
+    """
     if isinstance(moderngl, Names):
         raise NoGLError(NOT_INSTALLED.format("moderngl"))
+    if _VECTOR_WIDTH in os.environ:
+        # Mesa's cache of compiled shaders is keyed by the processor, not by this (update_cache_sha1_cpu in llvmpipe's
+        # lp_screen.c, 22.3.6 and later). From it, a vertex shader compiled for 8 lanes writes 8 vertices into a buffer
+        # for 4: malloc aborts.
+        os.environ.setdefault(_NO_SHADER_CACHE, "true")
     options: dict[str, Any] = {"backend": "egl"} if sys.platform.startswith("linux") else {}
     try:
         context = moderngl.create_context(standalone=True, require=410, **options)
@@ -114,7 +126,14 @@ def open_device() -> Device:
             f"no OpenGL 4.1 context ({str(error).strip() or type(error).__name__}); "
             "on Debian and Ubuntu without a GPU: apt-get install libegl1 libgl1-mesa-dri libgl1"
         ) from error
-    return device_of(context)
+    device = device_of(context)
+    bits = re.search(r"llvmpipe .*\b(\d+) bits", device.renderer)
+    if bits and int(bits[1]) > _WIDEST:
+        # Its code for depth and stencil has arrays for 4 or 8 lanes, as assertions say that a package leaves out
+        # (lp_build_depth_stencil_load_swizzled in lp_bld_depth.c, 22.3.6): LLVM is handed a null pointer.
+        context.release()
+        raise NoGLError(f"{_VECTOR_WIDTH}: found {bits[1]}, with which llvmpipe cannot test depths; allowed: 128, 256")
+    return device
 
 
 def device_of(context: moderngl.Context) -> Device:

@@ -41,6 +41,8 @@ Size = Annotated[int, Field(ge=1, lt=2**31)]
 Integer = Annotated[int, Field(ge=-(2**63), lt=2**63)]
 NonNegative = Annotated[FiniteFloat, Field(ge=0)]
 
+_ARITHMETIC = ", arithmetic "
+
 _STRICT = ConfigDict(strict=True, extra="allow")
 
 
@@ -320,3 +322,17 @@ def _open(file: Path) -> BinaryIO:
 
 def _cannot_read(file: Path, error: OSError) -> InputError:
     return InputError(f"{file}: cannot be read ({error.strerror or error})")
+
+
+def renderer_of(driver: str, arithmetic: str | None) -> str:
+    """The column `renderer`, in which rows of one cell may differ: a driver's names, and how it calculates if known.
+
+    Mesa's software renderer names the vector width only. With and without fused multiply-add, which it uses where the
+    processor has it, half of the masks differ in single pixels.
+    """
+    return driver if arithmetic is None else f"{driver}{_ARITHMETIC}{arithmetic}"
+
+
+def driver_of(renderer: str) -> str:
+    """The driver's names in a column `renderer`."""
+    return renderer.partition(_ARITHMETIC)[0]

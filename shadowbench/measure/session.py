@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import quoted
+from shadowbench.gl.arithmetic import arithmetic
 from shadowbench.gl.clock import Clock, PassTimes, Sample, with_cost, work_of
 from shadowbench.gl.device import Device, open_device
 from shadowbench.measure.cells import CellRequest, PlacedView
@@ -22,6 +23,7 @@ from shadowbench.measure.executor import Unsupported
 from shadowbench.measure.loaded_scene import BuiltCell, LoadedScene, OpenView
 from shadowbench.measure.profile import Profile
 from shadowbench.measure.rendering import Rendering, declared_work, finite_facts, visibility_of
+from shadowbench.measure.rows import renderer_of
 from shadowbench.techniques.base import Frame, Phase, Stage, Technique
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import Spec, parse_spec
@@ -62,7 +64,7 @@ class Session:
         """Facts about the device and its clock."""
         device = self.device
         return DeviceInfo(
-            renderer=device.renderer,
+            renderer=renderer_of(device.renderer, arithmetic(device) if device.software else None),
             vendor=device.vendor,
             version=device.version,
             software=device.software,

@@ -162,6 +162,14 @@ def test_work_is_exact_but_for_invocations(work: dict[str, int], expected: dict[
     assert not elsewhere.changes and "another" in elsewhere.notes[0]
 
 
+def test_work_is_compared_with_a_driver_of_other_arithmetic() -> None:
+    more = cell(work={"draws": 3}, renderer="llvmpipe, arithmetic 1b8b548d")
+    for other in (cell(), cell(renderer="llvmpipe, arithmetic b7b1f04e")):
+        found = compare([more], [other])
+        assert [change.what for change in found.changes] == ["draws"]
+        assert not found.notes
+
+
 def test_work_that_moved_is_measured_in_fiftieths_or_in_ones_where_that_is_more() -> None:
     old = cell(work={"draws": 2, "fragments": 1000})
     excess = {

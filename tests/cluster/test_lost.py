@@ -152,7 +152,7 @@ def test_a_worker_of_another_renderer_is_left_out_unless_asked_for(
     table = pd.read_csv(out / "table.csv")
     assert sorted(table["renderer"]) == sorted(row["renderer"] for row in rows)
     (other,) = both - {renderer}
-    kill(narrow if "128" in renderer else processes.workers[1])
+    kill(narrow if "128 bits" in renderer else processes.workers[1])
     code, _, err = start(*run, "--renderer", renderer).end()
     assert code == 2
     assert f"its renderer is {other}, that of the study {renderer}" in err

@@ -1,7 +1,11 @@
 """The OpenGL context, the driver's properties, and entry points that moderngl lacks."""
 
 import gc
+import os
 import re
+import subprocess
+import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import psutil
@@ -72,6 +76,38 @@ def test_no_context_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(device_module.moderngl, "create_context", fail)
     with pytest.raises(NoGLError, match=r"libEGL\.so not loaded.*apt-get install libegl1"):
         open_device()
+
+
+def test_a_vector_width_without_depth_tests_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    info = {"GL_RENDERER": "llvmpipe (LLVM 15.0.6, 512 bits)", "GL_VERSION": "4.5 (Core Profile) Mesa 22.3.6"}
+    context = SimpleNamespace(info=info, enable_direct=lambda flag: None, release=lambda: None)
+    monkeypatch.setattr(device_module.moderngl, "create_context", lambda **_: context)
+    with pytest.raises(NoGLError, match=r"LP_NATIVE_VECTOR_WIDTH: found 512.*allowed: 128, 256"):
+        open_device()
+
+
+@pytest.mark.slow
+def test_code_compiled_for_another_vector_width_is_not_drawn_with(tmp_path: Path) -> None:
+    # The volumes' caps: 8 lanes in a buffer for 4 overwrite the heap.
+    command = [
+        sys.executable,
+        "-m",
+        "shadowbench",
+        "render",
+        "street",
+        "-t",
+        "shadow-volume",
+        "--view-size",
+        "128",
+        "-q",
+    ]
+    cached = os.environ | {"MESA_SHADER_CACHE_DIR": str(tmp_path)}
+    cached.pop("LP_NATIVE_VECTOR_WIDTH", None)
+    for environment in (cached, cached | {"LP_NATIVE_VECTOR_WIDTH": "128"}):
+        done = subprocess.run(
+            [*command, "-o", tmp_path / "picture.png"], capture_output=True, text=True, env=environment
+        )
+        assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.slow

@@ -212,6 +212,7 @@ def test_run_json_says_how_it_was_made(bench: Any, run: Run, monkeypatch: pytest
     assert text["study"]["specs"] == ["unshadowed", "shadow-map"]
     assert (text["study"]["view_size"], text["study"]["rounds"], text["study"]["phases"]) == (96, 2, 2)
     assert text["device"]["renderer"] == run.cells[0]["renderer"]
+    assert (", arithmetic " in text["device"]["renderer"]) == text["device"]["software"]
 
 
 def test_a_second_call_measures_nothing(bench: Any, run: Run, tmp_path: Path) -> None:
