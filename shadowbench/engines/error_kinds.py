@@ -50,7 +50,9 @@ def error_kinds(comparison: Comparison, metrics: dict[str, float | None]) -> lis
         ),
         ErrorKind("acne", int(np.count_nonzero(acne)), f"{_share(metrics['acne'])} of the lit interior is dark (acne)"),
         ErrorKind(
-            "leak", int(np.count_nonzero(leak)), f"{_share(metrics['leak'])} of the shadow's interior is lit (leak)"
+            "leak",
+            int(np.count_nonzero(leak)),
+            f"{_share(metrics['leak'])} of the shadow's interior is lit{_others(leak, comparison)} (leak)",
         ),
     ]
     return sorted((kind for kind in found if kind.pixels), key=lambda kind: -kind.pixels)
@@ -69,6 +71,12 @@ def _split(wrong: Mask, place: Mask) -> tuple[Mask, Mask]:
     there = np.bincount(patches[place], minlength=count + 1) > sizes / 2
     inside: Mask = wrong & there[patches]
     return inside, wrong & ~inside
+
+
+def _others(leak: Mask, comparison: Comparison) -> str:
+    """What the metric leak counts besides leaks."""
+    elsewhere = comparison.lit & comparison.truth.shadow_interior & ~leak
+    return ", peter-panning included" if (elsewhere & comparison.truth.contact).any() else ""
 
 
 def _share(value: float | None) -> str:

@@ -14,6 +14,7 @@ from shadowbench.scores.comparison import Comparison
 from shadowbench.scores.soft_faults import LEAST, soft_faults
 
 EXPLAINED = 0.5  # least share of the squared error
+LEAST_OF_ALL = 0.1  # of the squared error, for a blur besides another cause
 BLURS = (0.3, 16.0)  # px, standard deviations
 
 
@@ -45,22 +46,28 @@ def _causes(comparison: Comparison, encoding: MaskEncoding) -> Iterator[tuple[fl
     def error(mask: Image, truth: Image) -> float:
         return float(np.square(mask - truth).sum(where=comparison.truth.valid, dtype=np.float64))
 
-    def blurred(sigma: float) -> float:
-        return error(mask, smooth(truth.visibility, weight, sigma))
-
     as_it_is = error(mask, truth.visibility)
-    candidates = []
+    exact, fitting, rest = truth.visibility, mask, as_it_is
     if encoding.shift is not None:
-        undone = error(mask, shift_image(truth.visibility, encoding.shift))
-        candidates.append((undone, "shift", f"by {shift_text(encoding.shift)}"))
-    if encoding.srgb_encoded:
-        undone = error(decode_srgb(mask).astype(np.float32), truth.visibility)
-        candidates.append((undone, "sRGB encoding", "soft values are too light for a linear mask"))
-    best = optimize.minimize_scalar(blurred, bounds=BLURS, method="bounded", options={"xatol": 0.05})
-    candidates.append(
-        (float(best.fun), "blur", f"the truth, blurred by a Gaussian of σ = {best.x:.2g} px, is much like it")
-    )
-    for undone, name, line in candidates:
-        share = 1 - undone / as_it_is
+        shifted = shift_image(exact, encoding.shift)
+        share = 1 - error(mask, shifted) / as_it_is
         if share >= EXPLAINED:
-            yield share, ErrorKind(name, pixels, f"{line}; explains {share:.0%} of the squared error")
+            exact, rest = shifted, error(mask, shifted)
+            line = f"by {shift_text(encoding.shift)}; explains {share:.0%} of the squared error"
+            yield share, ErrorKind("shift", pixels, line)
+    if encoding.srgb_encoded:
+        decoded = decode_srgb(mask).astype(np.float32)
+        share = 1 - error(decoded, truth.visibility) / as_it_is
+        if share >= EXPLAINED:
+            fitting, rest = decoded, error(decoded, exact)
+            line = f"soft values are too light for a linear mask; explains {share:.0%} of the squared error"
+            yield share, ErrorKind("sRGB encoding", pixels, line)
+
+    def blurred(sigma: float) -> float:
+        return error(fitting, smooth(exact, weight, sigma))
+
+    best = optimize.minimize_scalar(blurred, bounds=BLURS, method="bounded", options={"xatol": 0.05})
+    share, told = 1 - float(best.fun) / max(rest, 1e-9), "squared error" if rest == as_it_is else "rest"
+    if share >= EXPLAINED and rest - float(best.fun) >= LEAST_OF_ALL * as_it_is:
+        line = f"the truth, blurred by a Gaussian of σ = {best.x:.2g} px, is much like it"
+        yield share * rest / as_it_is, ErrorKind("blur", pixels, f"{line}; explains {share:.0%} of the {told}")
