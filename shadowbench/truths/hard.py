@@ -16,7 +16,7 @@ from shadowbench.truths.embree import over_slices, rows_a_slice
 from shadowbench.truths.near import NearCasters
 from shadowbench.truths.rays import GRAZING, LOW_LIGHT, SUBPIXEL_OFFSETS, Indices, Mask, Receivers, ShadowRays, ViewRays
 
-LAMP_MARGIN = 0.25  # share of δ: a caster this close to a lamp may be before or behind it; float32 rounds by as much
+LAMP_MARGIN = 1e-3  # share of δ: a caster this close to a lamp may be before or behind it
 NO_RECEIVER, SHADOWED, LIT = range(3)
 
 
@@ -94,13 +94,14 @@ def _depends_on_offset(
 ) -> Mask:
     """(R,) whether visibility changes with another offset of the shadow ray, or an end just before or past the lamp."""
     depends = np.zeros(len(blocked), dtype=bool)
+    margin = LAMP_MARGIN * delta + rays.lamp_error(shadow_rays)
     for others in (
         rays.shadow_rays(receivers, 4 * delta),
         rays.shadow_rays(receivers, delta / 4),
         rays.normal_offset_rays(receivers, delta),
         *(
-            shadow_rays._replace(reach=np.maximum(shadow_rays.reach + margin * delta, 0.0))
-            for margin in (() if rays.directional else (-LAMP_MARGIN, LAMP_MARGIN))
+            shadow_rays._replace(reach=np.maximum(shadow_rays.reach + longer, 0.0))
+            for longer in (() if rays.directional else (-margin, margin))
         ),
     ):
         depends |= rays.occluded(others) != blocked

@@ -19,6 +19,7 @@ Mask = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 
 FROM_LIGHT = 2.0  # local distance of the light from the centre up to which shadow rays are traced from the light
+BESIDE_LAMP = 4e-6  # local distance from the lamp, beyond which no rounding changes a caster's side of it
 EDGE_ON = 1e-6  # |N·ray| below which a hit cannot be refined
 GRAZING = 1e-4  # N·L up to which a receiver is undecided
 LOW_LIGHT = 0.1  # N·L below which a shadow ray starts so far along L, 10 δ or more, that it may miss low casters
@@ -111,8 +112,11 @@ class ViewRays:
         self._light = np.array(light)[:, None]
         # In float32 relative to the light, casters keep their direction from the light, however close to it they are.
         self._from_light: Tracer | None = None
+        self._beside_lamp = np.empty((0, 3))
         if self._light_w and np.abs(light).max() < FROM_LIGHT:
-            self._from_light = Tracer(geometry.vertices - self._light[:, 0], geometry.caster_faces)
+            from_light = geometry.vertices - self._light[:, 0]
+            self._from_light = Tracer(from_light, geometry.caster_faces)
+            self._beside_lamp = _of_unsure_side(from_light, geometry.caster_faces)
         self._axis = unit(view.light.direction)[:, None]
         self._cos_half_angle = view.light.cos_half_angle
 
@@ -215,6 +219,11 @@ class ViewRays:
             return self._from_light.occluded(as_float32(ends), as_float32(-rays.directions), rays.reach)
         return self._casters.occluded(as_float32(rays.origins), as_float32(rays.directions), rays.reach)
 
+    def lamp_error(self, rays: ShadowRays) -> Floats | float:
+        """(N,) distance along each ray by which float32 may put a caster on the other side of the lamp, often 0."""
+        across = np.abs(self._beside_lamp @ rays.directions)
+        return 1 / np.maximum(across, 1.0).min(axis=0) if len(across) else 0.0
+
     def blocked(self, origins: Singles, directions: Singles, reach: Singles) -> Mask:
         """(N,) whether a caster blocks each ray; origins, directions: (3, N) float32, reach: (N,)."""
         return self._casters.occluded(origins.T, directions.T, reach)
@@ -234,6 +243,24 @@ class ViewRays:
         distance = np.sqrt(dot(to_light, to_light))
         to_light /= np.maximum(distance, np.finfo(float).tiny)
         return to_light, distance
+
+
+def _of_unsure_side(vertices: Floats, faces: NDArray[np.int32]) -> Floats:
+    """(K, 3) normals of planes at the origin within float32's error, each divided by that error.
+
+    Of a sum of products, float32 rounds away up to its epsilon times the sum of their magnitudes; 4 allows for the
+    rounding of the corners and of the normal.
+    """
+    near = np.ones(len(faces), dtype=bool)
+    for along in vertices.T:
+        near &= (along[faces].min(axis=1) <= BESIDE_LAMP) & (along[faces].max(axis=1) >= -BESIDE_LAMP)
+    corners = vertices[faces[near]]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    products = corners * normals[:, None]
+    error = 4 * np.finfo(np.float32).eps * np.abs(products).sum(axis=2).max(axis=1)
+    unsure = np.abs(products[:, 0].sum(axis=1)) <= error
+    return np.unique(normals[unsure] / np.maximum(error[unsure, None], np.finfo(float).tiny), axis=0)
 
 
 def dot(a: Floats, b: Floats) -> Floats:
