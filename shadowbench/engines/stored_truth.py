@@ -62,6 +62,18 @@ def write_stored_truth(file: Path, truth: Truth, view: View) -> None:
         np.savez_compressed(stream, **arrays)
 
 
+def stored_truth_of(scene: str | Path, **options: object) -> StoredTruth | None:
+    """The truth in a file of `shadowbench truth`; None for any other scene.
+
+    options: what chooses a view of other scenes, by name. Raises InputError for a truth with such an option.
+    """
+    if not str(scene).lower().endswith(".npz"):
+        return None
+    for option in (f"--{name.replace('_', '-')}" for name, value in options.items() if value):
+        raise InputError(f"{option}: {scene} is the truth of one view; allowed: a scene, with {option}")
+    return read_stored_truth(Path(scene))
+
+
 def read_stored_truth(file: Path) -> StoredTruth:
     """Read what `write_stored_truth` wrote. Raises InputError for any other file."""
     if not file.is_file():  # reading a named pipe would block
