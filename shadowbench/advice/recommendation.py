@@ -83,13 +83,8 @@ class Target:
 
     def digits(self, value: float) -> str:
         """A value of the metric, rounded, but neither across the target nor to an IoU of 1 unless it is that."""
-        iou = self.metric == "iou"
-
-        def side(one: float) -> tuple[bool, bool]:
-            return one >= self.value if iou else one <= self.value, iou and one == 1
-
-        texts = (f"{value:.{places}g}" for places in range(4 if iou else 3, 17))
-        return next((text for text in texts if side(float(text)) == side(value)), str(value))
+        form = "{:.4g}" if self.metric == "iou" else "{:.3g}"
+        return METRICS[self.metric].digits_beside(self.value, form.format)(value)
 
     def __str__(self) -> str:
         whats = {
