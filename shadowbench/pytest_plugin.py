@@ -142,7 +142,7 @@ def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[
         **screenshots: Any,
     ) -> ShadowAccuracy:
         from shadowbench.engines.accuracy import accuracy_of
-        from shadowbench.engines.stored_truth import read_stored_truth
+        from shadowbench.engines.stored_truth import stored_truth_of
         from shadowbench.errors import InputError
         from shadowbench.scenes.views import chosen_view
 
@@ -150,11 +150,9 @@ def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[
         made += 1
         try:
             handed = _handed(mask, screenshots)
-            if str(scene).lower().endswith(".npz"):
-                accuracy = accuracy_of(handed, read_stored_truth(Path(scene)))
-            else:
-                seen = chosen_view(scene, handed.size, view, light, assets, up, sun, no_ground)
-                accuracy = accuracy_of(handed, seen)
+            stored = stored_truth_of(scene, view=view, light=light, assets=assets, up=up, sun=sun, no_ground=no_ground)
+            against = stored or chosen_view(scene, handed.size, view, light, assets, up, sun, no_ground)
+            accuracy = accuracy_of(handed, against)
         except InputError as error:
             pytest.fail(str(error), pytrace=False)
         file = (diffs or tmp_path) / f"{name}{f'-{made}' if made > 1 else ''}.diff.png"

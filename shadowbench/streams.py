@@ -9,37 +9,26 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Protocol, TextIO
 
-_PLAIN = {"−": "-", "–": "-", "━": "-", "╸": "-", "╺": "-", "×": "x", "✕": "x", "·": ".", "…": "...", "→": "->"}
-_PLAIN |= {
-    "≥": ">=",
-    "≤": "<=",
-    "≈": "~",
-    "±": "+-",
-    "√": "sqrt",
-    "°": " deg",
-    "²": "^2",
-    "³": "^3",
-    "½": "1/2",
-    "¼": "1/4",
-    "⅙": "1/6",
-}
-_PLAIN |= {"δ": "delta", "θ": "theta", "λ": "lambda", "π": "pi", "σ": "sigma", "τ": "tau", "ω": "omega"}
+_ASCII = dict(zip("−–━╸╺×✕·≈", "-----xx.~", strict=True))
+_ASCII |= {"…": "...", "→": "->", "≥": ">=", "≤": "<=", "±": "+-", "√": "sqrt", "°": " deg"}
+_ASCII |= {"²": "^2", "³": "^3", "½": "1/2", "¼": "1/4", "⅙": "1/6"}
+_ASCII |= {"δ": "delta", "θ": "theta", "λ": "lambda", "π": "pi", "σ": "sigma", "τ": "tau", "ω": "omega"}
 
 
-def _plain(error: UnicodeError) -> tuple[str, int]:
+def _in_ascii(error: UnicodeError) -> tuple[str, int]:
     """Error handler of codecs: what the encoding lacks in ASCII, ? if there is nothing like it."""
     if not isinstance(error, UnicodeEncodeError):
         raise error
     lacking = error.object[error.start : error.end]
-    return "".join(_PLAIN.get(one) or _without_accent(one) or "?" for one in lacking), error.end
+    return "".join(_ASCII.get(one) or _without_accent(one) or "?" for one in lacking), error.end
 
 
 def _without_accent(letter: str) -> str:
     return unicodedata.normalize("NFD", letter).encode("ascii", "ignore").decode()
 
 
-PLAIN = "shadowbench.plain"
-codecs.register_error(PLAIN, _plain)
+ASCII = "shadowbench.ascii"
+codecs.register_error(ASCII, _in_ascii)
 
 
 class _Binary(Protocol):
@@ -48,7 +37,7 @@ class _Binary(Protocol):
     def isatty(self) -> bool: ...
 
 
-class Unstopped(io.RawIOBase):
+class SafeStream(io.RawIOBase):
     """Binary stream that writes to another, and drops what cannot be written; error: the first reason."""
 
     def __init__(self, stream: _Binary) -> None:
@@ -77,7 +66,7 @@ class Unstopped(io.RawIOBase):
 
 
 @contextmanager
-def unstopped_output() -> Iterator[Callable[[], OSError | None]]:
+def safe_output() -> Iterator[Callable[[], OSError | None]]:
     """Within the block, writing to sys.stdout and sys.stderr raises nothing.
 
     Yields a function that says why stdout could not be written. That a pipe's reader ended, as `| head`, is no reason.
@@ -88,9 +77,9 @@ def unstopped_output() -> Iterator[Callable[[], OSError | None]]:
         except OSError:  # closed: the next file that is opened would get its number; stdout remains one to read
             os.open(os.devnull, mode)
     before = sys.stdout, sys.stderr
-    stdout = Unstopped(_binary(sys.stdout, 1))
+    stdout = SafeStream(_binary(sys.stdout, 1))
     sys.stdout = _text(stdout, before[0])
-    sys.stderr = _text(Unstopped(_binary(sys.stderr, 2)), before[1])
+    sys.stderr = _text(SafeStream(_binary(sys.stderr, 2)), before[1])
 
     def error() -> OSError | None:
         sys.stdout.flush()
@@ -111,6 +100,6 @@ def _binary(stream: TextIO | None, descriptor: int) -> _Binary:
     return getattr(stream.buffer, "raw", stream.buffer)
 
 
-def _text(binary: Unstopped, like: TextIO | None) -> TextIO:
+def _text(binary: SafeStream, like: TextIO | None) -> TextIO:
     lines = binary.isatty() or like is sys.stderr
-    return io.TextIOWrapper(io.BufferedWriter(binary), like.encoding if like else None, PLAIN, line_buffering=lines)
+    return io.TextIOWrapper(io.BufferedWriter(binary), like.encoding if like else None, ASCII, line_buffering=lines)

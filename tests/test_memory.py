@@ -37,9 +37,9 @@ for scene in ("cube-on-plane", "post"):
     print(score(np.roll(truth.visibility, 1), truth))
     geometry = truth.view.scene.geometry
     vertices, faces = geometry.vertices, geometry.faces
-    light = np.array([0, 1, 0, 0], np.float32)
+    light = np.array([0.0, 1.0, 0.0, 0.0])
     print(build_tree(vertices, faces).order.sum(), in_reuse_order(faces).sum())
-    print(cap_weights(vertices.astype(np.float32), faces.astype(np.int64), light, 0).sum())
+    print(cap_weights(vertices, faces.astype(np.int64), light, 0, len(faces)).sum())
 """
 FIXED = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": "", "PYTHONMALLOC": "malloc", "OPENBLAS_NUM_THREADS": "1"}
 

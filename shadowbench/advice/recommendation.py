@@ -83,13 +83,8 @@ class Target:
 
     def digits(self, value: float) -> str:
         """A value of the metric, rounded, but neither across the target nor to an IoU of 1 unless it is that."""
-        iou = self.metric == "iou"
-
-        def side(one: float) -> tuple[bool, bool]:
-            return one >= self.value if iou else one <= self.value, iou and one == 1
-
-        texts = (f"{value:.{places}g}" for places in range(4 if iou else 3, 17))
-        return next((text for text in texts if side(float(text)) == side(value)), str(value))
+        form = "{:.4g}" if self.metric == "iou" else "{:.3g}"
+        return METRICS[self.metric].digits_beside(self.value, form.format)(value)
 
     def __str__(self) -> str:
         whats = {
@@ -109,9 +104,9 @@ class Recommendation:
     target; runners_up: the best trial of each technique but the choice's; trials: all successful ones, by cost;
     unsuccessful: status by spec of the others; excluded: specs that were not tried, by the survey or on principle;
     untried: those not tried by what is predicted of them, by technique; space_size: number of specs in the full space;
-    cheaper, better: the next trials on either side of the choice, None at the ends; needs: survey of the view;
-    reference: reference time of costs in milliseconds, None if costs are work; among: the techniques that were asked
-    for, empty for all.
+    cheaper, better: the next trials on either side of the choice, None at the ends; needs: survey of the view, without
+    penumbrae; reference: reference time of costs in milliseconds, None if costs are work; among: the techniques that
+    were asked for, empty for all.
     """
 
     view: View
@@ -168,7 +163,7 @@ def find_cheapest(
     Raises InputError as `needs` does, and if none of those named supports the light.
     """
     known = chosen_techniques(known, among, view.light.hard_kind, view.light.soft)
-    found = needs(view)
+    found = needs(view, penumbrae=False)  # those rule out no spec
     space, size = full_space(known, view.light.hard_kind, largest, view.light.soft), 0
     least_iou = target.value if target.metric == "iou" else None
     left, excluded = prune(space, found, least_iou, unit == "work")

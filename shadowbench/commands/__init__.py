@@ -34,7 +34,7 @@ from shadowbench.commands import (
     tune,
     view,
 )
-from shadowbench.streams import unstopped_output
+from shadowbench.streams import safe_output
 
 _STOPPED = 130
 _NO_THREAD = "can't start new thread"  # Python's RuntimeError
@@ -99,7 +99,7 @@ def version_option(
 
 def main() -> None:
     """Entry point: an error that the user can fix becomes one line and an exit code, not a traceback."""
-    with unstopped_output() as error_of_stdout:
+    with safe_output() as error_of_stdout:
         code = _exit_code()
         error = error_of_stdout()
         if error is not None:

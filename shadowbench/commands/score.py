@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from shadowbench.scores.metrics import Metric
 
 app = typer.Typer()
-_OF_A_SCENE = ("--view", "--light", "--assets", "--up", "--sun", "--no-ground")
 
 
 @app.command(
@@ -84,7 +83,7 @@ def score(
     from shadowbench.engines.export import size_mismatch
     from shadowbench.engines.external_mask import external_mask
     from shadowbench.engines.store import append_row, check_name
-    from shadowbench.engines.stored_truth import read_stored_truth
+    from shadowbench.engines.stored_truth import stored_truth_of
     from shadowbench.files import check_folder, check_outputs
 
     if (output is None) != (name is None):
@@ -92,24 +91,18 @@ def score(
     if name is not None:
         check_name(name)
     check_outputs(".png", diff)
-    for file in (mask, lit, shadowed, ambient):
-        if diff is not None and file is not None and diff.exists() and file.exists() and diff.samefile(file):
+    for given in (mask, lit, shadowed, ambient):
+        if diff is not None and given is not None and diff.exists() and given.exists() and diff.samefile(given):
             raise InputError(f"--diff {diff}: is one of the pictures to score; name another file")
     if output is not None:
         check_folder(output)
     handed = external_mask(scene, mask, lit, shadowed, ambient)
     with console.Reporter(quiet) as reporter:
-        if scene.lower().endswith(".npz"):
-            given = dict[str, object](zip(_OF_A_SCENE, (view, light, assets, up, sun, no_ground), strict=True))
-            for option in (option for option, value in given.items() if value):
-                raise InputError(f"{option}: {scene} is the truth of one view; allowed: a scene, with {option}")
-            stored = read_stored_truth(Path(scene))
-            chosen, accuracy = stored.view, accuracy_of(handed, stored)
-        else:
-            chosen = reporter.view(scene, handed.size, view, light, assets, up, sun, no_ground)
-            accuracy = accuracy_of(handed, chosen)
+        stored = stored_truth_of(scene, view=view, light=light, assets=assets, up=up, sun=sun, no_ground=no_ground)
+        against = stored or reporter.view(scene, handed.size, view, light, assets, up, sun, no_ground)
+        accuracy = accuracy_of(handed, against)
     drawn = mask or shadowed
-    sized = size_mismatch(drawn, chosen) if drawn is not None else None
+    sized = size_mismatch(drawn, accuracy.view) if drawn is not None else None
     warnings = [*accuracy.warnings, *([sized] if sized else [])]
     if diff is not None:
         write_difference(diff, accuracy.difference())

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from shadowbench.engines.difference import difference_picture
 from shadowbench.engines.encoding import MaskEncoding, RaisedUmbra, ambient_umbra, detect_encoding
-from shadowbench.engines.error_kinds import ErrorKind, error_kinds, wrong_pixels
+from shadowbench.engines.error_kinds import ErrorKind, edge_widths, error_kinds, faint_kinds, wrong_pixels
 from shadowbench.engines.external_mask import ExternalMask, decode_srgb
 from shadowbench.engines.orientation import misorientation
 from shadowbench.engines.shift import estimate_shift, shift_text
@@ -24,7 +24,7 @@ from shadowbench.scenes.model import View
 from shadowbench.scores.comparison import Comparison
 from shadowbench.scores.masks import LEVELS
 from shadowbench.scores.metrics import METRICS, values_of
-from shadowbench.scores.prepared import INTERIOR_PX, PENUMBRA
+from shadowbench.scores.prepared import PENUMBRA
 from shadowbench.truths.cache import cached_truth
 from shadowbench.truths.trace import Truth
 
@@ -32,10 +32,6 @@ _ROUNDING = 1 / (255 * math.sqrt(12))  # root mean square, of 8 bits
 _RMSE = ("rmse", "rmse_pen")
 _NOTED_CLIPPED = 0.01
 """Share of clipped pixels among the scored ones above which a warning is given."""
-_GREY = (0.1, 0.9)
-_FAINT = 0.96  # visibility below which a lit pixel is darker than rounding makes it
-_FEWEST = 10  # faintly dark pixels to speak of
-_SCATTERED = 0.9  # share of the light up to which they are acne
 _SOFT_EDGE = 4.0
 """Width in pixels above which a mask's edges are softer than antialiasing or a small filter makes them."""
 _ALIKE_IOU, _COMMON = 0.2, 0.5
@@ -69,7 +65,8 @@ class Accuracy:
     def kinds(self) -> list[ErrorKind]:
         """Kinds of error: of hard shadows, most pixels first; of soft ones, causes before symptoms.
 
-        What is wrong with the whole mask comes first; the others are those that are left once that is undone.
+        What is wrong with the whole mask comes first; the others are those that are left once that is undone. Faintly
+        dark pixels, which are not counted as wrong, come last.
         """
         causes, undone = self._causes
         metrics = values_of(undone) if causes else self.metrics
@@ -78,8 +75,7 @@ class Accuracy:
             encoding = MaskEncoding(found["shift_px"], found["srgb_encoded"], found["umbra"])
             kinds = soft_error_kinds(undone, metrics, encoding)
         else:
-            kinds = error_kinds(undone, metrics)
-            kinds += [kind for kind in [_faint(undone)] if kind is not None]
+            kinds = [*error_kinds(undone, metrics), *faint_kinds(undone)]
         if undone is not self.comparison:
             kinds = [ErrorKind(kind.name, kind.pixels, f"{kind.line}, once that is undone") for kind in kinds]
         return [*causes, *kinds]
@@ -153,7 +149,7 @@ class Accuracy:
                 lines.append(f"widths of penumbrae are compared at {share:.0%} of the true edge")
         if soft and _eight_bit(self.comparison):
             lines.append(f"the mask has 8 bits: rounding makes an RMSE of {_ROUNDING:.2g} in the penumbra")
-        if not soft and (width := sum(_edge_widths(self._causes[1]))) > _SOFT_EDGE:
+        if not soft and (width := sum(edge_widths(self._causes[1]))) > _SOFT_EDGE:
             size = "--sun gives it one" if self.view.light.kind == "directional" else "a radius in a scene file does"
             lines.append(
                 f"the mask's edges are soft, some {width:.2g} px wide, but the light of {self.view.scene.name} has no "
@@ -256,48 +252,6 @@ def _raised_text(umbra: RaisedUmbra, external: ExternalMask) -> str:
     if umbra.of is None:
         return f"{told}; if the pictures have ambient light, give it with --ambient"
     return f"{told}, as ambient light in both pictures leaves it: give it with --ambient"
-
-
-def _edge_widths(comparison: Comparison) -> tuple[float, float]:
-    """How far in pixels a mask is grey around the true edge, into light and into shadow; 0 without an edge.
-
-    As far as most pixels at that distance are grey. A side that is grey beyond, far from the edge, is not so because
-    of it, as with acne or ambient light, and counts as much as the other.
-    """
-    truth, mask = comparison.truth, comparison.visibility
-    grey, reaches = (mask > _GREY[0]) & (mask < _GREY[1]), []
-    for side in (truth.lit, truth.shadow):
-        distance = np.sqrt(truth.squared_edge_distance[side]).astype(np.intp)
-        if not truth.edge.any() or not len(distance):
-            return 0.0, 0.0
-        pixels, found = np.bincount(distance), np.bincount(distance, grey[side])
-        many = found > pixels / 2
-        first = 1 if side is truth.lit else 0  # edge pixels are in shadow
-        end = first + int(np.argmin(np.append(many[first:], False)))
-        beyond = pixels[end:].sum()
-        reaches.append(float(end - first) if beyond and found[end:].sum() < beyond / 4 else None)
-    lit, shadow = reaches
-    both = (lit if lit is not None else shadow), (shadow if shadow is not None else lit)
-    return both[0] or 0.0, both[1] or 0.0
-
-
-def _faint(comparison: Comparison) -> ErrorKind | None:
-    """Pixels of full light that are darker than they should be, but lighter than ½; None for few.
-
-    Farther from the true edge than soft edges of the mask reach.
-    """
-    truth, mask = comparison.truth, comparison.visibility
-    beyond = INTERIOR_PX + 2 * max(_edge_widths(comparison))
-    inside = truth.lit_interior & (truth.squared_edge_distance > beyond**2)
-    faint = inside & comparison.lit & (mask < _FAINT)
-    pixels = int(np.count_nonzero(faint))
-    if pixels < max(_FEWEST, 1e-3 * np.count_nonzero(inside)):
-        return None
-    share, darker = pixels / np.count_nonzero(inside), 1 - float(mask[faint].mean(dtype=np.float64))
-    name = "faint acne" if share < _SCATTERED else "dimmed light"
-    return ErrorKind(
-        name, pixels, f"{share:.1%} of the light away from edges is darker than it should be, by {darker:.2g}"
-    )
 
 
 def _eight_bit(comparison: Comparison) -> bool:

@@ -11,6 +11,11 @@ from shadowbench.scores.prepared import INTERIOR_PX
 
 Mask = NDArray[np.bool_]
 
+_GREY = (0.1, 0.9)
+_FAINT = 0.96  # visibility below which a lit pixel is darker than rounding makes it
+_FEWEST = 10  # faintly dark pixels to speak of
+_SCATTERED = 0.9  # share of the light up to which they are acne
+
 
 @dataclass(frozen=True)
 class ErrorKind:
@@ -56,6 +61,46 @@ def error_kinds(comparison: Comparison, metrics: dict[str, float | None]) -> lis
         ),
     ]
     return sorted((kind for kind in found if kind.pixels), key=lambda kind: -kind.pixels)
+
+
+def faint_kinds(comparison: Comparison) -> list[ErrorKind]:
+    """Pixels of full light that are darker than they should be, but lighter than ½, as a kind; none for few.
+
+    Farther from the true edge than soft edges of the mask reach.
+    """
+    truth, mask = comparison.truth, comparison.visibility
+    beyond = INTERIOR_PX + 2 * max(edge_widths(comparison))
+    inside = truth.lit_interior & (truth.squared_edge_distance > beyond**2)
+    faint = inside & comparison.lit & (mask < _FAINT)
+    pixels, all_pixels = int(np.count_nonzero(faint)), int(np.count_nonzero(inside))
+    if pixels < max(_FEWEST, 1e-3 * all_pixels):
+        return []
+    share, darker = pixels / all_pixels, 1 - float(mask[faint].mean(dtype=np.float64))
+    line = f"{share:.1%} of the light away from edges is darker than it should be, by {darker:.2g}"
+    return [ErrorKind("faint acne" if share < _SCATTERED else "dimmed light", pixels, line)]
+
+
+def edge_widths(comparison: Comparison) -> tuple[float, float]:
+    """How far in pixels a mask is grey around the true edge, into light and into shadow; 0 without an edge.
+
+    As far as most pixels at that distance are grey. A side that is grey beyond, far from the edge, is not so because
+    of it, as with acne or ambient light, and counts as much as the other.
+    """
+    truth, mask = comparison.truth, comparison.visibility
+    grey, reaches = (mask > _GREY[0]) & (mask < _GREY[1]), []
+    for side in (truth.lit, truth.shadow):
+        distance = np.sqrt(truth.squared_edge_distance[side]).astype(np.intp)
+        if not truth.edge.any() or not len(distance):
+            return 0.0, 0.0
+        pixels, found = np.bincount(distance), np.bincount(distance, grey[side])
+        many = found > pixels / 2
+        first = 1 if side is truth.lit else 0  # edge pixels are in shadow
+        end = first + int(np.argmin(np.append(many[first:], False)))
+        beyond = pixels[end:].sum()
+        reaches.append(float(end - first) if beyond and found[end:].sum() < beyond / 4 else None)
+    other = next((reach for reach in reaches if reach is not None), 0.0)
+    lit, shadow = (other if reach is None else reach for reach in reaches)
+    return lit, shadow
 
 
 def wrong_pixels(comparison: Comparison) -> tuple[Mask, Mask]:

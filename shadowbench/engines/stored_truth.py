@@ -5,19 +5,17 @@ import zipfile
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.engines.external_mask import LARGEST
 from shadowbench.errors import InputError
-from shadowbench.files import replace_file
 from shadowbench.measure.scoring import depths, points_at, prepare_truth
 from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.model import Camera, Light, Scene, View, vec3
 from shadowbench.scores.prepared import PreparedTruth
-from shadowbench.truths.cache import are_arrays_of_a_truth
+from shadowbench.truths.cache import read_arrays, truth_of, write_truth
 from shadowbench.truths.trace import Truth
 
 _MOST_BYTES = 100 * LARGEST**2  # of all arrays
@@ -57,9 +55,19 @@ def write_stored_truth(file: Path, truth: Truth, view: View) -> None:
         "light": {"name": light.name, "kind": light.kind},
         "digest": view_digest(view),
     }
-    arrays: dict[str, Any] = {**truth.arrays(), "depth": depths(view, truth.triangle), "about": json.dumps(about)}
-    with replace_file(file) as temporary, temporary.open("wb") as stream:
-        np.savez_compressed(stream, **arrays)
+    write_truth(file, truth, depth=depths(view, truth.triangle), about=json.dumps(about))
+
+
+def stored_truth_of(scene: str | Path, **options: object) -> StoredTruth | None:
+    """The truth in a file of `shadowbench truth`; None for any other scene.
+
+    options: what chooses a view of other scenes, by name. Raises InputError for a truth with such an option.
+    """
+    if not str(scene).lower().endswith(".npz"):
+        return None
+    for option in (f"--{name.replace('_', '-')}" for name, value in options.items() if value):
+        raise InputError(f"{option}: {scene} is the truth of one view; allowed: a scene, with {option}")
+    return read_stored_truth(Path(scene))
 
 
 def read_stored_truth(file: Path) -> StoredTruth:
@@ -71,20 +79,21 @@ def read_stored_truth(file: Path) -> StoredTruth:
             size = sum(entry.file_size for entry in archive.infolist())
         if size > _MOST_BYTES:
             raise InputError(f"{file}: found {size} bytes of arrays; allowed: at most {_MOST_BYTES}")
-        # Opened here, since np.load does not close a file that it fails to read.
-        with file.open("rb") as stream, np.load(stream) as arrays:
-            values = {name: arrays[name] for name in arrays.files}
+        arrays = read_arrays(file)
     except InputError:
         raise
-    except Exception as error:  # damaged bytes raise many types in zipfile and NumPy
+    except Exception as error:
         raise InputError(f"{file}: cannot be read as an .npz ({type(error).__name__}); {_ALLOWED}") from None
-    missing = [name for name in ("visibility", "depth", "about") if name not in values]
+    missing = [name for name in ("depth", "about") if name not in arrays]
     if missing:
         raise InputError(f"{file}: found no array {missing[0]!r}; {_ALLOWED}")
-    depth, about = values.pop("depth"), values.pop("about")
-    side = len(values["visibility"]) if values["visibility"].ndim else 0
-    fits = depth.dtype == np.float64 and depth.shape == (side, side) and np.isfinite(depth).all()
-    if not (0 < side <= LARGEST and fits and are_arrays_of_a_truth(values, side, np.iinfo(np.int32).max)):
+    depth, about = arrays.pop("depth"), arrays.pop("about")
+    side = len(depth) if depth.ndim else 0
+    fits = (
+        0 < side <= LARGEST and depth.dtype == np.float64 and depth.shape == (side, side) and np.isfinite(depth).all()
+    )
+    truth = truth_of(arrays, side, np.iinfo(np.int32).max) if fits else None
+    if truth is None:
         raise InputError(f"{file}: found arrays of other names, types, shapes or ranges than a truth has; {_ALLOWED}")
     try:
         told = json.loads(str(about))
@@ -100,5 +109,4 @@ def read_stored_truth(file: Path) -> StoredTruth:
             raise ValueError
     except Exception:
         raise InputError(f"{file}: found no view of a truth in its array 'about'; {_ALLOWED}") from None
-    truth = Truth(**{**values, "diagonal": float(values["diagonal"])})
     return StoredTruth(truth, view, told["digest"], depth)

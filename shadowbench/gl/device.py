@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Any, Protocol
 
 from shadowbench.errors import NOT_INSTALLED, NoGLError
-from shadowbench.gl.library import Names, moderngl
+from shadowbench.gl.library import MissingModule, moderngl
 from shadowbench.gl.raw import RawGL
 
 _SUBPIXEL_BITS, _CUBE_MAP_SEAMLESS = 0x0D50, 0x884F
@@ -111,7 +111,7 @@ def open_device() -> Device:
 
     Raises NoGLError, which names the packages to install, or the vector width that the driver cannot draw with.
     """
-    if isinstance(moderngl, Names):
+    if isinstance(moderngl, MissingModule):
         raise NoGLError(NOT_INSTALLED.format("moderngl"))
     if _VECTOR_WIDTH in os.environ:
         # Mesa's cache of compiled shaders is keyed by the processor, not by this (update_cache_sha1_cpu in llvmpipe's

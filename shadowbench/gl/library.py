@@ -3,7 +3,7 @@
 from types import ModuleType
 
 
-class Names(ModuleType):
+class MissingModule(ModuleType):
     """Stands for a library whose types occur in annotations and isinstance checks; nothing is an instance of them."""
 
     def __getattr__(self, name: str) -> type:
@@ -13,4 +13,4 @@ class Names(ModuleType):
 try:
     import moderngl as moderngl
 except ModuleNotFoundError:  # no wheel for this platform: docs/how-to/install.md
-    moderngl = Names("moderngl")
+    moderngl = MissingModule("moderngl")

@@ -68,15 +68,11 @@ def median_text(one: Configuration, name: str, limit: float | None = None) -> st
 
     limit: a target, to the other side of which the median is not rounded.
     """
-    metric, found = METRICS[name], one.row.values[name]
+    found = one.row.values[name]
     if found is None:
         return "–"
     form = "{:.4g}".format if name == "iou" else digits
-    text = one.row.text(name, form)
-    if limit is not None and not text.startswith("<"):
-        longer = (text, *(f"{found.median:.{places}g}" for places in range(4, 18)))
-        met = metric.meets(found.median, limit)
-        text = next(one for one in longer if metric.meets(float(one), limit) == met)
+    text = one.row.text(name, form if limit is None else METRICS[name].digits_beside(limit, form))
     ends = [form(end) for end in (found.least, found.most) if end is not None]
     return f"{text}{' px' if name == 'edge_px' else ''}" + (f" ({'–'.join(ends)})" if len(set(ends)) > 1 else "")
 

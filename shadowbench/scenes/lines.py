@@ -2,6 +2,7 @@
 
 import re
 import warnings
+from codecs import BOM_UTF8
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -51,8 +52,8 @@ class Rows(NamedTuple):
 
 
 def with_newlines(data: bytes) -> bytes:
-    """The text of a file with Unix line ends, including one after the last line."""
-    return data.replace(b"\r\n", b"\n").replace(b"\r", b"\n") + b"\n"
+    """The text of a file without a byte order mark, with Unix line ends, including one after the last line."""
+    return data.removeprefix(BOM_UTF8).replace(b"\r\n", b"\n").replace(b"\r", b"\n") + b"\n"
 
 
 def without_comments(text: bytes) -> bytes:

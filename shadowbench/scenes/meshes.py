@@ -3,7 +3,6 @@
 Here, and only here, exceptions of all readers become a one-line InputError.
 """
 
-from codecs import BOM_UTF8
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -32,7 +31,7 @@ from shadowbench.scenes.triangles import (
 )
 
 MESH_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".off")
-READERS = {".obj": read_obj, ".off": read_off, ".ply": read_ply}
+READERS = {".obj": read_obj, ".off": read_off, ".ply": read_ply, ".stl": read_stl}
 GREY: Vec3 = (0.8, 0.8, 0.8)
 
 
@@ -75,8 +74,7 @@ def read_meshes(path: Path, where: str | None = None) -> Contents:
             if suffix in (".glb", ".gltf"):
                 instances, cameras, lights, notes = _gltf(path, where)
             else:
-                instances, notes = (_stl if suffix == ".stl" else _polygonal)(path, where)
-                cameras, lights = [], []
+                (instances, notes), cameras, lights = _polygonal(path, where), [], []
             return _assembled(instances, cameras, lights, notes, where)
     except InputError:
         raise
@@ -115,8 +113,8 @@ def _compact(triangles: Triangles) -> Triangles:
 
 
 def _polygonal(path: Path, where: str) -> tuple[list[MeshInstance], list[str]]:
-    """The named objects of an OBJ, PLY or OFF file, and notes on what was left out."""
-    polygons = READERS[path.suffix.lower()](path.read_bytes().removeprefix(BOM_UTF8), where)
+    """The named objects of an OBJ, PLY, STL or OFF file, and notes on what was left out."""
+    polygons = READERS[path.suffix.lower()](path.read_bytes(), where)
     checked(Triangles(polygons.vertices, np.zeros((0, 3), dtype=np.int32)), where)
     faces, polygon, notes = triangulated(polygons, where)
     owners = polygons.owners[polygon]
@@ -128,17 +126,6 @@ def _polygonal(path: Path, where: str) -> tuple[list[MeshInstance], list[str]]:
         if start < end
     ]
     return instances, [*polygons.notes, *notes]
-
-
-def _stl(path: Path, where: str) -> tuple[list[MeshInstance], list[str]]:
-    """The solids of an STL file that have triangles, and notes."""
-    solids, notes = read_stl(path.read_bytes(), where)
-    instances = [
-        MeshInstance(name or path.stem, _triangles(corners, np.arange(3 * len(corners)), where), np.eye(4), GREY)
-        for name, corners in solids
-        if len(corners)
-    ]
-    return instances, notes
 
 
 def _gltf(path: Path, where: str) -> tuple[list[MeshInstance], list[Camera], list[Light], list[str]]:

@@ -6,6 +6,7 @@ polygons as fans.
 
 import re
 import struct
+from codecs import BOM_UTF8
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -53,6 +54,7 @@ class Column(NamedTuple):
 
 def read_ply(data: bytes, where: str) -> Polygons:
     """The faces of a PLY file. Raises InputError for an invalid header, or fewer rows than it announces."""
+    data = data.removeprefix(BOM_UTF8)
     end = END.search(data, 0, LONGEST_HEADER)
     if not data.startswith(b"ply") or end is None:
         raise InputError(f"{where}: is not a PLY: its header must begin with 'ply' and end with 'end_header'")

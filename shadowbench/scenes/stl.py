@@ -3,25 +3,22 @@
 Not read by trimesh, which searches a text for its keywords, also in the names of solids, and truncates damaged files.
 """
 
-from codecs import BOM_UTF8
-
 import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.lines import BLANK, Lines, lines_of, numbers, with_newlines
 from shadowbench.scenes.model import Floats
+from shadowbench.scenes.polygons import Integers, Polygons
 from shadowbench.scenes.tables import MOST_COPIES
 
 HEADER, TRIANGLE = 84, 50  # bytes
 KEYWORDS = ("solid", "endsolid", "facet", "endfacet", "outer", "endloop", "vertex")
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
-Solid = tuple[str | None, Floats]
 
-
-def read_stl(data: bytes, where: str) -> tuple[list[Solid], list[str]]:
-    """Names and (T, 3, 3) corners of the solids of an STL file, and notes on what was left out.
+def read_stl(data: bytes, where: str) -> Polygons:
+    """The triangles of an STL file; its solids are the objects.
 
     A file is binary if it is long enough for the triangles that it announces, which no text is. Raises InputError for
     one that is cut short, and for a text with other lines or numbers than an STL has.
@@ -29,20 +26,21 @@ def read_stl(data: bytes, where: str) -> tuple[list[Solid], list[str]]:
     count = int.from_bytes(data[HEADER - 4 : HEADER], "little")
     more = len(data) - HEADER - TRIANGLE * count
     if len(data) < HEADER or more < 0:
-        text = data.removeprefix(BOM_UTF8)
+        text = with_newlines(data)
         if text.lstrip()[:5].lower() != b"solid":
             room = max(len(data) - HEADER, 0) // TRIANGLE
             raise InputError(f"{where}: cut short: {count} triangles announced, room for {room}")
-        return _solids(text, where), []
+        return _solids(text, where)
     if count == 0 and more:
         raise InputError(f"{where}: announces 0 triangles, and {more} bytes follow; at least 1 is needed")
     notes = [f"{where}: {more} byte(s) after the last of {count} triangles left out"] if more else []
-    return [(None, np.frombuffer(data, _RECORD, count, HEADER)["corners"].astype(np.float64))], notes
+    corners = np.frombuffer(data, _RECORD, count, HEADER)["corners"].astype(np.float64)
+    return _triangles(corners, np.zeros(count, dtype=np.int64), (None,), notes)
 
 
-def _solids(data: bytes, where: str) -> list[Solid]:
-    """The solids of a text STL."""
-    lines = lines_of(with_newlines(data), where)
+def _solids(text: bytes, where: str) -> Polygons:
+    """The triangles of a text STL."""
+    lines = lines_of(text, where)
     is_a = {keyword: _begin_with(lines, keyword) for keyword in KEYWORDS}
     solids, ends = (np.flatnonzero(is_a[keyword]) for keyword in ("solid", "endsolid"))
     if len(solids) > MOST_COPIES:
@@ -69,9 +67,13 @@ def _solids(data: bytes, where: str) -> list[Solid]:
             f"line {lines.number(facet[k])}: found a facet of {corners[k]} vertices" if len(facet) else "found no facet"
         )
         raise InputError(f"{where}: {at}; allowed: facets of 3 vertices, each on a line")
-    triangles = rows.values.reshape(-1, 3, 3)
-    bounds = zip(np.searchsorted(facet, solids), np.searchsorted(facet, ends), solids.tolist(), strict=True)
-    return [(_name(lines.line(line)), triangles[start:end]) for start, end, line in bounds]
+    names = tuple(_name(lines.line(line)) for line in solids.tolist())
+    return _triangles(rows.values, np.searchsorted(solids, facet) - 1, names, [])
+
+
+def _triangles(corners: Floats, owners: Integers, names: tuple[str | None, ...], notes: list[str]) -> Polygons:
+    corners, count = corners.reshape(-1, 3), len(owners)
+    return Polygons(corners, np.arange(3 * count), np.full(count, 3), owners, names, notes)
 
 
 def _begin_with(lines: Lines, keyword: str) -> NDArray[np.bool_]:

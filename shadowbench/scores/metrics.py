@@ -61,6 +61,18 @@ class Metric:
             return "–"
         return f"<{digits(least)}" if least is not None and value < least else digits(value)
 
+    def digits_beside(self, limit: float, digits: Callable[[float], str]) -> Callable[[float], str]:
+        """Formats a value by `digits`, or longer where that rounds it across a limit, or to a similarity of 1."""
+
+        def side(value: float) -> tuple[bool, bool]:
+            return self.meets(value, limit), self.better == "higher" and value == 1
+
+        def text(value: float) -> str:
+            longer = (f"{value:.{places}g}" for places in range(4, 18))
+            return next(one for one in (digits(value), *longer) if side(float(one)) == side(value))
+
+        return text
+
     def worse(self, before: float, after: float) -> float:
         """By how much a value has become worse; below 0 if it has become better."""
         if self.better == "higher":

@@ -41,8 +41,11 @@ class Needs:
     view_size: int
 
 
-def needs(view: View) -> Needs:
-    """The needs of a view from `view_of`. Raises InputError if there is no caster or no visible receiver."""
+def needs(view: View, penumbrae: bool = True) -> Needs:
+    """The needs of a view from `view_of`. Raises InputError if there is no caster or no visible receiver.
+
+    penumbrae: whether to trace the truths that `penumbra` is read from; without, it is None.
+    """
     if not len(view.scene.geometry.caster_faces):
         raise InputError(f"{view.scene.name}: no mesh casts a shadow, so that `unshadowed` suffices")
     # Work that grows with the triangles runs in one other thread; more threads were not faster.
@@ -62,7 +65,7 @@ def needs(view: View) -> Needs:
             cascades=cascades_of(fitted, texels),
             bits=bits_of(fitted, depths),
             bias=bias_of(fitted, depths),
-            penumbra=penumbra_of(view, samples),
+            penumbra=penumbra_of(view, samples) if penumbrae else None,
             reach=reach.result(),
             receivers=receivers_of(samples, planes.result()),
             casters=casters.result(),

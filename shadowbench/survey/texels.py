@@ -68,9 +68,8 @@ def edge_size(fitted: FittedMap, extent: Floats) -> Estimate | None:
     lit, edges = _lit_by_bias(fitted, extent), 2 * len(samples.edges)  # those of the mask and of the truth
 
     def enough(texels: float) -> bool:
-        more = (
-            lit(texels) * samples.step
-        )  # pixels beside each other, of a lattice whose edges are as sparse as its rows
+        # In a lattice of samples, edges are as sparse as its rows: a lit sample stands for `step` pixels of an edge.
+        more = lit(texels) * samples.step
         wrong = np.minimum(displacement / texels, 1).mean() * edges + more
         return bool(wrong <= (1 + 1e-9) * WRONG * (edges + more))
 

@@ -4,13 +4,13 @@ import hashlib
 import logging
 import os
 from contextlib import suppress
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import platformdirs
-from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
@@ -74,10 +74,11 @@ def cache_folder() -> Path:
     return Path(chosen) if chosen else Path(platformdirs.user_cache_dir("shadowbench")) / "truth"
 
 
-def write_truth(file: Path, truth: Truth) -> None:
-    """Write all arrays of a truth as a compressed .npz."""
+def write_truth(file: Path, truth: Truth, **others: object) -> None:
+    """Write all arrays of a truth, and others by name, as a compressed .npz."""
     with replace_file(file) as temporary, temporary.open("wb") as stream:
-        np.savez_compressed(stream, **truth.arrays())  # type: ignore[arg-type]  # the stub types allow_pickle alone
+        # The stub types allow_pickle alone.
+        np.savez_compressed(stream, **truth.arrays(), **others)  # type: ignore[arg-type]
 
 
 def read_truth(file: Path, view: View) -> Truth | None:
@@ -85,26 +86,30 @@ def read_truth(file: Path, view: View) -> Truth | None:
     if not file.is_file():  # reading a named pipe would block
         return None
     try:
-        # Opened here, since np.load does not close a file that it fails to read.
-        with file.open("rb") as stream, np.load(stream) as arrays:
-            values = {name: arrays[name] for name in arrays.files}
-    except Exception:  # damaged bytes raise many types in zipfile and NumPy, MemoryError and TokenError included
+        arrays = read_arrays(file)
+    except Exception:
         return None
-    if not are_arrays_of_a_truth(values, view.size, len(view.scene.geometry.faces)):
-        return None
-    return Truth(**{**values, "diagonal": float(values["diagonal"]), "view": view})
+    truth = truth_of(arrays, view.size, len(view.scene.geometry.faces))
+    return truth and replace(truth, view=view)
 
 
-def are_arrays_of_a_truth(values: dict[str, NDArray[Any]], size: int, triangles: int) -> bool:
-    """Whether arrays have the names, types, shapes and ranges of a truth of a view and a number of triangles."""
+def read_arrays(file: Path) -> dict[str, Any]:
+    """The arrays of an .npz by name. Damaged bytes raise many types in zipfile and NumPy, MemoryError included."""
+    # Opened here, since np.load does not close a file that it fails to read.
+    with file.open("rb") as stream, np.load(stream) as arrays:
+        return dict(arrays)
+
+
+def truth_of(arrays: dict[str, Any], size: int, triangles: int) -> Truth | None:
+    """The truth of these arrays; None unless names, types, shapes and ranges are those of a view of some triangles."""
     ranges = {**_RANGES, "triangle": (np.int32, -1, triangles - 1)}
-    if values.keys() != ranges.keys():
-        return False
+    if arrays.keys() != ranges.keys():
+        return None
     for name, (kind, low, high) in ranges.items():
-        array, shape = values[name], () if name == "diagonal" else (size, size)
+        array, shape = arrays[name], () if name == "diagonal" else (size, size)
         if array.dtype != kind or array.shape != shape or not ((array >= low) & (array <= high)).all():  # NaN neither
-            return False
-    return True
+            return None
+    return Truth(**{**arrays, "diagonal": float(arrays["diagonal"])})
 
 
 @cache

@@ -20,6 +20,7 @@ from shadowbench.gl.device import device_of
 from shadowbench.techniques.base import Technique
 from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.canvas import Canvas
+from shadowbench.viewer.crash_reporter import CrashReporter
 from shadowbench.viewer.file_panel import FileNames, file_panel
 from shadowbench.viewer.navigation import distance, walked
 from shadowbench.viewer.panes import NUMBERS
@@ -29,7 +30,6 @@ from shadowbench.viewer.state import Source, ViewerState
 from shadowbench.viewer.technique_panel import edited_spec
 from shadowbench.viewer.truth_task import TruthTask
 from shadowbench.viewer.view_panel import below, view_panel
-from shadowbench.viewer.witness import Witness
 
 SIZE = (1400, 860)
 LEFT, RIGHT = 310.0, 340.0  # pixels
@@ -105,8 +105,8 @@ class ViewerWindow:
 
     def run(self) -> None:
         """Show the window until it is closed."""
-        with Witness() as witness:
-            self.viewer.drawing.tell = witness.tell
+        with CrashReporter() as reporter:
+            self.viewer.drawing.tell = reporter.tell
             try:
                 while not self.window.is_closing:
                     self.frame()

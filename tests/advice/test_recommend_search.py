@@ -437,6 +437,7 @@ def test_a_technique_alone_is_searched_to_its_own_cheapest(
 
     found = find_cheapest(view, truth, Target("iou", 0.99), "work", KNOWN, 4096, measure, ("shadow-map",))
     assert found.choice is not None and found.choice.spec.map_size == 2048 and found.among == ("shadow-map",)
+    assert found.needs.penumbra is None, "its truths are not traced, as no spec depends on it"
     none = find_cheapest(view, truth, Target("iou", 0.999), "work", KNOWN, 4096, measure, ("shadow-map",))
     assert obstacles(none)[0].startswith("nothing measured of shadow-map meets IoU ≥ 0.999; the closest is shadow-map")
 

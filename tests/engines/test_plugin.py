@@ -76,6 +76,9 @@ def test_of_its_own():
 FLIPPED = """
 def test_it(shadow_accuracy):
     shadow_accuracy("flipped.png", scene="stairs")
+
+def test_of_one_view(shadow_accuracy):
+    shadow_accuracy("mask.png", scene="stairs.npz", sun=True)
 """
 OTHERWISE = """
 def test_it(shadow_accuracy):
@@ -183,7 +186,8 @@ def test_a_metric_that_is_not_defined_is_none_and_a_comparison_says_why(judged: 
 
 
 def test_bad_input_is_a_failure_of_one_line(judged: Ran) -> None:
-    assert judged.outcomes("test_flipped.py") == {"FAILED": 1}
+    assert judged.outcomes("test_flipped.py") == {"FAILED": 2}
+    assert "--sun: stairs.npz is the truth of one view; allowed: a scene, with --sun" in judged.printed
     assert "flipped.png: is flipped vertically, against the truth of stairs" in judged.printed
     assert "Traceback" not in judged.printed and "pytest_plugin.py" not in judged.printed
 

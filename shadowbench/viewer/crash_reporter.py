@@ -19,7 +19,7 @@ if doing != "{_CLOSED}":
 """
 
 
-class Witness:
+class CrashReporter:
     """Hears of each technique before it is called. A context manager, in which the window is shown."""
 
     def __init__(self) -> None:
@@ -37,7 +37,7 @@ class Witness:
             with suppress(BrokenPipeError):  # it was killed
                 self._process.stdin.write(f"{doing}\n")
 
-    def __enter__(self) -> "Witness":
+    def __enter__(self) -> "CrashReporter":
         return self
 
     def __exit__(self, *_: object) -> None:

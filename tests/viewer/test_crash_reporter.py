@@ -15,14 +15,14 @@ from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
 from shadowbench.viewer.drawing import Drawing
 from shadowbench.viewer.state import ViewerState
-from shadowbench.viewer.witness import Witness
+from shadowbench.viewer.crash_reporter import CrashReporter
 
 known = techniques([Path(sys.argv[1])])
 scene = load_scene("post")
 specs = tuple(parse_spec(text, known) for text in ("unshadowed", sys.argv[2]))
-with Witness() as witness:
+with CrashReporter() as reporter:
     drawing = Drawing(open_device())
-    drawing.tell = witness.tell
+    drawing.tell = reporter.tell
     drawing.draw(ViewerState(scene, scene.cameras[0], scene.lights[0], specs, 16), 16)
 """
 
