@@ -285,13 +285,18 @@ def stress(
 
 
 def close() -> None:
-    """End the worker process; the next drawing call starts another."""
+    """End the worker process, after the calls of other threads; the next drawing call starts another."""
+    with _SharedWorker.lock:
+        _end_worker()
+
+
+def _end_worker() -> None:
     if _SharedWorker.worker is not None:
         _SharedWorker.worker.stop()
     _SharedWorker.worker = _SharedWorker.settings = None
 
 
-atexit.register(close)
+atexit.register(_end_worker)  # a daemon thread's call is not waited for
 
 
 @contextmanager
@@ -300,7 +305,7 @@ def _worker(plugins: tuple[Path, ...], limits: Limits | None = None) -> Iterator
     settings = plugins, limits or Limits()
     with _SharedWorker.lock:
         if _SharedWorker.worker is None or _SharedWorker.settings != settings:
-            close()
+            _end_worker()
             _SharedWorker.worker, _SharedWorker.settings = Worker(*settings), settings
         yield _SharedWorker.worker
 

@@ -4,7 +4,7 @@ import os
 import re
 import subprocess
 import sys
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 
 import nbclient
@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 
 import shadowbench as sb
-from shadowbench.api import _SharedWorker
+from shadowbench.api import _SharedWorker, _worker
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "how-to" / "python.md"
 CODE = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
@@ -168,6 +168,16 @@ def test_threads_take_turns() -> None:
     with ThreadPoolExecutor(4) as pool:
         found = list(pool.map(lit, list(wanted) * 6))
     assert found == list(wanted.values()) * 6 and len(set(found)) == 2
+
+
+def test_close_waits_for_the_calls_of_other_threads() -> None:
+    with ThreadPoolExecutor(1) as pool, _worker(()) as worker:
+        worker.ready()
+        closed = pool.submit(sb.close)
+        wait([closed], 0.3)  # long enough to end the process, if it did not wait
+        assert not closed.done() and worker.info
+        lit("unshadowed")
+    assert _SharedWorker.worker is None
 
 
 def test_threads_with_other_plug_ins_do_not_end_each_other_s_worker(half: Path) -> None:

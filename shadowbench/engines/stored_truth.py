@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.engines.external_mask import LARGEST
-from shadowbench.errors import InputError
+from shadowbench.errors import InputError, printable
 from shadowbench.measure.scoring import depths, points_at, prepare_truth
 from shadowbench.scenes.digest import view_digest
-from shadowbench.scenes.model import Camera, Light, Scene, View, vec3
+from shadowbench.scenes.model import LONGEST_VIEW_NAME, Camera, Light, Scene, View, vec3
+from shadowbench.scenes.tables import LIGHT_TABLES, NAME
 from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.truths.cache import read_arrays, truth_of, write_truth
 from shadowbench.truths.trace import Truth
@@ -102,9 +103,14 @@ def read_stored_truth(file: Path) -> StoredTruth:
         camera = Camera(given["name"], position, target, float(given["fov_y"]), up)
         light = Light(told["light"]["name"], told["light"]["kind"])
         view = View(Scene(told["scene"], (), (camera,), (light,), tuple(told["notes"])), camera, light, side)
-        named = (view.scene.name, camera.name, light.name, light.kind, told["digest"], *view.scene.notes)
+        names = view.scene.name, camera.name, light.name  # parts of file names
         if not (
-            np.isfinite(camera.basis()).all() and 0 < camera.fov_y < np.pi and all(isinstance(n, str) for n in named)
+            np.isfinite(camera.basis()).all()
+            and 0 < camera.fov_y < np.pi
+            and all(map(NAME.fullmatch, names))
+            and len(view.name.encode()) <= LONGEST_VIEW_NAME
+            and light.kind in LIGHT_TABLES
+            and all(isinstance(text, str) and printable(text) == text for text in (told["digest"], *view.scene.notes))
         ):
             raise ValueError
     except Exception:

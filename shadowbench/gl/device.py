@@ -14,7 +14,7 @@ from shadowbench.gl.raw import RawGL
 
 _SUBPIXEL_BITS, _CUBE_MAP_SEAMLESS = 0x0D50, 0x884F
 _VECTOR_WIDTH, _NO_SHADER_CACHE = "LP_NATIVE_VECTOR_WIDTH", "MESA_SHADER_CACHE_DISABLE"
-_WIDEST = 256
+_WIDTHS = 128, 256  # bits
 _SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software", "swiftshader", "warp", "basic render")
 
 
@@ -113,11 +113,7 @@ def open_device() -> Device:
     """
     if isinstance(moderngl, MissingModule):
         raise NoGLError(NOT_INSTALLED.format("moderngl"))
-    if _VECTOR_WIDTH in os.environ:
-        # Mesa's cache of compiled shaders is keyed by the processor, not by this (update_cache_sha1_cpu in llvmpipe's
-        # lp_screen.c, 22.3.6 and later). From it, a vertex shader compiled for 8 lanes writes 8 vertices into a buffer
-        # for 4: malloc aborts.
-        os.environ.setdefault(_NO_SHADER_CACHE, "true")
+    before_context()
     options: dict[str, Any] = {"backend": "egl"} if sys.platform.startswith("linux") else {}
     try:
         context = moderngl.create_context(standalone=True, require=410, **options)
@@ -126,18 +122,30 @@ def open_device() -> Device:
             f"no OpenGL 4.1 context ({str(error).strip() or type(error).__name__}); "
             "on Debian and Ubuntu without a GPU: apt-get install libegl1 libgl1-mesa-dri libgl1"
         ) from error
-    device = device_of(context)
-    bits = re.search(r"llvmpipe .*\b(\d+) bits", device.renderer)
-    if bits and int(bits[1]) > _WIDEST:
-        # Its code for depth and stencil has arrays for 4 or 8 lanes, as assertions say that a package leaves out
-        # (lp_build_depth_stencil_load_swizzled in lp_bld_depth.c, 22.3.6): LLVM is handed a null pointer.
-        context.release()
-        raise NoGLError(f"{_VECTOR_WIDTH}: found {bits[1]}, with which llvmpipe cannot test depths; allowed: 128, 256")
-    return device
+    return device_of(context)
+
+
+def before_context() -> None:
+    """Keep the driver from shaders that were compiled for another processor; called before a context is made."""
+    if _VECTOR_WIDTH in os.environ:
+        # Mesa's cache of compiled shaders is keyed by the processor, not by this (update_cache_sha1_cpu in llvmpipe's
+        # lp_screen.c, 22.3.6 and later). From it, a vertex shader compiled for 8 lanes writes 8 vertices into a buffer
+        # for 4: malloc aborts.
+        os.environ.setdefault(_NO_SHADER_CACHE, "true")
 
 
 def device_of(context: moderngl.Context) -> Device:
-    """The device of a context that exists, such as a window's."""
+    """The device of a context that exists, such as a window's. Raises NoGLError for a width that cannot be drawn with.
+
+    The context must have been made after `before_context`.
+    """
+    device = Device(context)
+    bits = re.search(r"llvmpipe .*\b(\d+) bits", device.renderer)
+    if bits and int(bits[1]) not in _WIDTHS:
+        # The code for depth and stencil has arrays for 4 or 8 lanes, as assertions say that a package leaves out
+        # (lp_build_depth_stencil_load_swizzled in lp_bld_depth.c, 22.3.6): LLVM is handed a null pointer.
+        context.release()
+        raise NoGLError(f"{_VECTOR_WIDTH}: found {bits[1]}, with which llvmpipe cannot draw; allowed: 128, 256")
     context.gc_mode = "auto"
     context.enable_direct(_CUBE_MAP_SEAMLESS)  # filters read across the edges of cube faces
-    return Device(context)
+    return device

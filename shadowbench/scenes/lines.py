@@ -97,7 +97,8 @@ def numbers(lines: Lines, where: str, integers: bool = False, dropped: bytes = b
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", DeprecationWarning)  # NumPy's sign of a word that is not a number
-            values = np.fromstring(text, dtype=np.int64 if integers else np.float64, sep=" ")
+            kind = np.int64 if integers else np.float64
+            values = np.fromstring(text, kind, sep=" ") if len(words) else np.zeros(0, kind)  # blanks are none
     except (DeprecationWarning, ValueError):
         values = np.zeros(0)
     if len(values) != len(words):

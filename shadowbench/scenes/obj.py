@@ -7,7 +7,7 @@ from collections import Counter
 
 import numpy as np
 
-from shadowbench.errors import InputError
+from shadowbench.errors import InputError, printable
 from shadowbench.scenes.lines import Lines, Rows, lines_of, numbers, with_newlines, without_comments
 from shadowbench.scenes.polygons import Integers, Polygons
 from shadowbench.scenes.tables import MOST_COPIES
@@ -91,7 +91,8 @@ def _objects(objects: Lines, faces: Lines, raw: bytes, where: str) -> tuple[Inte
 
 def _left_out(others: Lines, where: str) -> list[str]:
     """A note with the numbers of unsupported statements, such as curves."""
-    words = (others.line(k).split(None, 1)[0].decode("utf-8", errors="replace") for k in range(len(others.starts)))
+    # The line may be a damaged one: no control sequences for the terminal.
+    words = (printable(others.line(k).split(None, 1)[0].decode(errors="replace")) for k in range(len(others.starts)))
     found = Counter(word for word in words if word.lower() not in NO_SHAPE)
     if not found:
         return []

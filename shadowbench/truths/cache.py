@@ -97,7 +97,7 @@ def read_arrays(file: Path) -> dict[str, Any]:
     """The arrays of an .npz by name. Damaged bytes raise many types in zipfile and NumPy, MemoryError included."""
     # Opened here, since np.load does not close a file that it fails to read.
     with file.open("rb") as stream, np.load(stream) as arrays:
-        return dict(arrays)
+        return {name: np.asarray(array) for name, array in arrays.items()}  # an entry that is no array is read as bytes
 
 
 def truth_of(arrays: dict[str, Any], size: int, triangles: int) -> Truth | None:

@@ -16,7 +16,7 @@ from moderngl_window.context.glfw.window import Window as GlfwWindow
 from moderngl_window.integrations.imgui_bundle import ModernglWindowRenderer
 
 from shadowbench.errors import InputError, ShadowbenchError
-from shadowbench.gl.device import device_of
+from shadowbench.gl.device import before_context, device_of
 from shadowbench.techniques.base import Technique
 from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.canvas import Canvas
@@ -251,6 +251,7 @@ class NoDisplayError(ShadowbenchError):
 
 def _open(title: str) -> GlfwWindow:
     """A window with an OpenGL 4.1 context. Raises NoDisplayError."""
+    before_context()
     with warnings.catch_warnings(record=True) as heard:  # GLFW's errors are warnings
         warnings.simplefilter("always")
         try:

@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -496,19 +497,23 @@ def test_a_stored_truth_gives_the_scores_and_the_row_of_its_scene(
 
 
 @pytest.mark.parametrize(
-    "damage", ["missing", "pipe", "cut", "empty", "text", "array", "names", "range", "about", "pickle"]
+    "damage",
+    ["missing", "pipe", "cut", "empty", "text", "array", "bytes", "names", "range", "about", "path", "long", "pickle"],
 )
 def test_a_damaged_truth_is_one_line(shadowbench: Callable, tmp_path: Path, damage: str) -> None:
     stored, mask = tmp_path / "truth.npz", tmp_path / "mask.png"
     write_mask(mask, np.ones((32, 32)))
+    arrays, data = {}, b""
     if damage != "missing":
         assert shadowbench("truth", SCENE, "-o", stored, "--view-size", "32").code == 0
         arrays, data = dict(np.load(stored)), stored.read_bytes()
         stored.unlink()
     changed = {
         "names": {"visibility": None},
-        "range": {"area": arrays["area"] + 1} if damage == "range" else {},
+        "range": {"area": np.ones((32, 32), np.float32) + 1},
         "about": {"about": np.array('{"scene": 1}')},
+        "path": {"about": np.array(str(arrays.get("about")).replace('"scene": "', '"scene": "../../'))},
+        "long": {"about": np.array(str(arrays.get("about")).replace('"name": "', f'"name": "{"é" * 70}'))},
         "pickle": {"about": np.array([{}], dtype=object)},
     }
     if damage == "pipe":
@@ -516,6 +521,10 @@ def test_a_damaged_truth_is_one_line(shadowbench: Callable, tmp_path: Path, dama
     elif damage in changed:
         kept = {name: value for name, value in (arrays | changed[damage]).items() if value is not None}
         np.savez(stored, **kept)
+    elif damage == "bytes":
+        with zipfile.ZipFile(stored, "w") as archive:
+            for name in arrays:
+                archive.writestr(f"{name}.npy", b"no array")
     elif damage == "array":
         with stored.open("wb") as stream:
             np.save(stream, arrays["area"])

@@ -7,13 +7,15 @@ import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
+from typing import cast
 
+import moderngl
 import psutil
 import pytest
 
 from shadowbench.errors import NoGLError
 from shadowbench.gl import device as device_module
-from shadowbench.gl.device import Device, open_device
+from shadowbench.gl.device import Device, device_of, open_device
 from shadowbench.gl.raw import SIGNATURES, RawGL
 
 MAJOR_VERSION, MINOR_VERSION = 0x821B, 0x821C
@@ -78,12 +80,28 @@ def test_no_context_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> Non
         open_device()
 
 
-def test_a_vector_width_without_depth_tests_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    info = {"GL_RENDERER": "llvmpipe (LLVM 15.0.6, 512 bits)", "GL_VERSION": "4.5 (Core Profile) Mesa 22.3.6"}
+@pytest.mark.parametrize("bits", [64, 512])
+def test_a_vector_width_without_depth_tests_is_refused(monkeypatch: pytest.MonkeyPatch, bits: int) -> None:
+    info = {"GL_RENDERER": f"llvmpipe (LLVM 15.0.6, {bits} bits)", "GL_VERSION": "4.5 (Core Profile) Mesa 22.3.6"}
     context = SimpleNamespace(info=info, enable_direct=lambda flag: None, release=lambda: None)
     monkeypatch.setattr(device_module.moderngl, "create_context", lambda **_: context)
-    with pytest.raises(NoGLError, match=r"LP_NATIVE_VECTOR_WIDTH: found 512.*allowed: 128, 256"):
+    with pytest.raises(NoGLError, match=rf"LP_NATIVE_VECTOR_WIDTH: found {bits}.*allowed: 128, 256"):
         open_device()
+    with pytest.raises(NoGLError, match=rf"LP_NATIVE_VECTOR_WIDTH: found {bits}.*allowed: 128, 256"):
+        device_of(cast(moderngl.Context, context))  # a window's
+
+
+def test_a_window_keeps_from_shaders_of_another_vector_width(monkeypatch: pytest.MonkeyPatch) -> None:
+    window = pytest.importorskip("shadowbench.viewer.window")
+    monkeypatch.setenv("LP_NATIVE_VECTOR_WIDTH", "128")
+    monkeypatch.setenv("MESA_SHADER_CACHE_DISABLE", "")  # so that it is restored
+    monkeypatch.delenv("MESA_SHADER_CACHE_DISABLE")
+    found = []
+    monkeypatch.setattr(
+        window, "GlfwWindow", lambda **_: found.append(os.environ["MESA_SHADER_CACHE_DISABLE"]) or SimpleNamespace()
+    )
+    window._open("a window")
+    assert found == ["true"]
 
 
 @pytest.mark.slow

@@ -100,6 +100,11 @@ def test_lines_in_an_obj_are_a_note(mesh_file: MeshFile) -> None:
     assert "left out" in note
 
 
+def test_a_note_on_a_damaged_line_has_no_control_sequences(mesh_file: MeshFile) -> None:
+    (note,) = read_meshes(mesh_file("a.obj", OBJ + "f 1 2 3\n\x1b[2Jx 1\n")).notes
+    assert note == "a.obj: 1 statement(s) left out that make no face: 1 \\x1b[2Jx"
+
+
 @pytest.mark.parametrize(
     ("text", "notes"),
     [
@@ -154,6 +159,8 @@ TRISTRIP = PLY + "element tristrips 1\nproperty list int int vertex_indices\nend
         ("a.obj", "", ["empty"]),
         ("a.obj", "hello\n", ["no triangles"]),
         ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n", ["no triangles"]),
+        ("a.obj", OBJ + "f \n", ["a.obj", "no triangles"]),
+        ("a.obj", "v \nf 1 2 3\n", ["line 1", "a vertex of 0 numbers"]),
         ("a.obj", OBJ + "f 1 2 9\n", ["a.obj"]),
         ("a.obj", OBJ + "f 1 2 -9\n", ["a.obj"]),
         ("a.obj", OBJ + "f 0 1 2\n", ["vertex 0"]),
