@@ -5,7 +5,7 @@ from collections.abc import Iterable
 
 LONGEST_QUOTE = 500
 """Most characters quoted from messages of foreign code, such as plug-ins."""
-NOT_INSTALLED = "{} is not installed; docs/how-to/install.md says for which platforms there is one"
+NOT_INSTALLED = "{} is not installed; docs/how-to/install.md lists the platforms that have it"
 NOT_EVERYWHERE = ("embreex", "moderngl", "numba", "vl_convert")
 """Modules that some platforms lack; what can do without them imports them where it calls them."""
 

@@ -125,24 +125,22 @@ def _exit_code() -> int:
     except (KeyboardInterrupt, typer.Abort):
         code = _STOPPED
     except Exception as error:
+        code = 3
         if isinstance(error, OSError) and error.errno in FULL:
             _complain(f"{error.filename or 'a file'}: cannot be written ({os.strerror(error.errno).lower()})")
             code = 2
         elif any(map(_lacks_process, _chain(error))):
-            code = 3
             _complain(NO_PROCESS)
         elif isinstance(error, ModuleNotFoundError) and error.name in NOT_EVERYWHERE:
             _complain(NOT_INSTALLED.format(error.name))
-            code = 3
         else:
             traceback.print_exc()
             _complain("an internal error; please report it with the lines above")
-            code = 3
-    if code == _STOPPED and _can_start_threads():  # Typer answers Ctrl-C with this code, and prints nothing
-        _complain("stopped; repeat the command to resume")
-    elif code == _STOPPED:
+    if code == _STOPPED and not _can_start_threads():
         _complain(NO_PROCESS)
-        code = 3
+        return 3
+    if code == _STOPPED:  # Typer answers Ctrl-C with this code, and prints nothing
+        _complain("stopped; repeat the command to resume")
     return code
 
 

@@ -16,9 +16,9 @@ from shadowbench.engines.orientation import misorientation
 from shadowbench.engines.shift import estimate_shift, shift_text
 from shadowbench.engines.smoothing import shift_image
 from shadowbench.engines.soft_error_kinds import soft_error_kinds
-from shadowbench.engines.stored_truth import StoredTruth
+from shadowbench.engines.stored_truth import TruthOfView
 from shadowbench.errors import InputError
-from shadowbench.measure.scoring import mask_record, prepare_truth
+from shadowbench.measure.scoring import mask_record
 from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.model import View
 from shadowbench.scores.comparison import Comparison
@@ -158,27 +158,25 @@ class Accuracy:
         return lines
 
 
-def accuracy_of(external: ExternalMask, against: View | StoredTruth) -> Accuracy:
-    """Score a mask against the truth of a view, or one from a file.
+def accuracy_of(external: ExternalMask, against: View | TruthOfView) -> Accuracy:
+    """Score a mask against the truth of a view, traced here or read from a file.
 
     The mask is scored unchanged: a shift, an sRGB encoding, an umbra that is not 0 or clipping is a warning and a field
     of `record["input"]`. Raises InputError for a mask that is flipped, rotated or inverted, and for screenshots without
     a pixel bright enough to score.
     """
-    if isinstance(against, StoredTruth):
-        view, stored, digest, prepare = against.view, against.truth, against.digest, against.prepared
-        if view.size != external.size:
-            raise InputError(
-                f"{external.name}: found {external.size} × {external.size} pixels; allowed: {view.size} × {view.size}, "
-                "as the truth has"
-            )
-    else:
-        view, stored, digest, prepare = against, cached_truth(against), view_digest(against), prepare_truth
-    truth, unmeasured = stored, 0
+    if isinstance(against, View):
+        against = TruthOfView(cached_truth(against), against, view_digest(against))
+    view, truth, unmeasured = against.view, against.truth, 0
+    if view.size != external.size:
+        raise InputError(
+            f"{external.name}: found {external.size} × {external.size} pixels; allowed: {view.size} × {view.size}, "
+            "as the truth has"
+        )
     if external.measurable is not None:
         unmeasured = int(np.count_nonzero(truth.receivers & ~truth.undecided & ~external.measurable))
         truth = replace(truth, receivers=truth.receivers & external.measurable)
-    prepared = prepare(truth)
+    prepared = against.prepared(truth)
     if unmeasured and not prepared.pixels:
         raise InputError(
             f"{external.name}: lit − ambient is below 1/64 in every pixel; allowed: a lit picture of the view"
@@ -225,7 +223,7 @@ def accuracy_of(external: ExternalMask, against: View | StoredTruth) -> Accuracy
     }
     record = {**mask_record(external.visibility, truth, prepared), "input": input_record}
     told = tuple(f"{external.name}: {line}" for line in warnings)
-    return Accuracy(external, view, stored, digest, comparison, record, told, umbra)
+    return Accuracy(external, view, against.truth, against.digest, comparison, record, told, umbra)
 
 
 def _uniform(comparison: Comparison) -> str | None:

@@ -14,7 +14,7 @@ from shadowbench.engines.difference import write_difference
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
 from shadowbench.measure import scoring
-from shadowbench.measure.row_store import RowStore
+from shadowbench.measure.row_store import IMAGES, RowStore
 from shadowbench.measure.score_rows import Measurement, identity, score_row
 from shadowbench.scores.masks import write_mask
 from shadowbench.sources import code_digest
@@ -72,7 +72,7 @@ def _digest(parts: object) -> str:
 
 def _write_pictures(accuracy: Accuracy, folder: Path, key: str) -> None:
     view, truth = accuracy.view, accuracy.truth
-    for kind in ("masks", "differences", "truth", "pictures"):
+    for kind in IMAGES:
         (folder / kind).mkdir(exist_ok=True)
     write_mask(folder / "masks" / f"{key}.png", accuracy.external.visibility)
     write_difference(folder / "differences" / f"{key}.png", accuracy.difference())

@@ -24,20 +24,21 @@ _ALLOWED = "allowed: a file that `shadowbench truth` wrote"
 
 
 @dataclass(frozen=True, eq=False)
-class StoredTruth:
-    """A truth from a file. view: names, camera and kind of light of its view, without meshes; digest: of the view.
+class TruthOfView:
+    """A truth, and the view that it is of; digest: of the view.
 
-    depth: (N, N) metres along the camera's axis, from which widths of penumbrae are measured.
+    From a file, the view has names, camera and kind of light only, and depth is (N, N) metres along the camera's axis,
+    from which widths of penumbrae are measured; None for a truth with its meshes.
     """
 
     truth: Truth
     view: View
     digest: str
-    depth: NDArray[np.float64]
+    depth: NDArray[np.float64] | None = None
 
     def prepared(self, truth: Truth) -> PreparedTruth:
         """The input of metrics; truth: the stored one, perhaps with fewer receivers."""
-        return prepare_truth(truth, partial(points_at, self.view.camera, self.depth))
+        return prepare_truth(truth, None if self.depth is None else partial(points_at, self.view.camera, self.depth))
 
 
 def write_stored_truth(file: Path, truth: Truth, view: View) -> None:
@@ -59,7 +60,7 @@ def write_stored_truth(file: Path, truth: Truth, view: View) -> None:
     write_truth(file, truth, depth=depths(view, truth.triangle), about=json.dumps(about))
 
 
-def stored_truth_of(scene: str | Path, **options: object) -> StoredTruth | None:
+def stored_truth_of(scene: str | Path, **options: object) -> TruthOfView | None:
     """The truth in a file of `shadowbench truth`; None for any other scene.
 
     options: what chooses a view of other scenes, by name. Raises InputError for a truth with such an option.
@@ -71,7 +72,7 @@ def stored_truth_of(scene: str | Path, **options: object) -> StoredTruth | None:
     return read_stored_truth(Path(scene))
 
 
-def read_stored_truth(file: Path) -> StoredTruth:
+def read_stored_truth(file: Path) -> TruthOfView:
     """Read what `write_stored_truth` wrote. Raises InputError for any other file."""
     if not file.is_file():  # reading a named pipe would block
         raise InputError(f"{file}: {'is not a file' if file.exists() else 'no such file'}; {_ALLOWED}")
@@ -115,4 +116,4 @@ def read_stored_truth(file: Path) -> StoredTruth:
             raise ValueError
     except Exception:
         raise InputError(f"{file}: found no view of a truth in its array 'about'; {_ALLOWED}") from None
-    return StoredTruth(truth, view, told["digest"], depth)
+    return TruthOfView(truth, view, told["digest"], depth)

@@ -17,7 +17,7 @@ if sys.platform == "win32":
 else:
     import fcntl
 
-IMAGES = ("masks", "pictures", "truth")
+IMAGES = ("masks", "pictures", "truth", "differences")
 """Folders of images in a run folder, written by the program that has locked it."""
 
 

@@ -15,12 +15,12 @@ doing = ""
 for line in sys.stdin:
     doing = line.strip()
 if doing != "{_CLOSED}":
-    print("shadowbench: the window has ended by itself" + (doing and ", while it drew " + doing), file=sys.stderr)
+    print("shadowbench: the window ended unexpectedly" + (doing and " while drawing " + doing), file=sys.stderr)
 """
 
 
 class CrashReporter:
-    """Hears of each technique before it is called. A context manager, in which the window is shown."""
+    """Is told of each technique before it is called. A context manager, in which the window is shown."""
 
     def __init__(self) -> None:
         command = [sys.executable, "-I", "-S", "-X", "utf8", "-c", _PROGRAM]

@@ -216,7 +216,12 @@ def test_a_process_that_opened_a_lock_before_its_release_does_not_write_with_the
 
 def test_images_that_a_killed_run_left_half_written_are_removed_by_the_next(tmp_path: Path) -> None:
     kept = ["masks/key.png", "masks/.mine.png", ".report.0123456789ab.html"]
-    for name in [*kept, "masks/.key.0123456789ab.png", "truth/.a.camera.sun.64.0123456789ab.png"]:
+    for name in [
+        *kept,
+        "masks/.key.0123456789ab.png",
+        "truth/.key.0123456789ab.png",
+        "differences/.a.camera.sun.64.0123456789ab.png",
+    ]:
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).touch()
     with opened(tmp_path):

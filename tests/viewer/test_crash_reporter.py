@@ -29,7 +29,7 @@ with CrashReporter() as reporter:
 
 @pytest.mark.parametrize(
     ("what", "line"),
-    [("leave", "shadowbench: the window has ended by itself, while it drew does:what=leave\n"), ("nothing", "")],
+    [("leave", "shadowbench: the window ended unexpectedly while drawing does:what=leave\n"), ("nothing", "")],
 )
 def test_a_window_that_ends_by_itself_names_its_technique(wild: Path, what: str, line: str) -> None:
     command = [sys.executable, "-c", SCRIPT, wild, f"does:what={what}"]
