@@ -17,7 +17,7 @@ from shadowbench.measure.row_store import command_line
 from shadowbench.measure.rows import SCHEMA, RunFile, StudyFacts, read_run_file
 from shadowbench.reports.stability import analyse
 from shadowbench.reports.words import counted
-from shadowbench.scores.masks import mask_sha256, read_mask
+from shadowbench.scores.masks import mask_sha256, open_png, read_mask
 from shadowbench.studies.folder import read_folders, write_cells
 from shadowbench.studies.sweeps import read_sweep_positions
 from shadowbench.studies.tables import write_table
@@ -95,8 +95,8 @@ def _write(joined: Joined, sources: Sequence[Path], abouts: Sequence[RunFile], o
         # The truth of the last one counts, as its rows come last.
         truths = (file for source in reversed(sources) for file in source.glob("truth/*.png"))
         for files in (own, truths):
-            if refused := _link(files, beside, Path.is_file):
-                notes.append(f"{_files(list(refused.values()), 'image')} no regular file: left out")
+            if refused := _link(files, beside, _is_png):
+                notes.append(f"{_files(list(refused.values()), 'image')} no PNG: left out")
         about = _run_file(joined, sources, abouts)
         text = json.dumps(about, indent=2, ensure_ascii=False)
         (beside / "run.json").write_text(text + "\n", encoding="utf-8", errors="replace")
@@ -153,6 +153,15 @@ def _link_masks(sources: Sequence[Path], joined: Joined, folder: Path) -> list[s
             f"{_files(lost, 'mask')} not what was scored: left out, as no folder has a good one; the row stays"
         )
     return notes
+
+
+def _is_png(file: Path) -> bool:
+    """Whether a file is an image, as what a link leads to may not be: a result is handed on, with all its files."""
+    try:
+        with open_png(file, "allowed: a PNG"):
+            return True
+    except InputError:
+        return False
 
 
 def _link(files: Iterable[Path], folder: Path, is_good: Callable[[Path], bool]) -> dict[str, Path]:

@@ -100,6 +100,8 @@ def read_sweep_positions(table: Path) -> SweepPositions:
                 _lines(swept), swept["bias_of"], swept["bias_factor"], also, strict=True
             )
         }
+    except OSError as error:
+        raise InputError(f"{table}: cannot be read ({error.strerror})") from None
     except (ValueError, KeyError, OverflowError) as error:
         raise InputError(f"{table}: found no sweep in it ({short(error)}); allowed: what a command wrote") from None
 

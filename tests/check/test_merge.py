@@ -146,17 +146,19 @@ def test_a_good_mask_is_taken_and_a_damaged_one_named(
     assert read(tmp_path / "alone") == [record] and not (tmp_path / "alone" / "masks").exists()
 
 
-def test_only_regular_files_are_merged(shadowbench: Shadowbench, tmp_path: Path) -> None:
+def test_only_images_are_merged(shadowbench: Shadowbench, tmp_path: Path) -> None:
     """Of a link, the file; a pipe is not waited for."""
     record = cell(mask_sha256=mask_sha256(np.ones((16, 16))))
     mask = masked(tmp_path / "part", record, 1.0)
     mask.rename(tmp_path / "elsewhere.png")
     mask.symlink_to(tmp_path / "elsewhere.png")
-    for kind, name in (("pictures", record["key"]), ("truth", "s.camera.sun.16")):
-        (tmp_path / "part" / kind).mkdir()
-        os.mkfifo(tmp_path / "part" / kind / f"{name}.png")
+    (tmp_path / "private").write_text("not for others")
+    (tmp_path / "part" / "pictures").mkdir()
+    (tmp_path / "part" / "truth").mkdir()
+    os.mkfifo(tmp_path / "part" / "pictures" / f"{record['key']}.png")
+    (tmp_path / "part" / "truth" / "s.camera.sun.16.png").symlink_to(tmp_path / "private")
     answer = shadowbench("merge", tmp_path / "part", "-o", tmp_path / "all")
-    assert answer.code == 0 and answer.err.count("is no regular file: left out\n") == answer.err.count("\n") == 2
+    assert answer.code == 0 and answer.err.count("is no PNG: left out\n") == answer.err.count("\n") == 2
     assert [str(file.relative_to(tmp_path / "all")) for file in (tmp_path / "all").glob("*/*")] == [
         f"masks/{mask.name}"
     ]

@@ -1,9 +1,11 @@
 """Bias sweeps: the multiplied biases, and the printed curve of acne and contact."""
 
 import csv
+import errno
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pandas as pd
 import pytest
@@ -177,3 +179,11 @@ def test_a_bias_of_nothing_has_one_point(tmp_path: Path) -> None:
     assert [place for several in sweep_positions(made.sweeps).values() for place in several] == [
         ("shadow-map:bias=constant(units=0.0)", 1)
     ]
+
+
+def test_an_unreadable_table_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "table.csv").touch()
+    denied = PermissionError(errno.EACCES, "Permission denied")
+    monkeypatch.setattr(pd, "read_csv", Mock(side_effect=denied))  # not by its mode, which does not bind root
+    with pytest.raises(InputError, match=r"table\.csv: cannot be read \(Permission denied\)"):
+        read_sweep_positions(tmp_path / "table.csv")
