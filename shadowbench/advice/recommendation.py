@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from typing import Any, Literal
 
 import numpy as np
@@ -69,22 +70,32 @@ class Target:
             return 0.0 if metrics["iou"] in (None, 1.0) else math.inf
         return 1 - value if self.metric == "iou" else value
 
-    def text(self, error: float, row: Mapping[str, Any]) -> str:
+    def text(self, error: float, row: Mapping[str, Any], as_target: bool = False) -> str:
         """Text of an error by the metric: `IoU 0.9712`, `edges 0.21 px off`, `RMSE 0.013`; in words if infinite.
 
-        row: the score row, which has the error of its truth.
+        row: the score row, which has the error of its truth; as_target: rounded to a target that the error meets.
         """
+        digits = self.reached if as_target else self.digits
         if math.isinf(error):
             return "no edges to compare, and other shadows"
         if self.metric == "iou":
-            return f"IoU {self.digits(1 - error)}"
-        value = METRICS[self.metric].text(error, self.digits, row)
+            return f"IoU {digits(1 - error)}"
+        value = METRICS[self.metric].text(error, digits, row)
         return f"RMSE {value}" if self.metric == "rmse" else f"edges {value} px off"
 
     def digits(self, value: float) -> str:
         """A value of the metric, rounded, but neither across the target nor to an IoU of 1 unless it is that."""
         form = "{:.4g}" if self.metric == "iou" else "{:.3g}"
         return METRICS[self.metric].digits_beside(self.value, form.format)(value)
+
+    def reached(self, value: float) -> str:
+        """A value of the metric as another target, which it meets: an IoU rounded down, others up."""
+        places, rounding = (4, ROUND_FLOOR) if self.metric == "iou" else (3, ROUND_CEILING)
+        texts = (f"{Context(one, rounding).create_decimal(value):.{one}g}" for one in range(places, 17))
+        beyond = (
+            text for text in texts if float(text) != self.value and (float(text) > self.value) == (value > self.value)
+        )
+        return f"{float(next(beyond, value)):.16g}"
 
     def __str__(self) -> str:
         whats = {

@@ -125,16 +125,16 @@ def _depth_rule(needs: Needs) -> _Rule:
 
 
 def _too_few(bits: int | None) -> str:
-    found = (
-        f"by `needs` {bits} bits are needed" if bits else "no format is known to suffice, so that the widest is taken"
-    )
-    return f"the closest caster and receiver: {found}"
+    if bits:
+        return f"by `needs` {bits} bits are needed to separate casters from receivers"
+    return "no format is known to separate casters from receivers, so that the widest is taken"
 
 
 def _planar_rule(needs: Needs, least_iou: float | None) -> _Rule:
     """Excludes planar techniques if no plane is visible, or if an upper bound of their IoU misses the target.
 
-    Shadows on curved receivers stay lit; the bound assumes that as much as possible of the lit surface is curved.
+    Shadows on curved receivers stay lit; the bound assumes that as much as possible of the lit surface is curved, and
+    the reason says what is seen.
     """
     seen = needs.receivers
     curved, shadow = 1 - seen.planar.value, seen.shadowed.value
@@ -143,7 +143,8 @@ def _planar_rule(needs: Needs, least_iou: float | None) -> _Rule:
     if seen.planes == 0:
         why = "no receiver that is seen is a plane"
     elif least_iou is not None and most < least_iou:
-        why = f"only {seen.planar.value:.1%} of the visible surface lies on planes: its IoU is at most about {most:.3g}"
+        lost = seen.lost.value
+        why = f"by `needs` it would leave {lost:.1%} of the shadow lit: its IoU is at most about {1 - lost:.3g}"
     return lambda spec: (spec.technique.name, why) if why is not None and spec.technique.only_planes else None
 
 

@@ -44,13 +44,13 @@ def step_lines(found: Recommendation) -> list[str]:
     lines = []
     if found.cheaper is not None:
         saved = math.floor(100 * (1 - found.cheaper.cost / choice.cost))
-        cheaper = f"relaxing the target to {_text(target, found.cheaper)} saves {saved}%"
+        cheaper = f"relaxing the target to {_text(target, found.cheaper, as_target=True)} saves {saved}%"
         lines.append(f"of those measured, {cheaper}: {_name(found.cheaper)}")
     else:
         lines.append("of those measured, none saves a tenth or more if the target is relaxed")
     if found.better is not None:
         times = found.better.cost / choice.cost
-        better = f"tightening it to {_text(target, found.better)} costs {times:.3g} × as much"
+        better = f"tightening it to {_text(target, found.better, as_target=True)} costs {times:.3g} × as much"
         lines.append(f"of those measured, {better}: {_name(found.better)}")
     elif choice.error > 0:
         lines.append("tightening it: nothing measured has less than half the error")
@@ -120,8 +120,8 @@ def _untried_line(found: Recommendation, name: str) -> str:
     return f"not tried{further}: {name}: {', '.join(reasons)}{alone}"
 
 
-def _text(target: Target, trial: Trial) -> str:
-    return target.text(trial.error, {} if trial.result is None else trial.result.score)
+def _text(target: Target, trial: Trial, as_target: bool = False) -> str:
+    return target.text(trial.error, {} if trial.result is None else trial.result.score, as_target)
 
 
 def _name(trial: Trial) -> str:

@@ -75,10 +75,12 @@ def _penumbra(truth: "Truth") -> str:
 
     from shadowbench.measure.scoring import prepare_truth
 
-    penumbra = prepare_truth(truth).penumbra
+    prepared = prepare_truth(truth)
+    penumbra = prepared.penumbra
     if not penumbra.any():
         return ""
-    median, high = np.percentile(truth.standard_error[penumbra], [50, 95])
+    variance = prepared.variance[penumbra]
+    median, high = np.sqrt(np.percentile(variance[variance > 0], [50, 95]))  # 0 where all points of the light agree
     share = penumbra.sum() / truth.receivers.sum()
     errors = f"{median:.2g} (median), {high:.2g} (95%)"
     return f", {penumbra.sum()} ({share:.0%}) in penumbra, where the standard error is {errors}"

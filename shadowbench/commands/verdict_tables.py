@@ -54,14 +54,14 @@ def _print_costs(sections: "Sequence[Section]", kind: str) -> None:
 
 
 def _cheapest(cell: "CostCell") -> tuple[str, str]:
-    """The cost and the setting in one scene, and the number of other settings that cost the same."""
+    """The cost and the setting in one scene, and the number of others whose times do not tell them apart."""
     from shadowbench.reports.verdict import cell_texts
     from shadowbench.reports.words import counted
 
     cost, label, note = cell_texts(cell, 1)
     if cell.cheapest is None:
         return cost, f"none, {note}"
-    return cost, f"{label}, or {counted(len(cell.ties), 'other')}" if cell.ties else label
+    return cost, f"{label}, or {counted(len(cell.ties), 'other')} within the noise" if cell.ties else label
 
 
 def _cost(cell: "CostCell", scenes: int) -> str:

@@ -41,6 +41,7 @@ def error_kinds(comparison: Comparison, metrics: dict[str, float | None]) -> lis
     contact, elsewhere = _split(false_light, prepared.contact)
     lit_edge, leak = _split(elsewhere, at_edge)
     displaced = dark_edge | lit_edge
+    leaks = ", leaks included" if (leak & prepared.contact).any() else ""  # most of their patches lies farther away
     reach = np.sqrt(np.percentile(prepared.squared_edge_distance[displaced], 95)) if displaced.any() else 0.0
     found = [
         ErrorKind(
@@ -51,7 +52,7 @@ def error_kinds(comparison: Comparison, metrics: dict[str, float | None]) -> lis
         ErrorKind(
             "peter-panning",
             int(np.count_nonzero(contact)),
-            f"{_share(metrics['contact'])} of the shadow next to its caster is lit (contact)",
+            f"{_share(metrics['contact'])} of the shadow next to its caster is lit{leaks} (contact)",
         ),
         ErrorKind("acne", int(np.count_nonzero(acne)), f"{_share(metrics['acne'])} of the lit interior is dark (acne)"),
         ErrorKind(
@@ -125,4 +126,6 @@ def _others(leak: Mask, comparison: Comparison) -> str:
 
 
 def _share(value: float | None) -> str:
-    return "none" if value is None else f"{value:.2%}"
+    if value is None:
+        return "none"
+    return f"{value:.2%}" if value >= 1e-4 else f"{100 * value:.2g}%"

@@ -366,6 +366,17 @@ def test_projection_is_left_out_only_where_planes_cannot_hold_the_shadow(street:
     assert not is_tried(planar=0.5, shadowed=0.1, least=None, planes=0)
 
 
+def test_why_projection_is_left_out_is_what_needs_says_of_it(street: Needs) -> None:
+    """The share of the shadow that stays lit, which bounds the IoU, and not a looser bound."""
+    estimate = street.receivers.planar
+    planar, shadowed, lost = (dataclasses.replace(estimate, value=value) for value in (0.146, 0.16, 0.59))
+    seen = dataclasses.replace(street.receivers, planes=6, planar=planar, shadowed=shadowed, lost=lost)
+    space = full_space(KNOWN, "directional", 16384)
+    _, excluded = prune(space, dataclasses.replace(street, receivers=seen), 0.99, by_work=True)
+    (why,) = [one.why for one in excluded if one.what == "planar-projection"]
+    assert why == "by `needs` it would leave 59.0% of the shadow lit: its IoU is at most about 0.41"
+
+
 def test_ranking_by_work_drops_the_volumes_with_a_depth_pass(street: Needs) -> None:
     space = full_space(KNOWN, "directional", 16384)
     for by_work, count in ((True, 1), (False, 2)):
@@ -475,6 +486,21 @@ def test_a_rounded_value_is_on_its_own_side_of_the_target(value: float) -> None:
     assert shown == pytest.approx(value, abs=6e-5)
     assert (shown >= 0.99) == (value >= 0.99) and (shown == 1) == (value == 1)
     assert float(Target("edge_px", 0.5).digits(0.5001)) > 0.5
+
+
+@pytest.mark.parametrize(
+    ("target", "value", "shown"),
+    [
+        (Target("iou", 0.99), 0.9863548, "0.9863"),
+        (Target("iou", 0.99), 0.9999875, "0.9999"),
+        (Target("iou", 0.9999), 0.9999875, "0.99998"),
+        (Target("iou", 0.99), 1.0, "1"),
+        (Target("rmse", 0.02), 0.0293444, "0.0294"),
+        (Target("rmse", 0.02), 0.0, "0"),
+    ],
+)
+def test_another_target_that_is_told_is_met_by_what_was_measured(target: Target, value: float, shown: str) -> None:
+    assert target.reached(value) == shown
 
 
 def test_without_a_match_the_closest_spec_and_the_obstacle_are_named(

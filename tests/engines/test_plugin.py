@@ -156,7 +156,7 @@ def test_a_failure_says_what_kind_of_error_it_is_and_saves_the_picture(judged: R
     assert judged.code == 1 and judged.outcomes("test_empty.py") == {"FAILED": 1}
     assert "iou 0 > 0.98 (accuracy of empty.png on stairs)" in judged.printed
     assert "peter-panning" in judged.printed
-    assert "of the shadow next to its caster is lit (contact)" in judged.printed
+    assert "of the shadow next to its caster is lit, leaks included (contact)" in judged.printed
     (picture,) = (file for file in judged.pictures if file.name.startswith("test_empty."))
     assert str(picture) in judged.printed
     with Image.open(picture) as image:

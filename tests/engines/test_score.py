@@ -417,6 +417,23 @@ def test_errors_are_told_by_their_kind(comparison: Callable, prepared: Callable)
     assert error_kinds(comparison(truth.visibility, SCENE), score(truth.visibility, truth)) == []
 
 
+def test_the_share_of_a_kind_of_error_is_not_rounded_to_none_of_it(comparison: Callable, prepared: Callable) -> None:
+    """One pixel of acne in some 30,000; and a share that counts pixels of another kind says so."""
+    truth = prepared(SCENE)
+    mask = truth.visibility.copy()
+    mask[tuple(np.argwhere(truth.lit_interior)[0])] = 0
+    acne = score(mask, truth)["acne"]
+    (kind,) = error_kinds(comparison(mask, SCENE), score(mask, truth))
+    assert acne < 5e-5 and kind.line == f"{100 * acne:.2g}% of the lit interior is dark (acne)"
+    rows = np.arange(256)[:, np.newaxis]
+    middle = int(np.median(np.argwhere(truth.contact & truth.shadow)[:, 0]))
+    both = (truth.contact & (rows < middle)) | (truth.shadow & (rows > middle))
+    mask = np.where(both, 1, truth.visibility)
+    lines = {kind.name: kind.line for kind in error_kinds(comparison(mask, SCENE), score(mask, truth))}
+    assert lines["peter-panning"].endswith("of the shadow next to its caster is lit, leaks included (contact)")
+    assert lines["leak"].endswith("of the shadow's interior is lit, peter-panning included (leak)")
+
+
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
