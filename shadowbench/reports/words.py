@@ -23,7 +23,9 @@ EDGE_NAMES = {1.0: "1 px", 0.5: "½ px", 0.25: "¼ px"}
 
 
 def digits(value: float) -> str:
-    """A number with three significant digits, without an exponent if possible."""
+    """A number with three significant digits, without an exponent if possible; more if below 1, but 1 with three."""
+    if 0.9995 <= value < 1:
+        return next(text for places in range(4, 18) if float(text := f"{value:.{places}g}") < 1)
     if abs(value) >= 1000:
         return f"{float(f'{value:.3g}'):.0f}"
     return f"{value:#.3g}".rstrip(".") if value and abs(value) >= 1e-4 else f"{value:.2g}"
@@ -71,7 +73,7 @@ def median_text(one: Configuration, name: str, limit: float | None = None) -> st
     found = one.row.values[name]
     if found is None:
         return "–"
-    form = "{:.4g}".format if name == "iou" else digits
+    form = METRICS["iou"].digits_beside(1.0, "{:.4g}".format) if name == "iou" else digits
     text = one.row.text(name, form if limit is None else METRICS[name].digits_beside(limit, form))
     ends = [form(end) for end in (found.least, found.most) if end is not None]
     return f"{text}{' px' if name == 'edge_px' else ''}" + (f" ({'–'.join(ends)})" if len(set(ends)) > 1 else "")

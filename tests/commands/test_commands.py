@@ -24,6 +24,7 @@ from shadowbench import __version__
 from shadowbench.commands import console
 from shadowbench.extremes.axes import AXES, value_label
 from shadowbench.measure import noise, worker
+from shadowbench.reports.words import digits
 from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import view_of
 from shadowbench.scores.masks import read_mask
@@ -631,3 +632,10 @@ def test_a_system_that_allows_few_processes_is_one_line(
         monkeypatch.setattr(worker, "spawn", refused(KeyboardInterrupt))
     answer = shadowbench("run", "cube-on-plane", "-t", "half", "--plugin", plugin, *SMALL, "-q", "-o", tmp_path / "out")
     assert (answer.code, answer.err) == (3, NO_PROCESS)
+
+
+@pytest.mark.parametrize(("value", "shown"), [(0.99975, "0.9998"), (0.99998749, "0.99999"), (1.0, "1"), (1.0002, "1")])
+def test_what_is_not_exact_is_not_rounded_to_1(value: float, shown: str) -> None:
+    """`1 is exact`, say the columns of IoU and SSIM, in the terminal and in the report."""
+    assert console.number(value) == shown
+    assert float(digits(value)) == float(shown)
