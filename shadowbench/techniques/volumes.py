@@ -21,6 +21,7 @@ Sign = Literal[1, -1]
 
 _SIGNS: tuple[Sign, Sign] = (1, -1)
 _WALL_CORNERS = 6  # vertices of a wall in wall.vert
+_ON_EDGE = 1e-6  # distance of a lamp from an edge, as a share of the coordinates: rounding
 _CLOSE = 1e-3  # distance of a lamp from a triangle's plane, as a share of the triangle's size
 
 
@@ -106,8 +107,10 @@ class Volumes:
         faces = self.faces[chosen]
         both_from, closed = (int(chosen[:end].sum()) for end in (self._both_from, self._closed_faces))
         weights = self._cap_weights(self._exact, faces, self._light, both_from, closed)
+        parts = np.searchsorted(self._face_ends, np.flatnonzero(chosen), side="right")
         for sign in _SIGNS:
-            self._drawn["cap", sign] = self._uploads["cap", sign](self._caps(faces[sign * weights > 0], sign))
+            drawn = sign * weights > 0
+            self._drawn["cap", sign] = self._uploads["cap", sign](self._caps(faces[drawn], parts[drawn], sign))
 
     def draw(self, part: VolumePart, batch: Batch, sign: Sign, front_adds: int, render_pass: RenderPass) -> None:
         """Draw a batch's walls or caps with a weight of this sign, as many times as their weight.
@@ -124,10 +127,10 @@ class Volumes:
             ranges = kept_ranges(batch.parts, self._wall_ends[sign], batch.others)
         drawn.draw(render_pass.target, render_pass.textures, render_pass.state, ranges)
 
-    def _caps(self, faces: Indices, sign: Sign) -> Singles:
+    def _caps(self, faces: Indices, parts: Indices, sign: Sign) -> Singles:
         """(N, 4) corners of the near caps and, if the light has a position, of the far caps at infinity.
 
-        sign: of the triangles' weights, 1 if they face the light.
+        parts: (F,) of which the triangles are; sign: of the triangles' weights, 1 if they face the light.
         """
         near = self._vertices[faces.ravel()]
         points = np.column_stack([near, np.ones(len(near), dtype=np.float32)])
@@ -143,7 +146,18 @@ class Volumes:
         fan = np.empty((np.count_nonzero(close), 3, 3, 3), dtype=np.float32)
         fan[:, :, 0], fan[:, :, 1] = away[close], np.roll(away[close], -1, axis=1)
         fan[:, :, 2] = sign * normal[close, np.newaxis]
-        far = np.concatenate([away[~close].reshape(-1, 3), fan.reshape(-1, 3)])
+        # Of an edge with the lamp on it, whose ends are in opposite directions, rounding would decide the way between
+        # them: that away from the part is the right one, and the same for both triangles.
+        length = np.linalg.norm(fan[:, :, 0] - fan[:, :, 1], axis=2)
+        off = np.linalg.norm(np.cross(fan[:, :, 0], fan[:, :, 1]), axis=2)
+        opposite = np.einsum("fij,fij->fi", fan[:, :, 0], fan[:, :, 1]) < 0
+        through = opposite & (off <= _ON_EDGE * np.abs(near).max(initial=0.0) * length)
+        middle = (self._light[:3] - self.boxes[parts[close]].mean(axis=1)).astype(np.float32)
+        middle = np.broadcast_to(middle[:, np.newaxis], (len(fan), 3, 3))[through]
+        second = fan[through]
+        second[:, 0] = middle
+        fan[through, 1] = middle
+        far = np.concatenate([away[~close].reshape(-1, 3), fan.reshape(-1, 3), second.reshape(-1, 3)])
         return np.concatenate([points, np.column_stack([far, np.zeros(len(far), dtype=np.float32)])])
 
 

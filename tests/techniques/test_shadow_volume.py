@@ -11,8 +11,10 @@ from shadowbench.errors import InputError
 from shadowbench.geometry.convex import corners
 from shadowbench.geometry.topology import casters_of
 from shadowbench.gl.clock import Clock, work_of
+from shadowbench.scenes.files import transform_of
 from shadowbench.scenes.library import hard_names, load_scene
 from shadowbench.scenes.model import Light, Mesh, unit, view_of
+from shadowbench.scenes.tables import MeshTable
 from shadowbench.techniques.base import Frame, Phase
 from shadowbench.techniques.batches import batches_of
 from shadowbench.techniques.culling import visible_region
@@ -316,6 +318,21 @@ def test_a_lamp_on_a_face_of_a_turned_box_is_in_its_shadow(shape, looking, mask)
         truth = trace(view, pixel_samples=1)
         decided = (truth.receivers & ~truth.undecided).sum()
         assert decided > 1000 and wrong(mask(SILHOUETTE, view), truth).sum() <= 1e-3 * decided
+
+
+@pytest.mark.parametrize("angles", [(15, 40, 25), (130, 231, 167), (244, 174, 276), (310, 45, 80)])
+def test_a_lamp_on_an_edge_of_a_turned_box_is_in_its_shadow(angles, shape, looking, mask) -> None:
+    """There the directions to the ends of the edge are opposite, and rounding decides the way between them."""
+    turn = transform_of(MeshTable(shape="box", rotate=angles))[:3, :3]
+    box = shape("box")
+    turned = replace(box, vertices=box.vertices @ turn.T + [0.1, 1.3, 0.2])
+    for place in ((0.5, 0.5, 0.1), (-0.2, -0.5, 0.5), (0.5, 0.3, -0.5)):
+        lamp = Light("lamp", "point", position=tuple(turn @ place + [0.1, 1.3, 0.2]))
+        view = looking([shape("plane", 8.0), turned], lamp, 64)
+        truth = trace(view, pixel_samples=1)
+        decided = (truth.receivers & ~truth.undecided).sum()
+        for spec in (SILHOUETTE, TRIANGLE):
+            assert wrong(mask(spec, view), truth).sum() <= 2e-3 * decided
 
 
 @pytest.mark.parametrize("direction", [(0.0, -1.0, 0.0), (1.0, -1.0, 0.0), (0.0, -0.2, 1.0)])
