@@ -1,6 +1,7 @@
 """Masks of real renderers: ours, good and bad, raise no false alarm; those of VTK work with `export` and `score`."""
 
 import json
+import re
 import subprocess
 import sys
 import venv
@@ -62,16 +63,19 @@ def vtk_python(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return python
 
 
-@pytest.mark.parametrize(("scene", "least"), [("cube-on-plane", 0.93), ("spot-lamp", 0.7)])
+@pytest.mark.parametrize(
+    ("scene", "least", "umbra"), [("cube-on-plane", 0.93, r"0\.1[5-9]"), ("spot-lamp", 0.7, r"0\.[2-3]\d")]
+)
 def test_vtk_goes_through_export_and_score(
-    vtk_python: Path, shadowbench: Callable, tmp_path: Path, scene: str, least: float
+    vtk_python: Path, shadowbench: Callable, tmp_path: Path, scene: str, least: float, umbra: str
 ) -> None:
     assert shadowbench("export", scene, tmp_path, "--view-size", "256").code == 0
     subprocess.run([vtk_python, ROOT / "examples" / "vtk_shadows.py", tmp_path], check=True)
     pictures = ("--lit", tmp_path / "lit.png", "--shadowed", tmp_path / "shadowed.png")
     answer = shadowbench("score", scene, *pictures, "--json", "-o", tmp_path / "run", "--name", "vtk")
     found = json.loads(answer.out)
-    assert found["warnings"] == []
+    (warning,) = found["warnings"]  # VTK leaves some of the light in its shadows: a fifth of it on a plane
+    assert re.search(rf"its shadow is {umbra}, not 0; scored as it is; --ambient takes ambient light off$", warning)
     assert least < found["metrics"]["iou"] < 1
     (row,) = [json.loads(line) for line in (tmp_path / "run" / "rows.jsonl").read_text().splitlines()]
     assert row["metrics"] == found["metrics"] and row["renderer"] == "external: vtk"
