@@ -20,6 +20,7 @@ import logging
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import RLock
@@ -36,11 +37,13 @@ from shadowbench.arguments import as_list, as_visibility, instance_of, number, w
 from shadowbench.errors import InputError as InputError
 from shadowbench.errors import ShadowbenchError as ShadowbenchError
 from shadowbench.extremes.ranges import ranges_frame
-from shadowbench.extremes.stress import LIMITS, select_axes
+from shadowbench.extremes.stress import LIMITS, SWEEPING, select_axes
 from shadowbench.extremes.stress import stress as sweep
 from shadowbench.extremes.sweep import default_specs
-from shadowbench.measure import single
-from shadowbench.measure.executor import Limits
+from shadowbench.measure.campaign import Campaign
+from shadowbench.measure.failures import Limits
+from shadowbench.measure.gl_drawer import GLDrawer
+from shadowbench.measure.gl_drawer import render as draw_once
 from shadowbench.measure.plugin_output import techniques_with
 from shadowbench.measure.rendering import Rendering
 from shadowbench.measure.scoring import prepare_truth, truth_record
@@ -52,7 +55,7 @@ from shadowbench.scenes.views import LARGEST, chosen_view, notes_on
 from shadowbench.scores.masks import quantise
 from shadowbench.scores.metrics import score as score_mask
 from shadowbench.studies.crossing import Techniques
-from shadowbench.studies.measure import measure, study_from_options
+from shadowbench.studies.measure import Place, measure, study_from_options
 from shadowbench.survey.survey import Needs
 from shadowbench.survey.survey import needs as survey_view
 from shadowbench.techniques.spec import Spec, parse_spec
@@ -156,7 +159,7 @@ def render(
     (spec,) = _specs(technique, techniques_with(files))
     chosen = _view(scene, view_size, view, light)
     with _worker(files) as worker:
-        return single.render(chosen, spec, worker, name=spec.text, with_map=True, tint=tint)
+        return draw_once(chosen, spec, worker, name=spec.text, with_map=True, tint=tint)
 
 
 def score(visibility: NDArray[Any], truth: Truth) -> Mapping[str, float | None]:
@@ -214,7 +217,7 @@ def run(
         rounds=None if rounds is None else whole_number(rounds, "rounds", 0, 10_000),
     )
     with _folder(folder) as path, _worker(files, chosen.limits) as worker:
-        return measure(chosen, path, worker, _LogReporter()).frame
+        return measure(chosen, path, [Place(partial(_campaign, worker=worker))]).frame
 
 
 def needs(scene: SceneLike, *, view_size: int = 512, view: str | None = None, light: str | None = None) -> Needs:
@@ -257,7 +260,7 @@ def recommend(
     target = target_of(**given, soft=has_penumbra(chosen))
     with _folder(folder) as path, _worker(files) as worker:
         found, _ = measure_recommendation(
-            chosen, target, known, path, worker, _LogReporter(), on_this_machine=on_this_machine, among=among
+            chosen, target, known, _campaign(path, worker), on_this_machine=on_this_machine, among=among
         )
     return found
 
@@ -280,7 +283,7 @@ def stress(
     known = techniques_with(files)
     specs = _specs(techniques, known) or default_specs(known.values())
     with _folder(folder) as path, _worker(files, LIMITS) as worker:
-        found = sweep(specs, chosen, path, worker, _LogReporter(), quick=quick)
+        found = sweep(specs, chosen, _campaign(path, worker, **SWEEPING), quick=quick)
     return ranges_frame(found.ranges)
 
 
@@ -308,6 +311,10 @@ def _worker(plugins: tuple[Path, ...], limits: Limits | None = None) -> Iterator
             _end_worker()
             _SharedWorker.worker, _SharedWorker.settings = Worker(*settings), settings
         yield _SharedWorker.worker
+
+
+def _campaign(folder: Path, worker: Worker, **options: Any) -> Campaign:
+    return Campaign(folder, GLDrawer(worker), _LogReporter(), **options)
 
 
 @_parameter_names()

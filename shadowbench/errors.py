@@ -31,6 +31,13 @@ class NoGLError(ShadowbenchError):
     """No OpenGL context of version 4.1 or later could be created."""
 
 
+class Unsupported(Exception):
+    """Raised when a technique does not support a view; the message is one line that says why."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(quoted(reason))
+
+
 def how_to_install(extra: str) -> str:
     """End of a message about a missing package: what installs an extra. The name on the package index is another's."""
     return f"pip install '.[{extra}]' in a checkout of shadowbench installs it"

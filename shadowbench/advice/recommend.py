@@ -4,7 +4,6 @@ import dataclasses
 import json
 import math
 from collections.abc import Sequence
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -13,18 +12,14 @@ from shadowbench.advice.search import Trial
 from shadowbench.advice.space import chosen_techniques
 from shadowbench.advice.words import obstacles, target_notes
 from shadowbench.errors import InputError
-from shadowbench.files import check_folder, replace_file
-from shadowbench.measure.bench import Bench, Reporter
-from shadowbench.measure.cells import Block, Cell, PlacedView
-from shadowbench.measure.executor import Executor
-from shadowbench.measure.machine import write_run_file
-from shadowbench.measure.measurer import Measurer
-from shadowbench.measure.pictures import Pictures
+from shadowbench.files import replace_file
+from shadowbench.measure.campaign import Campaign
+from shadowbench.measure.cells import Block, Cell
+from shadowbench.measure.drawer import Drawer
 from shadowbench.measure.references import DEFAULT_REFERENCE
-from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.rows import Result
 from shadowbench.measure.scoring import prepare_truth
-from shadowbench.measure.session import DeviceInfo, Session
+from shadowbench.measure.session import DeviceInfo
 from shadowbench.scenes.model import View
 from shadowbench.scores.metrics import ranking
 from shadowbench.studies.crossing import Techniques
@@ -81,9 +76,7 @@ def recommend(
     view: View,
     target: Target,
     known: Techniques,
-    folder: Path,
-    executor: Executor,
-    reporter: Reporter,
+    campaign: Campaign,
     *,
     on_this_machine: bool = False,
     timed: bool = True,
@@ -91,32 +84,31 @@ def recommend(
 ) -> tuple[Recommendation, DeviceInfo]:
     """The cheapest measured of the `known` techniques that meets a target in a view, and the device.
 
-    Measures into a folder: rows, masks, pictures, `table.csv`, `run.json`. on_this_machine: rank by times even on a
-    software renderer; timed: whether the executor may time; among: names of the techniques to search, all if empty.
-    Raises InputError for a folder with other files, a budget on a software renderer, a device without pipeline
+    Measures into a campaign's folder: rows, masks, pictures, `table.csv`, `run.json`. on_this_machine: rank by times
+    even on a software renderer; timed: whether the campaign may time; among: names of the techniques to search, all if
+    empty. Raises InputError for a folder with other files, a budget on a software renderer, a device without pipeline
     statistics, and names of techniques of which none supports the light.
     """
     chosen_techniques(known, among, view.light.hard_kind, view.light.soft)  # before the truth is traced
-    check_folder(folder)
-    info = executor.info
+    info = campaign.drawer.info
     unit = _unit(target, info, on_this_machine, timed)
-    reporter.stage("truth", 1)
-    truth = cached_truth(view)
+    campaign.reporter.stage("truth", 1)
     study = Study.of([view.scene], [DEFAULT_REFERENCE], view_size=view.size, rounds=ROUNDS if unit == "ms" else 0)
+    block = study.block(view)
+    truth = block.truth(0)
     results: list[Result] = []
-    with closing(RowStore(folder)) as store:
-        measurer = Measurer(Bench(executor, store, reporter, Pictures(folder)), study.conditions())
-        reporter.stage("measuring", None)  # the search ends when no spec is left that may be cheaper
+    with campaign:
+        campaign.reporter.stage("measuring", None)  # the search ends when no spec is left that may be cheaper
 
         def measure(spec: Spec) -> Result:
-            (found,) = measurer.measure([Block(view, (Cell(spec),))])
-            results.extend(found)
+            (found,) = campaign.measure([block.of([Cell(spec)])])
+            results.extend(found.values())
             return results[-1]
 
         found = find_cheapest(view, truth, target, unit, known, info.max_map_size, measure, among)
-    write_run_file(folder / "run.json", executor, view.scene.notes, study.facts, [result.score for result in results])
+    campaign.finish(study.facts, view.scene.notes, [result.score["key"] for result in results])
     if results:
-        write_cells(folder, results, {})
+        write_cells(campaign.folder, results, {})
     return found, info
 
 
@@ -136,12 +128,12 @@ def _unit(target: Target, info: DeviceInfo, on_this_machine: bool, timed: bool) 
     return "work"
 
 
-def export_choice(found: Recommendation, folder: Path, executor: Executor) -> None:
+def export_choice(found: Recommendation, folder: Path, drawer: Drawer) -> None:
     """Write `parameters.json` and one file per shader stage of the choice into a folder; nothing without a choice."""
     if found.choice is None:
         return
     spec = found.choice.spec
-    shaders = executor.call(Session.shaders, PlacedView(found.view), Cell(spec).request)
+    shaders = drawer.shaders(Block((found.view,), ()), Cell(spec))
     parameters = {
         "spec": spec.text,
         "technique": spec.technique.name,

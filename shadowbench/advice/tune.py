@@ -1,9 +1,7 @@
 """Computation behind `tune`: a parameter search measured into a folder, and its verdict."""
 
 from collections.abc import Mapping, Sequence
-from contextlib import closing
 from dataclasses import asdict, dataclass, fields, replace
-from pathlib import Path
 from typing import Any
 
 from shadowbench.advice.tune_cells import TuningCells
@@ -12,14 +10,9 @@ from shadowbench.advice.tune_search import search_parameters
 from shadowbench.advice.tune_space import SearchSpace, searched_parameters
 from shadowbench.advice.tune_split import split_scenes
 from shadowbench.errors import InputError
-from shadowbench.files import check_folder
-from shadowbench.measure.attempt import Failure
-from shadowbench.measure.bench import Bench, Reporter
-from shadowbench.measure.executor import Executor
-from shadowbench.measure.machine import write_run_file
-from shadowbench.measure.measurer import Measurer
-from shadowbench.measure.row_store import RowStore
-from shadowbench.measure.rows import Result
+from shadowbench.measure.campaign import Campaign
+from shadowbench.measure.failures import Failure
+from shadowbench.measure.rows import Record, Result
 from shadowbench.scenes.library import hard_names
 from shadowbench.scenes.model import Scene
 from shadowbench.studies.folder import write_cells
@@ -40,9 +33,7 @@ class TuningResult:
 
 def tune_parameters(
     spec: Spec,
-    folder: Path,
-    executor: Executor,
-    reporter: Reporter,
+    campaign: Campaign,
     *,
     scenes: Sequence[str | Scene] = (),
     held_out: Sequence[str] = (),
@@ -51,38 +42,41 @@ def tune_parameters(
     trials: int = 100,
     map_size: Sequence[int] = (2048,),
     phases: int = 2,
-    keep_going: bool = False,
     **others: Any,
 ) -> TuningResult:
     """Search a technique's parameters, and compare the result with the default, the presets and the specs `against`.
 
     scenes: by default the built-in ones whose lights have no size; held_out: names of scenes for the comparison, by
     default every third; params: comma-separated names of parameters, by default DEFAULT_PARAMETERS; map_size: results
-    for several sizes are averaged, as are phases; keep_going: leave out scenes and truths that fail; others: fields of
-    a study, such as `view_size` and `assets`. Writes rows, `table.csv` and `run.json`. Raises InputError for parameters
-    that cannot be searched, CellFailed if the default fails.
+    for several sizes are averaged, as are phases; others: fields of a study, such as `view_size` and `assets`. Writes
+    rows, `table.csv` and `run.json` into the campaign's folder. Raises InputError for parameters that cannot be
+    searched, CellFailed if the default fails.
     """
     base = _sizeless(spec, map_size)
     names = searched_parameters(base, params)
     compared_specs = {name: _sizeless(other, map_size) for name, other in (_presets(base) | dict(against)).items()}
     study_fields = {"reference": base, "map_size": map_size, "rounds": 0, "phases": phases, **others}
     study = Study.of(scenes or hard_names(), [base], **study_fields)
-    check_folder(folder)
-    info = executor.info
+    info = campaign.drawer.info
     check_sizes(study, info)
     if not info.pipeline_statistics:
         raise InputError(f"{info.renderer} does not count shader invocations, so that there is no cost to minimise")
-    failures: list[Failure] | None = [] if keep_going else None
-    with closing(RowStore(folder)) as store:
-        cells = TuningCells(study, Measurer(Bench(executor, store, reporter), study.conditions()), failures)
+    with campaign:
+        cells = TuningCells(study, campaign)
         blocks = cells.eligible_blocks(base)
+        campaign.keep_going = False  # every spec is judged by the same views
         split = split_scenes([scene.name for scene in scenes_of(blocks)], held_out)
         space = SearchSpace(base, names, cells.unsupported_components(base, names, blocks))
         found = search_parameters(space, cells, blocks, split, trials, compared_specs)
     results = tuple(cells.results.values())
-    write_run_file(folder / "run.json", executor, [], study.facts, [result.score for result in results])
-    write_cells(folder, results, {})
-    return TuningResult(found, results, tuple(failures or ()))
+    campaign.finish(study.facts, [], [result.score["key"] for result in results])
+    write_cells(campaign.folder, results, {})
+    return TuningResult(found, results, tuple(campaign.failures))
+
+
+def no_image(row: Record) -> bool:
+    """Never, of the cells of a search: see `Campaign`."""
+    return False
 
 
 def _sizeless(spec: Spec, sizes: Sequence[int]) -> Spec:

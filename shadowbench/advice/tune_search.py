@@ -12,7 +12,7 @@ from shadowbench.advice.tune_space import SearchSpace
 from shadowbench.advice.tune_split import SceneSplit
 from shadowbench.errors import InputError
 from shadowbench.measure.cells import Block
-from shadowbench.measure.executor import CellFailed
+from shadowbench.measure.failures import CellFailed
 from shadowbench.studies.times import pareto_front
 from shadowbench.techniques.spec import Spec
 

@@ -1,27 +1,24 @@
 """The workers of a cluster that measure for one command."""
 
-import pickle
 import secrets
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from threading import Thread
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from shadowbench.cluster import tasks, workers
 from shadowbench.cluster.connect import WORKERS_S, Connection
-from shadowbench.cluster.parcel import PluginFiles, Setup, pack
+from shadowbench.cluster.parcel import PluginFiles, Setup
 from shadowbench.cluster.workers import WorkerFacts
 from shadowbench.errors import InputError, message, quoted
-from shadowbench.measure.bench import Reporter
-from shadowbench.measure.executor import Limits
-from shadowbench.scenes.model import Scene, View
-from shadowbench.truths.cache import truth_file
+from shadowbench.measure.campaign import Reporter
+from shadowbench.measure.failures import Limits
 
 if TYPE_CHECKING:
-    from distributed import Client, Future
+    from distributed import Client
 
 
 class Cluster:
@@ -46,7 +43,6 @@ class Cluster:
         self.facts: dict[str, WorkerFacts] = {}
         self._judged: set[str] = set()
         self._watcher = Thread(target=self._watch)
-        self._sent: dict[object, tuple[object, Future[Any]]] = {}
 
     @property
     def client(self) -> "Client":
@@ -66,44 +62,9 @@ class Cluster:
         self.connection.reconnect()
         if self._watcher.is_alive():
             self._watcher.join()
-        self._sent.clear()
         self.facts.clear()
         self._judged.clear()
         self._wait()
-
-    def send_setup(self, resource: str) -> "Future[Any]":
-        """The setup, for tasks; sent once."""
-        return self._send("setup", self.setup, resource)
-
-    def send_scene(self, scene: Scene, resource: str) -> "Future[Any]":
-        """A scene, for tasks; sent once."""
-        return self._send(id(scene), scene, resource)
-
-    def send_truth(self, view: View, pixel_samples: int, resource: str) -> "Future[Any]":
-        """File name and bytes of a view's truth, for tasks; traced once, by a task of its own unless it is known."""
-        file = truth_file(view, pixel_samples)
-        if file.name in self._sent:
-            return self._sent[file.name][1]
-        if file.is_file() and not self.connection.local:
-            return self._send(file.name, (file.name, file.read_bytes()), resource)
-        data, scenes = pack(view)
-        sent = [self.send_scene(scene, resource) for scene in scenes]
-        return self._submit(file.name, view, resource, tasks.trace_truth, data, sent, pixel_samples)
-
-    def _send(self, name: object, thing: object, resource: str) -> "Future[Any]":
-        """A thing as the result of a task, which Dask repeats if the worker that holds it dies."""
-        if name in self._sent:
-            return self._sent[name][1]
-        return self._submit(name, thing, resource, tasks.load, pickle.dumps(thing))
-
-    def _submit(
-        self, name: object, thing: object, resource: str, function: Callable[..., Any], *arguments: object
-    ) -> "Future[Any]":
-        """A task whose result is kept under a name; thing: kept too, so that its id remains its own."""
-        key = f"{function.__name__}-{secrets.token_hex(8)}"
-        future = self.client.submit(function, *arguments, key=key, resources={resource: 1})
-        self._sent[name] = thing, future
-        return future
 
     def renderers(self) -> list[str]:
         """Renderers of the admitted workers, the study's first."""
@@ -113,6 +74,10 @@ class Cluster:
     def on(self, renderer: str) -> list[WorkerFacts]:
         """Admitted workers with a renderer."""
         return [one for one in self.facts.values() if one.info is not None and one.info.renderer == renderer]
+
+    def machines(self) -> dict[str, WorkerFacts]:
+        """The first admitted worker on each machine, by the machine's name."""
+        return {one.host: one for one in reversed(self.facts.values())}
 
     def watch(self) -> None:
         """Begin to admit workers that have joined, unless it is being done: one that dies meanwhile takes long."""

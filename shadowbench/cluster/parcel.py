@@ -1,15 +1,14 @@
-"""Jobs and plug-ins by value, for processes that share no files with this one."""
+"""Blocks and plug-ins by value, for processes that share no files with this one."""
 
 import io
 import pickle
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from shadowbench.measure.executor import Limits
+from shadowbench.measure.failures import Limits
 from shadowbench.measure.keys import plugin_folder, plugin_sources
-from shadowbench.scenes.model import Scene
 from shadowbench.techniques.spec import Spec, parse_spec
 
 if TYPE_CHECKING:
@@ -17,47 +16,31 @@ if TYPE_CHECKING:
 
 
 class _Pickler(pickle.Pickler):
-    """Pickler that leaves out scenes, which are sent once, and writes specs as text.
+    """Pickler that writes specs as text: the classes of plug-ins have no name that another process knows."""
 
-    The classes of plug-ins have no name that another process knows.
-    """
-
-    def __init__(self, stream: io.BytesIO) -> None:
-        super().__init__(stream, pickle.HIGHEST_PROTOCOL)
-        self.scenes: list[Scene] = []
-
-    def persistent_id(self, thing: object) -> tuple[str, str | int] | None:
-        if isinstance(thing, Spec):
-            return "spec", thing.full_text
-        if not isinstance(thing, Scene):
-            return None
-        known = [n for n, scene in enumerate(self.scenes) if scene is thing]
-        if not known:
-            self.scenes.append(thing)
-        return "scene", known[0] if known else len(self.scenes) - 1
+    def persistent_id(self, thing: object) -> str | None:
+        return thing.full_text if isinstance(thing, Spec) else None
 
 
 class _Unpickler(pickle.Unpickler):
-    def __init__(self, data: bytes, scenes: Sequence[Scene], techniques: "Mapping[str, type[Technique]]") -> None:
+    def __init__(self, data: bytes, techniques: "Mapping[str, type[Technique]]") -> None:
         super().__init__(io.BytesIO(data))
-        self._scenes, self._techniques = scenes, techniques
+        self._techniques = techniques
 
-    def persistent_load(self, sent: tuple[str, Any]) -> Spec | Scene:
-        kind, value = sent
-        return parse_spec(value, self._techniques) if kind == "spec" else self._scenes[value]
+    def persistent_load(self, text: str) -> Spec:
+        return parse_spec(text, self._techniques)
 
 
-def pack(thing: object) -> tuple[bytes, list[Scene]]:
-    """A thing as bytes, and the scenes that it refers to."""
+def pack(thing: object) -> bytes:
+    """A thing as bytes."""
     stream = io.BytesIO()
-    pickler = _Pickler(stream)
-    pickler.dump(thing)
-    return stream.getvalue(), pickler.scenes
+    _Pickler(stream, pickle.HIGHEST_PROTOCOL).dump(thing)
+    return stream.getvalue()
 
 
-def unpack(data: bytes, scenes: Sequence[Scene], techniques: "Mapping[str, type[Technique]]") -> Any:
+def unpack(data: bytes, techniques: "Mapping[str, type[Technique]]") -> Any:
     """The thing of `pack`; techniques: those that its specs name."""
-    return _Unpickler(data, scenes, techniques).load()
+    return _Unpickler(data, techniques).load()
 
 
 @dataclass(frozen=True)

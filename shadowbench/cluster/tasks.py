@@ -1,41 +1,35 @@
-"""What runs on a Dask worker: jobs, drawn by a worker process of ours that it keeps between them."""
+"""What runs on a Dask worker: campaigns, drawn by a worker process of ours that it keeps between them."""
 
 import atexit
-import pickle
 import threading
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 from shadowbench.cluster.parcel import Setup, unpack
-from shadowbench.errors import InputError, ShadowbenchError
-from shadowbench.files import replace_file
-from shadowbench.measure.bench import Bench
-from shadowbench.measure.executor import Unsupported
-from shadowbench.measure.pictures import Pictures
+from shadowbench.errors import ShadowbenchError
+from shadowbench.measure.campaign import Campaign, uniform
+from shadowbench.measure.gl_drawer import GLDrawer
 from shadowbench.measure.plugin_output import techniques_with
-from shadowbench.measure.row_store import Rows
-from shadowbench.measure.rows import Record
+from shadowbench.measure.rows import Record, stream_rows
 from shadowbench.measure.worker import Worker
-from shadowbench.scenes.model import Scene, View
-from shadowbench.truths.cache import cache_folder, cached_truth, truth_file, write_truth
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """What a job returned or raised, and what it made.
+    """What a task returned or raised, and what it made.
 
-    rows: without those it was given; files: bytes of its images, by path in the run folder; messages: calls of its
-    reporter, as names of methods and their argument.
+    files: bytes of its images, by path in the run folder; messages: calls of its reporter, as names of methods and
+    their argument.
     """
 
     value: Any = None
     error: Exception | None = None
     rows: Sequence[Record] = ()
-    files: dict[str, bytes] = field(default_factory=dict)
+    files: Mapping[str, bytes] = field(default_factory=dict)
     messages: Sequence[tuple[str, str]] = ()
 
 
@@ -80,18 +74,6 @@ def close_station(number: str | None = None) -> None:
 atexit.register(close_station)
 
 
-class _Made(Rows):
-    """Rows in memory that remember which were added."""
-
-    def __init__(self, known: Sequence[Record]) -> None:
-        super().__init__(known)
-        self.made: list[Record] = []
-
-    def append(self, *records: Record) -> None:
-        super().append(*records)
-        self.made += records
-
-
 class _Messages:
     """Reporter that records its calls."""
 
@@ -108,51 +90,36 @@ class _Messages:
         self.calls.append(("step", what))
 
 
-def run_job(
-    setup: Setup, job: bytes, scenes: Sequence[Scene], truths: Sequence[tuple[str, bytes]], images: bool
-) -> Outcome:
-    """Outcome of a packed job. truths: those that it needs, as by `trace_truth`; images: whether it makes images."""
-    for name, data in truths:
-        _keep_truth(name, data)
-    with station(setup) as one, TemporaryDirectory(prefix="shadowbench-") as folder:
-        call = unpack(job, scenes, one.techniques)
-        store, messages = _Made(call.known), _Messages()
-        bench = Bench(one.worker, store, messages, Pictures(Path(folder)) if images else None)
-        try:
-            value = call(bench)
-        except (ShadowbenchError, Unsupported) as error:  # no reason to try again
-            return Outcome(error=error, rows=store.made, messages=messages.calls)
-        return Outcome(value, None, store.made, _files(Path(folder)), messages.calls)
+def measure(setup: Setup, packed: bytes, known: Sequence[Record], options: Mapping[str, Any]) -> Outcome:
+    """Measure a packed block. known: its rows; options: of the campaign."""
+    with station(setup) as one, TemporaryDirectory(prefix="shadowbench-") as name:
+        folder, messages, error = Path(name), _Messages(), None
+        options = {**options, "keep_going": False}  # which the client decides
+        with Campaign(folder, GLDrawer(one.worker), messages, **options) as campaign:
+            campaign.store.append(*known)
+            begin = (folder / "rows.jsonl").stat().st_size
+            try:
+                list(campaign.measure([unpack(packed, one.techniques)]))
+            except ShadowbenchError as raised:  # no reason to try again
+                error = raised
+        rows = [row for row, end in stream_rows(folder / "rows.jsonl") if end > begin]
+        images = [file for file in sorted(folder.glob("*/*")) if file.is_file()]
+        files = {file.relative_to(folder).as_posix(): file.read_bytes() for file in images}
+        return Outcome(None, error, rows, files, messages.calls)
 
 
-def _files(folder: Path) -> dict[str, bytes]:
-    return {
-        file.relative_to(folder).as_posix(): file.read_bytes() for file in sorted(folder.rglob("*")) if file.is_file()
-    }
+def trace(setup: Setup, packed: bytes) -> Outcome:
+    """Trace the truth of a packed block into the cache there; the value is that of `uniform`."""
+    with station(setup) as one:
+        block = unpack(packed, one.techniques)
+    try:
+        return Outcome(uniform(block.truth(0)))
+    except ShadowbenchError as error:
+        return Outcome(error=error)
 
 
-def trace_truth(view: bytes, scenes: Sequence[Scene], pixel_samples: int) -> tuple[str, bytes]:
-    """File name in the cache, and bytes, of a packed view's truth. Raises InputError for a view that shows nothing."""
-    placed: View = unpack(view, scenes, {})
-    file = truth_file(placed, pixel_samples)
-    truth = cached_truth(placed, pixel_samples)
-    with suppress(OSError):  # a cache that cannot be written
-        return file.name, file.read_bytes()
-    with TemporaryDirectory() as folder:
-        write_truth(Path(folder, file.name), truth)
-        return file.name, Path(folder, file.name).read_bytes()
-
-
-def _keep_truth(name: str, data: bytes) -> None:
-    """Put a truth that another machine has traced into the cache of this one."""
-    file = cache_folder() / name
-    if not file.exists():
-        with suppress(OSError, InputError):  # a cache that cannot be written: the job traces it again
-            file.parent.mkdir(parents=True, exist_ok=True)
-            with replace_file(file) as temporary:
-                temporary.write_bytes(data)
-
-
-def load(data: bytes) -> Any:
-    """A thing that many tasks need, sent once."""
-    return pickle.loads(data)
+def call(setup: Setup, method: str, packed: bytes) -> Any:
+    """Result of a drawer's method; packed: its arguments."""
+    with station(setup) as one:
+        found = getattr(GLDrawer(one.worker), method)(*unpack(packed, one.techniques))
+        return list(found) if isinstance(found, Iterator) else found

@@ -12,12 +12,11 @@ from shadowbench.errors import printable
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.progress import Task, TaskID
+    from rich.progress import TaskID
 
     from shadowbench.scenes.model import View
 
 _LONGEST_WORD = 24  # characters
-_ESTIMATED = "cells"  # the stage of `studies.time_left`
 _EVERY = 10.0  # seconds between lines of progress where stderr is no terminal
 
 
@@ -66,13 +65,6 @@ class Reporter(logging.Handler):
             TimeRemainingColumn,
         )
         from rich.table import Column
-        from rich.text import Text
-
-        class Remaining(TimeRemainingColumn):
-            """Rich's extrapolation, except of the stage that has its own in the text after the bar."""
-
-            def render(self, task: "Task") -> Text:
-                return Text() if task.description == _ESTIMATED else super().render(task)
 
         super().__init__(logging.WARNING)
         self._quiet = quiet
@@ -84,7 +76,7 @@ class Reporter(logging.Handler):
             BarColumn(None, table_column=Column(ratio=1)),  # the bar and the text share what the numbers leave
             MofNCompleteColumn(table_column=Column(no_wrap=True)),
             TimeElapsedColumn(table_column=Column(no_wrap=True)),
-            Remaining(table_column=Column(no_wrap=True)),
+            TimeRemainingColumn(table_column=Column(no_wrap=True)),
             TextColumn("{task.fields[what]}", table_column=Column(ratio=2, no_wrap=True, overflow="ellipsis")),
         )
         disable = quiet or not err().is_terminal

@@ -1,101 +1,130 @@
-"""What draws for a command: a worker process here, or the workers of a Dask cluster."""
+"""Where a command measures: with a worker process here, or on the workers of a Dask cluster."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from shadowbench.errors import InputError
 
 if TYPE_CHECKING:
-    from shadowbench.measure.bench import Reporter
-    from shadowbench.measure.executor import Executor, Limits
+    from shadowbench.measure.campaign import Campaign, Reporter
+    from shadowbench.measure.failures import Limits
+    from shadowbench.measure.worker import Worker
+    from shadowbench.studies.measure import Place
     from shadowbench.studies.study import Study
 
 
+@dataclass(frozen=True)
+class Machines:
+    """The options about machines: --dask, --renderer, --any-renderer and --time-on. Raises InputError."""
+
+    dask: str | None = None
+    renderer: str | None = None
+    any_renderer: bool = False
+    time_on: str | None = None
+
+    def __post_init__(self) -> None:
+        given = {"--renderer": self.renderer, "--any-renderer": self.any_renderer, "--time-on": self.time_on}
+        named = [name for name, value in given.items() if value]
+        if self.dask is None and named:
+            raise InputError(f"{named[0]}: is for --dask, which is not given")
+
+
 @contextmanager
-def drawing(
-    dask: str | None,
-    renderer: str | None,
+def opening(
+    machines: Machines,
     plugins: Sequence[Path],
     limits: "Limits | None",
     reporter: "Reporter",
-    time_on: str | None = None,
-) -> "Iterator[Executor]":
-    """The executor of a command that needs one; time_on: name of the only worker that it uses, so that it can time."""
-    from shadowbench.measure.worker import Worker
+    **options: Any,
+) -> "Iterator[Callable[[Path], Campaign]]":
+    """What opens the campaign of a command in a folder; options: of the campaign."""
+    if machines.dask is None:
+        from shadowbench.measure.campaign import Campaign
+        from shadowbench.measure.gl_drawer import GLDrawer
+        from shadowbench.measure.worker import Worker
 
-    if dask is None:
-        check_without_dask({"--renderer": renderer, "--time-on": time_on})
         with Worker(plugins, limits) as worker:
-            yield worker
+            yield partial(Campaign, drawer=GLDrawer(worker), reporter=reporter, **options)
         return
+    from shadowbench.cluster.campaign import ClusterCampaign, ClusterDrawer
     from shadowbench.cluster.cluster import Cluster
     from shadowbench.cluster.connect import Connection
-    from shadowbench.cluster.executor import DaskExecutor
-    from shadowbench.cluster.timing import EACH, HERE, timers
+    from shadowbench.cluster.timing import EACH, HERE, named_worker
 
-    if time_on in (EACH, HERE):
-        raise InputError(f"--time-on {time_on}: allowed: one worker, by its address or machine")
+    if machines.time_on in (EACH, HERE):
+        raise InputError(f"--time-on {machines.time_on}: allowed: one worker, by its address or machine")
     with ExitStack() as stack:
-        cluster = stack.enter_context(
-            Cluster(stack.enter_context(Connection(dask)), reporter, plugins, limits, renderer)
-        )
-        if time_on is None:
-            yield DaskExecutor(cluster, cluster.renderers()[0])
-        else:
-            (executor,) = timers(time_on, cluster, plugins, stack).values()
-            yield executor
-
-
-def check_without_dask(given: Mapping[str, object]) -> None:
-    """Raises InputError if an option is given that has a meaning with --dask only."""
-    named = [name for name, value in given.items() if value]
-    if named:
-        raise InputError(f"{named[0]}: is for --dask, which is not given")
-
-
-@dataclass(frozen=True, eq=False)
-class Places:
-    """Where a study is measured: see `studies.measure.measure`."""
-
-    study: "Study"
-    executor: "Executor"
-    others: "Sequence[Executor]" = ()
-    timers: "Mapping[str, Executor] | None" = None
+        connection = stack.enter_context(Connection(machines.dask))
+        cluster = stack.enter_context(Cluster(connection, reporter, plugins, limits, machines.renderer))
+        one = named_worker(machines.time_on, cluster) if machines.time_on is not None else None
+        drawer = ClusterDrawer(cluster, cluster.renderers()[0], one)
+        yield partial(ClusterCampaign, drawer=drawer, reporter=reporter, **options)
 
 
 @contextmanager
 def places(
     study: "Study",
-    dask: str,
-    reporter: "Reporter",
+    machines: Machines,
+    worker: "Worker | None",
     plugins: Sequence[Path],
-    renderer: str | None,
-    any_renderer: bool,
-    time_on: str | None,
-    rounds: int | None,
-) -> Iterator[Places]:
-    """Where a study is measured with --dask; rounds: those asked for by an option. Raises InputError."""
-    if time_on is None and rounds:
+    reporter: "Reporter",
+    **options: Any,
+) -> "Iterator[list[Place]]":
+    """Where a study is measured; worker: the one here, without --dask; options: of the campaigns."""
+    from shadowbench.measure.campaign import Campaign
+    from shadowbench.measure.gl_drawer import GLDrawer
+    from shadowbench.studies.measure import Place
+
+    if worker is not None:
+        yield [Place(partial(Campaign, drawer=GLDrawer(worker), reporter=reporter, **options))]
+        return
+    from shadowbench.cluster.campaign import ClusterCampaign, ClusterDrawer
+    from shadowbench.cluster.cluster import Cluster
+    from shadowbench.cluster.connect import Connection
+    from shadowbench.cluster.timing import timers
+
+    assert machines.dask is not None
+    with ExitStack() as stack:
+        connection = stack.enter_context(Connection(machines.dask))
+        setup = (plugins, study.limits, machines.renderer, machines.any_renderer)
+        cluster = stack.enter_context(Cluster(connection, reporter, *setup))
+        scored = {**options, "time_again": False}
+        found = [
+            Place(
+                partial(ClusterCampaign, drawer=ClusterDrawer(cluster, one), reporter=reporter, **scored), times=False
+            )
+            for one in cluster.renderers()
+        ]
+        if machines.time_on is not None:
+            for name, timer in timers(machines.time_on, cluster, plugins, stack).items():
+                opened = (
+                    partial(ClusterCampaign, drawer=timer, reporter=reporter, **options)
+                    if isinstance(timer, ClusterDrawer)
+                    else partial(Campaign, drawer=timer, reporter=reporter, **options)
+                )
+                found.append(Place(opened, name))
+        yield found
+
+
+def timed_on(study: "Study", machines: Machines, rounds: int | None, reporter: "Reporter") -> "Study":
+    """The study as it is measured: with --dask it is only timed where --time-on says. rounds: as given by an option.
+
+    Raises InputError.
+    """
+    if machines.dask is None:
+        return study
+    if machines.time_on is None and rounds:
         raise InputError(
             f"--rounds {rounds} with --dask: times belong to one machine; allowed: --rounds 0, or --time-on here, each "
             "or a worker"
         )
-    if time_on is not None and study.rounds == 0:
-        raise InputError(f"--time-on {time_on}: found 0 rounds; allowed: 1 or more")
-    from shadowbench.cluster.cluster import Cluster
-    from shadowbench.cluster.connect import Connection
-    from shadowbench.cluster.executor import DaskExecutor
-    from shadowbench.cluster.timing import timers
-
-    if time_on is None and study.rounds:
+    if machines.time_on is not None and study.rounds == 0:
+        raise InputError(f"--time-on {machines.time_on}: found 0 rounds; allowed: 1 or more")
+    if machines.time_on is None and study.rounds:
         reporter.note("nothing is timed: --time-on says on which machine")
-        study = study.with_(rounds=0)
-    with ExitStack() as stack:
-        connection = stack.enter_context(Connection(dask))
-        cluster = stack.enter_context(Cluster(connection, reporter, plugins, study.limits, renderer, any_renderer))
-        executor, *others = [DaskExecutor(cluster, one) for one in cluster.renderers()]
-        taken = timers(time_on, cluster, plugins, stack) if time_on else {}
-        yield Places(study, executor, others, taken)
+        return study.with_(rounds=0)
+    return study

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from shadowbench.commands import completion, console
-from shadowbench.commands.executors import drawing
+from shadowbench.commands.executors import Machines, opening
 from shadowbench.commands.options import (
     Assets,
     Dask,
@@ -147,23 +147,22 @@ def recommend(
         _make_folder(export)
     with (
         console.Reporter(quiet) as reporter,
-        drawing(dask, renderer, plugins, None, reporter, time_on) as executor,
+        opening(Machines(dask, renderer, time_on=time_on), plugins, None, reporter) as campaign_in,
     ):
         chosen = reporter.view(scene, view_size, view, light, assets, up, sun, no_ground)
         target = target_of(min_iou, max_edge_px, budget_ms, max_rmse, soft=has_penumbra(chosen))
+        campaign = campaign_in(output)
         found, info = measure_recommendation(
             chosen,
             target,
             known,
-            output,
-            executor,
-            reporter,
+            campaign,
             on_this_machine=on_this_machine,
             timed=dask is None or time_on is not None,
             among=among,
         )
         if export is not None:
-            export_choice(found, export, executor)
+            export_choice(found, export, campaign.drawer)
     if json:
         console.print_json(values(found, info))
     else:

@@ -69,9 +69,9 @@ def render(
     import numpy as np
 
     from shadowbench.files import check_outputs
+    from shadowbench.measure.gl_drawer import render as drawn_once
     from shadowbench.measure.pictures import write_picture
     from shadowbench.measure.plugin_output import techniques_with
-    from shadowbench.measure.single import render as drawn_once
     from shadowbench.measure.worker import Worker
     from shadowbench.scores.masks import write_mask
     from shadowbench.techniques.base import Technique

@@ -1,6 +1,5 @@
 """`run`: measure a study and print its tables."""
 
-from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -8,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from shadowbench.commands import completion, console
-from shadowbench.commands.executors import Places, check_without_dask, places
+from shadowbench.commands.executors import Machines, places, timed_on
 from shadowbench.commands.options import (
     SCENE,
     SPEC,
@@ -139,9 +138,6 @@ def run(
             "address or machine), or on every machine, which a table compares  [nowhere].",
         ),
     ] = None,
-    profile: Annotated[
-        bool, typer.Option("--profile", help="Print the time that each part of the measurement took.")
-    ] = False,
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for the table, masks and pictures.")
     ] = Path("results/latest"),
@@ -184,10 +180,7 @@ def run(
         raise InputError(
             f"--map-size: found {map_size!r:.60} and {stray[0]!r:.60} as separate arguments; allowed: {together}"
         )
-    if dask is None:
-        check_without_dask({"--renderer": renderer, "--any-renderer": any_renderer, "--time-on": time_on})
-    elif profile:
-        raise InputError("--profile: measures this process; allowed: without --dask")
+    machines = Machines(dask, renderer, any_renderer, time_on)
     with ExitStack() as stack:
         # It starts while the rest is imported and the study is read.
         worker = None if dask is not None else stack.enter_context(Worker(plugin or ()))
@@ -222,24 +215,10 @@ def run(
             reporter.note(f"{cells} cells in {on}: about {seconds:.0f} s on two cores without a GPU")
         if worker is not None:
             worker.limits = asked.limits
-            at = Places(asked, worker)
-        else:
-            assert dask is not None
-            at = stack.enter_context(
-                places(asked, dask, reporter, plugin or (), renderer, any_renderer, time_on, rounds)
-            )
-        found = measure(
-            at.study,
-            output,
-            at.executor,
-            reporter,
-            others=at.others,
-            timers=at.timers,
-            time_again=time_again,
-            profile=profile,
-            part=chosen_part,
-            keep_going=keep_going,
-        )
+        measured = timed_on(asked, machines, rounds, reporter)
+        options = {"time_again": time_again, "keep_going": keep_going}
+        at = stack.enter_context(places(measured, machines, worker, plugin or (), reporter, **options))
+        found = measure(measured, output, at, chosen_part, keep_going)
     if found.run.earlier and not quiet:
         console.print_error(f"note: {output}: {_earlier_cells_note(found.run)}")
     if json:
@@ -249,8 +228,6 @@ def run(
         console.print_json({scene: [dataclasses.asdict(row) for row in rows] for scene, rows in tables.items()})
     else:
         print_study(found, output, quiet)
-    if profile:
-        _print_profile(found.seconds)
     statuses = list(found.frame["status"])
     if not any(found.frame["status"] == "ok") and not found.failures:
         console.print_unsupported(statuses, _others(asked, known))
@@ -288,15 +265,3 @@ def _earlier_cells_note(run: "Run") -> str:
     named = [counted(len({row[what] for row in rows}), what) for what in ("scene", "spec")]
     found = f"the folder also holds {counted(len(rows), 'cell')} of earlier commands ({', '.join(named)})"
     return f"{found}; they are in table.csv and in reports"
-
-
-def _print_profile(seconds: Mapping[str, float]) -> None:
-    from shadowbench.measure.profile import ACTIVITIES, MEASURING, share
-
-    total = sum(seconds.values())
-    for activity, value in sorted(seconds.items(), key=lambda item: -item[1]):
-        console.print_error(f"{activity:<9} {value:8.2f} s  {value / total:6.1%}  {ACTIVITIES[activity]}")
-    console.print_error(
-        f"{total:.2f} s in all: {share(seconds):.1%} in GL passes, ray tracing and scoring, "
-        f"{share(seconds, (*MEASURING, 'prepare')):.1%} with the preparation that prepare_ms measures"
-    )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from shadowbench.commands import completion, console
-from shadowbench.commands.executors import drawing
+from shadowbench.commands.executors import Machines, opening
 from shadowbench.commands.options import SPEC, Dask, Json, KeepGoing, PartOption, Plugins, Quiet, Renderer
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def stress(
       3 of 20 values            number of values measured, with --quick
     """
     from shadowbench.extremes.ranges import ranges_frame
-    from shadowbench.extremes.stress import LIMITS, select_axes
+    from shadowbench.extremes.stress import LIMITS, SWEEPING, select_axes
     from shadowbench.extremes.stress import stress as walk
     from shadowbench.extremes.sweep import default_specs
     from shadowbench.measure.plugin_output import techniques_with
@@ -87,9 +87,11 @@ def stress(
     specs = chosen or default_specs(known.values())
     with (
         console.Reporter(quiet) as reporter,
-        drawing(dask, renderer, plugin or (), LIMITS, reporter) as executor,
+        opening(
+            Machines(dask, renderer), plugin or (), LIMITS, reporter, keep_going=keep_going, **SWEEPING
+        ) as campaign_in,
     ):
-        found = walk(specs, axes, output, executor, reporter, quick=quick, part=chosen_part, keep_going=keep_going)
+        found = walk(specs, axes, campaign_in(output), quick=quick, part=chosen_part)
     if json:
         frame = ranges_frame(found.ranges).astype(object)
         console.print_json(frame.where(lambda frame: frame.notna(), None).to_dict("records"))

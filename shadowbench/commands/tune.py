@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from shadowbench.commands import completion, console
-from shadowbench.commands.executors import drawing
+from shadowbench.commands.executors import Machines, opening
 from shadowbench.commands.options import (
     SCENE,
     SPEC,
@@ -128,7 +128,7 @@ def tune(
       (1 − SSIM) / tuned  the same for 1 − SSIM
       acne, leak, contact means over the held-out scenes (shadowbench list metrics)
     """
-    from shadowbench.advice.tune import tune_parameters, values
+    from shadowbench.advice.tune import no_image, tune_parameters, values
     from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.reports.words import counted
     from shadowbench.techniques.spec import parse_spec
@@ -136,13 +136,13 @@ def tune(
     known = techniques_with(plugin or ())
     with (
         console.Reporter(quiet) as reporter,
-        drawing(dask, renderer, plugin or (), None, reporter) as executor,
+        opening(
+            Machines(dask, renderer), plugin or (), None, reporter, keep_going=keep_going, keeps_images=no_image
+        ) as campaign_in,
     ):
         found = tune_parameters(
             parse_spec(technique, known),
-            output,
-            executor,
-            reporter,
+            campaign_in(output),
             scenes=listed(scenes),
             held_out=listed(held_out),
             params=params,
@@ -151,7 +151,6 @@ def tune(
             map_size=map_sizes(map_size) or (),
             view_size=view_size or 512,
             phases=phases,
-            keep_going=keep_going,
             assets=assets,
             up=up,
             sun=sun,

@@ -6,6 +6,7 @@ import re
 import shutil
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,8 +15,7 @@ from shadowbench.engines.difference import write_difference
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
 from shadowbench.measure import scoring
-from shadowbench.measure.row_store import IMAGES, RowStore
-from shadowbench.measure.score_rows import Measurement, identity, score_row
+from shadowbench.measure.row_store import IMAGES, RowStore, identity
 from shadowbench.scores.masks import write_mask
 from shadowbench.sources import code_digest
 from shadowbench.truths import cache
@@ -47,9 +47,9 @@ def append_row(accuracy: Accuracy, name: str, folder: Path) -> bool:
         # A mask that was changed back gets a new row too, since the newest row of a cell counts.
         key = content if content not in store.scores else _digest([content, same[-1]["key"]])
         _write_pictures(accuracy, folder, key)
-        measured = Measurement(accuracy.record, None, {}, {})
-        extra_fields = {"assumptions": list(view.scene.notes)}
-        store.append(score_row(key, cell, renderer, measured, {"content": content}, extra_fields))
+        row = {"kind": "score", "key": key, **cell, "content": content, "renderer": renderer, "status": "ok"}
+        measured: dict[str, Any] = {"gpu_bytes": None, "work": {}, "facts": {}, "assumptions": list(view.scene.notes)}
+        store.append({**row, **accuracy.record, **measured})
         return True
 
 

@@ -81,6 +81,11 @@ def failure(row: Record) -> Failure | None:
     return next((Failure(kind, amount) for kind, amount in exceeded.items()), None)
 
 
+def out_of_tolerance(row: Record) -> bool:
+    """Whether a row's cell is out of tolerance."""
+    return failure(row) is not None
+
+
 @dataclass(frozen=True)
 class Break:
     """An axis value at which a technique is out of tolerance."""

@@ -1,22 +1,16 @@
 """Computation behind `stress`: a sweep of specs along axes into a folder, and their operating ranges."""
 
-from collections.abc import Sequence
-from contextlib import closing
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from typing import Any
 
 from shadowbench.errors import InputError, ShadowbenchError, alternatives
 from shadowbench.extremes.axes import AXES, Axis
 from shadowbench.extremes.axes.model import VIEW_SIZE
-from shadowbench.extremes.ranges import OperatingRange, operating_ranges, points_frame, ranges_frame
-from shadowbench.extremes.sweep import sweep
-from shadowbench.files import check_folder
-from shadowbench.measure.attempt import Failure
-from shadowbench.measure.bench import Bench, Reporter
-from shadowbench.measure.executor import Executor, Limits
-from shadowbench.measure.machine import write_run_file
-from shadowbench.measure.pictures import Pictures
-from shadowbench.measure.row_store import RowStore
+from shadowbench.extremes.ranges import OperatingRange, operating_ranges, out_of_tolerance, points_frame, ranges_frame
+from shadowbench.extremes.sweep import block_at, points_of
+from shadowbench.measure.campaign import Campaign
+from shadowbench.measure.failures import Failure, Limits
 from shadowbench.measure.rows import Record
 from shadowbench.studies.folder import read_folders
 from shadowbench.studies.part import WHOLE, Part
@@ -50,38 +44,36 @@ def select_axes(names: Sequence[str]) -> list[Axis]:
 def stress(
     specs: Sequence[Spec],
     axes: Sequence[Axis],
-    folder: Path,
-    executor: Executor,
-    reporter: Reporter,
+    campaign: Campaign,
     *,
     quick: bool = False,
     part: Part = WHOLE,
-    keep_going: bool = False,
 ) -> StressResult:
-    """Sweep specs along axes and write rows, `ranges.csv`, `table.csv` and `run.json` into a folder.
+    """Sweep specs along axes and write rows, `ranges.csv`, `table.csv` and `run.json` into a campaign's folder.
 
-    executor: must have LIMITS; quick: a few values of each axis; part: measure only its ranges; keep_going: leave out
-    lines that fail. Raises InputError for a folder with other files. A cell that fails gets a row with that status.
+    campaign: with the options SWEEPING, whose drawer has LIMITS; quick: a few values of each axis; part: measure only
+    its points. Raises InputError for a folder with other files. A cell that fails gets a row with that status.
     """
-    check_folder(folder)
-    failures: list[Failure] = []
-    with closing(RowStore(folder, sweep=True)) as store:
-        rows = sweep(
-            specs,
-            axes,
-            Bench(executor, store, reporter, Pictures(folder)),
-            quick,
-            part,
-            failures if keep_going else None,
-        )
-    if not rows and failures:
-        raise ShadowbenchError(f"no cell was measured: {failures[0].where}: {failures[0].reason}")
+    points = part.of(points_of(axes, quick), lambda point: [point[0].name, *point[1:]])
+    homes = {(axis, light): len(block_at(specs, (axis, light, axis.default)).cells) for axis, light, _ in points}
+    campaign.reporter.stage("stress", sum(homes[axis, light] for axis, light, _ in points))
+    with campaign:
+        measured = campaign.measure(block_at(specs, point) for point in points if homes[point[:2]])
+        rows = [result.score for found in measured for result in found.values()]
+    if not rows and campaign.failures:
+        first = campaign.failures[0]
+        raise ShadowbenchError(f"no cell was measured: {first.where}: {first.reason}")
     ranges = operating_ranges(axes, rows)
+    folder = campaign.folder
     write_table(folder / "ranges.csv", [ranges_frame(ranges)])
     study = Study.of(
         [axis.name for axis in axes], specs, reference=specs[0], view_size=VIEW_SIZE, rounds=0
     )  # for its entry in `run.json`
-    write_run_file(folder / "run.json", executor, [], study.facts, rows)
+    campaign.finish(study.facts, [], [row["key"] for row in rows])
     _, (whole,) = read_folders([folder])
     write_table(folder / "table.csv", [points_frame(whole.rows)])
-    return StressResult(tuple(rows), tuple(ranges), tuple(failures))
+    return StressResult(tuple(rows), tuple(ranges), tuple(campaign.failures))
+
+
+SWEEPING: Mapping[str, Any] = {"sweep": True, "keeps_images": out_of_tolerance}
+"""Options of a campaign along axes: images are written of cells out of tolerance."""

@@ -168,7 +168,13 @@ def depth_target(device: Device, size: int, depth: DepthFormat, kind: Kind = "2d
     whole = framebuffer_of(texture)
     layer_targets = tuple(framebuffer_of(texture, layer=layer) for layer in range(0 if kind == "2d" else layers))
     device.check(what)
-    return DepthTarget(texture, whole, layer_targets, step, layers * size * size * (bits // 8))
+    return DepthTarget(texture, whole, layer_targets, step, map_bytes(size, depth, kind, layers))
+
+
+def map_bytes(size: int, depth: DepthFormat, kind: Kind = "2d", layers: int = 1) -> int:
+    """Device memory of a `depth_target`."""
+    _, _, bits, _ = _FORMATS[depth]
+    return (FACES if kind == "cube" else layers) * size * size * (bits // 8)
 
 
 def unsupported_map(device: Device, size: int, depth: DepthFormat, kind: Kind = "2d", layers: int = 1) -> str | None:

@@ -8,7 +8,7 @@ from typing import Any
 from shadowbench.errors import InputError, ShadowbenchError
 from shadowbench.files import check_outputs
 from shadowbench.gl.clock import WALL
-from shadowbench.measure.executor import CellFailed
+from shadowbench.measure.failures import CellFailed
 from shadowbench.measure.machine import machine, versions
 from shadowbench.measure.noise import MAX_NOISE, ROUNDS, SCENE, SPEC, measure_noise
 from shadowbench.measure.session import DeviceInfo

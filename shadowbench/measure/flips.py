@@ -5,11 +5,12 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from shadowbench.measure.cells import Step
 from shadowbench.scenes.model import View, perpendicular_basis, unit, vec3
 from shadowbench.scores.comparison import Comparison
 from shadowbench.scores.metrics import METRICS, Metric
@@ -20,7 +21,6 @@ FINER = 3
 """Pixels along a side, after a step of the camera, for one before it."""
 RIGHT, UP = 0.5, 0.3  # pixels by which a step moves the image
 
-Step = Literal["camera", "light"]
 Mask = NDArray[np.float32]
 Count = Callable[[Sequence[Mask], Sequence[Truth]], float | None]
 

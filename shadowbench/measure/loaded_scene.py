@@ -1,12 +1,12 @@
 """A scene uploaded to the GPU, a view of it with its G-buffer, and a technique built for that view."""
 
+import sys
 from dataclasses import dataclass
 
 from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import GBuffer, GBufferPass
 from shadowbench.gl.geometry import DeviceGeometry
 from shadowbench.gl.picture import PicturePass
-from shadowbench.measure.cells import PlacedView
 from shadowbench.scenes.model import IDENTITY_PLACEMENT, Coordinates, Scene, View
 from shadowbench.techniques.base import Frame, Stage, Technique
 from shadowbench.techniques.registry import shader_folder
@@ -24,18 +24,21 @@ class LoadedScene:
         self.surface_pass = GBufferPass(device, self.geometry)
         self.picture_pass = PicturePass(device, self.geometry)
 
-    def matches(self, placed_view: PlacedView) -> bool:
-        """Whether a view is of this scene in these coordinates."""
-        return placed_view.view.scene is self.file_scene and placed_view.coordinates == self.coordinates
+    def matches(self, scene: Scene, coordinates: Coordinates) -> bool:
+        """Whether it is a scene in these coordinates."""
+        return scene is self.file_scene and coordinates == self.coordinates
 
     def to_drawing_coordinates(self, view: View) -> View:
         """A view of this scene converted from file coordinates (near and far planes known) to drawing coordinates."""
         return View(self.scene, self.placement.camera(view.camera), self.placement.light(view.light), view.size)
 
-    def build(self, spec: Spec, size: int) -> tuple[Technique, Stage]:
-        """A technique built for images of size × size pixels. Raises any exception of the technique."""
+    def build(self, spec: Spec, size: int, room: int = sys.maxsize) -> tuple[Technique, Stage]:
+        """A technique built for images of size × size pixels. Raises any exception of the technique.
+
+        room: most bytes that its textures and buffers may take. Raises Unsupported if they would take more.
+        """
         folder = shader_folder(spec.technique)
-        stage = Stage(self.scene, self.device, (size, size), self.geometry, self.placement, folder)
+        stage = Stage(self.scene, self.device, (size, size), self.geometry, self.placement, folder, room)
         technique = spec.technique(spec.params)
         try:
             technique.build(stage)
@@ -61,11 +64,11 @@ class OpenView:
     view: View
     surface: GBuffer
 
-    def matches(self, placed_view: PlacedView) -> bool:
+    def matches(self, other: View, coordinates: Coordinates) -> bool:
         """Whether this is the given view."""
-        own, other = self.file_view, placed_view.view
+        own = self.file_view
         same = (own.camera, own.light, own.size) == (other.camera, other.light, other.size)
-        return same and self.loaded.matches(placed_view)
+        return same and self.loaded.matches(other.scene, coordinates)
 
 
 @dataclass(frozen=True, eq=False)

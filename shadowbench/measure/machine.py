@@ -14,9 +14,9 @@ import psutil
 
 from shadowbench import __version__
 from shadowbench.files import replace_file
-from shadowbench.measure.executor import Executor
+from shadowbench.measure.drawer import Drawer
 from shadowbench.measure.row_store import command_line
-from shadowbench.measure.rows import SCHEMA, Record, StudyFacts
+from shadowbench.measure.rows import SCHEMA, StudyFacts
 from shadowbench.sources import installed
 
 _LIBRARIES = ("moderngl", "pyglm", "numpy", "embreex", "scikit-image", "scipy", "pandas", "trimesh", "pydantic")
@@ -32,13 +32,13 @@ def machine() -> dict[str, Any]:
     }
 
 
-def machine_key(executor: Executor) -> str:
-    """Hex key of what an executor's times depend on besides the cell's key: machine, renderer, the initial clock.
+def machine_key(drawer: Drawer) -> str:
+    """Hex key of what a drawer's times depend on besides the cell's key: machine, renderer, the initial clock.
 
     Not the clock of a row: a device that gave up timer queries in one run tries them again in the next.
     """
-    info = executor.info
-    parts = {"machine": executor.machine, "renderer": info.renderer, "clock": info.clock}
+    info = drawer.info
+    parts = {"machine": drawer.machine, "renderer": info.renderer, "clock": info.clock}
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:24]
 
 
@@ -51,22 +51,20 @@ def versions() -> dict[str, str]:
     }
 
 
-def write_run_file(
-    file: Path, executor: Executor, notes: Sequence[str], study: StudyFacts, scores: Iterable[Record]
-) -> None:
-    """Write `run.json`: command, versions, machine, clock, assumptions, study and the keys of its score rows."""
+def write_run_file(file: Path, drawer: Drawer, notes: Sequence[str], study: StudyFacts, keys: Iterable[str]) -> None:
+    """Write `run.json`: command, versions, machine, clock, assumptions, study and the keys of its cells."""
     text = {
         "schema": SCHEMA,
         "command": command_line(),
         "finished": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         "versions": versions(),
-        "machine": executor.machine,
-        "machine_key": machine_key(executor),
-        "device": dataclasses.asdict(executor.info),
-        "clock": executor.info.clock,
+        "machine": drawer.machine,
+        "machine_key": machine_key(drawer),
+        "device": dataclasses.asdict(drawer.info),
+        "clock": drawer.info.clock,
         "assumptions": list(notes),
         "study": study,
-        "keys": [row["key"] for row in scores],
+        "keys": list(keys),
     }
     with replace_file(file) as temporary:
         temporary.write_text(json.dumps(text, indent=2, ensure_ascii=False) + "\n", encoding="utf-8", errors="replace")

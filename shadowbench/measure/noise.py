@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from shadowbench.gl.clock import Sample
-from shadowbench.measure.cells import CellRequest, PlacedView
-from shadowbench.measure.executor import Executor
-from shadowbench.measure.session import Session
+from shadowbench.measure.session import CellRequest, Session
+from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import view_of
 
@@ -31,18 +30,18 @@ class Noise:
     clock: str
 
 
-def measure_noise(executor: Executor) -> Noise:
+def measure_noise(worker: Worker) -> Noise:
     """Prepare one cell twice and time the two in turn. Raises CellFailed."""
     scene = load_scene(SCENE)
-    placed_view = PlacedView(view_of(scene, scene.cameras[0], scene.lights[0], VIEW_SIZE))
+    view = view_of(scene, scene.cameras[0], scene.lights[0], VIEW_SIZE)
     for _ in range(2):
-        executor.call(Session.prepare_timing, placed_view, CellRequest(SPEC))
+        worker.call(Session.prepare_timing, view, CellRequest(SPEC))
     samples: list[list[Sample]] = []
     while len(samples) < SERIES * ROUNDS:
-        samples.append([executor.call(Session.time_frame, index) for index in range(2)])
+        samples.append([worker.call(Session.time_frame, index) for index in range(2)])
         if len({sample.clock for pair in samples for sample in pair}) > 1:
             samples = []  # the clock changed from queries to the wall, for good: times of two clocks have no ratio
-    executor.call(Session.release_timed)
+    worker.call(Session.release_timed)
     ms = np.array([[sample.ms for sample in pair] for pair in samples])
     ratios = ms[:, 0] / ms[:, 1]
     series = [_at_least_one(part) for part in np.split(ratios, SERIES)]

@@ -10,7 +10,8 @@ from typing import IO
 
 from shadowbench.errors import InputError
 from shadowbench.files import remove_temporaries
-from shadowbench.measure.rows import SCHEMA, Record, stream_rows
+from shadowbench.measure.rows import SCHEMA, CellIdentity, Record, stream_rows
+from shadowbench.scenes.model import Coordinates, View
 
 if sys.platform == "win32":
     import msvcrt
@@ -117,6 +118,31 @@ class RowStore(Rows):
         # Removed while still locked: a process that has it open finds that it is gone, and opens a new one.
         Path(self._lock.name).unlink(missing_ok=True)
         self._lock.close()
+
+
+def identity(
+    view: View,
+    *,
+    technique: str,
+    spec: str,
+    full_spec: str,
+    map_size: int | None = None,
+    phase: int = 0,
+    coordinates: Coordinates = "relative",
+) -> CellIdentity:
+    """Identity of a cell for people and for `check`, independent of versions."""
+    return {
+        "scene": view.scene.name,
+        "view": view.camera.name,
+        "light": view.light.name,
+        "phase": phase,
+        "technique": technique,
+        "spec": spec,
+        "full_spec": full_spec,
+        "map_size": map_size,
+        "view_size": view.size,
+        "coordinates": coordinates,
+    }
 
 
 def _complete(record: Record) -> Record:

@@ -14,9 +14,9 @@ from typing import Any
 import psutil
 
 import shadowbench
-from shadowbench.errors import NO_PROCESS, ShadowbenchError, message, quoted
+from shadowbench.errors import NO_PROCESS, ShadowbenchError, Unsupported, message, quoted
 from shadowbench.gl.program import ShaderError
-from shadowbench.measure.executor import CellFailed, MemoryExceeded, Unsupported
+from shadowbench.measure.failures import CellFailed, MemoryExceeded
 from shadowbench.measure.pipe import Pipe
 from shadowbench.measure.session import Session
 

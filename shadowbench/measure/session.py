@@ -4,6 +4,7 @@ The worker process serves these calls over a pipe; the benchmarks make them in t
 """
 
 import gc
+import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -14,22 +15,33 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from shadowbench.errors import quoted
+from shadowbench.errors import Unsupported, quoted
 from shadowbench.gl.arithmetic import arithmetic
 from shadowbench.gl.clock import Clock, PassTimes, Sample, with_cost, work_of
 from shadowbench.gl.device import Device, open_device
-from shadowbench.measure.cells import CellRequest, PlacedView
-from shadowbench.measure.executor import Unsupported
 from shadowbench.measure.loaded_scene import BuiltCell, LoadedScene, OpenView
-from shadowbench.measure.profile import Profile
 from shadowbench.measure.rendering import Rendering, declared_work, finite_facts, visibility_of
 from shadowbench.measure.rows import renderer_of
+from shadowbench.scenes.model import Coordinates, Scene, View
 from shadowbench.techniques.base import Frame, Phase, Stage, Technique
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import Spec, parse_spec
 from shadowbench.techniques.stage import ShaderText
 
 WARM_UP = 2  # untimed draws before a cell is timed
+
+
+@dataclass(frozen=True)
+class CellRequest:
+    """A cell as sent to another process: its full spec as text, its phase, and the coordinates it is drawn in.
+
+    room: most bytes that its textures and buffers may take, beyond which it is unsupported.
+    """
+
+    spec: str
+    phase: int = 0
+    coordinates: Coordinates = "relative"
+    room: int = sys.maxsize
 
 
 @dataclass(frozen=True)
@@ -54,7 +66,6 @@ class Session:
         self.techniques = techniques(plugins)
         self.device: Device = open_device()
         self.clock = Clock(self.device)
-        self.profile = Profile()
         self._loaded: LoadedScene | None = None
         self._open_view: OpenView | None = None
         self._kept: dict[CellRequest, BuiltCell] = {}  # built for the open view, for a later draw or timing
@@ -75,25 +86,19 @@ class Session:
             clip_control=device.clip_control,
         )
 
-    def activity_seconds(self) -> dict[str, float]:
-        """Seconds spent on each activity since the start."""
-        return dict(self.profile.seconds)
-
-    def open(self, placed_view: PlacedView) -> None:
+    def open(self, view: View, coordinates: Coordinates = "relative") -> None:
         """Load a view's scene and draw its G-buffer, unless done already. Every call about a view does this first."""
-        self._ensure_open(placed_view)
+        self._ensure_open(view, coordinates)
 
-    def surface(self, placed_view: PlacedView) -> NDArray[np.int32]:
+    def surface(self, view: View, coordinates: Coordinates = "relative") -> NDArray[np.int32]:
         """(N, N) int32 triangle ids of a view's G-buffer, row 0 at the top."""
-        open_view = self._ensure_open(placed_view)
-        with self.profile.activity("read back"):
-            return open_view.surface.triangles()
+        open_view = self._ensure_open(view, coordinates)
+        return open_view.surface.triangles()
 
-    def shading(self, placed_view: PlacedView) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    def shading(self, view: View, coordinates: Coordinates = "relative") -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
         """Two pictures of a view, (N, N, 3) uint8 sRGB: visibility 1 everywhere, and 0 everywhere."""
-        open_view = self._ensure_open(placed_view)
-        with self._gpu_work():
-            return open_view.loaded.picture_pass.extremes(open_view.surface, open_view.view)
+        open_view = self._ensure_open(view, coordinates)
+        return open_view.loaded.picture_pass.extremes(open_view.surface, open_view.view)
 
     def unload(self) -> None:
         """Free the view and its scene."""
@@ -102,21 +107,19 @@ class Session:
             self._loaded.release()
             self._loaded = None
 
-    def _load(self, placed_view: PlacedView) -> LoadedScene:
-        if self._loaded is None or not self._loaded.matches(placed_view):
+    def _load(self, scene: Scene, coordinates: Coordinates) -> LoadedScene:
+        if self._loaded is None or not self._loaded.matches(scene, coordinates):
             self.unload()
-            with self.profile.activity("build"):
-                self._loaded = LoadedScene(self.device, placed_view.view.scene, placed_view.coordinates)
+            self._loaded = LoadedScene(self.device, scene, coordinates)
         return self._loaded
 
-    def _ensure_open(self, placed_view: PlacedView) -> OpenView:
-        if self._open_view is None or not self._open_view.matches(placed_view):
+    def _ensure_open(self, view: View, coordinates: Coordinates) -> OpenView:
+        if self._open_view is None or not self._open_view.matches(view, coordinates):
             self._close()
-            loaded = self._load(placed_view)
-            view = loaded.to_drawing_coordinates(placed_view.view)
+            loaded = self._load(view.scene, coordinates)
+            drawn = loaded.to_drawing_coordinates(view)
             self.device.reset()
-            with self._gpu_work():
-                self._open_view = OpenView(placed_view.view, loaded, view, loaded.surface_pass.draw(view))
+            self._open_view = OpenView(view, loaded, drawn, loaded.surface_pass.draw(drawn))
         return self._open_view
 
     def _close(self) -> None:
@@ -128,32 +131,32 @@ class Session:
             self._open_view.surface.release()
             self._open_view = None
 
-    def unsupported(self, placed_view: PlacedView, request: CellRequest) -> str | None:
+    def unsupported(self, view: View, request: CellRequest) -> str | None:
         """Why a cell's technique does not support a view; None if it does."""
-        reason = self._unsupported(self._ensure_open(placed_view), self._spec(request))
+        reason = self._unsupported(self._ensure_open(view, request.coordinates), self._spec(request))
         return None if reason is None else quoted(reason)
 
-    def build(self, placed_view: PlacedView, request: CellRequest) -> None:
+    def build(self, view: View, request: CellRequest) -> None:
         """Build a cell and keep it for `draw` and `prepare_timing`. Raises as `draw` does."""
-        open_view = self._ensure_open(placed_view)
+        open_view = self._ensure_open(view, request.coordinates)
         if request not in self._kept:
             self._kept[request] = self._build(open_view, request)
 
-    def shaders(self, placed_view: PlacedView, request: CellRequest) -> list[ShaderText]:
+    def shaders(self, view: View, request: CellRequest) -> list[ShaderText]:
         """GLSL of a cell as passed to the driver, with all includes and defines resolved. Raises as `draw` does."""
-        stage = self._build(self._ensure_open(placed_view), request).stage
+        stage = self._build(self._ensure_open(view, request.coordinates), request).stage
         stage.release()
         return stage.texts
 
     def draw(
-        self, placed_view: PlacedView, request: CellRequest, with_map: bool = False, tinted: bool = False, keep: int = 0
+        self, view: View, request: CellRequest, with_map: bool = False, tinted: bool = False, keep: int = 0
     ) -> Rendering:
         """Draw a cell once and read the images back. Raises Unsupported, or any exception of the technique.
 
         tinted: multiply the technique's debug colours, if any, into the picture; keep: the built cell stays for
         `prepare_timing` if all kept cells of the view together take at most this many bytes, else it is released.
         """
-        open_view = self._ensure_open(placed_view)
+        open_view = self._ensure_open(view, request.coordinates)
         built = self._kept.pop(request, None) or self._build(open_view, request)
         try:
             rendering = self._draw_built(open_view, request, built, with_map, tinted)
@@ -171,32 +174,28 @@ class Session:
     ) -> Rendering:
         technique, frame, view = built.technique, built.frame, open_view.view
         self.device.reset()
-        with self._gpu_work():
-            texture = technique.draw(frame)
+        texture = technique.draw(frame)
         self.device.reset()
         self.device.check(f"drawing {request.spec}")
-        with self.profile.activity("read back"):
-            visibility = visibility_of(request.spec, texture, view.size)
-        with self._gpu_work():
-            tint = technique.tint() if tinted else None
-            picture = open_view.loaded.picture_pass.draw(frame.surface, view, texture, tint)
+        visibility = visibility_of(request.spec, texture, view.size)
+        tint = technique.tint() if tinted else None
+        picture = open_view.loaded.picture_pass.draw(frame.surface, view, texture, tint)
         depths = technique.map_image() if with_map else None
         facts = finite_facts(request.spec, technique.facts())
-        with self._gpu_work():
-            # Frame index 0 again: the work belongs to the frame that was scored, without history of earlier frames.
-            work = work_of(self.device, lambda: technique.draw(frame))
+        # Frame index 0 again: the work belongs to the frame that was scored, without history of earlier frames.
+        work = work_of(self.device, lambda: technique.draw(frame))
         work = with_cost(work | declared_work(technique, view.size**2, facts))
         return Rendering(visibility, picture, depths, built.stage.bytes, work, facts)
 
-    def prepare_timing(self, placed_view: PlacedView, request: CellRequest) -> float:
+    def prepare_timing(self, view: View, request: CellRequest) -> float:
         """Prepare a cell for timing: build it unless kept, and warm it up. Returns its build time in milliseconds."""
-        open_view = self._ensure_open(placed_view)
+        open_view = self._ensure_open(view, request.coordinates)
         built = self._kept.pop(request, None) or self._build(open_view, request)
         self._timed.append(built)
         for _ in range(WARM_UP):
             self.device.reset()
-            with self._gpu_work():
-                self._next_draw(-1)()
+            self._next_draw(-1)()
+            self.device.context.finish()
         self.device.check(f"warming up {request.spec}")
         return built.prepare_ms
 
@@ -232,30 +231,26 @@ class Session:
         self.device.reset()
         gc.disable()
         try:
-            with self._gpu_work():
-                yield draw
+            yield draw
+            self.device.context.finish()
         finally:
             gc.enable()
         self.device.check("timing")
-
-    @contextmanager
-    def _gpu_work(self) -> Iterator[None]:
-        """Book GPU work as passes; it has finished when the block ends, so that no other activity waits for it."""
-        with self.profile.activity("passes"):
-            yield
-            self.device.context.finish()
 
     def _spec(self, request: CellRequest) -> Spec:
         return parse_spec(request.spec, self.techniques)
 
     def _unsupported(self, open_view: OpenView, spec: Spec) -> str | None:
+        size, largest = spec.map_size or 0, self.device.max_map_size
+        if size > largest:
+            return f"map size {size}: {self.info().renderer} allows 1 to {largest}"
         return spec.technique.declines(spec.params, open_view.view, self.device)
 
     def _build(self, open_view: OpenView, request: CellRequest) -> BuiltCell:
+        self.device.context.finish()
         start = time.perf_counter()
-        with self.profile.activity("prepare"):
-            technique, stage, frame = self._assemble(open_view, request)
-            self.device.context.finish()
+        technique, stage, frame = self._assemble(open_view, request)
+        self.device.context.finish()
         return BuiltCell(technique, stage, frame, (time.perf_counter() - start) * 1e3)
 
     def _assemble(self, open_view: OpenView, request: CellRequest) -> tuple[Technique, Stage, Frame]:
@@ -263,5 +258,5 @@ class Session:
         reason = self._unsupported(open_view, spec)
         if reason is not None:
             raise Unsupported(reason)
-        technique, stage = open_view.loaded.build(spec, open_view.view.size)
+        technique, stage = open_view.loaded.build(spec, open_view.view.size, request.room)
         return technique, stage, Frame(open_view.view, Phase(request.phase), 0, open_view.surface, self.clock)

@@ -44,21 +44,22 @@ class Times:
 
 @dataclass(frozen=True, eq=False)
 class Timing:
-    """Timing samples of a cell, and of the reference and the floor timed in the same group.
+    """Samples of a cell, of the floor and of the reference, timed in the same group; or why the cell was not timed.
 
     no_ratio: status of the reference if it has no times.
     """
 
     cell: Cell
-    times: Times
-    reference: str
-    reference_times: Times | None
-    floor: Times
+    times: Times | None = None
+    floor: Times | None = None
+    reference: str = ""
+    reference_times: Times | None = None
     no_ratio: str | None = None
+    failed: str | None = None
 
 
 def time_row(timing: Timing, key: str, reference_key: str, machine: str) -> dict[str, Any]:
-    """Time record under a cell's key: medians over rounds, in milliseconds and as ratios, with their IQRs.
+    """Time record under a cell's key: medians over rounds, in ms and as ratios, with their IQRs; or why it has none.
 
     reference_key: key of the reference in the same view; machine: a `machine_key`.
 
@@ -67,7 +68,9 @@ def time_row(timing: Timing, key: str, reference_key: str, machine: str) -> dict
     `reference_ms`: median of the reference in the same group.
     `wall_ms`: only with timer queries, which miss CPU work such as fitting the light's frustum.
     """
-    times, reference = timing.times, timing.reference_times
+    times, floor, reference = timing.times, timing.floor, timing.reference_times
+    if times is None or floor is None:
+        return {"kind": "time", "key": key, "machine": machine, "status": f"failed: {timing.failed}"}
     clock = times.clock
     frames = times.frames_ms(clock)
     frame_ms, frame_iqr = _median_iqr(frames)
@@ -83,7 +86,7 @@ def time_row(timing: Timing, key: str, reference_key: str, machine: str) -> dict
         "frame_ms": frame_ms,
         "frame_iqr_ms": frame_iqr,
         "wall_ms": wall_ms if clock == QUERIES else None,
-        "added_ms": float(np.median(frames - timing.floor.frames_ms(clock))),
+        "added_ms": float(np.median(frames - floor.frames_ms(clock))),
         "reference": timing.reference,
         "reference_ms": None,
         "ratio": None,

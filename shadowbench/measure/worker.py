@@ -7,22 +7,24 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Any, Concatenate
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 import psutil
 
-from shadowbench.measure.executor import CellFailed, Limits, MemoryExceeded, P, R
+from shadowbench.measure.failures import CellFailed, Limits, MemoryExceeded
 from shadowbench.measure.pipe import Pipe
 from shadowbench.measure.plugin_output import forward_output
 
 if TYPE_CHECKING:
-    from shadowbench.measure.bench import Bench, Job
     from shadowbench.measure.session import DeviceInfo, Session
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 _POLL_S = 0.05
 _START_S = 60.0
@@ -67,25 +69,12 @@ class Worker:
         assert self._info is not None
         return self._info
 
-    @property
-    def machine(self) -> Mapping[str, Any]:
-        """This computer."""
-        from shadowbench.measure.machine import machine  # the worker's start does not wait for this import
-
-        return machine()
-
-    jobs_at_once = 1
-
     def call(self, method: "Callable[Concatenate[Session, P], R]", *arguments: P.args, **options: P.kwargs) -> R:
         """Result of `method(session, …)`. Raises Unsupported, CellFailed, or ShadowbenchError if it cannot start."""
         with self._turn:
             self.ready()
             answer: R = self._request(self.limits.seconds, (method, arguments, options))
             return answer
-
-    def run(self, jobs: "Sequence[Job[R]]", bench: "Bench") -> Iterator[R]:
-        """Results of jobs, which run one after the other in this process."""
-        return (job(bench) for job in jobs)
 
     def ready(self) -> None:
         """Start the process unless it runs, and wait until it can draw."""

@@ -1,26 +1,21 @@
 """Computation behind `run`: the study given by a file and options, and its measurement into a folder."""
 
-import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from shadowbench.files import check_folder
-from shadowbench.measure.attempt import Failure
-from shadowbench.measure.bench import Reporter
-from shadowbench.measure.executor import Executor
-from shadowbench.measure.machine import write_run_file
-from shadowbench.measure.profile import complete_profile
+from shadowbench.measure.campaign import Campaign
+from shadowbench.measure.failures import Failure
 from shadowbench.measure.rows import Result
-from shadowbench.measure.session import DeviceInfo, Session
+from shadowbench.measure.session import DeviceInfo
 from shadowbench.scenes.model import Scene
 from shadowbench.studies.crossing import Techniques
+from shadowbench.studies.estimate import drawing_seconds, timing_seconds
 from shadowbench.studies.part import WHOLE, Part
-from shadowbench.studies.run import RunResult, run_study
+from shadowbench.studies.run import readable_blocks, run_blocks
 from shadowbench.studies.study import Study, find_study, read_study
-from shadowbench.studies.time_left import drawing_seconds, timing_seconds
 from shadowbench.techniques.spec import Spec, has_size
 
 if TYPE_CHECKING:  # what imports pandas, 0.3 s, waits until the cells are measured
@@ -89,9 +84,8 @@ class StudyResult:
     """Result of measuring a study into a folder.
 
     results: its cells, measured now or before; run: the whole folder, with cells of earlier commands; sweep_positions:
-    of specs in the study's bias sweeps; seconds: by activity (see `measure.profile`), empty unless requested; failures:
-    what was left out, with `keep_going`; times: by name of a machine, the results with its times, if several were asked
-    for.
+    of specs in the study's bias sweeps; failures: what was left out, if it kept going; times: by name of a machine, the
+    results with its times, if several were asked for.
     """
 
     study: Study
@@ -99,7 +93,6 @@ class StudyResult:
     run: "Run"
     sweep_positions: "SweepPositions"
     info: DeviceInfo
-    seconds: Mapping[str, float]
     failures: tuple[Failure, ...] = ()
     times: Mapping[str, Sequence[Result]] = field(default_factory=dict)
 
@@ -111,57 +104,44 @@ class StudyResult:
         return cells_frame(self.results)
 
 
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Where a study is measured: what opens a campaign in a folder; timer: name of a machine that only times, if so."""
+
+    campaign: Callable[[Path], Campaign]
+    timer: str | None = None
+    times: bool = True
+
+
 def measure(
-    study: Study,
-    folder: Path,
-    executor: Executor,
-    reporter: Reporter,
-    *,
-    others: Sequence[Executor] = (),
-    timers: Mapping[str, Executor] | None = None,
-    time_again: bool = False,
-    profile: bool = False,
-    part: Part = WHOLE,
-    keep_going: bool = False,
+    study: Study, folder: Path, places: Sequence[Place], part: Part = WHOLE, keep_going: bool = False
 ) -> StudyResult:
     """Measure a study into a folder: rows, masks, pictures, `table.csv` and `run.json`. Existing rows are reused.
 
-    others: executors with other renderers, on which the study is measured too; timers: those that time the cells, one
-    after the other and after all scores, by name, None for the executor itself, block by block; time_again: time cells
-    again that have a time; part: measure only its cells; keep_going: leave out scenes, truths and blocks that fail.
-    Raises InputError for a folder with other files, a scene that cannot be read, and a map or view too large for the
-    device. A cell that fails gets a row with that status.
+    places: one after the other; part: measure only its blocks; keep_going: leave out scenes, truths and blocks that
+    fail. Raises InputError for a folder with other files, a scene that cannot be read, and a map or view too large for
+    the device. A cell that fails gets a row with that status.
     """
-    check_folder(folder)
-    start = time.perf_counter()
-    scored = study if timers is None else study.with_(rounds=0)
-
-    def run_on(one: Executor, study: Study, time_again: bool = False) -> RunResult:
-        return run_study(study, folder, one, reporter, time_again, part, keep_going)
-
-    first = run_on(executor, scored, time_again)
-    scores = [first, *(run_on(other, scored) for other in others)]
-    timed = {name: run_on(timer, study, time_again) for name, timer in (timers or {}).items()}
-    # A cell by its key: the last machine's times are in the table.
-    results = {result.score["key"]: result for found in (*scores, *timed.values()) for result in found.results}
-    notes = list(dict.fromkeys(note for found in scores for note in found.notes))
-    failures = dict.fromkeys(failure for found in (*scores, *timed.values()) for failure in found.failures)
-    spent = executor.call(Session.activity_seconds) if profile else {}
+    failures: list[Failure] = []
+    scored = part.of_blocks(readable_blocks(study, failures) if keep_going else [*study.blocks()])
+    results: dict[str, Result] = {}  # by key: the last machine's times are in the table
+    notes: dict[str, None] = {}
+    times: dict[str, Sequence[Result]] = {}
+    for place in places:
+        campaign = place.campaign(folder)
+        blocks = scored if place.times else [replace(block, rounds=0) for block in scored]
+        found = run_blocks(study, blocks, campaign)
+        results |= {result.score["key"]: result for result in found.results}
+        failures += campaign.failures
+        if place.timer is None:
+            notes |= dict.fromkeys(found.notes)
+        else:
+            times[place.timer] = found.results
     from shadowbench.studies.folder import write_cells
     from shadowbench.studies.sweeps import sweep_positions
 
     positions = sweep_positions(study.sweeps)
-    *_, last = [executor, *(timers or {}).values()]
-    write_run_file(folder / "run.json", last, notes, study.facts, [one.score for one in results.values()])
+    campaign.finish(study.facts, list(notes), results)
     run = write_cells(folder, list(results.values()), positions)
-    seconds = complete_profile(first.profile.seconds, spent, time.perf_counter() - start) if profile else {}
-    return StudyResult(
-        study,
-        tuple(results.values()),
-        run,
-        positions,
-        executor.info,
-        seconds,
-        tuple(failures),
-        {name: found.results for name, found in timed.items()},
-    )
+    info = campaign.drawer.info
+    return StudyResult(study, tuple(results.values()), run, positions, info, tuple(dict.fromkeys(failures)), times)

@@ -4,11 +4,11 @@ import hashlib
 import json
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TypeVar
 
 from shadowbench.errors import InputError
-from shadowbench.measure.cells import Block, Cell
+from shadowbench.measure.cells import Block
 
 T = TypeVar("T")
 _MOST = 10_000  # parts
@@ -31,24 +31,16 @@ class Part:
         identity: a JSON value unique to an item. Raises InputError for fewer items than parts.
         """
         if len(items) < self.count:
-            raise InputError(f"--part {self}: found {len(items)} to divide; allowed: 1 to {len(items)} parts")
+            raise InputError(
+                f"--part {self}: found {len(items)} to divide, as the cells of a view stay together; allowed: 1 to "
+                f"{len(items)} parts"
+            )
         order = sorted(range(len(items)), key=lambda index: _digest(identity(items[index])))
         return [items[index] for index in sorted(order[self.number - 1 :: self.count])]
 
     def of_blocks(self, blocks: Sequence[Block]) -> list[Block]:
-        """The blocks with the cells of this part, without those that have none."""
-        cells = [(index, cell) for index, block in enumerate(blocks) for cell in block.cells]
-
-        def identity(of: tuple[int, Cell]) -> list[object]:
-            view, cell = blocks[of[0]].view, of[1]
-            return [view.scene.name, view.camera.name, view.light.name, cell.spec.full_text, cell.phase]
-
-        kept = set(self.of(cells, identity))
-        own = [
-            replace(block, cells=tuple(cell for cell in block.cells if (index, cell) in kept))
-            for index, block in enumerate(blocks)
-        ]
-        return [block for block in own if block.cells]
+        """The blocks of this part."""
+        return self.of(blocks, lambda block: [block.scene.name, block.view.camera.name, block.view.light.name])
 
 
 WHOLE = Part()

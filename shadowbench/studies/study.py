@@ -9,15 +9,14 @@ from pydantic import Field, ValidationError
 
 from shadowbench.data import data_folder
 from shadowbench.errors import InputError, alternatives
-from shadowbench.measure.cells import Block, Cell
-from shadowbench.measure.executor import Limits
-from shadowbench.measure.flips import Step
+from shadowbench.measure.cells import Block, Cell, Step
+from shadowbench.measure.failures import Limits
+from shadowbench.measure.flips import Stepped
 from shadowbench.measure.references import DEFAULT_REFERENCE, reference_name
 from shadowbench.measure.rows import StudyFacts
-from shadowbench.measure.timing import Conditions
 from shadowbench.scenes.assumed import as_asked, sunlit
 from shadowbench.scenes.library import load_scene
-from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, view_of
+from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, view_of
 from shadowbench.scenes.views import Named, named
 from shadowbench.strict import Strict, explain, read_toml
 from shadowbench.studies.crossing import MOST_SPECS, BiasSweep, CrossedSpecs, Techniques
@@ -93,10 +92,6 @@ class Study(Strict):
                 found[spec] = max(crossed.phases or self.phases, found.get(spec, 1))
         return found
 
-    def conditions(self, time_again: bool = False) -> Conditions:
-        """Measurement settings of the cells."""
-        return Conditions(self.coordinates, self.rounds, self.reference, time_again, self.step)
-
     @property
     def limits(self) -> Limits:
         """Limits of each call to the worker."""
@@ -145,7 +140,13 @@ class Study(Strict):
                 raise InputError(f"two scenes are called {scene.name!r}: {both}; names must differ")
             scene = as_asked(scene, self.sun, self.no_ground)
             for camera, light in itertools.product(self.cameras(scene), self.lights_of(scene)):
-                yield Block(view_of(scene, camera, light, self.view_size), self.cells(light.soft))
+                yield self.block(view_of(scene, camera, light, self.view_size))
+
+    def block(self, view: View) -> Block:
+        """The block of a view, with all cells."""
+        after = (Stepped(view, self.step).view,) if self.step else ()
+        cells = self.cells(view.light.soft)
+        return Block((view, *after), cells, self.coordinates, self.rounds, self.reference, self.step)
 
     def cameras(self, scene: Scene) -> list[Camera]:
         """Cameras of the study in a scene; "file" stands for the scene's first."""

@@ -1,5 +1,6 @@
 """The stage: the scene and device that a technique builds its GL resources from. It owns and releases them."""
 
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -8,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.data import data_folder
+from shadowbench.errors import Unsupported
 from shadowbench.gl.device import Device, Releasable
 from shadowbench.gl.geometry import DeviceGeometry
 from shadowbench.gl.library import moderngl
@@ -24,6 +26,7 @@ from shadowbench.gl.targets import (
     color_framebuffer,
     depth_target,
     framebuffer_of,
+    map_bytes,
     stencil_target,
 )
 from shadowbench.scenes.model import Placement, Scene
@@ -45,7 +48,8 @@ class Stage:
     """The scene (local coordinates), device and image size, and factories of programs, textures and targets.
 
     bytes: device memory of its textures and buffers; texts: the shader sources of its programs; shaders: folder of the
-    technique's own shader files, searched before the shared ones, as are those of plug-ins' biases and filters.
+    technique's own shader files, searched before the shared ones, as are those of plug-ins' biases and filters. room:
+    most bytes; Unsupported is raised before more are allocated.
     """
 
     def __init__(
@@ -56,9 +60,10 @@ class Stage:
         geometry: DeviceGeometry,
         placement: Placement,
         shaders: Path | None = None,
+        room: int = sys.maxsize,
     ) -> None:
         self.scene, self.device, self.size, self.placement = scene, device, size, placement
-        self.bytes = 0
+        self.bytes, self.room = 0, room
         self.texts: list[ShaderText] = []
         self._geometry = geometry
         self._programs = 0
@@ -106,8 +111,9 @@ class Stage:
     def texture(self, size: tuple[int, int] | None = None, components: int = 1, dtype: str = "f4") -> moderngl.Texture:
         """A colour texture, by default of the image's size."""
         size = size or self.size
+        needed = self._reserved(size[0] * size[1] * components * _COMPONENT_BYTES[dtype])
         texture = self.device.context.texture(size, components, dtype=dtype)
-        self._own(texture, size[0] * size[1] * components * _COMPONENT_BYTES[dtype])
+        self._own(texture, needed)
         return texture
 
     def map_texture(self, size: tuple[int, int], kind: Kind, layers: int, components: int, dtype: str) -> Color:
@@ -116,12 +122,13 @@ class Stage:
         if kind == "2d":
             return self.texture(size, components, dtype)
         layers = FACES if kind == "cube" else layers
+        needed = self._reserved(layers * size[0] * size[1] * components * _COMPONENT_BYTES[dtype])
         texture: Color = (
             context.texture_cube(size, components, dtype=dtype)
             if kind == "cube"
             else context.texture_array((*size, layers), components, dtype=dtype)
         )
-        self._own(texture, layers * size[0] * size[1] * components * _COMPONENT_BYTES[dtype])
+        self._own(texture, needed)
         return texture
 
     def target(
@@ -145,6 +152,7 @@ class Stage:
 
     def depth_target(self, size: int, depth: DepthFormat, kind: Kind = "2d", layers: int = 1) -> DepthTarget:
         """A square depth map to draw into and read: one, an array of `layers`, or the six faces of a cube."""
+        self._reserved(map_bytes(size, depth, kind, layers))
         target = depth_target(self.device, size, depth, kind, layers)
         self._own(target, target.bytes)
         return target
@@ -157,8 +165,9 @@ class Stage:
 
     def buffer(self, values: NDArray[np.generic]) -> moderngl.Buffer:
         """A buffer with these values."""
+        needed = self._reserved(values.nbytes)
         buffer = self.device.context.buffer(np.ascontiguousarray(values).tobytes())
-        self._own(buffer, values.nbytes)
+        self._own(buffer, needed)
         return buffer
 
     def casters(self, program: Program) -> Drawable:
@@ -218,6 +227,14 @@ class Stage:
     def _drawable(self, drawable: Drawable) -> Drawable:
         self._resources.append(drawable.vertices)
         return drawable
+
+    def _reserved(self, size: int) -> int:
+        """The size, unless there is no room for it."""
+        if self.bytes + size > self.room:
+            raise Unsupported(
+                f"takes {(self.bytes + size) / 2**30:.2g} GiB or more; a cell may take {self.room / 2**30:.3g} GiB"
+            )
+        return size
 
     def _own(self, resource: Releasable, size: int) -> None:
         self._resources.append(resource)
