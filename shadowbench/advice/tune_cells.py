@@ -51,7 +51,6 @@ class TuningCells:
     ) -> dict[str, frozenset[str]]:
         """By parameter, the components with which a spec does not support some kind of light in the blocks."""
         views = list({block.view.light.kind: block for block in blocks}.values())
-        unsupported = self.campaign.drawer.unsupported
         fields = type(spec.params).model_fields
         return {
             name: frozenset(
