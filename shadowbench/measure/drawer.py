@@ -50,18 +50,5 @@ class Drawer(Protocol):
         The latter are skipped if it fails again.
         """
 
-
-class Reporter(Protocol):
-    """Receiver of progress messages."""
-
-    def note(self, line: str) -> None:
-        """Show one line to the user."""
-
-    def stage(self, name: str, total: int | None) -> None:
-        """Begin a stage of `total` steps, None if unknown."""
-
-    def step(self, what: str) -> None:
-        """Count one step of the stage as done."""
-
     def shaders(self, block: Block, cell: Cell) -> Sequence[ShaderText]:
         """GLSL of a cell as passed to the driver, with all includes and defines resolved. Raises as `draw` does."""
