@@ -1,14 +1,12 @@
 """The commands: their output, files and exit codes."""
 
 import csv
-import errno
 import io
 import json
 import os
 import re
 import subprocess
 import sys
-import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -23,7 +21,7 @@ from scipy.ndimage import binary_dilation
 from shadowbench import __version__
 from shadowbench.commands import console
 from shadowbench.extremes.axes import AXES, value_label
-from shadowbench.measure import noise, worker
+from shadowbench.measure import noise
 from shadowbench.reports.words import digits
 from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import view_of
@@ -603,35 +601,6 @@ def test_listed_axes_are_those_that_stress_sweeps(shadowbench: Shadowbench) -> N
         assert row["home"] in row["values"] and row["lights"] == list(AXES[name].lights)
         assert row["about"] in shadowbench("list", "axes", name).out
     assert len({row["about"] for row in listed.values()}) == len(listed), "no axis says what another says"
-
-
-def refused(kind: type[BaseException], *arguments: Any) -> Callable[..., Any]:
-    def call(*_: object, **__: object) -> Any:
-        raise kind(*arguments)
-
-    return call
-
-
-NO_PROCESS = "shadowbench: no further process or thread is allowed here (ulimit -u, or a limit of the container)\n"
-
-
-@pytest.mark.parametrize("what", ["no process", "no thread", "OpenBLAS has no thread", "the guard is no process"])
-def test_a_system_that_allows_few_processes_is_one_line(
-    shadowbench: Shadowbench, half: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: str
-) -> None:
-    plugin = tmp_path / "half.py"  # of this test, hence with a worker of its own
-    plugin.write_text(half.read_text())
-    if what == "no process":
-        monkeypatch.setattr(subprocess, "Popen", refused(BlockingIOError, errno.EAGAIN, "no process", sys.executable))
-    elif what == "the guard is no process":
-        lacking = "import os\ndef lacking(*_, **__): raise BlockingIOError(11, '')\nos.posix_spawn = lacking\n"
-        monkeypatch.setattr(worker, "_PROGRAM", lacking + worker._PROGRAM)
-    else:
-        monkeypatch.setattr(threading.Thread, "start", refused(RuntimeError, "can't start new thread"))
-    if what == "OpenBLAS has no thread":
-        monkeypatch.setattr(worker, "spawn", refused(KeyboardInterrupt))
-    answer = shadowbench("run", "cube-on-plane", "-t", "half", "--plugin", plugin, *SMALL, "-q", "-o", tmp_path / "out")
-    assert (answer.code, answer.err) == (3, NO_PROCESS)
 
 
 @pytest.mark.parametrize(("value", "shown"), [(0.99975, "0.9998"), (0.99998749, "0.99999"), (1.0, "1"), (1.0002, "1")])
