@@ -121,7 +121,7 @@ class Does(Wild):
     def build(self, stage):
         super().build(stage)
         if self.params.what == "leak-memory":
-            LEAKED.append(np.ones(48 << 20))
+            LEAKED.append(np.ones(64 << 20))
             time.sleep(0.3)
 
     def draw(self, frame):

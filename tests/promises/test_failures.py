@@ -141,6 +141,7 @@ def spell(what: str) -> str:
     return f"level={level},what={first}" if level else f"what={first}"
 
 
+@pytest.mark.slow
 def test_processes_of_a_plug_in_end_when_the_whole_run_is_killed(
     start: Callable[..., Any], records: Any, tmp_path: Path, plugins: list[str | Path]
 ) -> None:
@@ -205,6 +206,7 @@ def test_a_floor_that_crashes_costs_times_only_and_is_tried_again(study: Study, 
     assert study.added(text) == (1, 2), "the plug-in is another, the shadow map is not drawn again"
 
 
+@pytest.mark.slow
 def test_no_cell_fails_for_the_memory_that_others_took(study: Study, wild: Path, tmp_path: Path) -> None:
     """Whether they wait to be timed, are timed with it, or have left it behind."""
     study.plugins = (Path(shutil.copy(wild, tmp_path)),)

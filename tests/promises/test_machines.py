@@ -205,9 +205,9 @@ def test_a_recommendation_for_a_budget_needs_a_place_to_time_on(
 def test_workers_of_another_renderer_without_gl_or_of_another_version_are_refused(
     shadowbench: Command, tmp_path: Path
 ) -> None:
-    information = tmp_path / "versions" / "numpy-1.0.dist-info"
+    information = tmp_path / "versions" / "trimesh-1.0.dist-info"
     information.mkdir(parents=True)
-    (information / "METADATA").write_text("Metadata-Version: 2.1\nName: numpy\nVersion: 1.0\n")
+    (information / "METADATA").write_text("Metadata-Version: 2.1\nName: trimesh\nVersion: 1.0\n")
     with ExitStack() as stack:
         processes = Processes(stack, tmp_path / "dask")
         processes.wait_for(2)
@@ -221,7 +221,7 @@ def test_workers_of_another_renderer_without_gl_or_of_another_version_are_refuse
         assert "that of the study Matrox Millennium" in refusal("--renderer", "Matrox Millennium")
         for environment, said in (
             ({"__EGL_VENDOR_LIBRARY_FILENAMES": str(tmp_path / "none.json")}, "no OpenGL 4.1 context"),
-            ({"PYTHONPATH": os.pathsep.join([str(tmp_path / "versions"), *sys.path])}, "numpy is 1.0 there and "),
+            ({"PYTHONPATH": os.pathsep.join([str(tmp_path / "versions"), *sys.path])}, "trimesh is 1.0 there and "),
         ):
             for worker in processes.workers:
                 kill(worker)

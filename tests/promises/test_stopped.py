@@ -11,7 +11,7 @@ from typing import Any
 import psutil
 import pytest
 
-from tests.promises.conftest import Record, environment, finished, gone, study_text, unsigned
+from tests.promises.conftest import Record, environment, finished, gone, marked, study_text, unsigned
 from tests.samples import sampled
 
 Records = Callable[..., list[Record]]
@@ -165,18 +165,45 @@ def test_a_run_stops_without_a_word_too_many(
     assert len(records(out)) == 8
 
 
-@pytest.mark.parametrize("processes", [1, pytest.param(2, marks=pytest.mark.slow)])
-def test_ctrl_c_while_the_worker_starts_is_silent_and_leaves_no_process(
-    start: Any, arguments: Any, processes: int
-) -> None:
+@pytest.mark.slow
+def test_ctrl_c_while_the_worker_starts_is_silent_and_leaves_no_process(start: Any, arguments: Any) -> None:
     stopped = start(*arguments(1), GATE="shut")
-    stopped.until(lambda: len(stopped.family()) >= processes)
+    stopped.until(stopped.family)
     family = stopped.family()
     os.killpg(stopped.process.pid, signal.SIGINT)
     code, _, err = stopped.end()
     assert err == f"{STOPPED}\n"
     assert code in (130, -signal.SIGINT), "the same to a shell: Python ends by the signal that came within an exec"
     assert gone(family)
+
+
+# Ctrl-C at the moment when the first process has been started and nobody knows of it yet. A second thread, as of a
+# progress bar, receives a signal that the main one blocks.
+BETWEEN = """
+import _posixsubprocess, os, signal, threading, time
+
+start = _posixsubprocess.fork_exec
+
+def interrupted(*arguments):
+    _posixsubprocess.fork_exec = start
+    process = start(*arguments)
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(0.1)  # Python interrupts here, if anywhere
+    return process
+
+if os.environ.pop("FIRST", None):  # the command's process, not those that it starts
+    _posixsubprocess.fork_exec = interrupted
+    threading.Thread(target=threading.Event().wait, daemon=True).start()
+"""
+
+
+def test_ctrl_c_waits_until_the_worker_is_known(start: Any, arguments: Any, tmp_path: Path) -> None:
+    (tmp_path / "sitecustomize.py").write_text(BETWEEN)
+    path = os.pathsep.join([str(tmp_path), *sys.path])
+    stopped = start(*arguments(1), GATE=tmp_path / "shut", FIRST="yes", PYTHONPATH=path)
+    code, printed, err = stopped.end()
+    assert (code in (130, -signal.SIGINT), printed, err) == (True, "", f"{STOPPED}\n")
+    assert gone(marked("GATE", tmp_path / "shut"))
 
 
 THREADED = """
@@ -199,6 +226,7 @@ time.sleep(600)
 """
 
 
+@pytest.mark.slow
 def test_a_script_on_standard_input_draws_in_threads_and_its_worker_ends_with_it(tmp_path: Path) -> None:
     """Without a guard for the main module, and beside a file that has the name of a library."""
     (tmp_path / "numpy.py").write_text("raise ImportError('somebody else's, beside which one happens to stand')\n")
