@@ -150,7 +150,5 @@ def _near_blockers(samples: Samples, height: float) -> Floats:
     if len(low):
         at, geometry, eye = samples.select(low), samples.view.scene.geometry, np.array(samples.view.camera.position)
         receivers = Receivers(at.pixel, at.triangle, at.point, at.to_light, at.distance, at.cosine)
-        row, column = np.divmod(at.pixel, -(-samples.view.size // samples.step))
-        pixels = np.stack([column, row])
-        distance[low], _ = NearCasters(geometry).nearest_blockers(receivers, height, pixels, eye[:, None])
+        distance[low], _ = NearCasters(geometry).nearest_blockers(receivers, height, eye[:, None])
     return distance

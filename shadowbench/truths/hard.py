@@ -58,7 +58,7 @@ def _decide(
     low = [centres.select(_in_low_light(centres)), *(receivers for _, receivers in samples)]
     sample = np.repeat(np.arange(len(low)), [len(receivers.rays) for receivers in low])
     together = Receivers.concatenate(low)
-    distance, covered = near.nearest_blockers(together, 4 * delta, rays.pixels(together), rays.eye)
+    distance, covered = near.nearest_blockers(together, 4 * delta, rays.eye)
     hidden = np.isfinite(distance)
     codes[sample[hidden], together.rays[hidden]] = SHADOWED
     centre = sample == 0
