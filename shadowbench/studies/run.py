@@ -23,7 +23,7 @@ from shadowbench.scenes.model import Scene, View
 from shadowbench.scenes.views import first_of
 from shadowbench.studies.part import WHOLE, Part
 from shadowbench.studies.study import Study, scenes_of
-from shadowbench.studies.time_left import TimeLeft, duration
+from shadowbench.studies.time_left import drawing_seconds, duration, timing_seconds
 from shadowbench.techniques.filters import Filter
 from shadowbench.techniques.unshadowed import Unshadowed
 from shadowbench.truths.cache import PIXEL_SAMPLES, cached_truth
@@ -90,21 +90,20 @@ def run_study(
         raise ShadowbenchError(f"nothing is left to measure: {failures[0].where}: {failures[0].reason}")
     with closing(RowStore(folder)) as store:
         conditions = study.conditions(time_again)
-        left, machine = TimeLeft(reporter), machine_key(executor)
+        modelled, drawn, machine = 0.0, 0, machine_key(executor)
         for block in blocks:
             keys = BlockJob(block, conditions).keys(info.renderer)
             missing = [cell for cell, key in keys.items() if store.finished_score(key) is None]
             untimed = [cell for cell, key in keys.items() if time_again or store.time_on(machine, key) is None]
-            left.expect(study, missing, filter(conditions.times, untimed))
-        measurer = Measurer(Bench(executor, store, left, Pictures(folder), profile), conditions)
+            modelled += sum(drawing_seconds(study, cell) for cell in missing)
+            modelled += sum(timing_seconds(study, cell) for cell in filter(conditions.times, untimed))
+            drawn += len(missing)
+        measurer = Measurer(Bench(executor, store, reporter, Pictures(folder), profile), conditions)
         cells = [cell for block in blocks for cell in block.cells]
-        if left.modelled >= _LONG_S:
-            missing_count = sum(kind.steps for name, kind in left.kinds.items() if name != "timed")
-            rough = f"about {duration(left.modelled)} on two cores without a GPU"
-            reporter.note(
-                f"{missing_count} of {len(cells)} cells to measure: {rough}, by a model that the first cells correct"
-            )
-        left.stage("cells", len(cells) + sum(map(conditions.times, cells)))
+        if modelled >= _LONG_S:
+            rough = f"about {duration(modelled)} on two cores without a GPU"
+            reporter.note(f"{drawn} of {len(cells)} cells to measure: {rough}, by a model that the first cells correct")
+        reporter.stage("cells", len(cells) + sum(map(conditions.times, cells)))
         results = []
         for block, found in zip(blocks, measurer.measure(blocks, failures if keep_going else None), strict=True):
             results += found
