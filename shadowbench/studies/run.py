@@ -15,7 +15,6 @@ from shadowbench.measure.flips import size_after
 from shadowbench.measure.machine import machine_key
 from shadowbench.measure.measurer import BlockJob, Measurer
 from shadowbench.measure.pictures import Pictures
-from shadowbench.measure.profile import Profile
 from shadowbench.measure.row_store import Rows, RowStore
 from shadowbench.measure.rows import Result
 from shadowbench.measure.session import DeviceInfo
@@ -41,7 +40,6 @@ class RunResult:
 
     results: list[Result]
     notes: list[str]
-    profile: Profile
     failures: list[Failure]
 
 
@@ -60,9 +58,8 @@ def run_study(
     out scenes, truths and blocks that fail. Raises ShadowbenchError if nothing is left.
     """
     failures: list[Failure] = []
-    profile, blocks = Profile(), part.of_blocks(readable_blocks(study, failures) if keep_going else [*study.blocks()])
-    with profile.activity("waiting"):
-        info = executor.info
+    blocks = part.of_blocks(readable_blocks(study, failures) if keep_going else [*study.blocks()])
+    info = executor.info
     check_sizes(study, info)
     of_scenes = [note for scene in scenes_of(blocks) for note in _notes_on(study, scene)]
     notes = [*study.notes, *_filter_notes(study), *of_scenes]
@@ -70,7 +67,7 @@ def run_study(
         reporter.note(note)
     uniform: set[str] = set()  # views
     reporter.stage("truth", len(blocks))
-    truths = Bench(executor, Rows(), reporter, profile=profile)
+    truths = Bench(executor, Rows(), reporter)
     # All of them before anything is written: a view that shows nothing raises InputError.
     jobs: Sequence[Job[str | Failure | None]] = [TruthJob(block.view) for block in blocks]
     if keep_going:
@@ -98,7 +95,7 @@ def run_study(
             modelled += sum(drawing_seconds(study, cell) for cell in missing)
             modelled += sum(timing_seconds(study, cell) for cell in filter(conditions.times, untimed))
             drawn += len(missing)
-        measurer = Measurer(Bench(executor, store, reporter, Pictures(folder), profile), conditions)
+        measurer = Measurer(Bench(executor, store, reporter, Pictures(folder)), conditions)
         cells = [cell for block in blocks for cell in block.cells]
         if modelled >= _LONG_S:
             rough = f"about {duration(modelled)} on two cores without a GPU"
@@ -113,7 +110,7 @@ def run_study(
                 reporter.note(notes[-1])
     if not results:
         raise ShadowbenchError(f"no cell was measured: {failures[0].where}: {failures[0].reason}")
-    return RunResult(results, notes, profile, failures)
+    return RunResult(results, notes, failures)
 
 
 def readable_blocks(study: Study, failures: list[Failure]) -> list[Block]:
@@ -147,8 +144,7 @@ class TruthJob(Job[str | None]):
 
     def __call__(self, bench: Bench) -> str | None:
         """Trace the truth unless it is in the cache. Raises InputError for a view that shows nothing."""
-        with bench.profile.activity("truth"):
-            truth = cached_truth(self.view)
+        truth = cached_truth(self.view)
         bench.reporter.step(self.view.name)
         return _uniform_truth(truth)
 

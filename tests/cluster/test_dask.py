@@ -191,7 +191,6 @@ REFUSED = {
     ),
     "a place without Dask": (["--time-on", "here"], "--time-on: is for --dask, which is not given"),
     "a renderer without Dask": (["--renderer", "llvmpipe"], "--renderer: is for --dask, which is not given"),
-    "a profile": (["--dask", "local:2", "--profile"], "--profile: measures this process; allowed: without --dask"),
     "an address of nobody": (["--dask", "tcp://127.0.0.1:9"], "--dask tcp://127.0.0.1:9: no Dask scheduler answers"),
     "TLS without a certificate": (
         ["--dask", "tls://127.0.0.1:9"],

@@ -11,7 +11,6 @@ import pytest
 from shadowbench.gl.clock import WALL, Clock
 from shadowbench.measure import session as module
 from shadowbench.measure.cells import CellRequest
-from shadowbench.measure.profile import Profile
 from shadowbench.measure.session import WARM_UP, Session
 from shadowbench.techniques.base import Frame, Phase, TechniqueParams
 from shadowbench.techniques.filters import PCF, Dither4, Filter, Hard, Hardware
@@ -33,7 +32,6 @@ class Bare(Session):
             draws=0,
         )
         self.clock = Clock(self.device)
-        self.profile = Profile()
         self.facts: dict[str, float] = {}
         self.params: Any = TechniqueParams()
         loaded = SimpleNamespace(picture_pass=SimpleNamespace(draw=lambda surface, view, texture, tint: None))
@@ -167,12 +165,3 @@ def test_the_cost_is_the_sum_of_invocations_reads_and_rays(bare: Bare, monkeypat
 
 def test_without_invocations_there_is_no_cost(bare: Bare) -> None:
     assert "cost" not in bare.draw(AT, REQUEST).work
-
-
-def test_seconds_are_kept_by_activity(bare: Bare) -> None:
-    bare.prepare_timing(AT, REQUEST)
-    bare.time_frame(0)
-    assert set(bare.activity_seconds()) == {"prepare", "passes"}
-    bare.draw(AT, REQUEST)
-    assert set(bare.activity_seconds()) == {"prepare", "passes", "read back"}
-    assert all(seconds >= 0 for seconds in bare.activity_seconds().values())
