@@ -12,12 +12,12 @@ from shadowbench.errors import printable
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.progress import Task, TaskID
+    from rich.progress import TaskID
 
     from shadowbench.scenes.model import View
 
 _LONGEST_WORD = 24  # characters
-_ESTIMATED = "cells"  # the stage of `studies.time_left`
+_REMEMBERED = 1800.0  # seconds of which the mean of steps tells how long the others will take
 _EVERY = 10.0  # seconds between lines of progress where stderr is no terminal
 
 
@@ -66,13 +66,6 @@ class Reporter(logging.Handler):
             TimeRemainingColumn,
         )
         from rich.table import Column
-        from rich.text import Text
-
-        class Remaining(TimeRemainingColumn):
-            """Rich's extrapolation, except of the stage that has its own in the text after the bar."""
-
-            def render(self, task: "Task") -> Text:
-                return Text() if task.description == _ESTIMATED else super().render(task)
 
         super().__init__(logging.WARNING)
         self._quiet = quiet
@@ -84,11 +77,17 @@ class Reporter(logging.Handler):
             BarColumn(None, table_column=Column(ratio=1)),  # the bar and the text share what the numbers leave
             MofNCompleteColumn(table_column=Column(no_wrap=True)),
             TimeElapsedColumn(table_column=Column(no_wrap=True)),
-            Remaining(table_column=Column(no_wrap=True)),
+            TimeRemainingColumn(table_column=Column(no_wrap=True)),
             TextColumn("{task.fields[what]}", table_column=Column(ratio=2, no_wrap=True, overflow="ellipsis")),
         )
-        disable = quiet or not err().is_terminal
-        self._progress = Progress(*columns, console=err(), disable=disable, transient=True, expand=True)
+        self._progress = Progress(
+            *columns,
+            console=err(),
+            disable=quiet or not err().is_terminal,
+            transient=True,
+            expand=True,
+            speed_estimate_period=_REMEMBERED,
+        )
 
     def __enter__(self) -> "Reporter":
         logging.getLogger("shadowbench").addHandler(self)
@@ -138,12 +137,18 @@ class Reporter(logging.Handler):
         """Advance the bar; what: text after it."""
         if self._task is None:
             return
-        self._progress.update(self._task, advance=1, what=what)
+        (task,) = self._progress.tasks
+        # At once, which says nothing of how long others take.
+        known = what.endswith((": measured before", ": nothing to time"))
+        task.completed += known
+        self._progress.update(self._task, advance=not known, what=what)
         if self._progress.disable and not self._quiet and monotonic() - self._printed >= _EVERY:
             self._printed = monotonic()
-            (task,) = self._progress.tasks
+            from shadowbench.studies.time_left import duration
+
             of = "" if task.total is None else f" of {task.total:.0f}"
-            print_error(f"{task.description}: {task.completed:.0f}{of}, {printable(what)}")
+            left = "" if task.time_remaining is None else f"about {duration(task.time_remaining)} left, "
+            print_error(f"{task.description}: {task.completed:.0f}{of}, {left}{printable(what)}")
 
 
 def print_failures(failed: Iterable[tuple[str, str, str]]) -> None:

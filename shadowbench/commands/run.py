@@ -1,6 +1,5 @@
 """`run`: measure a study and print its tables."""
 
-from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -139,9 +138,6 @@ def run(
             "address or machine), or on every machine, which a table compares  [nowhere].",
         ),
     ] = None,
-    profile: Annotated[
-        bool, typer.Option("--profile", help="Print the time that each part of the measurement took.")
-    ] = False,
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for the table, masks and pictures.")
     ] = Path("results/latest"),
@@ -186,8 +182,6 @@ def run(
         )
     if dask is None:
         check_without_dask({"--renderer": renderer, "--any-renderer": any_renderer, "--time-on": time_on})
-    elif profile:
-        raise InputError("--profile: measures this process; allowed: without --dask")
     with ExitStack() as stack:
         # It starts while the rest is imported and the study is read.
         worker = None if dask is not None else stack.enter_context(Worker(plugin or ()))
@@ -236,7 +230,6 @@ def run(
             others=at.others,
             timers=at.timers,
             time_again=time_again,
-            profile=profile,
             part=chosen_part,
             keep_going=keep_going,
         )
@@ -249,8 +242,6 @@ def run(
         console.print_json({scene: [dataclasses.asdict(row) for row in rows] for scene, rows in tables.items()})
     else:
         print_study(found, output, quiet)
-    if profile:
-        _print_profile(found.seconds)
     statuses = list(found.frame["status"])
     if not any(found.frame["status"] == "ok") and not found.failures:
         console.print_unsupported(statuses, _others(asked, known))
@@ -288,15 +279,3 @@ def _earlier_cells_note(run: "Run") -> str:
     named = [counted(len({row[what] for row in rows}), what) for what in ("scene", "spec")]
     found = f"the folder also holds {counted(len(rows), 'cell')} of earlier commands ({', '.join(named)})"
     return f"{found}; they are in table.csv and in reports"
-
-
-def _print_profile(seconds: Mapping[str, float]) -> None:
-    from shadowbench.measure.profile import ACTIVITIES, MEASURING, share
-
-    total = sum(seconds.values())
-    for activity, value in sorted(seconds.items(), key=lambda item: -item[1]):
-        console.print_error(f"{activity:<9} {value:8.2f} s  {value / total:6.1%}  {ACTIVITIES[activity]}")
-    console.print_error(
-        f"{total:.2f} s in all: {share(seconds):.1%} in GL passes, ray tracing and scoring, "
-        f"{share(seconds, (*MEASURING, 'prepare')):.1%} with the preparation that prepare_ms measures"
-    )

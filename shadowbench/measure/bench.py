@@ -1,12 +1,11 @@
 """The bench: what a job measures with."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
 from shadowbench.measure.executor import Executor
 from shadowbench.measure.pictures import Pictures
-from shadowbench.measure.profile import Profile
 from shadowbench.measure.row_store import Rows
 from shadowbench.measure.rows import Record
 from shadowbench.scenes.model import View
@@ -39,7 +38,6 @@ class Bench:
     store: Rows
     reporter: Reporter
     pictures: Pictures | None = None
-    profile: Profile = field(default_factory=Profile)
 
     def run(self, jobs: "Sequence[Job[R]]") -> Iterator[R]:
         """Results of jobs, in their order; rows are in the store before the result of their job is yielded."""

@@ -175,19 +175,17 @@ class BlockJob(Job[Mapping[str, str]]):
             if cell in without_ratio or cell not in timed
         }
         steps, placed_view = 0, PlacedView(view, conditions.coordinates)
-        with bench.profile.activity("waiting"):
-            for timing in time_cells(bench.executor, placed_view, conditions, sizes, without_ratio) if sizes else ():
-                if isinstance(timing, TimingFailure):
-                    missing_time = "no time" if timing.cell in sizes else "no ratios to this reference"
-                    bench.reporter.note(f"{name} {timing.cell.spec.text}: {missing_time}: {timing.reason}")
-                    if timing.cell in sizes:
-                        failures[keys[timing.cell]] = timing.reason
-                else:
-                    with bench.profile.activity("files"):
-                        store.append(time_row(timing, keys[timing.cell], reference, machine))
+        for timing in time_cells(bench.executor, placed_view, conditions, sizes, without_ratio) if sizes else ():
+            if isinstance(timing, TimingFailure):
+                missing_time = "no time" if timing.cell in sizes else "no ratios to this reference"
+                bench.reporter.note(f"{name} {timing.cell.spec.text}: {missing_time}: {timing.reason}")
                 if timing.cell in sizes:
-                    steps += 1
-                    bench.reporter.step(f"{name}: timed")
+                    failures[keys[timing.cell]] = timing.reason
+            else:
+                store.append(time_row(timing, keys[timing.cell], reference, machine))
+            if timing.cell in sizes:
+                steps += 1
+                bench.reporter.step(f"{name}: timed")
         for _ in range(len(wanted) - steps):
             bench.reporter.step(f"{name}: nothing to time")
         return failures

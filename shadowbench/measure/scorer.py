@@ -12,7 +12,6 @@ from shadowbench.measure.bench import Bench
 from shadowbench.measure.cells import Cell, CellRequest, PlacedView
 from shadowbench.measure.executor import CellFailed, Executor, MemoryExceeded, Unsupported, status_of
 from shadowbench.measure.flips import Count, flips
-from shadowbench.measure.profile import Profile
 from shadowbench.measure.rendering import Rendering
 from shadowbench.measure.rows import CellIdentity, Record
 from shadowbench.measure.score_rows import Measurement, identity, score_row
@@ -48,22 +47,18 @@ class _ScoringView:
     """A view and the scoring inputs that its cells share, each computed on first use."""
 
     placed_view: PlacedView
-    profile: Profile
     executor: Executor
     scored: bool
 
     @cached_property
     def truth(self) -> Truth:
         """The truth; its `area` is only sampled if masks are scored against it."""
-        with self.profile.activity("truth"):
-            view = self.placed_view.view
-            return cached_truth(view) if self.scored else cached_truth(view, FLIP_SAMPLES)
+        view = self.placed_view.view
+        return cached_truth(view) if self.scored else cached_truth(view, FLIP_SAMPLES)
 
     @cached_property
     def prepared(self) -> PreparedTruth:
-        truth = self.truth
-        with self.profile.activity("score"):
-            return prepare_truth(truth)
+        return prepare_truth(self.truth)
 
     @cached_property
     def surface(self) -> NDArray[np.int32]:
@@ -78,12 +73,7 @@ class Scorer:
     """
 
     def __init__(self, bench: Bench, writes_images: Callable[[Record], bool] | None = None) -> None:
-        self.executor, self.store, self.pictures, self.profile = (
-            bench.executor,
-            bench.store,
-            bench.pictures,
-            bench.profile,
-        )
+        self.executor, self.store, self.pictures = bench.executor, bench.store, bench.pictures
         self.writes_images = writes_images
         self.renderer = bench.executor.info.renderer
 
@@ -99,12 +89,12 @@ class Scorer:
         frames: the view; several frames are an animation, of which the first is scored and all are checked for flips;
         on_made: called with each cell as its row is made; count: counts the flips.
         """
-        views = [_ScoringView(frame, self.profile, self.executor, scored=frame is frames[0]) for frame in frames]
+        views = [_ScoringView(frame, self.executor, scored=frame is frames[0]) for frame in frames]
         missing: dict[str, ScoreRequest] = {}
         for request in requests:
             if self.store.finished_score(request.key) is None:
                 missing.setdefault(request.key, request)
-        with Writer(self.profile) as writer:
+        with Writer() as writer:
             if self.pictures is not None and self.writes_images is None:
                 writer.add(partial(self.pictures.write_truth, frames[0].view, views[0].truth))
             shading_written = False
@@ -113,8 +103,7 @@ class Scorer:
                 if self.pictures is None or (self.writes_images is not None and not self.writes_images(row)):
                     rendering = None
                 elif rendering is not None and not shading_written:
-                    with self.profile.activity("waiting"):
-                        shading = self.executor.call(Session.shading, frames[0])
+                    shading = self.executor.call(Session.shading, frames[0])
                     writer.add(partial(self.pictures.write_shading, frames[0].view, *shading))
                     shading_written = True
                 writer.add(partial(self._write, views[0], row, rendering))
@@ -130,14 +119,12 @@ class Scorer:
         try:
             if request.unsupported is not None:
                 raise Unsupported(request.unsupported)
-            with self.profile.activity("waiting"):
-                surface = first.surface
-                rendering, *later = [self._draw(view.placed_view, request, writer) for view in views]
+            surface = first.surface
+            rendering, *later = [self._draw(view.placed_view, request, writer) for view in views]
         except (Unsupported, CellFailed) as reason:
             return make(status_of(reason)), None
         truth, prepared = first.truth, first.prepared
-        with self.profile.activity("score"):
-            mask = mask_record(rendering.visibility, truth, prepared, surface)
+        mask = mask_record(rendering.visibility, truth, prepared, surface)
         extra_fields = dict(request.extra_fields)
         if later:
             masks = [frame.visibility for frame in (rendering, *later)]

@@ -21,7 +21,6 @@ from shadowbench.gl.device import Device, open_device
 from shadowbench.measure.cells import CellRequest, PlacedView
 from shadowbench.measure.executor import Unsupported
 from shadowbench.measure.loaded_scene import BuiltCell, LoadedScene, OpenView
-from shadowbench.measure.profile import Profile
 from shadowbench.measure.rendering import Rendering, declared_work, finite_facts, visibility_of
 from shadowbench.measure.rows import renderer_of
 from shadowbench.techniques.base import Frame, Phase, Stage, Technique
@@ -54,7 +53,6 @@ class Session:
         self.techniques = techniques(plugins)
         self.device: Device = open_device()
         self.clock = Clock(self.device)
-        self.profile = Profile()
         self._loaded: LoadedScene | None = None
         self._open_view: OpenView | None = None
         self._kept: dict[CellRequest, BuiltCell] = {}  # built for the open view, for a later draw or timing
@@ -75,10 +73,6 @@ class Session:
             clip_control=device.clip_control,
         )
 
-    def activity_seconds(self) -> dict[str, float]:
-        """Seconds spent on each activity since the start."""
-        return dict(self.profile.seconds)
-
     def open(self, placed_view: PlacedView) -> None:
         """Load a view's scene and draw its G-buffer, unless done already. Every call about a view does this first."""
         self._ensure_open(placed_view)
@@ -86,8 +80,7 @@ class Session:
     def surface(self, placed_view: PlacedView) -> NDArray[np.int32]:
         """(N, N) int32 triangle ids of a view's G-buffer, row 0 at the top."""
         open_view = self._ensure_open(placed_view)
-        with self.profile.activity("read back"):
-            return open_view.surface.triangles()
+        return open_view.surface.triangles()
 
     def shading(self, placed_view: PlacedView) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
         """Two pictures of a view, (N, N, 3) uint8 sRGB: visibility 1 everywhere, and 0 everywhere."""
@@ -105,8 +98,7 @@ class Session:
     def _load(self, placed_view: PlacedView) -> LoadedScene:
         if self._loaded is None or not self._loaded.matches(placed_view):
             self.unload()
-            with self.profile.activity("build"):
-                self._loaded = LoadedScene(self.device, placed_view.view.scene, placed_view.coordinates)
+            self._loaded = LoadedScene(self.device, placed_view.view.scene, placed_view.coordinates)
         return self._loaded
 
     def _ensure_open(self, placed_view: PlacedView) -> OpenView:
@@ -175,8 +167,7 @@ class Session:
             texture = technique.draw(frame)
         self.device.reset()
         self.device.check(f"drawing {request.spec}")
-        with self.profile.activity("read back"):
-            visibility = visibility_of(request.spec, texture, view.size)
+        visibility = visibility_of(request.spec, texture, view.size)
         with self._gpu_work():
             tint = technique.tint() if tinted else None
             picture = open_view.loaded.picture_pass.draw(frame.surface, view, texture, tint)
@@ -240,10 +231,9 @@ class Session:
 
     @contextmanager
     def _gpu_work(self) -> Iterator[None]:
-        """Book GPU work as passes; it has finished when the block ends, so that no other activity waits for it."""
-        with self.profile.activity("passes"):
-            yield
-            self.device.context.finish()
+        """GPU work that has finished when the block ends, so that nothing that is timed waits for it."""
+        yield
+        self.device.context.finish()
 
     def _spec(self, request: CellRequest) -> Spec:
         return parse_spec(request.spec, self.techniques)
@@ -253,9 +243,8 @@ class Session:
 
     def _build(self, open_view: OpenView, request: CellRequest) -> BuiltCell:
         start = time.perf_counter()
-        with self.profile.activity("prepare"):
-            technique, stage, frame = self._assemble(open_view, request)
-            self.device.context.finish()
+        technique, stage, frame = self._assemble(open_view, request)
+        self.device.context.finish()
         return BuiltCell(technique, stage, frame, (time.perf_counter() - start) * 1e3)
 
     def _assemble(self, open_view: OpenView, request: CellRequest) -> tuple[Technique, Stage, Frame]:

@@ -3,8 +3,6 @@
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 
-from shadowbench.measure.profile import Profile
-
 
 class Writer:
     """Runs write operations one after the other in a thread, while the worker draws.
@@ -13,8 +11,7 @@ class Writer:
     exception of a write is raised by the next `finish` or on exit.
     """
 
-    def __init__(self, profile: Profile) -> None:
-        self._profile = profile
+    def __init__(self) -> None:
         self._pool = ThreadPoolExecutor(1)
         self._next: list[Callable[[], None]] = []
         self._begun: list[Future[None]] = []
@@ -39,6 +36,5 @@ class Writer:
     def finish(self) -> None:
         """Wait for the started writes, which bounds the images held in memory."""
         begun, self._begun = self._begun, []
-        with self._profile.activity("files"):
-            for writing in begun:
-                writing.result()
+        for writing in begun:
+            writing.result()

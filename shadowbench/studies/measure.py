@@ -1,6 +1,5 @@
 """Computation behind `run`: the study given by a file and options, and its measurement into a folder."""
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -12,9 +11,8 @@ from shadowbench.measure.attempt import Failure
 from shadowbench.measure.bench import Reporter
 from shadowbench.measure.executor import Executor
 from shadowbench.measure.machine import write_run_file
-from shadowbench.measure.profile import complete_profile
 from shadowbench.measure.rows import Result
-from shadowbench.measure.session import DeviceInfo, Session
+from shadowbench.measure.session import DeviceInfo
 from shadowbench.scenes.model import Scene
 from shadowbench.studies.crossing import Techniques
 from shadowbench.studies.part import WHOLE, Part
@@ -89,9 +87,8 @@ class StudyResult:
     """Result of measuring a study into a folder.
 
     results: its cells, measured now or before; run: the whole folder, with cells of earlier commands; sweep_positions:
-    of specs in the study's bias sweeps; seconds: by activity (see `measure.profile`), empty unless requested; failures:
-    what was left out, with `keep_going`; times: by name of a machine, the results with its times, if several were asked
-    for.
+    of specs in the study's bias sweeps; failures: what was left out, with `keep_going`; times: by name of a machine,
+    the results with its times, if several were asked for.
     """
 
     study: Study
@@ -99,7 +96,6 @@ class StudyResult:
     run: "Run"
     sweep_positions: "SweepPositions"
     info: DeviceInfo
-    seconds: Mapping[str, float]
     failures: tuple[Failure, ...] = ()
     times: Mapping[str, Sequence[Result]] = field(default_factory=dict)
 
@@ -120,7 +116,6 @@ def measure(
     others: Sequence[Executor] = (),
     timers: Mapping[str, Executor] | None = None,
     time_again: bool = False,
-    profile: bool = False,
     part: Part = WHOLE,
     keep_going: bool = False,
 ) -> StudyResult:
@@ -133,7 +128,6 @@ def measure(
     device. A cell that fails gets a row with that status.
     """
     check_folder(folder)
-    start = time.perf_counter()
     scored = study if timers is None else study.with_(rounds=0)
 
     def run_on(one: Executor, study: Study, time_again: bool = False) -> RunResult:
@@ -146,7 +140,6 @@ def measure(
     results = {result.score["key"]: result for found in (*scores, *timed.values()) for result in found.results}
     notes = list(dict.fromkeys(note for found in scores for note in found.notes))
     failures = dict.fromkeys(failure for found in (*scores, *timed.values()) for failure in found.failures)
-    spent = executor.call(Session.activity_seconds) if profile else {}
     from shadowbench.studies.folder import write_cells
     from shadowbench.studies.sweeps import sweep_positions
 
@@ -154,14 +147,12 @@ def measure(
     *_, last = [executor, *(timers or {}).values()]
     write_run_file(folder / "run.json", last, notes, study.facts, [one.score for one in results.values()])
     run = write_cells(folder, list(results.values()), positions)
-    seconds = complete_profile(first.profile.seconds, spent, time.perf_counter() - start) if profile else {}
     return StudyResult(
         study,
         tuple(results.values()),
         run,
         positions,
         executor.info,
-        seconds,
         tuple(failures),
         {name: found.results for name, found in timed.items()},
     )

@@ -15,7 +15,6 @@ from shadowbench.measure.flips import size_after
 from shadowbench.measure.machine import machine_key
 from shadowbench.measure.measurer import BlockJob, Measurer
 from shadowbench.measure.pictures import Pictures
-from shadowbench.measure.profile import Profile
 from shadowbench.measure.row_store import Rows, RowStore
 from shadowbench.measure.rows import Result
 from shadowbench.measure.session import DeviceInfo
@@ -23,7 +22,7 @@ from shadowbench.scenes.model import Scene, View
 from shadowbench.scenes.views import first_of
 from shadowbench.studies.part import WHOLE, Part
 from shadowbench.studies.study import Study, scenes_of
-from shadowbench.studies.time_left import TimeLeft, duration
+from shadowbench.studies.time_left import drawing_seconds, duration, timing_seconds
 from shadowbench.techniques.filters import Filter
 from shadowbench.techniques.unshadowed import Unshadowed
 from shadowbench.truths.cache import PIXEL_SAMPLES, cached_truth
@@ -41,7 +40,6 @@ class RunResult:
 
     results: list[Result]
     notes: list[str]
-    profile: Profile
     failures: list[Failure]
 
 
@@ -60,9 +58,8 @@ def run_study(
     out scenes, truths and blocks that fail. Raises ShadowbenchError if nothing is left.
     """
     failures: list[Failure] = []
-    profile, blocks = Profile(), part.of_blocks(readable_blocks(study, failures) if keep_going else [*study.blocks()])
-    with profile.activity("waiting"):
-        info = executor.info
+    blocks = part.of_blocks(readable_blocks(study, failures) if keep_going else [*study.blocks()])
+    info = executor.info
     check_sizes(study, info)
     of_scenes = [note for scene in scenes_of(blocks) for note in _notes_on(study, scene)]
     notes = [*study.notes, *_filter_notes(study), *of_scenes]
@@ -70,7 +67,7 @@ def run_study(
         reporter.note(note)
     uniform: set[str] = set()  # views
     reporter.stage("truth", len(blocks))
-    truths = Bench(executor, Rows(), reporter, profile=profile)
+    truths = Bench(executor, Rows(), reporter)
     # All of them before anything is written: a view that shows nothing raises InputError.
     jobs: Sequence[Job[str | Failure | None]] = [TruthJob(block.view) for block in blocks]
     if keep_going:
@@ -90,21 +87,20 @@ def run_study(
         raise ShadowbenchError(f"nothing is left to measure: {failures[0].where}: {failures[0].reason}")
     with closing(RowStore(folder)) as store:
         conditions = study.conditions(time_again)
-        left, machine = TimeLeft(reporter), machine_key(executor)
+        modelled, drawn, machine = 0.0, 0, machine_key(executor)
         for block in blocks:
             keys = BlockJob(block, conditions).keys(info.renderer)
             missing = [cell for cell, key in keys.items() if store.finished_score(key) is None]
             untimed = [cell for cell, key in keys.items() if time_again or store.time_on(machine, key) is None]
-            left.expect(study, missing, filter(conditions.times, untimed))
-        measurer = Measurer(Bench(executor, store, left, Pictures(folder), profile), conditions)
+            modelled += sum(drawing_seconds(study, cell) for cell in missing)
+            modelled += sum(timing_seconds(study, cell) for cell in filter(conditions.times, untimed))
+            drawn += len(missing)
+        measurer = Measurer(Bench(executor, store, reporter, Pictures(folder)), conditions)
         cells = [cell for block in blocks for cell in block.cells]
-        if left.modelled >= _LONG_S:
-            missing_count = sum(kind.steps for name, kind in left.kinds.items() if name != "timed")
-            rough = f"about {duration(left.modelled)} on two cores without a GPU"
-            reporter.note(
-                f"{missing_count} of {len(cells)} cells to measure: {rough}, by a model that the first cells correct"
-            )
-        left.stage("cells", len(cells) + sum(map(conditions.times, cells)))
+        if modelled >= _LONG_S:
+            rough = f"about {duration(modelled)} on two cores without a GPU"
+            reporter.note(f"{drawn} of {len(cells)} cells to measure: {rough}, by a model that the first cells correct")
+        reporter.stage("cells", len(cells) + sum(map(conditions.times, cells)))
         results = []
         for block, found in zip(blocks, measurer.measure(blocks, failures if keep_going else None), strict=True):
             results += found
@@ -114,7 +110,7 @@ def run_study(
                 reporter.note(notes[-1])
     if not results:
         raise ShadowbenchError(f"no cell was measured: {failures[0].where}: {failures[0].reason}")
-    return RunResult(results, notes, profile, failures)
+    return RunResult(results, notes, failures)
 
 
 def readable_blocks(study: Study, failures: list[Failure]) -> list[Block]:
@@ -148,8 +144,7 @@ class TruthJob(Job[str | None]):
 
     def __call__(self, bench: Bench) -> str | None:
         """Trace the truth unless it is in the cache. Raises InputError for a view that shows nothing."""
-        with bench.profile.activity("truth"):
-            truth = cached_truth(self.view)
+        truth = cached_truth(self.view)
         bench.reporter.step(self.view.name)
         return _uniform_truth(truth)
 

@@ -27,6 +27,7 @@ from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import view_of
 from shadowbench.scores.masks import read_mask
 from shadowbench.scores.metrics import METRICS
+from shadowbench.studies.time_left import duration
 from shadowbench.truths.embree import packet_width
 from shadowbench.truths.trace import trace
 
@@ -566,7 +567,7 @@ def test_the_times_of_a_progress_bar_fit_a_terminal_of_80_columns(monkeypatch: p
     assert bar.rstrip().endswith("…")
 
 
-@pytest.mark.parametrize(("total", "told"), [(7, "2 of 7"), (None, "2")])
+@pytest.mark.parametrize(("total", "told"), [(7, "2 of 7, about 1 s left"), (None, "2")])
 def test_progress_is_a_line_now_and_then_where_it_is_piped(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], total: int | None, told: str
 ) -> None:
@@ -580,6 +581,26 @@ def test_progress_is_a_line_now_and_then_where_it_is_piped(
             reporter.step("another")
         last = f"measuring: {told}, another"
         assert (capsys.readouterr().err.splitlines()[-1:] == [last]) == (not quiet and not seconds)
+
+
+def test_what_is_left_takes_as_long_as_the_steps_so_far_but_those_measured_before(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now = [0.0]
+    monkeypatch.setattr(console, "err", lambda: Console(stderr=True, width=80, get_time=lambda: now[0]))
+    monkeypatch.setattr(console, "_EVERY", 0.0)
+    with console.Reporter(quiet=False) as reporter:
+        reporter.stage("cells", 24)
+        for _ in range(10):
+            reporter.step("stairs: measured before")
+        for now[0] in (50.0, 80.0, 110.0, 140.0):
+            reporter.step("stairs unshadowed")
+    assert capsys.readouterr().err.splitlines()[-1] == "cells: 14 of 24, about 5 min left, stairs unshadowed"
+
+
+@pytest.mark.parametrize(("seconds", "text"), [(0.2, "1 s"), (40, "40 s"), (100, "2 min"), (7200, "2.0 h")])
+def test_a_duration_is_rough(seconds: float, text: str) -> None:
+    assert duration(seconds) == text
 
 
 def test_a_bar_of_unknown_length_has_no_total(monkeypatch: pytest.MonkeyPatch) -> None:

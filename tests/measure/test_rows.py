@@ -7,7 +7,6 @@ from typing import Any
 import pytest
 
 from shadowbench.errors import InputError
-from shadowbench.measure import row_store
 from shadowbench.measure.row_store import RowStore
 from shadowbench.scores.metrics import METRICS
 from tests.conftest import key_of
@@ -25,16 +24,18 @@ def test_a_process_that_opened_a_lock_before_its_release_does_not_write_with_the
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first, holders = RowStore(tmp_path), []
-    lock = row_store.fcntl.flock
+    import fcntl
+
+    lock = fcntl.flock
 
     def late(file: Any, operation: int) -> None:
         """Delays the second process's lock until the first has released the file and a third has locked a new one."""
-        monkeypatch.setattr(row_store.fcntl, "flock", lock)
+        monkeypatch.setattr(fcntl, "flock", lock)
         first.close()
         holders.append(RowStore(tmp_path))
         lock(file, operation)
 
-    monkeypatch.setattr(row_store.fcntl, "flock", late)
+    monkeypatch.setattr(fcntl, "flock", late)
     with pytest.raises(InputError, match="another run writes into it"):
         RowStore(tmp_path)
     (third,) = holders
