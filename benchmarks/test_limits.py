@@ -204,19 +204,6 @@ def test_start_of_a_run_until_its_first_cell_is_drawn(tmp_path: Path, assert_rat
     assert_ratio(run, python("-c", "import numpy"), most=19)
 
 
-@pytest.mark.parametrize("rounds", [0, 5])
-@pytest.mark.benchmark(group="limits")
-def test_what_a_study_spends_on_neither_drawing_nor_truths_nor_scores(
-    rounds: int, tmp_path: Path, benchmark: BenchmarkFixture
-) -> None:
-    command = [sys.executable, "-m", "shadowbench", "run", "street", "stairs", "-s", "presets", "--profile", "-q"]
-    command += ["--phases", "1", "--rounds", str(rounds), "-o", str(tmp_path / "run")]
-    done = benchmark.pedantic(lambda: subprocess.run(command, capture_output=True, text=True, check=True), rounds=1)
-    worked = float(done.stderr.rpartition("scoring, ")[2].partition("%")[0])
-    benchmark.extra_info["overhead"] = round(1 - worked / 100, 3)
-    assert worked >= 92
-
-
 @pytest.mark.benchmark(group="limits")
 def test_the_passes_add_up_to_the_frame(cells: Any, assert_ratio: Any) -> None:
     scene = load_scene("stairs")

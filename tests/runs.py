@@ -100,6 +100,8 @@ import time
 
 import numpy as np
 
+LEAKED = []
+
 
 class Does(Wild):
     """Half-light, and whatever a plug-in can do wrong, after so many draws that went well."""
@@ -116,6 +118,12 @@ class Does(Wild):
     def unsupported(cls, params, view, device):
         return "reasons\\n" * 6_000_000 if params.what == "decline" else None
 
+    def build(self, stage):
+        super().build(stage)
+        if self.params.what == "leak-memory":
+            LEAKED.append(np.ones(64 << 20))
+            time.sleep(0.3)
+
     def draw(self, frame):
         self.draws = getattr(self, "draws", 0) + 1
         texture = super().draw(frame)
@@ -126,6 +134,8 @@ class Does(Wild):
 
     def do_nothing(self, texture):
         return texture
+
+    do_leak_memory = do_nothing
 
     def do_abort(self, texture):
         os.abort()
@@ -361,9 +371,9 @@ class Started:
         return self.process.returncode, out, err
 
 
-@pytest.fixture
-def start() -> Iterator[Callable[..., Started]]:
-    """Starts `shadowbench …`; processes left at the end of the test are killed."""
+@contextmanager
+def starting() -> Iterator[Callable[..., Started]]:
+    """Starts `shadowbench …`; processes that are left at the end are killed."""
     started: list[Started] = []
 
     def begin(*arguments: str | Path, **environment: str | Path) -> Started:
@@ -384,6 +394,20 @@ def start() -> Iterator[Callable[..., Started]]:
             for process in [*one.family(), psutil.Process(one.process.pid)]:
                 process.kill()
             one.process.communicate()
+
+
+@pytest.fixture
+def start() -> Iterator[Callable[..., Started]]:
+    """Starts `shadowbench …` for a test."""
+    with starting() as begin:
+        yield begin
+
+
+@pytest.fixture(scope="module")
+def start_any() -> Iterator[Callable[..., Started]]:
+    """Starts `shadowbench …` for all tests of a file."""
+    with starting() as begin:
+        yield begin
 
 
 @pytest.fixture

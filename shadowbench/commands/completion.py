@@ -1,17 +1,12 @@
-"""Shell completion of arguments: scenes, specs, studies, axes, metrics. Imports are in the bodies, as in commands.
+"""Shell completion of arguments: scenes, techniques, studies, axes, metrics. Imports are in the bodies, as in commands.
 
 Each function takes the word so far and yields whole words, or pairs of a word and its help; typer drops those that do
 not begin with the word so far. Where nothing matches, shells complete file names.
 """
 
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 
 import typer
-
-if TYPE_CHECKING:
-    from pydantic import BaseModel
-    from pydantic.fields import FieldInfo
 
 KINDS = ("techniques", "scenes", "metrics", "studies", "axes")
 
@@ -77,17 +72,12 @@ def entry(ctx: typer.Context, incomplete: str) -> list[str]:
     return [one["name"] for one in catalogue(what=what)[what]] if what in KINDS else []
 
 
-def spec(incomplete: str) -> Iterator[str | tuple[str, str]]:
-    """Techniques, their parameters after a colon or comma, and values after an equals sign."""
+def spec(incomplete: str) -> Iterator[tuple[str, str]]:
+    """Techniques."""
     from shadowbench.techniques.registry import techniques
 
-    known = techniques()
-    name, colon, parameters = incomplete.partition(":")
-    if not colon:
-        yield from ((one.name, " ".join((one.__doc__ or "").split("\n\n")[0].split())) for one in known.values())
-    elif name in known:
-        one = known[name]
-        yield from _parameters(one.Params, f"{name}:", parameters, {"preset": one.presets})
+    for one in techniques().values():
+        yield one.name, " ".join((one.__doc__ or "").split("\n\n")[0].split())
 
 
 def parameters(ctx: typer.Context, incomplete: str) -> list[str]:
@@ -101,45 +91,3 @@ def parameters(ctx: typer.Context, incomplete: str) -> list[str]:
 def _after_comma(incomplete: str, names: Iterable[str]) -> list[str]:
     before = incomplete[: incomplete.rfind(",") + 1]
     return [before + name for name in names]
-
-
-def _parameters(
-    model: "type[BaseModel]", before: str, text: str, more: dict[str, Iterable[str]]
-) -> Iterator[str | tuple[str, str]]:
-    """`before` and `text` with the last parameter completed: those of `model`, and `more` by their values."""
-    from shadowbench.techniques.params import Component
-
-    last = _last_begin(text)
-    before, (key, equals, value) = before + text[:last], text[last:].partition("=")
-    fields = model.model_fields
-    if not equals:
-        yield from ((f"{before}{name}=", str(info.description)) for name, info in fields.items())
-        yield from (f"{before}{name}=" for name in more)
-        return
-    before += f"{key}="
-    default: Any = fields[key].default if key in fields else None
-    if isinstance(default, Component):
-        family = default.family().table
-        name, bracket, inner = value.partition("(")
-        if bracket and name in family:
-            yield from _parameters(family[name], f"{before}{name}(", inner, {})
-        else:
-            yield from (before + one for one in family if one != "+")
-    else:
-        yield from (before + one for one in (_choices(fields[key]) if key in fields else more.get(key, ())))
-
-
-def _choices(field: "FieldInfo") -> Iterable[str]:
-    if field.annotation is bool:
-        return ("true", "false")
-    return map(str, get_args(field.annotation)) if get_origin(field.annotation) is Literal else ()
-
-
-def _last_begin(text: str) -> int:
-    """Where the last parameter of a list begins: after its last comma outside brackets."""
-    depth = begin = 0
-    for index, letter in enumerate(text):
-        depth += (letter == "(") - (letter == ")")
-        if letter == "," and depth == 0:
-            begin = index + 1
-    return begin

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from shadowbench.scenes.model import View
 
 _LONGEST_WORD = 24  # characters
+_REMEMBERED = 1800.0  # seconds of which the mean of steps tells how long the others will take
 _EVERY = 10.0  # seconds between lines of progress where stderr is no terminal
 
 
@@ -79,8 +80,14 @@ class Reporter(logging.Handler):
             TimeRemainingColumn(table_column=Column(no_wrap=True)),
             TextColumn("{task.fields[what]}", table_column=Column(ratio=2, no_wrap=True, overflow="ellipsis")),
         )
-        disable = quiet or not err().is_terminal
-        self._progress = Progress(*columns, console=err(), disable=disable, transient=True, expand=True)
+        self._progress = Progress(
+            *columns,
+            console=err(),
+            disable=quiet or not err().is_terminal,
+            transient=True,
+            expand=True,
+            speed_estimate_period=_REMEMBERED,
+        )
 
     def __enter__(self) -> "Reporter":
         logging.getLogger("shadowbench").addHandler(self)
@@ -130,12 +137,18 @@ class Reporter(logging.Handler):
         """Advance the bar; what: text after it."""
         if self._task is None:
             return
-        self._progress.update(self._task, advance=1, what=what)
+        (task,) = self._progress.tasks
+        # At once, which says nothing of how long others take.
+        known = what.endswith((": measured before", ": nothing to time"))
+        task.completed += known
+        self._progress.update(self._task, advance=not known, what=what)
         if self._progress.disable and not self._quiet and monotonic() - self._printed >= _EVERY:
             self._printed = monotonic()
-            (task,) = self._progress.tasks
+            from shadowbench.studies.time_left import duration
+
             of = "" if task.total is None else f" of {task.total:.0f}"
-            print_error(f"{task.description}: {task.completed:.0f}{of}, {printable(what)}")
+            left = "" if task.time_remaining is None else f"about {duration(task.time_remaining)} left, "
+            print_error(f"{task.description}: {task.completed:.0f}{of}, {left}{printable(what)}")
 
 
 def print_failures(failed: Iterable[tuple[str, str, str]]) -> None:

@@ -8,13 +8,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from shadowbench.engines.detection import (
+    MaskEncoding,
+    RaisedUmbra,
+    ambient_umbra,
+    detect_encoding,
+    estimate_shift,
+    misorientation,
+    shift_image,
+    shift_text,
+)
 from shadowbench.engines.difference import difference_picture
-from shadowbench.engines.encoding import MaskEncoding, RaisedUmbra, ambient_umbra, detect_encoding
 from shadowbench.engines.error_kinds import ErrorKind, edge_widths, error_kinds, faint_kinds, wrong_pixels
 from shadowbench.engines.external_mask import ExternalMask, decode_srgb
-from shadowbench.engines.orientation import misorientation
-from shadowbench.engines.shift import estimate_shift, shift_text
-from shadowbench.engines.smoothing import shift_image
 from shadowbench.engines.soft_error_kinds import soft_error_kinds
 from shadowbench.engines.stored_truth import TruthOfView
 from shadowbench.errors import InputError

@@ -5,11 +5,9 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from scipy import optimize
 
-from shadowbench.engines.encoding import MaskEncoding
+from shadowbench.engines.detection import Image, MaskEncoding, shift_image, shift_text, smooth
 from shadowbench.engines.error_kinds import ErrorKind
 from shadowbench.engines.external_mask import decode_srgb
-from shadowbench.engines.shift import shift_text
-from shadowbench.engines.smoothing import Image, shift_image, smooth
 from shadowbench.scores.comparison import Comparison
 from shadowbench.scores.soft_faults import LEAST, soft_faults
 

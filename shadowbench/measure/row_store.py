@@ -6,17 +6,13 @@ import shlex
 import sys
 from collections.abc import Iterable
 from pathlib import Path
-from typing import IO
+
+from filelock import FileLock, Timeout
 
 from shadowbench.errors import InputError
 from shadowbench.files import remove_temporaries
 from shadowbench.measure.rows import SCHEMA, CellIdentity, Record, stream_rows
 from shadowbench.scenes.model import Coordinates, View
-
-if sys.platform == "win32":
-    import msvcrt
-else:
-    import fcntl
 
 IMAGES = ("masks", "pictures", "truth", "differences")
 """Folders of images in a run folder, written by the program that has locked it."""
@@ -64,7 +60,10 @@ class RowStore(Rows):
         self.file = folder / "rows.jsonl"
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            self._lock = _lock_folder(folder)
+            self._lock = FileLock(folder / "writing.lock", timeout=0, thread_local=False, fallback_to_soft=False)
+            self._lock.acquire()
+        except Timeout:
+            raise InputError(f"{folder}: another run writes into it; wait for it, or choose another with -o") from None
         except OSError as error:
             raise _cannot_write(folder, error, "; choose another with -o") from None
         try:
@@ -116,8 +115,8 @@ class RowStore(Rows):
 
     def _unlock(self) -> None:
         # Removed while still locked: a process that has it open finds that it is gone, and opens a new one.
-        Path(self._lock.name).unlink(missing_ok=True)
-        self._lock.close()
+        Path(self._lock.lock_file).unlink(missing_ok=True)
+        self._lock.release()
 
 
 def identity(
@@ -156,31 +155,3 @@ def command_line() -> str:
 
 def _cannot_write(path: Path, error: OSError, instead: str = "") -> InputError:
     return InputError(f"{path}: cannot be written ({(error.strerror or str(error)).lower()}){instead}")
-
-
-def _lock_folder(folder: Path) -> IO[str]:
-    """Lock file of a folder, locked until closed or until this process ends. Raises InputError if another holds it.
-
-    A lock on a file that its last holder has removed excludes nobody, so a new file is locked instead.
-    """
-    file = folder / "writing.lock"
-    while True:
-        lock = file.open("a", encoding="utf-8")
-        try:
-            if sys.platform == "win32":
-                msvcrt.locking(lock.fileno(), msvcrt.LK_NBLCK, 1)
-            else:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            lock.close()
-            raise InputError(f"{folder}: another run writes into it; wait for it, or choose another with -o") from None
-        if _is_same_file(lock, file):
-            return lock
-        lock.close()
-
-
-def _is_same_file(lock: IO[str], file: Path) -> bool:
-    try:
-        return os.path.samestat(os.fstat(lock.fileno()), file.stat())
-    except FileNotFoundError:
-        return False

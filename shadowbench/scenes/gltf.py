@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from shadowbench.errors import InputError
-from shadowbench.scenes.gltf_schema import Layout, NodeTable
+from shadowbench.scenes.gltf_layout import Layout, NodeTable
 from shadowbench.scenes.model import WIDEST_CONE, Camera, Floats, Light, unit, vec3
 from shadowbench.scenes.tables import LONGEST_NAME, NARROWEST, name_from
 

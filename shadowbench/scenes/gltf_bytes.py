@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
 from shadowbench.scenes.draco import Blob, Decoded, decode
-from shadowbench.scenes.gltf_schema import DTYPES, NUMBERS, Accessor, Layout, Primitive
+from shadowbench.scenes.gltf_layout import DTYPES, NUMBERS, Accessor, Layout, Primitive
 
 UNSIGNED = (5121, 5123, 5125)
 TRIANGLES, STRIP = 4, 5

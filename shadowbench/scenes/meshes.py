@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from shadowbench.errors import InputError
 from shadowbench.scenes import gltf
 from shadowbench.scenes.gltf_bytes import read_primitives
-from shadowbench.scenes.gltf_layout import checked_layout
-from shadowbench.scenes.gltf_schema import Layout, Primitive
+from shadowbench.scenes.gltf_layout import Layout, Primitive, checked_layout
 from shadowbench.scenes.model import Camera, Floats, Light, Mesh, Vec3, vec3
 from shadowbench.scenes.obj import read_obj
 from shadowbench.scenes.off import read_off

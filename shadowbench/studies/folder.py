@@ -19,6 +19,7 @@ from shadowbench.measure.rows import Record, Result, RunFile, read_run_file, str
 from shadowbench.scores.metrics import is_soft
 from shadowbench.studies.sweeps import SweepPositions, add_factor_columns, read_sweep_positions
 from shadowbench.studies.tables import cells_frame, cells_frames, write_table
+from shadowbench.techniques.spec import without_retired
 
 IDENTITY = ("scene", "view", "light", "phase", "map_size", "view_size", "coordinates")  # and the full spec
 _identity_of = itemgetter(*IDENTITY)
@@ -41,7 +42,7 @@ def identity(record: Record) -> tuple[Any, ...]:
 
 @lru_cache(1 << 12)
 def _parts_of(full_spec: str) -> tuple[str, ...]:
-    name, _, parameters = full_spec.partition(":")
+    name, _, parameters = without_retired(full_spec).partition(":")
     return name, *sorted(_COMMA.split(parameters))
 
 

@@ -14,7 +14,6 @@ from shadowbench.errors import InputError
 from shadowbench.scenes.model import Floats, Placement, View
 from shadowbench.survey.rays import Indices, Mask, lighting, surfaces
 from shadowbench.truths.embree import Tracer, over_slices
-from shadowbench.truths.near import NearCasters
 from shadowbench.truths.rays import GRAZING, Receivers
 from shadowbench.truths.trace import OFFSET
 
@@ -148,9 +147,9 @@ def _near_blockers(samples: Samples, height: float) -> Floats:
     pixel = np.sqrt(np.minimum((samples.across**2).sum(axis=0), (samples.down**2).sum(axis=0)))
     low = np.flatnonzero((samples.cosine > GRAZING) & (height > pixel * samples.cosine))
     if len(low):
+        from shadowbench.truths.near import NearCasters  # Numba takes 0.4 s to import
+
         at, geometry, eye = samples.select(low), samples.view.scene.geometry, np.array(samples.view.camera.position)
         receivers = Receivers(at.pixel, at.triangle, at.point, at.to_light, at.distance, at.cosine)
-        row, column = np.divmod(at.pixel, -(-samples.view.size // samples.step))
-        pixels = np.stack([column, row])
-        distance[low], _ = NearCasters(geometry).nearest_blockers(receivers, height, pixels, eye[:, None])
+        distance[low], _ = NearCasters(geometry).nearest_blockers(receivers, height, eye[:, None])
     return distance

@@ -1,9 +1,7 @@
 """Shadow volumes: side walls and caps extruded away from the light, counted along the camera's rays."""
 
 from dataclasses import replace
-from typing import Literal, Self
-
-from pydantic import model_validator
+from typing import Literal
 
 from shadowbench.geometry.topology import casters_of
 from shadowbench.gl.library import moderngl
@@ -55,14 +53,7 @@ class ShadowVolume(Technique):
             "position",
             "orders wall and receiver by the receiver's position, or by a 24-bit depth buffer, which is faster",
         )
-        build: Literal["geometry", "cpu"] = param("geometry", "extrusion by compiled code, or by NumPy")
         cull: bool = param(True, "skips parts that cannot shadow a visible receiver")
-
-        @model_validator(mode="after")
-        def _cpu_extrudes_triangles(self) -> Self:
-            if self.build == "cpu" and self.faces != "triangle":
-                raise ValueError(f"build=cpu extrudes single triangles; faces is {self.faces}, allowed: triangle")
-            return self
 
     params: Params
 
@@ -79,7 +70,7 @@ class ShadowVolume(Technique):
     def build(self, stage: Stage) -> None:
         params = self.params
         self.casters = casters_of(stage.scene)
-        self.volumes = Volumes(stage, self.casters, params.faces, params.build == "cpu", params)
+        self.volumes = Volumes(stage, self.casters, params.faces, params)
         # No ray crosses more layers than there are triangles.
         many = len(self.volumes.faces) > MOST_LAYERS
         stencil = params.counter == "stencil"

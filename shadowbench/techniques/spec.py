@@ -4,6 +4,7 @@
 contains no preset, and `parse_spec(spec.text, …) == spec`.
 """
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
@@ -32,6 +33,10 @@ _WRITTEN = {
     **dict.fromkeys(("none", "off", "no-shadows"), "unshadowed"),
 }
 """Other names of techniques in the field, and what a spec calls them."""
+
+_RETIRED = {("shadow-volume", "build"): ("geometry", "cpu")}
+"""Parameters that specs once had, and values that made no difference to masks: read, and left out."""
+_RETIRED_ITEM = re.compile(r"(?<=[:(,])build=(?:geometry|cpu),")
 
 
 @dataclass(frozen=True)
@@ -147,6 +152,8 @@ def spec_of(technique: "type[Technique]", items: tuple[tuple[str | None, Any], .
         if key in written:
             raise InputError(f"spec {where!r}: {key} is given twice")
         written.add(key)
+        if value in _RETIRED.get((technique.name, key), ()):
+            continue
         if key == "preset":
             if value not in technique.presets:
                 found = _excerpt(value)
@@ -157,6 +164,11 @@ def spec_of(technique: "type[Technique]", items: tuple[tuple[str | None, Any], .
         else:
             values[key] = value
     return Spec(technique, _validated(technique, values, f"spec {where!r}"), frozenset(values))
+
+
+def without_retired(full_text: str) -> str:
+    """A spec with all parameters, perhaps of an older version, as it would be written now."""
+    return _RETIRED_ITEM.sub("", full_text) if "shadow-volume" in full_text else full_text
 
 
 def _validated(technique: "type[Technique]", values: dict[str, Any], where: str) -> TechniqueParams:

@@ -43,9 +43,7 @@ class Volumes:
     a weight of that sign.
     """
 
-    def __init__(
-        self, stage: Stage, casters: Casters, faces: Extrusion, by_numpy: bool, params: TechniqueParams
-    ) -> None:
+    def __init__(self, stage: Stage, casters: Casters, faces: Extrusion, params: TechniqueParams) -> None:
         from shadowbench.geometry.facing import cap_weights, wall_weights  # Numba takes 0.4 s to import
 
         parts: tuple[VolumePart, ...] = ("wall", "cap")
@@ -60,8 +58,7 @@ class Volumes:
             (part, sign): stage.stream(self._programs[part], attributes[part]) for part in parts for sign in _SIGNS
         }
         self._drawn: dict[tuple[VolumePart, Sign], Drawable] = {}
-        self._single, self._cap_weights = faces == "triangle", _cap_weights_by_numpy if by_numpy else cap_weights
-        self._wall_weights = wall_weights
+        self._single, self._cap_weights, self._wall_weights = faces == "triangle", cap_weights, wall_weights
         self._exact = stage.scene.geometry.vertices
         self._vertices = self._exact.astype(np.float32)
         self.boxes, self.faces, self._edges = casters.all.boxes, casters.all.faces, casters.all.edges
@@ -169,23 +166,3 @@ def _repeated(weights: NDArray[np.integer], sign: Sign, ends: Indices, corners: 
     rows = np.flatnonzero(weights > 0 if sign > 0 else weights < 0)
     drawn = np.repeat(rows, np.abs(weights[rows]))
     return drawn, corners * np.searchsorted(drawn, ends)
-
-
-def _cap_weights_by_numpy(
-    vertices: Floats, faces: Indices, light: Floats, both_from: int, closed: int
-) -> NDArray[np.int8]:
-    """As `cap_weights`, to check it."""
-    from shadowbench.geometry.facing import IN_PLANE
-
-    order = np.argsort(faces, axis=1)
-    parity = np.where((np.diff(order, axis=1) % 3 == 1).all(axis=1), 1, -1)
-    a, b, c = vertices[np.take_along_axis(faces, order, axis=1)].transpose(1, 0, 2)
-    normal = np.cross(b - a, c - a)
-    volume = np.einsum("ij,ij->i", normal, light[:3] - light[3] * a)
-    size = np.einsum("ij,ij->i", np.abs(normal), np.abs(light[:3]) + light[3] * np.abs(a))
-    apart = np.abs(vertices[faces] - light[:3]).sum(axis=2).min(axis=1)
-    at_corner = (light[3] != 0) & (apart <= IN_PLANE * np.abs(light[:3]).sum())
-    in_plane = np.where((np.arange(len(faces)) < closed) & ~at_corner, -1, 0)
-    side = np.where(np.abs(volume) <= IN_PLANE * size, in_plane, np.sign(volume) * parity).astype(np.int8)
-    side[:both_from] = np.maximum(side[:both_from], 0)
-    return side

@@ -7,21 +7,23 @@ if a caster lower than δ/4 above its plane, at most 2.5 δ along L, blocks it.
 """
 
 from itertools import product
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.truths.embree import over_slices, rows_a_slice
-from shadowbench.truths.near import NearCasters
 from shadowbench.truths.rays import GRAZING, LOW_LIGHT, SUBPIXEL_OFFSETS, Indices, Mask, Receivers, ShadowRays, ViewRays
+
+if TYPE_CHECKING:
+    from shadowbench.truths.near import NearCasters
 
 LAMP_MARGIN = 1e-3  # share of δ: a caster this close to a lamp may be before or behind it
 NO_RECEIVER, SHADOWED, LIT = range(3)
 
 
 def hard_shadows(
-    rays: ViewRays, near: NearCasters, triangle: Indices, delta: float, pixel_samples: int
+    rays: ViewRays, near: "NearCasters", triangle: Indices, delta: float, pixel_samples: int
 ) -> dict[str, NDArray[Any]]:
     """Truth's per-pixel arrays except `triangle`, flattened, in local lengths.
 
@@ -37,7 +39,7 @@ def hard_shadows(
 
 
 def _decide(
-    rays: ViewRays, near: NearCasters, rows: slice, triangle: Indices, delta: float, pixel_samples: int
+    rays: ViewRays, near: "NearCasters", rows: slice, triangle: Indices, delta: float, pixel_samples: int
 ) -> dict[str, NDArray[Any]]:
     """Truth's per-pixel arrays except `triangle`, for some rows, flattened, in local lengths."""
     directions = rays.directions(rows)
@@ -58,7 +60,7 @@ def _decide(
     low = [centres.select(_in_low_light(centres)), *(receivers for _, receivers in samples)]
     sample = np.repeat(np.arange(len(low)), [len(receivers.rays) for receivers in low])
     together = Receivers.concatenate(low)
-    distance, covered = near.nearest_blockers(together, 4 * delta, rays.pixels(together), rays.eye)
+    distance, covered = near.nearest_blockers(together, 4 * delta, rays.eye)
     hidden = np.isfinite(distance)
     codes[sample[hidden], together.rays[hidden]] = SHADOWED
     centre = sample == 0

@@ -1,260 +1,144 @@
 """Occluders so close to a receiver that its shadow ray, which starts above the surface, misses them.
 
 A shadow ray that starts δ above the surface skips a segment of length δ/(N·L), which is long for grazing light; in
-float32 Embree cannot start lower. The skipped segment is tested here in float64, against triangles found by a BVH.
+float32 Embree cannot start lower. The skipped segment is tested here in float64, against triangles found in the tree.
 """
 
-from collections.abc import Iterator
-from typing import NamedTuple
+from threading import Lock
 
 import numpy as np
 
-from shadowbench.scenes.geometry import Geometry, in_slices
+from shadowbench.compiled import compile_once, compiled
+from shadowbench.geometry.tree import LEAF, Tree, build_tree
+from shadowbench.scenes.geometry import Geometry
 from shadowbench.scenes.model import Floats
-from shadowbench.truths.rays import Indices, Mask, Receivers, dot
+from shadowbench.truths.rays import Mask, Receivers
 
-CHILDREN = 8  # per node of the BVH
-MORTON_BITS = 10  # per coordinate
-GROUPS_AT_ONCE = 1 << 12  # groups of receivers that start at the root together
-PAIRS_AT_ONCE = 1 << 15  # (group, box) or (segment, triangle) pairs processed together; bounds memory
-CASTERS_A_RECEIVER = 1 << 10  # most candidate triangles per segment; a receiver with more is undecided
-SIDES = (32, 8, 2)  # pixels: squares of the image whose receivers on one triangle form a group
-ROUNDING = 1e-12  # local length by which extents are widened
 AT_SURFACE = 1e-9  # local length along L below which a hit is rounding, on a triangle in the receiver's own plane
 FLAT = 1e-14  # local height above the receiver's plane below which a triangle counts as lying in it
 COVERING = 2.0**-22  # local distance within which float32 may confuse two surfaces on top of each other
-
-
-class _Groups(NamedTuple):
-    """(2, G) extents of groups of segments, projected along L; (G + 1,) index of each group's first part."""
-
-    low: Floats
-    high: Floats
-    parts: Indices
-
-
-class _Boxes(NamedTuple):
-    """(3, G) bounding boxes of groups; (3, G) origins and (2, 3, G) axes of the projection along L."""
-
-    low: Floats
-    high: Floats
-    base: Floats
-    axes: Floats
-    groups: _Groups
+LEAST = 1e-30  # of a direction's part along an axis, which is divided by
 
 
 class NearCasters:
-    """BVH over the casters of a scene in local coordinates."""
+    """The casters of a scene in local coordinates, in a tree."""
 
     def __init__(self, geometry: Geometry) -> None:
-        self._vertices, self._faces = np.ascontiguousarray(geometry.vertices.T), geometry.faces
-        self._normals = np.ascontiguousarray(geometry.normals.T)
-        casters = np.flatnonzero(geometry.casts)
-        corners = self._corners(casters)
-        low, high = np.minimum.reduce(corners), np.maximum.reduce(corners)
-        order = _morton_order(low + high)
-        self._casters = casters[order]
-        self._levels = [(low[:, order], high[:, order])]  # leaves first, a triangle each
-        while self._levels[-1][0].shape[1] > CHILDREN:
-            low, high = self._levels[-1]
-            first = np.arange(0, low.shape[1], CHILDREN)
-            self._levels.append((np.minimum.reduceat(low, first, axis=1), np.maximum.reduceat(high, first, axis=1)))
+        self._geometry, self._building = geometry, Lock()
+        self._tree: Tree | None = None
 
-    def nearest_blockers(
-        self, receivers: Receivers, height: float, pixels: Indices, eye: Floats
-    ) -> tuple[Floats, Mask]:
-        """(N,) distance along L to the nearest caster within `height` above each receiver, inf if none; (N,) undecided.
+    def _built(self) -> Tree:
+        """The tree, built by the first thread that needs it: few views have grazing light."""
+        with self._building:
+            if self._tree is None:
+                compile_once(_compile)
+                self._tree = build_tree(self._geometry.vertices, self._geometry.caster_faces)
+            return self._tree
 
-        Neither a receiver's own triangle nor any in its plane blocks it. Undecided are receivers whose only blocker
-        covers them so closely that, from `eye` (3, 1), float32 may show the blocker instead, and receivers with more
-        than CASTERS_A_RECEIVER candidates. pixels: (2, N) column and row of each.
+    def nearest_blockers(self, receivers: Receivers, height: float, eye: Floats) -> tuple[Floats, Mask]:
+        """(N,) distance along L to the nearest caster within `height` above each receiver, inf if none; (N,) covered.
+
+        Neither a receiver's own triangle nor any in its plane blocks it. Covered are receivers whose only blocker lies
+        on them so closely that, from `eye` (3, 1), float32 may show the blocker instead.
         """
+        count, geometry = len(receivers.triangle), self._geometry
+        distance, covered = np.full(count, np.inf), np.zeros(count, dtype=bool)
+        if not count:
+            return distance, covered
+        tree = self._built()
+        casters = geometry.vertices, geometry.faces, geometry.normals, np.flatnonzero(geometry.casts)[tree.order]
         length = np.minimum(height / receivers.cosine, receivers.distance)
-        to_light = np.broadcast_to(receivers.to_light, receivers.point.shape)
-        distance, covered = np.full(len(length), np.inf), np.zeros(len(length), dtype=bool)
-        tested = np.zeros(len(length), dtype=np.intp)
-        for segment, caster in self.candidates(receivers, to_light * length, pixels, height):
-            np.add.at(tested, segment, 1)
-            few = tested[segment] <= CASTERS_A_RECEIVER
-            segment, caster = segment[few], caster[few]
-            point = receivers.point.take(segment, axis=1)
-            a, b, c = (corner - point for corner in self._corners(caster))
-            through = cross(b, c), cross(c, a), cross(a, b)  # normals of the planes through the point and each edge
-            sides = [dot(normal, to_light.take(segment, axis=1)) for normal in through]
-            with np.errstate(divide="ignore", invalid="ignore"):
-                t = dot(a, through[0]) / (sides[0] + sides[1] + sides[2])
-            hit = np.flatnonzero(_same_sign(sides) & (t > AT_SURFACE) & (t < length[segment]))
-            segment, t = segment[hit], t[hit]
-            view = point[:, hit] - eye
-            over = _same_sign([dot(normal[:, hit], view) for normal in through])
-            over &= np.abs(dot(self._normals[:, caster[hit]], a[:, hit])) < COVERING
-            np.minimum.at(distance, segment[~over], t[~over])
-            covered[segment[over]] = True
-        too_many = tested > CASTERS_A_RECEIVER
-        distance[too_many] = np.inf
-        return distance, (covered & np.isinf(distance)) | too_many
-
-    def candidates(
-        self, receivers: Receivers, segments: Floats, pixels: Indices, height: float
-    ) -> Iterator[tuple[Indices, Indices]]:
-        """Batches of (K,) receiver and (K,) caster indices whose segment and triangle may intersect.
-
-        segments: (3, N) vectors from the receivers. Projected along L, a group of receivers is small, and only the part
-        of a caster within `height` above their plane counts; if the two overlap, the group's parts are tested, down to
-        single receivers.
-        """
-        codes = [_square(pixels, side) for side in SIDES]
-        order = np.lexsort((*codes[::-1], receivers.triangle))
-        own = receivers.triangle[order]
-        starts, segments = receivers.point[:, order], segments[:, order]
-        ends = starts + segments
-
-        changes = np.diff(own, prepend=-1) != 0
-        firsts = []  # index of the first member of each group, largest groups first
-        for code in codes:
-            changes = changes | (np.diff(code[order], prepend=-1) != 0)
-            firsts.append(np.flatnonzero(changes))
-        largest = firsts[0]
-        own = own[largest]
-        up = self._normals[:, own]
-        along = segments[:, largest]
-        along = along / np.sqrt(np.maximum(dot(along, along), np.finfo(float).tiny))
-        up = up * np.sign(dot(up, along))
-        across = cross(up, along)
-        frame = np.stack([across, cross(along, across), up])  # (3, 3, G): two axes across L, and the height
-        base = self._vertices[:, self._faces[own, 0]]
-
-        member_of = np.repeat(np.arange(len(largest)), np.diff(largest, append=len(order)))
-        seen = [np.einsum("kin,in->kn", frame[:2, :, member_of], p - base[:, member_of]) for p in (starts, ends)]
-        lows, highs = np.minimum(*seen) - ROUNDING, np.maximum(*seen) + ROUNDING
-        every = np.arange(len(order))
-        levels = [
-            _Groups(
-                np.minimum.reduceat(lows, first, axis=1),
-                np.maximum.reduceat(highs, first, axis=1),
-                np.searchsorted(next_first, np.append(first, len(order))),
-            )
-            for first, next_first in zip(firsts, [*firsts[1:], every], strict=True)
-        ] + [_Groups(lows, highs, every)]
-        box_low = np.minimum.reduceat(np.minimum(starts, ends), largest, axis=1)
-        box_high = np.maximum.reduceat(np.maximum(starts, ends), largest, axis=1)
-        boxes = _Boxes(box_low, box_high, base, frame[:2], levels[0])
-
-        for batch in in_slices(len(largest), GROUPS_AT_ONCE):
-            roots = self._levels[-1][0].shape[1]
-            begin = np.repeat(np.arange(batch.start, batch.stop), roots)
-            node = np.tile(np.arange(roots), batch.stop - batch.start)
-            for group, caster in self._overlapping(boxes, len(self._levels) - 1, begin, node):
-                other = caster != own[group]
-                group, caster = group[other], caster[other]
-                corners = [corner - base[:, group] for corner in self._corners(caster)]
-                low, high = _extents([np.einsum("kin,in->kn", frame[:, :, group], c) for c in corners], height)
-                for receiver, found in _descend(levels, group, caster, low, high):
-                    yield order[receiver], found
-
-    def _overlapping(
-        self, boxes: "_Boxes", level: int, box: Indices, node: Indices
-    ) -> Iterator[tuple[Indices, Indices]]:
-        """Batches of (K,) box and (K,) triangle indices that overlap, below the given nodes of a level of the BVH."""
-        lowest, highest = self._levels[level]
-        for axis in range(3):
-            kept = (lowest[axis, node] <= boxes.high[axis, box]) & (highest[axis, node] >= boxes.low[axis, box])
-            box, node = box[kept], node[kept]
-        for axis in range(2):
-            toward = boxes.axes[axis][:, box]
-            half = (highest[:, node] - lowest[:, node]) / 2
-            middle = dot(toward, lowest[:, node] + half - boxes.base[:, box])
-            radius = dot(np.abs(toward), half) + ROUNDING
-            kept = middle + radius >= boxes.groups.low[axis, box]
-            kept &= middle - radius <= boxes.groups.high[axis, box]
-            box, node = box[kept], node[kept]
-        if not level:
-            yield box, self._casters[node]
-            return
-        for batch in in_slices(len(box), PAIRS_AT_ONCE // CHILDREN):
-            parent = np.repeat(box[batch], CHILDREN)
-            child = (node[batch, None] * CHILDREN + np.arange(CHILDREN)).ravel()
-            valid = child < self._levels[level - 1][0].shape[1]
-            yield from self._overlapping(boxes, level - 1, parent[valid], child[valid])
-
-    def _corners(self, triangles: Indices) -> list[Floats]:
-        """The three corners of triangles, (3, N) each."""
-        return [self._vertices[:, self._faces[triangles, k]] for k in range(3)]
+        vectors = (receivers.point, np.broadcast_to(receivers.to_light, (3, count)), eye[:, 0])
+        points, to_light, start = map(np.ascontiguousarray, vectors)  # of one type, for which it is compiled
+        segments = points, to_light, length, receivers.triangle, start
+        _find_nearest(tree.words, tree.low, tree.step, *casters, *segments, distance, covered)
+        return distance, covered & np.isinf(distance)
 
 
-def _descend(
-    levels: list[_Groups], group: Indices, caster: Indices, low: Floats, high: Floats
-) -> Iterator[tuple[Indices, Indices]]:
-    """Batches of (K,) receivers and (K,) casters that overlap, below the given groups of the first level.
+@compiled(error_model="numpy")
+def _find_nearest(  # type: ignore[no-untyped-def]
+    words, low, step, vertices, faces, normals, casters, points, to_light, length, own, eye, distance, covered
+):
+    """Fill the distance of each segment's nearest hit, and whether one covers it, by a walk of the tree."""
+    point, way, inverse = np.empty(3), np.empty(3), np.empty(3)
+    corners, through, sides = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    for i in range(len(length)):
+        for k in range(3):
+            point[k], way[k] = points[k, i], to_light[k, i]
+            inverse[k] = 1.0 / way[k] if abs(way[k]) > LEAST else 1.0 / LEAST
+        node = np.int64(0)
+        while node < len(words):
+            link = np.int64(words[node, 3])
+            reached = _reaches(words[node], low, step, point, inverse, length[i])
+            node = node + 1 if reached or link >= LEAF else link
+            if not reached or link < LEAF:
+                continue
+            first = (link - LEAF) >> 3
+            for place in range(first, first + (link & 7)):
+                caster = casters[place]
+                if caster == own[i]:
+                    continue
+                for j in range(3):
+                    for k in range(3):
+                        corners[j, k] = vertices[faces[caster, j], k] - point[k]
+                for j in range(3):
+                    _cross(corners[j - 2], corners[j - 1], through[j])  # of the plane through the point and an edge
+                    sides[j] = _dot(through[j], way)
+                t = _dot(corners[0], through[0]) / (sides[0] + sides[1] + sides[2])
+                if not (_same_sign(sides) and AT_SURFACE < t < length[i]):
+                    continue
+                if _rises(vertices, faces[caster], normals[own[i]], way, vertices[faces[own[i], 0]]):
+                    for j in range(3):
+                        sides[j] = _dot(through[j], point - eye)
+                    if _same_sign(sides) and abs(_dot(normals[caster], corners[0])) < COVERING:
+                        covered[i] = True
+                    else:
+                        distance[i] = min(distance[i], t)
 
-    low, high: (2, K) extents of the casters.
-    """
-    groups, *below = levels
-    kept = ((low <= groups.high[:, group]) & (high >= groups.low[:, group])).all(axis=0)
-    group, caster, low, high = group[kept], caster[kept], low[:, kept], high[:, kept]
-    if not below:
-        yield group, caster
-        return
-    count = groups.parts[group + 1] - groups.parts[group]
-    total = np.cumsum(count)
-    full = np.searchsorted(total, np.arange(PAIRS_AT_ONCE, total.max(initial=0), PAIRS_AT_ONCE))
-    for pairs in np.split(np.arange(len(group)), full):
-        counts = count[pairs]
-        pair = np.repeat(pairs, counts)
-        part = groups.parts[group[pair]] + np.arange(len(pair)) - np.repeat(np.cumsum(counts) - counts, counts)
-        yield from _descend(below, part, caster[pair], low[:, pair], high[:, pair])
 
-
-def _extents(corners: list[Floats], height: float) -> tuple[Floats, Floats]:
-    """(2, K) lower and upper extents along two axes of the part of each triangle between 0 and `height` on the third.
-
-    corners: three times (3, K). The extents are inf and −inf for triangles outside, or that do not rise above FLAT.
-    """
-    low, high = np.full((2, 2, corners[0].shape[1]), np.inf)
-    high = -high
-    bottom, top = -ROUNDING, height + ROUNDING
+@compiled()
+def _reaches(word, low, step, point, inverse, length):  # type: ignore[no-untyped-def]
+    """Whether a segment meets a node's box, widened by a step, since boxes are of rounded vertices."""
+    enter, leave = 0.0, length
     for k in range(3):
-        a, b = corners[k - 1], corners[k]
-        rise = b[2] - a[2]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ends = np.sort([(bottom - a[2]) / rise, (top - a[2]) / rise], axis=0)
-        level = rise == 0
-        inside = level & (a[2] >= bottom) & (a[2] <= top)
-        first = np.where(level, np.where(inside, 0.0, 2.0), np.maximum(ends[0], 0.0))
-        last = np.where(level, np.where(inside, 1.0, -1.0), np.minimum(ends[1], 1.0))
-        valid = first <= last
-        for share in (first, last):
-            at = a[:2] + (b[:2] - a[:2]) * share
-            np.minimum(low, at, out=low, where=valid)
-            np.maximum(high, at, out=high, where=valid)
-    flat = np.maximum.reduce([corner[2] for corner in corners]) <= FLAT
-    low[:, flat], high[:, flat] = np.inf, -np.inf
-    return low, high
+        lowest = low[k] + (np.float64(word[k] & 0xFFFF) - 1.0) * step[k] - point[k]
+        highest = low[k] + (np.float64(word[k] >> 16) + 1.0) * step[k] - point[k]
+        enter = max(enter, min(lowest * inverse[k], highest * inverse[k]))
+        leave = min(leave, max(lowest * inverse[k], highest * inverse[k]))
+    return enter <= leave
 
 
-def _square(pixels: Indices, side: int) -> Indices:
-    """(N,) id of the image square that contains each pixel (2, N)."""
-    number: Indices = (pixels[1] // side << 32) + pixels[0] // side
-    return number
+@compiled()
+def _rises(vertices, face, normal, way, base):  # type: ignore[no-untyped-def]
+    """Whether a triangle rises above the plane through `base`, on the side that L points to."""
+    up = np.sign(_dot(normal, way))
+    height = -np.inf
+    for j in range(3):
+        height = max(height, up * _dot(normal, vertices[face[j]] - base))
+    return height > FLAT
 
 
-def cross(a: Floats, b: Floats) -> Floats:
-    """(3, N) cross products of two (3, N); faster than np.cross."""
-    return np.stack([a[k - 2] * b[k - 1] - a[k - 1] * b[k - 2] for k in range(3)])
+@compiled()
+def _cross(a, b, result):  # type: ignore[no-untyped-def]
+    for k in range(3):
+        result[k] = a[k - 2] * b[k - 1] - a[k - 1] * b[k - 2]
 
 
-def _same_sign(sides: list[Floats]) -> Mask:
-    """(N,) whether the three signed volumes of a line and a triangle's edges agree in sign: the line hits it."""
-    through: Mask = (np.minimum.reduce(sides) >= 0) | (np.maximum.reduce(sides) <= 0)
-    return through
+@compiled()
+def _dot(a, b):  # type: ignore[no-untyped-def]
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def _morton_order(points: Floats) -> Indices:
-    """(N,) order of (3, N) points along a Morton curve."""
-    low, high = points.min(axis=1, initial=0.0), points.max(axis=1, initial=0.0)
-    cells = ((points.T - low) / np.maximum(high - low, 1e-300) * (2**MORTON_BITS - 1)).T.astype(np.int64)
-    code = np.zeros(points.shape[1], dtype=np.int64)
-    for bit in range(MORTON_BITS):
-        for axis in range(3):
-            code |= (cells[axis] >> bit & 1) << (3 * bit + axis)
-    return np.argsort(code)
+@compiled()
+def _same_sign(sides):  # type: ignore[no-untyped-def]
+    """Whether the three signed volumes of a line and a triangle's edges agree in sign: the line hits it."""
+    return min(sides[0], sides[1], sides[2]) >= 0 or max(sides[0], sides[1], sides[2]) <= 0
+
+
+def _compile() -> None:
+    words, faces, indices = np.zeros((0, 4), np.uint32), np.zeros((0, 3), np.int32), np.zeros(0, np.int64)
+    zeros, vectors, segments = np.zeros(3), np.zeros((0, 3)), np.zeros((3, 0))
+    casters = vectors, faces, vectors, indices
+    _find_nearest(
+        words, zeros, zeros, *casters, segments, segments, zeros[:0], indices, zeros, zeros[:0], zeros[:0] > 0
+    )

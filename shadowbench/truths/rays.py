@@ -193,11 +193,6 @@ class ViewRays:
         reach = INFINITE if self._light_w == 0 else np.maximum(receivers.distance - offset, 0.0)
         return ShadowRays(origins, receivers.to_light, offset, reach)
 
-    def pixels(self, receivers: Receivers) -> Indices:
-        """(2, R) column, and row within the traced rows, of each receiver."""
-        row, column = np.divmod(receivers.rays, self.size)
-        return np.stack([column, row])
-
     @property
     def directional(self) -> bool:
         """Whether shadow rays have no end: the light is directional."""

@@ -12,7 +12,6 @@ from shadowbench.scenes.geometry import bounds_of, used_by
 from shadowbench.scenes.model import Floats, View
 from shadowbench.truths.embree import over_slices, rows_a_slice
 from shadowbench.truths.hard import hard_shadows
-from shadowbench.truths.near import NearCasters
 from shadowbench.truths.rays import Indices, Mask, ViewRays
 
 Single = NDArray[np.float32]
@@ -93,6 +92,8 @@ def trace(view: View, pixel_samples: int = 4, standard_error: float = STANDARD_E
 
         arrays = soft_shadows(rays, placed.light, triangle, delta, pixel_samples, standard_error)
     else:
+        from shadowbench.truths.near import NearCasters  # also Numba
+
         arrays = hard_shadows(rays, NearCasters(placed.scene.geometry), triangle, delta, pixel_samples)
     arrays["blocker"] = (arrays["blocker"] / placement.scale).astype(np.float32)
     arrays["triangle"] = triangle.astype(np.int32)

@@ -1,9 +1,7 @@
 """State files: a scene file with the moved camera and light, and what was shown of it in a table `[viewer]`."""
 
-import json
 import math
 import os
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields, replace
 from itertools import groupby
@@ -28,7 +26,6 @@ from shadowbench.techniques.spec import parse_spec
 from shadowbench.viewer.state import Layout, Origin, Overlay, Source, ViewerState
 
 Techniques = Mapping[str, type[Technique]]
-_BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 
 class ShadingTable(Strict):
@@ -116,12 +113,12 @@ def append_to_study(file: Path, state: ViewerState, index: int, techniques: Tech
 
     if file.suffix != ".toml":
         raise InputError(f"{file}: found a name that ends with {file.suffix or 'no suffix'!r}; allowed: .toml")
-    asked = "".join(f"{name} = true\n" for name in ("sun", "no_ground") if getattr(state.origin, name, False))
-    before = f"scenes = {_value([_source(state, file)])}\n{asked}".encode()
+    asked = {name: True for name in ("sun", "no_ground") if getattr(state.origin, name, False)}
+    before = toml_of({"scenes": [_source(state, file)], **asked}).encode()
     if file.exists():
         read_study(file, techniques)
         before = file.read_bytes()
-    added = f"\n[[technique]]\nspec = {_value(state.specs[index].text)}\n"
+    added = f"\n[[technique]]\n{toml_of({'spec': state.specs[index].text})}"
     with replace_file(file.resolve()) as temporary:  # a link remains one
         temporary.write_bytes(before + (b"" if before.endswith(b"\n") else b"\n") + added.encode())
         try:
@@ -131,35 +128,10 @@ def append_to_study(file: Path, state: ViewerState, index: int, techniques: Tech
 
 
 def toml_of(document: Mapping[str, Any]) -> str:
-    """A document as TOML: plain values first, then tables and lists of tables."""
-    return "\n".join(_lines(document, ())) + "\n"
+    """A document as TOML."""
+    import tomli_w  # of the extra `viewer`, which states are read without
 
-
-def _lines(table: Mapping[str, Any], path: Sequence[str]) -> list[str]:
-    inner = {key: value for key, value in table.items() if isinstance(value, dict) or _is_tables(value)}
-    lines = [f"{_key(key)} = {_value(value)}" for key, value in table.items() if key not in inner and value is not None]
-    for key, value in inner.items():
-        name = ".".join(map(_key, (*path, key)))
-        for one in [value] if isinstance(value, dict) else value:
-            lines += ["", f"[{name}]" if isinstance(value, dict) else f"[[{name}]]", *_lines(one, (*path, key))]
-    return lines
-
-
-def _is_tables(value: object) -> bool:
-    return isinstance(value, list) and bool(value) and all(isinstance(one, dict) for one in value)
-
-
-def _key(key: str) -> str:
-    return key if _BARE.fullmatch(key) else json.dumps(key, ensure_ascii=False)
-
-
-def _value(value: Any) -> str:
-    """A value in TOML, whose texts and numbers are those of JSON."""
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{_key(key)} = {_value(one)}" for key, one in value.items()) + " }"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_value, value)) + "]"
-    return json.dumps(value, ensure_ascii=False)
+    return tomli_w.dumps(document)
 
 
 def _viewer_table(state: ViewerState) -> dict[str, Any]:
@@ -169,7 +141,8 @@ def _viewer_table(state: ViewerState) -> dict[str, Any]:
 
 
 def _camera_table(camera: Camera) -> dict[str, Any]:
-    return asdict(camera) | {"fov_y": math.degrees(camera.fov_y)}
+    table = asdict(camera) | {"fov_y": math.degrees(camera.fov_y)}
+    return {name: value for name, value in table.items() if value is not None}
 
 
 def _light_table(light: Light) -> dict[str, Any]:

@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from shadowbench.check import merge as merging
-from shadowbench.measure.rows import Record, stream_rows
 from shadowbench.scores.masks import mask_sha256, write_mask
 from tests.check.test_check import GOOD, WORSE, cell, rows, timed
 from tests.reports.conftest import POINTS
@@ -18,8 +16,9 @@ from tests.reports.conftest import POINTS
 Shadowbench = Callable[..., Any]
 
 
-def read(folder: Path, kind: str = "score") -> list[Record]:
-    return [row for row, _ in stream_rows(folder / "rows.jsonl") if row["kind"] == kind]
+def read(folder: Path, kind: str = "score") -> list[dict[str, Any]]:
+    lines = (folder / "rows.jsonl").read_text(encoding="utf-8").splitlines()
+    return [row for row in map(json.loads, lines) if row["kind"] == kind]
 
 
 def described(folder: Path, *records: dict[str, Any], machine: str = "m", **study: Any) -> Path:
@@ -215,18 +214,12 @@ def test_a_folder_whose_command_was_stopped_is_merged_and_named(shadowbench: Sha
     assert read(tmp_path / "all") == [cell()]
 
 
-def test_what_a_killed_merge_left_is_replaced(
-    shadowbench: Shadowbench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    part = rows(tmp_path / "part", cell())
-
-    def die(*_: Any) -> None:
-        raise KeyboardInterrupt
-
-    with monkeypatch.context() as patch:
-        patch.setattr(merging, "write_cells", die)
-        patch.setattr(merging.shutil, "rmtree", lambda *_, **__: None)  # as if killed
-        assert shadowbench("merge", part, "-o", tmp_path / "all").code == 130
+def test_what_a_killed_merge_left_is_replaced(shadowbench: Shadowbench, start: Any, tmp_path: Path) -> None:
+    part = rows(tmp_path / "part", *(cell(size=size) for size in range(1, 4001)))
+    merge = start("merge", part, "-o", tmp_path / "all")
+    merge.until(lambda: len([*tmp_path.iterdir()]) > 1)
+    merge.process.kill()
+    merge.end()
     assert not (tmp_path / "all").exists() and (tmp_path / ".all.merging").exists()
     assert shadowbench("merge", part, "-o", tmp_path / "all").code == 0
     assert sorted(file.name for file in tmp_path.iterdir()) == ["all", "part"]

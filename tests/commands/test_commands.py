@@ -1,14 +1,12 @@
 """The commands: their output, files and exit codes."""
 
 import csv
-import errno
 import io
 import json
 import os
 import re
 import subprocess
 import sys
-import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -23,12 +21,13 @@ from scipy.ndimage import binary_dilation
 from shadowbench import __version__
 from shadowbench.commands import console
 from shadowbench.extremes.axes import AXES, value_label
-from shadowbench.measure import noise, worker
+from shadowbench.measure import noise
 from shadowbench.reports.words import digits
 from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import view_of
 from shadowbench.scores.masks import read_mask
 from shadowbench.scores.metrics import METRICS
+from shadowbench.studies.time_left import duration
 from shadowbench.truths.embree import packet_width
 from shadowbench.truths.trace import trace
 
@@ -568,7 +567,7 @@ def test_the_times_of_a_progress_bar_fit_a_terminal_of_80_columns(monkeypatch: p
     assert bar.rstrip().endswith("…")
 
 
-@pytest.mark.parametrize(("total", "told"), [(7, "2 of 7"), (None, "2")])
+@pytest.mark.parametrize(("total", "told"), [(7, "2 of 7, about 1 s left"), (None, "2")])
 def test_progress_is_a_line_now_and_then_where_it_is_piped(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], total: int | None, told: str
 ) -> None:
@@ -582,6 +581,26 @@ def test_progress_is_a_line_now_and_then_where_it_is_piped(
             reporter.step("another")
         last = f"measuring: {told}, another"
         assert (capsys.readouterr().err.splitlines()[-1:] == [last]) == (not quiet and not seconds)
+
+
+def test_what_is_left_takes_as_long_as_the_steps_so_far_but_those_measured_before(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    now = [0.0]
+    monkeypatch.setattr(console, "err", lambda: Console(stderr=True, width=80, get_time=lambda: now[0]))
+    monkeypatch.setattr(console, "_EVERY", 0.0)
+    with console.Reporter(quiet=False) as reporter:
+        reporter.stage("cells", 24)
+        for _ in range(10):
+            reporter.step("stairs: measured before")
+        for now[0] in (50.0, 80.0, 110.0, 140.0):
+            reporter.step("stairs unshadowed")
+    assert capsys.readouterr().err.splitlines()[-1] == "cells: 14 of 24, about 5 min left, stairs unshadowed"
+
+
+@pytest.mark.parametrize(("seconds", "text"), [(0.2, "1 s"), (40, "40 s"), (100, "2 min"), (7200, "2.0 h")])
+def test_a_duration_is_rough(seconds: float, text: str) -> None:
+    assert duration(seconds) == text
 
 
 def test_a_bar_of_unknown_length_has_no_total(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -603,35 +622,6 @@ def test_listed_axes_are_those_that_stress_sweeps(shadowbench: Shadowbench) -> N
         assert row["home"] in row["values"] and row["lights"] == list(AXES[name].lights)
         assert row["about"] in shadowbench("list", "axes", name).out
     assert len({row["about"] for row in listed.values()}) == len(listed), "no axis says what another says"
-
-
-def refused(kind: type[BaseException], *arguments: Any) -> Callable[..., Any]:
-    def call(*_: object, **__: object) -> Any:
-        raise kind(*arguments)
-
-    return call
-
-
-NO_PROCESS = "shadowbench: no further process or thread is allowed here (ulimit -u, or a limit of the container)\n"
-
-
-@pytest.mark.parametrize("what", ["no process", "no thread", "OpenBLAS has no thread", "the guard is no process"])
-def test_a_system_that_allows_few_processes_is_one_line(
-    shadowbench: Shadowbench, half: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: str
-) -> None:
-    plugin = tmp_path / "half.py"  # of this test, hence with a worker of its own
-    plugin.write_text(half.read_text())
-    if what == "no process":
-        monkeypatch.setattr(subprocess, "Popen", refused(BlockingIOError, errno.EAGAIN, "no process", sys.executable))
-    elif what == "the guard is no process":
-        lacking = "import os\ndef lacking(*_, **__): raise BlockingIOError(11, '')\nos.posix_spawn = lacking\n"
-        monkeypatch.setattr(worker, "_PROGRAM", lacking + worker._PROGRAM)
-    else:
-        monkeypatch.setattr(threading.Thread, "start", refused(RuntimeError, "can't start new thread"))
-    if what == "OpenBLAS has no thread":
-        monkeypatch.setattr(worker, "spawn", refused(KeyboardInterrupt))
-    answer = shadowbench("run", "cube-on-plane", "-t", "half", "--plugin", plugin, *SMALL, "-q", "-o", tmp_path / "out")
-    assert (answer.code, answer.err) == (3, NO_PROCESS)
 
 
 @pytest.mark.parametrize(("value", "shown"), [(0.99975, "0.9998"), (0.99998749, "0.99999"), (1.0, "1"), (1.0002, "1")])

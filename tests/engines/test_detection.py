@@ -5,9 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from shadowbench.engines.encoding import MaskEncoding, detect_encoding
-from shadowbench.engines.orientation import misorientation
-from shadowbench.engines.shift import estimate_shift
+from shadowbench.engines.detection import MaskEncoding, detect_encoding, estimate_shift, misorientation
 
 SCENES = ["cube-on-plane", "stairs", "spot-lamp", "railings", "room-with-window", "lamp-by-wall"]
 NOISE = np.random.default_rng(7)

@@ -11,8 +11,7 @@ from pathlib import Path
 import pytest
 
 from shadowbench.engines.accuracy import seems_unrelated
-from shadowbench.engines.encoding import detect_encoding
-from shadowbench.engines.orientation import misorientation
+from shadowbench.engines.detection import detect_encoding, misorientation
 from shadowbench.scores.masks import read_mask
 
 ROOT = Path(__file__).resolve().parents[2]

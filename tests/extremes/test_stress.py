@@ -280,17 +280,6 @@ def test_faces_turned_away_from_the_light_can_be_told_apart(bench: Any, tmp_path
     assert (counts > 100).sum() >= 2, dict(zip(grounds, counts, strict=True))
 
 
-def test_a_second_sweep_measures_only_what_failed(bench: Any, swept: Swept, folder: Path) -> None:
-    again = Swept(bench, folder, ["half", "shadow-map:size=256"], short(ELEVATION, 5.0), short(AXES["camera-step"]))
-    assert "draw" not in again.calls
-    kept = [one for one in swept.rows if one["technique"] in ("half", "shadow-map")]
-    assert again.rows == kept
-    assert again.steps == ["elevation 50 directional", "elevation 5 directional", "camera-step 0.05 directional"]
-    bench.calls.clear()
-    retried = Swept(bench, folder, ["does:what=raise"], short(ELEVATION, 5.0))
-    assert retried.calls.count("draw") == 2
-
-
 def test_a_map_that_does_not_fit_is_refused_before_it_is_made(bench: Any, tmp_path: Path) -> None:
     bench.worker.limits = Limits(bytes=3 << 29)
     axis = replace(short(MAP_SIZE), values=(1024, 2048, 16384, 65536), quick=(1024, 2048, 16384, 65536))

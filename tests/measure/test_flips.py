@@ -35,15 +35,28 @@ SIZE = 64
 Frames = tuple[Stepped, np.ndarray, np.ndarray, Truth, Truth]
 
 
-@pytest.fixture(scope="module")
-def stepped_rows(bench: Any, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], dict[str, dict[str, Any]]]:
-    found: dict[str, dict[str, dict[str, Any]]] = {}
+Rows = dict[str, dict[str, Any]]
 
-    def rows(step: str) -> dict[str, dict[str, Any]]:
+
+def rows_of(shadowbench: Any, records: Any, folder: Path, text: str) -> Rows:
+    """Score rows of a study by spec."""
+    (folder / "study.toml").write_text(text, encoding="utf-8")
+    assert shadowbench("run", "-s", folder / "study.toml", "-o", folder / "out", "-q").code == 0
+    return {row["spec"]: row for row in records(folder / "out", "score")}
+
+
+@pytest.fixture(scope="module")
+def found() -> dict[str, Rows]:
+    return {}
+
+
+@pytest.fixture
+def stepped_rows(
+    shadowbench: Any, records: Any, found: dict[str, Rows], tmp_path_factory: pytest.TempPathFactory
+) -> Callable[[str], Rows]:
+    def rows(step: str) -> Rows:
         if step not in found:
-            folder = tmp_path_factory.mktemp(step)
-            results = bench.run(bench.study(folder, STUDY.format(step=step)), folder / "out")
-            found[step] = {result.score["spec"]: result.score for result in results}
+            found[step] = rows_of(shadowbench, records, tmp_path_factory.mktemp(step), STUDY.format(step=step))
         return found[step]
 
     return rows
@@ -163,11 +176,12 @@ def test_a_step_of_the_light_is_as_wide_as_seen_from_what_is_looked_at(builtin, 
         assert angle == pytest.approx(np.hypot(RIGHT, UP) * pixel, rel=1e-3)
 
 
-def test_rows_without_a_step_are_what_they_were_and_a_step_measures_them_anew(bench: Any, tmp_path: Path) -> None:
-    text = STUDY.replace('"street"', '"cube-on-plane"').replace('step = "{step}"\n', "")
-    study = bench.study(tmp_path, text)
-    plain = {result.score["spec"]: result.score for result in bench.run(study, tmp_path / "out")}
-    again = {result.score["spec"]: result.score for result in bench.run(study.with_(step="camera"), tmp_path / "out")}
+def test_rows_without_a_step_are_what_they_were_and_a_step_measures_them_anew(
+    shadowbench: Any, records: Any, tmp_path: Path
+) -> None:
+    text = STUDY.replace('"street"', '"cube-on-plane"').format(step="camera")
+    plain = rows_of(shadowbench, records, tmp_path, text.replace('step = "camera"\n', ""))
+    again = rows_of(shadowbench, records, tmp_path, text)
     for spec, row in plain.items():
         assert not {"flips", "step"} & row.keys()
         assert row["key"] != again[spec]["key"] and again[spec]["step"] == "camera"

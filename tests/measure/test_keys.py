@@ -7,6 +7,7 @@ import tomllib
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -15,6 +16,7 @@ from shadowbench import data
 from shadowbench.measure import keys
 from shadowbench.measure.cells import Cell
 from shadowbench.measure.keys import cell_key
+from shadowbench.measure.machine import machine_key
 from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Coordinates, View, view_of
@@ -71,6 +73,16 @@ def cube() -> View:
 )
 def test_every_parameter_is_in_the_key(spec: str) -> None:
     assert key(spec) != key()
+
+
+def test_a_machine_s_key_has_its_renderer_and_its_clock() -> None:
+    def of(renderer: str = "r", clock: str = "wall", processor: str = "p") -> str:
+        executor: Any = SimpleNamespace(
+            info=SimpleNamespace(renderer=renderer, clock=clock), machine={"cpu": processor}
+        )
+        return machine_key(executor)
+
+    assert len({of(), of(renderer="another"), of(clock="another"), of(processor="another")}) == 4
 
 
 def test_every_parameter_is_varied_above() -> None:

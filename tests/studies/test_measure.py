@@ -1,19 +1,17 @@
 """Studies from options and loaded scenes, without a command line."""
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+import shadowbench as sb
 from shadowbench.errors import InputError
-from shadowbench.measure.single import render
-from shadowbench.scenes.library import load_scene
-from shadowbench.scenes.views import chosen_view
-from shadowbench.studies.measure import measure, study_from_options
+from shadowbench.studies.measure import study_from_options
 from shadowbench.studies.study import Study
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
-from tests.runs import Bench, Notebook
 
 KNOWN = techniques()
 SPEC = parse_spec("shadow-map", KNOWN)
@@ -84,21 +82,13 @@ def test_a_study_given_as_an_object_is_checked_like_a_file(make: Callable[[], St
         make()
 
 
-def test_a_scene_that_is_loaded_is_measured_as_one_by_name(bench: Bench, tmp_path: Path) -> None:
-    scene = load_scene("cube-on-plane")
+def test_a_scene_that_is_loaded_is_measured_as_one_by_name(tmp_path: Path) -> None:
     named, loaded = (
-        measure(Study.of([one], [SMALL], view_size=32, rounds=0), tmp_path / name, bench.worker, Notebook())
-        for name, one in (("named", "cube-on-plane"), ("loaded", scene))
+        sb.run(one, "shadow-map:size=64", view_size=32, rounds=0, folder=tmp_path / name)
+        for name, one in (("named", "cube-on-plane"), ("loaded", sb.load("cube-on-plane")))
     )
-    assert named.frame.drop(columns="command").equals(loaded.frame.drop(columns="command"))
+    sb.close()
+    assert named.equals(loaded)
     assert (tmp_path / "loaded" / "table.csv").read_bytes() == (tmp_path / "named" / "table.csv").read_bytes()
-    assert named.run.about["study"] == loaded.run.about["study"]
-
-
-def test_a_view_is_drawn_once(bench: Bench) -> None:
-    view = chosen_view(load_scene("cube-on-plane"), 32)
-    drawn = render(view, SMALL, bench.worker, name="shadow-map", with_map=True)
-    assert drawn.visibility.shape == (32, 32) and drawn.map is not None and drawn.map.shape == (64, 64)
-    lamp = chosen_view("room-with-lamp", 32)
-    with pytest.raises(InputError, match="shadow-map does not support room-with-lamp: a point light"):
-        render(lamp, SMALL, bench.worker, name="shadow-map")
+    abouts = [json.loads((tmp_path / name / "run.json").read_text()) for name in ("named", "loaded")]
+    assert abouts[0]["study"] == abouts[1]["study"]

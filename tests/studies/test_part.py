@@ -1,4 +1,4 @@
-"""Parts of a study: each cell is in one of them, and merged they are the whole."""
+"""Parts of a study: each cell is in one of them, whatever their order."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -9,12 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shadowbench.errors import InputError
-from shadowbench.measure.rows import Record, stream_rows
 from shadowbench.studies.part import Part, part_of
-
-STUDY = ("stairs", "cube-on-plane", "-t", "shadow-map", "-t", "cube-map", "-t", "unshadowed", "--map-size", "32,64")
-RUN = ("run", *STUDY, "--phases", "2", "--view-size", "32", "--rounds", "0", "-q")
-STRESS = ("stress", "--quick", "-t", "shadow-map:size=64", "-t", "cube-map:size=64", "--axis", "gap", "-q")
 
 
 @given(st.lists(st.integers(), unique=True, min_size=1, max_size=40), st.data())
@@ -46,32 +41,3 @@ def test_more_parts_than_cells_are_an_error() -> None:
 def test_the_estimate_of_the_whole_is_not_given_for_a_part(shadowbench: Callable[..., Any], tmp_path: Path) -> None:
     answer = shadowbench("run", "-t", "unshadowed", "--view-size", 16, "--part", "4/4", "-o", tmp_path / "out")
     assert answer.code == 2 and answer.err == "shadowbench: --part 4/4: found 3 to divide; allowed: 1 to 3 parts\n"
-
-
-def scores(folder: Path) -> dict[str, Record]:
-    """Score rows by key, without the command that made them."""
-    rows = [row for row, _ in stream_rows(folder / "rows.jsonl") if row["kind"] == "score"]
-    assert len({row["key"] for row in rows}) == len(rows)
-    return {row["key"]: {name: value for name, value in row.items() if name != "command"} for row in rows}
-
-
-@pytest.mark.parametrize("command", [RUN, pytest.param(STRESS, marks=pytest.mark.slow)], ids=["run", "stress"])
-def test_merged_parts_equal_the_whole(
-    shadowbench: Callable[..., Any], tmp_path: Path, command: tuple[str, ...]
-) -> None:
-    count = 3 if command is RUN else 2
-    parts = [tmp_path / f"part-{number}" for number in range(1, count + 1)]
-    for number, part in enumerate(parts, start=1):
-        assert shadowbench(*command, "--part", f"{number}/{count}", "-o", part).code == 0
-    assert shadowbench(*command, "-o", tmp_path / "whole").code == 0
-    assert shadowbench("merge", *parts, "-o", tmp_path / "merged").code == 0
-    assert all(map(scores, parts))
-    assert scores(tmp_path / "merged") == scores(tmp_path / "whole")
-    for kind in ("masks", "pictures", "truth"):
-        found, expected = (
-            {file.name: file.read_bytes() for file in (folder / kind).glob("*.png")}
-            for folder in (tmp_path / "merged", tmp_path / "whole")
-        )
-        assert found == expected
-    tables = [sorted((tmp_path / name).glob("*.csv")) for name in ("merged", "whole")]
-    assert [file.name for file in tables[0]] == [file.name for file in tables[1]]

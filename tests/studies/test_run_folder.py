@@ -106,17 +106,6 @@ def test_a_sweep_of_another_spec_leaves_the_first_in_table_and_report(
         assert [row["key"] for row in csv.DictReader(stream)] == [row["key"] for row in lines]
 
 
-def test_a_run_into_a_folder_of_a_sweep_is_refused_before_anything_is_measured(
-    shadowbench: Shadowbench, tmp_path: Path
-) -> None:
-    out = tmp_path / "out"
-    assert shadowbench("stress", "--quick", "--axis", "lamp-distance", "-t", "unshadowed", "-o", out, "-q").code == 0
-    before = {file: file.read_bytes() for file in out.iterdir() if file.is_file()}
-    answer = shadowbench("run", "cube-on-plane", "-t", "unshadowed", *SMALL, "-o", out)
-    assert answer.code == 2 and "found cells of `stress`; allowed: a folder of `run`, or a new one" in answer.err
-    assert {file: file.read_bytes() for file in out.iterdir() if file.is_file()} == before
-
-
 def test_hard_shadows_of_a_view_do_not_stand_beside_its_soft_ones(shadowbench: Shadowbench, tmp_path: Path) -> None:
     """`--sun` changes the truth of a view, but not its name: an exact hard shadow would seem to have no error."""
     out, view = tmp_path / "out", ("cube-on-plane", "--view-size", "64", "--rounds", "0", "-o", tmp_path / "out")

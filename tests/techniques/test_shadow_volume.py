@@ -15,6 +15,7 @@ from shadowbench.scenes.files import transform_of
 from shadowbench.scenes.library import hard_names, load_scene
 from shadowbench.scenes.model import Light, Mesh, unit, view_of
 from shadowbench.scenes.tables import MeshTable
+from shadowbench.studies.folder import IDENTITY, identity
 from shadowbench.techniques.base import Frame, Phase
 from shadowbench.techniques.batches import batches_of
 from shadowbench.techniques.culling import visible_region
@@ -46,24 +47,32 @@ def test_facts_say_what_is_closed_and_how_it_was_counted(studio, build, builtin)
 # Every way of extruding and counting
 
 
-def test_numpy_extrudes_single_triangles_only() -> None:
-    with pytest.raises(InputError, match="build=cpu extrudes single triangles; faces is silhouette, allowed: triangle"):
-        parse_spec("shadow-volume:build=cpu", techniques())
-    assert parse_spec("shadow-volume:build=cpu,faces=triangle", techniques()).params.build == "cpu"
+def test_a_spec_and_a_row_of_a_version_that_also_extruded_by_numpy_are_read() -> None:
+    """`build` chose between two ways to the same masks."""
+    for by in ("geometry", "cpu"):
+        assert parse_spec(f"{TRIANGLE},build={by}", techniques()) == parse_spec(TRIANGLE, techniques())
+    nested = "light-samples:of=shadow-volume({}),n=4"
+    assert parse_spec(nested.format("build=geometry,cull=false"), techniques()).text == nested.format("cull=false")
+    (name, *old), (same, *new) = (
+        identity(dict.fromkeys(IDENTITY) | {"full_spec": text})[0]
+        for text in ("shadow-volume:compare=depth,build=cpu,cull=true", "shadow-volume:compare=depth,cull=true")
+    )
+    assert (name, old) == (same, new)
+    with pytest.raises(InputError, match="build"):
+        parse_spec("shadow-volume:build=gpu", techniques())
 
 
 @pytest.mark.parametrize("compare", ["position", "depth"])
 @pytest.mark.parametrize("name", FAST)
-def test_stencil_colour_and_numpy_give_the_same_bits(name, compare, studio, build, builtin) -> None:
+def test_stencil_and_colour_give_the_same_bits(name, compare, studio, build, builtin) -> None:
     shot = studio.shot(builtin(name, 192))
-    for faces, builds in (("silhouette", ["geometry"]), ("triangle", ["geometry", "cpu"])):
-        masks = [
-            build(f"shadow-volume:faces={faces},counter={counter},build={by},compare={compare}", shot).draw(shot)
+    for faces in ("silhouette", "triangle"):
+        stencil, color = (
+            build(f"shadow-volume:faces={faces},counter={counter},compare={compare}", shot).draw(shot)
             for counter in ("stencil", "color")
-            for by in builds
-        ]
-        assert 0.01 < (masks[0] < 0.5).mean() < 0.99
-        assert all(np.array_equal(masks[0], mask) for mask in masks[1:])
+        )
+        assert 0.01 < (stencil < 0.5).mean() < 0.99
+        assert np.array_equal(stencil, color)
 
 
 @pytest.mark.parametrize("name", ["cube-on-plane", "sphere-and-torus", "spot-lamp", "stairs", "canopy"])
@@ -111,7 +120,7 @@ def test_an_eye_in_a_lamp_s_shadow_sees_it_along_the_light_and_against_it(away, 
     )
     truth = trace(view, pixel_samples=1)
     assert (truth.visibility < 0.5).mean() > 0.05
-    for spec in (SILHOUETTE, TRIANGLE, f"{TRIANGLE},build=cpu"):
+    for spec in (SILHOUETTE, TRIANGLE):
         assert wrong(mask(spec, view), truth).sum() <= 1
 
 
@@ -163,7 +172,7 @@ def test_a_caster_before_the_near_plane_casts_though_it_is_not_seen(shape, looki
     view = looking(meshes, Light("sun", "directional", (-0.3, -1.0, -0.2)), near=3.5, far=9.0)
     truth = trace(view, pixel_samples=1)
     assert (truth.triangle < 2).all() and (truth.receivers & (truth.visibility < 0.5)).sum() > 100
-    for spec in (SILHOUETTE, TRIANGLE, f"{TRIANGLE},build=cpu", DEPTH):
+    for spec in (SILHOUETTE, TRIANGLE, DEPTH):
         assert wrong(mask(spec, view), truth).sum() <= 1
 
 
@@ -280,7 +289,7 @@ def test_a_lamp_in_a_closed_box_lights_nothing_outside(shape, looking, mask, stu
     shot = studio.shot(view)
     ground = (shot.triangle >= 0) & (shot.triangle < 2)
     assert ground.sum() > 1000
-    for spec in (SILHOUETTE, TRIANGLE, f"{TRIANGLE},build=cpu"):
+    for spec in (SILHOUETTE, TRIANGLE):
         assert (mask(spec, view)[ground] == 0).all()
 
 
@@ -303,7 +312,7 @@ def test_a_lamp_on_a_closed_caster_is_in_its_shadow(kind, place, shape, looking,
     view = looking([shape("plane", 8.0), *boxes], lamp, 64)
     truth = trace(view, pixel_samples=1)
     assert (truth.receivers & ~truth.undecided & (truth.visibility < 0.5)).sum() > 100
-    for spec in (SILHOUETTE, TRIANGLE, DEPTH, f"{TRIANGLE},build=cpu", "hybrid:size=64"):
+    for spec in (SILHOUETTE, TRIANGLE, DEPTH, "hybrid:size=64"):
         assert wrong(mask(spec, view), truth).sum() == 0
 
 
@@ -511,7 +520,7 @@ def test_casters_may_be_flat_as_the_light_sees_them(direction, shape, looking, s
 # What is redrawn when
 
 
-@pytest.mark.parametrize("spec", [DEPTH, f"{TRIANGLE},build=cpu,compare=depth"])
+@pytest.mark.parametrize("spec", [DEPTH, f"{TRIANGLE},compare=depth"])
 def test_passes_that_depend_on_the_light_alone_are_not_redrawn_for_the_camera(spec, studio, build, builtin) -> None:
     shot = studio.shot(builtin("statue", 64))
     one = build(spec, shot)
@@ -526,7 +535,7 @@ def test_passes_that_depend_on_the_light_alone_are_not_redrawn_for_the_camera(sp
     ]
 
 
-@pytest.mark.parametrize("spec", [SILHOUETTE, f"{TRIANGLE},build=cpu"])
+@pytest.mark.parametrize("spec", [SILHOUETTE, TRIANGLE])
 def test_a_camera_moves_without_another_extrusion(spec, studio, build, builtin, monkeypatch) -> None:
     first = builtin("spot-lamp", 96)
     moved = studio.shot(replace(first, camera=replace(first.camera, target=(0.2, 0.5, 0.1))))

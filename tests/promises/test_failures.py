@@ -1,0 +1,243 @@
+"""Plug-ins that crash, hang, exhaust memory, raise, print or return invalid masks: only their own cells fail."""
+
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.promises.conftest import Study, by_spec, environment, finished, gone, marked, study_text
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals and process groups")
+
+LATE = "while timed: "
+EXPECTED = {
+    "leave-processes-and-abort": "failed: crashed: SIGABRT",
+    "leave-processes-and-eat": "failed: ate memory",
+    "gate": "ok",
+    "segv": "failed: crashed: SIGSEGV",
+    "exit": "failed: crashed: the worker ended with code 0",
+    "raise": "failed: ZeroDivisionError: as planned (wild.py:",
+    "raise-wordless": "failed: WordlessError: (no message) (wild.py:",
+    "nan": "failed: ValueError: does:level=0.5,what=nan,after=0 drew visibility is NaN",
+    "bright": "outside [0, 1]",
+    "small": "failed: ValueError: does:level=0.5,what=small,after=0 drew 8 × 8 pixels",
+    "none": "failed: TypeError: does:level=0.5,what=none,after=0 drew str",
+    "gl-error": "failed: RuntimeError: OpenGL error",
+    "odd-facts": "failed: ValueError: does:level=0.5,what=odd-facts,after=0: fact 'odd' is nan",
+    "shout": "failed: ValueError: shout shout ",
+    "shout-in-one-word": "failed: ValueError: ",
+    "long-fact": "failed: ValueError: ",
+    "decline": "unsupported: reasons reasons ",
+    "print": "ok",
+    "print-foreign": "ok",
+    "litter": "ok",
+    "abort,after=2": "failed: while timed: crashed: SIGABRT",
+    "raise,after=2": "failed: while timed: ZeroDivisionError: as planned (wild.py:",
+    "gl-error,after=2": "failed: while timed: RuntimeError: OpenGL error",
+}
+HANGS = {
+    "leave-processes-and-hang": "failed: hung: no answer within 5 s",
+    "hang,after=2": "failed: while timed: hung: no answer within 5 s",
+    "print-much": "ok",
+    "print-much,level=0.25": "ok",
+    "leave-processes": "ok",
+}
+GOOD = ("shadow-map:size=64", "half", "shadow-map:size=128")
+LONGEST = 600
+
+
+class Survived:
+    """A run of misdeeds among good techniques: what it printed, its table, and processes left while it went on."""
+
+    def __init__(self, start: Any, records: Any, folder: Path, plugins: list[str | Path]) -> None:
+        self.out = folder / "out"
+        (folder / "study.toml").write_text(
+            study_text(GOOD[0], *(f"does:what={what}" for what in EXPECTED), *GOOD[1:]), encoding="utf-8"
+        )
+        run = start(
+            "run", "-s", folder / "study.toml", *plugins, "-o", self.out,
+            PIDS=folder / "pids", GATE=folder / "gate", PYTHONIOENCODING="ascii",
+        )  # fmt: skip
+        run.until(lambda: len(records(self.out)) == 3)
+        family = {process.pid for process in (*run.family(), run.process)}
+        left = [process for process in marked("PIDS", folder / "pids") if process.pid not in family]
+        self.all_ended = gone(left)
+        (folder / "gate").touch()
+        self.code, self.printed, self.err = run.end()
+        self.lines = by_spec(self.out)
+
+    def line(self, what: str) -> dict[str, str]:
+        return self.lines[f"does:what={what}"]
+
+
+@pytest.fixture(scope="module")
+def plugins(half: Path, wild: Path) -> list[str | Path]:
+    return ["--plugin", half, "--plugin", wild]
+
+
+@pytest.fixture(scope="module")
+def survived(start_any: Any, records: Any, plugins: list[str | Path], tmp_path_factory: Any) -> Survived:
+    return Survived(start_any, records, tmp_path_factory.mktemp("failures"), plugins)
+
+
+@pytest.mark.parametrize("what", EXPECTED)
+def test_a_misbehaving_plug_in_is_the_status_of_its_cell(survived: Survived, what: str) -> None:
+    status = survived.line(what)["status"]
+    assert EXPECTED[what] in status and (status == "ok") == (EXPECTED[what] == "ok")
+    assert status.isprintable() and len(status) < LONGEST
+    assert "…" in status if what in ("shout", "shout-in-one-word", "long-fact", "decline") else "…" not in status
+
+
+def test_failed_cells_have_no_numbers_and_the_table_is_still_printed(survived: Survived) -> None:
+    for what, status in EXPECTED.items():
+        line = survived.line(what)
+        assert bool(line["iou"]) == (status == "ok" or LATE in status)
+        assert bool(line["frame_ms"]) == (status == "ok")
+    assert survived.code == 3
+    assert survived.printed.startswith("cube-on-plane, best first") and "slope of log" in survived.printed
+
+
+def test_all_other_techniques_keep_their_scores(survived: Survived, study: Study, plugins: list[Path]) -> None:
+    study.plugins = (plugins[1],)
+    assert study.run(study_text(*GOOD)).code == 0
+    for spec, alone in by_spec(study.folder).items():
+        beside = survived.lines[spec]
+        assert beside["status"] == "ok" and beside["frame_ms"]
+        for column in ("key", "mask_sha256", "iou", "ssim", "work_fragments", "gpu_bytes"):
+            assert beside[column] == alone[column]
+
+
+def test_processes_that_a_plug_in_started_end_with_its_worker_while_the_run_goes_on(survived: Survived) -> None:
+    assert survived.all_ended
+
+
+def test_what_plug_ins_print_goes_to_stderr_also_before_a_crash_and_in_any_encoding(survived: Survived) -> None:
+    assert "loud\nlouder\n" in survived.err and "≥ 影\n" in survived.err
+    assert "loud" not in survived.printed
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device of Linux")
+def test_what_hangs_costs_its_own_cell_and_plug_ins_print_on_where_stderr_is_full(
+    tmp_path: Path, plugins: list[str | Path]
+) -> None:
+    file, out, pids = (tmp_path / name for name in ("study.toml", "out", "pids"))
+    file.write_text(study_text(*(f"does:what={what}" for what in HANGS), "half", time_limit=5))
+    with Path("/dev/full").open("w") as full:
+        words = ("run", "-s", file, *plugins, "-o", out, "--json")
+        run = finished(*words, stderr=full, env=environment(PIDS=pids))
+    lines = by_spec(out)
+    statuses = {what: lines[f"does:{spell(what)}"]["status"] for what in HANGS}
+    assert statuses == HANGS and lines["half"]["status"] == "ok" and lines["half"]["frame_ms"]
+    assert run.returncode == 3 and pids.exists()
+    assert gone(marked("PIDS", pids)), "of the plug-in, whether its worker hung or ended with the run"
+
+
+def spell(what: str) -> str:
+    """Parameters in the order in which specs have them."""
+    first, _, level = what.partition(",level=")
+    return f"level={level},what={first}" if level else f"what={first}"
+
+
+@pytest.mark.slow
+def test_processes_of_a_plug_in_end_when_the_whole_run_is_killed(
+    start: Callable[..., Any], records: Any, tmp_path: Path, plugins: list[str | Path]
+) -> None:
+    pids = tmp_path / "pids"
+    specs = ("-t", "does:what=leave-processes", "-t", "does:what=hang")
+    run = start("run", "cube-on-plane", *specs, *plugins, "--view-size", "16", "-o", tmp_path / "out", PIDS=pids)
+    run.until(lambda: len(records(tmp_path / "out")) == 1)
+    assert len(marked("PIDS", pids)) >= 5, "the run, its worker, and what the plug-in started"
+    run.process.kill()
+    run.process.communicate()
+    assert gone(marked("PIDS", pids))
+
+
+def test_a_failed_cell_is_tried_again_and_no_other(study: Study, half: Path, wild: Path, tmp_path: Path) -> None:
+    study.plugins = (half, wild)
+    text = study_text("half", "does:what=lack", "does:what=lack,after=2", reference='"does:what=lack,level=0.25"')
+    needed = wild.parent / "needed"
+    try:
+        assert study.added(text) == (3, 1)
+        assert [line["status"].partition(" (")[0][:25] for line in by_spec(study.folder).values()] == [
+            "ok", "failed: FileNotFoundError", "failed: while timed: File",
+        ]  # fmt: skip
+        (timed,) = study.rows("time")
+        assert timed["ratio"] is None and timed["no_ratio"].startswith("failed: FileNotFoundError")
+        assert study.added(text) == (1, 0), "a crash may be the machine's: it is tried again, the others are not"
+        needed.touch()
+        assert study.added(text) == (1, 3), "also the time whose reference failed"
+        assert study.added(text) == (0, 0)
+    finally:
+        needed.unlink(missing_ok=True)
+    assert {line["status"] for line in by_spec(study.folder).values()} == {"ok"}
+    assert all(row["ratio"] > 0 for row in study.rows("time")[1:])
+
+
+def test_a_reference_that_crashes_costs_ratios_only(study: Study, half: Path, wild: Path) -> None:
+    study.plugins = (half, wild)
+    answer = study.run(study_text("half", "shadow-map:size=64", reference='"does:what=abort"'))
+    assert answer.err.count("no ratios to this reference: crashed: SIGABRT") == 1
+    for line in by_spec(study.folder).values():
+        assert (line["status"], line["ratio"]) == ("ok", "") and line["frame_ms"]
+
+
+FLOOR = """
+import os
+from shadowbench.techniques.unshadowed import Unshadowed
+
+Unshadowed.draw = lambda self, frame: os.abort()
+"""
+
+
+def test_a_floor_that_crashes_costs_times_only_and_is_tried_again(study: Study, half: Path, tmp_path: Path) -> None:
+    """`unshadowed`, above which `added_ms` is."""
+    plugin = tmp_path / "half.py"
+    plugin.write_text(half.read_text() + FLOOR)
+    study.plugins = (plugin,)
+    text = study_text("half", "shadow-map:size=64", reference='"half"')
+    assert study.added(text) == (2, 0)
+    for line in by_spec(study.folder).values():
+        assert line["status"].startswith("failed: while timed: the floor, ") and "SIGABRT" in line["status"]
+        assert line["iou"] and not line["frame_ms"]
+    plugin.write_text(half.read_text())
+    assert study.added(text) == (1, 2), "the plug-in is another, the shadow map is not drawn again"
+
+
+@pytest.mark.slow
+def test_no_cell_fails_for_the_memory_that_others_took(study: Study, wild: Path, tmp_path: Path) -> None:
+    """Whether they wait to be timed, are timed with it, or have left it behind."""
+    study.plugins = (Path(shutil.copy(wild, tmp_path)),)
+    specs = ("does:what=leak-memory", "does:what=leak-memory,level=0.25")
+    assert study.added(study_text(*specs, rounds=2)) == (2, 2)
+    assert [(line["status"], bool(line["ratio"])) for line in by_spec(study.folder).values()] == [("ok", True)] * 2
+
+
+def test_plug_in_output_is_cut(shadowbench: Callable[..., Any], wild: Path, tmp_path: Path) -> None:
+    plugin = shutil.copy(wild, tmp_path)
+    picture = ("-o", tmp_path / "picture.png", "--view-size", "16")
+    answer = shadowbench("render", "cube-on-plane", "-t", "does:what=print-much", "--plugin", plugin, *picture)
+    assert answer.code == 0 and "much" not in answer.out.replace("print-much", "")
+    assert answer.err.count("first words\n") == 2, "of the first draw, on both streams"
+    assert answer.err.count("what plug-ins print is cut here, after 100000 characters\n") == 1
+    assert "last words" not in answer.err and 100_000 <= len(answer.err) <= 100_100
+
+
+def test_plug_in_output_while_loading_is_cut(shadowbench: Callable[..., Any], tmp_path: Path, half: Path) -> None:
+    file = tmp_path / "loud.py"
+    file.write_text("import sys\nprint('x' * 50_000_000)\nsys.stderr.write('y' * 50_000_000)\n" + half.read_text())
+    answer = shadowbench("list", "techniques", "--plugin", file)
+    assert answer.code == 0 and "half" in answer.out and "xxx" not in answer.out
+    assert answer.err.startswith("x" * 1000) and len(answer.err) < 100_100
+    assert "what plug-ins print is cut here" in answer.err
+
+
+def test_a_plug_in_that_cannot_be_loaded_says_so_in_a_line_that_ends(
+    shadowbench: Callable[..., Any], tmp_path: Path
+) -> None:
+    file = tmp_path / "broken.py"
+    file.write_text("raise ValueError('why ' * 10_000_000)\n")
+    answer = shadowbench("run", "cube-on-plane", "-t", "half", "--plugin", file)
+    assert answer.code == 2 and answer.err.count("\n") == 1 and len(answer.err) < LONGEST + 200

@@ -1,0 +1,219 @@
+"""A repeated command measures what is missing, what changed, and nothing else; rows are the same whenever made."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.promises.conftest import Record, Study, by_spec, study_text, table, unsigned
+
+SMALL = study_text("unshadowed", "shadow-map:size=64")
+TWO_SCENES = study_text(
+    "unshadowed", "shadow-map", scenes=["cube-on-plane", "room-with-lamp"], map_size=[64, 128], rounds=2, phases=2
+)
+
+
+def replaced(old: str, new: str) -> str:
+    assert old in SMALL
+    return SMALL.replace(old, new)
+
+
+def test_a_second_call_measures_nothing_and_another_folder_has_the_same_rows(study: Study, tmp_path: Path) -> None:
+    first = study.run(TWO_SCENES)
+    assert (first.code, len(study.rows("score")), len(study.rows("time"))) == (0, 10, 4)
+    kept = {file: file.read_bytes() for file in study.folder.rglob("*") if file.is_file() and file.name != "run.json"}
+    again = study.run(TWO_SCENES)
+    assert again.out == first.out
+    assert all(file.read_bytes() == data for file, data in kept.items())
+    other = Study(study.shadowbench, study.records, tmp_path / "other")
+    assert other.run(TWO_SCENES).code == 0
+    assert unsigned(other.rows("score")) == unsigned(study.rows("score"))
+    for kind in ("masks", "pictures", "truth"):
+        images = sorted((study.folder / kind).iterdir())
+        assert images
+        for image in images:
+            assert (other.folder / kind / image.name).read_bytes() == image.read_bytes()
+
+
+def test_only_what_changed_is_measured(study: Study) -> None:
+    assert study.added(SMALL) == (2, 2)
+    assert study.added(replaced("size=64", "size=64,filter=hard")) == (1, 1)
+    assert study.added(SMALL) == (0, 0)
+    assert study.added(replaced("view_size = 64", "view_size = 65")) == (2, 2)
+    assert study.added(replaced("size=64", "size=32")) == (1, 1)
+    assert {line["status"] for line in table(study.folder)} == {"ok"}
+
+
+def test_rounds_come_later_without_scoring_again(study: Study) -> None:
+    assert study.added(replaced("rounds = 1", "rounds = 0")) == (2, 0)
+    assert {line["frame_ms"] for line in table(study.folder)} == {""}
+    assert study.added(replaced("rounds = 1", "rounds = 2")) == (0, 2)
+    assert "" not in {line["frame_ms"] for line in table(study.folder)}
+    assert study.added(SMALL) == (0, 0), "fewer are enough"
+    assert study.added(replaced("rounds = 1", "rounds = 3")) == (0, 2)
+    assert study.added(replaced("rounds = 1", "rounds = 3"), "--time-again") == (0, 2)
+    other = replaced('reference = "unshadowed"', 'reference = "shadow-map:size=32"')
+    assert study.added(other) == (0, 2)
+    times = study.rows("time")
+    assert [row["reference"] for row in times] == ["unshadowed"] * 6 + ["shadow-map:size=32"] * 2
+    keys = {row["spec"]: row["key"] for row in study.rows("score")}
+    assert {row["reference_key"] for row in times[:6]} == {keys["unshadowed"]}, "that of its own row"
+
+
+def test_a_changed_default_measures_only_what_changed(study: Study, half: Path, tmp_path: Path) -> None:
+    """Also of the reference: its times are then another's denominator."""
+    plugin = tmp_path / "half.py"
+    plugin.write_text(half.read_text())
+    study.plugins = (plugin,)
+    text = replaced('"unshadowed"', '"half"')
+    assert study.added(text) == (2, 2)
+    plugin.write_text(half.read_text().replace("param(0.5", "param(0.25"))
+    assert study.added(text) == (1, 2)
+    first, second = (row for row in study.rows("score") if row["spec"] == "half")
+    assert first["mask_sha256"] != second["mask_sha256"] and first["key"] != second["key"]
+    references = [row["reference_key"] for row in study.rows("time")]
+    assert references == [first["key"]] * 2 + [second["key"]] * 2
+    plugin.write_text(half.read_text())
+    assert study.added(text) == (0, 1), "that of the shadow map, whose last time has the other reference"
+    assert study.added(text) == (0, 0)
+    assert by_spec(study.folder)["half"]["key"] == first["key"]
+
+
+def test_another_machine_times_again_and_scores_nothing_again(study: Study) -> None:
+    assert study.added(SMALL) == (2, 2)
+    here = study.rows("time")[0]["machine"]
+    file = study.folder / "rows.jsonl"
+    file.write_text(file.read_text().replace(here, "of another machine"))
+    assert study.added(replaced("rounds = 1", "rounds = 0")) == (0, 0)
+    assert [(bool(line["iou"]), line["frame_ms"]) for line in table(study.folder)] == [(True, "")] * 2
+    assert study.added(SMALL) == (0, 2)
+    assert study.added(SMALL) == (0, 0)
+    assert [row["machine"] for row in study.rows("time")] == ["of another machine"] * 2 + [here] * 2
+    assert {line["machine"] for line in table(study.folder)} == {here}
+
+
+@pytest.mark.parametrize("kept", [1, 5, 12, 20, -1])
+def test_a_row_that_was_torn_is_measured_again(study: Study, kept: int) -> None:
+    text = replaced("rounds = 1", "rounds = 0")
+    assert study.added(text) == (2, 0)
+    file = study.folder / "rows.jsonl"
+    whole, rows = file.read_bytes(), study.rows("score")
+    first = whole.index(b"\n") + 1
+    file.write_bytes(whole[: first + kept] if kept > 0 else whole[:kept])
+    assert study.run(text).code == 0
+    assert unsigned(study.rows("score")) == unsigned(rows) and file.read_bytes().endswith(b"\n")
+    assert file.read_bytes()[:first] == whole[:first]
+
+
+def test_fields_of_newer_versions_are_kept_in_rows(study: Study) -> None:
+    assert study.added(SMALL) == (2, 2)
+    file = study.folder / "rows.jsonl"
+    newer: Record = {"luck": {"of": [1, 2.5, None, "seven"]}}
+    rows = [row | newer for row in study.records(study.folder)]
+    file.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    assert study.added(replaced("size=64", "size=32")) == (1, 1), "earlier lines stay as they are"
+    assert all(row.items() >= newer.items() for row in study.records(study.folder)[:4])
+
+
+RECORDER = '''
+import os
+import time
+from shadowbench.techniques.shadow_map import ShadowMap
+
+now, passed = time.perf_counter, [0.0]
+time.perf_counter = lambda: now() + passed[0]
+
+
+class Recorder(ShadowMap):
+    """A shadow map that notes when it is built, and the index of each frame that it draws."""
+
+    name = "recorder"
+
+    def note(self, what):
+        with open(os.environ["NOTES"], "a") as file:
+            file.write(f"{self.params.size} {what}\\n")
+
+    def build(self, stage):
+        self.note("built")
+        passed[0] += 1e3
+        super().build(stage)
+
+    def draw(self, frame):
+        self.note(frame.index)
+        passed[0] += 1e4
+        return super().draw(frame)
+
+    def facts(self):
+        return {"reads": 7.0, "rays": 3.0, "texel_m": 0.5}
+'''
+
+
+def test_a_technique_is_built_once_and_scored_without_history(
+    study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its first frames, one for the mask and one for its work, have index 0; those that are timed are counted."""
+    plugin, notes = tmp_path / "recorder.py", tmp_path / "notes"
+    plugin.write_text(RECORDER)
+    monkeypatch.setenv("NOTES", str(notes))
+    study.plugins = (plugin,)
+    assert study.added(study_text("recorder:size=32", "recorder:size=64", rounds=3)) == (2, 2)
+    noted = [line.split() for line in notes.read_text().splitlines()]
+    for size in ("32", "64"):
+        of_one = [what for which, what in noted if which == size]
+        timed = [str(index) for index in range(2 + 3 + 1)]  # to warm up, three rounds of frames, one of passes
+        assert of_one == ["built", "0", "0", *timed]
+    rounds = [which for which, what in noted if what in ("2", "3", "4")]
+    assert rounds == ["32", "64"] * 3, "techniques take turns"
+    for line in table(study.folder):
+        assert 1e6 <= float(line["prepare_ms"]) < 2e6, "seconds of building, without those of frames to warm up"
+        assert (line["work_reads"], line["work_rays"]) == ("7", "3"), "stated by the technique; its fact is none"
+        counted = [line[f"work_{name}"] for name in ("vertices", "geometry", "fragments")]
+        if all(counted):
+            assert int(line["work_cost"]) == sum(map(int, counted)) + 7 + 3
+    assert [row["facts"] for row in study.rows("score")] == [{"texel_m": 0.5}] * 2
+
+
+def test_the_first_phase_alone_is_timed(study: Study) -> None:
+    assert study.added(study_text("shadow-map", map_size=[32, 64], phases=2)) == (4, 2)
+    assert {(line["phase"], bool(line["frame_ms"])) for line in table(study.folder)} == {("0", True), ("1", False)}
+
+
+def test_a_sweep_goes_on_with_what_failed(
+    shadowbench: Any, records: Any, half: Path, wild: Path, tmp_path: Path
+) -> None:
+    specs = [word for spec in ("does:what=raise", "does:what=lack", "half") for word in ("-t", spec)]
+    words = ("stress", "--quick", "--axis", "lamp-distance", *specs, "--plugin", half, "--plugin", wild)
+    needed, out = wild.parent / "needed", tmp_path / "out"
+    first = shadowbench(*words, "-o", out)
+    before = records(out)
+    ends = ["failed: ZeroDivisionError", "failed: FileNotFoundError", "ok"]
+    assert first.code == 3 and len(before) == 9
+    assert all(row["status"].startswith(end) for row, end in zip(before, ends * 3, strict=True))
+    try:
+        needed.touch()
+        assert shadowbench(*words, "-o", out).code == 3
+    finally:
+        needed.unlink()
+    assert records(out)[:9] == before
+    again = records(out)[9:]
+    assert [row["status"].partition(":")[0] for row in again] == ["failed", "ok"] * 3
+    assert [row["key"] for row in again] == [row["key"] for row in before if row["spec"] != "half"]
+    assert len(table(out)) == 9
+
+
+def test_a_stopped_search_goes_on_to_the_same_end(shadowbench: Any, records: Any, tmp_path: Path) -> None:
+    scenes = ("--scenes", "cube-on-plane,sphere-and-torus", "--held-out", "sphere-and-torus", "--params", "bias")
+    small = ("--trials", "8", "--map-size", "128", "--view-size", "48", "--phases", "1", "--json", "-q")
+    words = ("tune", "-t", "shadow-map:filter=hard", *scenes, *small)
+    whole = shadowbench(*words, "-o", tmp_path / "whole")
+    assert whole.code == 0, whole.err
+    rows = records(tmp_path / "whole")
+    assert len({row["key"] for row in rows}) == len(rows)
+    assert shadowbench(*words, "-o", tmp_path / "whole").out == whole.out
+    assert records(tmp_path / "whole") == rows, "nothing is drawn again"
+    (tmp_path / "part").mkdir()
+    (tmp_path / "part" / "rows.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows[:5]))
+    assert shadowbench(*words, "-o", tmp_path / "part").out == whole.out
+    assert records(tmp_path / "part")[:5] == rows[:5]
+    assert unsigned(records(tmp_path / "part")) == unsigned(rows)

@@ -1,0 +1,287 @@
+"""Runs that are killed or interrupted: the next one goes on, measures nothing twice, and no process is left behind."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+from tests.promises.conftest import Record, environment, finished, gone, marked, study_text, unsigned
+from tests.samples import sampled
+
+Records = Callable[..., list[Record]]
+
+GATE = "does:what=gate"
+LATE_GATE = "does:what=gate,after=2"  # drawn twice to be scored, so it waits when it is timed
+OTHERS = ["unshadowed", "shadow-map:size=64", "half"]
+STOPPED = "shadowbench: stopped; repeat the command to resume"
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+
+
+@pytest.fixture
+def arguments(tmp_path: Path, half: Path, wild: Path) -> Callable[..., list[str | Path]]:
+    """Arguments of a run with a technique that waits until a file exists, at this position among the techniques."""
+
+    def make(place: int, gate: str = GATE, folder: str = "out") -> list[str | Path]:
+        flags = [word for spec in (*OTHERS[:place], gate, *OTHERS[place:]) for word in ("-t", spec)]
+        plugins = ["--plugin", half, "--plugin", wild]
+        return [
+            "run", "cube-on-plane", *flags, *plugins, "--view-size", "64", "--rounds", "2", "-o", tmp_path / folder,
+        ]  # fmt: skip
+
+    return make
+
+
+@pytest.fixture
+def undisturbed(shadowbench: Any, arguments: Any, tmp_path: Path, records: Records, monkeypatch: Any) -> Any:
+    """The score records of the same run without interruption."""
+
+    def run(place: int, gate: str) -> list[Record]:
+        monkeypatch.setenv("GATE", str(tmp_path))
+        assert shadowbench(*arguments(place, gate, "whole")).code == 0
+        return records(tmp_path / "whole", "score")
+
+    return run
+
+
+@pytest.mark.parametrize(
+    ("place", "gate", "rows"),
+    sampled(
+        [(0, GATE, 0), (1, GATE, 1), (3, GATE, 3), (1, LATE_GATE, 4), (3, LATE_GATE, 4)],
+        [(0, GATE, 0), (3, GATE, 3), (1, LATE_GATE, 4)],
+    ),
+)
+@pytest.mark.slow
+def test_a_killed_run_resumes_with_the_same_results(
+    start: Any, shadowbench: Any, arguments: Any, undisturbed: Any, records: Records, tmp_path: Path,
+    place: int, gate: str, rows: int,
+) -> None:  # fmt: skip
+    out = tmp_path / "out"
+    killed = start(*arguments(place, gate), GATE=tmp_path / "shut")
+    killed.until(lambda: len(records(out)) == rows and (out / "truth").is_dir())
+    family = killed.family()
+    killed.process.kill()
+    killed.end()
+    assert family and gone(family)
+    before = (out / "rows.jsonl").read_text()
+    assert len(before.splitlines()) == rows and (out / "writing.lock").exists()
+
+    whole = undisturbed(place, gate)  # whose gate is open, as is that of the next
+    answer = shadowbench(*arguments(place, gate))
+    assert answer.code == 0, answer.err
+    assert (out / "rows.jsonl").read_text().startswith(before)
+    keys = [(record["kind"], record["key"]) for record in records(out)]
+    assert len(keys) == len(set(keys)) == 8
+    assert unsigned(records(out, "score")) == unsigned(whole)
+    assert not (out / "writing.lock").exists()
+
+
+def test_while_a_run_goes_on_its_rows_are_on_disk_and_no_other_writes_into_its_folder(
+    start: Any, shadowbench: Any, arguments: Any, undisturbed: Any, records: Records, tmp_path: Path
+) -> None:
+    """What a killed run left half-written is removed, but not while it may still be written."""
+    out = tmp_path / "out"
+    for name in ("masks", "truth", "pictures", "differences"):
+        (out / name).mkdir(parents=True)
+        (out / name / ".a.0123456789ab.png").touch()
+        (out / name / ".mine.png").touch()
+    (out / "rows.jsonl").touch()
+    killed = start(*arguments(1, LATE_GATE), GATE=tmp_path / "shut")
+    killed.until(lambda: len(records(out)) == 4)
+    images = {file.stem for file in (out / "masks").glob("[!.]*")}
+    assert images == {record["key"] for record in records(out)}, "a row promises its images"
+    assert sorted(file.name for file in out.rglob(".*")) == [".mine.png"] * 4
+    (out / "masks" / ".b.0123456789ab.png").touch()
+    for command in (
+        arguments(1, LATE_GATE),
+        ["recommend", "stairs", "-o", out],
+        ["tune", "-t", "shadow-map", "-o", out],
+    ):
+        answer = shadowbench(*command)
+        assert (answer.code, answer.err) == (
+            2, f"shadowbench: {out}: another run writes into it; wait for it, or choose another with -o\n",
+        )  # fmt: skip
+    assert (out / "masks" / ".b.0123456789ab.png").exists()
+    family = killed.family()
+    killed.process.kill()
+    killed.end()
+    assert family and gone(family)
+    with (out / "rows.jsonl").open("a") as stream:
+        stream.write('{"schema": 1, "kin')
+    whole = undisturbed(1, LATE_GATE)
+    assert shadowbench(*arguments(1, LATE_GATE)).code == 0
+    assert unsigned(records(out, "score")) == unsigned(whole) and len(records(out)) == 8
+    assert sorted(file.name for file in out.rglob(".*")) == [".mine.png"] * 4
+
+
+@pytest.mark.slow
+def test_a_worker_deep_in_c_does_not_outlive_its_run(
+    start: Any, arguments: Any, records: Records, tmp_path: Path
+) -> None:
+    killed = start(*arguments(1, "does:what=hold"))
+    killed.until(lambda: len(records(tmp_path / "out")) == 1)
+    family = killed.family()
+    killed.process.kill()
+    killed.end()
+    assert family and gone(family)
+
+
+@pytest.mark.parametrize(
+    ("gate", "sent"),
+    [
+        pytest.param(GATE, signal.SIGINT, marks=pytest.mark.slow),
+        (LATE_GATE, signal.SIGINT),
+        pytest.param(LATE_GATE, signal.SIGTERM, marks=pytest.mark.slow),
+    ],
+)
+def test_a_run_stops_without_a_word_too_many(
+    start: Any, shadowbench: Any, arguments: Any, records: Records, tmp_path: Path, gate: str, sent: int,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    out, rows = tmp_path / "out", 1 if gate == GATE else 4
+    warnings = "always::ResourceWarning"  # no process is left to the garbage collector
+    stopped = start(*arguments(1, gate), GATE=tmp_path / "shut", PYTHONWARNINGS=warnings)
+    stopped.until(lambda: len(records(out)) == rows)
+    family = stopped.family()
+    if sent == signal.SIGINT:
+        os.killpg(stopped.process.pid, sent)
+    else:
+        stopped.process.send_signal(sent)
+    code, printed, err = stopped.end()
+    if sent == signal.SIGINT:
+        assert (code, printed, err) == (130, "", f"{STOPPED}\n")
+    else:
+        assert code == -sent and printed == "" and "Traceback" not in err
+    assert family and gone(family)
+    assert len(records(out)) == rows
+    monkeypatch.setenv("GATE", str(tmp_path))
+    assert shadowbench(*arguments(1, gate), "--json").code == 0
+    assert len(records(out)) == 8
+
+
+@pytest.mark.slow
+def test_ctrl_c_while_the_worker_starts_is_silent_and_leaves_no_process(start: Any, arguments: Any) -> None:
+    stopped = start(*arguments(1), GATE="shut")
+    stopped.until(stopped.family)
+    family = stopped.family()
+    os.killpg(stopped.process.pid, signal.SIGINT)
+    code, _, err = stopped.end()
+    assert err == f"{STOPPED}\n"
+    assert code in (130, -signal.SIGINT), "the same to a shell: Python ends by the signal that came within an exec"
+    assert gone(family)
+
+
+# Ctrl-C at the moment when the first process has been started and nobody knows of it yet. A second thread, as of a
+# progress bar, receives a signal that the main one blocks.
+BETWEEN = """
+import _posixsubprocess, os, signal, threading, time
+
+start = _posixsubprocess.fork_exec
+
+def interrupted(*arguments):
+    _posixsubprocess.fork_exec = start
+    process = start(*arguments)
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(0.1)  # Python interrupts here, if anywhere
+    return process
+
+if os.environ.pop("FIRST", None):  # the command's process, not those that it starts
+    _posixsubprocess.fork_exec = interrupted
+    threading.Thread(target=threading.Event().wait, daemon=True).start()
+"""
+
+
+def test_ctrl_c_waits_until_the_worker_is_known(start: Any, arguments: Any, tmp_path: Path) -> None:
+    (tmp_path / "sitecustomize.py").write_text(BETWEEN)
+    path = os.pathsep.join([str(tmp_path), *sys.path])
+    stopped = start(*arguments(1), GATE=tmp_path / "shut", FIRST="yes", PYTHONPATH=path)
+    code, printed, err = stopped.end()
+    assert (code in (130, -signal.SIGINT), printed, err) == (True, "", f"{STOPPED}\n")
+    assert gone(marked("GATE", tmp_path / "shut"))
+
+
+THREADED = """
+import sys, threading, time, psutil
+import shadowbench as sb
+
+def call(spec):
+    def draw():
+        print(sb.render("cube-on-plane", spec, view_size=16).visibility.mean(), flush=True)
+    thread = threading.Thread(target=draw)
+    thread.start()
+    thread.join()
+    while thread.native_id in {one.id for one in psutil.Process().threads()}:
+        pass
+    return psutil.Process().children()
+
+assert call("unshadowed") == call("unshadowed"), "the worker outlives the thread that started it"
+print("ready", flush=True)
+time.sleep(600)
+"""
+
+
+@pytest.mark.slow
+def test_a_script_on_standard_input_draws_in_threads_and_its_worker_ends_with_it(tmp_path: Path) -> None:
+    """Without a guard for the main module, and beside a file that has the name of a library."""
+    (tmp_path / "numpy.py").write_text("raise ImportError('somebody else's, beside which one happens to stand')\n")
+    with subprocess.Popen(
+        [sys.executable, "-P"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=tmp_path
+    ) as script:
+        assert script.stdin is not None and script.stdout is not None
+        script.stdin.write(THREADED)
+        script.stdin.close()
+        assert [script.stdout.readline() for _ in range(3)] == ["1.0\n", "1.0\n", "ready\n"]
+        family = psutil.Process(script.pid).children(recursive=True)
+        assert family
+        script.kill()
+        assert gone(family)
+
+
+@pytest.mark.slow
+def test_a_full_disk_is_one_line_and_leaves_complete_rows(tmp_path: Path, shadowbench: Any, records: Records) -> None:
+    file, out = tmp_path / "study.toml", tmp_path / "out"
+    file.write_text(study_text(*(f"shadow-map:size={size}" for size in range(16, 32)), view_size=16, rounds=0))
+    assert shadowbench("run", "-s", file, "-o", tmp_path / "whole", "-q").code == 0  # keeps the truth, which is larger
+    command = f"ulimit -f 8; exec '{sys.executable}' -m shadowbench run -s '{file}' -o '{out}' -q"
+    full = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
+    line = f"shadowbench: {out / 'rows.jsonl'}: cannot be written (file too large)\n"
+    assert (full.returncode, full.stdout, full.stderr) == (2, "", line)
+    before = (out / "rows.jsonl").read_bytes()
+    assert before.endswith(b"\n") and 1 < len(records(out)) < 16
+    assert shadowbench("run", "-s", file, "-o", out, "-q").code == 0  # there is room again
+    assert (out / "rows.jsonl").read_bytes().startswith(before)
+    assert unsigned(records(out)) == unsigned(records(tmp_path / "whole"))
+
+
+# Python's own ways to start a process or a thread, refused as by a system at its limit, before the package is imported.
+LIMITS = {
+    "no process": "import _posixsubprocess\n_posixsubprocess.fork_exec = refuse(BlockingIOError(11, 'no process'))\n",
+    "no thread": 'import threading\nthreading._start_new_thread = refuse(RuntimeError("can\'t start new thread"))\n'
+    "threading._start_joinable_thread = threading._start_new_thread\n",
+    "OpenBLAS has no thread": "import _posixsubprocess, threading\n"  # it interrupts whoever imports it
+    "_posixsubprocess.fork_exec = refuse(KeyboardInterrupt())\n"
+    'threading._start_new_thread = refuse(RuntimeError("can\'t start new thread"))\n',
+    "the guard is no process": "import os\nos.posix_spawn = refuse(BlockingIOError(11, ''))\n",
+}
+REFUSE = """
+def refuse(error):
+    def call(*_, **__):
+        raise error
+    return call
+"""
+NO_PROCESS = "shadowbench: no further process or thread is allowed here (ulimit -u, or a limit of the container)\n"
+
+
+@pytest.mark.parametrize("what", [pytest.param(what, marks=pytest.mark.slow) for what in LIMITS])
+def test_a_system_that_allows_few_processes_is_one_line(tmp_path: Path, what: str) -> None:
+    (tmp_path / "sitecustomize.py").write_text(REFUSE + LIMITS[what])
+    path = os.pathsep.join([str(tmp_path), *sys.path])
+    words = ("run", "cube-on-plane", "-t", "unshadowed", "--view-size", "16", "-q", "-o", tmp_path / "out")
+    run = finished(*words, env=environment(PYTHONPATH=path))
+    assert (run.returncode, run.stderr) == (3, NO_PROCESS)
