@@ -19,9 +19,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
+from shadowbench.measure.executor import Unsupported
 
 from shadowbench.measure.cells import CellRequest, PlacedView
-from shadowbench.measure.executor import Unsupported
 from shadowbench.measure.session import Session
 from shadowbench.scenes.model import View
 

@@ -22,14 +22,14 @@ import pytest
 from distributed import Client
 from distributed import Worker as DaskWorker
 from distributed.utils import open_port
+from shadowbench.cluster.executor import DaskExecutor
+from shadowbench.measure.bench import Bench, Job
+from shadowbench.measure.executor import Executor
 
 from shadowbench.cluster import tasks, workers
 from shadowbench.cluster.cluster import Cluster
 from shadowbench.cluster.connect import Connection
-from shadowbench.cluster.executor import DaskExecutor
 from shadowbench.cluster.parcel import Setup
-from shadowbench.measure.bench import Bench, Job
-from shadowbench.measure.executor import Executor
 from shadowbench.measure.pictures import Pictures
 from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.rows import Record

@@ -15,10 +15,12 @@ from typing import Any
 import psutil
 import pytest
 
-from shadowbench.measure.executor import Limits
+from shadowbench.measure.campaign import Campaign
+from shadowbench.measure.failures import Limits
+from shadowbench.measure.gl_drawer import GLDrawer
 from shadowbench.measure.rows import Result
 from shadowbench.measure.worker import Worker
-from shadowbench.studies.run import run_study
+from shadowbench.studies.run import run_blocks
 from shadowbench.studies.study import Study, read_study
 from shadowbench.techniques import spec
 from shadowbench.techniques.base import Technique
@@ -312,7 +314,11 @@ class Bench:
         self.worker.limits = Limits(study.time_limit, int(study.memory_limit * 2**30))
         self.calls.clear()
         self.notebook = Notebook()
-        return run_study(study, folder, self.worker, self.notebook).results
+        return run_blocks(study, [*study.blocks()], self.campaign(folder, self.notebook)).results
+
+    def campaign(self, folder: Path, reporter: Any, **options: Any) -> Campaign:
+        """A campaign of the worker."""
+        return Campaign(folder, GLDrawer(self.worker), reporter, **options)
 
 
 @pytest.fixture(scope="session")

@@ -11,9 +11,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
+from shadowbench.measure.executor import Unsupported
 
 from shadowbench.measure.cells import CellRequest, PlacedView
-from shadowbench.measure.executor import Unsupported
 from shadowbench.measure.scoring import mask_record, prepare_truth
 from shadowbench.measure.session import Session
 from shadowbench.measure.worker import Worker

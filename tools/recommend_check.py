@@ -12,16 +12,17 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
+from shadowbench.measure.bench import Bench
+from shadowbench.measure.measurer import Measurer
+from shadowbench.measure.timing import Conditions
+
 from shadowbench.advice.recommendation import MARGINS, Target, find_cheapest, trial_of
 from shadowbench.advice.search import Trial
 from shadowbench.advice.space import full_space, grid_of
-from shadowbench.measure.bench import Bench
 from shadowbench.measure.cells import Block, Cell
-from shadowbench.measure.measurer import Measurer
 from shadowbench.measure.pictures import Pictures
 from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.rows import Result
-from shadowbench.measure.timing import Conditions
 from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import hard_names
 from shadowbench.scenes.views import chosen_view

@@ -125,7 +125,7 @@ class ClusterCampaign(Campaign):
         listed = list(blocks)
         jobs = ((tasks.measure, pack(block), self._known(block), self._options) for block in listed)
         for block, answer in zip(listed, self._run(jobs), strict=True):
-            with self._attempt("axis" if block.place else "cells", block.view.name):
+            with self._attempt(*block.called):
                 self._keep(answer)
             yield self.results(block)
 

@@ -72,7 +72,7 @@ def stress(
     campaign.finish(study.facts, [], [row["key"] for row in rows])
     _, (whole,) = read_folders([folder])
     write_table(folder / "table.csv", [points_frame(whole.rows)])
-    return StressResult(tuple(rows), tuple(ranges), tuple(campaign.failures))
+    return StressResult(tuple(rows), tuple(ranges), tuple(dict.fromkeys(campaign.failures)))
 
 
 SWEEPING: Mapping[str, Any] = {"sweep": True, "keeps_images": out_of_tolerance}

@@ -96,7 +96,7 @@ class Campaign:
         Cells of a block that failed are left out if the campaign keeps going.
         """
         for block in blocks:
-            with self._attempt("axis" if block.place else "cells", block.view.name):
+            with self._attempt(*block.called):
                 self._score(block)
                 self._time(block)
             yield self.results(block)

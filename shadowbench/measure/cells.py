@@ -83,6 +83,12 @@ class Block:
         """The truth that masks are scored against, as the input of metrics."""
         return _prepared(self.truth(0))
 
+    @property
+    def called(self) -> tuple[str, str]:
+        """What it is, and its name, for a user who reads that it failed."""
+        place = self.place
+        return ("axis", f"{place['axis']} {place['light_kind']}") if place else ("cells", self.view.name)
+
     def times(self, cell: Cell) -> bool:
         """Whether a cell is timed. Only phase 0 is: other phases have other errors but the same cost."""
         return self.rounds > 0 and cell.phase == 0

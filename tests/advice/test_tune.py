@@ -3,7 +3,6 @@
 import json
 import math
 from collections.abc import Callable, Sequence
-from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -28,9 +27,6 @@ from shadowbench.advice.tune_search import search_parameters
 from shadowbench.advice.tune_space import DEFAULT_PARAMETERS, SEARCH_FACTOR, SearchSpace, searched_parameters, span
 from shadowbench.advice.tune_split import SceneSplit, split_scenes
 from shadowbench.errors import InputError
-from shadowbench.measure.bench import Bench
-from shadowbench.measure.measurer import Measurer
-from shadowbench.measure.row_store import RowStore
 from shadowbench.measure.rows import Record
 from shadowbench.studies.study import Study, scenes_of
 from shadowbench.techniques.biases import Constant, Sum
@@ -238,8 +234,8 @@ def tune(bench: Any) -> Tune:
         home = replace(parse_spec(text, KNOWN), explicit=frozenset())
         scenes = ("cube-on-plane", "sphere-and-torus")
         study = Study.of(scenes, [home], map_size=(128,), view_size=64, rounds=0)
-        with closing(RowStore(folder)) as store:
-            cells = TuningCells(study, Measurer(Bench(bench.worker, store, Notes()), study.conditions()))
+        with bench.campaign(folder, Notes()) as campaign:
+            cells = TuningCells(study, campaign)
             blocks = cells.eligible_blocks(home)
             assert [scene.name for scene in scenes_of(blocks)] == list(scenes)
             space = SearchSpace(home, ("bias",), cells.unsupported_components(home, ("bias",), blocks))
@@ -270,8 +266,8 @@ def test_a_search_leaves_a_bad_default_behind(tune: Tune, tmp_path: Path) -> Non
 
 def test_rows_that_no_view_takes_are_not_searched(bench: Any, tmp_path: Path) -> None:
     study = Study.of(["cube-on-plane"], [SHADOW_MAP], view_size=32, rounds=0)
-    with closing(RowStore(tmp_path / "rows")) as store:
-        cells = TuningCells(study, Measurer(Bench(bench.worker, store, Notes()), study.conditions()))
+    with bench.campaign(tmp_path / "rows", Notes()) as campaign:
+        cells = TuningCells(study, campaign)
         blocks = cells.eligible_blocks(SHADOW_MAP)
         refused = cells.unsupported_components(SHADOW_MAP, DEFAULT_PARAMETERS, blocks)
     assert refused == {"bias": frozenset(), "filter": frozenset({"pcf-20"}), "fit": frozenset()}

@@ -27,7 +27,7 @@ from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import view_of
 from shadowbench.scores.masks import read_mask
 from shadowbench.scores.metrics import METRICS
-from shadowbench.studies.time_left import duration
+from shadowbench.studies.estimate import duration
 from shadowbench.truths.embree import packet_width
 from shadowbench.truths.trace import trace
 

@@ -20,27 +20,25 @@ WARM = ("shadowbench.studies.measure", "shadowbench.measure.session", "scipy.ndi
 
 def measured(scenes: list[str], specs: list[str], phases: int, study: str, folder: str) -> None:
     """Like `run`, but with the session in this process."""
-    from shadowbench.measure.executor import Limits
-    from shadowbench.measure.machine import machine
+    from shadowbench.measure.campaign import Campaign
+    from shadowbench.measure.failures import Limits
+    from shadowbench.measure.gl_drawer import GLDrawer
     from shadowbench.measure.session import Session
-    from shadowbench.studies.measure import measure, study_from_options
+    from shadowbench.studies.measure import Place, measure, study_from_options
     from shadowbench.techniques.registry import techniques
     from shadowbench.techniques.spec import parse_spec
 
     class Here:
-        """An executor that lets exceptions of techniques end the run."""
+        """A worker that lets exceptions of techniques end the run."""
 
-        limits, jobs_at_once = Limits(), 1
+        limits = Limits()
 
         def __init__(self) -> None:
             self.session = Session()
-            self.info, self.machine = self.session.info(), machine()
+            self.info = self.session.info()
 
         def call(self, method: Any, *arguments: Any, **options: Any) -> Any:
             return method(self.session, *arguments, **options)
-
-        def run(self, jobs: Any, bench: Any) -> Any:
-            return (job(bench) for job in jobs)
 
         def stop(self) -> None:
             pass
@@ -59,7 +57,7 @@ def measured(scenes: list[str], specs: list[str], phases: int, study: str, folde
 
     known = techniques()
     asked = study_from_options(known, scenes, [parse_spec(text, known) for text in specs], study=study, phases=phases)
-    measure(asked, Path(folder), Here(), Silent())
+    measure(asked, Path(folder), [Place(lambda at: Campaign(at, GLDrawer(Here()), Silent()))])
 
 
 def main(sources: str) -> None:

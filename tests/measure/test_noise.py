@@ -9,7 +9,7 @@ import pytest
 
 from shadowbench.gl.clock import QUERIES, WALL, Sample
 from shadowbench.measure import doctor
-from shadowbench.measure.executor import CellFailed
+from shadowbench.measure.failures import CellFailed
 from shadowbench.measure.noise import ROUNDS, SERIES, SPEC, Noise, measure_noise
 
 

@@ -9,13 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from shadowbench.errors import Unsupported
 from shadowbench.gl.clock import QUERIES, WALL, Changes, PassTimes, Sample
-from shadowbench.measure.cells import Cell, CellRequest, PlacedView
-from shadowbench.measure.executor import CellFailed, Limits, MemoryExceeded, Unsupported
+from shadowbench.measure.cells import Block, Cell
+from shadowbench.measure.failures import CellFailed, Limits, MemoryExceeded
+from shadowbench.measure.gl_drawer import GLDrawer, reference_cell
 from shadowbench.measure.references import reference_name
+from shadowbench.measure.session import CellRequest
 from shadowbench.measure.time_rows import Timing, time_row
-from shadowbench.measure.timing import Conditions, TimingFailure, reference_cell, time_cells
-from shadowbench.scenes.model import LightKind
+from shadowbench.scenes.model import Coordinates, LightKind
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import Spec, parse_spec
 
@@ -70,13 +72,13 @@ class Scripted:
             raise error
         return getattr(self, method)(*arguments, name) if name else getattr(self, method)(*arguments)
 
-    def open(self, at: PlacedView) -> None:
+    def open(self, view: Any, coordinates: Coordinates) -> None:
         pass
 
-    def draw(self, at: PlacedView, request: CellRequest, name: str) -> None:
+    def draw(self, view: Any, request: CellRequest, name: str) -> None:
         pass
 
-    def prepare_timing(self, at: PlacedView, request: CellRequest, name: str) -> float:
+    def prepare_timing(self, view: Any, request: CellRequest, name: str) -> float:
         self.held.append(name)
         return 100.0 * len(self.held)
 
@@ -103,22 +105,27 @@ class Scripted:
         return self.clock(self.samples)
 
 
-Found = dict[str, Timing | TimingFailure]
+Found = dict[str, Timing]
 
 
-def timed(worker: Scripted, *names: str, rounds: int = 3, reference: str = REFERENCE, **options: Any) -> Found:
-    """The result of timing each cell, by spec."""
-    conditions = Conditions(rounds=rounds, reference=spec(reference))
-    view: Any = SimpleNamespace(light=SimpleNamespace(hard_kind="directional"))
-    sizes = dict.fromkeys(map(cell, names), 1)
-    found = time_cells(worker, PlacedView(view), conditions, sizes, **options)  # type: ignore[arg-type]  # no info
+def block_under(kind: LightKind, reference: str = REFERENCE, rounds: int = 3) -> Block:
+    view: Any = SimpleNamespace(light=SimpleNamespace(hard_kind=kind))
+    return Block((view,), (), rounds=rounds, reference=spec(reference))
+
+
+def timed(
+    worker: Scripted, *names: str, rounds: int = 3, reference: str = REFERENCE, retried: str | None = None
+) -> Found:
+    """The result of timing each cell, by spec; retried: one that has times but no ratio."""
+    sizes = {cell(name): 1 for name in names if name != retried}
+    found = GLDrawer(worker).time(  # type: ignore[arg-type]
+        block_under("directional", reference, rounds), sizes, {cell(retried): 1} if retried else {}
+    )
     return {one.cell.spec.text: one for one in found}
 
 
 def record(worker: Scripted, name: str, **options: Any) -> dict[str, Any]:
-    timing = timed(worker, name, **options)[name]
-    assert isinstance(timing, Timing)
-    return row_of(timing)
+    return row_of(timed(worker, name, **options)[name])
 
 
 def row_of(timing: Timing) -> dict[str, Any]:
@@ -201,7 +208,7 @@ def test_a_technique_that_times_no_pass_has_no_totals() -> None:
 
 def test_each_cell_has_its_own_preparation() -> None:
     found = timed(Scripted(), SLOW, FAST)
-    assert [row_of(one)["prepare_ms"] for one in found.values() if isinstance(one, Timing)] == [300, 400]
+    assert [row_of(one)["prepare_ms"] for one in found.values()] == [300, 400]
 
 
 def test_wall_time_is_recorded_only_beside_a_query() -> None:
@@ -215,7 +222,7 @@ def test_what_the_cpu_draws_is_compared_with_others_by_the_wall() -> None:
     worker = Scripted(clock=lambda number: QUERIES)
     worker.on_cpu = {SLOW}
     found = timed(worker, SLOW, FAST)
-    slow, fast = (row_of(one) for one in found.values() if isinstance(one, Timing))
+    slow, fast = (row_of(one) for one in found.values())
     assert (slow["clock"], fast["clock"]) == (WALL, QUERIES)
     assert Counter(worker.calls)["time_frame", SLOW] == 3  # two clocks, but each cell has one
     assert slow["added_ms"] == np.median([30 - 8, 20 - 9, 100 - 16])
@@ -252,7 +259,7 @@ def test_a_view_that_cannot_be_opened_costs_the_times_of_its_cells() -> None:
     for error in (CellFailed("crashed: SIGSEGV"), MemoryExceeded("ate memory")):
         worker = Scripted(fails=crash("open", error=error))
         found = timed(worker, SLOW, FAST, FLOOR, reference=FLOOR)
-        assert {name: isinstance(one, TimingFailure) and one.reason for name, one in found.items()} == dict.fromkeys(
+        assert {name: one.failed for name, one in found.items()} == dict.fromkeys(
             [SLOW, FAST, FLOOR], f"opening the view: {error}"
         )
         assert Counter(worker.calls)["open", None] == 1
@@ -261,7 +268,7 @@ def test_a_view_that_cannot_be_opened_costs_the_times_of_its_cells() -> None:
 @pytest.mark.parametrize("method", ["prepare_timing", "time_frame", "time_passes"])
 def test_a_failing_unshadowed_reference_costs_only_times(method: str) -> None:
     found = timed(Scripted(fails=crash(method, FLOOR)), SLOW, FAST)
-    assert {name: isinstance(one, TimingFailure) and one.reason for name, one in found.items()} == dict.fromkeys(
+    assert {name: one.failed for name, one in found.items()} == dict.fromkeys(
         [SLOW, FAST], "the floor, unshadowed: crashed: SIGSEGV"
     )
 
@@ -269,8 +276,8 @@ def test_a_failing_unshadowed_reference_costs_only_times(method: str) -> None:
 @pytest.mark.parametrize("method", ["prepare_timing", "time_frame", "time_passes"])
 def test_a_cell_that_fails_costs_its_own_time(method: str) -> None:
     slow, fast = (timed(Scripted(fails=crash(method, SLOW)), SLOW, FAST)[name] for name in (SLOW, FAST))
-    assert isinstance(slow, TimingFailure) and slow.reason == "crashed: SIGSEGV"
-    assert isinstance(fast, Timing) and row_of(fast)["ratio"] is not None
+    assert row_of(slow)["status"] == "failed: crashed: SIGSEGV"
+    assert row_of(fast)["ratio"] is not None
 
 
 @pytest.mark.parametrize("method", ["draw", "prepare_timing", "time_frame"])
@@ -280,24 +287,21 @@ def test_a_cell_that_fails_costs_its_own_time(method: str) -> None:
 )
 def test_a_row_says_why_it_has_no_ratio(method: str, error: Exception, status: str) -> None:
     found = timed(Scripted(fails=crash(method, REFERENCE, error)), SLOW)
-    assert isinstance(found[REFERENCE], TimingFailure)
-    slow = found[SLOW]
-    assert isinstance(slow, Timing)
-    row = row_of(slow)
+    assert found[REFERENCE].failed is not None
+    row = row_of(found[SLOW])
     assert (row["ratio"], row["ratio_iqr"], row["no_ratio"], row["n"]) == (None, None, status, 3)
 
 
 def test_a_cell_without_a_ratio_is_timed_once_the_reference_succeeds() -> None:
-    lacking = {cell(SLOW)}
-    answers = timed(Scripted(), SLOW, FAST, without_ratio=lacking)
-    assert [type(one) for one in answers.values()] == [Timing, Timing]
-    fails = timed(Scripted(fails=crash("draw", REFERENCE)), SLOW, FAST, without_ratio=lacking)
-    assert {name: type(one) for name, one in fails.items()} == {REFERENCE: TimingFailure, FAST: Timing}
+    answers = timed(Scripted(), FAST, retried=SLOW)
+    assert {name: one.failed for name, one in answers.items()} == {FAST: None, SLOW: None}
+    fails = timed(Scripted(fails=crash("draw", REFERENCE)), FAST, retried=SLOW)
+    assert {name: one.failed is None for name, one in fails.items()} == {REFERENCE: False, FAST: True}
 
 
 def test_a_worker_that_does_not_exit_is_killed_and_its_times_are_kept() -> None:
     worker = Scripted(fails=crash("release_timed"))
-    assert isinstance(timed(worker, SLOW)[SLOW], Timing)
+    assert timed(worker, SLOW)[SLOW].failed is None
     assert worker.calls[-2:] == [("release_timed", None), ("stop", None)]
 
 
@@ -311,20 +315,20 @@ def test_cells_that_eat_memory_together_are_timed_apart() -> None:
 
     worker = Scripted(fails=fails)
     found = timed(worker, SLOW, FAST)
-    assert [type(one) for one in found.values()] == [Timing, Timing]
+    assert [one.failed for one in found.values()] == [None, None]
     held = [name for method, name in worker.calls if method == "prepare_timing"]
     assert held == [*(FLOOR, REFERENCE, SLOW, FAST), *(FLOOR, REFERENCE, SLOW), *(FLOOR, REFERENCE, FAST)]
 
 
-@pytest.mark.parametrize(("times", "kind"), [(1, Timing), (2, TimingFailure)])
-def test_a_cell_alone_that_eats_memory_is_tried_in_a_fresh_worker(times: int, kind: type) -> None:
+@pytest.mark.parametrize(("times", "fails_at_last"), [(1, False), (2, True)])
+def test_a_cell_alone_that_eats_memory_is_tried_in_a_fresh_worker(times: int, fails_at_last: bool) -> None:
     def fails(method: str, name: str | None) -> Exception | None:
         often = Counter(worker.calls)["prepare_timing", SLOW]
         return MemoryExceeded("ate memory") if (method, name) == ("prepare_timing", SLOW) and often <= times else None
 
     worker = Scripted(fails=fails)
     (found,) = timed(worker, SLOW).values()
-    assert isinstance(found, kind)
+    assert (found.failed is not None) == fails_at_last
     assert Counter(worker.calls)["prepare_timing", SLOW] == 2
 
 
@@ -343,4 +347,4 @@ def test_a_kind_of_light_that_the_reference_does_not_answer_has_its_own(
 ) -> None:
     at_a_point: dict[LightKind, str] = {"point": "cube-map:size=1024"}
     for kind, name in (at_a_point | names).items():
-        assert reference_name(reference_cell(spec(chosen), kind).spec) == name
+        assert reference_name(reference_cell(block_under(kind, chosen)).spec) == name

@@ -7,8 +7,9 @@ from typing import Any
 
 import pytest
 
-from shadowbench.measure.executor import CellFailed
-from shadowbench.measure.scorer import Scorer
+from shadowbench.measure.campaign import Campaign
+from shadowbench.measure.cells import Block
+from shadowbench.measure.failures import CellFailed
 from tests.runs import CHANGING
 
 Shadowbench = Callable[..., Any]
@@ -50,15 +51,15 @@ def test_a_block_that_fails_is_left_out_and_measured_by_the_next_command(
     shadowbench: Shadowbench, scenes: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     command = ("run", scenes["good"], "cube-on-plane", *SMALL, "--keep-going", "-o", tmp_path / "out")
-    rows = Scorer.rows
+    score = Campaign._score
 
-    def fail(self: Scorer, frames: Any, *others: Any) -> Any:
-        if frames[0].view.scene.name == "good":
+    def fail(self: Campaign, block: Block) -> None:
+        if block.scene.name == "good":
             raise CellFailed("crashed: SIGSEGV")
-        return rows(self, frames, *others)
+        score(self, block)
 
     with monkeypatch.context() as patch:
-        patch.setattr(Scorer, "rows", fail)
+        patch.setattr(Campaign, "_score", fail)
         answer = shadowbench(*command)
     assert answer.code == 3 and measured(tmp_path / "out") == ["cube-on-plane"]
     assert answer.err.startswith("failed: 1 × cells: good") and answer.err.endswith(": crashed: SIGSEGV\n")
@@ -76,14 +77,14 @@ def test_nothing_left_is_an_error(shadowbench: Shadowbench, scenes: dict[str, Pa
 def test_stress_leaves_out_a_line_that_fails(
     shadowbench: Shadowbench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    rows = Scorer.rows
+    score = Campaign._score
 
-    def fail(self: Scorer, frames: Any, *others: Any) -> Any:
-        if frames[0].view.light.kind == "spot":
+    def fail(self: Campaign, block: Block) -> None:
+        if block.view.light.kind == "spot":
             raise ZeroDivisionError("as planned")
-        return rows(self, frames, *others)
+        score(self, block)
 
-    monkeypatch.setattr(Scorer, "rows", fail)
+    monkeypatch.setattr(Campaign, "_score", fail)
     command = ("stress", "--quick", "-t", "unshadowed", "--axis", "gap", "-q", "--keep-going", "-o", tmp_path / "out")
     answer = shadowbench(*command)
     assert answer.code == 3 and "failed: 1 × axis: gap spot: as planned\n" in answer.err

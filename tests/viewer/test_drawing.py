@@ -12,8 +12,7 @@ import pytest
 
 from shadowbench.gl.device import Device
 from shadowbench.gl.gbuffer import download
-from shadowbench.measure.cells import CellRequest, PlacedView
-from shadowbench.measure.session import Session
+from shadowbench.measure.session import CellRequest, Session
 from shadowbench.measure.worker import Worker
 from shadowbench.scenes.model import View
 from shadowbench.scores.difference import FALSE_LIGHT, FALSE_SHADOW
@@ -97,7 +96,7 @@ def test_the_mask_is_that_of_render_also_after_motion(
     state = state_of(builtin(scene), spec)
     with lent_worker() as worker:
         request = CellRequest(state.specs[0].full_text)
-        expected = worker.call(Session.draw, PlacedView(state.view()), request).visibility
+        expected = worker.call(Session.draw, state.view(), request).visibility
     moved = replace(state, camera=orbited(state.camera, 0.3, 0.1))
     mask_of(drawing, moved, SIZE // 2)
     assert not np.array_equal(mask_of(drawing, moved), expected)
