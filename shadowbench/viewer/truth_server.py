@@ -65,8 +65,7 @@ def serve(handle: str, parent: str) -> None:
     """Answer requests until the pipe is closed; arguments: as of `measure.serve`."""
     pipe = connected(handle)
     die_with(int(parent))
-    if os.name == "posix":
-        os.nice(PATIENCE)  # drawing goes first
+    os.nice(PATIENCE)  # drawing goes first
     trace(chosen_view("post", 16))  # compiled loops and libraries are loaded before the first request
     server = TruthServer(pipe)
     while True:
