@@ -2,6 +2,7 @@
 
 `python -m tests.probes` records them anew, after a version in `shadowbench/versions.py` was raised, a shader changed or
 a probe was added. Equal versions and shaders with other numbers are refused: rows with the same key would differ.
+Remove the file first if a probe itself was changed.
 """
 
 import hashlib
@@ -96,13 +97,14 @@ def _probe(images: Sequence[np.ndarray], numbers: Mapping[str, float | None], **
 
 
 def _draw(worker: Worker) -> Iterator[tuple[str, Probe]]:
-    """Each cell of the baseline's study, which has every technique and component, in small."""
+    """Each cell of the baseline's study, which has every technique and component, in small; a phase for each scene."""
     known = techniques()
     study = read_study(BASELINE, known).with_(scenes=SCENES, view_size=DRAWN, map_size=(MAP_SIZE,))
-    for block in study.blocks():
+    for phase, block in enumerate(study.blocks()):
         for cell in block.cells:
+            request = replace(cell.request, phase=phase * cell.spec.technique.phased)
             try:
-                drawn = worker.call(Session.draw, PlacedView(block.view), cell.request)
+                drawn = worker.call(Session.draw, PlacedView(block.view), request)
             except Unsupported:
                 continue
             probe = _probe([drawn.visibility], drawn.facts | {"gpu_bytes": drawn.gpu_bytes}, **drawn.work)
