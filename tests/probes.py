@@ -34,7 +34,8 @@ from shadowbench.truths.trace import Truth, trace
 FILE = Path(__file__).with_name("probes.json")
 BASELINE = Path(__file__).parents[1] / "results" / "baseline" / "study.toml"
 KINDS = ("draw", "trace", "score")
-SCENES = ("cube-on-plane", "fence", "lamp-by-wall", "spot-lamp")  # a sun, one with a size, a point, a spot
+# A sun, one with a size, an eye in shadow, a point, a spot.
+SCENES = ("cube-on-plane", "fence", "inside-volume", "lamp-by-wall", "spot-lamp")
 MAP_SIZE, DRAWN, TRACED, SCORED = 64, 64, 48, 128  # pixels along a side
 
 # What numbers of another processor may differ by; those of the recording one are compared to the bit. Between Mesa and
