@@ -46,6 +46,11 @@ class DaskExecutor:
         return self._first.info
 
     @property
+    def identity(self) -> Mapping[str, str]:
+        """That of the first worker."""
+        return self._first.identity
+
+    @property
     def machine(self) -> Mapping[str, Any]:
         """The computer of the first worker."""
         return self._first.machine

@@ -126,7 +126,7 @@ class Line:
 
         The row's key includes the point, since several axes share the base scene as one of their values.
         """
-        parts = [cell_key(Cell(spec), view, setting.coordinates, self.executor.info.renderer) for view in views]
+        parts = [cell_key(Cell(spec), view, setting.coordinates, self.executor.identity) for view in views]
         key = joint_key([point.axis.name, point.value, point.light, parts])
         axis_fields = {
             "axis": point.axis.name,

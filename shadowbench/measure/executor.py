@@ -50,6 +50,10 @@ class Executor(Protocol):
         """Device facts from the start of the session. Raises as `call` does."""
 
     @property
+    def identity(self) -> Mapping[str, str]:
+        """What draws and traces, by which rows' keys differ: the renderer, and how Embree rounds there."""
+
+    @property
     def machine(self) -> Mapping[str, Any]:
         """The computer that draws, as by `measure.machine.machine`."""
 

@@ -12,7 +12,7 @@ from shadowbench.measure.attempt import Attempt, Failure
 from shadowbench.measure.bench import Bench, Job
 from shadowbench.measure.cells import Block, Cell, PlacedView
 from shadowbench.measure.flips import Stepped, flips
-from shadowbench.measure.keys import cell_key, counting_digest, joint_key, view_key
+from shadowbench.measure.keys import cell_key, joint_key, view_key
 from shadowbench.measure.machine import machine_key
 from shadowbench.measure.rows import Record, Result
 from shadowbench.measure.scorer import FLIP_SAMPLES, Scorer, ScoreRequest
@@ -38,7 +38,7 @@ class Measurer:
         failed: receives blocks that fail, of which only the cells that have a row are in the results; None to raise.
         """
         store, machine = self.bench.store, machine_key(self.bench.executor)
-        keys = [BlockJob(block, self.conditions).keys(self.bench.executor.info.renderer) for block in blocks]
+        keys = [BlockJob(block, self.conditions).keys(self.bench.executor.identity) for block in blocks]
         jobs = self._jobs(blocks, keys)
         attempts: list[Job[Mapping[str, str] | Failure]] = []
         for job in (job for of_block in jobs for job in of_block):
@@ -99,13 +99,13 @@ class BlockJob(Job[Mapping[str, str]]):
     conditions: Conditions
     known: Sequence[Record] = ()
 
-    def keys(self, renderer: str) -> dict[Cell, str]:
-        """Row keys of the cells on a renderer."""
-        keys = {cell: self._key(cell, renderer) for cell in self.block.cells}
+    def keys(self, drawer: Mapping[str, str]) -> dict[Cell, str]:
+        """Row keys of the cells by an executor's identity."""
+        keys = {cell: self._key(cell, drawer) for cell in self.block.cells}
         if self._stepped is None:
             return keys
-        after = [view_key(self._stepped.view), counting_digest()]
-        return {cell: joint_key([key, *after]) for cell, key in keys.items()}
+        after = view_key(self._stepped.view)
+        return {cell: joint_key([key, after]) for cell, key in keys.items()}
 
     @property
     def truths(self) -> Sequence[tuple[View, int]]:
@@ -117,8 +117,8 @@ class BlockJob(Job[Mapping[str, str]]):
     def _views(self) -> list[View]:
         return [self.block.view, *([self._stepped.view] if self._stepped else [])]
 
-    def _key(self, cell: Cell, renderer: str) -> str:
-        return cell_key(cell, self._view_key, self.conditions.coordinates, renderer)
+    def _key(self, cell: Cell, drawer: Mapping[str, str]) -> str:
+        return cell_key(cell, self._view_key, self.conditions.coordinates, drawer)
 
     @cached_property
     def _view_key(self) -> str:
@@ -131,7 +131,7 @@ class BlockJob(Job[Mapping[str, str]]):
     def __call__(self, bench: Bench) -> Mapping[str, str]:
         """Measure the cells without rows. Reports one step per cell and one per timed cell."""
         block, conditions, stepped = self.block, self.conditions, self._stepped
-        keys = self.keys(bench.executor.info.renderer)
+        keys = self.keys(bench.executor.identity)
         missing = sum(bench.store.finished_score(key) is None for key in keys.values())
         assumptions, keep_bytes = list(block.scene.notes), int(_KEPT_SHARE * bench.executor.limits.bytes)
         requests = [
@@ -156,10 +156,10 @@ class BlockJob(Job[Mapping[str, str]]):
 
     def _time(self, bench: Bench, keys: dict[Cell, str]) -> Mapping[str, str]:
         """Time the successful cells that lack a time. Returns why timing failed, by key."""
-        store, info, conditions, view = bench.store, bench.executor.info, self.conditions, self.block.view
+        store, conditions, view = bench.store, self.conditions, self.block.view
         name, machine = view.scene.name, machine_key(bench.executor)
         failures: dict[str, str] = {}
-        reference = self._key(reference_cell(conditions.reference, view.light.hard_kind), info.renderer)
+        reference = self._key(reference_cell(conditions.reference, view.light.hard_kind), bench.executor.identity)
         wanted = [cell for cell in keys if conditions.times(cell)]
         succeeded = [cell for cell in wanted if store.scores[keys[cell]]["status"] == "ok"]
         times = {cell: store.time_on(machine, keys[cell]) for cell in succeeded}

@@ -68,6 +68,13 @@ class Worker:
         return self._info
 
     @property
+    def identity(self) -> Mapping[str, str]:
+        """Of this computer."""
+        from shadowbench.truths.embree import answers_digest  # nor for this one
+
+        return {"renderer": self.info.renderer, "embree": answers_digest()}
+
+    @property
     def machine(self) -> Mapping[str, Any]:
         """This computer."""
         from shadowbench.measure.machine import machine  # the worker's start does not wait for this import

@@ -89,7 +89,7 @@ def run_study(
         conditions = study.conditions(time_again)
         modelled, drawn, machine = 0.0, 0, machine_key(executor)
         for block in blocks:
-            keys = BlockJob(block, conditions).keys(info.renderer)
+            keys = BlockJob(block, conditions).keys(executor.identity)
             missing = [cell for cell, key in keys.items() if store.finished_score(key) is None]
             untimed = [cell for cell, key in keys.items() if time_again or store.time_on(machine, key) is None]
             modelled += sum(drawing_seconds(study, cell) for cell in missing)

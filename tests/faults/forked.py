@@ -35,6 +35,7 @@ def measured(scenes: list[str], specs: list[str], phases: int, study: str, folde
         def __init__(self) -> None:
             self.session = Session()
             self.info, self.machine = self.session.info(), machine()
+            self.identity = {"renderer": self.info.renderer}
 
         def call(self, method: Any, *arguments: Any, **options: Any) -> Any:
             return method(self.session, *arguments, **options)
