@@ -159,7 +159,7 @@ async def simulated_workers(address: str, info: DeviceInfo) -> None:
     """Serve some of the workers, which start no worker processes, until the scheduler ends."""
 
     async def describe(setup: Setup, expected: object, dask_worker: Any) -> workers.WorkerFacts:
-        return workers.WorkerFacts(dask_worker.address, "host", {}, {}, info, None)
+        return workers.WorkerFacts(dask_worker.address, "host", {}, {}, info, {"renderer": info.renderer}, None)
 
     @contextmanager
     def station(setup: Setup) -> Iterator[SimpleNamespace]:

@@ -294,7 +294,8 @@ def test_one_study_run_twice(tmp_path: Path, benchmark: BenchmarkFixture) -> Non
             python("-m", "shadowbench", "run", "-s", str(tmp_path / "study.toml"), "-o", folder, "-q")()
 
     benchmark.pedantic(run, rounds=1)
-    command = [sys.executable, "-m", "shadowbench", "repeat", *folders, "--json"]
+    first, second = folders
+    command = [sys.executable, "-m", "shadowbench", "check", second, "--baseline", first, "--repeat", "--json"]
     answer = subprocess.run(command, capture_output=True, text=True, check=False)
     (ranking,) = json.loads(answer.stdout)["rankings"]
     benchmark.extra_info |= {"tau": ranking["tau"], "sharp": ranking["sharp"]}

@@ -2,12 +2,13 @@
 
 from pathlib import Path
 
+PACKAGE = Path(__file__).resolve().parent
+
 
 def data_folder(kind: str) -> Path:
     """Folder of data files of a kind: "shaders", "scenes" or "benchmarks".
 
     In a wheel they lie in `shadowbench/_data/`; an editable install uses the repository's folders.
     """
-    package = Path(__file__).resolve().parent
-    packed = package / "_data" / kind
-    return packed if packed.is_dir() else package.parent / kind
+    packed = PACKAGE / "_data" / kind
+    return packed if packed.is_dir() else PACKAGE.parent / kind

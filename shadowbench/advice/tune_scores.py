@@ -1,24 +1,24 @@
-"""Errors and costs of a spec over a set of scenes, and ratios of two specs' errors.
+"""Errors and costs of a spec over a set of scenes.
 
-A scene is one observation: its views, phases and map sizes are averaged first, and intervals are over scenes.
+A scene is one observation: its views, phases and map sizes are averaged first.
 """
 
 import math
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from scipy.stats import bootstrap
 
 from shadowbench.measure.rows import Record
 from shadowbench.scores.metrics import is_soft, ranking
-from shadowbench.studies.tables import Interval, interval
+from shadowbench.techniques.spec import Spec
 
 MIN_ERROR = 1e-4
 """Lower clamp of the errors, whose logarithms are averaged."""
 
 ERRORS = ("iou", "rmse", "ssim")
-_BOOTSTRAPS = 2000
+FAULTS = ("acne", "leak", "contact")
 _COST_DIGITS = 2
 
 
@@ -33,12 +33,12 @@ def scene_scores(rows: Iterable[Record]) -> pd.DataFrame:
             "scene": row["scene"],
             **errors,
             "cost": np.log(row["work"]["cost"]),
-            **{name: row["metrics"][name] for name in ("acne", "leak", "contact")},
+            **{name: row["metrics"][name] for name in FAULTS},
         }
         for row in rows
         if row["status"] == "ok" and (errors := _log_errors(row)) is not None
     ]
-    return pd.DataFrame(found).astype({"acne": float, "leak": float, "contact": float}).groupby("scene").mean()
+    return pd.DataFrame(found).astype(dict.fromkeys(FAULTS, float)).groupby("scene").mean()
 
 
 def _log_errors(row: Record) -> dict[str, float] | None:
@@ -63,29 +63,28 @@ def log_cost(scores: pd.DataFrame, default: pd.DataFrame) -> float:
     return round(float((scores["cost"] - default["cost"]).mean()), _COST_DIGITS)
 
 
-def geometric_mean(logs: pd.Series) -> Interval:
-    """Geometric mean over scenes, given logarithms, with a 95% bootstrap confidence interval (fixed seed)."""
-    values = logs.to_numpy(dtype=float)
-    middle = float(np.exp(values.mean()))
-    if len(values) < 2:
-        return Interval(middle)
-    resampled = bootstrap((values,), np.mean, n_resamples=_BOOTSTRAPS, method="percentile", rng=0)
-    low, high = np.exp(resampled.confidence_interval)
-    return Interval(middle, float(low), float(high))
+@dataclass(frozen=True)
+class Setting:
+    """A spec and its scores.
 
+    cost: `work_cost` relative to the default's; tuning, held_out: √((1 − IoU) · (1 − SSIM)), or of soft shadows √(RMSE
+    · (1 − SSIM)), geometric means over the scenes of the search and over those held out; acne, leak, contact: means
+    over the latter, None without a value.
+    """
 
-def error_ratio(metric: str, scores: pd.DataFrame, reference: pd.DataFrame) -> Interval | None:
-    """Median per-scene error ratio of `scores` to `over`, with its 95% confidence interval."""
-    return interval(np.exp(scores[metric] - reference[metric]).tolist())
+    spec: Spec
+    cost: float
+    tuning: float
+    held_out: float
+    acne: float | None
+    leak: float | None
+    contact: float | None
 
-
-def significantly_less(scores: pd.DataFrame, reference: pd.DataFrame) -> bool:
-    """Whether the error is significantly smaller: the interval of the ratio is below 1; for one scene, the ratio."""
-    change = geometric_mean(log_error(scores) - log_error(reference))
-    return (change.median if change.high is None else change.high) < 1
-
-
-def mean_of(metric: str, scores: pd.DataFrame) -> float | None:
-    """Mean of a metric over scenes; None if no scene has it."""
-    mean = float(scores[metric].mean())
-    return None if math.isnan(mean) else mean
+    @classmethod
+    def of(cls, spec: Spec, tuning: pd.DataFrame, held_out: pd.DataFrame, default: pd.DataFrame) -> "Setting":
+        """From the spec's `scene_scores` on both sets of scenes, and those of the default on the scenes tuned on."""
+        errors = (math.exp(log_error(scores).mean()) for scores in (tuning, held_out))
+        means = (float(held_out[name].mean()) for name in FAULTS)
+        return cls(
+            spec, math.exp(log_cost(tuning, default)), *errors, *(None if math.isnan(mean) else mean for mean in means)
+        )

@@ -1,13 +1,13 @@
 """Search for a technique's best parameters at each cost, on the tuning scenes; evaluation on the held-out ones."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import pandas as pd
 
 from shadowbench.advice.tune_cells import TuningCells
-from shadowbench.advice.tune_comparison import SearchResult, TuningComparison, compare
-from shadowbench.advice.tune_scores import log_cost, log_error, scene_scores, significantly_less
+from shadowbench.advice.tune_scores import Setting, log_cost, log_error, scene_scores
 from shadowbench.advice.tune_space import SearchSpace
 from shadowbench.advice.tune_split import SceneSplit
 from shadowbench.errors import InputError
@@ -26,20 +26,13 @@ _RANDOM = 0.4  # share of random trials at the start of a search
 _SEED = 0
 
 
-def search_parameters(
-    space: SearchSpace,
-    cells: TuningCells,
-    blocks: Sequence[Block],
-    split: SceneSplit,
-    trials: int,
-    others: Mapping[str, Spec],
-) -> TuningComparison:
-    """Search on the tuning scenes, and compare the result with `others`, by name, on the held-out scenes.
+@dataclass(frozen=True)
+class Tuning:
+    """What a search found: the Pareto-optimal settings by increasing cost, and the default's scores."""
 
-    Raises CellFailed as `Search.run` does.
-    """
-    cells.reporter.note(f"tuning on {', '.join(split.tuning)}; held out: {', '.join(split.held_out)}")
-    return compare(ParameterSearch(space, cells, blocks, split).run(trials, others))
+    split: SceneSplit
+    front: tuple[Setting, ...]
+    default: Setting
 
 
 class ParameterSearch:
@@ -47,12 +40,7 @@ class ParameterSearch:
 
     The first half of the trials searches the whole space, the second half the numeric parameters of the best spec that
     costs no more than the default. Trials are deterministic for the same space, scenes and number of trials, so that an
-    interrupted search resumes from its rows. The default and the specs to compare with are trials too, if they lie in
-    the space.
-
-    To avoid overfitting to a dozen scenes, the best spec is taken only if it is significantly better than the default
-    by a confidence interval over scenes; otherwise the default is kept (cf. the one-standard-error rule, Breiman et al.
-    1984).
+    interrupted search resumes from its rows. The default is a trial too, and so are the presets in the space.
     """
 
     def __init__(self, space: SearchSpace, cells: TuningCells, blocks: Sequence[Block], split: SceneSplit) -> None:
@@ -63,23 +51,22 @@ class ParameterSearch:
         self._scores_of: dict[Spec, pd.DataFrame] = {}  # scores on the tuning scenes
         self._failed: set[Spec] = set()  # specs with a failed cell
 
-    def run(self, trials: int, others: Mapping[str, Spec]) -> SearchResult:
-        """Search, then measure the best specs, the default and `others`, by name, on the held-out scenes.
+    def run(self, trials: int, presets: Sequence[Spec]) -> Tuning:
+        """Search, then measure the best specs and the default on the held-out scenes.
 
-        Raises CellFailed if the default fails, or if the tuned spec fails on the held-out scenes.
+        Raises CellFailed if the default fails.
         """
-        named = {"default": self.default, **others}
-        outside = sum(self.space.point(spec) is None for spec in named.values())
-        self._stage("tuning", trials + outside, self.tuning)
+        tuning, held_out = map(", ".join, (self.split.tuning, self.split.held_out))
+        self.cells.reporter.note(f"tuning on {tuning}; held out: {held_out}")
+        self._stage("tuning", trials + (self.space.point(self.default) is None), self.tuning)
         self._try([self.default])
         _check(self.default, self._scores_of)
-        self._explore(self.space, trials - trials // 2, 2, list(named.values()))
+        self._explore(self.space, trials - trials // 2, 2, [self.default, *presets])
         _, best = self._best()
         near = self.space.around(best)
         if near.point(best):  # the space has numeric parameters
             self._explore(near, trials // 2, 1, list(self._scores_of))
-        self._try(list(named.values()))
-        return self._result(named)
+        return self._result()
 
     def _explore(self, space: SearchSpace, trials: int, goals: int, first: Sequence[Spec]) -> None:
         """Try Optuna's suggestions, beginning with the specs of `first` in the space; known ones are not counted."""
@@ -133,18 +120,16 @@ class ParameterSearch:
         best = [found[points[i]] for i in pareto_front(points)]
         return best, [spec for spec in best if self._cost(spec) <= 0][-1]
 
-    def _result(self, named: Mapping[str, Spec]) -> SearchResult:
-        """Measure the best and the named specs on the held-out scenes."""
-        best, least = self._best()
-        better = significantly_less(self._scores_of[least], self._scores_of[self.default])
-        tuned = least if better else self.default
-        chosen = [spec for spec in dict.fromkeys([*best, *named.values()]) if spec in self._scores_of]
+    def _result(self) -> Tuning:
+        """Measure the best specs and the default on the held-out scenes."""
+        best, _ = self._best()
+        chosen = list(dict.fromkeys([*best, self.default]))
         self._stage("held out", len(chosen), self.held_out)
         scores = self._measure_scores(chosen, self.held_out)
-        _check(tuned, scores)
         _check(self.default, scores)
-        tuning = {spec: self._scores_of[spec] for spec in chosen}
-        return SearchResult(self.split, tuned, best, named, tuning, scores)
+        default = self._scores_of[self.default]
+        settings = {spec: Setting.of(spec, self._scores_of[spec], found, default) for spec, found in scores.items()}
+        return Tuning(self.split, tuple(settings[spec] for spec in best if spec in settings), settings[self.default])
 
     def _stage(self, name: str, specs: int, blocks: Sequence[Block]) -> None:
         self.cells.reporter.stage(name, specs * self.cells.cells_per_block(self.default) * len(blocks))

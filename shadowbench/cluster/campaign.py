@@ -47,6 +47,11 @@ class ClusterDrawer:
         return self._first.info
 
     @property
+    def identity(self) -> Mapping[str, str]:
+        """That of the first worker."""
+        return self._first.identity
+
+    @property
     def machine(self) -> Mapping[str, Any]:
         """The computer of the first worker."""
         return self._first.machine

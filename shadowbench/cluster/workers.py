@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 from shadowbench.cluster.parcel import Setup
 from shadowbench.cluster.tasks import station
-from shadowbench.data import data_folder
+from shadowbench.data import PACKAGE, data_folder
 from shadowbench.errors import ShadowbenchError
+from shadowbench.measure.keys import files_in
 from shadowbench.measure.machine import machine, versions
 from shadowbench.measure.session import DeviceInfo
-from shadowbench.sources import PACKAGE, files_in
 
 if TYPE_CHECKING:
     from distributed import Worker as DaskWorker
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 class WorkerFacts:
     """A Dask worker: its machine, versions and OpenGL device.
 
-    reason: why it must not measure, None if it may.
+    identity: of its executor; reason: why it must not measure, None if it may.
     """
 
     address: str
@@ -32,6 +32,7 @@ class WorkerFacts:
     machine: Mapping[str, Any]
     versions: Mapping[str, str]
     info: DeviceInfo | None
+    identity: Mapping[str, str]
     reason: str | None
 
     @property
@@ -47,6 +48,7 @@ async def describe(setup: Setup, expected: Mapping[str, str], dask_worker: "Dask
 
     def facts() -> WorkerFacts:
         found, info = own_versions(), None
+        identity: Mapping[str, str] = {}
         differing = [name for name, value in expected.items() if found.get(name) != value]
         reason = None
         if differing:
@@ -55,10 +57,10 @@ async def describe(setup: Setup, expected: Mapping[str, str], dask_worker: "Dask
         else:
             try:
                 with station(setup) as one:
-                    info = one.worker.info
+                    info, identity = one.worker.info, one.worker.identity
             except ShadowbenchError as error:
                 reason = str(error)
-        return WorkerFacts(dask_worker.address, socket.gethostname(), machine(), found, info, reason)
+        return WorkerFacts(dask_worker.address, socket.gethostname(), machine(), found, info, identity, reason)
 
     return await asyncio.get_running_loop().run_in_executor(dask_worker.executor, facts)
 

@@ -25,7 +25,6 @@ from shadowbench.commands import (
     new_technique,
     recommend,
     render,
-    repeat,
     report,
     run,
     score,
@@ -73,7 +72,7 @@ app = typer.Typer(
 _PANELS = {  # as --help lists them
     "Measure techniques": (run, stress, score, truth),
     "Decide what a scene needs": (recommend, needs, tune),
-    "Check results and the machine": (check, repeat, merge, doctor),
+    "Check results and the machine": (check, merge, doctor),
     "Look": (report, render, view, listing),
     "Extend with a technique or an engine": (new_technique, export),
 }

@@ -1,5 +1,6 @@
-"""`check`: compare a run with a baseline; `--update` makes the run the baseline."""
+"""`check`: compare a run with a baseline; `--update` makes the run the baseline, `--repeat` compares two equal runs."""
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,6 +14,7 @@ from shadowbench.errors import InputError, alternatives
 
 if TYPE_CHECKING:
     from shadowbench.check.baseline import Change, Findings
+    from shadowbench.check.repeat import RepeatResult
 
 _LINES = 40  # of a table, one per cell
 _LONGEST = 40  # characters of a status
@@ -23,16 +25,26 @@ app = typer.Typer()
 @app.command(
     epilog="\b\nFor example\n"
     "  shadowbench check results/latest --baseline results/baseline\n"
-    "  shadowbench check results/latest --baseline results/baseline --update"
+    "  shadowbench check results/latest --baseline results/baseline --update\n"
+    "  shadowbench run -s demo --time-again && shadowbench check results/latest --repeat"
 )
 def check(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="The run folder to check.")],
     baseline: Annotated[
-        Path, typer.Option(metavar="DIR", help="The baseline, or another run folder, to compare with.")
-    ],
+        Path | None,
+        typer.Option(metavar="DIR", help="The baseline, or another run folder, to compare with  [only of --repeat]."),
+    ] = None,
     time: Annotated[bool, typer.Option("--time", help="Also fail if a cell is slower, on the same machine.")] = False,
     update: Annotated[
         bool, typer.Option("--update", help="Make this run the baseline, and print the changes.")
+    ] = False,
+    repeat: Annotated[
+        bool,
+        typer.Option(
+            "--repeat",
+            help="Instead, fail if two runs of one study on one machine rank cells differently by time, or differ in "
+            "work: DIR and the baseline, or the last two times of each cell in DIR (`run --time-again`).",
+        ),
     ] = False,
     tolerance: Annotated[
         list[str] | None,
@@ -53,12 +65,28 @@ def check(
     primitives, texture reads, rays and GPU memory exactly, shader invocations within 2%. Times are compared on the same
     machine only, as ratios to the reference.
 
+    With --repeat, exit code 1 if Kendall's tau of any ranking is below 0.95, or if work differs.
+
     \b
     Columns
       what         the metric, work counter or `status` that changed most
       × tolerance  the change as a multiple of the tolerance
       also         the other values of the cell that changed
+
+    \b
+    Columns of --repeat
+      cells           cells with a time in both runs
+      pairs           pairs of cells whose times differ significantly in both runs
+      swapped         pairs that the two runs order differently
+      τ               Kendall's tau over these pairs; 1 is the same order
+      τ of all pairs  Kendall's tau over all pairs, noise included
     """
+    if repeat:
+        if update or time or tolerance:
+            raise InputError("--repeat: found --update, --time or --tolerance; allowed: without")
+        raise typer.Exit(_repeated(folder, baseline, json, quiet))
+    if baseline is None:
+        raise InputError("check: found no --baseline; allowed: --baseline DIR, or --repeat")
     from shadowbench.check.check import check as compared
     from shadowbench.check.check import make_baseline, values, write_pictures
     from shadowbench.reports.words import counted
@@ -84,6 +112,40 @@ def check(
         many = f"{counted(len(pictures), 'picture')}, {what}"
         console.print_line(f"{pictures[0][0].parent}: {many}: false shadow orange, false light blue")
     raise typer.Exit(1 if found.failing else 0)
+
+
+def _repeated(folder: Path, other: Path | None, json: bool, quiet: bool) -> int:
+    """Compare two runs of a study, the other one first; the exit code."""
+    from shadowbench.check.repeat import compare_folders
+
+    found = compare_folders(folder) if other is None else compare_folders(other, folder)
+    if json:
+        rankings = [dataclasses.asdict(ranking) | {"tau": ranking.tau} for ranking in found.rankings]
+        console.print_json({**dataclasses.asdict(found), "rankings": rankings, "holds": found.agrees})
+    else:
+        _print_repeated(found, quiet)
+    return 0 if found.agrees else 1
+
+
+def _print_repeated(found: "RepeatResult", quiet: bool) -> None:
+    from shadowbench.check.repeat import LEAST_RATIO, LEAST_TAU
+
+    block, numbers = "scene, view, light, phase", ("cells", "pairs", "swapped", "τ", "τ of all pairs")
+    rows = []
+    for one in found.rankings:
+        taus = (console.number(tau) for tau in (one.tau, one.tau_of_all))
+        rows.append((one.block, str(one.cells), str(one.sharp), str(one.swapped), *taus))
+    console.print_table("", (block, *numbers), rows, numbers=numbers, whole=(block,))
+    for name in found.unequal:
+        console.print_line(f"  work differs: {name}")
+    if quiet:
+        return
+    apart = f"{100 * (LEAST_RATIO - 1):.0f}%"
+    console.print_line(
+        f"τ: Kendall's tau over the pairs whose times differ by more than {apart}, with interquartile ranges that do "
+        f"not overlap, in both runs; {'at least' if found.rankings_agree else 'not everywhere at least'} {LEAST_TAU}"
+    )
+    console.out().print(f"work: exactly the same in {found.counted - len(found.unequal)} of {found.counted} cells")
 
 
 def _tolerances(texts: Sequence[str]) -> dict[str, float]:

@@ -16,7 +16,7 @@ def doctor(json: Json = False, quiet: Quiet = False) -> None:
     rays Embree traces at once, and the cache of ray-traced truths. Exit code 3 if nothing can be drawn.
     """
     from shadowbench.measure.doctor import diagnosis
-    from shadowbench.sources import ABSENT
+    from shadowbench.versions import ABSENT
 
     found = diagnosis()
     missing = "missing" in found["opengl"]

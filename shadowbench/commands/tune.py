@@ -1,6 +1,5 @@
-"""`tune`: search a technique's parameters on some scenes, and compare the result with its default on others."""
+"""`tune`: search a technique's parameters on some scenes, and score what was found and its default on others."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -27,15 +26,10 @@ from shadowbench.commands.options import (
 )
 
 if TYPE_CHECKING:
-    from shadowbench.advice.tune_comparison import Entry, TuningComparison
+    from shadowbench.advice.tune_scores import Setting
+    from shadowbench.advice.tune_search import Tuning
 
 app = typer.Typer()
-
-_RATIOS = {
-    "iou_ratio": "(1 − IoU) / tuned",
-    "rmse_ratio": "RMSE / tuned",
-    "ssim_ratio": "(1 − SSIM) / tuned",
-}  # by field of an Entry
 
 
 @app.command(
@@ -82,14 +76,6 @@ def tune(
     trials: Annotated[
         int, typer.Option(metavar="N", min=1, max=100_000, help="Number of settings that the search tries.")
     ] = 100,
-    against: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="SPEC",
-            autocompletion=completion.spec,
-            help="A spec to compare with, besides the default and the presets; repeatable.",
-        ),
-    ] = None,
     map_size: Annotated[str, typer.Option(metavar="N,N,...", help="Map sizes to average over.")] = "2048",
     view_size: ViewSize = None,
     phases: Annotated[
@@ -111,8 +97,8 @@ def tune(
 ) -> None:
     """Search a technique's parameters for the best accuracy.
 
-    Finds the most accurate setting at each cost on some scenes, and compares it with the default and the presets on
-    others, held out of the search. The error combines IoU, or RMSE of soft shadows, and SSIM; the cost is counted work
+    Finds the most accurate setting at each cost on some scenes, and scores it beside the default on others, held out
+    of the search. The error combines IoU, or RMSE of soft shadows, and SSIM; the cost is counted work
     (shader invocations, texture reads). Every camera and light of a scene is used. An interrupted search resumes when
     the command is repeated.
 
@@ -122,10 +108,6 @@ def tune(
       tuning, held out    error √((1 − IoU) · (1 − SSIM)), of soft shadows
                           √(RMSE · (1 − SSIM)), on the scenes of the search, and
                           on those held out; geometric means
-      (1 − IoU) / tuned   1 − IoU divided by that of the tuned spec: median over
-                          the held-out scenes
-      RMSE / tuned        the same for RMSE, over scenes with soft shadows
-      (1 − SSIM) / tuned  the same for 1 − SSIM
       acne, leak, contact means over the held-out scenes (shadowbench list metrics)
     """
     from shadowbench.advice.tune import no_image, tune_parameters, values
@@ -146,7 +128,6 @@ def tune(
             scenes=listed(scenes),
             held_out=listed(held_out),
             params=params,
-            against={text: parse_spec(text, known) for text in against or ()},
             trials=trials,
             map_size=map_sizes(map_size) or (),
             view_size=view_size or 512,
@@ -169,38 +150,13 @@ def tune(
     raise typer.Exit(3 if failed or found.failures else 0)
 
 
-def _print(found: "TuningComparison") -> None:
-    from shadowbench.advice.tune import verdict
-    from shadowbench.reports.words import counted
-
-    held_out = found.split.held_out
-    _print_entries(f"best at each cost, cheapest first; held out: {', '.join(held_out)}", found.front)
-    console.out().print()
-    intervals = ", with 95% intervals" if len(held_out) > 1 else ""
-    title = f"compared with the default and others on {counted(len(held_out), 'scene')} held out{intervals}"
-    _print_entries(title, (found.tuned, *found.others))
-    soft = ", of soft shadows √(RMSE · (1 − SSIM))" if found.tuned.rmse_ratio else ""
-    console.print_line(
-        f"error: √((1 − IoU) · (1 − SSIM)){soft}, geometric mean over scenes; / tuned: relative to the tuned spec, "
-        "median over scenes"
-    )
-    console.print_line(verdict(found))
-
-
-def _print_entries(title: str, entries: "Sequence[Entry]") -> None:
-    shown = {name: title for name, title in _RATIOS.items() if any(getattr(entry, name) for entry in entries)}
-    numbers = ("cost", "tuning", "held out", *shown.values(), "acne", "leak", "contact")
-    lines = [_line(entry, list(shown)) for entry in entries]
+def _print(found: "Tuning") -> None:
+    numbers = ("cost", "tuning", "held out", "acne", "leak", "contact")
+    lines = [_line("", one) for one in found.front] + [_line("default", found.default)]
+    title = f"best at each cost, cheapest first; held out: {', '.join(found.split.held_out)}"
     console.print_table(title, ("", "spec", *numbers), lines, numbers=numbers)
 
 
-def _line(entry: "Entry", ratios: "Sequence[str]") -> list[str]:
-    return [
-        entry.name,
-        entry.spec.sizeless_text,
-        f"{entry.cost:.2f}",
-        console.number(entry.tuning),
-        entry.held_out.text(console.number),
-        *("–" if one is None else one.text("{:.3g}".format) for one in (getattr(entry, name) for name in ratios)),
-        *(console.number(value) for value in (entry.acne, entry.leak, entry.contact)),
-    ]
+def _line(name: str, one: "Setting") -> list[str]:
+    values = (one.tuning, one.held_out, one.acne, one.leak, one.contact)
+    return [name, one.spec.sizeless_text, f"{one.cost:.2f}", *map(console.number, values)]

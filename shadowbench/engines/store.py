@@ -14,11 +14,9 @@ from shadowbench.engines.accuracy import Accuracy
 from shadowbench.engines.difference import write_difference
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
-from shadowbench.measure import scoring
 from shadowbench.measure.row_store import IMAGES, RowStore, identity
 from shadowbench.scores.masks import write_mask
-from shadowbench.sources import code_digest
-from shadowbench.truths import cache
+from shadowbench.versions import of_scores
 
 _IDENTITY = ("scene", "view", "light", "spec", "view_size", "renderer")
 _NAME = re.compile(r"[A-Za-z0-9][\w.+-]{0,79}")
@@ -54,14 +52,14 @@ def append_row(accuracy: Accuracy, name: str, folder: Path) -> bool:
 
 
 def content_key(accuracy: Accuracy, name: str) -> str:
-    """Hex key of everything the row depends on: engine, view, mask and sources."""
+    """Hex key of everything the row depends on: engine, view, mask and versions."""
     view = accuracy.view
     parts = {
         "engine": name,
         "view": (view.scene.name, view.camera.name, view.light.name, accuracy.digest),
         "mask": accuracy.record["mask_sha256"],
         "input": accuracy.record["input"],
-        "sources": code_digest(Path(scoring.__file__), Path(cache.__file__)),
+        "versions": of_scores(),
     }
     return _digest(parts)
 

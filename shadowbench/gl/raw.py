@@ -42,7 +42,6 @@ SIGNATURES: Mapping[str, tuple[Any, tuple[Any, ...]]] = {
     "glUniform1i": (None, (_INT, _INT)),
     "glUseProgram": (None, (_UINT,)),
 }
-_PROTOTYPE = getattr(ctypes, "WINFUNCTYPE", ctypes.CFUNCTYPE)  # OpenGL on Windows uses stdcall
 
 
 class RawGL:
@@ -62,7 +61,7 @@ class RawGL:
             if not address:
                 raise NotImplementedError(f"the OpenGL driver has no {name}")
             result, types = self._signatures[name]
-            self._functions[name] = _PROTOTYPE(result, *types)(address)
+            self._functions[name] = ctypes.CFUNCTYPE(result, *types)(address)
         return self._functions[name](*arguments)
 
     def integer(self, name: int) -> int:

@@ -110,7 +110,7 @@ class Campaign:
     def keys(self, block: Block) -> dict[Cell, str]:
         """Keys of the rows of a block's cells."""
         if block not in self._keys:
-            views, identity = [view_key(view) for view in block.views], self.drawer.info.renderer
+            views, identity = [view_key(view) for view in block.views], self.drawer.identity
             frames = {
                 cell: [cell_key(cell, view, block.coordinates, identity) for view in views] for cell in block.cells
             }

@@ -26,6 +26,10 @@ class Drawer(Protocol):
         """Facts about the device. Raises ShadowbenchError if the process cannot start."""
 
     @property
+    def identity(self) -> Mapping[str, str]:
+        """What draws and traces, by which the keys of rows differ: the renderer, and how Embree rounds there."""
+
+    @property
     def machine(self) -> Mapping[str, Any]:
         """The computer, as by `measure.machine.machine`."""
 

@@ -42,6 +42,13 @@ class GLDrawer:
         return self.worker.info
 
     @property
+    def identity(self) -> Mapping[str, str]:
+        """The renderer, and how Embree rounds on this computer, which traces for some techniques and for the truth."""
+        from shadowbench.truths.embree import answers_digest
+
+        return {"renderer": self.info.renderer, "embree": answers_digest()}
+
+    @property
     def machine(self) -> Mapping[str, Any]:
         """This computer."""
         from shadowbench.measure.machine import machine  # the worker's start does not wait for this import

@@ -1,25 +1,30 @@
-"""Row keys: hashes of everything a result depends on, so a changed default or shader never reuses old rows."""
+"""Row keys: hashes of everything a result depends on, so a changed default or shader never reuses old rows.
+
+Of our Python code they hold the declared versions alone: tidying it voids no row.
+"""
 
 import hashlib
 import json
+import re
 import sys
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 
-from shadowbench.data import data_folder
-from shadowbench.measure import flips, scoring, session
+from shadowbench import versions
+from shadowbench.data import PACKAGE, data_folder
+from shadowbench.gl.shaders import compose
 from shadowbench.measure.cells import Cell
 from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.model import Coordinates, View
-from shadowbench.sources import PACKAGE, SOURCES, code_digest, files_in
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.params import Component
 from shadowbench.techniques.registry import own_techniques, source_file
-from shadowbench.truths import cache as truths
+from shadowbench.techniques.spec import Spec
 
-# Modules that draw, score and trace; hashed with everything they import, which includes no technique.
-_MEASURING = tuple(Path(str(module.__file__)) for module in (session, scoring, truths))
+SOURCES = {".py", ".glsl", ".vert", ".geom", ".frag"}
+_COMMENT = re.compile(r"//.*|/\*[\s\S]*?\*/")
 
 
 def view_key(view: View) -> str:
@@ -27,17 +32,16 @@ def view_key(view: View) -> str:
     return repr((view.scene.name, view.camera.name, view.light.name, view_digest(view)))
 
 
-def cell_key(cell: Cell, view: str, coordinates: Coordinates, renderer: str) -> str:
-    """Hex key of a cell on a renderer; `view` is a `view_key`."""
-    # Built-in components are among what the technique imports.
-    plugins = dict.fromkeys(type(component) for component in cell.spec.components if component.plugin_files())
+def cell_key(cell: Cell, view: str, coordinates: Coordinates, drawer: Mapping[str, str]) -> str:
+    """Hex key of a cell; `view` is a `view_key`, `drawer` the identity of an executor."""
     parts = {
         "spec": cell.spec.full_text,
         "phase": cell.phase,
         "view": view,
         "coordinates": coordinates,
-        "renderer": renderer,
-        "sources": [*map(_sources, cell.spec.techniques), *map(_sources, plugins)],
+        "drawer": dict(drawer),
+        "versions": versions.of_rows(),
+        "sources": sources_of(cell.spec),
     }
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:24]
 
@@ -47,34 +51,59 @@ def joint_key(parts: Sequence[object]) -> str:
     return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:24]
 
 
-def counting_digest() -> str:
-    """Digest of the sources that count flips, which cells without a step do not depend on."""
-    return code_digest(Path(str(flips.__file__)))
+def sources_of(spec: Spec) -> str:
+    """Digest of the shaders that a spec may use, composed, and of plug-ins' files."""
+    return _sources(spec.techniques, tuple(map(type, spec.components)))
 
 
 @cache
-def _sources(one: type[Technique] | type[Component]) -> str:
-    classes = (*one.__mro__, *one.Params.__mro__) if issubclass(one, Technique) else one.__mro__
-    lineage = [cls for cls in classes if not _is_library_class(cls)]
-    files = dict.fromkeys(source_file(cls) for cls in lineage)
-    around = dict.fromkeys(other for file in files for other in plugin_sources(file))
-    return code_digest(*_MEASURING, *files, *around, extra_files=_shaders(lineage))
+def _sources(techniques: Sequence[type[Technique]], components: Sequence[type[Component]]) -> str:
+    classes = [base for one in (*techniques, *components) for base in one.__mro__]
+    classes += [base for one in techniques for base in one.Params.__mro__]
+    files = dict.fromkeys(source_file(one) for one in classes if not _is_library_class(one))
+    plugins = [file for file in files if not file.is_relative_to(PACKAGE)]
+    digest = hashlib.sha256()
+    for text in sorted({_glsl(name) for name in shader_names(techniques, components, plugged=bool(plugins))}):
+        digest.update(text.encode() + b"\0")
+    beside = (other for file in plugins for other in (file, *plugin_sources(file)))
+    for name, data in sorted((file.name, file.read_bytes()) for file in dict.fromkeys(beside)):
+        digest.update(name.encode() + b"\0" + data + b"\0")
+    return digest.hexdigest()
+
+
+def shader_names(
+    techniques: Sequence[type[Technique]], components: Iterable[type[Component]], *, plugged: bool
+) -> list[str]:
+    """Built-in shader files that a cell may use, besides what these include: its techniques', components', and shared.
+
+    plugged: whether a plug-in draws. It may include any shared file, as do techniques that build on others.
+    """
+    bases = {base for one in techniques for base in one.__mro__}
+    others = {"viewer", *(other.name for other in own_techniques() if other not in bases)}
+    folder, any_shared = data_folder("shaders"), plugged or any(one.builds_on for one in techniques)
+    names = [file.relative_to(folder) for file in files_in(folder) if any_shared or file.suffix != ".glsl"]
+    own = [] if any_shared else [one.shader for one in components if one.shader]
+    return [*(name.as_posix() for name in names if name.parts[0] not in others), *own]
+
+
+@cache
+def _glsl(name: str) -> str:
+    """A composed shader without comments and indentation. What fills its slots is among the names."""
+    text = _COMMENT.sub("", compose(name, [data_folder("shaders")], slots=defaultdict(lambda: "\n")))
+    return "\n".join(line for line in map(str.strip, text.splitlines()) if line)
 
 
 def _is_library_class(cls: type) -> bool:
     return cls.__module__.partition(".")[0] in {*sys.stdlib_module_names, "pydantic"}
 
 
-def _shaders(lineage: Sequence[type]) -> list[Path]:
-    """Built-in shader files and folders that a technique may include: all but other techniques' and the viewer's."""
-    others = {"viewer", *(other.name for other in own_techniques() if other not in lineage)}
-    return [file for file in sorted(data_folder("shaders").iterdir()) if file.name not in others]
+def files_in(folder: Path) -> list[Path]:
+    """The .py and GLSL files below a folder."""
+    return sorted(path for path in folder.rglob("*") if path.suffix in SOURCES)
 
 
 def plugin_sources(file: Path) -> list[Path]:
-    """Files a plug-in may use besides its imports: the shaders next to it, or its whole package. None for built-ins."""
-    if file.is_relative_to(PACKAGE):
-        return []
+    """Files a plug-in may use besides its imports: the shaders next to it, or its whole package."""
     folder = plugin_folder(file)
     if (folder / "__init__.py").exists():
         return files_in(folder)

@@ -17,7 +17,7 @@ from shadowbench.files import replace_file
 from shadowbench.measure.drawer import Drawer
 from shadowbench.measure.row_store import command_line
 from shadowbench.measure.rows import SCHEMA, StudyFacts
-from shadowbench.sources import installed
+from shadowbench.versions import installed
 
 _LIBRARIES = ("moderngl", "pyglm", "numpy", "embreex", "scikit-image", "scipy", "pandas", "trimesh", "pydantic")
 

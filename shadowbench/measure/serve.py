@@ -8,6 +8,7 @@ import signal
 import sys
 import threading
 import traceback
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +20,6 @@ from shadowbench.gl.program import ShaderError
 from shadowbench.measure.failures import CellFailed, MemoryExceeded
 from shadowbench.measure.pipe import Pipe
 from shadowbench.measure.session import Session
-
-if sys.platform == "win32":
-    from multiprocessing.connection import PipeConnection as Connection
-else:
-    from multiprocessing.connection import Connection
 
 _PR_SET_CHILD_SUBREAPER = 36
 
@@ -64,8 +60,7 @@ def serve(handle: str, parent: str) -> None:
 def connected(handle: str) -> Pipe:
     """The pipe to the process that started this one, and that decides when this one ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if os.name == "posix":
-        os.set_inheritable(int(handle), False)
+    os.set_inheritable(int(handle), False)
     logging.getLogger("shadowbench").setLevel(logging.ERROR)  # the parent has logged the same warnings
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -104,20 +99,19 @@ def die_with(parent: int) -> None:
     its own parent is gone, but not if this process crashes or the whole run is killed. Raises ShadowbenchError.
     """
     watched = _process_file(parent)
-    if os.name == "posix" and os.getppid() != parent:  # it ended before it was watched
+    if os.getppid() != parent:  # it ended before it was watched
         os._exit(1)
     if not watched:
         threading.Thread(target=lambda: (psutil.Process(parent).wait(), os._exit(1)), daemon=True).start()
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1)  # adopt orphans in place of init
-    if os.name == "posix":
-        os.setpgid(0, 0)
-        guard = [sys.executable, "-I", "-S", "-c", _GUARD, str(os.getpid()), *map(str, watched)]
-        quiet = [(os.POSIX_SPAWN_OPEN, stream, os.devnull, os.O_RDWR, 0) for stream in range(3)]
-        try:
-            os.posix_spawn(sys.executable, guard, os.environ, file_actions=quiet)  # Popen would warn that nobody waits
-        except BlockingIOError:
-            raise ShadowbenchError(NO_PROCESS) from None
+    os.setpgid(0, 0)
+    guard = [sys.executable, "-I", "-S", "-c", _GUARD, str(os.getpid()), *map(str, watched)]
+    quiet = [(os.POSIX_SPAWN_OPEN, stream, os.devnull, os.O_RDWR, 0) for stream in range(3)]
+    try:
+        os.posix_spawn(sys.executable, guard, os.environ, file_actions=quiet)  # Popen would warn that nobody waits
+    except BlockingIOError:
+        raise ShadowbenchError(NO_PROCESS) from None
     for file in watched:
         os.close(file)
 

@@ -149,9 +149,8 @@ class Worker:
             self._process = None
             return
         family = _descendants(self._process.pid)
-        if os.name == "posix":
-            with suppress(ProcessLookupError):  # no process group yet, or no longer
-                os.killpg(self._process.pid, signal.SIGKILL)
+        with suppress(ProcessLookupError):  # no process group yet, or no longer
+            os.killpg(self._process.pid, signal.SIGKILL)
         self._process.kill()
         self._process.wait()
         for process in family:
@@ -169,17 +168,13 @@ def spawn(pipe: Connection, module: str) -> subprocess.Popen[bytes]:
     Its stdout also takes the output of plug-ins. Called within `sigint_blocked`, since Ctrl-C is for the caller.
     """
     handle = pipe.fileno()
-    inherits: dict[str, Any] = {"pass_fds": [handle]}
-    if sys.platform == "win32":
-        os.set_handle_inheritable(handle, True)
-        inherits = {"startupinfo": subprocess.STARTUPINFO(lpAttributeList={"handle_list": [handle]})}
     return subprocess.Popen(
         # -P: the current folder is not searched for modules, unless this process's sys.path has it
         [sys.executable, "-P", "-c", _PROGRAM.format(module), str(handle), str(os.getpid()), *sys.path],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
-        **inherits,
+        pass_fds=[handle],
     )
 
 
@@ -195,9 +190,6 @@ def _descendants(worker: int) -> list[psutil.Process]:
 def sigint_blocked() -> Iterator[None]:
     """Blocks SIGINT in a process started in this block, even while it imports; this process handles it afterwards."""
     with _sigint_deferred():
-        if not hasattr(signal, "pthread_sigmask"):  # Windows: the worker ignores SIGINT itself, a little later
-            yield
-            return
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # inherited by the new process
         try:
             yield

@@ -7,6 +7,7 @@ import io
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -87,12 +88,10 @@ def _decode_here(blobs: list[Blob]) -> Iterator[Decoded]:
 
 
 def _main() -> None:
-    try:
-        import resource
+    import resource  # of POSIX alone
 
+    with suppress(ValueError):  # macOS may refuse
         resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY, MOST_MEMORY))
-    except (ImportError, ValueError):  # not available on Windows, may be refused on macOS
-        pass
     request = _unpacked(sys.stdin.buffer.read())
     ends = np.cumsum(request["lengths"])
     data = request["data"].tobytes()

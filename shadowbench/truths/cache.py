@@ -1,11 +1,10 @@
-"""Disk cache of truths, keyed by a hash of the view, of the tracing sources and of how the processor rounds."""
+"""Disk cache of truths, keyed by a hash of the view, of the tracer's version and of how the processor rounds."""
 
 import hashlib
 import logging
 import os
 from contextlib import suppress
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +15,9 @@ from shadowbench.errors import InputError
 from shadowbench.files import replace_file
 from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.model import View
-from shadowbench.sources import code_digest
 from shadowbench.truths.embree import answers_digest
 from shadowbench.truths.trace import STANDARD_ERROR, Truth, trace
+from shadowbench.versions import of_truths
 
 _RANGES: dict[str, tuple[type[np.generic], float, float]] = {
     "visibility": (np.float32, 0, 1),
@@ -42,7 +41,7 @@ KEPT_BYTES = 4 << 30  # size of the cache; beyond it, the oldest truths are dele
 
 
 def cached_truth(view: View, pixel_samples: int = PIXEL_SAMPLES, standard_error: float = STANDARD_ERROR) -> Truth:
-    """`trace` of a view, from the cache if it was traced before by the same sources.
+    """`trace` of a view, from the cache if it was traced before by the same version.
 
     A cache that cannot be written is a logged warning.
     """
@@ -112,13 +111,8 @@ def truth_of(arrays: dict[str, Any], size: int, triangles: int) -> Truth | None:
     return Truth(**{**arrays, "diagonal": float(arrays["diagonal"])})
 
 
-@cache
-def _sources() -> str:
-    return code_digest(Path(__file__))
-
-
 def _key(view: View, pixel_samples: int, standard_error: float) -> str:
-    parts = (view_digest(view), pixel_samples, standard_error, _sources(), answers_digest())
+    parts = (view_digest(view), pixel_samples, standard_error, of_truths(), answers_digest())
     return hashlib.sha256(repr(parts).encode()).hexdigest()[:32]
 
 

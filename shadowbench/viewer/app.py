@@ -20,7 +20,7 @@ from shadowbench.viewer.judge import Judge, Scores
 from shadowbench.viewer.lights import Travel
 from shadowbench.viewer.panes import Panes
 from shadowbench.viewer.state import History, Origin, Source, ViewerState
-from shadowbench.viewer.truth_task import TruthTask
+from shadowbench.viewer.truth import TruthTask
 
 REST_S = 0.15
 """Time without a change after which a motion has ended, in seconds."""

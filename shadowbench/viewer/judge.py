@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from shadowbench.gl.device import Device
 from shadowbench.viewer.panes import TruthTextures
 from shadowbench.viewer.state import ViewerState
-from shadowbench.viewer.truth_messages import Scored, Traced
-from shadowbench.viewer.truth_task import TruthTask
+from shadowbench.viewer.truth import Scored, Traced, TruthTask
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from shadowbench.scores.difference import FALSE_LIGHT, FALSE_SHADOW
 from shadowbench.techniques.base import Technique
 from shadowbench.viewer.drawing import Drawn
 from shadowbench.viewer.state import Overlay, Source, ViewerState
-from shadowbench.viewer.truth_messages import Traced
+from shadowbench.viewer.truth import Traced
 
 _DEFINES: dict[Overlay, str] = {
     "error": "ERROR",

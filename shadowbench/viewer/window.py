@@ -28,7 +28,7 @@ from shadowbench.viewer.result_panels import map_panel, scores_panel, times_pane
 from shadowbench.viewer.scene_panels import light_panel, scene_panel, shading_panel
 from shadowbench.viewer.state import Source, ViewerState
 from shadowbench.viewer.technique_panel import edited_spec
-from shadowbench.viewer.truth_task import TruthTask
+from shadowbench.viewer.truth import TruthTask
 from shadowbench.viewer.view_panel import below, view_panel
 
 SIZE = (1400, 860)

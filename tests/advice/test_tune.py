@@ -14,16 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shadowbench.advice.tune_cells import TuningCells
-from shadowbench.advice.tune_comparison import SearchResult, TuningComparison, compare
-from shadowbench.advice.tune_scores import (
-    MIN_ERROR,
-    error_ratio,
-    geometric_mean,
-    log_error,
-    scene_scores,
-    significantly_less,
-)
-from shadowbench.advice.tune_search import search_parameters
+from shadowbench.advice.tune_scores import MIN_ERROR, Setting, log_error, scene_scores
+from shadowbench.advice.tune_search import ParameterSearch, Tuning
 from shadowbench.advice.tune_space import DEFAULT_PARAMETERS, SEARCH_FACTOR, SearchSpace, searched_parameters, span
 from shadowbench.advice.tune_split import SceneSplit, split_scenes
 from shadowbench.errors import InputError
@@ -137,61 +129,20 @@ def test_one_scene_of_each_is_needed(scenes: Sequence[str], held_out: Sequence[s
         split_scenes(scenes, held_out)
 
 
-A, D = (SHADOW_MAP.with_(bias=f"texel(scale={scale})") for scale in (1.1, 1.4))
-
-
-def found_by_search(tuned: Spec, errors: dict[Spec, float]) -> SearchResult:
-    """A search result whose specs have these errors in every scene; A costs twice as much as the others."""
-
-    def scores(scenes: Sequence[str]) -> dict[Spec, Any]:
-        return {
-            spec: scene_scores([row(scene, error, cost=200 if spec == A else 100) for scene in scenes])
-            for spec, error in errors.items()
-        }
-
-    others = {"default": SHADOW_MAP, "d": D}
-    return SearchResult(SceneSplit(("b", "c"), ("a", "d")), tuned, [A], others, scores("bc"), scores("ad"))
-
-
-def test_tuned_specs_are_compared_with_the_default_and_others() -> None:
-    found = compare(found_by_search(A, {A: 0.01, SHADOW_MAP: 0.02, D: 0.04}))
-    assert (found.tuned.spec, found.tuned.name, found.front) == (A, "tuned", (found.tuned,))
-    assert found.tuned.cost == pytest.approx(2, rel=0.01)
-    assert found.tuned.held_out.median == pytest.approx(0.01)
-    default, other = found.others
-    assert (default.name, other.name, other.spec, default.cost) == ("default", "d", D, 1)
-    for metric in (default.iou_ratio, default.ssim_ratio):
-        assert metric is not None and (metric.low, metric.median, metric.high) == pytest.approx((2, 2, 2))
-    assert other.iou_ratio is not None and other.iou_ratio.median == pytest.approx(4)
-
-
-def test_a_tuned_default_comes_last_on_the_front() -> None:
-    stands = compare(found_by_search(SHADOW_MAP, {A: 0.01, SHADOW_MAP: 0.02, D: 0.04}))
-    assert [(one.spec, one.name) for one in stands.front] == [(A, ""), (SHADOW_MAP, "tuned")]
-    assert stands.tuned.spec == SHADOW_MAP and stands.tuned.held_out == stands.others[0].held_out
-
-
-def test_a_spec_that_fails_on_a_held_out_scene_is_not_compared() -> None:
-    found = compare(found_by_search(A, {A: 0.01, SHADOW_MAP: 0.02}))
-    assert [one.name for one in found.others] == ["default"] and found.tuned.spec == A
-
-
-def test_an_error_is_significantly_less_where_its_whole_interval_is() -> None:
-    reference = scene_scores([row(scene, 0.02) for scene in "abc"])
-    assert significantly_less(scene_scores([row(scene, 0.01) for scene in "abc"]), reference)
-    assert not significantly_less(scene_scores([row("a", 0.001), row("b", 0.019), row("c", 0.021)]), reference)
-    assert not significantly_less(reference, reference)
-    alone = scene_scores([row("a", 0.02)])
-    assert significantly_less(scene_scores([row("a", 0.01)]), alone) and not significantly_less(alone, alone)
-
-
 def test_a_scene_is_one_observation_however_many_views_it_has() -> None:
     few = scene_scores([row("a", 0.1), row("b", 0.001)])
     many = scene_scores([row("a", 0.1)] * 9 + [row("b", 0.001)])
     assert log_error(few).to_list() == pytest.approx(log_error(many).to_list())
-    error = geometric_mean(log_error(few))
-    assert error.median == pytest.approx(0.01)
-    assert error.low == pytest.approx(0.001) and error.high == pytest.approx(0.1)
+    setting = Setting.of(SHADOW_MAP, few, many, few)
+    assert (setting.tuning, setting.held_out, setting.cost) == pytest.approx((0.01, 0.01, 1))
+
+
+def test_a_setting_has_the_scores_of_both_sets_of_scenes() -> None:
+    rows = {cost: [row(scene, error, cost=cost) for scene, error in (("a", 0.04), ("b", 0.01))] for cost in (100, 200)}
+    tuning, held_out = scene_scores(rows[200]), scene_scores([row("c", 0.3)])
+    setting = Setting.of(SHADOW_MAP, tuning, held_out, scene_scores(rows[100]))
+    assert (setting.cost, setting.tuning, setting.held_out) == pytest.approx((2, 0.02, 0.3), rel=0.01)
+    assert (setting.acne, setting.leak, setting.contact) == (0, 0, 0)
 
 
 def test_iou_and_ssim_have_equal_weight_and_errors_have_a_lower_bound() -> None:
@@ -205,8 +156,7 @@ def test_soft_scenes_are_tuned_by_their_rmse_down_to_the_error_of_the_truth() ->
         return one | {"metrics": one["metrics"] | {"rmse": rmse, "rmse_pen": 0.3}, "truth_error": 0.01}
 
     few, many, none = (scene_scores([soft(rmse), row("h", 0.1)]) for rmse in (0.08, 0.02, 0.001))
-    ratios = [error_ratio(name, few, many) for name in ("rmse", "iou", "ssim")]
-    assert [ratio and ratio.median for ratio in ratios] == [pytest.approx(4), 1, 1]
+    assert np.exp(few - many)[["rmse", "iou", "ssim"]].mean().to_list() == pytest.approx([4, 1, 1])
     assert log_error(none)["s"] == pytest.approx(log_error(many)["s"] - math.log(2) / 2)
 
 
@@ -215,14 +165,7 @@ def test_cells_without_a_score_are_left_out() -> None:
     assert list(scene_scores([row("a", 0.1), row("c", 0.1, status="failed: hung"), without]).index) == ["a"]
 
 
-def test_a_ratio_is_the_median_over_scenes_of_errors_in_the_same_scene() -> None:
-    ours = scene_scores([row("a", 0.001), row("b", 0.01), row("c", 0.1)])
-    theirs = scene_scores([row("a", 0.002), row("b", 0.03), row("c", 0.4)])
-    found = error_ratio("iou", theirs, ours)
-    assert found is not None and (found.low, found.median, found.high) == pytest.approx((2, 3, 4))
-
-
-Tune = Callable[..., TuningComparison]
+Tune = Callable[..., Tuning]
 SPLIT = SceneSplit(("cube-on-plane",), ("sphere-and-torus",))
 
 
@@ -230,7 +173,7 @@ SPLIT = SceneSplit(("cube-on-plane",), ("sphere-and-torus",))
 def tune(bench: Any) -> Tune:
     """Tunes the bias of a spec on one small scene, with another held out."""
 
-    def run(text: str, trials: int, folder: Path) -> TuningComparison:
+    def run(text: str, trials: int, folder: Path) -> Tuning:
         home = replace(parse_spec(text, KNOWN), explicit=frozenset())
         scenes = ("cube-on-plane", "sphere-and-torus")
         study = Study.of(scenes, [home], map_size=(128,), view_size=64, rounds=0)
@@ -239,7 +182,7 @@ def tune(bench: Any) -> Tune:
             blocks = cells.eligible_blocks(home)
             assert [scene.name for scene in scenes_of(blocks)] == list(scenes)
             space = SearchSpace(home, ("bias",), cells.unsupported_components(home, ("bias",), blocks))
-            return search_parameters(space, cells, blocks, SPLIT, trials, {"none": home.with_(bias="none")})
+            return ParameterSearch(space, cells, blocks, SPLIT).run(trials, [home.with_(bias="none")])
 
     return run
 
@@ -257,11 +200,8 @@ class Notes:
 def test_a_search_leaves_a_bad_default_behind(tune: Tune, tmp_path: Path) -> None:
     bad = "shadow-map:bias=constant(units=0.08),filter=hard"
     found = tune(bad, 24, tmp_path / "rows")
-    default, none = found.others
-    assert (default.name, none.name, default.cost) == ("default", "none", 1)
-    assert found.tuned.tuning < default.tuning / 2
-    assert found.tuned.cost <= 1
-    assert found.tuned in found.front
+    assert found.default.cost == 1
+    assert min(one.tuning for one in found.front if one.cost <= 1) < found.default.tuning / 2
 
 
 def test_rows_that_no_view_takes_are_not_searched(bench: Any, tmp_path: Path) -> None:
@@ -279,23 +219,21 @@ def test_rows_that_no_view_takes_are_not_searched(bench: Any, tmp_path: Path) ->
 LITTLE = ("--trials", "3", "--map-size", "64", "--view-size", "48", "--phases", "1")
 
 
-def test_tune_prints_and_saves_its_result(shadowbench: Callable[..., Any], half: Path, tmp_path: Path) -> None:
+def test_tune_prints_and_saves_its_result(shadowbench: Callable[..., Any], tmp_path: Path) -> None:
     scenes = ("--scenes", "cube-on-plane,spot-lamp,lamp-by-wall", "--held-out", "spot-lamp")
-    tune = ("tune", "-t", "shadow-map", *scenes, *LITTLE, "--plugin", half, "--against", "half", "-o", tmp_path / "t")
+    tune = ("tune", "-t", "shadow-map", *scenes, *LITTLE, "-o", tmp_path / "t")
     answer = shadowbench(*tune, "--json")
     assert answer.code == 0, answer.err
     assert "lamp-by-wall.camera.light.48 takes no part: a point light" in answer.err
     assert "tuning on cube-on-plane; held out: spot-lamp" in answer.err
     found = json.loads(answer.out)
     assert (found["tuning"], found["held_out"]) == (["cube-on-plane"], ["spot-lamp"])
-    assert found["tuned"] in found["front"]
-    names = [one["name"] for one in found["others"]]
-    assert names == ["default", *(f"preset={name}" for name in SHADOW_MAP.technique.presets), "half"]
-    assert all(math.isfinite(one["tuning"]) and one["held_out"]["median"] > 0 for one in found["others"])
+    assert found["default"]["spec"] == "shadow-map" and found["default"]["cost"] == 1
+    assert all(one["tuning"] > 0 and one["held_out"] > 0 for one in (*found["front"], found["default"]))
     assert {file.name for file in (tmp_path / "t").iterdir()} == {"rows.jsonl", "run.json", "table.csv"}
     quiet = shadowbench(*tune, "--quiet")
     assert (quiet.code, quiet.err) == (0, "")
-    assert "default" in quiet.out and found["tuned"]["spec"] in quiet.out
+    assert "default" in quiet.out and found["front"][0]["spec"] in quiet.out
     assert str(tmp_path) not in quiet.out
 
 
@@ -318,8 +256,8 @@ def test_a_setting_that_fails_costs_its_own_trial_only(
     assert answer.code == 3
     assert "cells failed; the first: failed: ZeroDivisionError: as planned" in answer.err
     found = json.loads(answer.out)
-    assert "sound=false" not in found["tuned"]["spec"]
-    assert found["tuned"]["tuning"] <= found["others"][0]["tuning"]
+    assert all("sound=false" not in one["spec"] for one in found["front"])
+    assert min(one["tuning"] for one in found["front"]) <= found["default"]["tuning"]
     answer = shadowbench("tune", "-t", "frail:sound=false", *scenes, *rest, "-q")
     assert (answer.code, answer.out) == (3, "")
     (line,) = answer.err.splitlines()
@@ -338,7 +276,6 @@ def test_a_setting_that_fails_costs_its_own_trial_only(
         (["-t", "shadow-map", "--scenes", "nowhere,stairs"], ["nowhere"]),
         (["-t", "shadow-map", "--scenes", "cube-on-plane"], ["--scenes", "1 to tune on, 0 held out"]),
         (["-t", "shadow-map", "--scenes", "lamp-by-wall"], ["none takes part"]),
-        (["-t", "shadow-map", "--against", "nothing"], ["nothing", "allowed"]),
         (["-t", "shadow-map", "--scenes", "cube-on-plane", "--held-out", "x"], ["--held-out", "'x'", "cube-on-plane"]),
         ([], ["-t"]),
     ],

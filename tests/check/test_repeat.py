@@ -1,4 +1,4 @@
-"""`repeat`: two runs with known times compared, and a study that is run twice."""
+"""`check --repeat`: two runs with known times compared, and a study that is run twice."""
 
 import json
 from collections.abc import Callable
@@ -117,17 +117,17 @@ def test_the_same_study_run_twice(tmp_path: Path, shadowbench: Callable[..., Any
     for folder in folders:
         assert shadowbench("run", "-s", tmp_path / "study.toml", "-o", folder, "-q").code == 0
         with_ratios(folder / "rows.jsonl")
-    answer = shadowbench("repeat", *folders)
+    answer = shadowbench("check", folders[1], "--baseline", folders[0], "--repeat")
     assert answer.code == 0, answer.out
     assert "work: exactly the same in 4 of 4 cells" in answer.out
-    found = json.loads(shadowbench("repeat", *folders, "--json").out)
+    found = json.loads(shadowbench("check", folders[1], "--baseline", folders[0], "--repeat", "--json").out)
     (ranking,) = found["rankings"]
     assert (ranking["tau"], found["holds"], found["unequal"]) == (1, True, [])
     assert ranking["sharp"] >= 3
 
     rows_file = folders[1] / "rows.jsonl"
     rows_file.write_text(rows_file.read_text().replace('"draws": ', '"draws": 1'))
-    answer = shadowbench("repeat", *folders)
+    answer = shadowbench("check", folders[1], "--baseline", folders[0], "--repeat")
     assert answer.code == 1
     assert "work differs: cube-on-plane shadow-map 64" in answer.out
 
@@ -136,7 +136,7 @@ def test_a_folder_that_was_timed_again_is_compared_with_itself(tmp_path: Path, s
     (tmp_path / "study.toml").write_text(STUDY.replace("rounds = 9", "rounds = 1"))
     command = ("run", "-s", tmp_path / "study.toml", "-o", tmp_path / "out", "-q")
     assert shadowbench(*command).code == 0
-    once = shadowbench("repeat", tmp_path / "out")
+    once = shadowbench("check", tmp_path / "out", "--repeat")
     assert once.code == 2 and "no cell was timed twice" in once.err and "--time-again" in once.err
     rows_file = tmp_path / "out" / "rows.jsonl"
 
@@ -157,7 +157,7 @@ def test_a_folder_that_was_timed_again_is_compared_with_itself(tmp_path: Path, s
             for row, ratio in zip(times(), ratios, strict=True)
         ]
         rows_file.write_text("\n".join([*scores, *map(json.dumps, changed), ""]))
-        (ranking,) = json.loads(shadowbench("repeat", tmp_path / "out", "--json").out)["rankings"]
+        (ranking,) = json.loads(shadowbench("check", tmp_path / "out", "--repeat", "--json").out)["rankings"]
         assert (ranking["cells"], ranking["sharp"], ranking["tau"]) == (4, 6, tau)
 
 
@@ -174,6 +174,13 @@ def test_runs_that_cannot_be_compared_are_one_line(tmp_path: Path, shadowbench: 
         ((tmp_path / "a", tmp_path / "sun"), "sun: was measured with --sun; allowed: as "),
         ((tmp_path / "sun", tmp_path / "a"), "a: was measured without --sun; allowed: as "),
     ):
-        answer = shadowbench("repeat", *arguments)
+        baseline, folder = arguments
+        answer = shadowbench("check", folder, "--baseline", baseline, "--repeat")
         assert (answer.code, answer.out) == (2, "")
         assert expected in answer.err and len(answer.err.splitlines()) == 1
+    for words, expected in (
+        (["--repeat", "--update", "--baseline", tmp_path / "b"], "--repeat: found --update, --time or --tolerance"),
+        ([], "check: found no --baseline; allowed: --baseline DIR, or --repeat"),
+    ):
+        answer = shadowbench("check", tmp_path / "a", *words)
+        assert (answer.code, answer.out) == (2, "") and expected in answer.err

@@ -548,7 +548,7 @@ def test_help_groups_every_command_and_cuts_no_summary(
     assert names == {
         "Measure": ["run", "stress", "score", "truth"],
         "Decide": ["recommend", "needs", "tune"],
-        "Check": ["check", "repeat", "merge", "doctor"],
+        "Check": ["check", "merge", "doctor"],
         "Look": ["report", "render", "view", "list"],
         "Extend": ["new-technique", "export"],
     }

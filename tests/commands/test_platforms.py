@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from shadowbench.measure import machine
-from shadowbench.sources import installed
+from shadowbench.versions import installed
 
 LIBRARIES = ("moderngl", "glcontext", "embreex", "numba", "llvmlite")
 Elsewhere = Callable[..., subprocess.CompletedProcess[str]]

@@ -3,8 +3,7 @@
 import importlib.util
 import shutil
 import sys
-import tomllib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,21 +11,24 @@ from typing import Any
 
 import pytest
 
-from shadowbench import data
+from shadowbench import data, versions
+from shadowbench.gl.device import Device
+from shadowbench.gl.shaders import compose
 from shadowbench.measure import keys
 from shadowbench.measure.cells import Cell
-from shadowbench.measure.keys import cell_key
+from shadowbench.measure.keys import cell_key, shader_names, view_key
+from shadowbench.measure.loaded_scene import LoadedScene
 from shadowbench.measure.machine import machine_key
 from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Coordinates, View, view_of
+from shadowbench.techniques import stage
 from shadowbench.techniques.base import Technique
-from shadowbench.techniques.registry import source_file, techniques
+from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.shadow_map import ShadowMap
 from shadowbench.techniques.spec import parse_spec
 
-ROOT = Path(__file__).resolve().parents[2]
-FAULTS = tomllib.loads((ROOT / "tests" / "faults" / "faults.toml").read_text(encoding="utf-8"))["change"]
+DRAWER = {"renderer": "r", "embree": "e"}
 KNOWN = techniques()
 
 
@@ -34,18 +36,23 @@ def key(
     spec: str = "shadow-map",
     view: str = "v",
     phase: int = 0,
-    renderer: str = "r",
     coordinates: Coordinates = "relative",
+    **drawer: str,
 ) -> str:
-    return cell_key(Cell(parse_spec(spec, KNOWN), phase), view, coordinates, renderer)
+    return cell_key(Cell(parse_spec(spec, KNOWN), phase), view, coordinates, DRAWER | drawer)
 
 
 @pytest.fixture
 def fresh() -> Iterator[Callable[[], None]]:
-    """Clears the cached digests of sources."""
-    keys._sources.cache_clear()
-    yield keys._sources.cache_clear
-    keys._sources.cache_clear()
+    """Clears the cached digests of shaders and plug-ins."""
+
+    def clear() -> None:
+        keys._sources.cache_clear()
+        keys._glsl.cache_clear()
+
+    clear()
+    yield clear
+    clear()
 
 
 @pytest.fixture
@@ -104,15 +111,30 @@ def test_a_changed_default_is_another_cell(changed_default: Any) -> None:
     assert key() == before[0]
 
 
-def test_phase_coordinates_renderer_and_view_are_in_the_key() -> None:
+def test_phase_coordinates_view_and_what_draws_and_traces_are_in_the_key() -> None:
     others = {
         key(phase=1),
         key(coordinates="absolute"),
         key(renderer="another driver"),
+        key(embree="another processor"),
         key(view="another view"),
         key(),
     }
-    assert len(others) == 5
+    assert len(others) == 6
+
+
+@pytest.mark.parametrize("version", ["DRAW", "TRACE", "SCORE"])
+def test_declared_versions_are_in_the_key(version: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = key()
+    monkeypatch.setattr(versions, version, getattr(versions, version) + 1)
+    assert key() != before
+
+
+@pytest.mark.parametrize("library", ["embreex", "moderngl", "numpy", "pyglm", "scipy"])
+def test_libraries_are_in_the_key(library: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    before, installed = key(), versions.installed
+    monkeypatch.setattr(versions, "installed", lambda name: "another" if name == library else installed(name))
+    assert key() != before
 
 
 def test_a_view_differs_with_all_that_can_move_a_shadow(cube: View) -> None:
@@ -141,7 +163,15 @@ def test_a_view_differs_with_all_that_can_move_a_shadow(cube: View) -> None:
     assert len({view_digest(view) for view in views}) == len(views)
 
 
-def test_names_and_colours_are_not_in_the_key(cube: View) -> None:
+def test_names_of_scene_view_and_light_are_in_the_key(cube: View) -> None:
+    views = [cube, *(replace(cube, **{part: replace(getattr(cube, part), name="other")}) for part in PARTS)]
+    assert len({view_key(view) for view in views}) == len({key(view=view_key(view)) for view in views}) == 4
+
+
+PARTS = ("scene", "camera", "light")
+
+
+def test_names_and_colours_are_not_in_the_digest_of_a_view(cube: View) -> None:
     scene = cube.scene
     meshes = tuple(replace(mesh, name="x", color=(0.1, 0.2, 0.3)) for mesh in scene.meshes)
     renamed = View(
@@ -167,106 +197,74 @@ def shaders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     [
         ("shadow-map/resolve.frag", "shadow-map", True),
         ("shadow-map/resolve.frag", "unshadowed", False),
+        ("shadow-map/resolve.frag", "light-samples:of=shadow-map", True),
+        ("shadow-map/resolve.frag", "light-samples:of=ray-traced", False),
+        ("shadow-volume/count.frag", "soft-volume", True),
+        ("shadow-volume/count.frag", "light-samples:of=ray-traced", False),
         ("unshadowed/resolve.frag", "shadow-map", False),
         ("unshadowed/resolve.frag", "unshadowed", True),
         ("receiver.glsl", "shadow-map", True),
         ("receiver.glsl", "unshadowed", True),
+        ("cube_map.glsl", "cube-map", True),
+        ("cube_map.glsl", "unshadowed", False),
         ("fullscreen.vert", "shadow-map", True),
+        ("gbuffer/gbuffer.frag", "unshadowed", True),
+        ("bias/texel.glsl", "shadow-map", True),
+        ("bias/slope.glsl", "shadow-map", False),
+        ("bias/slope.glsl", "shadow-map:bias=slope+texel", True),
+        ("filter/disc.glsl", "shadow-map:filter=pcss", True),  # included by its shader
+        ("filter/disc.glsl", "light-samples:of=shadow-map(filter=pcss)", True),
+        ("filter/disc.glsl", "shadow-map", False),
     ],
 )
-def test_a_key_knows_the_shaders_of_its_technique_and_the_shared(
+def test_a_key_knows_the_shaders_that_its_cell_uses(
     shaders: Path, fresh: Callable[[], None], file: str, spec: str, differs: bool
 ) -> None:
     before = key(spec)
     text = shaders / file
-    text.write_text(text.read_text() + "// another word\n")
+    text.write_text(text.read_text() + "float another;\n")
     fresh()
     assert (key(spec) != before) == differs
 
 
-def test_a_shared_row_s_shader_is_in_the_key(shaders: Path, fresh: Callable[[], None]) -> None:
-    before = key()
-    (shaders / "bias").mkdir(exist_ok=True)
-    (shaders / "bias" / "new.glsl").write_text("// a new bias\n")
+def test_comments_and_layout_of_shaders_are_in_no_key(shaders: Path, fresh: Callable[[], None]) -> None:
+    before = {name: key(name) for name in KNOWN}
+    file = shaders / "receiver.glsl"
+    file.write_text(
+        "// another comment\n\n" + file.read_text().replace("\n", " // and here\n    ") + "/* and\n here */\n"
+    )
     fresh()
-    assert key() != before
-
-
-EDITED = [
-    ("techniques/shadow_map.py", "shadow-map", True),
-    ("techniques/shadow_map.py", "unshadowed", False),
-    ("techniques/unshadowed.py", "shadow-map", False),
-    ("techniques/unshadowed.py", "unshadowed", True),
-    ("techniques/ray_traced.py", "shadow-map", False),
-    ("techniques/shadow_map.py", "light-samples:of=shadow-map", True),
-    ("techniques/shadow_map.py", "light-samples:of=ray-traced", False),
-    ("../shaders/shadow-volume/count.frag", "soft-volume", True),
-    ("../shaders/shadow-volume/count.frag", "light-samples:of=ray-traced", False),
-    ("techniques/base.py", "shadow-map", True),
-    ("techniques/biases.py", "unshadowed", True),
-    ("techniques/params.py", "unshadowed", True),
-    ("gl/gbuffer.py", "unshadowed", True),
-    ("truths/rays.py", "unshadowed", True),
-    ("scores/ssim.py", "unshadowed", True),
-    ("scenes/model.py", "unshadowed", True),
-    ("geometry/planes.py", "planar-projection", True),
-    ("geometry/topology.py", "shadow-volume", True),
-    ("geometry/topology.py", "shadow-map", False),
-    ("gl/raw.py", "unshadowed", True),
-    ("truths/cache.py", "unshadowed", True),
-    ("measure/session.py", "unshadowed", True),
-    ("measure/loaded_scene.py", "unshadowed", True),
-    ("measure/scoring.py", "unshadowed", True),
-    ("studies/tables.py", "unshadowed", False),
-    ("commands/run.py", "unshadowed", False),
-]
-
-
-@pytest.fixture
-def edit(monkeypatch: pytest.MonkeyPatch, fresh: Callable[[], None]) -> Callable[..., None]:
-    """Makes files read as if a line were appended, without writing to them, as other processes may read them."""
-    read = Path.read_bytes
-
-    def edited(*files: Path) -> None:
-        assert all(file.is_file() for file in files)
-        monkeypatch.setattr(Path, "read_bytes", lambda self: read(self) + b"# edited\n" * (self in files))
-        fresh()
-
-    return edited
-
-
-@pytest.mark.parametrize(("file", "spec", "differs"), EDITED)
-def test_a_key_knows_the_code_that_its_result_rests_on(
-    edit: Callable[..., None], file: str, spec: str, differs: bool
-) -> None:
-    before = key(spec)
-    edit((Path(data.__file__).parent / file).resolve())
-    assert (key(spec) != before) == differs
-
-
-def test_a_technique_s_own_file_is_in_no_key_of_a_spec_that_does_not_name_it(edit: Callable[..., None]) -> None:
-    before = {name: key(name) for name in KNOWN}
-    for technique in KNOWN.values():
-        edit(source_file(technique))
-        named = [name for name in KNOWN if technique in parse_spec(name, KNOWN).techniques]
-        assert [other for other in KNOWN if key(other) != before[other]] == named
-
-
-@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: str(fault["name"]))
-def test_a_planted_fault_changes_the_keys_of_its_technique(edit: Callable[..., None], fault: dict[str, Any]) -> None:
-    before = key(fault["technique"])
-    for change in fault["edit"]:
-        edit(ROOT / change["file"])
-        assert key(fault["technique"]) != before
-
-
-@pytest.mark.parametrize("room", ["reports", "commands", "advice", "check", "extremes", "engines", "survey"])
-def test_edits_to_reports_and_commands_change_no_key(edit: Callable[..., None], room: str) -> None:
-    before = {name: key(name) for name in KNOWN}
-    files = sorted((ROOT / "shadowbench" / room).rglob("*.py"))
-    assert files
-    edit(*files)
     assert {name: key(name) for name in KNOWN} == before
+
+
+def test_a_new_shader_file_is_in_no_key_of_a_technique_that_draws_alone(
+    shaders: Path, fresh: Callable[[], None]
+) -> None:
+    alone = [name for name, technique in KNOWN.items() if not technique.builds_on]
+    before = {name: key(name) for name in alone}
+    (shaders / "filter" / "new.glsl").write_text("float another;\n")
+    receiver = shaders / "receiver.glsl"
+    receiver.rename(shaders / "part.glsl")
+    receiver.write_text('#include "part.glsl"\n')
+    fresh()
+    assert {name: key(name) for name in alone} == before
+
+
+@pytest.mark.parametrize("spec", [f"{name}:{more}".rstrip(":") for name in KNOWN for more in KNOWN[name].variants])
+def test_every_shader_that_a_technique_composes_is_in_its_key(
+    device: Device, cube: View, spec: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    composed: set[str] = set()
+
+    def watched(source: Path | str, roots: Any, defines: Any, slots: Mapping[str, str], **others: Any) -> str:
+        composed.update(str(name) for name in (source, *slots.values()))
+        return compose(source, roots, defines, slots, **others)
+
+    monkeypatch.setattr(stage, "compose", watched)
+    parsed, loaded = parse_spec(spec, KNOWN), LoadedScene(device, cube.scene, "relative")
+    loaded.build(parsed, 32)[1].release()
+    loaded.release()
+    assert composed <= set(shader_names(parsed.techniques, map(type, parsed.components), plugged=False))
 
 
 def load(file: Path, name: str = "Half") -> type[Technique]:
@@ -285,7 +283,7 @@ def plugged(fresh: Callable[[], None]) -> Callable[..., str]:
 
     def read(file: Path, name: str = "Half") -> str:
         fresh()
-        return cell_key(Cell(parse_spec("half", {"half": load(file, name)}), 0), "v", "relative", "r")
+        return cell_key(Cell(parse_spec("half", {"half": load(file, name)}), 0), "v", "relative", DRAWER)
 
     return read
 
@@ -326,23 +324,6 @@ def test_the_whole_package_of_a_plug_in_is_in_its_key(half: Path, tmp_path: Path
     assert len(set(found)) == 4
 
 
-def test_modules_that_a_plug_in_package_imports_from_shadowbench_are_in_its_key(
-    half: Path, tmp_path: Path, edit: Callable[..., None], plugged: Callable[..., str]
-) -> None:
-    package = tmp_path / "package"
-    package.mkdir()
-    (package / "__init__.py").write_text("")
-    file = package / "half.py"
-    shutil.copy(half, file)
-    (package / "helper.py").write_text("from shadowbench.techniques import culling\n")
-    (package / "template.py").write_text("{{ no Python }}")
-    before = plugged(file)
-    edit(ROOT / "shadowbench" / "techniques" / "layers.py")
-    assert plugged(file) == before
-    edit(ROOT / "shadowbench" / "techniques" / "culling.py")
-    assert plugged(file) != before
-
-
 FILTER = """
 from shadowbench.techniques.filters import Hard
 
@@ -362,7 +343,7 @@ def test_a_plugged_filter_s_file_and_shader_are_in_the_keys_of_the_cells_that_us
 
     def found(name: str) -> str:
         fresh()
-        return cell_key(Cell(parse_spec(spec.format(name), techniques([file])), 0), "v", "relative", "r")
+        return cell_key(Cell(parse_spec(spec.format(name), techniques([file])), 0), "v", "relative", DRAWER)
 
     plugged, other = [found("plugged")], found("hard")
     for changed in (file, shader):
@@ -410,23 +391,15 @@ def test_a_plug_in_whose_parameters_are_another_s_rests_on_its_file_too(
     assert plugged(heir) != before
 
 
-@pytest.mark.parametrize(("file", "differs"), [("techniques/shadow_map.py", True), ("techniques/ray_traced.py", False)])
-def test_a_plug_in_that_inherits_from_ours_rests_on_its_file_too(
-    tmp_path: Path, edit: Callable[..., None], plugged: Callable[..., str], file: str, differs: bool
-) -> None:
-    heir = tmp_path / "heir.py"
-    heir.write_text(INHERITS.format(module=ShadowMap.__module__, parent="ShadowMap"))
-    before = plugged(heir, "Heir")
-    edit((Path(data.__file__).parent / file).resolve())
-    assert (plugged(heir, "Heir") != before) == differs
-
-
-@pytest.mark.parametrize(("file", "differs"), [("shadow-map/resolve.frag", True), ("unshadowed/resolve.frag", False)])
+@pytest.mark.parametrize(
+    ("file", "differs"),
+    [("shadow-map/resolve.frag", True), ("shadow_map.glsl", True), ("unshadowed/resolve.frag", False)],
+)
 def test_a_plug_in_that_inherits_from_ours_rests_on_its_shaders_too(
     tmp_path: Path, shaders: Path, plugged: Callable[..., str], file: str, differs: bool
 ) -> None:
     heir = tmp_path / "heir.py"
     heir.write_text(INHERITS.format(module=ShadowMap.__module__, parent="ShadowMap"))
     before = plugged(heir, "Heir")
-    (shaders / file).write_text("// another text\n")
+    (shaders / file).write_text("float another;\n")
     assert (plugged(heir, "Heir") != before) == differs

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from shadowbench import versions
 from shadowbench.scenes.model import Light, Mesh, View, view_of
 from shadowbench.truths import cache
 from shadowbench.truths.cache import cache_folder, cached_truth, read_truth, write_truth
@@ -103,10 +104,12 @@ def test_other_numbers_of_samples_are_traced(view: View, no_tracing: Callable[[]
         cached_truth(view, standard_error=0.01)
 
 
-def test_other_sources_are_traced(view: View, no_tracing: Callable[[], None], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_truths_of_another_version_are_traced(
+    view: View, no_tracing: Callable[[], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
     cached_truth(view)
     no_tracing()
-    monkeypatch.setattr(cache, "_sources", lambda: "a changed tracer")
+    monkeypatch.setattr(versions, "TRACE", versions.TRACE + 1)
     with pytest.raises(TracedAgainError):
         cached_truth(view)
 

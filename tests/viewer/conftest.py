@@ -14,7 +14,7 @@ from shadowbench.techniques.spec import parse_spec
 from shadowbench.viewer import changed_files
 from shadowbench.viewer.app import Viewer
 from shadowbench.viewer.state import Origin, ViewerState
-from shadowbench.viewer.truth_task import TruthTask
+from shadowbench.viewer.truth import TruthTask
 
 SCENE = """
 [camera]

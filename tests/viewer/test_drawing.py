@@ -22,7 +22,7 @@ from shadowbench.viewer.drawing import LEAST_SIZE, Drawing, moving_size
 from shadowbench.viewer.navigation import orbited
 from shadowbench.viewer.panes import Panes, TruthTextures
 from shadowbench.viewer.state import OVERLAYS, ViewerState
-from shadowbench.viewer.truth_messages import Traced
+from shadowbench.viewer.truth import Traced
 
 SIZE = 64
 KNOWN = techniques()

@@ -23,7 +23,7 @@ from shadowbench.viewer.judge import Judge
 from shadowbench.viewer.lights import with_kind
 from shadowbench.viewer.navigation import orbited
 from shadowbench.viewer.result_panels import status
-from shadowbench.viewer.truth_messages import Answer, Failed, Scored, Traced
+from shadowbench.viewer.truth import Answer, Failed, Scored, Traced
 
 LEVEL = """
 from pathlib import Path

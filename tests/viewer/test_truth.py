@@ -11,8 +11,7 @@ from shadowbench.measure.scoring import prepare_truth
 from shadowbench.scenes.model import View
 from shadowbench.scores.metrics import score
 from shadowbench.truths.trace import trace
-from shadowbench.viewer.truth_messages import Answer, Failed, Scored, Traced
-from shadowbench.viewer.truth_task import TruthTask
+from shadowbench.viewer.truth import Answer, Failed, Scored, Traced, TruthTask
 
 SIZE = 128
 
