@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from shadowbench.measure.executor import Unsupported
 
 from shadowbench import versions
 from shadowbench.measure.cells import PlacedView
-from shadowbench.measure.executor import Unsupported
 from shadowbench.measure.flips import FINER, Stepped, flips
 from shadowbench.measure.keys import sources_of
 from shadowbench.measure.scoring import mask_record, prepare_truth

@@ -85,13 +85,15 @@ def compare(found: Sequence[Result], baseline: Sequence[Result], tolerances: Map
         if new is None:
             changes.append(Change(old.score, "status", old.status, MISSING, "regressed", math.inf))
             continue
-        if "ok" not in (old.status, new.status) or old.status != new.status:
+        if "ok" not in (old.score["status"], new.score["status"]) or old.score["status"] != new.score["status"]:
             changes += _status(old, new)
             continue
         equal += _same_mask(old.score, new.score, allowed)
         changes += _metrics(old.score, new.score, allowed)
         if _driver(old) == _driver(new):
             changes += _work(old.score, new.score)
+        if old.time is not None and old.time.get("ratio") and new.status != "ok":
+            changes.append(Change(new.score, "time", old.time["ratio"], new.status, "regressed", math.inf))
         if _comparable(old, new):
             timed += 1
             changes += _time(old, new)
@@ -122,9 +124,10 @@ def _same_mask(old: Record, new: Record, names: Iterable[str]) -> bool:
 
 def _status(old: Result, new: Result) -> Iterator[Change]:
     """Change from success to failure or back; a different reason of failure is no change."""
-    if (old.status == "ok") != (new.status == "ok"):
-        verdict: Verdict = "regressed" if old.status == "ok" else "improved"
-        yield Change(new.score, "status", old.status, new.status, verdict, math.inf)
+    before, after = old.score["status"], new.score["status"]
+    if (before == "ok") != (after == "ok"):
+        verdict: Verdict = "regressed" if before == "ok" else "improved"
+        yield Change(new.score, "status", before, after, verdict, math.inf)
 
 
 def _metrics(old: Record, new: Record, allowed: Mapping[str, float]) -> Iterator[Change]:

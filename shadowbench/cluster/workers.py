@@ -13,6 +13,7 @@ from shadowbench.cluster.tasks import station
 from shadowbench.data import PACKAGE, data_folder
 from shadowbench.errors import ShadowbenchError
 from shadowbench.measure.keys import files_in
+from shadowbench.measure.gl_drawer import GLDrawer
 from shadowbench.measure.machine import machine, versions
 from shadowbench.measure.session import DeviceInfo
 
@@ -57,7 +58,7 @@ async def describe(setup: Setup, expected: Mapping[str, str], dask_worker: "Dask
         else:
             try:
                 with station(setup) as one:
-                    info, identity = one.worker.info, one.worker.identity
+                    info, identity = one.worker.info, GLDrawer(one.worker).identity
             except ShadowbenchError as error:
                 reason = str(error)
         return WorkerFacts(dask_worker.address, socket.gethostname(), machine(), found, info, identity, reason)

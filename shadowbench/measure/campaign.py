@@ -110,10 +110,8 @@ class Campaign:
     def keys(self, block: Block) -> dict[Cell, str]:
         """Keys of the rows of a block's cells."""
         if block not in self._keys:
-            views, identity = [view_key(view) for view in block.views], self.drawer.identity
-            frames = {
-                cell: [cell_key(cell, view, block.coordinates, identity) for view in views] for cell in block.cells
-            }
+            views, drawer = [view_key(view) for view in block.views], self.drawer.identity
+            frames = {cell: [cell_key(cell, view, block.coordinates, drawer) for view in views] for cell in block.cells}
             self._keys[block] = {
                 cell: keys[0]
                 if len(keys) == 1 and not block.place

@@ -122,14 +122,18 @@ class PassTime(TypedDict):
 
 @with_config(_STRICT)
 class TimeRow(TypedDict):
-    """Time record of a cell: milliseconds over `n` rounds. Without a `ratio`, `no_ratio` is the reference's status."""
+    """Time record of a cell: milliseconds over `n` rounds. Without a `ratio`, `no_ratio` is the reference's status.
+
+    One with a `status`, which says why the timing failed, has no times.
+    """
 
     schema: Literal[1]
     kind: Literal["time"]
     key: Key
-    clock: str
-    n: Annotated[Count, Field(ge=1)]
-    frame_ms: NonNegative
+    status: NotRequired[Annotated[str, StringConstraints(pattern=r"^failed: (?s:.*)$")]]
+    clock: NotRequired[str]
+    n: NotRequired[Annotated[Count, Field(ge=1)]]
+    frame_ms: NotRequired[NonNegative]
     frame_iqr_ms: NotRequired[NonNegative]
     wall_ms: NotRequired[NonNegative | None]
     added_ms: NotRequired[FiniteFloat]
@@ -137,12 +141,12 @@ class TimeRow(TypedDict):
     still_ms: NotRequired[NonNegative | None]
     camera_ms: NotRequired[NonNegative | None]
     light_ms: NotRequired[NonNegative | None]
-    passes: dict[str, PassTime]
+    passes: NotRequired[dict[str, PassTime]]
     machine: NotRequired[str]
     reference: NotRequired[str]
     reference_key: NotRequired[str]
     reference_ms: NotRequired[NonNegative | None]
-    ratio: NonNegative | None
+    ratio: NotRequired[NonNegative | None]
     ratio_iqr: NotRequired[NonNegative | None]
     ratio_quartiles: NotRequired[Annotated[list[NonNegative], Field(min_length=2, max_length=2)] | None]
     no_ratio: NotRequired[str | None]
@@ -203,17 +207,21 @@ class RunFile(TypedDict, total=False):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Result:
-    """Score record of a cell, its time record if any, and why timing failed, if it did."""
+    """Score record of a cell, and its last time record if any, which may tell that the timing failed."""
 
     score: Record
-    time: Record | None
-    timing_failure: str | None = None
+    last_time: Record | None
+
+    @property
+    def time(self) -> Record | None:
+        """The time record; None if the cell was not timed, or if that failed."""
+        return None if self.last_time is None or "status" in self.last_time else self.last_time
 
     @property
     def status(self) -> str:
         """`ok`, `unsupported: …` or `failed: …`; the last also for a cell that failed only during timing."""
-        if self.timing_failure is not None:
-            return f"failed: while timed: {self.timing_failure}"
+        if self.last_time is not None and "status" in self.last_time:
+            return f"failed: while timed: {self.last_time['status'].removeprefix('failed: ')}"
         return str(self.score["status"])
 
 
@@ -237,10 +245,14 @@ def _check_score_row(row: ScoreRow) -> ScoreRow:
 
 
 def _check_time_row(row: TimeRow) -> TimeRow:
-    needed = ("no_ratio",) if row["ratio"] is None else ("ratio_iqr", "reference", "machine")
-    lacking = [name for name in needed if row.get(name) is None]
-    if lacking:
-        raise ValueError(f"found no {lacking[0]} beside ratio; it must be given")
+    if "status" not in row:
+        missing = [name for name in ("clock", "n", "frame_ms", "passes", "ratio") if name not in row]
+        if missing:
+            raise ValueError(f"found no {missing[0]}; it must be given")
+        needed = ("no_ratio",) if row["ratio"] is None else ("ratio_iqr", "reference", "machine")
+        lacking = [name for name in needed if row.get(name) is None]
+        if lacking:
+            raise ValueError(f"found no {lacking[0]} beside ratio; it must be given")
     _check_unknown(row, _TIME_FIELDS)
     return row
 
