@@ -39,7 +39,7 @@ def front_chart(section: Section, styles: Styles) -> Chart | None:
     x = quantity("ms", title, **log_axis("x", [point["ms"] for point in points]))
     y = error_axis(section, [point["drawn"] for point in points])
     on_front, fields = {"filter": "datum.front"}, tooltip(section)
-    label = {"align": {"expr": f"{_NO_ROOM} ? 'right' : 'left'"}, "dx": {"expr": f"{_NO_ROOM} ? -8 : 8"}}
+    label: Chart = {"align": {"expr": f"{_NO_ROOM} ? 'right' : 'left'"}, "dx": {"expr": f"{_NO_ROOM} ? -8 : 8"}}
     label |= {"dy": {"expr": f"{_NO_ROOM} ? 12 : -9"}, "fontSize": 11, "color": INK_SIGNAL, "clip": True}
     look = styles.channels(one.spec for one in section.timed) | {
         "size": _where_front(140, 60),
