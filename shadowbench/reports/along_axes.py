@@ -9,7 +9,7 @@ from shadowbench.extremes.axes.model import NAMES
 from shadowbench.extremes.ranges import TOLERANCES, OperatingRange, failure, tolerances_of, value_text
 from shadowbench.measure.flips import row_metrics
 from shadowbench.measure.rows import Record
-from shadowbench.reports.axes import Chart
+from shadowbench.reports.axes import Chart, mark, quantity
 from shadowbench.reports.charts import BASE_CHART, INK_SIGNAL, PARAMS, SHOWN_ONLY, chart_of
 from shadowbench.reports.stability import Stability
 from shadowbench.reports.styles import Styles
@@ -37,15 +37,8 @@ def axis_figure(found: Stability, axis: Axis, styles: Styles) -> Chart:
     panels = []
     for name in metrics_along(found, axis):
         values, layer = _along(found, axis, styles, f"'{name}'")
-        panels.append(
-            {
-                "width": 760,
-                "height": 190,
-                "title": {"text": name, "anchor": "start"},
-                "data": {"values": values},
-                "layer": layer,
-            }
-        )
+        title = {"text": name, "anchor": "start"}
+        panels.append({"width": 760, "height": 190, "title": title, "data": {"values": values}, "layer": layer})
     params = [*PARAMS, {"name": "light", "value": ALL_LIGHTS}]
     return {**BASE_CHART, "description": f"Metrics along {axis.name}", "params": params, "vconcat": panels}
 
@@ -71,34 +64,20 @@ def _along(found: Stability, axis: Axis, styles: Styles, metric: str) -> tuple[l
         for row in found.rows_of(one)
     ]
     channels = styles.channels(one.spec for _, one in ranges)
-    at, labels = (
-        json.dumps(list(positions.values())),
-        json.dumps([value_label(value) for value in swept], ensure_ascii=False),
-    )
-    x = {
-        "field": "x",
-        "type": "quantitative",
-        "title": f"{axis.name}{f', {axis.unit}' if axis.unit else ''}; default: {value_label(axis.default)}",
-        "scale": {
-            "domain": [min(positions.values()), max(positions.values())],
-            "nice": False,
-            "zero": False,
-            "padding": 12,
-        },
-        "axis": {
-            "values": list(positions.values()),
-            "labelExpr": f"{labels}[indexof({at}, datum.value)]",
+    places, labels = list(positions.values()), json.dumps([value_label(value) for value in swept], ensure_ascii=False)
+    x = quantity(
+        "x",
+        f"{axis.name}{f', {axis.unit}' if axis.unit else ''}; default: {value_label(axis.default)}",
+        scale={"domain": [min(places), max(places)], "nice": False, "zero": False, "padding": 12},
+        axis={
+            "values": places,
+            "labelExpr": f"{labels}[indexof({json.dumps(places)}, datum.value)]",
             "labelOverlap": "greedy",
             "grid": True,
         },
-    }
-    y = {
-        "field": "y",
-        "type": "quantitative",
-        "title": None,
-        "scale": {"type": "symlog", "constant": 1e-4, "domain": [0, 1], "nice": False},
-        "axis": {"values": [0, 1e-4, 1e-3, 1e-2, 1e-1, 1], "format": ".2~%"},
-    }
+    )
+    scale = {"type": "symlog", "constant": 1e-4, "domain": [0, 1], "nice": False}
+    y = quantity("y", None, scale=scale, axis={"values": [0, 1e-4, 1e-3, 1e-2, 1e-1, 1], "format": ".2~%"})
     dash = {
         "field": "light",
         "title": None,
@@ -106,44 +85,23 @@ def _along(found: Stability, axis: Axis, styles: Styles, metric: str) -> tuple[l
         "scale": {"domain": list(NAMES.values()), "range": [_DASHES[kind] for kind in NAMES]},
     }
     light_filter = {"filter": f"light == '{ALL_LIGHTS}' || datum.light == light"}
-    transform = [light_filter, SHOWN_ONLY, {"calculate": f"datum[{metric}]", "as": "y"}, {"filter": "isValid(datum.y)"}]
+    valid = [light_filter, SHOWN_ONLY, {"calculate": f"datum[{metric}]", "as": "y"}, {"filter": "isValid(datum.y)"}]
     tooltip = [{"field": name} for name in ("spec", "light", "at", "scores", "verdict")]
     limit = {"data": {"values": [LIMITS]}, "transform": [{"calculate": f"datum[{metric}]", "as": "y"}]}
+    label = {"x": {"value": 0}, "y": y, "text": {"value": "tolerance"}}
+    line = {"strokeDash": dash, "detail": [{"field": "spec"}, {"field": "light"}], "order": {"field": "x"}}
+    broken = {"condition": {"test": "datum.broken", "value": INK_SIGNAL}, "value": None}
+    point = {"filled": True, "size": 44, "strokeWidth": 1.2, "cursor": "crosshair"}
+    at, color, ended = {"x": x, "y": y}, {"color": channels["color"]}, {"filter": "datum.ended"}
+    cross = {"text": "✕", "fontSize": 14, "fontWeight": "bold", "cursor": "crosshair"}
     layer: list[Chart] = [
-        {**limit, "mark": {"type": "rule", "color": INK_SIGNAL, "strokeDash": [2, 2]}, "encoding": {"y": y}},
-        {
-            **limit,
-            "mark": {"type": "text", "align": "left", "dx": 3, "dy": -6, "fontSize": 10.5, "color": INK_SIGNAL},
-            "encoding": {"x": {"value": 0}, "y": y, "text": {"value": "tolerance"}},
-        },
-        {
-            "transform": transform,
-            "mark": {"type": "line", "strokeWidth": 1.6},
-            "encoding": {
-                "x": x,
-                "y": y,
-                "color": channels["color"],
-                "strokeDash": dash,
-                "detail": [{"field": "spec"}, {"field": "light"}],
-                "order": {"field": "x"},
-            },
-        },
-        {
-            "transform": transform,
-            "mark": {"type": "point", "filled": True, "size": 44, "strokeWidth": 1.2, "cursor": "crosshair"},
-            "encoding": {
-                "x": x,
-                "y": y,
-                **channels,
-                "stroke": {"condition": {"test": "datum.broken", "value": INK_SIGNAL}, "value": None},
-                "tooltip": tooltip,
-            },
-        },
-        {
-            "transform": [light_filter, SHOWN_ONLY, {"filter": "datum.ended"}],
-            "mark": {"type": "text", "text": "✕", "fontSize": 14, "fontWeight": "bold", "cursor": "crosshair"},
-            "encoding": {"x": x, "y": {"value": 7}, "color": channels["color"], "tooltip": tooltip},
-        },
+        {**limit, **mark("rule", {"y": y}, color=INK_SIGNAL, strokeDash=[2, 2])},
+        {**limit, **mark("text", label, align="left", dx=3, dy=-6, fontSize=10.5, color=INK_SIGNAL)},
+        mark("line", {**at, **color, **line}, *valid, strokeWidth=1.6),
+        mark("point", {**at, **channels, "stroke": broken, "tooltip": tooltip}, *valid, **point),
+        mark(
+            "text", {"x": x, "y": {"value": 7}, **color, "tooltip": tooltip}, light_filter, SHOWN_ONLY, ended, **cross
+        ),
     ]
     return points, layer
 

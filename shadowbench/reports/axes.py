@@ -8,14 +8,19 @@ from shadowbench.reports.words import digits
 
 Chart = dict[str, Any]
 _SCORES = {"edge px": "edge_px", "SSIM": "ssim", "acne": "acne", "leak": "leak", "contact": "contact"}
-_SOFT_SCORES = {
-    "RMSE pen": "rmse_pen",
-    "SSIM": "ssim",
-    "bleed": "bleed",
-    "noise": "noise",
-    "width": "width",
-    "hardening": "hardening",
+_SOFT_SCORES = {"RMSE pen": "rmse_pen", "SSIM": "ssim"} | {
+    name: name for name in ("bleed", "noise", "width", "hardening")
 }
+
+
+def mark(kind: str, encoding: Chart, *where: Chart, **style: Any) -> Chart:
+    """A layer of marks of one kind and style; where: transforms that choose its data."""
+    return {**({"transform": list(where)} if where else {}), "mark": {"type": kind, **style}, "encoding": encoding}
+
+
+def quantity(field: str, title: str | Sequence[str] | None, **more: Any) -> Chart:
+    """A channel of numbers."""
+    return {"field": field, "type": "quantitative", "title": title, **more}
 
 
 def chart_point(section: Section, one: Configuration) -> Chart:
@@ -77,12 +82,7 @@ def label_points(points: Sequence[Chart]) -> None:
 def error_axis(section: Section, values: Sequence[float]) -> Chart:
     """The y channel of an error chart; values: all errors drawn."""
     about = "root mean square error of visibility" if section.soft else "share of the shadow that is wrong"
-    return {
-        "field": "drawn",
-        "type": "quantitative",
-        "title": f"{section.ranked_by.error_label}: {about}",
-        **log_axis("y", values),
-    }
+    return quantity("drawn", f"{section.ranked_by.error_label}: {about}", **log_axis("y", values))
 
 
 def log_axis(channel: str, values: Sequence[float]) -> Chart:
@@ -90,12 +90,9 @@ def log_axis(channel: str, values: Sequence[float]) -> Chart:
     decades = f"log(domain('{channel}')[1] / domain('{channel}')[0]) / LN10"
     leading = "round(datum.value / pow(10, floor(log(datum.value) / LN10 + 1e-9)))"
     labelled = f"{leading} == 1 || {decades} < 2.2 && indexof([2, 5], {leading}) >= 0 || {decades} < 0.8"
+    lowest = min(values) / (1.3 if channel == "x" else 2.4)
     return {
-        "scale": {
-            "type": "log",
-            "domain": [min(values) / (1.3 if channel == "x" else 2.4), max(values) * 1.8],
-            "nice": False,
-        },
+        "scale": {"type": "log", "domain": [lowest, max(values) * 1.8], "nice": False},
         "axis": {
             "grid": True,
             "gridOpacity": {"condition": {"test": labelled, "value": 1}, "value": 0},
@@ -113,24 +110,9 @@ def zero_error_rule(section: Section, points: Sequence[Chart]) -> list[Chart]:
     y = {"datum": least, "type": "quantitative"}
     what = "below the truth's own error, drawn at it" if section.soft else "no wrong pixel: drawn at half a pixel"
     text = f"{what} ({digits(least)})"
-    return [
-        {
-            "data": {"values": [{}]},
-            "mark": {"type": "rule", "color": "#767676", "strokeDash": [2, 3], "clip": True},
-            "encoding": {"y": y},
-        },
-        {
-            "data": {"values": [{}]},
-            "mark": {
-                "type": "text",
-                "align": "left",
-                "dx": 4,
-                "dy": 9,
-                "fontSize": 11,
-                "color": {"expr": "ink"},
-                "opacity": 0.75,
-                "clip": True,
-            },
-            "encoding": {"x": {"value": 0}, "y": y, "text": {"value": text}},
-        },
+    style = {"align": "left", "dx": 4, "dy": 9, "fontSize": 11, "color": {"expr": "ink"}, "opacity": 0.75, "clip": True}
+    layers = [
+        mark("rule", {"y": y}, color="#767676", strokeDash=[2, 3], clip=True),
+        mark("text", {"x": {"value": 0}, "y": y, "text": {"value": text}}, **style),
     ]
+    return [{"data": {"values": [{}]}, **layer} for layer in layers]

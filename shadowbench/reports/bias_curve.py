@@ -1,7 +1,7 @@
 """Charts of bias sweeps: acne against peter-panning over bias factors, one per swept spec, with a line per map size."""
 
 from shadowbench.reports.analysis import Configuration, Section
-from shadowbench.reports.axes import Chart, tooltip_texts
+from shadowbench.reports.axes import Chart, mark, quantity, tooltip_texts
 from shadowbench.reports.charts import INK_SIGNAL, chart_of
 from shadowbench.reports.styles import COLORS
 from shadowbench.reports.words import digits
@@ -36,25 +36,13 @@ def _chart(section: Section, base: str, found: list[Curve]) -> Chart | None:
     }
     names = ("spec", "map", "× bias", "acne", "contact", section.ranked_by.error_label, "SSIM")
     tooltip = [{"field": name} for name in names]
+    at = {"x": x, "y": y}
+    best = {"condition": {"test": "datum.best", "value": INK_SIGNAL}, "value": None}
+    point, label = {**at, "color": color, "stroke": best, "tooltip": tooltip}, {**at, "text": {"field": "× bias"}}
     layer: list[Chart] = [
-        {
-            "mark": {"type": "line", "strokeWidth": 1.5},
-            "encoding": {"x": x, "y": y, "color": color, "order": {"field": "factor"}},
-        },
-        {
-            "mark": {"type": "point", "filled": True, "size": 70, "strokeWidth": 2},
-            "encoding": {
-                "x": x,
-                "y": y,
-                "color": color,
-                "stroke": {"condition": {"test": "datum.best", "value": INK_SIGNAL}, "value": None},
-                "tooltip": tooltip,
-            },
-        },
-        {
-            "mark": {"type": "text", "align": "left", "dx": 7, "dy": -7, "fontSize": 11, "color": INK_SIGNAL},
-            "encoding": {"x": x, "y": y, "text": {"field": "× bias"}},
-        },
+        mark("line", {**at, "color": color, "order": {"field": "factor"}}, strokeWidth=1.5),
+        mark("point", point, filled=True, size=70, strokeWidth=2),
+        mark("text", label, align="left", dx=7, dy=-7, fontSize=11, color=INK_SIGNAL),
     ]
     return chart_of(f"Acne against contact of {base} in {section.title}", points, layer, 320)
 
@@ -78,10 +66,6 @@ def _point(curve: Curve, factor: float, one: Configuration) -> Chart | None:
 def _share(points: list[Chart], field: str, title: str) -> Chart:
     most = max(point[field] for point in points)
     top = next((tick for tick in _TICKS if tick >= most and tick > _LINEAR_BELOW), 1.0)
-    return {
-        "field": field,
-        "type": "quantitative",
-        "title": title,
-        "scale": {"type": "symlog", "constant": _LINEAR_BELOW, "domain": [0, top], "nice": False},
-        "axis": {"values": [tick for tick in _TICKS if tick <= top], "format": "~g", "grid": True},
-    }
+    scale = {"type": "symlog", "constant": _LINEAR_BELOW, "domain": [0, top], "nice": False}
+    axis = {"values": [tick for tick in _TICKS if tick <= top], "format": "~g", "grid": True}
+    return quantity(field, title, scale=scale, axis=axis)

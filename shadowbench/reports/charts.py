@@ -1,9 +1,20 @@
 """Vega-Lite charts of a section, for the interactive page and for PNG figures."""
 
 from collections.abc import Sequence
+from typing import Any
 
 from shadowbench.reports.analysis import Section, front
-from shadowbench.reports.axes import Chart, chart_point, error_axis, label_points, log_axis, tooltip, zero_error_rule
+from shadowbench.reports.axes import (
+    Chart,
+    chart_point,
+    error_axis,
+    label_points,
+    log_axis,
+    mark,
+    quantity,
+    tooltip,
+    zero_error_rule,
+)
 from shadowbench.reports.styles import COLORS, INK, MAX_SHOWN, Styles
 from shadowbench.reports.words import digits, section_notes, time_source
 
@@ -25,50 +36,32 @@ def front_chart(section: Section, styles: Styles) -> Chart | None:
         return None
     label_points([point for point in points if point["front"]])
     title = f"frame time, ms{' (software renderer)' if section.run.software else ''}"
-    x = {"field": "ms", "type": "quantitative", "title": title, **log_axis("x", [point["ms"] for point in points])}
+    x = quantity("ms", title, **log_axis("x", [point["ms"] for point in points]))
     y = error_axis(section, [point["drawn"] for point in points])
-    on_front, fields = [{"filter": "datum.front"}], tooltip(section)
+    on_front, fields = {"filter": "datum.front"}, tooltip(section)
+    label: Chart = {"align": {"expr": f"{_NO_ROOM} ? 'right' : 'left'"}, "dx": {"expr": f"{_NO_ROOM} ? -8 : 8"}}
+    label |= {"dy": {"expr": f"{_NO_ROOM} ? 12 : -9"}, "fontSize": 11, "color": INK_SIGNAL, "clip": True}
+    look = styles.channels(one.spec for one in section.timed) | {
+        "size": _where_front(140, 60),
+        "stroke": _where_front(INK_SIGNAL, None),
+        "opacity": _where_front(1, 0.55),
+    }
+    line = {"interpolate": "step-after", "color": INK_SIGNAL, "strokeWidth": 2, "clip": True}
+    point = {"filled": True, "clip": True, "strokeWidth": 1.5, "cursor": "crosshair"}
+    at, hidden = {"x": x, "y": y}, {"filter": "datum.front && datum.shown === false"}
     layer: list[Chart] = [
         *zero_error_rule(section, points),
-        {
-            "transform": on_front,
-            "mark": {"type": "line", "interpolate": "step-after", "color": INK_SIGNAL, "strokeWidth": 2, "clip": True},
-            "encoding": {"x": x, "y": y, "order": {"field": "ms"}},
-        },
-        {
-            "transform": [{"filter": "datum.front && datum.shown === false"}],
-            "mark": {"type": "point", "filled": True, "color": INK_SIGNAL, "size": 25, "clip": True},
-            "encoding": {"x": x, "y": y, "tooltip": fields},
-        },
-        {
-            "params": [_ZOOM],
-            "transform": [SHOWN_ONLY],
-            "mark": {"type": "point", "filled": True, "clip": True, "strokeWidth": 1.5, "cursor": "crosshair"},
-            "encoding": {
-                "x": x,
-                "y": y,
-                **styles.channels(one.spec for one in section.timed),
-                "size": {"condition": {"test": "datum.front", "value": 140}, "value": 60},
-                "stroke": {"condition": {"test": "datum.front", "value": INK_SIGNAL}, "value": None},
-                "opacity": {"condition": {"test": "datum.front", "value": 1}, "value": 0.55},
-                "tooltip": fields,
-            },
-        },
-        {
-            "transform": [*on_front, SHOWN_ONLY],
-            "mark": {
-                "type": "text",
-                "align": {"expr": f"{_NO_ROOM} ? 'right' : 'left'"},
-                "dx": {"expr": f"{_NO_ROOM} ? -8 : 8"},
-                "dy": {"expr": f"{_NO_ROOM} ? 12 : -9"},
-                "fontSize": 11,
-                "color": INK_SIGNAL,
-                "clip": True,
-            },
-            "encoding": {"x": x, "y": y, "text": {"field": "label"}},
-        },
+        mark("line", {**at, "order": {"field": "ms"}}, on_front, **line),
+        mark("point", {**at, "tooltip": fields}, hidden, filled=True, color=INK_SIGNAL, size=25, clip=True),
+        {"params": [_ZOOM], **mark("point", {**at, **look, "tooltip": fields}, SHOWN_ONLY, **point)},
+        mark("text", {**at, "text": {"field": "label"}}, on_front, SHOWN_ONLY, **label),
     ]
     return chart_of(f"Error against frame time in {section.title}; the line is the Pareto front", points, layer, 430)
+
+
+def _where_front(value: Any, other: Any) -> Chart:
+    """A channel that has one value for points of the Pareto front, and another elsewhere."""
+    return {"condition": {"test": "datum.front", "value": value}, "value": other}
 
 
 def size_chart(section: Section, styles: Styles) -> Chart | None:
@@ -80,50 +73,21 @@ def size_chart(section: Section, styles: Styles) -> Chart | None:
     for index, point in enumerate(points):
         point["rank"] = sum(one["drawn"] == point["drawn"] for one in points[:index] if not one["size"])
     y = error_axis(section, [value for point in points for value in (point["drawn"], point["low"], point["high"])])
-    x = {
-        "field": "size",
-        "type": "quantitative",
-        "title": "map size, texels a side",
-        "scale": {"type": "log", "base": 2, "domain": [sizes[0] / 1.15, sizes[-1] * 1.15], "nice": False},
-        "axis": {"values": sizes, "format": "d"},
-    }
+    scale = {"type": "log", "base": 2, "domain": [sizes[0] / 1.15, sizes[-1] * 1.15], "nice": False}
+    x = quantity("size", "map size, texels a side", scale=scale, axis={"values": sizes, "format": "d"})
     channels = styles.channels(point["spec"] for point in points)
     color = channels["color"]
-    mapped, unmapped = [{"filter": "datum.size"}, SHOWN_ONLY], [{"filter": "!datum.size"}, SHOWN_ONLY]
-    fields = tooltip(section)
+    mapped, unmapped = ({"filter": "datum.size"}, SHOWN_ONLY), ({"filter": "!datum.size"}, SHOWN_ONLY)
+    fields, at, interval = tooltip(section), {"x": x, "y": y}, {"y": {**y, "field": "low"}, "y2": {"field": "high"}}
+    name = {"x": {"value": {"expr": "width"}}, "y": y, "text": {"field": "spec"}, "color": color}
+    aside = {"expr": "-4 - 96 * datum.rank"}
     layer: list[Chart] = [
         *zero_error_rule(section, points),
-        {
-            "transform": unmapped,
-            "mark": {"type": "rule", "strokeDash": [6, 4], "strokeWidth": 2},
-            "encoding": {"y": y, "color": color, "tooltip": fields},
-        },
-        {
-            "transform": unmapped,
-            "mark": {
-                "type": "text",
-                "align": "right",
-                "dx": {"expr": "-4 - 96 * datum.rank"},
-                "dy": -7,
-                "fontSize": 11,
-            },
-            "encoding": {"x": {"value": {"expr": "width"}}, "y": y, "text": {"field": "spec"}, "color": color},
-        },
-        {
-            "transform": mapped,
-            "mark": {"type": "line", "strokeWidth": 1.8},
-            "encoding": {"x": x, "y": y, "color": color, "detail": {"field": "spec"}},
-        },
-        {
-            "transform": mapped,
-            "mark": {"type": "rule", "strokeWidth": 1.5},
-            "encoding": {"x": x, "y": {**y, "field": "low"}, "y2": {"field": "high"}, "color": color},
-        },
-        {
-            "transform": mapped,
-            "mark": {"type": "point", "filled": True, "size": 70},
-            "encoding": {"x": x, "y": y, **channels, "tooltip": fields},
-        },
+        mark("rule", {"y": y, "color": color, "tooltip": fields}, *unmapped, strokeDash=[6, 4], strokeWidth=2),
+        mark("text", name, *unmapped, align="right", dx=aside, dy=-7, fontSize=11),
+        mark("line", {**at, "color": color, "detail": {"field": "spec"}}, *mapped, strokeWidth=1.8),
+        mark("rule", {"x": x, **interval, "color": color}, *mapped, strokeWidth=1.5),
+        mark("point", {**at, **channels, "tooltip": fields}, *mapped, filled=True, size=70),
     ]
     return chart_of(f"Error against map size in {section.title}", points, layer, 400)
 
@@ -161,49 +125,23 @@ def pass_chart(section: Section, size: int | None) -> Chart | None:
     colors = [own[index % len(own)] for index in range(len(names))]
     y = {"field": "row", "type": "ordinal", "axis": None, "scale": {"paddingInner": 0.55, "paddingOuter": 0.4}}
     at_size = f"map size {size}" if size else "no maps"
-    x = {"field": "ms", "type": "quantitative", "title": _PASS_TIMES}
-    first = [{"filter": "datum.first"}, SHOWN_ONLY]
+    x = quantity("ms", _PASS_TIMES)
+    first = {"filter": "datum.first"}, SHOWN_ONLY
+    color = {
+        "field": "pass",
+        "title": None,
+        "scale": {"domain": names, "range": colors},
+        "legend": {"orient": "top", "columns": {"expr": "max(2, floor(width / 110))"}},
+    }
+    stacked = {"y": y, "x": {**x, "stack": "zero"}, "order": {"field": "rank"}, "color": color}
+    told = {"tooltip": [{"field": name} for name in ("spec", "pass", "time", "redrawn", "whole frame")]}
+    whole, name = {"field": "frame", "type": "quantitative"}, {"x": {"datum": 0}, "text": {"field": "spec"}}
+    tick = {"color": INK_SIGNAL, "thickness": 3, "bandSize": 20, "stroke": PAPER_SIGNAL, "opacity": 1}
+    above = {"align": "left", "baseline": "bottom", "yOffset": -10, "color": INK_SIGNAL, "fontSize": 11}
     layer: list[Chart] = [
-        {
-            "transform": [SHOWN_ONLY],
-            "mark": {"type": "bar", "stroke": PAPER_SIGNAL, "strokeWidth": 0.8},
-            "encoding": {
-                "y": y,
-                "x": {**x, "stack": "zero"},
-                "order": {"field": "rank"},
-                "color": {
-                    "field": "pass",
-                    "title": None,
-                    "scale": {"domain": names, "range": colors},
-                    "legend": {"orient": "top", "columns": {"expr": "max(2, floor(width / 110))"}},
-                },
-                "tooltip": [{"field": name} for name in ("spec", "pass", "time", "redrawn", "whole frame")],
-            },
-        },
-        {
-            "transform": first,
-            "mark": {
-                "type": "tick",
-                "color": INK_SIGNAL,
-                "thickness": 3,
-                "bandSize": 20,
-                "stroke": PAPER_SIGNAL,
-                "opacity": 1,
-            },
-            "encoding": {"y": y, "x": {"field": "frame", "type": "quantitative"}},
-        },
-        {
-            "transform": first,
-            "mark": {
-                "type": "text",
-                "align": "left",
-                "baseline": "bottom",
-                "yOffset": -10,
-                "color": INK_SIGNAL,
-                "fontSize": 11,
-            },
-            "encoding": {"y": y, "x": {"datum": 0}, "text": {"field": "spec"}},
-        },
+        mark("bar", stacked | told, SHOWN_ONLY, stroke=PAPER_SIGNAL, strokeWidth=0.8),
+        mark("tick", {"y": y, "x": whole}, *first, **tick),
+        mark("text", {"y": y, **name}, *first, **above),
     ]
     chart = chart_of(f"Time of each pass in {section.title}, {at_size}", bars, layer, _BAR * len(shown) + 12)
     return {**chart, "usermeta": {"row": _BAR}}  # the page scales the height by the number of rows shown

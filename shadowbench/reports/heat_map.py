@@ -7,7 +7,7 @@ import textwrap
 from shadowbench.extremes.axes import Axis, value_label
 from shadowbench.extremes.axes.model import NAMES
 from shadowbench.extremes.ranges import Failure, OperatingRange
-from shadowbench.reports.axes import Chart
+from shadowbench.reports.axes import Chart, mark, quantity
 from shadowbench.reports.charts import chart_of
 from shadowbench.reports.stability import Series, Stability
 from shadowbench.reports.words import digits
@@ -51,6 +51,8 @@ def heat_map(found: Stability) -> Chart:
     headings = {axis.name: _heading(axis) for axis in found.axes}
     heading_lines = max((len(one) for one in headings.values()), default=1)
     headings = {name: [""] * (heading_lines - len(one)) + one for name, one in headings.items()}
+    bands = {"paddingInner": 0.05, "paddingOuter": 0.02}
+    plain = {"ticks": False, "domain": False}
     y = {
         "field": "row",
         "type": "ordinal",
@@ -61,10 +63,9 @@ def heat_map(found: Stability) -> Chart:
             "labelOffset": {"condition": offsets, "value": 0},
             "labelLimit": 190,
             "labelFontSize": 11,
-            "ticks": False,
-            "domain": False,
+            **plain,
         },
-        "scale": {"paddingInner": 0.05, "paddingOuter": 0.02},
+        "scale": bands,
     }
     x = {
         "field": "axis",
@@ -78,71 +79,37 @@ def heat_map(found: Stability) -> Chart:
             "labelFontSize": 10,
             "labelPadding": 12 * heading_lines - 7,  # multi-line labels extend downwards
             "labelLimit": 120,
-            "ticks": False,
-            "domain": False,
+            **plain,
         },
-        "scale": {"paddingInner": 0.05, "paddingOuter": 0.02},
+        "scale": bands,
     }
-    unsupported = [{"filter": "datum.share === null"}]
-    layer: list[Chart] = [
-        {
-            "transform": [{"filter": "datum.share !== null"}],
-            "mark": {"type": "rect"},
-            "encoding": {
-                "x": x,
-                "y": y,
-                "color": {
-                    "field": "share",
-                    "type": "quantitative",
-                    "title": "share of the axis' values in tolerance",
-                    "scale": {"domain": [0, 0.5, 1], "range": list(SHADES), "interpolate": "rgb"},
-                    "legend": {
-                        "orient": "bottom",
-                        "direction": "horizontal",
-                        "format": "%",
-                        "values": [0, 0.5, 1],
-                        "gradientLength": 220,
-                        "titleLimit": 330,
-                        "titleFontWeight": "normal",
-                    },
-                },
-            },
+    shades = quantity(
+        "share",
+        "share of the axis' values in tolerance",
+        scale={"domain": [0, 0.5, 1], "range": list(SHADES), "interpolate": "rgb"},
+        legend={
+            "orient": "bottom",
+            "direction": "horizontal",
+            "format": "%",
+            "values": [0, 0.5, 1],
+            "gradientLength": 220,
+            "titleLimit": 330,
+            "titleFontWeight": "normal",
         },
-        {
-            "transform": unsupported,
-            "mark": {"type": "rect", "color": UNSUPPORTED_COLOR},
-            "encoding": {"x": x, "y": y},
-        },
-        {
-            "transform": unsupported,
-            "mark": {"type": "rule", "color": "#8c8c8c"},
-            "encoding": {
-                "x": {**x, "bandPosition": 0},
-                "x2": {"field": "axis", "bandPosition": 1},
-                "y": {**y, "bandPosition": 1},
-                "y2": {"field": "row", "bandPosition": 0},
-            },
-        },
-    ]
-    text = {"type": "text", "fontSize": 9.5, "lineBreak": "\n", "lineHeight": 11, "baseline": "middle"}
-    layer.append(
-        {
-            "transform": [{"calculate": "-5.5 * (length(split(datum.text, '\\n')) - 1)", "as": "up"}],
-            "mark": {
-                **text,
-                "dy": {"expr": "datum.up"},
-            },
-            "encoding": {
-                "x": x,
-                "y": y,
-                "text": {"field": "text"},
-                "color": {
-                    "condition": {"test": f"datum.share !== null && datum.share < {_DARK}", "value": "white"},
-                    "value": "black",
-                },
-            },
-        }
     )
+    at, unsupported = {"x": x, "y": y}, {"filter": "datum.share === null"}
+    diagonal = {"x": {**x, "bandPosition": 0}, "x2": {"field": "axis", "bandPosition": 1}}
+    diagonal |= {"y": {**y, "bandPosition": 1}, "y2": {"field": "row", "bandPosition": 0}}
+    dark = {"test": f"datum.share !== null && datum.share < {_DARK}", "value": "white"}
+    text = {**at, "text": {"field": "text"}, "color": {"condition": dark, "value": "black"}}
+    up = {"calculate": "-5.5 * (length(split(datum.text, '\\n')) - 1)", "as": "up"}
+    lines_of = {"fontSize": 9.5, "lineBreak": "\n", "lineHeight": 11, "baseline": "middle", "dy": {"expr": "datum.up"}}
+    layer: list[Chart] = [
+        mark("rect", {**at, "color": shades}, {"filter": "datum.share !== null"}),
+        mark("rect", at, unsupported, color=UNSUPPORTED_COLOR),
+        mark("rule", diagonal, unsupported, color="#8c8c8c"),
+        mark("text", text, up, **lines_of),
+    ]
     about = f"Operating range of every technique along every axis, {found.sweep.label}"
     lines = max([label_lines, *(str(cell["text"]).count("\n") + 1 for cell in cells)])
     return chart_of(about, cells, layer, (12 * lines + 6) * len(rows))

@@ -45,7 +45,6 @@ UNCHANGED = {
     "shadow-map:cull": "as cascades:cull",
     "shadow-volume:faces": "silhouettes bound the same volume as all triangles",
     "shadow-volume:counter": "stencil and colour count alike",
-    "shadow-volume:build": "the same volumes, built by a geometry shader or on the CPU",
     "shadow-volume:cull": "as cascades:cull",
 }
 """Why a parameter changes no mask: it changes the way to it, and its cost."""
