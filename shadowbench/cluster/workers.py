@@ -12,8 +12,8 @@ from shadowbench.cluster.parcel import Setup
 from shadowbench.cluster.tasks import station
 from shadowbench.data import PACKAGE, data_folder
 from shadowbench.errors import ShadowbenchError
-from shadowbench.measure.keys import files_in
 from shadowbench.measure.gl_drawer import GLDrawer
+from shadowbench.measure.keys import files_in
 from shadowbench.measure.machine import machine, versions
 from shadowbench.measure.session import DeviceInfo
 
