@@ -19,10 +19,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
-from shadowbench.measure.executor import Unsupported
 
-from shadowbench.measure.cells import CellRequest, PlacedView
-from shadowbench.measure.session import Session
+from shadowbench.errors import Unsupported
+from shadowbench.measure.session import CellRequest, Session
 from shadowbench.scenes.model import View
 
 ROUNDS = 9
@@ -74,10 +73,10 @@ class Cells:
     def time(self, benchmark: BenchmarkFixture, view: View, spec: str) -> None:
         """Time frames of a spec after a warm-up; skips the test if the cell is unsupported."""
         samples = []
-        placed_view, request = PlacedView(view), CellRequest(spec)
+        request = CellRequest(spec)
         try:
-            rendering = self.session.draw(placed_view, request, keep=sys.maxsize)
-            prepare_ms = self.session.prepare_timing(placed_view, request)
+            rendering = self.session.draw(view, request, keep=sys.maxsize)
+            prepare_ms = self.session.prepare_timing(view, request)
         except Unsupported as reason:
             pytest.skip(str(reason))
         try:

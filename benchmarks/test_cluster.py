@@ -6,37 +6,36 @@ pytest benchmarks/test_cluster.py -s
 import asyncio
 import os
 import pickle
+import random
+import secrets
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, closing, contextmanager
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import dask
-import numpy as np
 import pytest
 from distributed import Client
 from distributed import Worker as DaskWorker
 from distributed.utils import open_port
-from shadowbench.cluster.executor import DaskExecutor
-from shadowbench.measure.bench import Bench, Job
-from shadowbench.measure.executor import Executor
 
 from shadowbench.cluster import tasks, workers
+from shadowbench.cluster.campaign import ClusterCampaign, ClusterDrawer
 from shadowbench.cluster.cluster import Cluster
 from shadowbench.cluster.connect import Connection
 from shadowbench.cluster.parcel import Setup
-from shadowbench.measure.pictures import Pictures
-from shadowbench.measure.row_store import RowStore
+from shadowbench.measure.campaign import Campaign
+from shadowbench.measure.gl_drawer import GLDrawer
 from shadowbench.measure.rows import Record
 from shadowbench.measure.session import DeviceInfo
 from shadowbench.measure.worker import Worker
 from shadowbench.studies.measure import study_from_options
-from shadowbench.studies.run import run_study
+from shadowbench.studies.run import run_blocks
 from shadowbench.studies.study import Study
 from shadowbench.techniques.registry import techniques
 from shadowbench.truths.cache import cached_truth
@@ -67,18 +66,19 @@ def study() -> Study:
     return found
 
 
-def throughput(study: Study, folder: Path, executor: Executor) -> float:
+def throughput(study: Study, campaign: Callable[[Path], Campaign], folder: Path) -> float:
     """Cells per second, after a first phase of every cell, for which libraries are loaded."""
-    run_study(study.with_(phases=1), folder / "first", executor, Silent())
+    first = study.with_(phases=1)
+    run_blocks(first, [*first.blocks()], campaign(folder / "first"))
     start = time.perf_counter()
-    cells = len(run_study(study, folder / "all", executor, Silent()).results)
+    cells = len(run_blocks(study, [*study.blocks()], campaign(folder / "all")).results)
     return cells / (time.perf_counter() - start)
 
 
 @contextmanager
-def on_dask(where: str, study: Study) -> Iterator[DaskExecutor]:
+def on_dask(where: str, study: Study) -> Iterator[ClusterDrawer]:
     with Connection(where) as connection, Cluster(connection, Silent(), (), study.limits) as cluster:
-        yield DaskExecutor(cluster, cluster.renderers()[0])
+        yield ClusterDrawer(cluster, cluster.renderers()[0])
 
 
 def begin(stack: ExitStack, *command: str, **environment: str) -> None:
@@ -115,9 +115,10 @@ def test_two_workers_with_a_core_each_measure_1_6_times_as_fast_as_one(study: St
     for turn in range(2):
         for count in found:
             folder = tmp_path / f"{turn}-{count}"
-            with pinned(range(count), tmp_path / "dask") as address, on_dask(address, study) as executor:
-                assert executor.jobs_at_once == count
-                found[count].append(throughput(study, folder, executor))
+            with pinned(range(count), tmp_path / "dask") as address, on_dask(address, study) as drawer:
+                assert len(drawer.cluster.facts) == count
+                campaign = partial(ClusterCampaign, drawer=drawer, reporter=Silent())
+                found[count].append(throughput(study, campaign, folder))
     ratio = max(found[2]) / max(found[1])
     print(f"\ncells per second: {found}; two workers are {ratio:.2f} × as fast as one")
     assert ratio >= 1.6
@@ -128,34 +129,31 @@ def test_local_workers_are_no_slower_than_a_plain_run(study: Study, tmp_path: Pa
     for turn in range(2):
         with Worker((), study.limits) as worker:
             worker.ready()
-            found["plain"].append(throughput(study, tmp_path / f"{turn}-plain", worker))
-        with on_dask("local:2", study) as executor:
-            found["local:2"].append(throughput(study, tmp_path / f"{turn}-local", executor))
+            plain = partial(Campaign, drawer=GLDrawer(worker), reporter=Silent())
+            found["plain"].append(throughput(study, plain, tmp_path / f"{turn}-plain"))
+        with on_dask("local:2", study) as drawer:
+            campaign = partial(ClusterCampaign, drawer=drawer, reporter=Silent())
+            found["local:2"].append(throughput(study, campaign, tmp_path / f"{turn}-local"))
     print(f"\ncells per second: {found}")
     assert max(found["local:2"]) >= max(found["plain"])
 
 
-@dataclass(frozen=True, eq=False)
-class SleepingJob(Job[None]):
-    """Job that takes as long as its cells took, and makes as many rows and images."""
+def sleeping(row: Record, sizes: Mapping[str, int]) -> Callable[..., tasks.Outcome]:
+    """A task that takes as long as CELLS cells took, and makes as many rows and images; sizes: bytes of the images."""
 
-    number: int
-    seconds: float
-    row: Record
-    sizes: tuple[int, int]  # bytes of the images
-
-    def __call__(self, bench: Bench) -> None:
-        end = time.monotonic() + self.seconds
-        for cell in range(CELLS):
-            key = f"{self.number * CELLS + cell:024x}"
-            bench.store.append({**self.row, "key": key})
-            for kind, size in zip(("masks", "pictures"), self.sizes, strict=True):
-                bench.pictures.write(f"{kind}/{key}.png", os.urandom(size))
-            bench.reporter.step(key)
+    def measure(*_: object) -> tasks.Outcome:
+        seconds = random.uniform(0.5, 1.5) * SLEEP_S
+        end = time.monotonic() + seconds
+        keys = [secrets.token_hex(12) for _ in range(CELLS)]
+        rows = [{**row, "key": key, "seconds": seconds / CELLS} for key in keys]
+        files = {f"{kind}/{key}.png": os.urandom(size) for key in keys for kind, size in sizes.items()}
         time.sleep(max(end - time.monotonic(), 0))
+        return tasks.Outcome(None, None, rows, files, [("step", key) for key in keys])
+
+    return measure
 
 
-async def simulated_workers(address: str, info: DeviceInfo) -> None:
+async def simulated_workers(address: str, info: DeviceInfo, row: Record, sizes: Mapping[str, int]) -> None:
     """Serve some of the workers, which start no worker processes, until the scheduler ends."""
 
     async def describe(setup: Setup, expected: object, dask_worker: Any) -> workers.WorkerFacts:
@@ -165,7 +163,7 @@ async def simulated_workers(address: str, info: DeviceInfo) -> None:
     def station(setup: Setup) -> Iterator[SimpleNamespace]:
         yield SimpleNamespace(techniques={}, worker=None)
 
-    workers.describe, tasks.station = describe, station
+    workers.describe, tasks.station, tasks.measure = describe, station, sleeping(row, sizes)
     # What processes of their own would do beside each other; the memory is that of all together.
     dask.config.set({"distributed.worker.profile.enabled": False, "distributed.admin.system-monitor.interval": "10s"})
     count = WORKERS // PROCESSES
@@ -177,30 +175,32 @@ def test_the_scheduler_and_the_writer_keep_up_with_64_workers(study: Study, tmp_
     """The workers are in a few processes, and share the lock of Python with the others there."""
     with Worker((), study.limits) as worker:
         one = study.with_(scenes=("cube-on-plane",), technique=study.technique[:1])
-        results = run_study(one, tmp_path / "one", worker, Silent()).results
+        campaign = Campaign(tmp_path / "one", GLDrawer(worker), Silent())
+        row = run_blocks(one, [*one.blocks()], campaign).results[0].score
         info = worker.info
-    row = results[0].score
-    mask, picture = ((tmp_path / "one" / kind / f"{row['key']}.png").stat().st_size for kind in ("masks", "pictures"))
-    seconds = np.random.default_rng(0).uniform(0.5, 1.5, WORKERS * JOBS_EACH) * SLEEP_S
-    jobs = [SleepingJob(number, float(one), row, (mask, picture)) for number, one in enumerate(seconds)]
-    code = f"from {__name__} import *; asyncio.run(simulated_workers(sys.argv[1], pickle.loads({pickle.dumps(info)})))"
+    files = {kind: tmp_path / "one" / kind / f"{row['key']}.png" for kind in ("masks", "pictures")}
+    sizes = {kind: file.stat().st_size for kind, file in files.items()}
+    block = next(one.blocks())
+    given = pickle.dumps((info, row, sizes))
+    code = f"from {__name__} import *; asyncio.run(simulated_workers(sys.argv[1], *pickle.loads({given})))"
     with ExitStack() as stack:
         address = scheduler(stack)
         for _ in range(PROCESSES):
             begin(stack, sys.executable, "-c", code, address)
         with Client(address, set_as_default=False) as client:
             client.wait_for_workers(WORKERS, timeout=60)
-        executor = stack.enter_context(on_dask(address, study))
-        store = stack.enter_context(closing(RowStore(tmp_path / "many")))
-        bench = Bench(executor, store, Silent(), Pictures(tmp_path / "many"))
-        list(bench.run([replace(job, number=job.number + len(jobs)) for job in jobs[:WORKERS]]))  # warm up
+        drawer = stack.enter_context(on_dask(address, study))
+        campaign = stack.enter_context(ClusterCampaign(tmp_path / "many", drawer, Silent()))
+        list(campaign.measure([block.fresh() for _ in range(WORKERS)]))  # warm up
+        warm = len(campaign.store.scores)
         start, cpu = time.perf_counter(), time.process_time()
-        list(bench.run(jobs))
+        list(campaign.measure([block.fresh() for _ in range(WORKERS * JOBS_EACH)]))
         took, spent = time.perf_counter() - start, time.process_time() - cpu
-    assert len(store.scores) == (len(jobs) + WORKERS) * CELLS
-    share = seconds.sum() / WORKERS / took
+    rows = list(campaign.store.scores.values())[warm:]
+    assert len(rows) == WORKERS * JOBS_EACH * CELLS
+    share = sum(row["seconds"] for row in rows) / WORKERS / took
     print(
-        f"\n{len(jobs)} jobs on {WORKERS} workers in {took:.1f} s, {share:.3f} of linear; the client took "
-        f"{1e3 * spent / len(jobs):.1f} ms of CPU per job of {CELLS} rows"
+        f"\n{WORKERS * JOBS_EACH} blocks on {WORKERS} workers in {took:.1f} s, {share:.3f} of linear; the client took "
+        f"{1e3 * spent / (WORKERS * JOBS_EACH):.1f} ms of CPU per block of {CELLS} rows"
     )
     assert share >= 0.9

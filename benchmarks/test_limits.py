@@ -23,9 +23,9 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from scipy import ndimage
 from skimage.metrics import structural_similarity
 
-from shadowbench.measure.cells import CellRequest, PlacedView
 from shadowbench.measure.noise import MAX_NOISE, measure_noise
 from shadowbench.measure.scoring import mask_record, prepare_truth
+from shadowbench.measure.session import CellRequest
 from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Camera, Light, Mesh, Scene, View, view_of
@@ -207,8 +207,8 @@ def test_start_of_a_run_until_its_first_cell_is_drawn(tmp_path: Path, assert_rat
 @pytest.mark.benchmark(group="limits")
 def test_the_passes_add_up_to_the_frame(cells: Any, assert_ratio: Any) -> None:
     scene = load_scene("stairs")
-    session, placed_view = cells.session, PlacedView(view_of(scene, scene.cameras[0], scene.lights[0], 512))
-    session.prepare_timing(placed_view, CellRequest("shadow-map:size=2048"))
+    session, view = cells.session, view_of(scene, scene.cameras[0], scene.lights[0], 512)
+    session.prepare_timing(view, CellRequest("shadow-map:size=2048"))
     try:
         passes, frames = lambda: session.time_passes(0), lambda: session.time_frame(0)
         assert_ratio(passes, frames, least=0.7, most=1.3, rounds=15)
@@ -221,10 +221,10 @@ def test_casters_in_an_order_that_reuses_vertices_against_the_files(
     scene_file: Any, cells: Any, assert_ratio: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scene = load_scene(scene_file("armadillo.obj"))
-    session, placed_view = cells.session, PlacedView(view_of(scene, scene.cameras[0], scene.lights[0], 64))
+    session, view = cells.session, view_of(scene, scene.cameras[0], scene.lights[0], 64)
     for few in (culling._FEW, sys.maxsize):
         monkeypatch.setattr(culling, "_FEW", few)
-        session.prepare_timing(placed_view, CellRequest("shadow-map:fit=scene,size=1024"))
+        session.prepare_timing(view, CellRequest("shadow-map:fit=scene,size=1024"))
     try:
         assert_ratio(lambda: session.time_frame(0), lambda: session.time_frame(1), most=0.75)
     finally:
@@ -236,8 +236,8 @@ def test_a_fit_that_reads_few_receivers_against_one_that_reads_all(
     cells: Any, assert_ratio: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scene = load_scene("street")
-    session, placed_view = cells.session, PlacedView(view_of(scene, scene.cameras[0], scene.lights[0], 1024))
-    session.prepare_timing(placed_view, CellRequest("shadow-map:size=16,filter=hard,cull=false"))
+    session, view = cells.session, view_of(scene, scene.cameras[0], scene.lights[0], 1024)
+    session.prepare_timing(view, CellRequest("shadow-map:size=16,filter=hard,cull=false"))
 
     def frame(rounding: float) -> None:
         monkeypatch.setattr(reduction, "_ROUNDING", rounding)
@@ -252,9 +252,9 @@ def test_a_fit_that_reads_few_receivers_against_one_that_reads_all(
 @pytest.mark.benchmark(group="limits")
 def test_silhouettes_against_all_triangles(scene_file: Any, cells: Any, assert_ratio: Any) -> None:
     scene = load_scene(scene_file("armadillo.obj"))
-    session, placed_view = cells.session, PlacedView(view_of(scene, scene.cameras[0], scene.lights[0], 1024))
+    session, view = cells.session, view_of(scene, scene.cameras[0], scene.lights[0], 1024)
     for spec in ("shadow-volume", "shadow-volume:faces=triangle"):
-        session.prepare_timing(placed_view, CellRequest(spec))
+        session.prepare_timing(view, CellRequest(spec))
     try:
         assert_ratio(lambda: session.time_frame(0), lambda: session.time_frame(1), most=0.2, rounds=5)
     finally:

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from shadowbench.measure.cells import Cell, PlacedView
+from shadowbench.measure.cells import Cell
 from shadowbench.measure.scoring import mask_record, prepare_truth
+from shadowbench.measure.session import CellRequest
 from shadowbench.scenes.model import View
 from shadowbench.scores.prepared import PreparedTruth
 from shadowbench.studies.study import find_study, read_study
@@ -44,10 +45,10 @@ def _id(cell: Cell) -> str:
 def test_frame(scoring_view: ScoringView, cell: Cell, cells: Any, growth: Any, benchmark: BenchmarkFixture) -> None:
     view, truth, prepared = scoring_view
     benchmark.group = view.scene.name
-    placed_view, request = PlacedView(view), cell.request
+    request = CellRequest(cell.spec.full_text, cell.phase)
     cells.time(benchmark, view, request.spec)
-    rendering = cells.session.draw(placed_view, request)
-    record = mask_record(rendering.visibility, truth, prepared, cells.session.surface(placed_view))
+    rendering = cells.session.draw(view, request)
+    record = mask_record(rendering.visibility, truth, prepared, cells.session.surface(view))
     benchmark.extra_info |= record["metrics"] | {
         "spec": cell.spec.text,
         "gpu_bytes": rendering.gpu_bytes,

@@ -15,14 +15,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from shadowbench.measure.executor import Unsupported
 
 from shadowbench import versions
-from shadowbench.measure.cells import PlacedView
+from shadowbench.errors import Unsupported
 from shadowbench.measure.flips import FINER, Stepped, flips
+from shadowbench.measure.gl_drawer import GLDrawer
 from shadowbench.measure.keys import sources_of
 from shadowbench.measure.scoring import mask_record, prepare_truth
-from shadowbench.measure.session import Session
+from shadowbench.measure.session import CellRequest, Session
 from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import view_of
@@ -50,7 +50,7 @@ def record(kinds: Sequence[str] = KINDS) -> Record:
     """The probes of some kinds, and what they depend on."""
     makers = {"draw": _draw, "trace": _trace, "score": _score}
     with Worker() as worker:
-        identity = {**versions.of_rows(), **worker.identity}
+        identity = {**versions.of_rows(), **GLDrawer(worker).identity}
         return {"identity": identity, **{kind: dict(makers[kind](worker)) for kind in kinds}}
 
 
@@ -103,9 +103,9 @@ def _draw(worker: Worker) -> Iterator[tuple[str, Probe]]:
     study = read_study(BASELINE, known).with_(scenes=SCENES, view_size=DRAWN, map_size=(MAP_SIZE,))
     for phase, block in enumerate(study.blocks()):
         for cell in block.cells:
-            request = replace(cell.request, phase=phase * cell.spec.technique.phased)
+            request = CellRequest(cell.spec.full_text, phase * cell.spec.technique.phased)
             try:
-                drawn = worker.call(Session.draw, PlacedView(block.view), request)
+                drawn = worker.call(Session.draw, block.view, request)
             except Unsupported:
                 continue
             probe = _probe([drawn.visibility], drawn.facts | {"gpu_bytes": drawn.gpu_bytes}, **drawn.work)

@@ -11,11 +11,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from shadowbench.measure.executor import Unsupported
 
-from shadowbench.measure.cells import CellRequest, PlacedView
+from shadowbench.errors import Unsupported
 from shadowbench.measure.scoring import mask_record, prepare_truth
-from shadowbench.measure.session import Session
+from shadowbench.measure.session import CellRequest, Session
 from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import hard_names
 from shadowbench.scenes.model import View
@@ -98,7 +97,7 @@ def check(view: View, worker: Worker) -> SceneCheck:
     prepared = prepare_truth(truth)
 
     def measure(spec: str) -> Metrics:
-        rendering = worker.call(Session.draw, PlacedView(view), CellRequest(spec))
+        rendering = worker.call(Session.draw, view, CellRequest(spec))
         metrics: Metrics = mask_record(rendering.visibility, truth, prepared)["metrics"]
         return metrics
 

@@ -8,20 +8,15 @@ import argparse
 import os
 import sys
 from collections.abc import Mapping, Sequence
-from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-
-from shadowbench.measure.bench import Bench
-from shadowbench.measure.measurer import Measurer
-from shadowbench.measure.timing import Conditions
 
 from shadowbench.advice.recommendation import MARGINS, Target, find_cheapest, trial_of
 from shadowbench.advice.search import Trial
 from shadowbench.advice.space import full_space, grid_of
+from shadowbench.measure.campaign import Campaign
 from shadowbench.measure.cells import Block, Cell
-from shadowbench.measure.pictures import Pictures
-from shadowbench.measure.row_store import RowStore
+from shadowbench.measure.gl_drawer import GLDrawer
 from shadowbench.measure.rows import Result
 from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import hard_names
@@ -29,7 +24,6 @@ from shadowbench.scenes.views import chosen_view
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.registry import own_techniques, techniques
 from shadowbench.techniques.spec import Spec
-from shadowbench.truths.cache import cached_truth
 
 LARGER = ("2CylinderEngine.glb", "armadillo.obj", "bgfx_tree.obj", "retroufo.gltf")
 TARGETS = (
@@ -160,19 +154,18 @@ def check(
 ) -> dict[Target, Line]:
     """Results for all targets in one scene."""
     view = chosen_view(scene, size)
-    truth = cached_truth(view)
+    block = Block((view,), ())
     largest = worker.info.max_map_size
     # As `recommend` does, which ranks by work here.
     space = [spec for spec in full_space(known, view.light.kind, largest) if not spec.technique.extra_work(spec.params)]
-    with closing(RowStore(folder)) as store:
-        measurer = Measurer(Bench(worker, store, _SilentReporter(), Pictures(folder)), Conditions())
-        (results,) = measurer.measure([Block(view, tuple(map(Cell, space)))])
-    rows: dict[Spec, Result] = dict(zip(space, results, strict=True))
+    with Campaign(folder, GLDrawer(worker), _SilentReporter()) as campaign:
+        (results,) = campaign.measure([block.of(list(map(Cell, space)))])
+    rows: dict[Spec, Result] = {cell.spec: result for cell, result in results.items()}
     lines = {}
     for target in TARGETS:
         trials = [trial_of(spec, row, target, "work") for spec, row in rows.items() if row.status == "ok"]
         met = [trial for trial in trials if trial.error <= target.limit]
-        found = find_cheapest(view, truth, target, "work", known, largest, rows.__getitem__)
+        found = find_cheapest(view, block.truth(0), target, "work", known, largest, rows.__getitem__)
         cheapest = min(met, key=lambda trial: (trial.cost, trial.bytes, trial.error), default=None)
         lines[target] = Line(view.scene.name, found.choice, cheapest, found.measured, len(space))
     return lines

@@ -15,10 +15,9 @@ import pandas as pd
 from pages import compare, png
 
 from shadowbench.extremes.axes.model import NAMES
-from shadowbench.measure.cells import CellRequest, PlacedView
 from shadowbench.measure.rendering import Rendering
 from shadowbench.measure.scoring import prepare_truth
-from shadowbench.measure.session import Session
+from shadowbench.measure.session import CellRequest, Session
 from shadowbench.measure.worker import Worker
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Light, Scene, View, view_of
@@ -107,7 +106,7 @@ def _example(worker: Worker, technique: type[Technique], draw: bool) -> Example:
             continue
         if not draw:
             return Example(name, reasons, None, dict.fromkeys(SOFT_SHOWN if view.light.soft else SHOWN))
-        rendering = worker.call(Session.draw, PlacedView(view), CellRequest(technique.name))
+        rendering = worker.call(Session.draw, view, CellRequest(technique.name))
         scores = score(rendering.visibility, prepare_truth(cached_truth(view)))
         shown = {key: scores[key] for key in (SOFT_SHOWN if view.light.soft else SHOWN)}
         return Example(name, reasons, rendering, shown)
@@ -122,7 +121,7 @@ def _view(scene: Scene, light: Light, size: int) -> View:
 
 def _unsupported_reason(worker: Worker, technique: type[Technique], view: View) -> str | None:
     """Why a technique at its defaults does not support a view; None if it does."""
-    return worker.call(Session.unsupported, PlacedView(view), CellRequest(technique.name))
+    return worker.call(Session.unsupported, view, CellRequest(technique.name))
 
 
 def _page(ours: list[type[Technique]], examples: dict[str, Example]) -> str:

@@ -47,8 +47,9 @@ class Campaign:
     """Measures blocks with a drawer into a folder, which it locks: a context manager.
 
     A cell with a row is not measured again, so that a campaign that was stopped goes on. keeps_images: whether images
-    of a row are written; sweep: whether the blocks lie on axes; time_again: time cells again that have a time; the rows
-    keep both; keep_going: blocks that fail are added to `failures` and left out, rather than raised.
+    of a row are written, with the truth of its view; None for all rows, and the truth of every block; sweep: whether
+    the blocks lie on axes; time_again: time cells again that have a time; the rows keep both; keep_going: blocks that
+    fail are added to `failures` and left out, rather than raised.
     """
 
     def __init__(
@@ -57,7 +58,7 @@ class Campaign:
         drawer: Drawer,
         reporter: Reporter,
         *,
-        keeps_images: Callable[[Record], bool] = bool,
+        keeps_images: Callable[[Record], bool] | None = None,
         sweep: bool = False,
         time_again: bool = False,
         keep_going: bool = False,
@@ -148,21 +149,18 @@ class Campaign:
     def _score(self, block: Block) -> None:
         """Make the score rows that are missing."""
         missing = self.unscored(block)
-        name, truth_written, shading_written = block.scene.name, False, False
+        name, pictures, shading_written = block.scene.name, self._pictures, False
         with Writer() as writer:
+            if self._keeps_images is None:
+                writer.add(partial(pictures.write_truth, block.view, block.truth(0)))
             for cell, key in missing.items():
                 row, rendering = self._score_cell(block, cell, key, writer)
-                images: list[Callable[[], None]] = []
-                if self._keeps_images(row):
-                    if not truth_written:
-                        images.append(partial(self._pictures.write_truth, block.view, block.truth(0)))
-                    if rendering is not None and not shading_written:
-                        images.append(partial(self._pictures.write_shading, block.view, *self.drawer.shading(block)))
-                    if rendering is not None:
-                        images.append(partial(self._pictures.write_cell, key, rendering))
-                    truth_written, shading_written = True, shading_written or rendering is not None
-                for write in images:
-                    writer.add(write)
+                if rendering is not None and (self._keeps_images is None or self._keeps_images(row)):
+                    if not shading_written:
+                        writer.add(partial(pictures.write_truth, block.view, block.truth(0)))
+                        writer.add(partial(pictures.write_shading, block.view, *self.drawer.shading(block)))
+                        shading_written = True
+                    writer.add(partial(pictures.write_cell, key, rendering))
                 writer.add(partial(self.store.append, row))  # after the images, which its presence promises
                 self.reporter.step(f"{name} {cell.spec.text}")
         for _ in range(len(block.cells) - len(missing)):

@@ -2,14 +2,17 @@
 
 from shadowbench.cluster.parcel import pack, unpack
 from shadowbench.extremes.axes import AXES
-from shadowbench.extremes.sweep import LineJob
+from shadowbench.extremes.sweep import block_at, points_of
+from shadowbench.measure.keys import view_key
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
 
 
-def test_an_axis_s_job_is_picklable() -> None:
-    specs = (parse_spec("shadow-map:bias=slope", techniques()),)
+def test_the_blocks_of_an_axis_arrive_as_they_were() -> None:
+    specs = [parse_spec("shadow-map:bias=slope", techniques())]
     for axis in AXES.values():
-        job = LineJob(axis, axis.lights[0], axis.swept(True), specs)
-        again = unpack(*pack(job), techniques())
-        assert (again.axis.name, again.values, again.specs) == (axis.name, job.values, specs)
+        sent = block_at(specs, points_of([axis], quick=True)[0])
+        again = unpack(pack(sent), techniques())
+        parts = [(block.cells, block.place, block.coordinates, block.step) for block in (sent, again)]
+        assert parts[0] == parts[1]
+        assert list(map(view_key, again.views)) == list(map(view_key, sent.views))

@@ -37,7 +37,8 @@ def result(
         "scene": "cube", "view": view, "light": light, "phase": phase, "technique": "t", "spec": spec, "map_size": size,
         "view_size": 8, "renderer": "r", "status": "ok", "key": "k", "metrics": dict.fromkeys(METRICS) | {"iou": iou},
     }  # fmt: skip
-    return Result(score, of or None, untimed)
+    time = {"status": f"failed: {untimed}"} if untimed else of or None
+    return Result(score, time)
 
 
 def timed(ratio: float, reference_ms: float = 10.0) -> dict[str, Any]:
