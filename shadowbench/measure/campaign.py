@@ -151,32 +151,35 @@ class Campaign:
         missing = self.unscored(block)
         name, pictures, shading_written = block.scene.name, self._pictures, False
         with Writer() as writer:
+            writes: list[Callable[[], None]] = []
             if self._keeps_images is None:
-                writer.add(partial(pictures.write_truth, block.view, block.truth(0)))
+                writes.append(partial(pictures.write_truth, block.view, block.truth(0)))
             for cell, key in missing.items():
-                row, rendering = self._score_cell(block, cell, key, writer)
+                if block.times(cell):
+                    writer.finish()  # its build is timed: nothing may run beside it
+                row, rendering = self._score_cell(block, cell, key)
+                writer.finish()  # which bounds the images in memory
                 if rendering is not None and (self._keeps_images is None or self._keeps_images(row)):
                     if not shading_written:
-                        writer.add(partial(pictures.write_truth, block.view, block.truth(0)))
-                        writer.add(partial(pictures.write_shading, block.view, *self.drawer.shading(block)))
+                        writes.append(partial(pictures.write_truth, block.view, block.truth(0)))
+                        writes.append(partial(pictures.write_shading, block.view, *self.drawer.shading(block)))
                         shading_written = True
-                    writer.add(partial(pictures.write_cell, key, rendering))
-                writer.add(partial(self.store.append, row))  # after the images, which its presence promises
+                    writes.append(partial(pictures.write_cell, key, rendering))
+                writer.add(*writes, partial(self.store.append, row))  # after the images, which its presence promises
+                writes = []
                 self.reporter.step(f"{name} {cell.spec.text}")
+            writer.add(*writes)
         for _ in range(len(block.cells) - len(missing)):
             self.reporter.step(f"{name}: measured before")
 
-    def _score_cell(self, block: Block, cell: Cell, key: str, writer: Writer) -> tuple[Record, Rendering | None]:
+    def _score_cell(self, block: Block, cell: Cell, key: str) -> tuple[Record, Rendering | None]:
         """Score row of a cell, and the rendering of its first view; None if the cell was unsupported or failed."""
         row = {"kind": "score", "key": key, **_identity(block, cell), "renderer": self.drawer.info.renderer}
         try:
-            writer.finish()  # building is timed: nothing may run beside it
             surface = self.drawer.surface(block)
             first, *later = self.drawer.draw(block, cell, keep=block.times(cell) and len(block.views) == 1)
         except (Unsupported, CellFailed) as reason:
             return row | {"status": status_of(reason)}, None
-        finally:
-            writer.start()
         row |= {"status": "ok", **mask_record(first.visibility, block.truth(0), block.prepared, surface)}
         row |= {"gpu_bytes": first.gpu_bytes, "work": dict(first.work), "facts": dict(first.facts)}
         row["assumptions"] = list(block.scene.notes)
