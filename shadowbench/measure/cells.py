@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from typing import Any, Literal
 
 from shadowbench.measure.references import DEFAULT_REFERENCE
@@ -48,6 +47,7 @@ class Block:
     step: Step | None = None
     place: Mapping[str, Any] = field(default_factory=dict)
     _truths: dict[int, Truth] = field(default_factory=dict, repr=False)
+    _prepared: list[PreparedTruth] = field(default_factory=list, repr=False)
 
     def of(self, cells: Sequence[Cell]) -> "Block":
         """Other cells in the same views, with the same truths."""
@@ -55,7 +55,7 @@ class Block:
 
     def fresh(self) -> "Block":
         """A copy that has no truth yet, for a list of many blocks to keep."""
-        return replace(self, _truths={})
+        return replace(self, _truths={}, _prepared=[])
 
     @property
     def view(self) -> View:
@@ -81,7 +81,9 @@ class Block:
     @property
     def prepared(self) -> PreparedTruth:
         """The truth that masks are scored against, as the input of metrics."""
-        return _prepared(self.truth(0))
+        if not self._prepared:
+            self._prepared.append(prepare_truth(self.truth(0)))
+        return self._prepared[0]
 
     @property
     def called(self) -> tuple[str, str]:
@@ -92,9 +94,3 @@ class Block:
     def times(self, cell: Cell) -> bool:
         """Whether a cell is timed. Only phase 0 is: other phases have other errors but the same cost."""
         return self.rounds > 0 and cell.phase == 0
-
-
-@lru_cache(maxsize=1)
-def _prepared(truth: Truth) -> PreparedTruth:
-    """Kept for the last truth, which many blocks may share."""
-    return prepare_truth(truth)
