@@ -6,7 +6,8 @@
 //   float compare_nearest(ShadowCoord p, vec2 offset)    of the nearest texel: 1 lit, 0 in shadow
 //   float compare_linear(ShadowCoord p, vec2 offset)     of the four nearest, with bilinear weights
 //   vec4 contents_at(ShadowCoord p, vec2 offset)         what the filter stored there, blurred and from the mip levels
-// Filters that are as wide as the scene wants it may include plane.glsl.
+// Texels are compared with the receiver's depth, or if `on_plane` is true in Python each with the receiver's plane there.
+// Filters as wide as the scene asks for may include plane.glsl.
 #include "map/<map>.glsl"
 #include "comparison/<comparison>.glsl"
 #include "contents/<contents>.glsl"

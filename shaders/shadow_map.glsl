@@ -7,7 +7,7 @@
 #include "gradient/<gradient>.glsl"
 #include "filter.glsl"
 
-// Visibility of a biased receiver. Its bias may take screen derivatives: all pixels of a quad must have called it.
+// Visibility of a biased receiver. All pixels of a quad must have called `bias` before, as it may take screen derivatives.
 float lit(ShadowCoord p) {
     if (!p.receiver.facing || p.axis_distance <= 0.0) return 1.0;
     // Casters in front of the near plane are stored at near; a bias larger than the receiver's depth would miss them.

@@ -12,7 +12,8 @@ ShadowCoord bias(ShadowCoord p) {
     float reach = bias_scale * radius(p), diagonal = length(p.texel), steep = tan_slope(p);
     float most = bias_limit * (1.0 + light.w) * max(p.texel.x, p.texel.y);
     float along = steep < bias_grazing ? reach * min(diagonal * steep, most) : 0.0;
-    if (steep >= bias_grazing) p = moved(p, p.receiver.normal * (reach * diagonal * sin_slope(p)));
+    float off = steep < bias_grazing ? 0.0 : reach * diagonal * sin_slope(p);
+    p = moved(p, p.receiver.normal * off);  // by nothing too: a branch would take longer
     p.bias += along * p.depth_per_length + bias_ulps * resolution(p);
     return p;
 }

@@ -3,6 +3,6 @@ out float visibility;
 
 void main() {
     Choice c = cascade_of(receiver_here());
-    visibility = lit(c.coord);
-    if (BLENDED == 1) visibility = mix(lit(c.next), visibility, c.share);
+    visibility = lit(bias(c.coord));
+    if (BLENDED == 1) visibility = mix(lit(bias(c.next)), visibility, c.share);
 }

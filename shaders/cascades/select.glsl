@@ -3,12 +3,10 @@
 uniform float blend;  // width of the border that fades into the next cascade, as a share of a cascade
 
 struct Choice {
-    ShadowCoord coord;  // in its layer, biased
+    ShadowCoord coord;  // in its layer
     ShadowCoord next;   // in the layer to blend with, or coord itself
     float share;        // blend weight of coord; next has the rest
 };
 
-ShadowCoord biased(Receiver r, int layer) { return bias(shadow_coord(r, layer)); }
-
-// Defines Choice cascade_of(Receiver r).
+// Defines Choice cascade_of(Receiver r); its points are not biased yet.
 #include "cascades/select/<select>.glsl"

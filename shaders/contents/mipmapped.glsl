@@ -1,12 +1,12 @@
 #include "contents/levels.glsl"
 #include "plane/<projection>.glsl"
 #include "eye.glsl"
-// The offset in texels on the receiver's plane from one pixel to the next: derivatives of the G-buffer are wrong at
-// silhouettes, where they span two surfaces.
 uniform vec3 forward;
 uniform vec3 pixel_right;  // from one pixel's ray to the next, at unit depth
 uniform vec3 pixel_up;
 
+// The offset in texels on the receiver's plane from one pixel to the next: derivatives of the G-buffer are wrong at
+// silhouettes, where they span two surfaces.
 vec2 footprint(ShadowCoord p, vec3 pixel) {
     vec3 away = p.position - eye;
     vec3 ray = away / dot(away, forward) + pixel;

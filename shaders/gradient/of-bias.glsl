@@ -1,2 +1,2 @@
-// That of the bias, if it has one: without, all texels are compared with the same depth.
+// The gradient is the bias's own, where texels are compared with different depths.
 ShadowCoord with_gradient(ShadowCoord p) { return p; }

@@ -1,4 +1,4 @@
-// That of the receiver's plane.
+// The gradient is that of the receiver's plane: a filter asks for it, and the bias has none.
 #include "gradient/plane.glsl"
 
 ShadowCoord with_gradient(ShadowCoord p) {

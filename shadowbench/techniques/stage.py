@@ -88,7 +88,7 @@ class Stage:
         plugins = [file.parent for component in components_of(params) for file in component.plugin_files()]
         roots = [*self._roots[:-1], *plugins, self._roots[-1]]
         names = {"LAYERS": "1"} | names | {name: str(value) for name, value in defines.items()}
-        slots = {"projection": "perspective"} | slots | includes
+        slots = {"projection": "perspective", **slots, **includes}
         uniforms |= {"metre": self.placement.length(1.0), "subpixel": 2.0**-self.device.subpixel_bits}
         stages = {"vert": vertex, "frag": fragment} | ({"geom": geometry} if geometry is not None else {})
         texts = {stage: compose(source, roots, names, slots) for stage, source in stages.items()}

@@ -13,13 +13,12 @@ float border_distance(ShadowCoord p) {
 
 // The first layer whose box contains the receiver, or the last layer; next, the second that does.
 Choice cascade_of(Receiver r) {
-    ShadowCoord p = biased(r, LAYERS - 1);
+    ShadowCoord p = shadow_coord(r, LAYERS - 1);
     Choice c = Choice(p, p, 1.0);
-    float distance = border_distance(p);
-    bool contained = distance >= 0.0;
+    bool contained = border_distance(bias(p)) >= 0.0;
     for (int layer = LAYERS - 2; layer >= 0; --layer) {  // a loop that compilers unroll: layer indexes uniforms
-        p = biased(r, layer);
-        float own = border_distance(p);
+        p = shadow_coord(r, layer);
+        float own = border_distance(bias(p));
         if (own < 0.0) continue;
         c.share = BLENDED == 1 && contained ? min(own / blend, 1.0) : 1.0;
         c.next = c.share < 1.0 ? c.coord : p;
