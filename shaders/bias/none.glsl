@@ -1,1 +1,2 @@
-// Empty: no bias, or one of the depth pass (polygon offset, front-face culling).
+// No bias, or one of the depth pass (polygon offset, front-face culling).
+ShadowCoord bias(ShadowCoord p) { return p; }

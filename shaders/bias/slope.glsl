@@ -1,5 +1,7 @@
-#define BIAS_HAS_DEPTH
 uniform float bias_max;
 uniform float bias_min;
 
-float bias_depth(Receiver r, ShadowCoord p) { return max(bias_max * (1.0 - r.cosine), bias_min); }
+ShadowCoord bias(ShadowCoord p) {
+    p.bias += max(bias_max * (1.0 - p.receiver.cosine), bias_min);
+    return p;
+}

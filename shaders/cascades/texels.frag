@@ -4,7 +4,7 @@ out vec4 texel;
 
 void main() {
     Receiver r = receiver_here();
-    ShadowCoord p = shadow_coord(r.position, cascade_of(r).coord.layer);
+    ShadowCoord p = shadow_coord(r, cascade_of(r).coord.layer);
     bool inside = r.facing && clamp(p.uv, 0.0, 1.0) == p.uv;
     texel = vec4(p.uv * map_size, inside ? float(p.layer) : -1.0, 1.0);
 }

@@ -1,5 +1,6 @@
 // Blocker search (Fernando 2005) over a disc. Stored are depths, in front of the near plane too, where the map itself clamps.
 #include "filter/disc.glsl"
+#include "plane.glsl"
 
 vec4 filter_contents(float depth) { return vec4(depth, 0.0, 0.0, 0.0); }
 

@@ -1,19 +1,6 @@
 // Twenty directions to the corners and the edge midpoints of a cube around the receiver, whose half side grows with the
 // distance to the camera (de Vries, Learn OpenGL, "Point Shadows").
-#define FILTER_HAS_REACH
-uniform float filter_spread;
-const float to_corner = sqrt(3.0);
-
-float half_side(ShadowCoord p) {
-    return filter_spread * (1.0 + distance(eye, light.xyz - p.axis * p.axis_distance) / view_far);
-}
-
-// Radius in texels, a radius of 1 being a texel's diagonal: half a texel, plus the arc of the largest offset angle at
-// the receiver's distance.
-float filter_reach(ShadowCoord p) {
-    float angle = asin(min(to_corner * half_side(p) / p.axis_distance, 1.0));
-    return filter_radius + angle * p.axis_distance / length(p.texel);
-}
+#include "filter/pcf-20-radius.glsl"
 
 float filter_visibility(ShadowCoord p) {
     vec3 away = -p.axis * p.axis_distance;
@@ -21,7 +8,10 @@ float filter_visibility(ShadowCoord p) {
     float lit = 0.0;
     for (int x = -1; x <= 1; ++x)
         for (int y = -1; y <= 1; ++y)
-            for (int z = -1; z <= 1; ++z)
-                if (x * x + y * y + z * z >= 2) lit += compare_direction(p, away + side * vec3(x, y, z));
+            for (int z = -1; z <= 1; ++z) {
+                if (x * x + y * y + z * z < 2) continue;
+                float stored = textureLod(map_depths, away + side * vec3(x, y, z), 0.0).r;
+                lit += p.depth - p.bias <= stored ? 1.0 : 0.0;
+            }
     return lit / 20.0;
 }

@@ -1,6 +1,12 @@
 // Percentage-closer soft shadows (Fernando 2005).
 #include "filter/blockers.glsl"
-#include "filter/penumbra-variants.glsl"
+
+// A variant defines the radii of the blocker search and of the penumbra as local lengths, and what it makes of visibility;
+// gap: the distance from blockers to receiver.
+float search_radius(ShadowCoord p);
+float penumbra_estimate(ShadowCoord p, float gap);
+float lightened(ShadowCoord p, float gap, float visibility);
+#include "filter/pcss/<filter_variant>.glsl"
 
 float filter_visibility(ShadowCoord p) {
     mat2 turned = turn();

@@ -1,8 +1,8 @@
-// Visibility where a 2-D map is certain, else ½, and there a depth that lets the next pass draw.
+// Visibility where a map is certain, else ½, and there a depth that lets the next pass draw.
 #include "shadow_map.glsl"
 out float visibility;
 
 void main() {
-    visibility = map_visibility(receiver_here(), 0);
+    visibility = lit(bias(shadow_coord(receiver_here(), 0)));
     gl_FragDepth = visibility == 0.5 ? 1.0 : 0.0;
 }

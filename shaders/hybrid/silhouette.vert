@@ -2,17 +2,7 @@
 in vec3 a;
 in vec3 b;
 out vec3 point;  // on the edge
-#ifdef MAP_CUBE
-#include "cube_faces.glsl"
-uniform vec3 light_position;
-uniform int face;
-
-vec4 clip_of(vec3 position) { return project(face, position - light_position); }
-#else
-uniform mat4 world_to_clip;
-
-vec4 clip_of(vec3 position) { return world_to_clip * vec4(position, 1.0); }
-#endif
+#include "hybrid/silhouette/clip-<map>.glsl"
 
 void main() {
     gl_Position = vec4(2.0, 2.0, 2.0, 1.0);  // outside

@@ -1,5 +1,8 @@
-// Visibility of every pixel from one 2-D depth map (Williams 1978).
+// Visibility of every pixel from one map.
 #include "shadow_map.glsl"
 out float visibility;
 
-void main() { visibility = map_visibility(receiver_here(), 0); }
+void main() {
+    ShadowCoord receiver = shadow_coord(receiver_here(), 0);
+    visibility = lit(bias(receiver));
+}

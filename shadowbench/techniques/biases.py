@@ -51,6 +51,11 @@ class Bias(Component):
         return ""
 
     @property
+    def on_plane(self) -> bool:
+        """Whether each texel is compared with the receiver's plane there, and not all with the receiver's depth."""
+        return False
+
+    @property
     def depth_units(self) -> float | None:
         """The smallest bias in units of [0, 1] depth; None for a bias that is not fixed in these units."""
         return None
@@ -193,6 +198,10 @@ class ReceiverPlane(Bias):
     ulps: float = param(4.0, "steps of the depth format added to the bias", ge=0, le=1e6)
 
     @property
+    def on_plane(self) -> bool:
+        return True
+
+    @property
     def along_light(self) -> tuple[float, float]:
         return (0.0, self.slack)
 
@@ -215,7 +224,7 @@ class Texel(Bias):
 
 
 class Sum(Bias):
-    """The sum of two biases, `polygon-offset(2,4)+before-divide(0.01)`: their offsets and depths add up.
+    """The sum of two biases, `polygon-offset(2,4)+before-divide(0.01)`: the second applies to what the first has left.
 
     Not in the table of biases; specs form it with `+`. `second` may be a sum.
     """
@@ -233,6 +242,10 @@ class Sum(Bias):
     @property
     def terms(self) -> tuple[Bias, ...]:
         return (self.first, *self.second.terms)
+
+    @property
+    def on_plane(self) -> bool:
+        return any(term.on_plane for term in self.terms)
 
     def scaled(self, factor: float) -> Self:
         return type(self)(first=self.first.scaled(factor), second=self.second.scaled(factor))

@@ -27,6 +27,7 @@ from shadowbench.techniques.maps import (
     CasterMap,
     contents_of,
     counted_reads,
+    map_includes,
     map_textures,
     map_uniforms,
     penumbra_uniforms,
@@ -124,14 +125,15 @@ class Cascades(Technique):
         params = self.params
         self.stage = stage
         self.hull = SceneHull(stage.scene)
-        self.defines = {"LAYERS": params.count, "MAP_ARRAY": 1, "MAP_PARALLEL": 1, "BLENDED": int(params.blend > 0)}
-        self.contents = contents_of(stage, params, params.filter, params.size, "array", params.count, self.defines)
+        self.defines = {"LAYERS": params.count, "BLENDED": int(params.blend > 0)}
+        self.includes = map_includes("orthographic", "array", params.bias, params.filter)
+        self.contents = contents_of(stage, params, params.filter, params.size, "array", params.count, self.includes)
         fragment = "contents.frag" if self.contents else "depth.frag"
         if params.layers == "geometry":
             texts: tuple[str, ...] = ("cascades/layers.vert", fragment, "cascades/layers.geom")
         else:
             texts = ("casters.vert", fragment)
-        program = stage.program(*texts, params=params, defines=self.defines)
+        program = stage.program(*texts, params=params, defines=self.defines, includes=self.includes)
         self.map = CasterMap(
             stage,
             program,
@@ -144,7 +146,11 @@ class Cascades(Technique):
             clamp=params.depth_clamp,
             cull=params.cull,
         )
-        self.resolve = ResolvePass(stage, "cascades/resolve.frag", params, self.defines)
+        self.resolve = self._pass("resolve")
+
+    def _pass(self, name: str, components: int = 1) -> ResolvePass:
+        fragment = f"cascades/{name}.frag"
+        return ResolvePass(self.stage, fragment, self.params, self.defines, self.includes, components)
 
     def draw(self, frame: Frame) -> moderngl.Texture:
         self.last = frame
@@ -227,14 +233,14 @@ class Cascades(Technique):
 
     @cached_property
     def _tint(self) -> ResolvePass:
-        return ResolvePass(self.stage, "cascades/tint.frag", self.params, self.defines, components=4)
+        return self._pass("tint", 4)
 
     def tint(self) -> moderngl.Texture:
         return self._tint(self.last, self._textures, **self._uniforms(self.last))
 
     @cached_property
     def _texels(self) -> ResolvePass:
-        return ResolvePass(self.stage, "cascades/texels.frag", self.params, self.defines, components=4)
+        return self._pass("texels", 4)
 
     def texels(self) -> moderngl.Texture:
         return self._texels(self.last, self._textures, **self._uniforms(self.last))

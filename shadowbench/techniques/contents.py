@@ -27,14 +27,14 @@ class MapContents:
         size: int,
         kind: Kind,
         layers: int,
-        defines: Mapping[str, int | str],
+        includes: Mapping[str, str],
     ) -> None:
         self._contents, self._kind, self.layers = contents, kind, layers
         self.texture = stage.map_texture((size, size), kind, layers, contents.components, contents.dtype)
-        self.far = _far_contents(stage, params, contents, kind, defines)
+        self.far = _far_contents(stage, params, contents, layers, includes)
         blurred = 2 * _taps(contents.blur) if contents.blur > 1 else 0
         self.reads = layers * size**2 * (blurred + (1 if contents.mips else 0))
-        self._passes = _BlurPasses(stage, self, _taps(contents.blur), size, defines) if contents.blur > 1 else None
+        self._passes = _BlurPasses(stage, self, _taps(contents.blur), size) if contents.blur > 1 else None
 
     def prepare(self, texels: Sequence[float] = ()) -> None:
         """Blur the layers and compute their mip levels.
@@ -63,17 +63,17 @@ class MapContents:
 class _BlurPasses:
     """A separable blur of every layer, through a scratch texture that has the rows beyond a layer's edges too."""
 
-    def __init__(
-        self, stage: Stage, contents: MapContents, taps: int, size: int, defines: Mapping[str, int | str]
-    ) -> None:
+    def __init__(self, stage: Stage, contents: MapContents, taps: int, size: int) -> None:
         texture, self._far, self._layers = contents.texture, contents.far, contents.layers
         scratch = stage.map_texture(
             (size, size + taps - 1), "array", self._layers, texture.components, contents._contents.dtype
         )
-        defines = {**defines, "TAPS": taps, "SIZE": size}
+        defines, map = {"TAPS": taps, "SIZE": size}, contents._kind
         self._rows, self._columns = (
-            stage.fullscreen(stage.program("fullscreen.vert", "blur.frag", defines={**defines, **more}))
-            for more in ({"ROWS": 1}, {})
+            stage.fullscreen(
+                stage.program("fullscreen.vert", "blur.frag", defines=defines, includes={"blur": blur, "map": map})
+            )
+            for blur in ("rows", "columns")
         )
         self._scratch, self._texture = scratch, texture
         self._to_scratch = [stage.target(scratch, layer=layer) for layer in range(self._layers)]
@@ -110,11 +110,11 @@ def kernel_weights(kernel: Kernel, width: float, taps: int) -> Floats:
 
 
 def _far_contents(
-    stage: Stage, params: TechniqueParams, contents: Contents, kind: Kind, defines: Mapping[str, int | str]
+    stage: Stage, params: TechniqueParams, contents: Contents, layers: int, includes: Mapping[str, str]
 ) -> tuple[float, float, float, float]:
     """Contents of the far plane; components that are not stored are 0."""
-    fragment = "cube-map/contents.frag" if kind == "cube" else "contents.frag"
-    program = stage.program("fullscreen.vert", fragment, params=params, defines={**defines, "FAR": 1})
+    defines = {"LAYERS": layers}
+    program = stage.program("fullscreen.vert", "contents-far.frag", params=params, defines=defines, includes=includes)
     texture = stage.texture((1, 1), contents.components)
     stage.fullscreen(program).draw(stage.target(texture))
     found = np.zeros(4, dtype=np.float32)

@@ -23,6 +23,7 @@ from shadowbench.techniques.maps import (
     MapInputs,
     contents_of,
     counted_reads,
+    map_includes,
     map_textures,
     penumbra_uniforms,
     unsupported_components,
@@ -35,8 +36,6 @@ _NEAREST = 2.0**-24  # near plane as a share of far: closer to the light than fl
 _AXES = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])
 # (6, 4, 3) normals of the planes between a face's pyramid and its neighbours, through the light.
 _SIDES = np.array([[axis + side for side in np.vstack([np.eye(3), -np.eye(3)]) if side @ axis == 0] for axis in _AXES])
-CUBE = {"MAP_CUBE": 1}
-"""#defines of shaders that read a cube map."""
 _CROSS = ((None, 2, None, None), (1, 4, 0, 5), (None, 3, None, None))  # faces of the unfolded cube, +Z in front
 
 
@@ -82,7 +81,7 @@ class CubeMap(Technique):
 
     def build(self, stage: Stage) -> None:
         self.build_map(stage)
-        self.resolve = ResolvePass(stage, "cube-map/resolve.frag", self.params, CUBE)
+        self.resolve = ResolvePass(stage, "shadow-map/resolve.frag", self.params, includes=self.includes)
 
     def build_map(self, stage: Stage) -> None:
         """What `draw_map` needs."""
@@ -90,12 +89,13 @@ class CubeMap(Technique):
         self.stage = stage
         self.hull = SceneHull(stage.scene)
         layered = params.layers == "geometry"
-        self.contents = contents_of(stage, params, params.filter, params.size, "cube", 6, CUBE)
+        self.includes = map_includes("cube", "cube", params.bias, params.filter)
+        self.contents = contents_of(stage, params, params.filter, params.size, "cube", 6, self.includes)
         fragment = "cube-map/contents.frag" if self.contents else "cube-map/depth.frag"
-        texts = ("cube-map/casters.vert", fragment, "cube-map/faces.geom" if layered else None)
+        texts = (f"cube-map/{params.layers}.vert", fragment, "cube-map/faces.geom" if layered else None)
         self.map = CasterMap(
             stage,
-            stage.program(*texts, params=params, defines=CUBE),
+            stage.program(*texts, params=params, includes=self.includes),
             params.size,
             params.depth,
             "cube",
@@ -114,7 +114,7 @@ class CubeMap(Technique):
             return self.resolve(frame, textures, **uniforms, **penumbra)
 
     def draw_map(self, frame: Frame) -> MapInputs:
-        """Draw the faces; the textures and uniforms of cube_map.glsl."""
+        """Draw the faces; the textures and uniforms of shadow_map.glsl."""
         with frame.timed("depth", changes="light"):
             reach = np.linalg.norm(self.hull.points - frame.light.position, axis=1)
             self.far = float(reach.max()) * _MARGIN
@@ -130,7 +130,6 @@ class CubeMap(Technique):
             "filter_radius": self.params.filter.radius(self.params.size),
             "depth_step": self.map.step,
             "position_step": self.hull.position_step(frame.light),
-            "view_far": frame.view.near_far[1],
         }
 
     def _draws(self, frame: Frame) -> list[tuple[dict[str, Value], list[Floats]]]:
@@ -142,7 +141,7 @@ class CubeMap(Technique):
 
     @cached_property
     def _texels(self) -> ResolvePass:
-        return ResolvePass(self.stage, "cube-map/texels.frag", self.params, CUBE, components=4)
+        return ResolvePass(self.stage, "shadow-map/texels.frag", self.params, includes=self.includes, components=4)
 
     def texels(self) -> moderngl.Texture:
         frame, textures, uniforms = self.last

@@ -31,6 +31,7 @@ class Filter(Component):
     """Base class of the filters. `maps`: the supported kinds of shadow map."""
 
     maps: ClassVar[frozenset[MapKind]] = frozenset({"2d", "array"})
+    radius_shader: ClassVar[str] = "filter/radius.glsl"  # defines `radius`, for the bias
     of_number = "pcf"
 
     @abstractmethod
@@ -59,10 +60,9 @@ class Filter(Component):
         return None
 
     @property
-    def defines(self) -> dict[str, str]:
-        contents = self.contents
-        mips = {"MIPMAPPED": "1"} if contents and contents.mips else {}
-        return {"CONTENTS": str(contents.components)} | mips if contents else {}
+    def on_plane(self) -> bool:
+        """Whether each texel is compared with the receiver's plane there, and not all with the receiver's depth."""
+        return False
 
     @property
     @abstractmethod
@@ -159,6 +159,7 @@ class PCF20(Filter):
 
     name = "pcf-20"
     shader = "filter/pcf-20.glsl"
+    radius_shader = "filter/pcf-20-radius.glsl"
     maps = frozenset({"cube"})
     spread: float = param(
         0.04, "offset of the taps in metres at the camera, twice that at its far plane", gt=0, metres=True

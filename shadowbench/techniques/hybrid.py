@@ -11,7 +11,7 @@ from shadowbench.gl.targets import Kind
 from shadowbench.scenes.model import LightKind, View
 from shadowbench.techniques.base import Changes, Frame, Stage, Technique, TechniqueParams, param
 from shadowbench.techniques.biases import NoBias
-from shadowbench.techniques.cube_map import CUBE, CubeMap
+from shadowbench.techniques.cube_map import CubeMap
 from shadowbench.techniques.filters import Contents, Filter
 from shadowbench.techniques.fits import Fit, ViewFit
 from shadowbench.techniques.maps import FittedParams
@@ -33,6 +33,10 @@ class Conservative(Filter):
     @property
     def contents(self) -> Contents:
         return Contents(1, linear=False)
+
+    @property
+    def on_plane(self) -> bool:
+        return True
 
     def radius(self, size: int) -> float:
         return 1
@@ -123,11 +127,12 @@ class Classification:
     def __init__(self, stage: Stage, map: ShadowMap | CubeMap) -> None:
         self._map = map
         map.build_map(stage)
-        shader, defines = ("classify-cube", CUBE) if isinstance(map, CubeMap) else ("classify", {})
         kind: Kind = "cube" if isinstance(map, CubeMap) else "2d"
-        self._silhouettes = Silhouettes(stage, map.params, map.params.size, kind, defines)
+        self._silhouettes = Silhouettes(stage, map.params, map.params.size, kind)
         self._changes: Changes = "light" if isinstance(map, CubeMap) else map.params.fit.invalidated_by
-        self._program = stage.program("fullscreen.vert", f"hybrid/{shader}.frag", params=map.params, defines=defines)
+        self._program = stage.program(
+            "fullscreen.vert", "hybrid/classify.frag", params=map.params, includes=map.includes
+        )
         self._triangle = stage.fullscreen(self._program)
 
     def __call__(self, frame: Frame, target: moderngl.Framebuffer) -> None:

@@ -5,7 +5,7 @@ A technique with one 2-D map uses `FittedView`, then `CasterMap`, then a `Resolv
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -165,6 +165,30 @@ def caster_state(bias: Bias, clamp: bool = True, reversed_depth: bool = False) -
     )
 
 
+def map_includes(
+    projection: Literal["orthographic", "perspective", "cube"],
+    kind: MapKind,
+    bias: Bias,
+    filter: Filter,
+    reversed_depth: bool = False,
+    far_rule: str = "lit",
+) -> dict[str, str]:
+    """The files that `shadow_map.glsl` is composed of, besides the bias and the filter."""
+    comparison, contents = "flat", filter.contents
+    if bias.on_plane or filter.on_plane:
+        comparison = "plane-cube" if kind == "cube" else "plane"
+    return {
+        "projection": projection,
+        "map": kind,
+        "depths": "reversed" if reversed_depth else "standard",
+        "far_rule": far_rule,
+        "radius": filter.radius_shader,
+        "comparison": comparison,
+        "gradient": "of-receiver" if comparison == "plane" and not bias.on_plane else "of-bias",
+        "contents": "depth" if contents is None else "mipmapped" if contents.mips else "stored",
+    }
+
+
 def contents_of(
     stage: Stage,
     params: TechniqueParams,
@@ -172,11 +196,11 @@ def contents_of(
     size: int,
     kind: Kind = "2d",
     layers: int = 1,
-    defines: Mapping[str, int | str] = {},
+    includes: Mapping[str, str] = {},
 ) -> MapContents | None:
     """What a filter stores in a map of `size`² texels besides depth; None if nothing."""
     stored = filter.contents
-    return None if stored is None else MapContents(stage, params, stored, size, kind, layers, defines)
+    return None if stored is None else MapContents(stage, params, stored, size, kind, layers, includes)
 
 
 def counted_reads(filter: Filter, contents: MapContents | None, pixels: int) -> dict[str, float]:
@@ -204,7 +228,7 @@ def storable_region(light_view: LightView, bias: Bias) -> Floats:
 
 
 def map_uniforms(light_views: Sequence[LightView], reversed_depth: bool = False) -> dict[str, Value]:
-    """Uniforms of `map.glsl` for the light views of a map's layers, all of one light."""
+    """Uniforms of `projection/matrix.glsl` for the light views of a map's layers, all of one light."""
     to_map = np.stack([view.to_map(reversed_depth) for view in light_views])
     return {
         "world_to_map": to_map,

@@ -75,11 +75,6 @@ class Component(Strict):
                 raise InputError(f"two {cls.family().__name__.lower()}s are called {cls.name!r}: {places}")
             cls.table[cls.name] = cls  # type: ignore[assignment]  # Self is a subclass of the family here
 
-    @property
-    def defines(self) -> dict[str, str]:
-        """Further #defines of its shader, by name without the parameter's: {"CONTENTS": "2"} is FILTER_CONTENTS 2."""
-        return {}
-
     @classmethod
     def family(cls) -> "type[Component]":
         """The family of a component: `Bias`, `Filter`, `Fit` or `Split`."""

@@ -21,6 +21,10 @@ class Disc(Filter):
     )
     rotate: bool = param(True, "turns the pattern from pixel to pixel by interleaved gradient noise (Jimenez 2014)")
 
+    @property
+    def on_plane(self) -> bool:
+        return True
+
     def radius(self, size: int) -> float:
         return 1.0  # of a single tap
 
@@ -33,6 +37,10 @@ class PCFDisc(Disc):
     width: float = param(2.5, "radius of the disc in texels", gt=0, le=64)
     taps: int = param(16, "bilinear comparisons", ge=1, le=256)
     plane: bool = param(True, "compares each tap with the receiver's plane; false: all with the receiver, as published")
+
+    @property
+    def on_plane(self) -> bool:
+        return self.plane
 
     def radius(self, size: int) -> float:
         return super().radius(size) if self.plane else self.reach(size)

@@ -23,9 +23,10 @@ class ResolvePass:
         fragment: Path | str,
         params: TechniqueParams | None = None,
         defines: Mapping[str, int | str] = {},
+        includes: Mapping[str, str] = {},
         components: int = 1,
     ) -> None:
-        self.program = stage.program("fullscreen.vert", fragment, params=params, defines=defines)
+        self.program = stage.program("fullscreen.vert", fragment, params=params, defines=defines, includes=includes)
         self.texture = stage.texture(components=components)
         self._target = stage.target(self.texture)
         self._triangle = stage.fullscreen(self.program)
@@ -40,6 +41,8 @@ class ResolvePass:
             self.program.set(pixel_right=vec3(right * width), pixel_up=vec3(up * width), forward=vec3(-back))
         if self.program.has("eye"):
             self.program.set(eye=frame.camera.position)
+        if self.program.has("view_far"):
+            self.program.set(view_far=frame.view.near_far[1])
         self.program.set(light=frame.light_uniform, **uniforms)
         self._triangle.draw(self._target, {**frame.surface.inputs, **textures})
         return self.texture

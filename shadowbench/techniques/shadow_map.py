@@ -26,6 +26,7 @@ from shadowbench.techniques.maps import (
     MapInputs,
     contents_of,
     counted_reads,
+    map_includes,
     map_textures,
     map_uniforms,
     penumbra_uniforms,
@@ -95,19 +96,20 @@ class ShadowMap(Technique):
 
     def _resolve_pass(self, parallel: bool) -> ResolvePass:
         """For light rays that are parallel, or not."""
-        defines = {"MAP_PARALLEL": 1} if parallel else {}
-        return ResolvePass(self.stage, "shadow-map/resolve.frag", self.params, defines)
+        includes = self.includes | {"projection": "orthographic"} if parallel else self.includes
+        return ResolvePass(self.stage, "shadow-map/resolve.frag", self.params, includes=includes)
 
     def build_map(self, stage: Stage) -> None:
         """What `draw_map` needs."""
         params = self.params
         self.stage = stage
         self.fitted = FittedView(stage, params.fit, params.size, params.filter.reach(params.size))
-        self.contents = contents_of(stage, params, params.filter, params.size)
+        self.includes = map_includes("perspective", "2d", params.bias, params.filter, params.reversed, params.far_rule)
+        self.contents = contents_of(stage, params, params.filter, params.size, includes=self.includes)
         fragment = "contents.frag" if self.contents else "depth.frag"
         self.map = CasterMap(
             stage,
-            stage.program("casters.vert", fragment, params=params),
+            stage.program("casters.vert", fragment, params=params, includes=self.includes),
             params.size,
             params.depth,
             contents=self.contents,
@@ -150,7 +152,7 @@ class ShadowMap(Technique):
 
     @cached_property
     def _texels(self) -> ResolvePass:
-        return ResolvePass(self.stage, "shadow-map/texels.frag", self.params, components=4)
+        return ResolvePass(self.stage, "shadow-map/texels.frag", self.params, includes=self.includes, components=4)
 
     def texels(self) -> moderngl.Texture:
         frame, textures, uniforms = self.last

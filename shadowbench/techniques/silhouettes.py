@@ -20,9 +20,7 @@ class Silhouettes:
     of one triangle only. size, kind: of the map whose linear depths decide what is hidden.
     """
 
-    def __init__(
-        self, stage: Stage, params: TechniqueParams, size: int, kind: Kind, defines: Mapping[str, int | str]
-    ) -> None:
+    def __init__(self, stage: Stage, params: TechniqueParams, size: int, kind: Kind) -> None:
         from shadowbench.geometry.facing import wall_weights  # Numba takes 0.4 s to import
 
         casters = casters_of(stage.scene)
@@ -31,7 +29,7 @@ class Silhouettes:
         self._vertices = self._exact.astype(np.float32)
         self._weights = wall_weights
         self._program = stage.program(
-            "hybrid/silhouette.vert", "hybrid/silhouette.frag", params=params, defines=defines
+            "hybrid/silhouette.vert", "hybrid/silhouette.frag", params=params, includes={"map": kind}
         )
         self._upload = stage.stream(self._program, {"a": 3, "b": 3})
         self._map = stage.depth_target(size, "d32f", kind)

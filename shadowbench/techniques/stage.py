@@ -78,19 +78,22 @@ class Stage:
         *,
         params: TechniqueParams | None = None,
         defines: Mapping[str, int | str] = {},
+        includes: Mapping[str, str] = {},
     ) -> Program:
         """A linked program from shader files or inline sources, with the technique's parameters.
 
         Ints, bools and choices of `params` become #defines (SIZE 1024, REVERSED 0, WRAP_BORDER 1), floats uniforms
-        (`bias_max`), with lengths in metres converted to local coordinates. The shader file of the chosen bias, filter,
-        fit or split replaces `#include <parameter>` (`#include <bias>`), and its own parameters follow the same rules
-        (FILTER_TAPS 3). Uniforms: `metre`, the length of one metre in local coordinates; `subpixel`, a step of the
-        rasteriser's grid in pixels. defines: further #defines.
+        (`bias_max`), with lengths in metres converted to local coordinates. A choice also names a file to include
+        (`#include "select/<select>.glsl"`). The shader file of the chosen bias, filter, fit or split replaces `#include
+        <parameter>` (`#include <bias>`), and its own parameters follow the same rules (FILTER_TAPS 3). Uniforms:
+        `metre`, the length of one metre in local coordinates; `subpixel`, a step of the rasteriser's grid in pixels.
+        defines: further #defines, besides LAYERS 1; includes: further files, by name (`projection`: perspective).
         """
         names, slots, uniforms = _shader_values(params, self.placement) if params else ({}, {}, {})
         plugins = [file.parent for component in components_of(params) for file in component.plugin_files()]
         roots = [*self._roots[:-1], *plugins, self._roots[-1]]
-        names |= {name: str(value) for name, value in defines.items()}
+        names = {"LAYERS": "1"} | names | {name: str(value) for name, value in defines.items()}
+        slots = {"projection": "perspective", **slots, **includes}
         uniforms |= {"metre": self.placement.length(1.0), "subpixel": 2.0**-self.device.subpixel_bits}
         stages = {"vert": vertex, "frag": fragment} | ({"geom": geometry} if geometry is not None else {})
         texts = {stage: compose(source, roots, names, slots) for stage, source in stages.items()}
@@ -263,11 +266,11 @@ def _shader_values(
             uniforms |= inner_uniforms
             if value.shader:
                 slots[name] = value.shader
-            defines |= {f"{name}_{key}".upper(): text for key, text in value.defines.items()}
         elif isinstance(value, bool | int):
             defines[name.upper()] = str(int(value))
         elif isinstance(value, float):
             uniforms[name] = placement.length(value) if in_metres(field) else value
         else:
             defines[f"{name}_{value}".upper().replace("-", "_")] = "1"
+            slots[name] = str(value)
     return defines, slots, uniforms

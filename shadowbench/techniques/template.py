@@ -30,7 +30,7 @@ out float visibility;
 
 void main() {
     Receiver r = receiver_here();
-    ShadowCoord p = shadow_coord(r.position, 0);
+    ShadowCoord p = shadow_coord(r, 0);
     float stored = textureLod(map_depths, p.uv, 0.0).r;
     bool shadowed = p.depth < 1.0 && p.depth - bias * p.depth_per_length > stored;
     visibility = r.facing && p.axis_distance > 0.0 && shadowed ? 0.0 : 1.0;

@@ -15,9 +15,10 @@ def write(folder: Path, **files: str) -> None:
         (folder / f"{name}.glsl").write_text(text, encoding="utf-8")
 
 
-def test_version_comes_first_then_defines_then_text(tmp_path: Path) -> None:
-    text = compose("void main() {}\n", [tmp_path], {"SIZE": "1024", "REVERSED": "0"})
-    assert text.splitlines() == [VERSION, "#define SIZE 1024", "#define REVERSED 0", "void main() {}"]
+def test_version_comes_first_then_the_defines_that_are_used_then_text(tmp_path: Path) -> None:
+    code = "int a[SIZE], b = REVERSED;"
+    text = compose(f"{code}\n", [tmp_path], {"SIZE": "1024", "REVERSED": "0", "CULL": "1"})
+    assert text.splitlines() == [VERSION, "#define SIZE 1024", "#define REVERSED 0", code]
 
 
 def test_includes_nest(tmp_path: Path) -> None:
@@ -49,6 +50,20 @@ def test_an_include_slot_takes_its_file(tmp_path: Path) -> None:
     assert "none" in compose(text, [tmp_path], slots={"bias": "none.glsl"})
 
 
+def test_a_slot_in_a_path_takes_a_name(tmp_path: Path) -> None:
+    """Also one that an include renames."""
+    write(tmp_path, wide="wide", narrow="narrow", bias='#include "<bias_of>.glsl"\nbias_max')
+    slots = {"bias_of": "wide", "bias_a_of": "narrow"}
+    text = '#include "bias.glsl"\n#include "bias.glsl" with bias = bias_a\n'
+    assert compose(text, [tmp_path], slots=slots).split("\n")[1:] == ["wide", "bias_max", "narrow", "bias_a_max", ""]
+
+
+def test_a_file_without_the_name_that_an_include_renames_is_included_once(tmp_path: Path) -> None:
+    write(tmp_path, units="uniform float metre;", bias='#include "units.glsl"\nfloat bias_max;')
+    text = compose('#include "bias.glsl" with bias = a\n#include "bias.glsl" with bias = b\n', [tmp_path])
+    assert text.split("\n")[1:] == ["uniform float metre;", "float a_max;", "", "float b_max;", ""]
+
+
 def test_a_slot_takes_text_of_several_lines_with_includes_of_its_own(tmp_path: Path) -> None:
     write(tmp_path, common="common", bias="#include <bias>\nafter")
     text = '#include "common.glsl"\n#include "bias.glsl"\n#include <bias>\n'
@@ -60,22 +75,22 @@ def test_a_slot_takes_text_of_several_lines_with_includes_of_its_own(tmp_path: P
 
 
 def test_a_file_may_be_included_with_renamed_identifiers(tmp_path: Path) -> None:
-    """Names that begin with the old one and an underscore, also in what the file includes; `p.bias` is no such name."""
+    """Functions of that name, and names that begin with it and an underscore, also in what the file includes."""
     write(
         tmp_path,
-        bias="#include <bias>\nfloat bias_depth(P p) { return p.bias; }  // with unbiased_x",
-        sum='#include "bias.glsl" with bias = bias_a\n#include "bias.glsl" with bias = bias_b\nfloat bias_depth();',
+        bias="#include <bias>\nfloat bias(P p) { return p.bias; }  // with unbiased_x",
+        sum='#include "bias.glsl" with bias = bias_a\n#include "bias.glsl" with bias = bias_b\nfloat bias(P p);',
         slope="#define BIAS_HAS_DEPTH\nuniform float bias_max;",
     )
     slots = {"bias": "sum.glsl", "bias_a": "slope.glsl", "bias_b": "slope.glsl"}
     assert compose("#include <bias>\n", [tmp_path], slots=slots).split("\n")[1:] == [
         "#define BIAS_A_HAS_DEPTH",
         "uniform float bias_a_max;",
-        "float bias_a_depth(P p) { return p.bias; }  // with unbiased_x",
+        "float bias_a(P p) { return p.bias; }  // with unbiased_x",
         "#define BIAS_B_HAS_DEPTH",
         "uniform float bias_b_max;",
-        "float bias_b_depth(P p) { return p.bias; }  // with unbiased_x",
-        "float bias_depth();",
+        "float bias_b(P p) { return p.bias; }  // with unbiased_x",
+        "float bias(P p);",
         "",
     ]
 

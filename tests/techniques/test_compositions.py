@@ -38,7 +38,7 @@ def values(name: str, annotation: Any) -> list[str]:
 
 
 def shapes_a_text(name: str) -> bool:
-    return f"#include <{name}>" in SHADERS or re.search(rf"\b{name.upper()}(_|\b)", SHADERS) is not None
+    return f"<{name}>" in SHADERS or re.search(rf"\b{name.upper()}(_|\b)", SHADERS) is not None
 
 
 def compositions(technique: Any) -> Iterator[str]:

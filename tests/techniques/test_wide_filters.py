@@ -55,8 +55,8 @@ def test_castano_across_an_edge_is_the_sum_of_its_weights_so_far(under_edge, tap
 
 
 def poisson_points() -> np.ndarray:
-    """The table of disc.glsl."""
-    text = (data_folder("shaders") / "filter" / "disc.glsl").read_text()
+    """The table of disc/poisson.glsl."""
+    text = (data_folder("shaders") / "filter" / "disc" / "poisson.glsl").read_text()
     table = text[text.index("poisson_disc[32]") :].partition(");\n")[0]
     return np.array([[float(x) for x in pair] for pair in re.findall(r"vec2\((\S+), (\S+?)\)", table)])
 

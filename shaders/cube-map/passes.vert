@@ -1,0 +1,11 @@
+// Casters relative to the light, projected onto one face.
+#include "cube_faces.glsl"
+in vec3 position;
+out vec3 away;
+uniform vec3 light_position;
+uniform int face;
+
+void main() {
+    away = position - light_position;
+    gl_Position = project(face, away);
+}

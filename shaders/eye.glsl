@@ -1,0 +1,1 @@
+uniform vec3 eye;  // of the camera

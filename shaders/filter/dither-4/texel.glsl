@@ -1,0 +1,1 @@
+float width_in_texels() { return filter_width; }

@@ -1,0 +1,31 @@
+// Onto the faces of a cube map around the light, whose depth is the distance to the light divided by map_far.
+#include "shadow_coord.glsl"
+#include "cube_faces.glsl"
+uniform float map_far;  // local length
+
+int face_of(vec3 away) {
+    vec3 lengths = abs(away);
+    if (lengths.x >= max(lengths.y, lengths.z)) return away.x > 0.0 ? 0 : 1;
+    if (lengths.y >= lengths.z) return away.y > 0.0 ? 2 : 3;
+    return away.z > 0.0 ? 4 : 5;
+}
+
+ShadowCoord projected(ShadowCoord p) {
+    vec3 away = p.position - light.xyz;
+    p.layer = face_of(away);
+    vec3 on_face = away * cube_faces[p.layer];
+    p.uv = 0.5 + 0.5 * on_face.xy / on_face.z;
+    p.axis_distance = length(away);
+    p.axis = -away / p.axis_distance;
+    p.depth = p.axis_distance / map_far;
+    p.depth_per_length = 1.0 / map_far;
+    p.linear = p.depth;
+    p.linear_per_length = p.depth_per_length;
+    // Width of a texel in the plane parallel to the face through the receiver. Towards a corner the solid angle of a
+    // texel shrinks, but the bound on its depth range does not: on the plane N·x = c the distance has over (s, t) the
+    // gradient on_face.z · (u − N/(N·u)), projected onto the face, with u the unit direction. That vector is
+    // perpendicular to u and of length tan θ, so that the distance changes by at most texel · tan θ over a texel, and
+    // reaches that bound in one direction everywhere.
+    p.texel = vec2(2.0 * on_face.z / map_size);
+    return p;
+}
