@@ -29,3 +29,6 @@ ShadowCoord projected(ShadowCoord p) {
     p.texel = vec2(2.0 * on_face.z / map_size);
     return p;
 }
+
+// No caster is in front of the light.
+float largest_bias(ShadowCoord p) { return p.bias; }
