@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from shadowbench.commands import completion, console
-from shadowbench.commands.options import SCENE, Assets, Json, LightName, NoGround, Quiet, Sun, Up, ViewName
+from shadowbench.commands.options import SCENE, Printed, grouped
 from shadowbench.errors import InputError
+from shadowbench.options import ViewOptions
 
 if TYPE_CHECKING:
     from shadowbench.engines.accuracy import Accuracy
@@ -21,6 +22,7 @@ app = typer.Typer()
     "  shadowbench score stairs mask.png --diff wrong.png\n"
     "  shadowbench score stairs --lit lit.png --shadowed shadowed.png -o results/engines --name my-engine"
 )
+@grouped
 def score(
     scene: Annotated[
         str,
@@ -46,8 +48,6 @@ def score(
     ambient: Annotated[
         Path | None, typer.Option(metavar="AMBIENT.png", help="The same screenshot without the light  [black].")
     ] = None,
-    view: ViewName = None,
-    light: LightName = None,
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", metavar="DIR", help="Run folder to add the score to; requires --name."),
@@ -59,12 +59,9 @@ def score(
         Path | None,
         typer.Option(metavar="FILE.png", help="File for a difference picture: false shadow orange, false light blue."),
     ] = None,
-    assets: Assets = None,
-    up: Up = None,
-    sun: Sun = False,
-    no_ground: NoGround = False,
-    json: Json = False,
-    quiet: Quiet = False,
+    *,
+    options: ViewOptions,
+    printed: Printed,
 ) -> None:
     """Score another renderer's mask or screenshots.
 
@@ -97,9 +94,8 @@ def score(
     if output is not None:
         check_folder(output)
     handed = external_mask(scene, mask, lit, shadowed, ambient)
-    with console.Reporter(quiet) as reporter:
-        stored = stored_truth_of(scene, view=view, light=light, assets=assets, up=up, sun=sun, no_ground=no_ground)
-        against = stored or reporter.view(scene, handed.size, view, light, assets, up, sun, no_ground)
+    with console.Reporter(printed.quiet) as reporter:
+        against = stored_truth_of(scene, options) or reporter.view(scene, handed.size, options)
         accuracy = accuracy_of(handed, against)
     drawn = mask or shadowed
     sized = size_mismatch(drawn, accuracy.view) if drawn is not None else None
@@ -107,11 +103,11 @@ def score(
     if diff is not None:
         write_difference(diff, accuracy.difference())
     new = append_row(accuracy, name, output) if output is not None and name is not None else False
-    if json:
+    if printed.json:
         console.print_json(accuracy.values() | {"warnings": warnings})
         return
     _print(accuracy)
-    if quiet:
+    if printed.quiet:
         return
     for warning in warnings:
         console.print_error(f"warning: {warning}")

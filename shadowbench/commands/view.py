@@ -7,20 +7,9 @@ from typing import Annotated
 import typer
 
 from shadowbench.commands import completion, console
-from shadowbench.commands.options import (
-    SCENE,
-    SPEC,
-    Assets,
-    LightName,
-    NoGround,
-    Plugins,
-    Quiet,
-    Sun,
-    Up,
-    ViewName,
-    ViewSize,
-)
+from shadowbench.commands.options import SCENE, SPEC, Plugins, Quiet, ViewSize, grouped
 from shadowbench.errors import NOT_EVERYWHERE, InputError, how_to_install
+from shadowbench.options import FIRST, ViewOptions
 
 app = typer.Typer()
 _MOST = 2
@@ -33,6 +22,7 @@ LIBRARIES = "libx11-6 libxcursor1 libxext6 libxi6 libxinerama1 libxrandr2"
     "  shadowbench view --state view.toml\n"
     "  shadowbench view results/stress --cell 5be1f0"
 )
+@grouped
 def view(
     scene: Annotated[
         str | None,
@@ -58,14 +48,10 @@ def view(
         str | None, typer.Option(metavar="KEY", help="Show a cell of a folder of `run` or `stress`, by its key.")
     ] = None,
     view_size: ViewSize = None,
-    view: ViewName = None,
-    light: LightName = None,
     plugin: Plugins = None,
-    assets: Assets = None,
-    up: Up = None,
-    sun: Sun = False,
-    no_ground: NoGround = False,
     quiet: Quiet = False,
+    *,
+    options: ViewOptions,
 ) -> None:
     """Open a window on a scene, beside its ray-traced truth.
 
@@ -90,7 +76,7 @@ def view(
         raise InputError(f"{scene}: found a folder; allowed with --cell KEY, a key of its rows.jsonl or its report")
     if state is not None and cell is not None:
         raise InputError("view: found --state and --cell; allowed: one")
-    if (state or cell) and (view or light or up or sun or no_ground):
+    if (state or cell) and replace(options, assets=None) != FIRST:
         raise InputError(
             "--view, --light, --up, --sun and --no-ground are for a SCENE; a state and a cell have their own"
         )
@@ -113,16 +99,16 @@ def view(
     known = techniques_with(plugin or ())
     specs = tuple(parse_spec(text, known) for text in technique or ())
     if state is not None:
-        shown = read_state(state, known, assets)
+        shown = read_state(state, known, options.assets)
     elif cell is not None:
         from shadowbench.viewer.cells import cell_state  # with pandas, only when it is needed
 
-        shown = cell_state(Path(str(scene)), cell, known, assets)
+        shown = cell_state(Path(str(scene)), cell, known, options.assets)
     else:
         with console.Reporter(quiet) as reporter:
-            chosen = reporter.view(str(scene), view_size, view, light, assets, up, sun, no_ground)
+            chosen = reporter.view(str(scene), view_size, options)
         camera = named(chosen.scene.cameras, chosen.camera.name, "view")  # its planes are the file's, not of this view
         first = parse_spec("cube-map" if chosen.light.kind == "point" else "shadow-map", known)
-        origin = Origin(str(scene), assets, up, sun, no_ground)
+        origin = Origin(str(scene), options.assets, options.up, options.sun, options.no_ground)
         shown = ViewerState(chosen.scene, camera, chosen.light, (first,), chosen.size, origin)
     show(replace(shown, specs=specs or shown.specs, size=view_size or shown.size), known, plugin or ())
