@@ -29,6 +29,7 @@ PartOption = Annotated[
     typer.Option(
         "--part",
         metavar="K/N",
+        rich_help_panel="Machines",
         help="Measure only part K of N, such as 3/16, for machines that share nothing, or array jobs; each needs a "
         "folder of its own, and `merge` joins them.",
     ),
@@ -37,6 +38,7 @@ KeepGoing = Annotated[
     bool,
     typer.Option(
         "--keep-going",
+        rich_help_panel="Measurement",
         help="Leave out scenes that cannot be read, and what else would stop the command, and measure the rest; a "
         "summary names them, and the exit code is 3. A cell that fails never stops it.",
     ),
@@ -164,10 +166,9 @@ def grouped(command: Callable[..., None]) -> Callable[..., None]:
         for field in fields(groups[name]):
             option = copy(OPTIONS[field.name])
             option.rich_help_panel = heading
-            kind = Annotated[kinds[field.name], option]
-            parameters.append(
-                inspect.Parameter(field.name, parameter.KEYWORD_ONLY, default=field.default, annotation=kind)
-            )
+            kind: Any = Annotated[kinds[field.name], option]
+            made = inspect.Parameter(field.name, parameter.KEYWORD_ONLY, default=field.default, annotation=kind)
+            parameters.append(made)
 
     @wraps(command)
     def flat(**values: Any) -> None:

@@ -64,7 +64,7 @@ def study_from_options(
     }
     for one, several in (("view", "views"), ("light", "lights")):
         changes[several] = tuple(filter(None, [changes.pop(one)]))
-    return found.with_(**{name: value for name, value in changes.items() if value not in (None, False, (), [])})
+    return found.with_(**{name: value for name, value in changes.items() if value or type(value) is int})  # 0 rounds
 
 
 def estimate(study: Study) -> tuple[int, float]:
