@@ -1,5 +1,6 @@
 """`score`: score a mask or screenshots of another renderer."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -79,20 +80,10 @@ def score(
     from shadowbench.engines.difference import write_difference
     from shadowbench.engines.export import size_mismatch
     from shadowbench.engines.external_mask import external_mask
-    from shadowbench.engines.store import append_row, check_name
+    from shadowbench.engines.store import append_row
     from shadowbench.engines.stored_truth import stored_truth_of
-    from shadowbench.files import check_folder, check_outputs
 
-    if (output is None) != (name is None):
-        raise InputError("-o DIR and --name NAME: found one of them; allowed: both, for a row in a run folder, or none")
-    if name is not None:
-        check_name(name)
-    check_outputs(".png", diff)
-    for given in (mask, lit, shadowed, ambient):
-        if diff is not None and given is not None and diff.exists() and given.exists() and diff.samefile(given):
-            raise InputError(f"--diff {diff}: is one of the pictures to score; name another file")
-    if output is not None:
-        check_folder(output)
+    _check_outputs(output, name, diff, [mask, lit, shadowed, ambient])
     handed = external_mask(scene, mask, lit, shadowed, ambient)
     with console.Reporter(printed.quiet) as reporter:
         against = stored_truth_of(scene, options) or reporter.view(scene, handed.size, options)
@@ -116,6 +107,23 @@ def score(
     if output is not None:
         row = f"score, mask and difference of {name} added" if new else f"already holds this score of {name}"
         console.print_line(f"{output}: {row}")
+
+
+def _check_outputs(folder: Path | None, name: str | None, diff: Path | None, pictures: Sequence[Path | None]) -> None:
+    """Raises InputError if what is asked for cannot be written."""
+    from shadowbench.engines.store import check_name
+    from shadowbench.files import check_folder, check_outputs
+
+    if (folder is None) != (name is None):
+        raise InputError("-o DIR and --name NAME: found one of them; allowed: both, for a row in a run folder, or none")
+    check_outputs(".png", diff)
+    if diff is not None and diff.exists():
+        for picture in filter(None, pictures):
+            if picture.exists() and diff.samefile(picture):
+                raise InputError(f"--diff {diff}: is one of the pictures to score; name another file")
+    if folder is not None and name is not None:
+        check_name(name)
+        check_folder(folder)
 
 
 def _print(accuracy: "Accuracy") -> None:

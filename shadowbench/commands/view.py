@@ -1,6 +1,8 @@
 """`view`: a window in which what is seen is what is scored."""
 
 import sys
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -59,43 +61,16 @@ def view(
     view, which is traced whenever motion rests, with their scores. Needs a display and the extra `viewer`: in a
     checkout of shadowbench, pip install '.[viewer]'.
     """
-    from dataclasses import replace
-
     from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.scenes.views import named
     from shadowbench.techniques.spec import parse_spec
     from shadowbench.viewer.state import Origin, ViewerState
     from shadowbench.viewer.state_files import read_state
 
-    if (scene is None) == (state is None):
-        raise InputError(
-            "view: found " + ("no scene" if scene is None else "SCENE and --state") + "; allowed: SCENE, such as"
-            " sphere-and-torus or a mesh file, or --state FILE.toml"
-        )
-    if cell is None and scene is not None and Path(scene).is_dir():
-        raise InputError(f"{scene}: found a folder; allowed with --cell KEY, a key of its rows.jsonl or its report")
-    if state is not None and cell is not None:
-        raise InputError("view: found --state and --cell; allowed: one")
-    if (state or cell) and replace(options, assets=None) != FIRST:
-        raise InputError(
-            "--view, --light, --up, --sun and --no-ground are for a SCENE; a state and a cell have their own"
-        )
+    _check(scene, state, cell, options)
     if len(technique or ()) > _MOST:
         raise InputError(f"--technique: found {len(technique or ())}; allowed: one or two, A and B")
-    try:
-        from shadowbench.viewer.window import show
-    except ModuleNotFoundError as error:
-        if error.name in NOT_EVERYWHERE:
-            raise
-        if sys.version_info >= (3, 14):
-            raise InputError(
-                "view needs imgui-bundle below 1.92, which has no wheel for Python 3.14; allowed: Python 3.11 to 3.13"
-            ) from None
-        raise InputError(f"view needs {error.name}; {how_to_install('viewer')}") from None
-    except ImportError as error:  # a library of the system
-        raise InputError(
-            f"view cannot be loaded ({error}); on Debian and Ubuntu: apt-get install {LIBRARIES}"
-        ) from None
+    show = _window()
     known = techniques_with(plugin or ())
     specs = tuple(parse_spec(text, known) for text in technique or ())
     if state is not None:
@@ -112,3 +87,39 @@ def view(
         origin = Origin(str(scene), options.assets, options.up, options.sun, options.no_ground)
         shown = ViewerState(chosen.scene, camera, chosen.light, (first,), chosen.size, origin)
     show(replace(shown, specs=specs or shown.specs, size=view_size or shown.size), known, plugin or ())
+
+
+def _check(scene: str | None, state: Path | None, cell: str | None, options: ViewOptions) -> None:
+    """Raises InputError for arguments that exclude each other."""
+    if (scene is None) == (state is None):
+        raise InputError(
+            "view: found " + ("no scene" if scene is None else "SCENE and --state") + "; allowed: SCENE, such as"
+            " sphere-and-torus or a mesh file, or --state FILE.toml"
+        )
+    if cell is None and scene is not None and Path(scene).is_dir():
+        raise InputError(f"{scene}: found a folder; allowed with --cell KEY, a key of its rows.jsonl or its report")
+    if state is not None and cell is not None:
+        raise InputError("view: found --state and --cell; allowed: one")
+    if (state or cell) and replace(options, assets=None) != FIRST:
+        raise InputError(
+            "--view, --light, --up, --sun and --no-ground are for a SCENE; a state and a cell have their own"
+        )
+
+
+def _window() -> "Callable[..., None]":
+    """The function that shows the window. Raises InputError if what it needs is not installed."""
+    try:
+        from shadowbench.viewer.window import show
+    except ModuleNotFoundError as error:
+        if error.name in NOT_EVERYWHERE:
+            raise
+        if sys.version_info >= (3, 14):
+            raise InputError(
+                "view needs imgui-bundle below 1.92, which has no wheel for Python 3.14; allowed: Python 3.11 to 3.13"
+            ) from None
+        raise InputError(f"view needs {error.name}; {how_to_install('viewer')}") from None
+    except ImportError as error:  # a library of the system
+        raise InputError(
+            f"view cannot be loaded ({error}); on Debian and Ubuntu: apt-get install {LIBRARIES}"
+        ) from None
+    return show
