@@ -34,6 +34,7 @@ from shadowbench.measure.gl_drawer import GLDrawer
 from shadowbench.measure.rows import Record
 from shadowbench.measure.session import DeviceInfo
 from shadowbench.measure.worker import Worker
+from shadowbench.options import Measuring
 from shadowbench.studies.measure import study_from_options
 from shadowbench.studies.run import run_blocks
 from shadowbench.studies.study import Study
@@ -58,9 +59,8 @@ class Silent:
 @pytest.fixture(scope="module")
 def study() -> Study:
     """A study of about a hundred cells without times, whose truths are in the cache."""
-    found = study_from_options(
-        techniques(), ["cube-on-plane", "spot-lamp", "street"], map_size=[512, 1024], phases=8, rounds=0
-    )
+    scenes, measuring = ["cube-on-plane", "spot-lamp", "street"], Measuring(rounds=0, phases=8)
+    found = study_from_options(techniques(), scenes, map_size=[512, 1024], measuring=measuring)
     for block in found.blocks():
         cached_truth(block.view)
     return found

@@ -48,10 +48,9 @@ from shadowbench.measure.plugin_output import techniques_with
 from shadowbench.measure.rendering import Rendering
 from shadowbench.measure.scoring import prepare_truth, truth_record
 from shadowbench.measure.worker import Worker
-from shadowbench.scenes.assumed import as_asked
-from shadowbench.scenes.library import load_scene
+from shadowbench.options import MAP_SIZE, PHASES, PIXEL_SAMPLES, ROUNDS, VIEW_SIZE, Measuring, SceneOptions, ViewOptions
 from shadowbench.scenes.model import Scene, View
-from shadowbench.scenes.views import LARGEST, chosen_view, notes_on
+from shadowbench.scenes.views import chosen_view, opened
 from shadowbench.scores.masks import quantise
 from shadowbench.scores.metrics import score as score_mask
 from shadowbench.studies.crossing import Techniques
@@ -115,10 +114,8 @@ def load(
     InputError.
     """
     value = instance_of(scene, "scene", "a built-in name, a file, or what load returns", Scene, str, Path)
-    if not isinstance(value, Scene):
-        folder = None if assets is None else Path(instance_of(assets, "assets", "a folder", str, Path))
-        value = load_scene(value, folder, up)
-    return as_asked(value, sun, no_ground)
+    folder = None if assets is None else Path(instance_of(assets, "assets", "a folder", str, Path))
+    return opened(value, SceneOptions(folder, up, sun, no_ground))
 
 
 def truth(
@@ -134,7 +131,9 @@ def truth(
     view, light: names of a camera and a light, by default the scene's first; pixel_samples: `area` averages
     pixel_samples² rays per pixel. Cached on disk. Raises InputError.
     """
-    return cached_truth(_view(scene, view_size, view, light), whole_number(pixel_samples, "pixel_samples", 1, 64))
+    return cached_truth(
+        _view(scene, view_size, view, light), whole_number(pixel_samples, "pixel_samples", PIXEL_SAMPLES)
+    )
 
 
 def render(
@@ -208,13 +207,14 @@ def run(
         [entry if isinstance(entry, Scene) else str(entry) for entry in named],
         _specs(techniques, known),
         study=None if study is None else str(instance_of(study, "study", "a name or a file", str, Path)),
-        map_size=None if map_size is None else whole_numbers(map_size, "map_size", 1, 65536),
-        phases=None if phases is None else whole_number(phases, "phases", 1, 10_000),
-        step=step,
-        view=view,
-        light=light,
-        view_size=None if view_size is None else whole_number(view_size, "view_size", 1, LARGEST),
-        rounds=None if rounds is None else whole_number(rounds, "rounds", 0, 10_000),
+        map_size=None if map_size is None else whole_numbers(map_size, "map_size", MAP_SIZE),
+        measuring=Measuring(
+            None if view_size is None else whole_number(view_size, "view_size", VIEW_SIZE),
+            None if rounds is None else whole_number(rounds, "rounds", ROUNDS),
+            None if phases is None else whole_number(phases, "phases", PHASES),
+            step,
+        ),
+        view=ViewOptions(view=view, light=light),
     )
     with _folder(folder) as path, _worker(files, chosen.limits) as worker:
         return measure(chosen, path, [Place(partial(_campaign, worker=worker))]).frame
@@ -319,10 +319,8 @@ def _campaign(folder: Path, worker: Worker, **options: Any) -> Campaign:
 
 @_parameter_names()
 def _view(scene: SceneLike, size: int, camera: str | None, light: str | None) -> View:
-    chosen = chosen_view(load(scene), whole_number(size, "view_size", 1, LARGEST), camera, light)
-    for line in notes_on(chosen, camera, light):
-        _log.info(line)
-    return chosen
+    size = whole_number(size, "view_size", VIEW_SIZE)
+    return chosen_view(load(scene), size, ViewOptions(view=camera, light=light), _log.info)
 
 
 def _specs(value: SpecLike | Iterable[SpecLike], known: Techniques) -> list[Spec]:

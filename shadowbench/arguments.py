@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shadowbench.errors import InputError
+from shadowbench.options import Bounds
 
 
 def as_list(value: Any, name: str, allowed: str, *types: type) -> list[Any]:
@@ -21,8 +22,9 @@ def as_list(value: Any, name: str, allowed: str, *types: type) -> list[Any]:
     return values
 
 
-def whole_number(value: Any, name: str, least: int, most: int) -> int:
-    """The value, a whole number of any numeric library, as an int from `least` to `most`."""
+def whole_number(value: Any, name: str, bounds: Bounds) -> int:
+    """The value, a whole number of any numeric library, as an int within bounds."""
+    least, most = bounds
     try:
         number = None if isinstance(value, bool) else operator.index(value)
     except TypeError:
@@ -32,12 +34,12 @@ def whole_number(value: Any, name: str, least: int, most: int) -> int:
     return number
 
 
-def whole_numbers(value: Any, name: str, least: int, most: int) -> list[int]:
+def whole_numbers(value: Any, name: str, bounds: Bounds) -> list[int]:
     """One or several whole numbers, as a list of ints; at least one."""
     entries = as_list(value, name, "whole numbers", int, np.integer)
     if not entries:
         raise InputError(f"{name}: found none; allowed: one or several, or None for the study's")
-    return [whole_number(entry, name, least, most) for entry in entries]
+    return [whole_number(entry, name, bounds) for entry in entries]
 
 
 def number(value: Any, name: str) -> float:

@@ -3,10 +3,13 @@
 import hashlib
 import re
 from collections.abc import Callable, Generator
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
+
+from shadowbench.options import ViewOptions
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -29,6 +32,7 @@ class Score(float):
 
 _NONES = pytest.StashKey[list[str]]()
 """For each test: a line for every metric it read that is None."""
+_OPTIONS = [field.name for field in fields(ViewOptions)]
 
 
 class ShadowAccuracy:
@@ -133,13 +137,7 @@ def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[
         mask: "str | Path | ArrayLike | None" = None,
         *,
         scene: str | Path,
-        view: str | None = None,
-        light: str | None = None,
-        assets: Path | None = None,
-        up: str | None = None,
-        sun: bool = False,
-        no_ground: bool = False,
-        **screenshots: Any,
+        **others: Any,
     ) -> ShadowAccuracy:
         from shadowbench.engines.accuracy import accuracy_of
         from shadowbench.engines.stored_truth import stored_truth_of
@@ -149,9 +147,9 @@ def shadow_accuracy(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[
         nonlocal made
         made += 1
         try:
-            handed = _handed(mask, screenshots)
-            stored = stored_truth_of(scene, view=view, light=light, assets=assets, up=up, sun=sun, no_ground=no_ground)
-            against = stored or chosen_view(scene, handed.size, view, light, assets, up, sun, no_ground)
+            chosen = ViewOptions(**{name: others.pop(name) for name in _OPTIONS if name in others})
+            handed = _handed(mask, others)
+            against = stored_truth_of(scene, chosen) or chosen_view(scene, handed.size, chosen)
             accuracy = accuracy_of(handed, against)
         except InputError as error:
             pytest.fail(str(error), pytrace=False)

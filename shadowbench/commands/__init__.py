@@ -33,6 +33,7 @@ from shadowbench.commands import (
     tune,
     view,
 )
+from shadowbench.commands.options import GroupedCommand
 from shadowbench.streams import safe_output
 
 _STOPPED = 130
@@ -79,7 +80,7 @@ _PANELS = {  # as --help lists them
 for panel, modules in _PANELS.items():
     for module in modules:
         for command in module.app.registered_commands:
-            command.rich_help_panel = panel
+            command.rich_help_panel, command.cls = panel, GroupedCommand
         app.add_typer(module.app)
 
 

@@ -4,7 +4,6 @@ import logging
 import sys
 from collections.abc import Collection, Iterable, Sequence
 from functools import cache
-from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -14,6 +13,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import TaskID
 
+    from shadowbench.options import ViewOptions
     from shadowbench.scenes.model import View
 
 _LONGEST_WORD = 24  # characters
@@ -114,24 +114,11 @@ class Reporter(logging.Handler):
             self._progress.remove_task(self._task)
         self._task = self._progress.add_task(name, total=total, what=what)
 
-    def view(
-        self,
-        scene: str,
-        size: int | None,
-        view: str | None,
-        light: str | None,
-        assets: Path | None,
-        up: str | None,
-        sun: bool,
-        no_ground: bool,
-    ) -> "View":
+    def view(self, scene: str, size: int | None, options: "ViewOptions") -> "View":
         """The view that the options name, by default of 512² pixels; notes what is assumed about it."""
-        from shadowbench.scenes.views import chosen_view, notes_on
+        from shadowbench.scenes.views import chosen_view
 
-        chosen = chosen_view(scene, size or 512, view, light, assets, up, sun, no_ground)
-        for line in notes_on(chosen, view, light):
-            self.note(line)
-        return chosen
+        return chosen_view(scene, size or 512, options, self.note)
 
     def step(self, what: str) -> None:
         """Advance the bar; what: text after it."""

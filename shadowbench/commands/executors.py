@@ -2,11 +2,11 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from shadowbench.commands.options import Machines, StudyMachines, TimingMachines
 from shadowbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -15,22 +15,6 @@ if TYPE_CHECKING:
     from shadowbench.measure.worker import Worker
     from shadowbench.studies.measure import Place
     from shadowbench.studies.study import Study
-
-
-@dataclass(frozen=True)
-class Machines:
-    """The options about machines: --dask, --renderer, --any-renderer and --time-on. Raises InputError."""
-
-    dask: str | None = None
-    renderer: str | None = None
-    any_renderer: bool = False
-    time_on: str | None = None
-
-    def __post_init__(self) -> None:
-        given = {"--renderer": self.renderer, "--any-renderer": self.any_renderer, "--time-on": self.time_on}
-        named = [name for name, value in given.items() if value]
-        if self.dask is None and named:
-            raise InputError(f"{named[0]}: is for --dask, which is not given")
 
 
 @contextmanager
@@ -55,12 +39,13 @@ def opening(
     from shadowbench.cluster.connect import Connection
     from shadowbench.cluster.timing import EACH, HERE, named_worker
 
-    if machines.time_on in (EACH, HERE):
-        raise InputError(f"--time-on {machines.time_on}: allowed: one worker, by its address or machine")
+    time_on = machines.time_on if isinstance(machines, TimingMachines) else None
+    if time_on in (EACH, HERE):
+        raise InputError(f"--time-on {time_on}: allowed: one worker, by its address or machine")
     with ExitStack() as stack:
         connection = stack.enter_context(Connection(machines.dask))
         cluster = stack.enter_context(Cluster(connection, reporter, plugins, limits, machines.renderer))
-        one = named_worker(machines.time_on, cluster) if machines.time_on is not None else None
+        one = named_worker(time_on, cluster) if time_on is not None else None
         drawer = ClusterDrawer(cluster, cluster.renderers()[0], one)
         yield partial(ClusterCampaign, drawer=drawer, reporter=reporter, **options)
 
@@ -68,7 +53,7 @@ def opening(
 @contextmanager
 def places(
     study: "Study",
-    machines: Machines,
+    machines: StudyMachines,
     worker: "Worker | None",
     plugins: Sequence[Path],
     reporter: "Reporter",
@@ -110,7 +95,7 @@ def places(
         yield found
 
 
-def timed_on(study: "Study", machines: Machines, rounds: int | None, reporter: "Reporter") -> "Study":
+def timed_on(study: "Study", machines: TimingMachines, rounds: int | None, reporter: "Reporter") -> "Study":
     """The study as it is measured: with --dask it is only timed where --time-on says. rounds: as given by an option.
 
     Raises InputError.

@@ -6,23 +6,21 @@ from typing import Annotated
 import typer
 
 from shadowbench.commands import console
-from shadowbench.commands.options import Assets, LightName, NoGround, Quiet, SceneArgument, Sun, Up, ViewName, ViewSize
+from shadowbench.commands.options import Quiet, SceneArgument, ViewSize, grouped
+from shadowbench.options import ViewOptions
 
 app = typer.Typer()
 
 
 @app.command(epilog="For example  shadowbench export stairs for-my-engine/ --view-size 1024")
+@grouped
 def export(
     scene: SceneArgument,
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the files.")],
     view_size: ViewSize = None,
-    view: ViewName = None,
-    light: LightName = None,
-    assets: Assets = None,
-    up: Up = None,
-    sun: Sun = False,
-    no_ground: NoGround = False,
     quiet: Quiet = False,
+    *,
+    options: ViewOptions,
 ) -> None:
     """Write a scene for your engine: glTF, matrices, truth.
 
@@ -37,7 +35,7 @@ def export(
 
     check_folder(folder, DESCRIPTION)
     with console.Reporter(quiet) as reporter:
-        chosen = reporter.view(scene, view_size, view, light, assets, up, sun, no_ground)
+        chosen = reporter.view(scene, view_size, options)
         for line in inexpressible_in_gltf(chosen):
             reporter.note(line)
         model, description, example = export_view(chosen, cached_truth(chosen), folder, scene)

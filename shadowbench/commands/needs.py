@@ -3,34 +3,20 @@
 import typer
 
 from shadowbench.commands import console
-from shadowbench.commands.options import (
-    Assets,
-    Json,
-    LightName,
-    NoGround,
-    Quiet,
-    SceneArgument,
-    Sun,
-    Up,
-    ViewName,
-    ViewSize,
-)
+from shadowbench.commands.options import Printed, SceneArgument, ViewSize, grouped
+from shadowbench.options import ViewOptions
 
 app = typer.Typer()
 
 
 @app.command(epilog="For example  shadowbench needs street --view-size 1024")
+@grouped
 def needs(
     scene: SceneArgument,
     view_size: ViewSize = None,
-    view: ViewName = None,
-    light: LightName = None,
-    assets: Assets = None,
-    up: Up = None,
-    sun: Sun = False,
-    no_ground: NoGround = False,
-    json: Json = False,
-    quiet: Quiet = False,
+    *,
+    options: ViewOptions,
+    printed: Printed,
 ) -> None:
     """Predict map size, cascades, bias and depth bits.
 
@@ -44,14 +30,14 @@ def needs(
     from shadowbench.survey.explanations import explanations_of
     from shadowbench.survey.survey import needs as needs_of
 
-    with console.Reporter(quiet) as reporter:
-        chosen = reporter.view(scene, view_size, view, light, assets, up, sun, no_ground)
+    with console.Reporter(printed.quiet) as reporter:
+        chosen = reporter.view(scene, view_size, options)
         found = needs_of(chosen)
         if found.pixels < found.view_size**2:
             part = found.pixels / found.view_size**2
             reporter.note(f"{part:.1%} of the pixels were sampled; ± is one standard error")
     rows = explanations_of(found)
-    if json:
+    if printed.json:
         values = asdict(found)
         values["reach"].pop("matters")
         names = {"scene": chosen.scene.name, "view": chosen.camera.name}

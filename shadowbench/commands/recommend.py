@@ -6,23 +6,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from shadowbench.commands import completion, console
-from shadowbench.commands.executors import Machines, opening
-from shadowbench.commands.options import (
-    Assets,
-    Dask,
-    Json,
-    LightName,
-    NoGround,
-    Plugins,
-    Quiet,
-    Renderer,
-    SceneArgument,
-    Sun,
-    Up,
-    ViewName,
-    ViewSize,
-)
+from shadowbench.commands.executors import opening
+from shadowbench.commands.options import Plugins, Printed, SceneArgument, TimingMachines, ViewSize, grouped
 from shadowbench.errors import InputError
+from shadowbench.options import ViewOptions
 
 if TYPE_CHECKING:
     from shadowbench.advice.recommendation import Recommendation
@@ -44,6 +31,7 @@ WORK = (
     "  shadowbench recommend my.glb --min-iou 0.98 --budget-ms 2\n"
     "  shadowbench recommend my.glb -t shadow-map -t cascades"
 )
+@grouped
 def recommend(
     scene: SceneArgument,
     min_iou: Annotated[
@@ -85,29 +73,15 @@ def recommend(
         ),
     ] = None,
     view_size: ViewSize = None,
-    view: ViewName = None,
-    light: LightName = None,
     plugin: Plugins = None,
-    assets: Assets = None,
-    up: Up = None,
-    sun: Sun = False,
-    no_ground: NoGround = False,
-    dask: Dask = None,
-    renderer: Renderer = None,
-    time_on: Annotated[
-        str | None,
-        typer.Option(
-            metavar="WORKER",
-            help="With --dask, the worker that measures, by its address or machine, so that its times rank  [all, "
-            "which rank by work].",
-        ),
-    ] = None,
     output: Annotated[
         Path,
         typer.Option("-o", "--output", metavar="DIR", help="Folder for the measured cells, which later calls reuse."),
     ] = Path("results/recommend"),
-    json: Json = False,
-    quiet: Quiet = False,
+    *,
+    options: ViewOptions,
+    machines: TimingMachines,
+    printed: Printed,
 ) -> None:
     """Search for the cheapest technique that meets a target.
 
@@ -146,10 +120,10 @@ def recommend(
     if export is not None:
         _make_folder(export)
     with (
-        console.Reporter(quiet) as reporter,
-        opening(Machines(dask, renderer, time_on=time_on), plugins, None, reporter) as campaign_in,
+        console.Reporter(printed.quiet) as reporter,
+        opening(machines, plugins, None, reporter) as campaign_in,
     ):
-        chosen = reporter.view(scene, view_size, view, light, assets, up, sun, no_ground)
+        chosen = reporter.view(scene, view_size, options)
         target = target_of(min_iou, max_edge_px, budget_ms, max_rmse, soft=has_penumbra(chosen))
         campaign = campaign_in(output)
         found, info = measure_recommendation(
@@ -158,16 +132,16 @@ def recommend(
             known,
             campaign,
             on_this_machine=on_this_machine,
-            timed=dask is None or time_on is not None,
+            timed=machines.dask is None or machines.time_on is not None,
             among=among,
         )
         if export is not None:
             export_choice(found, export, campaign.drawer)
-    if json:
+    if printed.json:
         console.print_json(values(found, info))
     else:
         _print(found, info, output)
-        if export is not None and found.choice is not None and not quiet:
+        if export is not None and found.choice is not None and not printed.quiet:
             console.print_line(f"{export}: parameters.json and the GLSL of the choice")
     raise typer.Exit(0 if found.choice is not None else 1)
 

@@ -6,20 +6,9 @@ from typing import Annotated
 import typer
 
 from shadowbench.commands import completion, console
-from shadowbench.commands.options import (
-    SPEC,
-    Assets,
-    LightName,
-    NoGround,
-    Plugins,
-    Quiet,
-    SceneArgument,
-    Sun,
-    Up,
-    ViewName,
-    ViewSize,
-)
+from shadowbench.commands.options import SPEC, Plugins, Quiet, SceneArgument, ViewSize, grouped
 from shadowbench.errors import InputError
+from shadowbench.options import ViewOptions
 
 app = typer.Typer()
 
@@ -28,6 +17,7 @@ app = typer.Typer()
     epilog="\b\nFor example\n"
     "  shadowbench render spot-lamp -t 'shadow-map:size=2048,filter=pcf' -o lamp.png --mask lamp-mask.png"
 )
+@grouped
 def render(
     scene: SceneArgument,
     technique: Annotated[
@@ -53,14 +43,10 @@ def render(
         bool, typer.Option("--tint", help="Show the technique's debug colours, such as one per cascade.")
     ] = False,
     view_size: ViewSize = None,
-    view: ViewName = None,
-    light: LightName = None,
     plugin: Plugins = None,
-    assets: Assets = None,
-    up: Up = None,
-    sun: Sun = False,
-    no_ground: NoGround = False,
     quiet: Quiet = False,
+    *,
+    options: ViewOptions,
 ) -> None:
     """Draw one picture with a technique's shadows.
 
@@ -87,7 +73,7 @@ def render(
     if tint and spec.technique.name not in tinted:
         raise InputError(f"--tint: {spec.technique.name} has no colours of its own; allowed: {', '.join(tinted)}")
     with console.Reporter(quiet) as reporter:
-        chosen = reporter.view(scene, view_size, view, light, assets, up, sun, no_ground)
+        chosen = reporter.view(scene, view_size, options)
     with Worker(plugin or ()) as worker:
         drawn = drawn_once(chosen, spec, worker, name=name, with_map=map is not None, tint=tint)
     if map is not None and drawn.map is None:

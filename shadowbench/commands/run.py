@@ -1,5 +1,6 @@
 """`run`: measure a study and print its tables."""
 
+import dataclasses
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -7,42 +8,52 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from shadowbench.commands import completion, console
-from shadowbench.commands.executors import Machines, places, timed_on
+from shadowbench.commands.executors import places, timed_on
 from shadowbench.commands.options import (
     SCENE,
     SPEC,
-    Assets,
-    Dask,
-    Json,
     KeepGoing,
-    NoGround,
     PartOption,
     Plugins,
-    Quiet,
-    Renderer,
-    Sun,
-    Up,
-    ViewName,
-    ViewSize,
+    Printed,
+    StudyMachines,
+    grouped,
     map_sizes,
 )
 from shadowbench.commands.study_tables import print_study
 from shadowbench.errors import InputError
+from shadowbench.options import Measuring, ViewOptions
 
 if TYPE_CHECKING:
     from shadowbench.studies.crossing import Techniques
     from shadowbench.studies.folder import Run
+    from shadowbench.studies.measure import StudyResult
     from shadowbench.studies.study import Study
 
 app = typer.Typer()
 
 
 @app.command(
-    epilog="\b\nFor example\n"
-    "  shadowbench run cube-on-plane -t shadow-map --map-size 512,1024\n"
-    "  shadowbench run my.glb -t unshadowed -t 'shadow-map:bias=slope,filter=pcf(taps=5)'\n"
-    "  shadowbench run -s presets -o results/presets"
+    epilog="\b\nColumns\n"
+    "  spec      the technique and its parameters\n"
+    "  map       texels along a side of its shadow map\n"
+    "  1 − IoU   error: 1 − intersection over union of the shadows; 0 is exact\n"
+    "  IoU soft  IoU with partial shadow; 1 is exact\n"
+    "  SSIM      structural similarity of the shadow masks; 1 is exact\n"
+    "  edge px   mean distance between drawn and true shadow edges, in pixels\n"
+    "  acne      share of the lit area, away from edges, that is in shadow\n"
+    "  leak      share of the shadow, away from edges, that is lit\n"
+    "  contact   share of the shadow next to its caster that is lit (peter-panning)\n"
+    "  RMSE      of soft shadows (lights with a size), which it ranks: root mean\n"
+    "            square error of visibility; RMSE pen: in the penumbra\n"
+    "  flips     share of the pixels near edges that flicker after a step (--step)\n"
+    "  ms        time of a frame's shadows; ~ marks a time that varied widely\n"
+    "  × ref     time relative to the reference technique\n"
+    "  MiB       memory of textures and buffers\n\n"
+    "`shadowbench list metrics` has the exact definitions, also of the other columns of soft shadows; < marks a value "
+    "below the truth's own error. A slope, below a table, is the median of the slopes of each view, light and phase."
 )
+@grouped
 def run(
     scenes: Annotated[
         list[str] | None,
@@ -77,72 +88,25 @@ def run(
             "them  [the study's; with -t and no study, the technique's default].",
         ),
     ] = None,
-    view_size: ViewSize = None,
-    rounds: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N", min=0, max=10000, help="Number of times that each cell is timed; 0 for no timing  [9]."
-        ),
-    ] = None,
-    phases: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N",
-            min=1,
-            max=10000,
-            help="Sub-texel offsets of the shadow map at which each cell is scored; with more than one, the table "
-            "shows medians and intervals. Only the first is timed  [the study's; with -t and neither study nor "
-            "--map-size, 1].",
-        ),
-    ] = None,
-    step: Annotated[
-        str | None,
-        typer.Option(
-            metavar="camera|light",
-            autocompletion=completion.step,
-            help="Draw each cell again after a small step of the camera or the light, and count the pixels that flip "
-            "although the truth does not (shimmering). A step of the camera needs a truth and drawings of three times "
-            "the view size  [the study's; none].",
-        ),
-    ] = None,
-    time_again: Annotated[
-        bool,
-        typer.Option(
-            "--time-again", help="Time cells again that have been timed before; `repeat DIR` compares the two times."
-        ),
-    ] = False,
-    view: ViewName = None,
-    light: Annotated[
-        str | None, typer.Option("--light", metavar="NAME", help="Name of a light of the scene  [each in turn].")
-    ] = None,
-    plugin: Plugins = None,
-    assets: Assets = None,
-    up: Up = None,
-    sun: Sun = False,
-    no_ground: NoGround = False,
-    part: PartOption = None,
-    keep_going: KeepGoing = False,
-    dask: Dask = None,
-    renderer: Renderer = None,
-    any_renderer: Annotated[
-        bool,
-        typer.Option(
-            "--any-renderer", help="With --dask, use workers of every renderer; each makes rows and tables of its own."
-        ),
-    ] = False,
-    time_on: Annotated[
-        str | None,
-        typer.Option(
-            metavar="here|WORKER|each",
-            help="With --dask, where cells are timed, after all are scored: in this process, on one worker (its "
-            "address or machine), or on every machine, which a table compares  [nowhere].",
-        ),
-    ] = None,
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for the table, masks and pictures.")
     ] = Path("results/latest"),
-    json: Json = False,
-    quiet: Quiet = False,
+    plugin: Plugins = None,
+    *,
+    measuring: Measuring,
+    time_again: Annotated[
+        bool,
+        typer.Option(
+            "--time-again",
+            rich_help_panel="Measurement",
+            help="Time cells again that have been timed before; `check DIR --repeat` compares the two times.",
+        ),
+    ] = False,
+    options: ViewOptions,
+    machines: StudyMachines,
+    part: PartOption = None,
+    printed: Printed,
+    keep_going: KeepGoing = False,
 ) -> None:
     """Measure techniques: accuracy against ray tracing, and time.
 
@@ -151,27 +115,11 @@ def run(
     the command is repeated. Without arguments: three scenes, every technique at its defaults, map sizes 512 to 4096.
 
     \b
-    Columns
-      spec      the technique and its parameters
-      map       texels along a side of its shadow map
-      1 − IoU   error: 1 − intersection over union of the shadows; 0 is exact
-      IoU soft  IoU with partial shadow; 1 is exact
-      SSIM      structural similarity of the shadow masks; 1 is exact
-      edge px   mean distance between drawn and true shadow edges, in pixels
-      acne      share of the lit area, away from edges, that is in shadow
-      leak      share of the shadow, away from edges, that is lit
-      contact   share of the shadow next to its caster that is lit (peter-panning)
-      RMSE      of soft shadows (lights with a size), which it ranks: root mean
-                square error of visibility; RMSE pen: in the penumbra
-      flips     share of the pixels near edges that flicker after a step (--step)
-      ms        time of a frame's shadows; ~ marks a time that varied widely
-      × ref     time relative to the reference technique
-      MiB       memory of textures and buffers
-    `shadowbench list metrics` has the exact definitions, also of the other columns of soft shadows; < marks a value
-    below the truth's own error. A slope, below a table, is the median of the slopes of each view, light and phase.
+    For example
+      shadowbench run cube-on-plane -t shadow-map --map-size 512,1024
+      shadowbench run my.glb -t unshadowed -t 'shadow-map:bias=slope,filter=pcf(taps=5)'
+      shadowbench run -s presets -o results/presets
     """
-    import dataclasses
-
     from shadowbench.measure.worker import Worker
 
     stray = [scene for scene in scenes or () if scene.isdecimal()]
@@ -180,10 +128,9 @@ def run(
         raise InputError(
             f"--map-size: found {map_size!r:.60} and {stray[0]!r:.60} as separate arguments; allowed: {together}"
         )
-    machines = Machines(dask, renderer, any_renderer, time_on)
     with ExitStack() as stack:
         # It starts while the rest is imported and the study is read.
-        worker = None if dask is not None else stack.enter_context(Worker(plugin or ()))
+        worker = None if machines.dask is not None else stack.enter_context(Worker(plugin or ()))
         from shadowbench.measure.plugin_output import techniques_with
         from shadowbench.studies.measure import estimate, measure, study_from_options
         from shadowbench.studies.part import part_of
@@ -191,58 +138,52 @@ def run(
 
         chosen_part = part_of(part)
         known = techniques_with(plugin or ())
+        specs = [parse_spec(text, known) for text in techniques or ()]
         asked = study_from_options(
-            known,
-            scenes or (),
-            [parse_spec(text, known) for text in techniques or ()],
-            study=study,
-            map_size=map_sizes(map_size),
-            view_size=view_size,
-            rounds=rounds,
-            phases=phases,
-            step=step,
-            view=view,
-            light=light,
-            assets=assets,
-            up=up,
-            sun=sun or None,
-            no_ground=no_ground or None,
+            known, scenes or (), specs, study=study, map_size=map_sizes(map_size), measuring=measuring, view=options
         )
-        reporter = stack.enter_context(console.Reporter(quiet))
+        reporter = stack.enter_context(console.Reporter(printed.quiet))
         if not scenes and not study and part is None:
             cells, seconds = estimate(asked)
             on = f"{len(asked.scenes)} scenes"
             reporter.note(f"{cells} cells in {on}: about {seconds:.0f} s on two cores without a GPU")
         if worker is not None:
             worker.limits = asked.limits
-        measured = timed_on(asked, machines, rounds, reporter)
-        options = {"time_again": time_again, "keep_going": keep_going}
-        at = stack.enter_context(places(measured, machines, worker, plugin or (), reporter, **options))
+        measured = timed_on(asked, machines, measuring.rounds, reporter)
+        of_campaigns = {"time_again": time_again, "keep_going": keep_going}
+        at = stack.enter_context(places(measured, machines, worker, plugin or (), reporter, **of_campaigns))
         found = measure(measured, output, at, chosen_part, keep_going)
-    if found.run.earlier and not quiet:
-        console.print_error(f"note: {output}: {_earlier_cells_note(found.run)}")
-    if json:
-        from shadowbench.studies.tables import summary
+    _print(found, output, printed)
+    raise typer.Exit(_exit_code(found, asked, known))
 
-        tables = summary(found.frame)
-        console.print_json({scene: [dataclasses.asdict(row) for row in rows] for scene, rows in tables.items()})
-    else:
-        print_study(found, output, quiet)
+
+def _print(found: "StudyResult", output: Path, printed: Printed) -> None:
+    if found.run.earlier and not printed.quiet:
+        console.print_error(f"note: {output}: {_earlier_cells_note(found.run)}")
+    if not printed.json:
+        print_study(found, output, printed.quiet)
+        return
+    from shadowbench.studies.tables import summary
+
+    tables = summary(found.frame)
+    console.print_json({scene: [dataclasses.asdict(row) for row in rows] for scene, rows in tables.items()})
+
+
+def _exit_code(found: "StudyResult", asked: "Study", known: "Techniques") -> int:
+    """3 if a cell failed or something was left out, else 0; what it was, and why nothing was drawn, is printed."""
     statuses = list(found.frame["status"])
     if not any(found.frame["status"] == "ok") and not found.failures:
         console.print_unsupported(statuses, _others(asked, known))
-    failed = [status for status in statuses if status.startswith("failed")]
-    if found.failures or len(set(failed)) > 1:
-        failed_cells = [
-            ("cell", f"{row['scene']} {row['spec']}", status.removeprefix("failed: "))
-            for row, status in zip((cell.score for cell in found.results), statuses, strict=True)
-            if status.startswith("failed")
-        ]
-        console.print_failures([*((one.what, one.where, one.reason) for one in found.failures), *failed_cells])
+    failed = [
+        ("cell", f"{cell.score['scene']} {cell.score['spec']}", status.removeprefix("failed: "))
+        for cell, status in zip(found.results, statuses, strict=True)
+        if status.startswith("failed")
+    ]
+    if found.failures or len({reason for _, _, reason in failed}) > 1:
+        console.print_failures([*((one.what, one.where, one.reason) for one in found.failures), *failed])
     if failed:
-        first = failed[0].removeprefix("failed: ")
-        console.print_error(f"shadowbench: {len(failed)} of {len(statuses)} cells failed; the first: {first}")
-    raise typer.Exit(3 if failed or found.failures else 0)
+        console.print_error(f"shadowbench: {len(failed)} of {len(statuses)} cells failed; the first: {failed[0][2]}")
+    return 3 if failed or found.failures else 0
 
 
 def _others(study: "Study", known: "Techniques") -> list[str]:

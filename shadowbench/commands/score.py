@@ -1,13 +1,15 @@
 """`score`: score a mask or screenshots of another renderer."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from shadowbench.commands import completion, console
-from shadowbench.commands.options import SCENE, Assets, Json, LightName, NoGround, Quiet, Sun, Up, ViewName
+from shadowbench.commands.options import SCENE, Printed, grouped
 from shadowbench.errors import InputError
+from shadowbench.options import ViewOptions
 
 if TYPE_CHECKING:
     from shadowbench.engines.accuracy import Accuracy
@@ -21,6 +23,7 @@ app = typer.Typer()
     "  shadowbench score stairs mask.png --diff wrong.png\n"
     "  shadowbench score stairs --lit lit.png --shadowed shadowed.png -o results/engines --name my-engine"
 )
+@grouped
 def score(
     scene: Annotated[
         str,
@@ -46,8 +49,6 @@ def score(
     ambient: Annotated[
         Path | None, typer.Option(metavar="AMBIENT.png", help="The same screenshot without the light  [black].")
     ] = None,
-    view: ViewName = None,
-    light: LightName = None,
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", metavar="DIR", help="Run folder to add the score to; requires --name."),
@@ -59,12 +60,9 @@ def score(
         Path | None,
         typer.Option(metavar="FILE.png", help="File for a difference picture: false shadow orange, false light blue."),
     ] = None,
-    assets: Assets = None,
-    up: Up = None,
-    sun: Sun = False,
-    no_ground: NoGround = False,
-    json: Json = False,
-    quiet: Quiet = False,
+    *,
+    options: ViewOptions,
+    printed: Printed,
 ) -> None:
     """Score another renderer's mask or screenshots.
 
@@ -82,24 +80,13 @@ def score(
     from shadowbench.engines.difference import write_difference
     from shadowbench.engines.export import size_mismatch
     from shadowbench.engines.external_mask import external_mask
-    from shadowbench.engines.store import append_row, check_name
+    from shadowbench.engines.store import append_row
     from shadowbench.engines.stored_truth import stored_truth_of
-    from shadowbench.files import check_folder, check_outputs
 
-    if (output is None) != (name is None):
-        raise InputError("-o DIR and --name NAME: found one of them; allowed: both, for a row in a run folder, or none")
-    if name is not None:
-        check_name(name)
-    check_outputs(".png", diff)
-    for given in (mask, lit, shadowed, ambient):
-        if diff is not None and given is not None and diff.exists() and given.exists() and diff.samefile(given):
-            raise InputError(f"--diff {diff}: is one of the pictures to score; name another file")
-    if output is not None:
-        check_folder(output)
+    _check_outputs(output, name, diff, [mask, lit, shadowed, ambient])
     handed = external_mask(scene, mask, lit, shadowed, ambient)
-    with console.Reporter(quiet) as reporter:
-        stored = stored_truth_of(scene, view=view, light=light, assets=assets, up=up, sun=sun, no_ground=no_ground)
-        against = stored or reporter.view(scene, handed.size, view, light, assets, up, sun, no_ground)
+    with console.Reporter(printed.quiet) as reporter:
+        against = stored_truth_of(scene, options) or reporter.view(scene, handed.size, options)
         accuracy = accuracy_of(handed, against)
     drawn = mask or shadowed
     sized = size_mismatch(drawn, accuracy.view) if drawn is not None else None
@@ -107,11 +94,11 @@ def score(
     if diff is not None:
         write_difference(diff, accuracy.difference())
     new = append_row(accuracy, name, output) if output is not None and name is not None else False
-    if json:
+    if printed.json:
         console.print_json(accuracy.values() | {"warnings": warnings})
         return
     _print(accuracy)
-    if quiet:
+    if printed.quiet:
         return
     for warning in warnings:
         console.print_error(f"warning: {warning}")
@@ -120,6 +107,23 @@ def score(
     if output is not None:
         row = f"score, mask and difference of {name} added" if new else f"already holds this score of {name}"
         console.print_line(f"{output}: {row}")
+
+
+def _check_outputs(folder: Path | None, name: str | None, diff: Path | None, pictures: Sequence[Path | None]) -> None:
+    """Raises InputError if what is asked for cannot be written."""
+    from shadowbench.engines.store import check_name
+    from shadowbench.files import check_folder, check_outputs
+
+    if (folder is None) != (name is None):
+        raise InputError("-o DIR and --name NAME: found one of them; allowed: both, for a row in a run folder, or none")
+    check_outputs(".png", diff)
+    if diff is not None and diff.exists():
+        for picture in filter(None, pictures):
+            if picture.exists() and diff.samefile(picture):
+                raise InputError(f"--diff {diff}: is one of the pictures to score; name another file")
+    if folder is not None and name is not None:
+        check_name(name)
+        check_folder(folder)
 
 
 def _print(accuracy: "Accuracy") -> None:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from shadowbench.commands import completion, console
-from shadowbench.commands.executors import Machines, opening
-from shadowbench.commands.options import SPEC, Dask, Json, KeepGoing, PartOption, Plugins, Quiet, Renderer
+from shadowbench.commands.executors import opening
+from shadowbench.commands.options import SPEC, KeepGoing, Machines, PartOption, Plugins, Printed, grouped
 
 if TYPE_CHECKING:
     from shadowbench.extremes.ranges import OperatingRange
@@ -22,6 +22,7 @@ app = typer.Typer()
     "  shadowbench stress --quick\n"
     "  shadowbench stress -t shadow-map -t 'shadow-map:bias=slope' --axis elevation"
 )
+@grouped
 def stress(
     techniques: Annotated[
         list[str] | None,
@@ -46,14 +47,13 @@ def stress(
     plugin: Plugins = None,
     part: PartOption = None,
     keep_going: KeepGoing = False,
-    dask: Dask = None,
-    renderer: Renderer = None,
     output: Annotated[
         Path,
         typer.Option("-o", "--output", metavar="DIR", help="Folder for the tables, and the masks of failed cells."),
     ] = Path("results/stress"),
-    json: Json = False,
-    quiet: Quiet = False,
+    *,
+    machines: Machines,
+    printed: Printed,
 ) -> None:
     """Find where each technique breaks.
 
@@ -86,19 +86,17 @@ def stress(
     chosen = tuple(dict.fromkeys(parse_spec(text, known) for text in techniques or ()))
     specs = chosen or default_specs(known.values())
     with (
-        console.Reporter(quiet) as reporter,
-        opening(
-            Machines(dask, renderer), plugin or (), LIMITS, reporter, keep_going=keep_going, **SWEEPING
-        ) as campaign_in,
+        console.Reporter(printed.quiet) as reporter,
+        opening(machines, plugin or (), LIMITS, reporter, keep_going=keep_going, **SWEEPING) as campaign_in,
     ):
         found = walk(specs, axes, campaign_in(output), quick=quick, part=chosen_part)
-    if json:
+    if printed.json:
         frame = ranges_frame(found.ranges).astype(object)
         console.print_json(frame.where(lambda frame: frame.notna(), None).to_dict("records"))
     else:
         for spec in (spec.text for spec in specs):
             _print(spec, [one for one in found.ranges if one.spec == spec])
-        if not quiet:
+        if not printed.quiet:
             console.print_line(
                 f"{output / 'ranges.csv'}: {len(found.ranges)} operating ranges, from {len(found.rows)} cells"
             )

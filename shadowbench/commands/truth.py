@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from shadowbench.commands import console
-from shadowbench.commands.options import Assets, LightName, NoGround, Quiet, SceneArgument, Sun, Up, ViewName, ViewSize
+from shadowbench.commands.options import Quiet, SceneArgument, ViewSize, grouped
+from shadowbench.options import PIXEL_SAMPLES, ViewOptions
 
 if TYPE_CHECKING:
     from shadowbench.truths.trace import Truth
@@ -15,21 +16,20 @@ app = typer.Typer()
 
 
 @app.command(epilog="For example  shadowbench truth stairs -o stairs.npz --view-size 1024")
+@grouped
 def truth(
     scene: SceneArgument,
     output: Annotated[Path, typer.Option("-o", "--output", metavar="FILE.npz", help="File for the arrays.")],
     view_size: ViewSize = None,
     pixel_samples: Annotated[
         int,
-        typer.Option(metavar="N", min=1, max=64, help="`area` averages N × N rays per pixel."),
+        typer.Option(
+            metavar="N", min=PIXEL_SAMPLES.least, max=PIXEL_SAMPLES.most, help="`area` averages N × N rays per pixel."
+        ),
     ] = 4,
-    view: ViewName = None,
-    light: LightName = None,
-    assets: Assets = None,
-    up: Up = None,
-    sun: Sun = False,
-    no_ground: NoGround = False,
     quiet: Quiet = False,
+    *,
+    options: ViewOptions,
 ) -> None:
     """Ray-trace the shadows of a view into NumPy arrays.
 
@@ -57,7 +57,7 @@ def truth(
 
     check_outputs(".npz", output)
     with console.Reporter(quiet) as reporter:
-        chosen = reporter.view(scene, view_size, view, light, assets, up, sun, no_ground)
+        chosen = reporter.view(scene, view_size, options)
         found = cached_truth(chosen, pixel_samples)
     write_stored_truth(output, found, chosen)
     if not quiet:

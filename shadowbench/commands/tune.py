@@ -1,29 +1,26 @@
 """`tune`: search a technique's parameters on some scenes, and score what was found and its default on others."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from shadowbench.commands import completion, console
-from shadowbench.commands.executors import Machines, opening
+from shadowbench.commands.executors import opening
 from shadowbench.commands.options import (
     SCENE,
     SPEC,
-    Assets,
-    Dask,
-    Json,
     KeepGoing,
-    NoGround,
+    Machines,
     Plugins,
-    Quiet,
-    Renderer,
-    Sun,
-    Up,
+    Printed,
     ViewSize,
+    grouped,
     listed,
     map_sizes,
 )
+from shadowbench.options import PHASES, SceneOptions
 
 if TYPE_CHECKING:
     from shadowbench.advice.tune_scores import Setting
@@ -37,6 +34,7 @@ app = typer.Typer()
     "  shadowbench tune -t shadow-map --scenes stairs,statue,street,my.glb --held-out statue,my\n"
     "  shadowbench tune -t cube-map --params bias --trials 50"
 )
+@grouped
 def tune(
     technique: Annotated[
         str,
@@ -79,21 +77,20 @@ def tune(
     map_size: Annotated[str, typer.Option(metavar="N,N,...", help="Map sizes to average over.")] = "2048",
     view_size: ViewSize = None,
     phases: Annotated[
-        int, typer.Option(metavar="N", min=1, max=10_000, help="Sub-texel offsets of the map to average over.")
+        int,
+        typer.Option(
+            metavar="N", min=PHASES.least, max=PHASES.most, help="Sub-texel offsets of the map to average over."
+        ),
     ] = 2,
     plugin: Plugins = None,
-    assets: Assets = None,
-    up: Up = None,
-    sun: Sun = False,
-    no_ground: NoGround = False,
     keep_going: KeepGoing = False,
-    dask: Dask = None,
-    renderer: Renderer = None,
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for the measured cells.")
     ] = Path("results/tune"),
-    json: Json = False,
-    quiet: Quiet = False,
+    *,
+    options: SceneOptions,
+    machines: Machines,
+    printed: Printed,
 ) -> None:
     """Search a technique's parameters for the best accuracy.
 
@@ -117,10 +114,8 @@ def tune(
 
     known = techniques_with(plugin or ())
     with (
-        console.Reporter(quiet) as reporter,
-        opening(
-            Machines(dask, renderer), plugin or (), None, reporter, keep_going=keep_going, keeps_images=no_image
-        ) as campaign_in,
+        console.Reporter(printed.quiet) as reporter,
+        opening(machines, plugin or (), None, reporter, keep_going=keep_going, keeps_images=no_image) as campaign_in,
     ):
         found = tune_parameters(
             parse_spec(technique, known),
@@ -132,16 +127,13 @@ def tune(
             map_size=map_sizes(map_size) or (),
             view_size=view_size or 512,
             phases=phases,
-            assets=assets,
-            up=up,
-            sun=sun,
-            no_ground=no_ground,
+            **asdict(options),
         )
-    if json:
+    if printed.json:
         console.print_json(values(found.tuning))
     else:
         _print(found.tuning)
-        if not quiet:
+        if not printed.quiet:
             console.print_line(f"{output / 'table.csv'}: {counted(len(found.results), 'cell')}")
     console.print_failures((one.what, one.where, one.reason) for one in found.failures)
     failed = [one.status for one in found.results if one.status.startswith("failed")]

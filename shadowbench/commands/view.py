@@ -1,26 +1,17 @@
 """`view`: a window in which what is seen is what is scored."""
 
 import sys
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from shadowbench.commands import completion, console
-from shadowbench.commands.options import (
-    SCENE,
-    SPEC,
-    Assets,
-    LightName,
-    NoGround,
-    Plugins,
-    Quiet,
-    Sun,
-    Up,
-    ViewName,
-    ViewSize,
-)
+from shadowbench.commands.options import SCENE, SPEC, Plugins, Quiet, ViewSize, grouped
 from shadowbench.errors import NOT_EVERYWHERE, InputError, how_to_install
+from shadowbench.options import FIRST, ViewOptions
 
 app = typer.Typer()
 _MOST = 2
@@ -33,6 +24,7 @@ LIBRARIES = "libx11-6 libxcursor1 libxext6 libxi6 libxinerama1 libxrandr2"
     "  shadowbench view --state view.toml\n"
     "  shadowbench view results/stress --cell 5be1f0"
 )
+@grouped
 def view(
     scene: Annotated[
         str | None,
@@ -58,14 +50,10 @@ def view(
         str | None, typer.Option(metavar="KEY", help="Show a cell of a folder of `run` or `stress`, by its key.")
     ] = None,
     view_size: ViewSize = None,
-    view: ViewName = None,
-    light: LightName = None,
     plugin: Plugins = None,
-    assets: Assets = None,
-    up: Up = None,
-    sun: Sun = False,
-    no_ground: NoGround = False,
     quiet: Quiet = False,
+    *,
+    options: ViewOptions,
 ) -> None:
     """Open a window on a scene, beside its ray-traced truth.
 
@@ -73,14 +61,36 @@ def view(
     view, which is traced whenever motion rests, with their scores. Needs a display and the extra `viewer`: in a
     checkout of shadowbench, pip install '.[viewer]'.
     """
-    from dataclasses import replace
-
     from shadowbench.measure.plugin_output import techniques_with
     from shadowbench.scenes.views import named
     from shadowbench.techniques.spec import parse_spec
     from shadowbench.viewer.state import Origin, ViewerState
     from shadowbench.viewer.state_files import read_state
 
+    _check(scene, state, cell, options)
+    if len(technique or ()) > _MOST:
+        raise InputError(f"--technique: found {len(technique or ())}; allowed: one or two, A and B")
+    show = _window()
+    known = techniques_with(plugin or ())
+    specs = tuple(parse_spec(text, known) for text in technique or ())
+    if state is not None:
+        shown = read_state(state, known, options.assets)
+    elif cell is not None:
+        from shadowbench.viewer.cells import cell_state  # with pandas, only when it is needed
+
+        shown = cell_state(Path(str(scene)), cell, known, options.assets)
+    else:
+        with console.Reporter(quiet) as reporter:
+            chosen = reporter.view(str(scene), view_size, options)
+        camera = named(chosen.scene.cameras, chosen.camera.name, "view")  # its planes are the file's, not of this view
+        first = parse_spec("cube-map" if chosen.light.kind == "point" else "shadow-map", known)
+        origin = Origin(str(scene), options.assets, options.up, options.sun, options.no_ground)
+        shown = ViewerState(chosen.scene, camera, chosen.light, (first,), chosen.size, origin)
+    show(replace(shown, specs=specs or shown.specs, size=view_size or shown.size), known, plugin or ())
+
+
+def _check(scene: str | None, state: Path | None, cell: str | None, options: ViewOptions) -> None:
+    """Raises InputError for arguments that exclude each other."""
     if (scene is None) == (state is None):
         raise InputError(
             "view: found " + ("no scene" if scene is None else "SCENE and --state") + "; allowed: SCENE, such as"
@@ -90,12 +100,14 @@ def view(
         raise InputError(f"{scene}: found a folder; allowed with --cell KEY, a key of its rows.jsonl or its report")
     if state is not None and cell is not None:
         raise InputError("view: found --state and --cell; allowed: one")
-    if (state or cell) and (view or light or up or sun or no_ground):
+    if (state or cell) and replace(options, assets=None) != FIRST:
         raise InputError(
             "--view, --light, --up, --sun and --no-ground are for a SCENE; a state and a cell have their own"
         )
-    if len(technique or ()) > _MOST:
-        raise InputError(f"--technique: found {len(technique or ())}; allowed: one or two, A and B")
+
+
+def _window() -> "Callable[..., None]":
+    """The function that shows the window. Raises InputError if what it needs is not installed."""
     try:
         from shadowbench.viewer.window import show
     except ModuleNotFoundError as error:
@@ -110,19 +122,4 @@ def view(
         raise InputError(
             f"view cannot be loaded ({error}); on Debian and Ubuntu: apt-get install {LIBRARIES}"
         ) from None
-    known = techniques_with(plugin or ())
-    specs = tuple(parse_spec(text, known) for text in technique or ())
-    if state is not None:
-        shown = read_state(state, known, assets)
-    elif cell is not None:
-        from shadowbench.viewer.cells import cell_state  # with pandas, only when it is needed
-
-        shown = cell_state(Path(str(scene)), cell, known, assets)
-    else:
-        with console.Reporter(quiet) as reporter:
-            chosen = reporter.view(str(scene), view_size, view, light, assets, up, sun, no_ground)
-        camera = named(chosen.scene.cameras, chosen.camera.name, "view")  # its planes are the file's, not of this view
-        first = parse_spec("cube-map" if chosen.light.kind == "point" else "shadow-map", known)
-        origin = Origin(str(scene), assets, up, sun, no_ground)
-        shown = ViewerState(chosen.scene, camera, chosen.light, (first,), chosen.size, origin)
-    show(replace(shown, specs=specs or shown.specs, size=view_size or shown.size), known, plugin or ())
+    return show

@@ -2,7 +2,7 @@
 
 import json
 import zipfile
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from shadowbench.engines.external_mask import LARGEST
 from shadowbench.errors import InputError, printable
 from shadowbench.measure.scoring import depths, points_at, prepare_truth
+from shadowbench.options import ViewOptions
 from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.model import LONGEST_VIEW_NAME, Camera, Light, Scene, View, vec3
 from shadowbench.scenes.tables import LIGHT_TABLES, NAME
@@ -60,14 +61,14 @@ def write_stored_truth(file: Path, truth: Truth, view: View) -> None:
     write_truth(file, truth, depth=depths(view, truth.triangle), about=json.dumps(about))
 
 
-def stored_truth_of(scene: str | Path, **options: object) -> TruthOfView | None:
+def stored_truth_of(scene: str | Path, options: ViewOptions) -> TruthOfView | None:
     """The truth in a file of `shadowbench truth`; None for any other scene.
 
-    options: what chooses a view of other scenes, by name. Raises InputError for a truth with such an option.
+    Raises InputError for a truth with an option, of which each is for a scene.
     """
     if not str(scene).lower().endswith(".npz"):
         return None
-    for option in (f"--{name.replace('_', '-')}" for name, value in options.items() if value):
+    for option in (f"--{name.replace('_', '-')}" for name, value in asdict(options).items() if value):
         raise InputError(f"{option}: {scene} is the truth of one view; allowed: a scene, with {option}")
     return read_stored_truth(Path(scene))
 

@@ -125,12 +125,6 @@ def without_ground(scene: Scene) -> Scene:
     return replace(scene, meshes=tuple(mesh for mesh in scene.meshes if mesh is not ground), notes=notes, ground=None)
 
 
-def as_asked(scene: Scene, sun: bool, no_ground: bool) -> Scene:
-    """The scene as `with_sun` and `without_ground` return it, where asked for."""
-    scene = without_ground(scene) if no_ground else scene
-    return with_sun(scene) if sun else scene
-
-
 def vector_text(values: Vec3) -> str:
     """A point or direction as text, to six digits."""
     return f"({', '.join(f'{value:.6g}' for value in values)})"

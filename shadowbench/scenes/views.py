@@ -1,52 +1,50 @@
 """Views of a scene by the names of camera and light."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
 from shadowbench.errors import InputError, alternatives
-from shadowbench.scenes.assumed import as_asked
+from shadowbench.options import FIRST, VIEW_SIZE, SceneOptions, ViewOptions
+from shadowbench.scenes.assumed import with_sun, without_ground
 from shadowbench.scenes.library import load_scene
 from shadowbench.scenes.model import Camera, Light, Scene, View, view_of
-
-LARGEST = 16384
-"""Largest view size, in pixels along a side."""
 
 Named = TypeVar("Named", Camera, Light)
 
 
 def chosen_view(
-    scene: str | Path | Scene,
-    size: int,
-    camera: str | None = None,
-    light: str | None = None,
-    assets: Path | None = None,
-    up: str | None = None,
-    sun: bool = False,
-    no_ground: bool = False,
+    scene: str | Path | Scene, size: int, options: ViewOptions = FIRST, note: Callable[[str], None] = lambda line: None
 ) -> View:
-    """The view of size × size pixels of a scene, by default of its first camera and light.
+    """The view of size × size pixels of a scene that options name.
 
-    scene: a name, a file or a loaded scene; assets, up: as for `load_scene`; sun, no_ground: as for `as_asked`. Raises
-    InputError for an unknown scene, camera or light, or an invalid size.
+    scene: a name, a file or a loaded scene; note: receives the scene's notes, and the names of the cameras and lights
+    that are not used. Raises InputError for an unknown scene, camera or light, or an invalid size.
     """
-    if not 1 <= size <= LARGEST:
-        raise InputError(f"view size {size}: allowed are 1 to {LARGEST}")
-    loaded = scene if isinstance(scene, Scene) else load_scene(scene, assets, up)
-    loaded = as_asked(loaded, sun, no_ground)
-    chosen = named(loaded.cameras, camera, "view") if camera else loaded.cameras[0]
-    lamp = named(loaded.lights, light, "light") if light else loaded.lights[0]
-    return view_of(loaded, chosen, lamp, size)
+    least, most = VIEW_SIZE
+    if not least <= size <= most:
+        raise InputError(f"view size {size}: allowed are {least} to {most}")
+    loaded = opened(scene, options)
+    camera = named(loaded.cameras, options.view, "view") if options.view else loaded.cameras[0]
+    light = named(loaded.lights, options.light, "light") if options.light else loaded.lights[0]
+    for line in _notes(loaded, options):
+        note(line)
+    return view_of(loaded, camera, light, size)
 
 
-def notes_on(view: View, camera: str | None, light: str | None) -> list[str]:
-    """Notes on a chosen view: the scene's own, and the names of the cameras and lights not used."""
-    scene = view.scene
+def opened(scene: str | Path | Scene, options: SceneOptions) -> Scene:
+    """A scene by name or file, or a loaded one, with what options ask of its light and ground. Raises InputError."""
+    loaded = scene if isinstance(scene, Scene) else load_scene(scene, options.assets, options.up)
+    loaded = without_ground(loaded) if options.no_ground else loaded
+    return with_sun(loaded) if options.sun else loaded
+
+
+def _notes(scene: Scene, options: ViewOptions) -> list[str]:
     return [
         *scene.notes,
-        *([] if camera else first_of(scene.name, "cameras", scene.cameras, "--view")),
-        *([] if light else first_of(scene.name, "lights", scene.lights, "--light")),
+        *([] if options.view else first_of(scene.name, "cameras", scene.cameras, "--view")),
+        *([] if options.light else first_of(scene.name, "lights", scene.lights, "--light")),
     ]
 
 

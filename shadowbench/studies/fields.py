@@ -9,6 +9,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BeforeValidator, Field, GetPydanticSchema, InstanceOf, ValidationInfo
 from pydantic_core import PydanticKnownError
 
+from shadowbench.options import MAP_SIZE
 from shadowbench.scenes.library import builtin_names
 from shadowbench.scenes.model import Camera, Light, Scene
 from shadowbench.scenes.tables import camera_from_table, light_from_table
@@ -103,7 +104,9 @@ def _source(info: ValidationInfo) -> Source:
 
 
 Sizes = Annotated[
-    tuple[Annotated[int, Field(ge=1, le=65536, strict=True)], ...], BeforeValidator(to_list), Field(min_length=1)
+    tuple[Annotated[int, Field(ge=MAP_SIZE.least, le=MAP_SIZE.most, strict=True)], ...],
+    BeforeValidator(to_list),
+    Field(min_length=1),
 ]
 Scenes = Annotated[tuple[str | Scene, ...], _entries(str | InstanceOf[Scene]), AfterValidator(_scenes)]
 Cameras = Annotated[tuple[str | Camera, ...], _entries(str | Table | InstanceOf[Camera]), AfterValidator(_cameras)]

@@ -1,15 +1,16 @@
 """Computation behind `run`: the study given by a file and options, and its measurement into a folder."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from shadowbench.measure.campaign import Campaign
 from shadowbench.measure.failures import Failure
 from shadowbench.measure.rows import Result
 from shadowbench.measure.session import DeviceInfo
+from shadowbench.options import AS_STUDIED, FIRST, Measuring, ViewOptions
 from shadowbench.scenes.model import Scene
 from shadowbench.studies.crossing import Techniques
 from shadowbench.studies.estimate import drawing_seconds, timing_seconds
@@ -32,23 +33,20 @@ def study_from_options(
     *,
     study: str | None = None,
     map_size: Sequence[int] | None = None,
-    phases: int | None = None,
-    view: str | None = None,
-    light: str | None = None,
-    **others: Any,
+    measuring: Measuring = AS_STUDIED,
+    view: ViewOptions = FIRST,
 ) -> Study:
-    """A study from a file or a built-in one (`default` for None), with the given fields replaced.
+    """A study from a file or a built-in one (`default` for None), with what is asked for in place of its own.
 
-    known: techniques that the file may name; view, light: restrict to one camera and light by name; others: fields of
-    the study, such as `view_size`, `rounds` and `assets`; None keeps the study's value. Specs without a study and map
-    sizes are measured at their own map sizes, in one phase. Raises InputError.
+    known: techniques that the file may name; view: options without a value keep the study's. Specs without a study and
+    map sizes are measured at their own map sizes, in one phase. Raises InputError.
     """
     found = read_study(find_study(study or "default"), known)
     if specs:
         if study is None and map_size is None:
             found = found.with_(map_size=None, phases=1)
         found = found.with_specs(specs)
-    elif phases:
+    elif measuring.phases:
         found = found.with_(technique=tuple(replace(crossed, phases=None) for crossed in found.technique))
     named = [spec.text for spec in specs if "size" in spec.explicit] if map_size else []
     sizes = ",".join(map(str, map_size or ()))
@@ -60,13 +58,13 @@ def study_from_options(
     changes = {
         "scenes": scenes,
         "map_size": map_size,
-        "phases": phases,
-        "views": (view,) if view else None,
-        "lights": (light,) if light else None,
         "notes": (*found.notes, *notes),
-        **others,
+        **asdict(measuring),
+        **asdict(view),
     }
-    return found.with_(**{name: value for name, value in changes.items() if value not in (None, (), [])})
+    for one, several in (("view", "views"), ("light", "lights")):
+        changes[several] = tuple(filter(None, [changes.pop(one)]))
+    return found.with_(**{name: value for name, value in changes.items() if value or type(value) is int})  # 0 rounds
 
 
 def estimate(study: Study) -> tuple[int, float]:

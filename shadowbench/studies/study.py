@@ -14,10 +14,10 @@ from shadowbench.measure.failures import Limits
 from shadowbench.measure.flips import Stepped
 from shadowbench.measure.references import DEFAULT_REFERENCE, reference_name
 from shadowbench.measure.rows import StudyFacts
-from shadowbench.scenes.assumed import as_asked, sunlit
-from shadowbench.scenes.library import load_scene
+from shadowbench.options import PHASES, ROUNDS, VIEW_SIZE, SceneOptions
+from shadowbench.scenes.assumed import sunlit
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, View, view_of
-from shadowbench.scenes.views import Named, named
+from shadowbench.scenes.views import Named, named, opened
 from shadowbench.strict import Strict, explain, read_toml
 from shadowbench.studies.crossing import MOST_SPECS, BiasSweep, CrossedSpecs, Techniques
 from shadowbench.studies.fields import Cameras, Crossings, Lights, Reference, Scenes, Sizes, Source
@@ -44,9 +44,9 @@ class Study(Strict):
     about: str = ""
     scenes: Scenes
     map_size: Sizes | None = None
-    view_size: int = Field(512, ge=1, le=16384, strict=True)
-    rounds: int = Field(9, ge=0, le=10_000, strict=True)
-    phases: int = Field(1, ge=1, le=10_000, strict=True)
+    view_size: int = Field(512, ge=VIEW_SIZE.least, le=VIEW_SIZE.most, strict=True)
+    rounds: int = Field(9, ge=ROUNDS.least, le=ROUNDS.most, strict=True)
+    phases: int = Field(1, ge=PHASES.least, le=PHASES.most, strict=True)
     step: Step | None = None
     coordinates: Coordinates = "relative"
     reference: Reference = DEFAULT_REFERENCE
@@ -133,12 +133,11 @@ class Study(Strict):
         """All blocks, scene by scene. Raises InputError for a scene that cannot be read."""
         files: dict[str, str | Scene] = {}
         for source in dict.fromkeys(self.scenes):
-            scene = source if isinstance(source, Scene) else load_scene(source, self.assets, self.up)
+            scene = opened(source, SceneOptions(self.assets, self.up, self.sun, self.no_ground))
             first = files.setdefault(scene.name, source)
             if first != source:
                 both = " and ".join(entry if isinstance(entry, str) else "a loaded scene" for entry in (first, source))
                 raise InputError(f"two scenes are called {scene.name!r}: {both}; names must differ")
-            scene = as_asked(scene, self.sun, self.no_ground)
             for camera, light in itertools.product(self.cameras(scene), self.lights_of(scene)):
                 yield self.block(view_of(scene, camera, light, self.view_size))
 

@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from shadowbench.gl.picture import Shading
-from shadowbench.scenes.assumed import as_asked
-from shadowbench.scenes.library import load_scene
+from shadowbench.options import SceneOptions
 from shadowbench.scenes.model import Camera, Coordinates, Light, Scene, Vec3, View, view_of
-from shadowbench.scenes.views import Named
+from shadowbench.scenes.views import Named, opened
 from shadowbench.techniques.spec import Spec
 
 Layout = Literal["one", "wipe", "side by side"]
@@ -24,7 +23,7 @@ _COPY = re.compile(r"( \d+)+$")  # what a repeated mesh's name ends with
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a scene was loaded from: the arguments of `load_scene` and `as_asked`."""
+    """Where a scene was loaded from: the arguments of `opened`."""
 
     source: str
     assets: Path | None = None
@@ -33,8 +32,8 @@ class Origin:
     no_ground: bool = False
 
     def load(self) -> Scene:
-        """The scene, as it is on disk now. Raises InputError, as `load_scene` does."""
-        return as_asked(load_scene(self.source, self.assets, self.up), self.sun, self.no_ground)
+        """The scene, as it is on disk now. Raises InputError, as `opened` does."""
+        return opened(self.source, SceneOptions(self.assets, self.up, self.sun, self.no_ground))
 
 
 @dataclass(frozen=True)

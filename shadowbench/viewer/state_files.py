@@ -15,11 +15,11 @@ from shadowbench.data import data_folder
 from shadowbench.errors import InputError
 from shadowbench.files import replace_file
 from shadowbench.gl.picture import Shading
+from shadowbench.options import VIEW_SIZE
 from shadowbench.scenes.files import read_document
 from shadowbench.scenes.library import builtin_names, load_scene
 from shadowbench.scenes.model import Camera, Light, Mesh
 from shadowbench.scenes.tables import LIGHT_TABLES, Color
-from shadowbench.scenes.views import LARGEST
 from shadowbench.strict import Strict, explain
 from shadowbench.techniques.base import Technique
 from shadowbench.techniques.spec import parse_spec
@@ -46,7 +46,7 @@ class ViewerTable(Strict):
     """The table `[viewer]` of a state file: the fields of `ViewerState` that no scene has."""
 
     techniques: list[str] = Field(["shadow-map"], min_length=1, max_length=2)
-    size: int = Field(512, ge=1, le=LARGEST, strict=True)
+    size: int = Field(512, ge=VIEW_SIZE.least, le=VIEW_SIZE.most, strict=True)
     phase: int = Field(0, ge=0, strict=True)
     shadows: bool = Field(True, strict=True)
     layout: Layout = "wipe"

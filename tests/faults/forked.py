@@ -24,6 +24,7 @@ def measured(scenes: list[str], specs: list[str], phases: int, study: str, folde
     from shadowbench.measure.failures import Limits
     from shadowbench.measure.gl_drawer import GLDrawer
     from shadowbench.measure.session import Session
+    from shadowbench.options import Measuring
     from shadowbench.studies.measure import Place, measure, study_from_options
     from shadowbench.techniques.registry import techniques
     from shadowbench.techniques.spec import parse_spec
@@ -56,7 +57,8 @@ def measured(scenes: list[str], specs: list[str], phases: int, study: str, folde
             pass
 
     known = techniques()
-    asked = study_from_options(known, scenes, [parse_spec(text, known) for text in specs], study=study, phases=phases)
+    chosen = [parse_spec(text, known) for text in specs]
+    asked = study_from_options(known, scenes, chosen, study=study, measuring=Measuring(phases=phases))
     measure(asked, Path(folder), [Place(lambda at: Campaign(at, GLDrawer(Here()), Silent()))])
 
 

@@ -188,7 +188,7 @@ FLOOR = """
 import os, sys
 from shadowbench.techniques.unshadowed import Unshadowed
 
-if "shadowbench.measure.serve" in sys.modules:  # not in the process of the test, which draws with it later
+if "pytest" not in sys.modules:  # not in the process of the test, which draws with it later
     Unshadowed.draw = lambda self, frame: os.abort()
 """
 

@@ -12,6 +12,7 @@ import typer
 import shadowbench
 from shadowbench.commands import app
 from shadowbench.errors import InputError
+from shadowbench.options import ViewOptions
 from shadowbench.scenes.assumed import without_ground
 from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.geometry import bounds_of
@@ -70,12 +71,14 @@ def test_a_file_with_a_floor_gets_no_ground(tmp_path: Path, floor: float, added:
 
 
 def test_without_the_ground_the_rest_is_the_same_and_its_view_another(box: Path) -> None:
-    view, bare = (chosen_view(str(box), 64, no_ground=no_ground) for no_ground in (False, True))
+    view, bare = (chosen_view(str(box), 64, ViewOptions(no_ground=no_ground)) for no_ground in (False, True))
     assert [mesh.name for mesh in bare.scene.meshes] == ["box"] and bare.scene.cameras == view.scene.cameras
     assert view.scene.notes[1].endswith("which receives and casts shadows; --no-ground leaves it out")
     assert bare.scene.notes[1] == "no ground in box.obj: none assumed" and bare.scene.notes[2:] == view.scene.notes[2:]
     assert view_digest(bare) != view_digest(view)
-    assert chosen_view(view.scene, 64, no_ground=True).scene.notes == bare.scene.notes, "also of a loaded scene"
+    assert chosen_view(view.scene, 64, ViewOptions(no_ground=True)).scene.notes == bare.scene.notes, (
+        "also of a loaded scene"
+    )
     assert len(shadowbench.load(box, no_ground=True).meshes) == 1
     study = Study.of([str(box)], [parse_spec("unshadowed", techniques())], no_ground=True, view_size=64)
     (block,) = study.blocks()
@@ -89,7 +92,7 @@ def test_a_scene_that_was_given_no_ground_loses_none() -> None:
 
 
 def test_needs_tells_the_map_size_without_the_ground_where_that_decides(box: Path) -> None:
-    found, bare = (needs(chosen_view(str(box), 64, no_ground=no_ground)) for no_ground in (False, True))
+    found, bare = (needs(chosen_view(str(box), 64, ViewOptions(no_ground=no_ground))) for no_ground in (False, True))
     assert found.without_ground == bare.texels and bare.without_ground is None
     assert found.texels.edge_size is not None and bare.texels.edge_size is None
     told = {row.need: row.reason for row in explanations_of(found)}

@@ -8,6 +8,7 @@ import pytest
 
 import shadowbench as sb
 from shadowbench.errors import InputError
+from shadowbench.options import Measuring, ViewOptions
 from shadowbench.studies.measure import study_from_options
 from shadowbench.studies.study import Study
 from shadowbench.techniques.registry import techniques
@@ -41,10 +42,13 @@ def phases(study: Study) -> set[int]:
 def test_options_override_the_file(file: str) -> None:
     kept = study_from_options(KNOWN, study=file)
     assert (kept.rounds, kept.map_size, phases(kept)) == (3, (64, 128), {0, 1, 2, 3})
-    asked = study_from_options(KNOWN, ["lamp-by-wall"], study=file, rounds=0, map_size=[32], view_size=16, light="lamp")
+    measuring, view = Measuring(view_size=16, rounds=0), ViewOptions(light="lamp")
+    asked = study_from_options(KNOWN, ["lamp-by-wall"], study=file, map_size=[32], measuring=measuring, view=view)
     assert (asked.scenes, asked.rounds, asked.map_size, asked.view_size) == (("lamp-by-wall",), 0, (32,), 16)
     assert (asked.lights, asked.views) == (("lamp",), ("file",))
-    assert phases(study_from_options(KNOWN, study=file, phases=3)) == {0, 1, 2}, "also of what has a number of its own"
+    assert phases(study_from_options(KNOWN, study=file, measuring=Measuring(phases=3))) == {0, 1, 2}, (
+        "also of what has a number of its own"
+    )
 
 
 def test_specs_have_the_phases_of_the_study_and_keep_their_place_in_its_sweeps(file: str) -> None:

@@ -13,6 +13,7 @@ from shadowbench.data import data_folder
 from shadowbench.errors import InputError
 from shadowbench.extremes.sweep import default_specs
 from shadowbench.measure.cells import Block
+from shadowbench.options import Measuring
 from shadowbench.scenes.library import builtin_names, hard_names
 from shadowbench.studies.measure import study_from_options
 from shadowbench.studies.study import Study, find_study, read_study, study_names
@@ -220,7 +221,7 @@ def test_a_table_may_be_for_lights_with_a_size_only_or_for_those_without(read: R
 
 @pytest.mark.parametrize("phases", [None, 2])
 def test_a_technique_for_soft_shadows_is_in_the_default_list_where_the_light_has_a_size(phases: int | None) -> None:
-    study = study_from_options(KNOWN, ["cube-on-plane", "post"], phases=phases)
+    study = study_from_options(KNOWN, ["cube-on-plane", "post"], measuring=Measuring(phases=phases))
     found = [{cell.spec.technique.name for cell in block.cells} for block in study.blocks()]
     assert found == [KNOWN.keys() - {"light-samples", "soft-volume"}, KNOWN.keys()]
     named = study_from_options(KNOWN, ["cube-on-plane"], [parse_spec("light-samples", KNOWN)])
