@@ -9,15 +9,15 @@ map that the casters are rendered into.
 `stage.program(…, params=self.params)` passes a parameter `key` to the shader by its type:
 
     int, bool               #define KEY 1024; a bool is 1 or 0
-    choice (Literal)        #define KEY_CHOICE 1, with _ in place of -; #include "folder/<key>.glsl" includes choice.glsl
+    choice (Literal)        #define KEY_CHOICE 1, with _ for -; #include "folder/<key>.glsl" includes choice.glsl
     float                   uniform float key, if the shader declares it; with metres=True in local lengths
     component (a bias, …)   #include <key> includes its file; its own parameters are named KEY_TAPS, key_scale
 
 and `uniform float metre` is one metre in local lengths. `receiver.glsl` reads a pixel's position, normal, N·L and the
 direction to the light from the G-buffer; `map.glsl` computes its point in a shadow map, the depth along the light's
-axis among it, from the uniforms of `maps.map_uniforms`, and uses two defines: SIZE, from the parameter of that name, and
-LAYERS, the number of maps in an array (default 1). `shadow_map.glsl` is the whole lookup, `lit(bias(receiver))`, of the
-parts that `maps.map_includes` chooses.
+axis among it, from the uniforms of `maps.map_uniforms`, and uses two defines: SIZE, from the parameter of that name,
+and LAYERS, the number of maps in an array (default 1). `shadow_map.glsl` is the whole lookup, `lit(bias(receiver))`, of
+the parts that `maps.map_includes` chooses.
 
 A plug-in may also define a filter or a bias, which every technique with such a parameter then has: a subclass of
 `filters.Filter` or `biases.Bias`, whose `shader` is the text of the functions that `filter.glsl` or `bias.glsl` lists,
