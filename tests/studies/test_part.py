@@ -9,8 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shadowbench.errors import InputError
+from shadowbench.measure.cells import Block, Cell
 from shadowbench.measure.rows import Record, stream_rows
+from shadowbench.scenes.views import chosen_view
 from shadowbench.studies.part import Part, part_of
+from shadowbench.techniques.registry import techniques
+from shadowbench.techniques.spec import parse_spec
 
 STUDY = ("stairs", "cube-on-plane", "-t", "shadow-map", "-t", "cube-map", "-t", "unshadowed", "--map-size", "32,64")
 RUN = ("run", *STUDY, "--phases", "2", "--view-size", "32", "--rounds", "0", "-q")
@@ -28,6 +32,13 @@ def test_every_item_is_in_one_part_and_parts_are_of_equal_size(items: list[int],
 def test_a_part_does_not_depend_on_the_order_of_its_items() -> None:
     forth, back = ([*range(100)], [*reversed(range(100))])
     assert sorted(Part(2, 3).of(back, str)) == Part(2, 3).of(forth, str)
+
+
+def test_phases_of_a_cell_are_dealt_alike_in_any_order() -> None:
+    view, spec = chosen_view("cube-on-plane", 16), parse_spec("shadow-map", techniques())
+    cells = tuple(Cell(spec, phase) for phase in range(12))
+    forth, back = (Part(1, 3).of_blocks([Block(view, order)])[0].cells for order in (cells, cells[::-1]))
+    assert set(forth) == set(back)
 
 
 @pytest.mark.parametrize(
