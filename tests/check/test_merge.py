@@ -145,6 +145,17 @@ def test_a_good_mask_is_taken_and_a_damaged_one_named(
     assert read(tmp_path / "alone") == [record] and not (tmp_path / "alone" / "masks").exists()
 
 
+def test_of_two_truths_the_later_folder_s_is_shown(shadowbench: Shadowbench, tmp_path: Path) -> None:
+    """As its rows are the later ones of the table."""
+    folders = [described(tmp_path / name, cell(name)) for name in ("one", "two")]
+    for folder, level in zip(folders, (0.0, 1.0), strict=True):
+        (folder / "truth").mkdir()
+        write_mask(folder / "truth" / "s.camera.sun.16.png", np.full((16, 16), level, np.float32))
+    assert shadowbench("merge", *folders, "-o", tmp_path / "all").code == 0
+    file = Path("truth", "s.camera.sun.16.png")
+    assert (tmp_path / "all" / file).read_bytes() == (folders[1] / file).read_bytes()
+
+
 def test_only_images_are_merged(shadowbench: Shadowbench, tmp_path: Path) -> None:
     """Of a link, the file; a pipe is not waited for."""
     record = cell(mask_sha256=mask_sha256(np.ones((16, 16))))

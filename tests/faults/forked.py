@@ -1,7 +1,7 @@
-"""Measures cells with the current sources of a folder, each time in a fork of this process.
+"""Runs pytest on the sources of a folder, each time in a fork of this process.
 
 `python forked.py SOURCES` holds the libraries and nothing of ours, so that what is imported for one run is gone before
-the next. It reads a request a line, [scenes, specs, phases, study, folder], and answers [exit code, what was printed].
+the next. It reads node ids, a JSON list a line, and answers [exit code, types of what failed tests raised, output].
 """
 
 import gc
@@ -10,86 +10,59 @@ import json
 import os
 import sys
 import tempfile
-import traceback
-from pathlib import Path
 from typing import Any
 
 # With what they import, these are imported once; ours are forgotten again.
-WARM = ("shadowbench.studies.measure", "shadowbench.measure.session", "scipy.ndimage", "skimage.metrics", "pandas")
+WARM = ("pytest", "tests.conftest", "hypothesis.extra.numpy", "scipy.stats", "scipy.ndimage", "skimage.metrics")
+# Bytecode of a changed module would later be taken for the unchanged one's.
+OPTIONS = ("-q", "-x", "-p", "no:cacheprovider", "-p", "no:xdist", "--assert=plain", "--timeout=120", "-o", "addopts=")
 
 
-def measured(scenes: list[str], specs: list[str], phases: int, study: str, folder: str) -> None:
-    """Like `run`, but with the session in this process."""
-    from shadowbench.measure.campaign import Campaign
-    from shadowbench.measure.failures import Limits
-    from shadowbench.measure.gl_drawer import GLDrawer
-    from shadowbench.measure.session import Session
-    from shadowbench.options import Measuring
-    from shadowbench.studies.measure import Place, measure, study_from_options
-    from shadowbench.techniques.registry import techniques
-    from shadowbench.techniques.spec import parse_spec
+class Raised:
+    """Pytest plug-in that notes what failed tests raised."""
 
-    class Here:
-        """A worker that lets exceptions of techniques end the run."""
+    def __init__(self) -> None:
+        self.types: list[str] = []
 
-        limits = Limits()
+    def pytest_exception_interact(self, call: Any) -> None:
+        self.types.append(call.excinfo.typename)
 
-        def __init__(self) -> None:
-            self.session = Session()
-            self.info = self.session.info()
 
-        def call(self, method: Any, *arguments: Any, **options: Any) -> Any:
-            return method(self.session, *arguments, **options)
+def run(tests: list[str], answer: Any) -> None:
+    import pytest
 
-        def stop(self) -> None:
-            pass
-
-    class Silent:
-        """The reporter."""
-
-        def note(self, line: str) -> None:
-            pass
-
-        def stage(self, name: str, total: int | None) -> None:
-            pass
-
-        def step(self, what: str) -> None:
-            pass
-
-    known = techniques()
-    chosen = [parse_spec(text, known) for text in specs]
-    asked = study_from_options(known, scenes, chosen, study=study, measuring=Measuring(phases=phases))
-    measure(asked, Path(folder), [Place(lambda at: Campaign(at, GLDrawer(Here()), Silent()))])
+    raised = Raised()
+    folder = f"--basetemp={tempfile.gettempdir()}/{os.getpid()}"
+    code = pytest.main([*OPTIONS, "--import-mode=importlib", folder, *tests], plugins=[raised])
+    json.dump([int(code), raised.types], answer)
+    answer.flush()
 
 
 def main(sources: str) -> None:
-    sys.dont_write_bytecode = True  # of a changed module, which a later run would take for the unchanged one
+    sys.dont_write_bytecode = True
     sys.path.insert(0, sources)
     os.chdir(sources)
     for name in WARM:
         importlib.import_module(name)
-    for name in [name for name in sys.modules if name.partition(".")[0] == "shadowbench"]:
+    for name in [name for name in sys.modules if name.partition(".")[0] in ("shadowbench", "tests")]:
         del sys.modules[name]
     gc.freeze()  # forks need not look through all this for garbage
     for line in sys.stdin:
-        with tempfile.TemporaryFile() as printed:
+        with tempfile.TemporaryFile() as printed, tempfile.TemporaryFile("w+") as answer:
             child = os.fork()
             if child == 0:
                 for stream in (1, 2):
                     os.dup2(printed.fileno(), stream)
-                code = 1
                 try:
-                    measured(*json.loads(line))
-                    code = 0
-                except BaseException:  # also what a plug-in or a signal raises: the fork never returns to the loop
-                    traceback.print_exc()
+                    run(json.loads(line), answer)
                 finally:
                     sys.stderr.flush()
-                    os._exit(code)
-            _, status = os.waitpid(child, 0)
+                    os._exit(0)
+            os.waitpid(child, 0)
             printed.seek(0)
-            answer = os.waitstatus_to_exitcode(status), printed.read().decode(errors="replace")
-            print(json.dumps(answer), flush=True)
+            answer.seek(0)
+            code, raised = json.loads(answer.read() or "[-1, []]")  # it crashed
+            print(json.dumps([code, raised, printed.read().decode(errors="replace")]), flush=True)
 
 
 if __name__ == "__main__":

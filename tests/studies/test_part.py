@@ -1,6 +1,7 @@
 """Parts of a study: each cell is in one of them, whatever their order."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shadowbench.errors import InputError
+from shadowbench.measure.cells import Block
+from shadowbench.scenes.library import load_scene
+from shadowbench.scenes.model import view_of
 from shadowbench.studies.part import Part, part_of
 
 
@@ -23,6 +27,13 @@ def test_every_item_is_in_one_part_and_parts_are_of_equal_size(items: list[int],
 def test_a_part_does_not_depend_on_the_order_of_its_items() -> None:
     forth, back = ([*range(100)], [*reversed(range(100))])
     assert sorted(Part(2, 3).of(back, str)) == Part(2, 3).of(forth, str)
+
+
+def test_blocks_of_two_lights_are_dealt_alike_in_any_order() -> None:
+    scene = load_scene("stairs")
+    lights = [replace(scene.lights[0], name=f"sun-{number}") for number in range(12)]
+    blocks = [Block((view_of(scene, scene.cameras[0], light, 16),), ()) for light in lights]
+    assert set(Part(1, 3).of_blocks(blocks)) == set(Part(1, 3).of_blocks(blocks[::-1]))
 
 
 @pytest.mark.parametrize(

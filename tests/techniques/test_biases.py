@@ -18,6 +18,7 @@ from shadowbench.techniques.spec import parse_spec
 SIZE = 160
 TILTS = [5.0, 30.0, 60.0, 75.0]  # degrees between the plane's normal and the light
 FILTERS = ["hard", "hardware", "pcf(7)"]
+QUAD = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
 EXACT = {
     "receiver-plane": "receiver-plane(gradient=plane,limit=10,slack=0,ulps=12)",
     "texel": "texel(scale=1,limit=8,ulps=4)",
@@ -40,7 +41,7 @@ def incline(looking):
         toward = math.cos(math.radians(tilt)) * normal + math.sin(math.radians(tilt)) * unit(axis + 0.37 * other)
         place = toward * 6.0
         light = Light(kind, kind, tuple((-toward).tolist()), tuple(place.tolist()), math.radians(45))
-        mesh = Mesh("plane", corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32))
+        mesh = Mesh("plane", corners, QUAD)
         eye = tuple((normal * 3.2 + axis * 0.4).tolist())
         return looking([mesh], light, size, eye=eye, fov=60)
 
@@ -161,6 +162,25 @@ def test_the_terms_of_a_bias_add_up_to_it(builtin, mask, whole: str, parts: str)
     together = mask(f"{spec}{parts}", view)
     assert np.array_equal(together, mask(f"{spec}{whole}", view))
     assert not np.array_equal(together, mask(f"{spec}{parts.partition('+')[0]}", view))
+
+
+@pytest.mark.parametrize(("height", "units"), [(3.0, 1e-3), (6.0, 3e-3)])
+def test_before_divide_is_that_constant_over_the_distance_in_metres(looking, shape, mask, height, units) -> None:
+    """On ground square to a spot's axis all receivers have this distance; a ramp's shadow begins where biases end."""
+    ramp = Mesh("ramp", np.array([[-0.5, 0.0, -0.8], [0.5, 0.0, -0.8], [0.5, 0.12, 0.8], [-0.5, 0.12, 0.8]]), QUAD)
+    light = Light("spot", "spot", (0.0, -1.0, 0.0), (0.3, height, 0.2), math.radians(60))
+    view = looking([shape("plane", 6.0), ramp], light, SIZE)
+    spec = "shadow-map:filter=hard,size=512,bias={}({})"
+    divided, twice = (mask(spec.format("before-divide", bias), view) for bias in (units, 2 * units))
+    constant = mask(spec.format("constant", units / height), view)
+    assert (divided != constant).mean() < 1e-4 < 2e-3 < (divided != twice).mean()
+
+
+def test_at_grazing_light_texel_is_an_offset_along_the_normal_alone(builtin, mask) -> None:
+    view, spec = builtin("sphere-and-torus", SIZE), "shadow-map:fit=scene,filter=hard,size=256,bias="
+    offset = mask(f"{spec}normal-offset(scale=1,ulps=4)", view)
+    assert np.array_equal(mask(f"{spec}texel(scale=1,ulps=4,grazing=0)", view), offset)
+    assert not np.array_equal(mask(f"{spec}texel(scale=1,ulps=4)", view), offset)
 
 
 def test_front_faces_are_left_out_beside_another_bias(builtin, mask) -> None:

@@ -1,12 +1,14 @@
 """A map where it is certain, and rays elsewhere; rays in a shader."""
 
+import math
+
 import numpy as np
 import pytest
 
 from shadowbench.errors import InputError
 from shadowbench.gl.device import Device
 from shadowbench.scenes.library import load_scene
-from shadowbench.scenes.model import view_of
+from shadowbench.scenes.model import Light, Mesh, unit, vec3, view_of
 from shadowbench.techniques.registry import techniques
 from shadowbench.techniques.spec import parse_spec
 
@@ -121,3 +123,17 @@ def test_a_scene_whose_tree_fits_no_texture_is_declined(device: Device, builtin,
     for text in ("hybrid", "ray-traced:where=gpu"):
         spec = parse_spec(text, techniques())
         assert "triangles" in str(spec.technique.unsupported(spec.params, builtin("canopy", 32), device))
+
+
+@pytest.mark.parametrize("kind", ["directional", "spot"])
+def test_an_inclined_plane_that_faces_the_light_is_certainly_lit(kind, looking, studio, build) -> None:
+    """Stored depths differ from the plane's by rounding alone, which the tolerance covers."""
+    normal = np.array(unit((0.2, 1.0, 0.35)))
+    right = np.array(unit(np.cross(normal, (0.9, 0.1, 0.4))))
+    corners = 1.5 * np.array([x * right + y * np.cross(normal, right) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
+    plane = Mesh("plane", corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32))
+    light = Light(kind, kind, vec3(-normal), vec3(6.0 * normal), math.radians(45))
+    shot = studio.shot(looking([plane], light, 128, eye=vec3(3.2 * normal + 0.4 * right), fov=40.0))
+    hybrid = build("hybrid:rest=embree,size=256", shot)
+    assert (hybrid.draw(shot)[shot.triangle >= 0] == 1).all()
+    assert hybrid.technique.facts()["rays"] < 0.01 * (shot.triangle >= 0).sum()

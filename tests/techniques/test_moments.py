@@ -107,6 +107,19 @@ def test_vsm_bleeds_by_chebyshev_s_bound_between_two_casters(halves, device, hei
     )
 
 
+def test_vsm_takes_a_quarter_of_an_inclined_caster_s_squared_change_for_its_variance_in_a_texel(ground) -> None:
+    """Which a bilinear read between texels' centres, at t, raises by t(1 − t) of it."""
+    low, slope, texel = 0.2, 0.8, 5 / 16
+    corners = [[x, low + slope * (x + 2.2), z] for x, z in ((-2.2, -2.2), (-2.2, 2.2), (2.2, 2.2), (2.2, -2.2))]
+    ramp = Mesh("ramp", np.array(corners), np.array([[0, 1, 2], [0, 2, 3]]))
+    found = ground(ramp, fit=FIXED.replace("size=80", "size=16"))
+    metre = found.depth(0.0) - found.depth(1.0)
+    between = (found.x / texel - 0.5) % 1.0
+    variance = (0.25 + between * (1 - between)) * (slope * texel * metre) ** 2
+    behind = (low + slope * (found.x + 2.2)) * metre
+    assert found("vsm(blur=1,bleed=0)") == pytest.approx(variance / (variance + behind**2), abs=2e-3)
+
+
 @pytest.mark.parametrize("heights", HEIGHTS)
 @pytest.mark.parametrize(("positive", "negative"), [(4.0, 3.0), (10.0, 5.0)])
 def test_evsm_is_the_smaller_bound_of_two_warps(halves, heights, positive, negative) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from shadowbench.data import data_folder
-from shadowbench.scenes.model import Light
+from shadowbench.scenes.model import Light, Mesh
 
 HEIGHT, DISTANCE = 2.0, 10.0  # of the half-plane above the ground, of the map's origin above it, in metres
 HALF, SIZE = 4.0, 2048  # of the map
@@ -94,6 +94,32 @@ def test_a_disc_without_the_receiver_s_plane_is_the_same_on_a_plane_that_faces_t
     _, one = under_edge("pcf-disc(width=24,taps=16)")
     _, other = under_edge("pcf-disc(width=24,taps=16,plane=false)")
     assert one == pytest.approx(other, abs=4e-3)
+
+
+def test_before_a_light_of_nearly_no_size_an_edge_is_as_wide_as_a_texel_s_diagonal(under_edge) -> None:
+    """So that its pixels are not the map's texels."""
+    across, visibility = under_edge("pcss(angle=1e-4,search=64,taps=64)", size=128)
+    expected = disc_share(across, math.sqrt(0.5) * 2 * HALF / 128)
+    assert ((expected > 0.1) & (expected < 0.9)).mean() > 0.02
+    assert np.sqrt(np.mean((visibility - expected) ** 2)) < 0.04
+
+
+def test_an_inclined_receiver_is_no_blocker_of_its_own(looking, shape, studio, build) -> None:
+    """Its penumbra is as wide as the distance to the sheet that casts it; the sheet faces the sun."""
+    tilt, gap = math.radians(60.0), 3.0
+    toward, aside = np.array([math.sin(tilt), math.cos(tilt), 0.0]), np.array([math.cos(tilt), -math.sin(tilt), 0.0])
+    corners = [gap * toward + s * aside + [0.0, 0.0, z] for s, z in ((0.0, -4.0), (3.0, -4.0), (3.0, 4.0), (0.0, 4.0))]
+    sheet = Mesh("sheet", np.array(corners), np.array([[0, 1, 2], [0, 2, 3]], np.int32))
+    light = Light("sun", "directional", tuple((-toward).tolist()), radius=RADIUS)
+    shot = studio.shot(looking([shape("plane", 8.0), sheet], light, 96, eye=(-0.6, 1.5, 0.3), fov=36.0))
+    fit = f"fixed(half={HALF},near=1,far=20,distance={DISTANCE})"
+    spec = f"shadow-map:size={SIZE},fit={fit},bias=constant(world=0.01),filter=pcss(search=64,taps=64)"
+    visibility = build(spec, shot).draw(shot)
+    ground = (shot.triangle >= 0) & (shot.triangle < 2)
+    points = shot.position[..., :3][ground] / shot.placement.scale + shot.placement.center
+    expected = disc_share(-points @ aside, math.tan(RADIUS) * (gap - points @ toward))
+    assert ((expected > 0.1) & (expected < 0.9)).mean() > 0.05
+    assert np.sqrt(np.mean((visibility[ground] - expected) ** 2)) < 0.04
 
 
 RANGES = [(1.0, 14.0), (6.0, 14.0), (1.0, 11.5)]

@@ -186,3 +186,55 @@ def test_a_sphere_before_a_disc_on_its_axis(radius: float, shape: Shape, looking
     assert ((value > 0.02) & (value < 0.98)).mean() > 0.1
     within(np.maximum(wrong[sampled] - 2e-3, 0) / error[sampled])  # the mesh is inscribed in the sphere
     assert wrong[~sampled].max(initial=0) < STANDARD_ERROR
+
+
+SUN_RADIUS = math.radians(25)
+LOOKING = (5.6, 4.0, 1.3), (2.6, 0.0, 0.3)  # eye and target
+
+
+def test_an_edge_before_a_sphere(shape: Shape, looking: Looking, pixel_rays: Rays) -> None:
+    center, radius = np.array([-2.0, 7.0, 0.5]), 1.5
+    light = Light("bulb", "point", position=vec3(center), radius=radius)
+    view = looking(half_plane(shape, 20.0, 1.0), light, 48, *LOOKING, fov=75.0)
+    truth = trace(view, pixel_samples=1)
+    shown, points = ground(view, truth, pixel_rays)
+    shown &= (np.abs(points[:, 2]) < 5) & (points[:, 0] > -1) & (points[:, 0] < 8)
+    away = center - points
+    distance = np.linalg.norm(away, axis=1)
+    angles = np.arcsin((edge_normals(points, 1.0) * away).sum(axis=1) / distance)
+    each = zip(angles, np.arcsin(radius / distance), strict=True)
+    check(truth, shown, np.array([1 - float(cap_beyond(angle, cone)) for angle, cone in each]))
+
+
+def test_of_a_sun_half_below_the_horizon_the_half_above_it_counts(shape: Shape, looking: Looking) -> None:
+    light = Light("sun", "directional", (1.0, -math.tan(math.radians(5.0)), 0.0), radius=math.radians(20.0))
+    truth = trace(looking([shape("box", [8.0, 1.0, 8.0], (0.0, -0.5, 0.0))], light, 32), pixel_samples=1)
+    assert truth.receivers.any()
+    assert (truth.visibility[truth.receivers] == 1).all()
+
+
+def test_what_stands_behind_a_lamp_casts_no_shadow(shape: Shape, looking: Looking) -> None:
+    light = Light("disc", "disc", (0.0, -1.0, 0.0), (0.0, 2.0, 0.0), radius=0.5)
+    truth = trace(looking([shape("plane", 8.0), shape("plane", 1.5, (0.0, 2.5, 0.0))], light, 32), pixel_samples=1)
+    on_ground = truth.receivers & (truth.triangle < 2)
+    assert on_ground.any()
+    assert (truth.visibility[on_ground] == 1).all()
+
+
+def test_irradiance_weights_the_part_of_the_sun_high_above_the_horizon_more(
+    shape: Shape, looking: Looking, pixel_rays: Rays
+) -> None:
+    light = Light("sun", "directional", vec3(-unit(TOWARD)), radius=SUN_RADIUS)
+    view = looking(half_plane(shape, 20.0, 1.0), light, 48, *LOOKING, fov=75.0)
+    truth = trace(view, pixel_samples=1)
+    shown, points = ground(view, truth, pixel_rays)
+    pixel = np.flatnonzero(shown & (truth.visibility.ravel() > 0.4) & (truth.visibility.ravel() < 0.6))[0]
+    below, turn = np.meshgrid((np.arange(300) + 0.5) / 300, (np.arange(300) + 0.5) / 300 * 2 * math.pi)
+    cosine = 1 - below * (1 - math.cos(SUN_RADIUS))
+    sine = np.sqrt(1 - cosine**2)
+    local = np.stack([sine * np.cos(turn), sine * np.sin(turn), cosine], axis=-1).reshape(-1, 3)
+    toward = local @ perpendicular_basis(unit(TOWARD), (0.0, 1.0, 0.0))
+    seen = toward @ edge_normals(points[pixel : pixel + 1], 1.0)[0] > 0
+    expected = toward[seen, 1].sum() / toward[:, 1].sum()
+    assert truth.irradiance.ravel()[pixel] == pytest.approx(expected, abs=4 * STANDARD_ERROR)
+    assert abs(truth.visibility.ravel()[pixel] - expected) > 8 * STANDARD_ERROR

@@ -8,7 +8,7 @@ import pytest
 
 from shadowbench.scenes.model import Floats, Light, View
 from shadowbench.scenes.views import chosen_view
-from shadowbench.truths.light_samples import MOST_SAMPLES
+from shadowbench.truths.light_samples import MOST_SAMPLES, scrambles_of
 from shadowbench.truths.rays import Receivers, ViewRays
 from shadowbench.truths.soft import REPLICATIONS, Estimator, Sums, estimate, find_penumbra
 from shadowbench.truths.trace import OFFSET, STANDARD_ERROR
@@ -103,6 +103,52 @@ def test_a_penumbra_that_the_audit_finds_and_256_points_do_not_is_told_once(
     find_penumbra(ShortSighted(enough), receivers, view.size)
     assert [record.levelname for record in caplog.records] == ["WARNING"] * told
     assert all("that 256 points of the light do not show" in record.message for record in caplog.records)
+
+
+def test_errors_are_independent_between_neighbours_and_as_large_as_told() -> None:
+    view = softened("cube-on-plane", 48)
+    rays, receivers = receivers_of(view)
+    light = view.placed()[0].light
+
+    def sums(chosen: Receivers, samples: int, replications: int, seed: int) -> Sums:
+        return Estimator(rays, light, OFFSET, seed).sums(chosen, samples, replications, 0)
+
+    pilot = sums(receivers, 64, 1, 98).visibility
+    chosen = receivers.select((pilot > 0.05) & (pilot < 0.95))
+    best = sums(chosen, 4096, 8, 99).visibility
+    found = [sums(chosen, 64, REPLICATIONS, seed) for seed in range(16)]
+    wrong = np.array([each.visibility - best for each in found])
+    z = wrong / np.maximum([each.spread for each in found], 1 / 512)
+    assert len(best) > 50
+    assert 1.0 < z.var() < 1.7
+    assert abs(neighbours(wrong, chosen.rays, view.size)) < 0.1
+
+
+class Drawn(Estimator):
+    """Sees half of the light everywhere, and notes each set of points that it draws for a receiver, by samples."""
+
+    def __init__(self) -> None:
+        self.sets: list[set[tuple[int, ...]]] = []
+
+    def sums(
+        self, receivers: Receivers, samples: int, replications: int, purpose: int, along_normal: bool = False
+    ) -> Sums:
+        drawn = scrambles_of(receivers.rays, replications, purpose)
+        self.sets.append({tuple(each) for each in drawn.reshape(3, -1).T.tolist()})
+        weight = np.ones((len(receivers.rays), replications))
+        return Sums(weight, weight * np.linspace(0, 1, replications), weight, weight)
+
+
+def test_no_point_of_the_estimate_is_one_of_the_pilots() -> None:
+    """Else the pilot, which decides on their number, would stop where they happen to agree: errors look too small."""
+    view = chosen_view("cube-on-plane", 16)
+    _, receivers = receivers_of(view)
+    drawn = Drawn()
+    find_penumbra(drawn, receivers, view.size)
+    estimate(drawn, receivers, STANDARD_ERROR)
+    *pilots, fresh = drawn.sets
+    assert len(pilots) >= 2 and fresh
+    assert not any(fresh & pilot for pilot in pilots)
 
 
 @pytest.mark.slow
