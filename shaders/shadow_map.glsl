@@ -10,7 +10,8 @@
 // Visibility of a biased receiver. All pixels of a quad must have called `bias` before, as it may take screen derivatives.
 float lit(ShadowCoord p) {
     if (!p.receiver.facing || p.axis_distance <= 0.0) return 1.0;
-    p.bias = min(p.bias, largest_bias(p));
+    // Casters in front of the near plane are stored at near; a bias larger than the receiver's depth would miss them.
+    if (has_near_plane) p.bias = min(p.bias, max(from_near(p.depth) - depth_step, 0.0));
     if (beyond(p)) return visibility_beyond;
     p.linear -= p.bias / p.depth_per_length * p.linear_per_length;
     return filter_visibility(with_gradient(p));

@@ -2,6 +2,7 @@
 #include "shadow_coord.glsl"
 #include "cube_faces.glsl"
 uniform float map_far;  // local length
+const bool has_near_plane = false;  // no caster is in front of the light
 
 int face_of(vec3 away) {
     vec3 lengths = abs(away);
@@ -29,6 +30,3 @@ ShadowCoord projected(ShadowCoord p) {
     p.texel = vec2(2.0 * on_face.z / map_size);
     return p;
 }
-
-// No caster is in front of the light.
-float largest_bias(ShadowCoord p) { return p.bias; }

@@ -7,10 +7,7 @@ uniform vec2 texel_width[LAYERS];      // size of a texel in local lengths; for 
 uniform float depth_scale[LAYERS];     // depth per local length along the axis: 1/(far − near); for a spot f·n/(f − n)
 uniform vec3 light_axis;               // unit vector along the light's axis, pointing back to the light
 
-float from_near(float depth);
-
-// Casters in front of the near plane are stored at near; a bias larger than the receiver's depth would miss them.
-float largest_bias(ShadowCoord p) { return max(from_near(p.depth) - depth_step, 0.0); }
+const bool has_near_plane = true;
 
 ShadowCoord divided(ShadowCoord p, vec4 clip) {
     p.uv = clip.xy / clip.w;

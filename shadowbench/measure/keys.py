@@ -7,14 +7,12 @@ import hashlib
 import json
 import re
 import sys
-from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 
 from shadowbench import versions
 from shadowbench.data import PACKAGE, data_folder
-from shadowbench.gl.shaders import compose
 from shadowbench.measure.cells import Cell
 from shadowbench.scenes.digest import view_digest
 from shadowbench.scenes.model import Coordinates, View
@@ -25,6 +23,8 @@ from shadowbench.techniques.spec import Spec
 
 SOURCES = {".py", ".glsl", ".vert", ".geom", ".frag"}
 _COMMENT = re.compile(r"//.*|/\*[\s\S]*?\*/")
+_INCLUDE = re.compile(r'^[ \t]*#include[ \t]+(?:"([^"]+)"|<\w+>).*', re.MULTILINE)
+_CHOICE = re.compile(r"<\w+>")
 
 
 def view_key(view: View) -> str:
@@ -63,7 +63,7 @@ def _sources(techniques: Sequence[type[Technique]], components: Sequence[type[Co
     files = dict.fromkeys(source_file(one) for one in classes if not _is_library_class(one))
     plugins = [file for file in files if not file.is_relative_to(PACKAGE)]
     digest = hashlib.sha256()
-    for text in sorted({_glsl(name) for name in shader_names(techniques, components, plugged=bool(plugins))}):
+    for text in sorted({glsl(name)[0] for name in shader_names(techniques, components, plugged=bool(plugins))}):
         digest.update(text.encode() + b"\0")
     beside = (other for file in plugins for other in (file, *plugin_sources(file)))
     for name, data in sorted((file.name, file.read_bytes()) for file in dict.fromkeys(beside)):
@@ -82,15 +82,32 @@ def shader_names(
     others = {"viewer", *(other.name for other in own_techniques() if other not in bases)}
     folder, any_shared = data_folder("shaders"), plugged or any(one.builds_on for one in techniques)
     names = [file.relative_to(folder) for file in files_in(folder) if any_shared or file.suffix != ".glsl"]
-    own = [] if any_shared else [one.shader for one in components if one.shader]
+    parts = () if any_shared else components
+    own = filter(None, [getattr(one, name, "") for one in parts for name in ("shader", "radius_shader")])
     return [*(name.as_posix() for name in names if name.parts[0] not in others), *own]
 
 
 @cache
-def _glsl(name: str) -> str:
-    """A composed shader without comments and indentation. What fills its slots is among the names."""
-    text = _COMMENT.sub("", compose(name, [data_folder("shaders")], slots=defaultdict(lambda: "\n")))
-    return "\n".join(line for line in map(str.strip, text.splitlines()) if line)
+def glsl(name: str) -> tuple[str, frozenset[str]]:
+    """A shader with its includes, without comments and indentation, and the names of the files in it.
+
+    Where what it includes depends on a choice, as in `map/<map>.glsl`, it has all; what fills a whole slot has a name
+    of its own among `shader_names`.
+    """
+    folder, taken = data_folder("shaders"), set[str]()
+
+    def expanded(name: str) -> str:
+        if name in taken:
+            return ""
+        taken.add(name)
+        return _INCLUDE.sub(included, _COMMENT.sub("", (folder / name).read_text(encoding="utf-8")))
+
+    def included(match: re.Match[str]) -> str:
+        files = sorted(folder.glob(_CHOICE.sub("*", match[1]))) if match[1] else ()
+        return "\n".join(expanded(file.relative_to(folder).as_posix()) for file in files)
+
+    text = expanded(name)
+    return "\n".join(line for line in map(str.strip, text.splitlines()) if line), frozenset(taken)
 
 
 def _is_library_class(cls: type) -> bool:

@@ -81,7 +81,7 @@ class CubeMap(Technique):
 
     def build(self, stage: Stage) -> None:
         self.build_map(stage)
-        self.resolve = ResolvePass(stage, "shadow-map/resolve.frag", self.params, includes=self.includes)
+        self.resolve = ResolvePass(stage, "cube-map/resolve.frag", self.params, includes=self.includes)
 
     def build_map(self, stage: Stage) -> None:
         """What `draw_map` needs."""

@@ -13,7 +13,7 @@ import pytest
 
 from shadowbench import data, versions
 from shadowbench.gl.device import Device
-from shadowbench.gl.shaders import compose
+from shadowbench.gl.shaders import compose, places
 from shadowbench.measure import keys
 from shadowbench.measure.cells import Cell
 from shadowbench.measure.keys import cell_key, shader_names, view_key
@@ -48,7 +48,7 @@ def fresh() -> Iterator[Callable[[], None]]:
 
     def clear() -> None:
         keys._sources.cache_clear()
-        keys._glsl.cache_clear()
+        keys.glsl.cache_clear()
 
     clear()
     yield clear
@@ -205,8 +205,8 @@ def shaders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         ("unshadowed/resolve.frag", "unshadowed", True),
         ("receiver.glsl", "shadow-map", True),
         ("receiver.glsl", "unshadowed", True),
-        ("cube_map.glsl", "cube-map", True),
-        ("cube_map.glsl", "unshadowed", False),
+        ("projection/cube.glsl", "cube-map", True),
+        ("cube-map/resolve.frag", "unshadowed", False),
         ("fullscreen.vert", "shadow-map", True),
         ("gbuffer/gbuffer.frag", "unshadowed", True),
         ("bias/texel.glsl", "shadow-map", True),
@@ -257,14 +257,15 @@ def test_every_shader_that_a_technique_composes_is_in_its_key(
     composed: set[str] = set()
 
     def watched(source: Path | str, roots: Any, defines: Any, slots: Mapping[str, str], **others: Any) -> str:
-        composed.update(str(name) for name in (source, *slots.values()))
+        composed.update(name for _, name in places(compose(source, roots, defines, slots, traced=True)) if name)
         return compose(source, roots, defines, slots, **others)
 
     monkeypatch.setattr(stage, "compose", watched)
     parsed, loaded = parse_spec(spec, KNOWN), LoadedScene(device, cube.scene, "relative")
     loaded.build(parsed, 32)[1].release()
     loaded.release()
-    assert composed <= set(shader_names(parsed.techniques, map(type, parsed.components), plugged=False))
+    names = shader_names(parsed.techniques, map(type, parsed.components), plugged=False)
+    assert composed <= set().union(*(keys.glsl(name)[1] for name in names))
 
 
 def load(file: Path, name: str = "Half") -> type[Technique]:

@@ -1,0 +1,2 @@
+// As from one map.
+#include "shadow-map/resolve.frag"
